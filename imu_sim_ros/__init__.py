@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulation of inertial measurement units, and everything that is recovered from their readings.
+"""Simulation of inertial measurement units, and recovery of parameters from their readings.
 
 >>> import imu_sim_ros as ims
 >>> flight = ims.simulate(imu="tactical", trajectory="figure_eight", duration=60, rate=200, seed=1)
@@ -10,7 +10,7 @@
 <Evaluation of 12000 poses, 145.9 m: position 11.71 m rms, attitude 0.001193 rad rms>
 
 The names in ``__all__`` are public: they change only with a note in the changelog. Each is imported
-when it is first used. Everything below ``imu_sim_ros.`` is the inside of the house and may change.
+when it is first used. Everything else in ``imu_sim_ros.`` is internal and may change at any time.
 
 Conventions
 ===========
@@ -18,7 +18,7 @@ Conventions
 Frames
     ``w``  world, east-north-up (ENU); gravity is ``g_w = (0, 0, -9.81)`` unless configured.
     ``b``  body, forward-left-up (FLU).
-    ``i``  IMU, where it is offset or turned from the body.
+    ``i``  IMU, if it is offset from the body or rotated.
 
 Rotations
     ``R_wb`` maps body to world: ``v_w = R_wb @ v_b``; neighbouring letters cancel.

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of what a caller of the Python interface gives: name, value, and what is allowed."""
+"""Checks of arguments of the Python interface: name, value, and what is allowed."""
 
 import math
 import os
@@ -24,7 +24,7 @@ _LONGEST_NAME: Final = 255
 def refuse(name: str, value: object, allowed: str, wrong_type: bool = False) -> NoReturn:
     """Raise for an argument.
 
-    :param allowed: what it must be.
+    :param allowed: description of allowed values.
     :raises ConfigurationError: always; an ArgumentTypeError for a wrong type.
     """
     kind = ArgumentTypeError if wrong_type else ConfigurationError
@@ -71,7 +71,7 @@ def one_of(name: str, value: Any, known: Collection[str]) -> str:
 
 
 def words(name: str, value: Any) -> tuple[str, ...]:
-    """Return strings; one stands for itself.
+    """Return a list of strings, from a list or a single string.
 
     :raises ConfigurationError: for anything else.
     """
@@ -84,7 +84,7 @@ def words(name: str, value: Any) -> tuple[str, ...]:
 def topic(name: str, value: Any, of_a_file: bool = True) -> str | None:
     """Return the topic of a bag, or None.
 
-    :param of_a_file: what has topics is read from one.
+    :param of_a_file: the topics are those of a file.
     :raises ConfigurationError: for anything else.
     """
     if value is None:
@@ -152,9 +152,9 @@ def block_size(name: str, value: Any) -> int:
 def array(
     name: str, value: Any, shape: tuple[int | None, ...], finite: bool = True
 ) -> NDArray[np.float64]:
-    """Return finite numbers of a shape; None stands for any length.
+    """Return finite numbers of a shape, in which None allows any length.
 
-    :param finite: False: a gate looks for what is not finite, and says where it is.
+    :param finite: False if a gate finds values that are not finite later.
 
     :raises ConfigurationError: for anything else.
     """

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Completion by tab, where argcomplete is installed and the shell asks."""
+"""Completion by tab, if argcomplete is installed and the shell asks."""
 
 import argparse
 import os

@@ -33,7 +33,7 @@ def suggestion(name: object, known: Iterable[str], otherwise: str | None = None)
 
 
 def shown(value: object) -> str:
-    """Return a value as messages show it: one line, cut where it is long."""
+    """Return a value as messages show it: one line, cut if it is long."""
     words = " ".join(repr(value).split())
     return words if len(words) <= _SHOWN else f"{words[: _SHOWN - 3]}..."
 

@@ -220,7 +220,7 @@ class _PoseRows(NamedTuple):
     position: Array
     q_wb: Array
     triangles: Array
-    """(n, 12) columns of covariance, NaN where a row has none; (n, 0) where not requested."""
+    """(n, 12) columns of covariance, NaN if a row has none; (n, 0) where not requested."""
 
     def at(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> _PoseRows:
         """Return some of the poses."""
@@ -321,7 +321,7 @@ class _Reading:
         return _PoseRows(number, t_ns, position, q_wb, self._triangles(rows, columns))
 
     def _triangles(self, rows: list[Row], columns: set[int]) -> Array:
-        """Return the columns of covariance, NaN where not all of these rows have them."""
+        """Return the columns of covariance, NaN if not all of these rows have them."""
         if not self._covariance:
             return np.empty((len(rows), 0))
         if len(columns) > 1 or not columns <= _WITH_COVARIANCE:

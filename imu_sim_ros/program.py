@@ -152,7 +152,7 @@ def print_json(result: Mapping[str, Any] | Sequence[Any]) -> None:
 def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> None:
     """Print an aligned table: the first column to the left, the others to the right.
 
-    On a terminal too narrow for it the columns move together; where that is not enough, each row
+    On a terminal too narrow for it the columns move together; if that is not enough, each row
     becomes a block with a line for each column: no number is ever cut.
     """
     widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
@@ -280,7 +280,7 @@ class ProgressRate:
 
 
 def speed_in_words(speed: float | None) -> str:
-    """Return a number per second in few digits; nothing where it is not known yet."""
+    """Return a number per second in few digits; nothing if it is not known yet."""
     if not speed:
         return ""
     if speed < 1e4:

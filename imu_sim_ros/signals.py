@@ -123,7 +123,7 @@ def collected() -> Iterator[list[int]]:
 
 
 def _handle(handler: _Handler, numbers: Iterable[int] = SIGNALS) -> dict[int, Any]:
-    """Install a handler; returns those before it, none where this is not the main thread."""
+    """Install a handler; returns those before it, none if this is not the main thread."""
     before: dict[int, Any] = {}
     try:
         for number in numbers:

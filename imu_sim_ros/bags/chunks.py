@@ -44,7 +44,7 @@ def allowed(compressed: int) -> int:
 
 
 def decompress(data: _Data, compression: str, size: int, torn: bool = False) -> bytes | _Data:
-    """Return the content of a chunk; the data themselves where they are not compressed.
+    """Return the content of a chunk; the data themselves if they are not compressed.
 
     :param compression: none or empty, lz4, zstd or bz2.
     :param size: stated size of the content [bytes].
@@ -60,7 +60,7 @@ def decompress(data: _Data, compression: str, size: int, torn: bool = False) -> 
 
 
 def _decompressed(data: bytes | memoryview, compression: str, size: int, torn: bool) -> bytes:
-    """Return the content, or a little more than its size where it is larger than stated."""
+    """Return the content, or a little more than its size if it is larger than stated."""
     content = bytearray()
     try:
         for part in _stepwise(data, compression):
@@ -270,7 +270,7 @@ class ChunkWriter(Writer):
         self.file.finish()
 
     def abandon(self) -> list[Path]:
-        """Finish the file where that is still possible; it keeps its partial name."""
+        """Finish the file if that is still possible; it keeps its partial name."""
         self._end_threads()
         self._return_to_mark()
         with suppress(InputError):  # without an index the chunks are complete all the same

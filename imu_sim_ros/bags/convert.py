@@ -57,7 +57,7 @@ ACCEL_BIAS: Final = "/" + ACCELEROMETER_BIAS_TOPIC
 
 
 def chosen(bag: Bag, names: Collection[str]) -> list[TopicInfo]:
-    """Return the named topics of a bag, all where none is named.
+    """Return the named topics of a bag, all if none is named.
 
     :raises InputError: with a line for every topic that the bag lacks.
     """
@@ -189,7 +189,7 @@ def text_to_bag(
 ) -> None:
     """Copy a EuRoC folder or a CSV file: readings, and what a folder has next to them.
 
-    That are tables of other sensors; truth and biases where there are states.
+    That are tables of other sensors; truth and biases if there are states.
 
     Several IMUs have a namespace each, as in ``generate``: ``/imu1/imu/data_raw``. The poses of a
     motion capture system, as TUM VI has them, are a topic of poses.
@@ -347,7 +347,7 @@ def _states(
 
 
 class BiasTopicReader:
-    """A topic of vectors that is read in step with another one; zero where the bag has none."""
+    """A topic of vectors that is read in step with another one; zero if the bag has none."""
 
     def __init__(self, path: Path, name: str, of_truth: str | None, recover: bool) -> None:
         with open_bag(path, recover) as bag:
@@ -360,7 +360,7 @@ class BiasTopicReader:
     def at(self, t_ns: Times) -> Array:
         """Return the vectors (n, 3) of the next times; there may be others between them.
 
-        :raises InputError: where the topic has different times.
+        :raises InputError: if the topic has different times.
         """
         if self._blocks is None:
             return np.zeros((len(t_ns), 3))
@@ -379,7 +379,7 @@ class BiasTopicReader:
 def _rows_of(t_ns: Times, among: Times) -> NDArray[np.intp]:
     """Return where times (n,) stand among others, in their order.
 
-    :raises InputError: where one of them does not.
+    :raises InputError: if one of them does not.
     """
     if len(among) >= len(t_ns) and np.array_equal(among[: len(t_ns)], t_ns):
         return np.arange(len(t_ns))

@@ -270,7 +270,7 @@ class McapBag(ChunkedBag):
     def _bytes(self, offset: int, length: int) -> bytes:
         """Return a part of the file.
 
-        :raises ValueError: where it reaches past the end.
+        :raises ValueError: if it reaches past the end.
         """
         if offset + length > self._end:
             raise ValueError("it reaches past the end of the file")
@@ -314,7 +314,7 @@ def _block(
 ) -> MessageBlock:
     """Return the messages at given offsets of a chunk.
 
-    :raises ValueError: where there are other records.
+    :raises ValueError: if there are other records.
     """
     header = MESSAGE_HEADER.itemsize
     sizes = np.full(len(places), header, dtype=np.int64)

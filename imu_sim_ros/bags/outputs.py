@@ -65,7 +65,7 @@ def unfinished(path: Path) -> Path | None:
 def make_folder(path: Path) -> None:
     """Create a folder that does not exist yet.
 
-    :raises InputError: where that is impossible.
+    :raises InputError: if that is impossible.
     """
     refuse_existing(path)
     try:
@@ -464,7 +464,7 @@ def _escaped(words: str) -> str:
 
 
 def _locked(descriptor: int) -> bool:
-    """Lock an open folder; False where another process holds it."""
+    """Lock an open folder; False if another process holds it."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -121,7 +121,7 @@ class Bag(ABC):
         Of ``imu/data_raw`` and ``imu/data``, the same readings with an orientation (REP-145), the
         first is meant.
 
-        :raises InputError: where there is none, or several; the line lists them.
+        :raises InputError: if there is none, or several; the line lists them.
         """
         fitting = [topic for topic in self.topics if topic.type == type_name]
         if name is not None:
@@ -155,7 +155,7 @@ class ChunkedBag(Bag):
     """A bag that is one file of chunks: MCAP, ROS 1."""
 
     def __init__(self, path: Path, recover: bool) -> None:
-        """Open the file, and close it again where it cannot be used.
+        """Open the file, and close it again if it cannot be used.
 
         :raises InputError: for a file that is damaged, unless it is to be recovered.
         """

@@ -83,7 +83,7 @@ class RecorderParameters:
             yield f"{prefix}storage = {self.storage!r}: {self.output} is the name of an MCAP file"
 
     def form(self) -> str:
-        """Return mcap, sqlite3 or ros1: the storage, also where it is left to the name."""
+        """Return mcap, sqlite3 or ros1: the storage, also if it is left to the name."""
         if self.storage != "auto":
             return self.storage
         return "ros1" if self.output.endswith(".bag") else "mcap"

@@ -180,7 +180,7 @@ class Rosbag1Bag(ChunkedBag):
     def _record(self, position: int) -> _Record:
         """Return the record at an offset of the file.
 
-        :raises ValueError: where there is no record header.
+        :raises ValueError: if there is no record header.
         """
         self._file.seek(position)
         (length,) = struct.unpack("<I", self._file.read(4))
@@ -313,7 +313,7 @@ def _records(data: bytes) -> Iterator[_Record]:
 def _fields(data: bytes, length: int) -> dict[str, bytes]:
     """Return the fields of a record header.
 
-    :raises ValueError: where the header is torn or is none.
+    :raises ValueError: if the header is torn or is none.
     """
     if len(data) != length:
         raise ValueError("a record header is truncated")

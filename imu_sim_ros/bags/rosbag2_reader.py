@@ -205,7 +205,7 @@ class Rosbag2Folder(Bag):
         """Open a folder.
 
         :param recover: do without metadata.yaml, and leave out what is damaged.
-        :raises InputError: where there is no metadata.yaml, unless the bag is to be recovered.
+        :raises InputError: if there is no metadata.yaml, unless the bag is to be recovered.
         """
         super().__init__(path)
         self._stack = ExitStack()
@@ -288,7 +288,7 @@ class Rosbag2Folder(Bag):
 def read_metadata(folder: Path) -> dict[str, Any]:
     """Return the content of metadata.yaml below its root.
 
-    :raises InputError: where it is missing or has another form.
+    :raises InputError: if it is missing or has another form.
     """
     file = folder / rosbag2_metadata.FILE_NAME
     if not is_present(file):

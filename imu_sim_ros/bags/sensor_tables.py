@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a board measures besides its IMU, read from bags and folders, and written to bags.
+"""Tables of the sensors next to an IMU, read from bags and folders, and written to bags.
 
 Which sensors there are, the callers hand in: a :class:`~imu_sim_ros.inputs.tables.Table` for each.
 """
@@ -155,11 +155,11 @@ def read_bias(path: str | Path, table: Table, topic: str) -> tuple[Times, Array]
 
 
 def tables_of(topics: Iterable[TopicInfo], readings: str, tables: Tables) -> dict[str, TopicInfo]:
-    """Return the topics that become tables besides the readings of an IMU, by kind.
+    """Return the topics that become tables other than the readings of an IMU, by kind.
 
     :param topics: those that are to be converted.
     :param readings: name of the IMU's topic: its own sensors have the same namespace. Another
-        one is taken where it is the only one.
+        one is taken if it is the only one.
     """
     found: dict[str, TopicInfo] = {}
     space = readings.removesuffix(IMU_TOPIC)
@@ -186,7 +186,7 @@ def streams_of_tables(
     skipped: Skipped | None,
     tables: Tables,
 ) -> list[Iterator[list[Block]]]:
-    """Return the messages of all tables besides the readings of IMUs in a folder, in blocks.
+    """Return the messages of all tables other than the readings of IMUs in a folder, in blocks.
 
     :param renamed: new names of topics by old ones.
     :param imus: names of the IMUs, imu0 and so on: of several, each has a namespace.

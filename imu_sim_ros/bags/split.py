@@ -164,7 +164,7 @@ class PartsWriter(Writer):
         return kept if self._ended else kept + self._parts[-1].abandon()
 
     def stop(self) -> None:
-        """Finish the last part early, without it where nothing is in it."""
+        """Finish the last part early, without it if nothing is in it."""
         self._parts[-1].stop()
         if not self._parts[-1].count:
             self._parts.pop()

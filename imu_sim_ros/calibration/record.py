@@ -23,7 +23,7 @@ COARSE: Final = 0.55
 """Deviation of the readings, in steps, below which the noise is not their own. At 0.55 the noise is
 between 0.45 and 0.48 steps, wherever the mean lies."""
 HIDDEN: Final = 0.58
-"""Deviation, in steps, that noise with its rounding may have where the readings are coarse."""
+"""Deviation, in steps, that noise with its rounding may have if the readings are coarse."""
 _LOOKED_AT: Final = 4096
 _MAX_CODES: Final = 256
 
@@ -33,7 +33,7 @@ class StepFinder:
 
     def __init__(self, axes: int) -> None:
         self.step = np.zeros(axes)
-        """(axes,) the step; 0 where the readings are not in steps, or only one code was seen."""
+        """(axes,) the step; 0 if the readings are not in steps, or only one code was seen."""
         self._open = np.ones(axes, dtype=bool)
         self._codes: list[Array] = [np.empty(0)] * axes
 
@@ -124,7 +124,7 @@ class Record:
         return self._clock.interval if self._clock else np.inf
 
     def add(self, t_ns: Times, gyro: Array, accel: Array) -> Iterator[Array | None]:
-        """Take a block of messages; yield readings (n, 6), and None where a piece ends.
+        """Take a block of messages; yield readings (n, 6), and None if a piece ends.
 
         :raises InputError: for stamps that run backwards.
         """
@@ -196,7 +196,7 @@ class Record:
 
     @property
     def step(self) -> Array:
-        """(6,) digital steps of the readings; 0 where there are none."""
+        """(6,) digital steps of the readings; 0 if there are none."""
         return self._steps.step
 
     def _pieces(self, clock: SampleClock, t_ns: Times, y: Array) -> Iterator[Array | None]:

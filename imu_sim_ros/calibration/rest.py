@@ -55,7 +55,7 @@ class RestCheck:
         self.moving: list[Motion] = []
         """Stretches of continued motion, or of a walk of such size; they are handed on."""
         self.step = np.zeros(6)
-        """(6,) digital steps of the readings, where they are known."""
+        """(6,) digital steps of the readings, if they are known."""
         self.spreads: list[Array] = []
         """(6,) for each stretch: standard deviation of the means of a second, without a line."""
         self._variance = np.zeros(6)

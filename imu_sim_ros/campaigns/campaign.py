@@ -240,7 +240,7 @@ def seconds_of_all_runs(plan: Plan) -> float | None:
 
     What the seeds of a cell share counts once for each cell.
 
-    :raises ImuSimError: where the first cell cannot be simulated.
+    :raises ImuSimError: if the first cell cannot be simulated.
     """
     if any(isinstance(one, CommandEstimator) for one in plan.estimators.values()):
         return None

@@ -69,8 +69,8 @@ def run_command(
     """Write the dataset, run the program, and compare its trajectory with the truth.
 
     :param folder: of the campaign; the run's own folder is made in it.
-    :param metrics: receives what was measured, also where the run fails.
-    :raises InputError: where there is no usable trajectory, with the reason.
+    :param metrics: receives what was measured, also if the run fails.
+    :raises InputError: if there is no usable trajectory, with the reason.
     """
     # Absolute: the program works in its own folder, where a relative name would lead elsewhere.
     place = folder.absolute() / "runs" / f"{cell.cell.number:06d}" / str(seed) / name
@@ -295,7 +295,7 @@ def _kill_children(others: set[int]) -> None:
 
 
 def _children() -> set[int]:
-    """Return the child processes of this one; none where the system does not list them."""
+    """Return the child processes of this one; none if the system does not list them."""
     found: set[int] = set()
     for task in Path("/proc/self/task").glob("*"):
         with contextlib.suppress(OSError):

@@ -38,7 +38,7 @@ from imu_sim_ros.types import Array
 
 
 class Estimate(NamedTuple):
-    """A trajectory with what its source has besides the poses."""
+    """A trajectory with what its source has in addition to the poses."""
 
     poses: PoseSequence
     velocity: Array | None = None
@@ -84,7 +84,7 @@ def estimate_metrics(
 
     :param alignment: of the estimate with the truth. There is a NEES with ``none`` and with
         ``yaw``, which fixes the gauge at the first pose for it.
-    :raises ImuSimError: where both do not overlap in time, or cannot be aligned.
+    :raises ImuSimError: if both do not overlap in time, or cannot be aligned.
     """
     motion = block.motion
     truth = PoseSequence(block.true_t_ns, motion.position, motion.q_wb)
@@ -122,7 +122,7 @@ def _at_rows(poses: PoseSequence, rows: NDArray[np.intp]) -> PoseSequence:
 def _velocity_error(
     found: Estimate, row: NDArray[np.intp], aligned: Alignment, block: ImuBlock
 ) -> Array | None:
-    """Return truth minus estimate (1, 3), in the world; None where there is no velocity."""
+    """Return truth minus estimate (1, 3), in the world; None if there is no velocity."""
     if found.velocity is None:
         return None
     at_ns = found.poses.t_ns[row]
@@ -160,7 +160,7 @@ def _consistency(
 
 
 def _nees(error: Array, covariance: Array) -> float | None:
-    """Return the NEES of one error (1, 3); None where its covariance has no inverse."""
+    """Return the NEES of one error (1, 3); None if its covariance has no inverse."""
     if not invertible(covariance)[0]:
         return None
     return float(nees(error, covariance)[0])

@@ -25,7 +25,7 @@ class Effect:
     """What ``effect`` is: ``ratio`` A / B, ``difference`` A - B, or ``share``: the difference of
     the shares of runs done."""
     effect: Interval
-    """With its 95 % interval, not corrected for the number of comparisons; an end is None where
+    """With its 95 % interval, not corrected for the number of comparisons; an end is None if
     failed runs make it infinite or the seeds are too few."""
     seeds: int
     """Seeds on which at least one of both has a result and the other one, or failed."""
@@ -46,7 +46,7 @@ class Effect:
     """What A is: ``better`` or ``worse`` than B beyond the tolerance, ``equal`` where the interval
     lies within it, or ``undecided``."""
     note: str = ""
-    """Why nothing is decided, where that is not for want of runs."""
+    """Why nothing is decided, if that is not for want of runs."""
 
     @property
     def significant(self) -> bool:

@@ -320,8 +320,8 @@ def client(scheduler: str | None, workers: int, worker_timeout: float = 60.0) ->
 
     :param scheduler: ``tcp://host:port``; None: a local cluster with its dashboard.
     :param worker_timeout: how long a scheduler without a worker is waited for [s].
-    :raises MissingDependencyError: where dask.distributed is not installed.
-    :raises InputError: where no scheduler answers, or no worker joins it.
+    :raises MissingDependencyError: if dask.distributed is not installed.
+    :raises InputError: if no scheduler answers, or no worker joins it.
     """
     try:
         from distributed import Client, LocalCluster, TimeoutError

@@ -26,7 +26,7 @@ def write_junit(path: Path, name: str, found: Judgement) -> None:
     """Write a judgement.
 
     :param name: of the campaign.
-    :raises ImuSimError: where the file cannot be written.
+    :raises ImuSimError: if the file cannot be written.
     """
     root = ElementTree.Element("testsuites", name=_text(name))
     suite = _Suite(root, "requirements")

@@ -210,7 +210,7 @@ def pose_metrics(
 def _relative(
     estimate: PoseSequence, truth: PoseSequence, one: Relative
 ) -> tuple[float | None, float | None]:
-    """Return the root mean squares of the relative errors; None where the path is too short."""
+    """Return the root mean squares of the relative errors; None if the path is too short."""
     try:
         first, second = pairs(truth, one.delta, one.unit)
     except InputError:

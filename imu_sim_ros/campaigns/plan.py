@@ -140,7 +140,7 @@ class Plan:
             return load_simulation(self._split(cell)[1], {"seed": self.seeds[0]})
 
     def rig(self, cell: Cell) -> "RigParameters | None":
-        """Return the cameras of a cell and what they see; None where there is none.
+        """Return the cameras of a cell and what they see; None if there is none.
 
         :raises ConfigurationError: with one line per problem, after the cell's name.
         """

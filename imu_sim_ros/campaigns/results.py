@@ -4,7 +4,7 @@
 """The folder of a campaign: rows as they arrive, safe against crashes; tables at the end.
 
 ``runs.jsonl`` gets a line for each finished run, flushed to the disk; a truncated last line is
-skipped. From it ``results.csv`` (and ``results.parquet`` where pyarrow is installed) is made,
+skipped. From it ``results.csv`` (and ``results.parquet`` if pyarrow is installed) is made,
 ordered by cell, seed and estimator.
 """
 
@@ -103,7 +103,7 @@ class Store:
         self._lock.close()
 
     def _remove_made(self) -> None:
-        """Remove the folders that were created, where they are empty."""
+        """Remove the folders that were created, if they are empty."""
         with contextlib.suppress(OSError):
             while self._made:
                 self._made.pop().rmdir()
@@ -250,7 +250,7 @@ def write_tables(
     metrics: Collection[str] = (),
     parquet: bool = True,
 ) -> list[Path]:
-    """Write ``results.csv``, and ``results.parquet`` where pyarrow is installed.
+    """Write ``results.csv``, and ``results.parquet`` if pyarrow is installed.
 
     :param metrics: the columns that hold numbers, whatever there is in the rows.
     :param parquet: False: without ``results.parquet``, an earlier one is removed. Loading pyarrow

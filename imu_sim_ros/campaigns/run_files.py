@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 _BAGS: Final = {"rosbag2": "dataset", "ros1": "dataset.bag", "mcap": "dataset.mcap"}
 _BLOCK: Final = 512
-"""Samples in a block where there are cameras: the images of a block lie in memory."""
+"""Samples in a block if there are cameras: the images of a block lie in memory."""
 
 
 def write_dataset(cell: SimulatedCell, form: str, seed: int, block: ImuBlock, place: Path) -> Path:
@@ -95,7 +95,7 @@ def write_config(cell: SimulatedCell, seed: int, place: Path) -> Path:
 
 
 def _rig_values(values: ImuValues, rig: "RigParameters") -> RigValues | None:
-    """Return the cameras next to an IMU; None where there are none."""
+    """Return the cameras next to an IMU; None if there are none."""
     if not rig.cameras:
         return None
     from imu_sim_ros.datasets.features import camera_topics, image_topic

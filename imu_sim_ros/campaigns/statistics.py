@@ -6,7 +6,7 @@
 Means have a bias-corrected and accelerated (BCa) bootstrap interval (Efron, "Better bootstrap
 confidence intervals", JASA 1987); medians and percentiles the exact interval of the order
 statistics (Conover, "Practical nonparametric statistics", 3rd edition, section 3.2), whose end does
-not exist where there are too few runs; a share of successes Wilson's (JASA 1927). Two estimators or
+not exist if there are too few runs; a share of successes Wilson's (JASA 1927). Two estimators or
 sensors are compared by Wilcoxon's signed-rank test on the differences of the same seeds, corrected
 for the number of comparisons by Holm (Scand. J. Statistics 1979).
 """
@@ -151,7 +151,7 @@ def share_difference(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> tuple[Interv
     """Return by how much the share of successes of A exceeds that of B on the same seeds.
 
     The interval is Bonett and Price's (British J. Math. Stat. Psychology 65, 2012, 479-488), p is
-    McNemar's exact one, two-sided; None where so few pairs differ that it cannot fall below 5 %.
+    McNemar's exact one, two-sided; None if so few pairs differ that it cannot fall below 5 %.
 
     :param a: (n,) success of A.
     :param b: (n,) success of B on the same seeds.
@@ -172,12 +172,12 @@ class Shift(NamedTuple):
     """By how much paired differences lie from zero."""
 
     centre: Interval
-    """Hodges and Lehmann's, with its 95 % interval; an end is None where it is infinite or where
+    """Hodges and Lehmann's, with its 95 % interval; an end is None if it is infinite or where
     too few pairs support it."""
     sign: int
     """Of the centre, which may be infinite."""
     p: float | None
-    """Of Wilcoxon's signed-rank test, two-sided; None where there are fewer than six pairs."""
+    """Of Wilcoxon's signed-rank test, two-sided; None if there are fewer than six pairs."""
     p_beyond: float | None
     """Of the same test against the hypothesis that the centre lies within the margin."""
 
@@ -188,7 +188,7 @@ def shift(differences: Array, margin: float = 0.0) -> Shift:
     The centre is the median of the Walsh averages ``(d_i + d_j) / 2``, i <= j, and its interval
     ends with those averages that the signed-rank test does not refuse (Hollander, Wolfe and
     Chicken, "Nonparametric statistical methods", 3rd edition, sections 3.1 to 3.3): it excludes
-    zero where the test finds a difference. Infinite differences are larger than any other.
+    zero if the test finds a difference. Infinite differences are larger than any other.
     """
     n = len(differences)
     if not n:
@@ -327,7 +327,7 @@ class Sensitivity(NamedTuple):
 
 
 def sensitivity(parameter: Array, error: Array, seed: NDArray[np.int64]) -> Sensitivity | None:
-    """Return ``d log(error) / d log(parameter)``; None where it cannot be determined.
+    """Return ``d log(error) / d log(parameter)``; None if it cannot be determined.
 
     The runs of one seed share their random numbers, so that a slope is fitted for each seed, and
     the interval is Student's of their mean.

@@ -107,7 +107,7 @@ class Contest:
     lead: Effect
     """The first compared with the second."""
     effects: list[Effect]
-    """All pairs, or the first with each other one where there are more than 30 members."""
+    """All pairs, or the first with each other one if there are more than 30 members."""
 
     def line(self, metric: str) -> str:
         """Return the result in a line."""
@@ -152,7 +152,7 @@ class Judgement:
     done: int
     factor: str
     """What the campaign is about: ``estimator`` if there are several, else ``imu`` or the first
-    name of the grid with several values; empty where nothing varies."""
+    name of the grid with several values; empty if nothing varies."""
     standings: list[Standing]
     """One for each cell and estimator, in the plan's order."""
     contests: list[Contest]
@@ -313,7 +313,7 @@ def _with_failures(values: Mapping[int, float | None], rule: Criterion) -> float
 
 
 def _values(group: Group, metric: str) -> dict[int, float | None]:
-    """Return the metric by seed: infinite where a run failed, None where it has none."""
+    """Return the metric by seed: infinite if a run failed, None if it has none."""
     if metric == SUCCESS:
         return {int(row["seed"]): float(row["status"] == "done") for row in group.rows}
     found: dict[int, float | None] = {}
@@ -332,7 +332,7 @@ def _losses(values: Array, better: Better) -> Array:
 
 
 def _effect(a: Group, b: Group, names: tuple[str, str], rule: Criterion) -> Effect | None:
-    """Compare two groups, p values not yet corrected; None where they share no seed."""
+    """Compare two groups, p values not yet corrected; None if they share no seed."""
     ours, theirs = _values(a, rule.metric), _values(b, rule.metric)
     seeds = [seed for seed in ours if seed in theirs]
     if not seeds:

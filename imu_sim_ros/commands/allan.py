@@ -139,7 +139,7 @@ def _blocks(arguments: argparse.Namespace) -> Iterator[Iterator[ImuMessages]]:
 
 
 def _write(result: AllanResult, output: Path, arguments: argparse.Namespace) -> None:
-    """Write the files of ``_FILES``; no configurations where an axis is not analysed."""
+    """Write the files of ``_FILES``; no configurations if an axis is not analysed."""
     from imu_sim_ros.plots import allan as picture
 
     source = ", ".join(str(bag) for bag in arguments.bags)

@@ -80,7 +80,7 @@ def form(arguments: argparse.Namespace) -> str | None:
 def bag_outputs(arguments: argparse.Namespace, inputs: Iterable[object] = ()) -> Outputs:
     """Return the outputs of a command, with its bag or dataset added.
 
-    :param inputs: what may be the name of a file that is read besides: values of parameters.
+    :param inputs: further inputs: values of parameters that may be names of files.
     :raises InputError: for what cannot be the name of an output.
     """
     if not arguments.output.name:  # the files next to it are named after it

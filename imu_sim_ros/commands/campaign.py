@@ -31,9 +31,9 @@ EXAMPLES: Final = """
   campaign plan.yaml -o results --resume --scheduler tcp://localhost:8786
 """
 GATE_FAILED: Final = 3
-"""Exit status where a requirement is not met or a run is worse than the baseline."""
+"""Exit status if a requirement is not met, or a run is worse than the baseline."""
 MANY: Final = 100_000
-"""Runs from which --yes is asked for."""
+"""Number of runs from which --yes is required."""
 
 
 def parser() -> program.Parser:
@@ -76,7 +76,7 @@ def parser() -> program.Parser:
 
 
 def _add_gate_arguments(result: argparse.ArgumentParser) -> None:
-    """Add the arguments that say what is compared, and when the campaign fails."""
+    """Add the arguments for comparisons and for the gate."""
     result.add_argument(
         "--baseline",
         type=Path,
@@ -105,7 +105,7 @@ def _add_gate_arguments(result: argparse.ArgumentParser) -> None:
 
 
 def _add_engine_arguments(result: argparse.ArgumentParser) -> None:
-    """Add the arguments that say where the runs are made."""
+    """Add the arguments that select where the runs are made."""
     result.add_argument(
         "--workers",
         type=int,
@@ -221,7 +221,7 @@ def _bar(
 
 
 def _problems(arguments: argparse.Namespace, plan: "Plan") -> Iterator[str]:
-    """Yield what is wrong with the arguments that are the command's own."""
+    """Yield the problems with the command's own arguments."""
     runs = not (arguments.check or arguments.power)
     if arguments.output is None and runs:
         yield "-o DIR: is needed, the folder of the results"
@@ -339,7 +339,7 @@ def _print_differences(found: "Judgement") -> None:
 
 
 def _print_baseline(found: "Judgement") -> None:
-    """Print how each group compares with the baseline, what is worse first."""
+    """Print how each group compares with the baseline, worse groups first."""
     effects = sorted(found.baseline or [], key=lambda effect: effect.verdict != "worse")
     rows = [[one.a, one.note or one.size(), _number(one.p), one.verdict] for one in effects]
     if rows:

@@ -98,7 +98,7 @@ def _escaped(text: str) -> str:
 
 
 def _value(words: str) -> list[float]:
-    """Return three numbers; one stands for all."""
+    """Return three numbers; a single one applies to all axes."""
     try:
         value = files.parse_yaml(words)
         numbers = value if isinstance(value, list) else [value] * 3
@@ -115,7 +115,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def control(arguments: argparse.Namespace) -> None:
-    """Do what the arguments ask for."""
+    """Carry out the action."""
     samples = getattr(arguments, "samples", None)
     if samples is not None and not 1 <= samples <= 1_000_000:
         raise ConfigurationError(f"step {samples}: must be 1 to 1000000 samples")

@@ -60,7 +60,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def convert_bag(arguments: argparse.Namespace) -> None:
-    """Convert what the arguments name."""
+    """Convert the input as the arguments say."""
     dataset = bag_output.form(arguments)
     form = Form(
         dataset,

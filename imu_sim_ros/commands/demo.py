@@ -4,7 +4,7 @@
 """``make demo``: the three nodes as processes of their own, then what became of their messages.
 
 The simulator flies a trajectory, the integrator dead-reckons its readings, the recorder writes all
-of it into a bag. What is printed afterwards is counted in the bag, and by the nodes themselves.
+of it into a bag. The numbers printed afterwards come from the bag and from the nodes.
 """
 
 import argparse
@@ -124,9 +124,9 @@ def _demonstrate(
 
 
 def _fly(parameters: SimulationParameters, folder: Path, bag: Path) -> dict[str, dict[str, int]]:
-    """Run the nodes until the simulator is done; return what they say they counted."""
+    """Run the nodes until the simulator is done; return the numbers in their closing lines."""
     file = folder / "simulation.yaml"
-    files.dump(parameters, file, comment="What the demonstration simulated.")
+    files.dump(parameters, file, comment="The simulated flight.")
     with ExitStack() as stack:
         log = stack.enter_context((folder / "nodes.log").open("w+", encoding="utf-8"))
         topics = f"[{IMU_TOPIC}, {TRUTH_TOPIC}, {DEAD_RECKONED_TOPIC}]"
@@ -193,7 +193,7 @@ def _end(process: "subprocess.Popen[str]") -> None:
 def _counts(log: str) -> dict[str, dict[str, int]]:
     """Return what the nodes' closing lines say they ``published`` and ``received``.
 
-    What the recorder has ``taken`` from the network stands in its closing table.
+    The closing table of the recorder has the number of messages ``taken`` from the network.
     """
     result: dict[str, dict[str, int]] = {"published": {}, "received": {}, "taken": {}}
     line = re.compile(r"^\w+: (published|received) (\d+) messages on (\S+)$", re.M)
@@ -205,7 +205,7 @@ def _counts(log: str) -> dict[str, dict[str, int]]:
 
 
 def _print_counts(bag: Path, counts: dict[str, dict[str, int]]) -> None:
-    """Print for each topic what was published, received and recorded."""
+    """Print the numbers of published, received and recorded messages of each topic."""
     with open_bag(bag) as opened:
         recorded = {info.name.lstrip("/"): info.count for info in opened.topics}
     rows = []

@@ -43,7 +43,7 @@ from imu_sim_ros.poses import PoseSequence, write_tum
 from imu_sim_ros.rotation import rotate_inverse
 
 DEFAULT_FRACTIONS = (0.1, 0.2, 0.3, 0.4, 0.5)
-"""Of the path's length: the distances that RPE is given for where none is asked for."""
+"""Default distances of the RPE, as shares of the length of the path."""
 
 EXAMPLES: Final = """
 evaluate track.csv flight.mcap

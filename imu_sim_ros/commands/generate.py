@@ -97,7 +97,7 @@ class _Parser(program.Parser):
 
 
 class _List(argparse.Action):
-    """Prints what a folder of config/ holds, or the sensors, and exits, as --help does."""
+    """Prints the names in a folder of config/, or the sensors, and exits, like --help."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_arguments: object) -> None:
         """Print the list."""
@@ -113,7 +113,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def generate(arguments: argparse.Namespace) -> None:
-    """Write what the arguments ask for."""
+    """Write the requested output."""
     setup = Setup.load(_layers(arguments))
     bag_output.form(arguments)  # a line for each option that does not fit
     written = outputs(arguments, setup.values().values())
@@ -154,7 +154,7 @@ def _watcher(arguments: argparse.Namespace) -> Watcher:
 
 
 def _layers(arguments: argparse.Namespace) -> dict[str, object]:
-    """Return all parameters by dotted name; prints what a user may not expect of them."""
+    """Return all parameters by dotted name, and print warnings about unexpected effects."""
     *below, last = program.simulation_layers(arguments)
     given: dict[str, object] = {}
     for values in below:
@@ -201,7 +201,7 @@ def _notes(
     in_files: Iterable[Mapping[str, object]],
     node: Iterable[str],
 ) -> Iterator[str]:
-    """Yield what a user may not expect of parameters that are allowed.
+    """Yield a line for each allowed parameter with an unexpected effect.
 
     :param in_files: the parameters that stand in files.
     :param node: names of parameters that only a node has.

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``evaluate`` on what a board states besides its readings: orientation, field, pressure."""
+"""``evaluate`` for the orientation, the magnetic field and the pressure of a board."""
 
 import argparse
 from typing import Any, Final
@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def table_of(arguments: argparse.Namespace) -> Table | None:
-    """Return what the estimate is, as sensors declare their tables; None: a trajectory.
+    """Return the kind of the estimate, as sensors declare their tables; None for a trajectory.
 
     :raises InputError: for arguments that apply to trajectories only, or the other way round.
     """
@@ -112,7 +112,7 @@ def _mounting(arguments: argparse.Namespace) -> Array:
 
 
 def _readings(arguments: argparse.Namespace, measured: TableRows, kind: Table) -> dict[str, Any]:
-    """Compare readings with the ideal ones of a recording and, where it has them, their biases."""
+    """Compare readings with the ideal ones of a recording and, if it has them, their biases."""
     truths = sensor_tables.truths_of(kind, arguments.estimate_topic)
     ideal_topic = arguments.truth_topic or truths.ideal
     if is_text(arguments.truth):
@@ -164,7 +164,7 @@ def _moments(errors: Array) -> dict[str, Array]:
 
 
 def _consistency(errors: Array, covariance: Array) -> dict[str, Any]:
-    """Return the NEES where the messages state a covariance."""
+    """Return the NEES if the messages state a covariance."""
     stated = invertible(covariance)
     if not stated.any():
         return {"nees": None, "no_nees": "the messages state no covariance"}

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Arguments of what a command writes: ``-o``, ``--plot``, ``--force``."""
+"""Arguments for the outputs of a command: ``-o``, ``--plot``, ``--force``."""
 
 import argparse
 from collections.abc import Iterable, Iterator
@@ -12,7 +12,7 @@ from imu_sim_ros import signals
 from imu_sim_ros.bags.outputs import Outputs
 
 PICTURES: Final = (".png", ".svg", ".pdf")
-"""What the name of a picture may end in."""
+"""Allowed endings of the name of a picture."""
 _WRITTEN: Final = frozenset({"output", "save", "plot"})
 
 
@@ -34,7 +34,7 @@ def add_force(parser: Any, *, parts: bool = False) -> None:
 def outputs(arguments: argparse.Namespace, inputs: Iterable[object] = ()) -> Outputs:
     """Return the outputs of a command, kept from everything that its arguments name.
 
-    :param inputs: what may be the name of a file that is read besides: values of parameters.
+    :param inputs: further inputs: values of parameters that may be names of files.
     """
     return Outputs(
         [*_files_in(list(inputs)), *_named_files(arguments)],

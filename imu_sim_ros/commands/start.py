@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where the commands' executables begin: signals are handled before anything is imported."""
+"""Entry points of the commands: signals are handled before anything is imported."""
 
 import importlib
 import os

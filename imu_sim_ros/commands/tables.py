@@ -68,7 +68,7 @@ def _print_group(triad: str, values: correction.Parameters, true: dict[str, Arra
 
 
 def _unit(name: str) -> str:
-    """Return a parameter's unit: that of polynomials for each power k, else as it is declared."""
+    """Return a parameter's unit as declared; for polynomials, the unit of each power k."""
     if name in _UNITS:
         return _UNITS[name]
     declared = parameters(ImuParameters).get(name)

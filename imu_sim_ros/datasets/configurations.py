@@ -45,7 +45,7 @@ def write_configs(
     Returns why stacks will initialise badly from these cameras and IMUs, a line each.
 
     :param names: of the topics that are written, by their own names.
-    :param rig: the cameras, where there are some.
+    :param rig: the cameras, if there are some.
     """
     warnings = []
     if "" not in imus:

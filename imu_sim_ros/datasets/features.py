@@ -168,7 +168,7 @@ class FeatureStream:
 
 
 def _normalised(tracker: Tracker, tracks: Tracks) -> Array:
-    """Return x / z and y / z (n, 2) of the measured pixels; NaN where there is no such place."""
+    """Return x / z and y / z (n, 2) of the measured pixels; NaN if there is no such place."""
     rays = tracker.view.model.unproject(tracks.uv)
     in_front = rays.valid & (rays.direction[:, 2] > 0.0)
     z = np.where(in_front, rays.direction[:, 2], np.nan)
@@ -272,7 +272,7 @@ def imagers(rig: Rig, names: list[str]) -> dict[str, Imager]:
     """Return the imagers of the cameras named, for those with images or depth.
 
     :raises ConfigurationError: for a scene without surfaces.
-    :raises MissingDependencyError: where OpenCV is not installed.
+    :raises MissingDependencyError: if OpenCV is not installed.
     """
     views = {name: rig.views[name] for name in names}
     wanted = {

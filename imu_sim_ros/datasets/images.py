@@ -4,7 +4,7 @@
 """Images of cameras as PNG files: EuRoC/ASL folders, and those of kalibr_bagcreater.
 
 ``euroc``: ``cam0/data/<stamp>.png``, ``cam0/data.csv``, ``cam0/sensor.yaml``, and ``cam0/depth``
-where depth is asked for. ``csv``: ``cam0/<stamp>.png`` next to imu0.csv, as kalibr_bagcreater takes
+if depth is asked for. ``csv``: ``cam0/<stamp>.png`` next to imu0.csv, as kalibr_bagcreater takes
 it. Threads make the images; OpenCV and NumPy let them run side by side.
 """
 
@@ -50,7 +50,7 @@ class ImageFolders:
         :param jobs: threads.
         :param comment: for the sensors' descriptions.
         :raises ConfigurationError: for a scene without surfaces.
-        :raises MissingDependencyError: where OpenCV is not installed.
+        :raises MissingDependencyError: if OpenCV is not installed.
         """
         self._cv2 = opencv()
         self._cv2.setNumThreads(1)  # the threads are ours
@@ -190,7 +190,7 @@ def image_name(t_ns: int) -> str:
 def write_table(folder: Path, stamps: Iterable[int]) -> None:
     """Write data.csv of a camera: the images' stamps [ns] in the digits of their names, and those.
 
-    :raises ImuSimError: where it cannot be written, with the reason.
+    :raises ImuSimError: if it cannot be written, with the reason.
     """
     path = folder / "data.csv"
     try:
@@ -217,7 +217,7 @@ def in_16_bits(image: NDArray[np.uint8]) -> NDArray[np.uint16]:
 def write_png(path: Path, image: NDArray[Any]) -> None:
     """Write an image (h, w), or (h, w, 3) in red, green and blue.
 
-    :raises ImuSimError: where it cannot be written, with the reason.
+    :raises ImuSimError: if it cannot be written, with the reason.
     """
     data = png(image)
     try:

@@ -46,7 +46,7 @@ _TO_ROS: Final = {
     "radtan8": "rational_polynomial",
 }
 _SHAPES: Final = {"pinhole": (), "unified": ("xi",), "double_sphere": ("xi", "alpha")}
-"""Numbers of each camera model besides the intrinsics of a pinhole."""
+"""Numbers of each camera model in addition to the intrinsics of a pinhole."""
 _KALIBR: Final = {"pinhole": "pinhole", "omni": "unified", "ds": "double_sphere"}
 _LARGEST: Final = 1 << 20
 """Pixels along a side; larger ones are a mistake."""
@@ -176,7 +176,7 @@ class _Keys:
         return [0.0] * (counts[0] if counts else 0)
 
     def pose(self, key: str, below: str = "") -> NDArray[np.float64] | None:
-        """Return a transform (4, 4), of 16 numbers or of four rows; None where there is none."""
+        """Return a transform (4, 4), of 16 numbers or of four rows; None if there is none."""
         value = self.tree.get(key)
         if value is not None and below:
             value = value.get(below) if isinstance(value, dict) else value
@@ -250,7 +250,7 @@ class FolderCamera(NamedTuple):
     depth: Frames | None
     described: Description
     text: str
-    """Of its sensor.yaml; empty where there is none."""
+    """Of its sensor.yaml; empty if there is none."""
 
     @property
     def frame(self) -> str:

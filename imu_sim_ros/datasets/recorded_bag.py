@@ -106,7 +106,7 @@ class RecordedImages:
 
         :param folder: that exists.
         :param form: euroc, or csv, which has neither tables nor depth.
-        :raises MissingDependencyError: where OpenCV is not installed.
+        :raises MissingDependencyError: if OpenCV is not installed.
         """
         opencv().setNumThreads(1)  # the threads are ours
         self._bag, self._folder, self._euroc = bag, folder, form == "euroc"

@@ -45,7 +45,7 @@ from imu_sim_ros.simulation.topics import (
 Blocks = Mapping[str, ImuBlock]
 """Blocks of the simulations of one body by name; a single IMU has an empty name."""
 SINGLE = ("",)
-"""The names of the IMUs where there is one only."""
+"""The names of the IMUs if there is one only."""
 
 
 def _tables(further: Iterable[str] = ()) -> dict[str, Sensor]:
@@ -229,7 +229,7 @@ def in_tables(
 
 
 def usual_topics(further: Iterable[str], form: str | None, path: Path, imu_only: bool) -> list[str]:
-    """Return the topics of sensors of the body that are written where none is named.
+    """Return the topics of sensors of the body that are written if none is named.
 
     :param form: of a dataset, which has tables of readings; None: of a bag, which has all
         but those of packages that need not be installed.
@@ -290,7 +290,7 @@ def offered(
 def sensors(
     names: Iterable[str], imus: Sequence[str] = SINGLE, further: Sequence[str] = ()
 ) -> dict[str, frozenset[str]]:
-    """Return what has to be read besides each IMU, by its name, for topics of :func:`offered`.
+    """Return the other sensors to read for each IMU, by name, for topics of :func:`offered`.
 
     :param further: names of the sensors of the body.
     """
@@ -312,7 +312,7 @@ def chosen_topics(
 
     :param topics: a name without a namespace stands for that topic of every IMU.
     :param imus: the names of the IMUs.
-    :param more: topics besides those of the IMUs and the body: of cameras.
+    :param more: topics in addition to those of the IMUs and the body: of cameras.
     :param further: names of the sensors of the body.
     :raises InputError: with a line for every name that is unknown or given twice.
     """

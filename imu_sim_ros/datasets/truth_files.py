@@ -50,7 +50,7 @@ _WORLD: Final = (
     "earth_rotation",
     "curved_earth",
 )
-"""What the readings depend on besides sensor and motion; ``dead_reckon`` takes it from there."""
+"""Parameters of the world that the readings depend on; ``dead_reckon`` reads them."""
 
 
 def world_of(bag: Path) -> SimulationParameters | None:
@@ -73,7 +73,7 @@ def new_truths(output: Path, simulated: Mapping[str, SimulationParameters]) -> d
 
     One that stands already there with the same text is left out: the outputs share it.
 
-    :raises InputError: where another output of this name has another sensor.
+    :raises InputError: if another output of this name has another sensor.
     """
     result, problems = {}, []
     texts = {name: _truth_text(simulated[name]) for name in imus_of(simulated)}
@@ -116,7 +116,7 @@ def _siblings(output: Path) -> Iterator[Path]:
 
 
 def _read(path: Path) -> str | None:
-    """Return the text of a file; an empty one where it is none, None where nothing is there."""
+    """Return the text of a file; an empty one if it is none, None if nothing is there."""
     if not path.exists():
         return None
     try:

@@ -140,7 +140,7 @@ def poses(t_ns: Times, position: Array, q_wb: Array) -> Verdict:
 
 
 def disorder(name: str | Path, t_ns: Times) -> list[str]:
-    """Return a line where stamps do not increase strictly, none where they do.
+    """Return a line where stamps do not increase strictly, none if they do.
 
     :param name: of what has the stamps.
     :param t_ns: (n,) [ns].
@@ -186,7 +186,7 @@ def _good(quantity: Quantity, values: Array) -> NDArray[np.bool_] | None:
     """Return which rows are in range; None: all of them."""
     if not values.size:
         return None
-    # Extremes are NaN where a value is, and need no memory; nearly always they are enough.
+    # Extremes are NaN if a value is, and need no memory; nearly always they are enough.
     with np.errstate(invalid="ignore"):
         in_range = values.min() >= -quantity.largest and values.max() <= quantity.largest
     good: NDArray[np.bool_] = np.ones(len(values), dtype=bool)

@@ -19,7 +19,7 @@ def open_regular(path: str | Path) -> BinaryIO:
     """Open a file; devices, pipes and folders, of which one may read for ever, are refused.
 
     :raises InputError: with the reason.
-    :raises MachineError: where the system cannot read it.
+    :raises MachineError: if the system cannot read it.
     """
     if "\0" in str(path):
         raise InputError(f"{str(path)!r}: is not a file name")
@@ -43,13 +43,13 @@ def is_present(path: str | Path) -> bool:
     nothing a dataset has is left out without a word.
 
     :raises InputError: for a broken link, a loop of links, a folder, a device or a pipe.
-    :raises MachineError: where the system cannot read it.
+    :raises MachineError: if the system cannot read it.
     """
     return _is_present(Path(path), stat.S_IFREG)
 
 
 def names_in(folder: str | Path) -> list[str]:
-    """Return the sorted names in a folder of a dataset; none where it is absent.
+    """Return the sorted names in a folder of a dataset; none if it is absent.
 
     :raises InputError: as for :func:`is_present`, for what is no folder.
     """

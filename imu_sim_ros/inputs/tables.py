@@ -37,7 +37,7 @@ class Table:
     topic: str
     """Of its messages, without the namespace of an IMU of several."""
     fields: tuple[str, ...] = ()
-    """The field of the message that holds the numbers and, where there is one, their covariance."""
+    """The field of the message that holds the numbers and, if there is one, their covariance."""
     encoder: Callable[[str, str], Encode] | None = None
     """Makes what writes messages of a table, for a frame and an encoding."""
     of_readings: bool = False

@@ -32,7 +32,7 @@ class Element:
     children: "list[Element]" = field(default_factory=list)
 
     def child(self, *path: str) -> "Element | None":
-        """Return the first element on a path of names; None where there is none."""
+        """Return the first element on a path of names; None if there is none."""
         here: Element | None = self
         for name in path:
             here = next((c for c in here.children if c.tag == name), None) if here else None

@@ -31,11 +31,11 @@ class Estimated:
     """A parameter of three axes with its 95 % interval."""
 
     value: Array
-    """(3,) x, y, z; NaN where the data cannot distinguish it from zero."""
+    """(3,) x, y, z; NaN if the data cannot distinguish it from zero."""
     low: Array
-    """(3,) lower ends of the intervals; 0 where there is no value."""
+    """(3,) lower ends of the intervals; 0 if there is no value."""
     high: Array
-    """(3,) upper ends of the intervals; where there is no value, its upper bound; infinite for an
+    """(3,) upper ends of the intervals; if there is no value, its upper bound; infinite for an
     axis that is not analysed."""
     unit: str
 

@@ -18,7 +18,7 @@ from imu_sim_ros.rotation import normalise
 from imu_sim_ros.types import Array, Times
 
 _NAMES = ("q_wb", "q_wi", "values")
-"""Where objects keep their quaternions: paths, simulated orientations, recorded ones."""
+"""Attributes with the quaternions of paths, simulated and recorded orientations."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -67,7 +67,7 @@ def evaluate_attitude(estimate: Any, truth: PoseSequence, max_gap: float) -> Att
     """Compare attitudes with the truth; arguments as for ``evaluate``.
 
     :raises ConfigurationError: for arrays of another shape.
-    :raises InputError: where both do not overlap in time.
+    :raises InputError: if both do not overlap in time.
     """
     name = next(name for name in _NAMES if hasattr(estimate, name))
     t_ns = stamps("estimate.t_ns", estimate.t_ns)

@@ -88,17 +88,17 @@ class Calibration:
 
     @property
     def gyroscope(self) -> TriadCalibration:
-        """What the run determines of the gyroscope."""
+        """Constants of the gyroscope that the run determines."""
         return self._triad("gyroscope")
 
     @property
     def accelerometer(self) -> TriadCalibration:
-        """What the run determines of the accelerometer."""
+        """Constants of the accelerometer that the run determines."""
         return self._triad("accelerometer")
 
     @property
     def magnetometer(self) -> TriadCalibration:
-        """What the run determines of the magnetometer."""
+        """Constants of the magnetometer that the run determines."""
         return self._triad(_MAGNETOMETER)
 
     def _triad(self, triad: str) -> TriadCalibration:
@@ -306,7 +306,7 @@ def calibrate_six_position(
     """Return the accelerometer's bias, scale and misalignment, and the gyroscope's bias.
 
     :param readings: of a body that rests on each of its six faces.
-    :param gravity: its magnitude where the run was made [m/s^2].
+    :param gravity: magnitude at the place of the run [m/s^2].
     :param simple: the lecture's eq. 6: bias and scale per axis only.
     :param fixture: ``exact``: each axis pointed exactly up and down; ``norm``: ten rests or more in
         any positions, the norm of gravity is fitted and S is upper triangular; ``auto``: chosen by

@@ -67,10 +67,10 @@ class Converted:
     """Whether the input was not whole."""
     last_stamp_ns: int | None
     found: tuple[str, ...] | None = None
-    """What a recovery found, line by line; None without one."""
+    """Lines about the result of a recovery; None if nothing was recovered."""
     left_out: tuple[str, ...] | None = None
     warnings: tuple[str, ...] = ()
-    """What is wrong with messages that are passed on or skipped, a line each."""
+    """Lines about invalid messages that are passed on or skipped."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""
@@ -91,13 +91,13 @@ class Converted:
 
 @dataclass(frozen=True)
 class ConversionWatcher(Watcher):
-    """Who learns of what happens meanwhile, and what becomes of bad rows."""
+    """Receivers of warnings and progress, and the treatment of bad rows."""
 
     skipped: Skipped | None = None
     """Receives how many bad rows or messages are skipped; None: those of text are errors, those
     of bags are passed on."""
     warned: Warned | None = None
-    """Receives what is passed on although it is not finite or not possible."""
+    """Receives lines about messages that pass although not finite or not possible."""
 
 
 def convert(
@@ -121,7 +121,7 @@ def convert(
     :param source: ROS 1 bag, ``.mcap``, rosbag2 folder, EuRoC folder, CSV or TUM file.
     :param output: as for :func:`generate`.
     :param format: a dataset in place of a bag: ``euroc``, ``csv``, ``tum``.
-    :param storage: ``mcap``, ``sqlite3`` or ``ros1``; by default what the name asks for.
+    :param storage: ``mcap``, ``sqlite3`` or ``ros1``; by default the one that the name implies.
     :param compression: of chunks: ``none``, ``lz4``, ``zstd`` (mcap), ``bz2`` (ros1).
     :param split_duration: [s] of one file; 0: all.
     :param split_size: [bytes] of one file; 0: all.
@@ -131,8 +131,8 @@ def convert(
     :param recover: recover all complete messages of an interrupted or damaged bag.
     :param skip_bad_rows: leave out readings and poses that are not finite or not possible.
     :param force: replace what exists, but never the source.
-    :returns: what was written: paths, messages.
-    :raises ConfigurationError: with a line for each argument that is not what it must be.
+    :returns: paths and numbers of messages of the output.
+    :raises ConfigurationError: with a line for each invalid argument.
     :raises InputError: for a source that cannot be read, and an output that cannot be written.
 
     >>> import imu_sim_ros as ims
@@ -153,7 +153,7 @@ def convert(
 def _written(
     path: Path, place: Path, form: Form, options: ConvertOptions, force: bool, skip: bool
 ) -> Converted:
-    """Convert; what is said meanwhile is a part of the result."""
+    """Convert, and return all warnings as a part of the result."""
     lines: list[str] = []
 
     def skipped(count: int) -> None:
@@ -170,7 +170,7 @@ def _written(
 
 
 def passed_on(bad: BadRows) -> str:
-    """Return what is wrong with messages of a bag that are converted all the same."""
+    """Return lines about invalid messages of a bag that are converted anyway."""
     return (
         f"{bad.source}: {bad.rows} of {bad.rows + bad.good} messages are not finite or not "
         f"possible, the first is {bad.first}"
@@ -265,7 +265,7 @@ class _Job:
         return Converted(self.path, messages, False, last_ns if last_ns >= 0 else None)
 
     def _recovery(self, bag: Bag) -> list[str]:
-        """Return what a recovery found and left out, line by line."""
+        """Return lines about what a recovery has found and left out."""
         lines = [f"{bag.path}: found: {line}" for line in bag.found]
         for k, line in enumerate(bag.damage):
             if k == _SHOWN_DAMAGE:
@@ -330,7 +330,7 @@ class _Job:
         return {**counts, **images.counts}, max(dataset.last_ns, images.last_ns)
 
     def _images(self, bag: Bag, topics: Sequence[TopicInfo]) -> RecordedImages | None:
-        """Return the images of the topics, where there are some and the dataset is a folder."""
+        """Return the images of the topics, if there are some and the dataset is a folder."""
         kinds = {topic.type for topic in topics}
         if not kinds & {IMAGE, COMPRESSED_IMAGE} or not self.staged.is_dir():
             return None
@@ -342,7 +342,7 @@ class _Job:
         return RecordedImages(bag, recorded_cameras(topics), self.staged, self.dataset)
 
     def _only_named(self, topics: Sequence[Any], type_name: str) -> str | None:
-        """Return the topic of a type that ``topics`` names; None where none is named."""
+        """Return the topic of a type among ``topics``; None if there is none."""
         fitting = [topic.name for topic in topics if topic.type == type_name]
         if self.form.topics and not fitting:
             raise InputError(f"topics {','.join(self.form.topics)}: none of them is of {type_name}")
@@ -429,7 +429,7 @@ class _Job:
         return {**counts, **seen}, dataset.last_ns
 
     def _folder_images(self) -> AbstractContextManager[FolderImages | None]:
-        """Return the images of a folder; None where it has none, or they are not wanted."""
+        """Return the images of a folder; None if it has none, or they are not wanted."""
         places = text_reader.places(self.source) if self.source.is_dir() else ()
         cameras = [name for place in places for name in text_reader.sensor_folders(place, "cam")]
         if self.options.images == "none" or not cameras:
@@ -439,7 +439,7 @@ class _Job:
         return FolderImages(self.source, self.watcher.skipped)
 
     def _describe(self, states: bool, tables: Collection[str]) -> None:
-        """Write sensor.yaml files; what the input does not tell is left out."""
+        """Write sensor.yaml files; values that the input does not have are left out."""
 
         def rate(name: str, table: Table | None = None) -> float:
             first = np.empty(0, np.int64)

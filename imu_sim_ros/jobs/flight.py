@@ -46,15 +46,15 @@ if TYPE_CHECKING:
 class Truth(Odometry):
     """The true motion and the true errors at the n times at which the sensor took its samples.
 
-    Of the motion behind ideal readings that were given, what is not known is NaN.
+    For given ideal readings, the unknown parts of the motion are NaN.
     """
 
     acceleration: Array
     """(n, 3) of the body in the world, without gravity [m/s^2]."""
     gyro: Array
-    """(n, 3) what a perfect gyroscope reads at its place in the body [rad/s]."""
+    """(n, 3) readings of a perfect gyroscope at its place in the body [rad/s]."""
     accel: Array
-    """(n, 3) what a perfect accelerometer reads at its place in the body [m/s^2]."""
+    """(n, 3) readings of a perfect accelerometer at its place in the body [m/s^2]."""
     gyro_bias: Array
     """(n, 3) sum of all biases of the gyroscope [rad/s]."""
     accel_bias: Array
@@ -74,7 +74,7 @@ def readings_of(
     topic: str | None = None,
     topic_name: str = "topic",
 ) -> Readings:
-    """Return the readings that somebody gives, checked.
+    """Check given readings and return them.
 
     :param name: of the argument.
     :param topic: of a bag.
@@ -96,7 +96,7 @@ def readings_of(
 
 
 class Source(NamedTuple):
-    """What a flight's readings come from."""
+    """The source of a flight's readings."""
 
     parameters: SampledParameters
     trajectory: Trajectory
@@ -116,7 +116,7 @@ class Flight:
         name: str,
         topics: tuple[str, ...] = (),
     ) -> None:
-        """Keep what was read.
+        """Keep the readings of a file.
 
         :param topics: that :meth:`save` writes by default; none: the readings and the pose.
         """
@@ -124,7 +124,7 @@ class Flight:
         """All parameters of the simulation, a frozen dataclass."""
         self.trajectory: Trajectory = source.trajectory
         """The exact motion, at any time: ``trajectory.sample(t)`` at times t (n,) [s] from
-        ``t0_ns`` on; NaN where ideal readings were given, of whose motion nothing is known."""
+        ``t0_ns`` on; NaN for given ideal readings, whose motion is unknown."""
         self.t0_ns: int = source.t0_ns
         """True time of sample 0 [ns]."""
         self.name = name

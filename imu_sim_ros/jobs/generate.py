@@ -65,7 +65,7 @@ _MAX_JOBS: Final = 1024
 
 
 class Setup(NamedTuple):
-    """What is simulated: IMUs on a body, and cameras."""
+    """The simulated IMUs on a body, and cameras."""
 
     simulator: SimulatorParameters
     rig: RigParameters | None
@@ -106,7 +106,7 @@ class Setup(NamedTuple):
 
 @dataclass(frozen=True)
 class GenerateOptions:
-    """What is written besides the readings, and how fast."""
+    """Further outputs, and options of speed."""
 
     imu_only: bool = False
     """Without the truth."""
@@ -174,7 +174,7 @@ def generate(
     :param output: ``NAME.bag`` is a ROS 1 bag, ``NAME.mcap`` one MCAP file, ``NAME.csv`` and
         ``NAME.tum`` are tables, anything else a rosbag2 folder. Parents are made.
     :param cameras: names in config/cameras or parameter files: cam0, cam1, ... in this order.
-    :param scene: what they see: a name in config/scenes, a parameter file, or a file of points.
+    :param scene: scene of the cameras: a name in config/scenes, a parameter file, or points.
     :param format: a dataset in place of a bag: ``euroc``, ``csv``, ``tum``, ``tracks``, ...
     :param storage: of a bag, ``mcap``, ``sqlite3`` or ``ros1``; ``compression``: ``none``, ...
     :param split_duration: [s] of one file, and ``split_size`` [bytes]; 0: all.
@@ -187,7 +187,7 @@ def generate(
 
     The other arguments are those of :func:`simulate`.
 
-    :returns: what was written: path, messages of each topic.
+    :returns: path of the output, and number of messages of each topic.
     :raises ConfigurationError: with a line for each problem with an argument or a parameter.
     :raises InputError: for a file that cannot be read, and an output that cannot be written.
 
@@ -235,7 +235,7 @@ def _of_cameras(
 
 
 def camera_layer(cameras: Sequence[str], scene: str | None) -> dict[str, object]:
-    """Return the parameters, by dotted name, of cameras cam0, cam1, ... and what they see.
+    """Return the parameters, by dotted name, of cameras cam0, cam1, ... and of their scene.
 
     :param cameras: names in config/cameras, or files.
     :param scene: a name in config/scenes or a file.

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How every ``save`` writes: refused where something exists, renamed when it is complete."""
+"""Outputs of every ``save``: refused if something exists, renamed when they are complete."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
@@ -57,7 +57,7 @@ def checked_form(
     """Return the form that a caller's arguments describe.
 
     :param formats: the datasets that can be written.
-    :raises ConfigurationError: for one that is not what it must be.
+    :raises ConfigurationError: for an invalid one.
     """
     from imu_sim_ros.bags.write import COMPRESSED, STORAGES
 
@@ -83,7 +83,7 @@ def _no_progress(_total: int) -> Iterator[Callable[[float], None]]:
 
 @dataclass(frozen=True)
 class Watcher:
-    """Who learns of what happens meanwhile; nobody by default."""
+    """Receivers of warnings and progress; by default there are none."""
 
     warn: Callable[[str], None] = lambda line: None
     note: Callable[[str], None] = lambda line: None
@@ -94,9 +94,9 @@ class Watcher:
 
 @contextmanager
 def saved(path: str | Path, force: bool, inputs: Iterable[object] = ()) -> Iterator[Path]:
-    """Yield where to write an output, which is renamed into place at the end of the block.
+    """Yield the path for writing an output, which is renamed into place at the end of the block.
 
-    Parents are created. An error leaves what was there before.
+    Parents are created. After an error, an existing output is unchanged.
 
     :param force: replace what exists.
     :param inputs: possible names of input files, which are never overwritten.

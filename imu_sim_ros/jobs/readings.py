@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Readings and odometry as arrays: of a file, or of what a simulated board carries."""
+"""Readings and odometry as arrays, from a file or from the sensors of a simulated board."""
 
 from __future__ import annotations
 
@@ -155,9 +155,9 @@ def read_imu(path: str | Path, topic: str | None = None) -> Readings:
     """Return the IMU readings of a bag of any form, a EuRoC folder or a CSV file.
 
     :param path: the file or folder.
-    :param topic: of type sensor_msgs/Imu; needed where a bag has several.
+    :param topic: of type sensor_msgs/Imu; needed if a bag has several.
     :returns: the :class:`Readings` in the order of the file.
-    :raises InputError: for what cannot be read, or holds no readings.
+    :raises InputError: for a file that cannot be read, or has no readings.
 
     >>> import imu_sim_ros as ims
     >>> flight = ims.simulate(trajectory="circle", duration=2, rate=100)
@@ -176,10 +176,10 @@ def read_odometry(path: str | Path, topic: str | None = None) -> Odometry:
     """Return the odometry of a bag, its velocity turned into the world frame.
 
     :param path: the file or folder.
-    :param topic: of type nav_msgs/Odometry, for instance ``ground_truth/odom``; needed where a bag
+    :param topic: of type nav_msgs/Odometry, for instance ``ground_truth/odom``; needed if a bag
         has several.
     :returns: the :class:`Odometry`.
-    :raises InputError: for what cannot be read, or holds no odometry.
+    :raises InputError: for a file that cannot be read, or has no odometry.
 
     >>> import imu_sim_ros as ims
     >>> _ = ims.simulate(trajectory="circle", duration=2, rate=100).save(folder / "odometry.bag")
@@ -202,7 +202,7 @@ def name_of(path: Path) -> str:
 def check_arrays(rows: Any, names: Sequence[str]) -> None:
     """Check the arrays of a frozen dataclass: a name, ``t_ns`` (n,), and others (n, 3) or (n, 4).
 
-    The gate looks for what is not finite, and says where it is.
+    The gate finds values that are not finite, and names their places.
 
     :raises ConfigurationError: for another type or shape.
     """
@@ -216,7 +216,7 @@ def check_arrays(rows: Any, names: Sequence[str]) -> None:
 
 
 def checked_poses(name: str, given: HasPoses) -> PoseSequence:
-    """Return poses that somebody gives; those of a PoseSequence were checked when it was made.
+    """Return given poses; those of a PoseSequence were checked when it was made.
 
     :param name: of the argument.
     :raises ConfigurationError: for arrays of another type or shape.
@@ -285,9 +285,9 @@ def checked_sensors(names: Collection[str]) -> frozenset[str]:
 
 
 def joined(blocks: Sequence[ImuBlock], sensor: Sensor) -> Any:
-    """Return what an auxiliary sensor delivered in all blocks.
+    """Return the samples of an auxiliary sensor from all blocks.
 
-    :raises ConfigurationError: where it was not simulated.
+    :raises ConfigurationError: if it was not simulated.
     """
     name = sensor.quantity
     if any(name not in block.auxiliary for block in blocks):

@@ -41,12 +41,12 @@ class Samples:
 
 
 def read_magnetometer(path: str | Path, topic: str | None = None) -> Samples:
-    """Return the magnetic field that a bag or a EuRoC folder holds.
+    """Return the magnetic field in a bag or a EuRoC folder.
 
     :param path: the file or folder.
     :param topic: of type sensor_msgs/MagneticField; None: ``imu/mag``, or the only one.
     :returns: stamps, fields (n, 3) [T] in the sensor's frame, and their covariances [T^2].
-    :raises InputError: for what cannot be read, or holds no magnetic field.
+    :raises InputError: for a file that cannot be read, or has no magnetic field.
 
     >>> import imu_sim_ros as ims
     >>> flight = ims.simulate(imu="mpu9250", duration=2, sensors=["magnetic_field"])
@@ -58,12 +58,12 @@ def read_magnetometer(path: str | Path, topic: str | None = None) -> Samples:
 
 
 def read_pressure(path: str | Path, topic: str | None = None) -> Samples:
-    """Return the pressure that a bag or a EuRoC folder holds.
+    """Return the pressure in a bag or a EuRoC folder.
 
     :param path: the file or folder.
     :param topic: of type sensor_msgs/FluidPressure; None: ``imu/pressure``, or the only one.
     :returns: stamps, pressures (n,) [Pa] and their variances (n,) [Pa^2].
-    :raises InputError: for what cannot be read, or holds no pressure.
+    :raises InputError: for a file that cannot be read, or has no pressure.
 
     >>> import imu_sim_ros as ims
     >>> flight = ims.simulate(duration=2, sensors=["pressure"], seed=1)
@@ -83,7 +83,7 @@ def read_orientation(path: str | Path, topic: str | None = None) -> Samples:
     :param topic: of type sensor_msgs/Imu; None: ``imu/data``, or the only one.
     :returns: stamps, quaternions q_wi (n, 4) (w, x, y, z), and covariances (n, 3, 3) [rad^2] of the
         error about the world's axes. Messages without an orientation are left out.
-    :raises InputError: for what cannot be read, or holds no orientation.
+    :raises InputError: for a file that cannot be read, or has no orientation.
 
     >>> import imu_sim_ros as ims
     >>> flight = ims.simulate(imu="mti3", duration=2, sensors=["orientation"])
@@ -116,10 +116,10 @@ def read_images(path: str | Path, topic: str | None = None) -> Iterator[tuple[in
     """Yield the images of a camera in a bag.
 
     :param path: the bag.
-    :param topic: of type sensor_msgs/Image or CompressedImage; needed where a bag has several.
+    :param topic: of type sensor_msgs/Image or CompressedImage; needed if a bag has several.
     :returns: an iterator over stamps [ns] and images: (h, w), or (h, w, 3) in red, green and blue;
         uint8, uint16 or float32 as recorded.
-    :raises InputError: for what cannot be read or decoded, or holds no images.
+    :raises InputError: for a file that cannot be read or decoded, or has no images.
     :raises MissingDependencyError: without OpenCV, for compressed images.
 
     >>> import imu_sim_ros as ims

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How far features lie from where an estimate, and the truth, see their landmarks."""
+"""Distances of features from the projections of their landmarks, for an estimate and the truth."""
 
 from pathlib import Path
 from typing import Any, Final
@@ -20,10 +20,10 @@ _SAME_NS: Final = 1_000
 
 
 def reprojection(folder: Path, estimate: PoseSequence, truth: PoseSequence) -> list[dict[str, Any]]:
-    """Return for each camera how far features lie from where the estimate, and the truth, see them.
+    """Return the reprojection errors of each camera, for the estimate and for the truth.
 
     :param estimate: aligned with the world of the landmarks.
-    :raises InputError: where no feature has a pose of the estimate.
+    :raises InputError: if no feature has a pose of the estimate.
     """
     from imu_sim_ros.datasets.tracks import read_track_folder
     from imu_sim_ros.sensors.camera.model import (
@@ -74,7 +74,7 @@ def _known(poses_ns: NDArray[np.int64], at_ns: NDArray[np.int64]) -> NDArray[np.
 
 
 def lines(result: list[dict[str, Any]]) -> list[str]:
-    """Return what was found, a line for each camera."""
+    """Return the result, one line for each camera."""
     return [
         f"reprojection, {entry['camera']}: {_shown(entry['rms_px'])} px in u and in v over "
         f"{entry['features']:,} features; from the true poses {_shown(entry['rms_px_of_truth'])} px"

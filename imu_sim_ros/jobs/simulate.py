@@ -41,7 +41,7 @@ Poses: TypeAlias = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], ND
 Moving: TypeAlias = (
     str | Path | Mapping[str, Any] | PoseSequence | NDArray[Any] | Trajectory | Poses | None
 )
-"""What is taken as a trajectory."""
+"""Types that are accepted as a trajectory."""
 
 
 def simulate(
@@ -64,13 +64,13 @@ def simulate(
         :class:`PoseSequence`, or an array (n, 8) of time [s], x, y, z [m], quaternion w, x, y, z,
         or (n, 7) with roll, pitch, yaw [rad]. Or a motion of your own: an object whose
         ``sample(t)`` returns a :class:`Motion`, or a function that returns positions (n, 3) and
-        attitudes q_wb (n, 4), at times t (n,) [s] from the start; with a ``duration`` [s] where it
+        attitudes q_wb (n, 4), at times t (n,) [s] from the start; with a ``duration`` [s] if it
         ends.
     :param duration: [s], or words such as ``"2h"``; by default the trajectory's length.
     :param rate: samples per second [Hz].
     :param seed: of all random streams.
     :param params_file: a ROS 2 parameter file below all other arguments.
-    :param sensors: what is simulated besides the IMU: ``magnetic_field``, ``orientation``,
+    :param sensors: sensors in addition to the IMU: ``magnetic_field``, ``orientation``,
         ``pressure``, or a sensor of the body by its name; by default what the file publishes
         (``publish.magnetic_field``, ...) or names.
     :param parameters: any other parameter by its ROS name; sections are mappings:
@@ -131,7 +131,7 @@ def blocks(
 def _all_blocks(simulation: Simulation) -> list[ImuBlock]:
     """Return all samples.
 
-    :raises ConfigurationError: where they would not fit into memory.
+    :raises ConfigurationError: if they would not fit into memory.
     """
     first = simulation.next_block(_PROBE)
     samples = simulation.total or 0
@@ -224,7 +224,7 @@ def _poses_of_any_file(path: str | Path, *options: Any) -> PoseSequence:
 
 
 class GivenMotion(NamedTuple):
-    """What a trajectory stands for."""
+    """The meaning of a trajectory argument."""
 
     parameters: Mapping[str, object]
     pose_reader: PoseReader = _poses_of_any_file
@@ -270,7 +270,7 @@ def _name(imu: object, trajectory: object, simulation: Simulation) -> str:
 
 
 def imu_parameters(imu: object) -> dict[str, object]:
-    """Return the parameters that somebody gives as an IMU, by dotted name."""
+    """Return the parameters of a given IMU, by dotted name."""
     if imu is None:
         return {}
     if isinstance(imu, Mapping):

@@ -23,7 +23,7 @@ from imu_sim_ros.types import Array
 
 
 class Track(NamedTuple):
-    """A trajectory with what its source has besides the poses."""
+    """A trajectory with what its source has in addition to the poses."""
 
     poses: PoseSequence
     velocity: Array | None = None
@@ -109,7 +109,7 @@ def _name(path: Path, topic: str | None) -> str:
 def write_states(path: Path, states: NavigationStates) -> None:
     """Write a dead-reckoned trajectory: ``.csv`` with velocity, anything else in TUM format.
 
-    :raises OSError: where the file cannot be written.
+    :raises OSError: if the file cannot be written.
     """
     if path.suffix.lower() == ".csv":
         _write_csv(path, states)

@@ -66,7 +66,7 @@ def common_rows(estimate_ns: Times, truth_ns: Times, max_gap: float = 0.5) -> ND
     :param estimate_ns: (n,) stamps of the estimate [ns], increasing.
     :param truth_ns: (m,) stamps of the truth [ns], increasing.
     :param max_gap: the truth is not interpolated over more than this [s].
-    :raises InputError: where fewer than two rows remain.
+    :raises InputError: if fewer than two rows remain.
     """
     if len(truth_ns) < 2:
         raise InputError(f"{len(truth_ns)} poses of the truth: at least two are needed")
@@ -171,7 +171,7 @@ def time_offset(
 
     :param max_gap: the truth is not interpolated across longer gaps [s].
     :param scaled: the estimate's scale is unknown.
-    :raises InputError: where the two overlap too little, or their motion does not reveal it.
+    :raises InputError: if the two overlap too little, or their motion does not reveal it.
     """
     pairs = _pairs(estimate, truth, max_gap)
     coarse = np.arange(-LARGEST, LARGEST + 0.5 * _STEPS[0], _STEPS[0])

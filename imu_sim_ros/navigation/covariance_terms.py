@@ -192,7 +192,7 @@ class SecondOrder:
     def __init__(self, rates: int) -> None:
         """Start with no error.
 
-        :param rates: r, how many errors of the rate the state x has besides theta.
+        :param rates: r, how many errors of the rate the state x has in addition to theta.
         """
         n = 3 + rates
         self.largest_sigma = 0.0

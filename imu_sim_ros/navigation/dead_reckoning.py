@@ -225,7 +225,7 @@ class _States:
 def _step_through(
     stepper: Stepper, t_ns: NDArray[np.int64], gyro: Array, accel: Array
 ) -> NavigationStates:
-    """Integrate one step at a time where there are no increments."""
+    """Integrate one step at a time if there are no increments."""
     rows: list[tuple[float, ...]] = []
     for t, rate, force in zip(t_ns.tolist(), gyro.tolist(), accel.tolist(), strict=True):
         stepper.add(t, rate, force)

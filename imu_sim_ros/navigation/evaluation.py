@@ -62,7 +62,7 @@ class Drift(NamedTuple):
 def drift_from(states: NavigationStates, truth: Truth) -> Drift:
     """Return the errors of states at all stamps at which the truth is known.
 
-    :raises InputError: where both do not overlap in time.
+    :raises InputError: if both do not overlap in time.
     """
     rows = common_rows(states.t_ns, truth.poses.t_ns)
     t_ns = states.t_ns[rows]
@@ -183,7 +183,7 @@ def stated_nees(
     velocity_b: Array | None = None,
     linear: Array | None = None,
 ) -> dict[str, Any] | None:
-    """Return the NEES of position, attitude and velocity; None where all covariances are singular.
+    """Return the NEES of position, attitude and velocity; None if all covariances are singular.
 
     :param pose: (n, 6, 6) covariances of position and rotation about the world's axes.
     :param poses: (n,) of the estimate, not aligned.
@@ -215,7 +215,7 @@ def stated_nees(
 
 
 def why_no_nees(alignment: str, pose: Array | None) -> str | None:
-    """Return why there can be no NEES; None where there can.
+    """Return why there can be no NEES; None if there can.
 
     :param pose: (n, 6, 6) covariances; None: the estimate states none.
     """
@@ -376,7 +376,7 @@ def pairs(
     :param delta: > 0.
     :param unit: s, m (along the truth's path), or frames.
     :param overlapping: every row starts a pair; else each pair starts where the previous one ended.
-    :raises InputError: where the trajectory is shorter than delta.
+    :raises InputError: if the trajectory is shorter than delta.
     """
     if unit not in DELTA_UNITS:
         raise ConfigurationError(f"unit {unit!r}: {suggestion(unit, DELTA_UNITS)}")

@@ -28,7 +28,7 @@ class Increments(NamedTuple):
     dv: Array
     """(3, n) integral of a(s) [m/s]."""
     dp: Array | None
-    """(3, n) double integral of a(s) less ``dv h / 2`` [m]; None where it is zero."""
+    """(3, n) double integral of a(s) less ``dv h / 2`` [m]; None if it is zero."""
 
 
 def first_order(v: Array) -> Array:

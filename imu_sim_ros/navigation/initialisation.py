@@ -53,7 +53,7 @@ def level(
     :param yaw: heading, which rest does not reveal [rad].
     :param uncertainty: standard deviation of the mean force's length by the sensor's own errors
         [m/s^2]; gravity may be missed by four of it, or by 5 %, whichever is more.
-    :raises InputError: where the readings cannot be those of a body at rest, or gravity is not
+    :raises InputError: if the readings cannot be those of a body at rest, or gravity is not
         along z.
     """
     if not len(accel):
@@ -125,7 +125,7 @@ def rest_rows(parameters: IntegratorParameters, t_ns: Times) -> slice:
     The last of them is the reading that integration starts at.
 
     :param t_ns: (n,) stamps.
-    :raises InputError: where no stretch is long enough.
+    :raises InputError: if no stretch is long enough.
     """
     step = np.diff(t_ns)
     gaps = np.flatnonzero((step <= 0) | (step >= parameters.max_gap * 1e9)) + 1
@@ -163,7 +163,7 @@ def from_rest(
     :param accel: (n, 3) readings [m/s^2].
     :param position: (3,) in the world [m]; None: ``initial_position``.
     :param yaw: [rad]; None: that of ``initial_orientation``.
-    :raises InputError: where the readings cannot be those of a body at rest.
+    :raises InputError: if the readings cannot be those of a body at rest.
     """
     rates, forces = np.asarray(gyro, dtype=np.float64), np.asarray(accel, dtype=np.float64)
     finite = np.isfinite(rates).all(axis=1) & np.isfinite(forces).all(axis=1)

@@ -110,7 +110,7 @@ def preintegrate(
     Under midpoint each reading serves two steps, so its noise comes in twice. With ``shared_noise``
     this is accounted for and the covariance is that of many runs. Without it, the noises of both
     ends of a step are taken as new ones each time, as VINS does, and the white noise comes out with
-    half its variance. Euler uses each reading once, where both are the same.
+    half its variance. Euler uses each reading once, if both are the same.
 
     :param readings: B intervals.
     :param noise: the IMU's noise; None leaves the covariance zero.

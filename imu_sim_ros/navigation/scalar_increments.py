@@ -3,7 +3,7 @@
 
 """The increment of one interval in plain floats, for the stepper.
 
-The formulas are those of :mod:`imu_sim_ros.navigation.increments`, where they are
+The formulas are those of :mod:`imu_sim_ros.navigation.increments`, if they are
 written for arrays.
 """
 

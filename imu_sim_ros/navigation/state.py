@@ -97,7 +97,7 @@ class Correction:
 
         :param gyro: (n, 3) readings [rad/s], or their integrals over dt [rad].
         :param accel: (n, 3) readings [m/s^2], or their integrals over dt [m/s].
-        :param dt: (n, 1) lengths of the intervals [s] where the readings are integrals.
+        :param dt: (n, 1) lengths of the intervals [s] if the readings are integrals.
         """
         force = accel
         if self.accelerometer_bias != ZERO_VECTOR:

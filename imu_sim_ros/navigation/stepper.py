@@ -95,7 +95,7 @@ integrated."""
 
 @dataclass
 class Counts:
-    """Counts of what a stepper met besides ordinary steps."""
+    """Counts of what a stepper met in addition to ordinary steps."""
 
     repeated: int = 0
     """readings with the stamp of the reading before"""

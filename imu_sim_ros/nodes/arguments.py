@@ -188,7 +188,7 @@ def _has_sections(tree: Any) -> bool:
 
 
 def _uniform(name: str, value: Any, problems: list[str]) -> Any:
-    """Return a tree whose lists hold one type each: integers besides others become floats.
+    """Return a tree whose lists hold one type each: integers among others become floats.
 
     rcl cannot infer a type for an empty list, so it is passed as a string.
     """

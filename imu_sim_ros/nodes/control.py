@@ -50,7 +50,7 @@ class InjectedFault(NamedTuple):
 class Control:
     """Calls the services of one simulator and listens to it; use as a context manager.
 
-    :param name: of the node, with its namespace where it has one, such as ``/left/simulator``.
+    :param name: of the node, with its namespace if it has one, such as ``/left/simulator``.
     :param patience: how long a response may take [s].
     :raises InputError: for an invalid node name.
     """
@@ -98,7 +98,7 @@ class Control:
     def set(self, values: Mapping[str, Any]) -> None:
         """Set parameters, all of them or none.
 
-        :raises InputError: where the simulator refuses, with its reason.
+        :raises InputError: if the simulator refuses, with its reason.
         """
         parameters = [
             Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
@@ -138,7 +138,7 @@ class Control:
     def _ask(self, service: str, kind: Any, request: Any) -> str:
         """Call a service; returns its message.
 
-        :raises InputError: where it reports that it did not succeed.
+        :raises InputError: if it reports that it did not succeed.
         """
         response = self._call(service, kind, request)
         if not response.success:

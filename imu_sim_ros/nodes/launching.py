@@ -91,7 +91,7 @@ def names(value: str) -> list[str]:
 def flag(values: Mapping[str, str], name: str) -> bool:
     """Return whether a launch argument is true.
 
-    :raises ConfigurationError: where it is neither true nor false.
+    :raises ConfigurationError: if it is neither true nor false.
     """
     try:
         return _FLAGS[values[name].strip().lower()]

@@ -23,7 +23,7 @@ class Lifetime:
         self.status: int | None = None
         """The exit status; None while the run goes on."""
         self.failure: BaseException | None = None
-        """What ended the run where it was an error."""
+        """What ended the run if it was an error."""
         self._node = node
         self._lock = threading.Lock()
 

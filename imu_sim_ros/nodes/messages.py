@@ -53,8 +53,8 @@ _KNOWN_HERE = {"tf2_msgs/TFMessage": transform_type.DEFINITION}
 def message_class(type_name: str) -> Any:
     """Return the Python class of a type such as ``sensor_msgs/msg/Imu``.
 
-    :raises InputError: where its package is not installed.
-    :raises MissingDependencyError: where tf2_msgs is not installed and cannot be replaced.
+    :raises InputError: if its package is not installed.
+    :raises MissingDependencyError: if tf2_msgs is not installed and cannot be replaced.
     """
     if type_name == transform_type.TYPE:
         return transform_type.transform_message_class()
@@ -103,7 +103,7 @@ def definition(type_name: str) -> str:
 
 @cache
 def type_hash(type_name: str) -> str:
-    """Return the hash (RIHS01) of a type's definition; empty where it is not installed."""
+    """Return the hash (RIHS01) of a type's definition; empty if it is not installed."""
     package, _, name = type_name.split("/")
     path = _find(package, f"{name}.json")
     if path is None:

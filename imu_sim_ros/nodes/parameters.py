@@ -161,7 +161,7 @@ def plain(parameter: RosParameter) -> object:
 
 
 def to_ros(name: str, parameter: Parameter, value: Value) -> RosParameter:
-    """Return a value as a ROS parameter of its declared type, also where it is an empty list."""
+    """Return a value as a ROS parameter of its declared type, also if it is an empty list."""
     return RosParameter(name, _TYPES[parameter.kind], _to_ros(value))
 
 

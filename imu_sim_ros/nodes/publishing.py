@@ -36,7 +36,7 @@ _LONGEST_NS: Final = 10_000_000
 class PollTimer:
     """Decides how long to wait before the next look.
 
-    :param period: between looks where arrivals are irregular; where they are regular, how long a
+    :param period: between looks where arrivals are irregular; if they are regular, how long a
         message may wait for others [s].
     """
 
@@ -51,7 +51,7 @@ class PollTimer:
         """Return how long to wait before the next look [s].
 
         :param count: how many messages the latest look found.
-        :param last_ns: when the last of them arrived; does not matter where there is none.
+        :param last_ns: when the last of them arrived; does not matter if there is none.
         :param now_ns: the time on the same clock.
         """
         passed = now_ns - last_ns

@@ -50,7 +50,7 @@ class EndSignals:
         self._begun = True
 
     def deliver_to(self, end: Callable[[], None]) -> None:
-        """Call a function at the first signal, at once where it has arrived already."""
+        """Call a function at the first signal, at once if it has arrived already."""
         with self._lock:
             self._end = end
             self._known.set()
@@ -59,7 +59,7 @@ class EndSignals:
             end()
 
     def close(self) -> None:
-        """End the thread and restore the signals' former effect, or none where the process ends."""
+        """End the thread and restore the signals' former effect, or none if the process ends."""
         global _signals
         _signals = None
         for number, handler in self._handlers.items():

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where the nodes' executables begin: signals are watched before anything slow is imported."""
+"""Entry points of the nodes: signals are watched before anything slow is imported."""
 
 import sys
 

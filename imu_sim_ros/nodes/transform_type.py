@@ -1,13 +1,13 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""tf2_msgs/TFMessage also where tf2_msgs is not installed: the ROS 2 wheels of PyPI have none.
+"""tf2_msgs/TFMessage even if tf2_msgs is not installed: the ROS 2 wheels of PyPI have none.
 
 For a message that is handled as bytes, Fast DDS needs the type's name, members, hash and
 description. Those of TFMessage, a list of geometry_msgs/TransformStamped, are assembled from the
 installed type support of TransformStamped; the structures are those of Jazzy's
 ``rosidl_runtime_c``, ``rosidl_typesupport_introspection_c`` and ``..._fastrtps_cpp``. Only bytes
-are supported: a message object of this type cannot be published. Where tf2_msgs is installed, its
+are supported: a message object of this type cannot be published. If tf2_msgs is installed, its
 own class is used.
 """
 
@@ -149,7 +149,7 @@ class _Description(ctypes.Structure):
 def transform_message_class() -> Any:
     """Return the class of tf2_msgs/TFMessage, with which bytes are published and received.
 
-    :raises MissingDependencyError: where tf2_msgs is not installed and the middleware is not
+    :raises MissingDependencyError: if tf2_msgs is not installed and the middleware is not
         Fast DDS.
     """
     if importlib.util.find_spec("tf2_msgs") is not None:

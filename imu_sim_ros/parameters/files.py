@@ -125,7 +125,7 @@ def build_layered(cls: type[_T], layering: Layering, given: Mapping[str, object]
 
 
 def _other_problems(cls: type, layering: Layering, given: Mapping[str, object]) -> list[str]:
-    """Return what is wrong besides the files that are named."""
+    """Return what is wrong in addition to the files that are named."""
     rest = {
         name: value
         for name, value in given.items()

@@ -62,8 +62,8 @@ class Parameter:
     def parse(self, value: object) -> Value:
         """Return the value in the parameter's own type.
 
-        :raises SizeError: where a number is too large or too small for any parameter.
-        :raises ValueError: where it is not allowed; :meth:`allowed` says what is.
+        :raises SizeError: if a number is too large or too small for any parameter.
+        :raises ValueError: if it is not allowed; :meth:`allowed` says what is.
         """
         return _PARSERS[self.kind](self, value)
 

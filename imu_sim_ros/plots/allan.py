@@ -140,7 +140,7 @@ def _terms(result: AllanResult, triad: int, tau: Array) -> list[tuple[str, Array
 
 
 def _mean(result: AllanResult, triad: int, key: str) -> float:
-    """Return the root mean square of the axes that have a value, 0 where none has."""
+    """Return the root mean square of the axes that have a value, 0 if none has."""
     if key not in result.keys:
         return 0.0
     values = [result.estimate(3 * triad + k, key).value for k in range(3)]

@@ -142,7 +142,7 @@ def legend_above(axes: Axes, ncols: int, title: str | None = None) -> None:
 def save(picture: Figure, path: str | Path) -> None:
     """Write a figure; the file's ending chooses the format (png, svg, pdf).
 
-    :raises OSError: where the file cannot be written.
+    :raises OSError: if the file cannot be written.
     """
     if Path(path).suffix != ".png":
         picture.savefig(path, dpi=_PIXELS_PER_INCH)

@@ -195,7 +195,7 @@ def _is_curve(name: str, found: Sequence[Group]) -> bool:
 
 
 def _sensors(plan: Plan, found: Sequence[Group]) -> list[Item]:
-    """Return the parameters of each group's sensor, where the grid has several sensors."""
+    """Return the parameters of each group's sensor, if the grid has several sensors."""
     if "imu" not in plan.grid_names:
         return []
     by_cell = {}

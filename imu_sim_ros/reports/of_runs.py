@@ -38,7 +38,7 @@ _ESTIMATES: Final = ("estimate.txt", "estimate.csv", "estimate")
 def opened(
     plan: Plan, rows: Sequence[Row], found: Sequence[Group], folder: Path, metric: str
 ) -> Item:
-    """Return what there is of runs besides their numbers, by their places in the rows.
+    """Return what there is of runs in addition to their numbers, by their places in the rows.
 
     Logs and folders of those that were kept, the failed ones first; paths of those in the middle
     and of the worst of each group.

@@ -78,7 +78,7 @@ def as_json(content: object) -> str:
 
 
 def _shortened(value: float) -> float | int:
-    """Return a number with six digits, a whole one where it is."""
+    """Return a number with six digits, a whole one if it is."""
     short = float(f"{value:.{_DIGITS}g}")
     return int(short) if short.is_integer() and abs(short) < 1e15 else short
 

@@ -254,7 +254,7 @@ def extremes(values: Array, columns: int = PARTS) -> NDArray[np.intp]:
 
 
 def analyse(blocks: Iterable[ReadingsBlock], count: int) -> Stream | None:
-    """Return what is drawn of a stream; None where there are fewer than two readings.
+    """Return what is drawn of a stream; None if there are fewer than two readings.
 
     :param count: of the readings, about; it sets how many make a part.
     """

@@ -68,7 +68,7 @@ class Simulation:
         :param t0_ns: time of sample 0 [ns]; None: ``start_time``, or where that is -1 the stamp
             of recorded poses at the start of the motion, or else 1 s.
         :param trajectory: the one of these parameters, if it already exists.
-        :param sensors: what is read besides the IMU: ``magnetic_field``, or the name of a sensor
+        :param sensors: sensors next to the IMU: ``magnetic_field``, or the name of a sensor
             of the body; no sample of another sensor depends on it.
         :raises ConfigurationError: for inconsistent parameters.
         :raises InputError: for a file of poses that cannot be used.
@@ -154,7 +154,7 @@ class Simulation:
         return recorded.repairs + recorded.report.lines() if recorded is not None else []
 
     def _recorded(self) -> "Recorded | None":
-        """Return the recorded motion, where there is one; only then the splines are imported."""
+        """Return the recorded motion, if there is one; only then the splines are imported."""
         if not isinstance(self.parameters.trajectory, PosesParameters):
             return None
         from imu_sim_ros.trajectory.recorded import recorded_in
@@ -254,7 +254,7 @@ class SimulatedBody:
         """Set up all simulations; arguments and errors as for :class:`Simulation`.
 
         :param parameters: at least one; all have the same trajectory and duration.
-        :param sensors: what is read besides each IMU, by the names of the simulations.
+        :param sensors: what is read in addition to each IMU, by the names of the simulations.
         :param given: the bare motion of the type ``given``.
         """
         self.simulations: dict[str, Simulation] = {}

@@ -55,7 +55,7 @@ def _biases() -> str:
 
 @dataclass(frozen=True)
 class PublishParameters:
-    """Which topics are published besides ``imu/data_raw``."""
+    """Which topics are published in addition to ``imu/data_raw``."""
 
     ground_truth: bool = flag(True, "publish ground_truth/odom")
     ground_truth_fix: bool = flag(
@@ -325,7 +325,7 @@ def _imus(given: Mapping[str, object]) -> list[str]:
 def layer_simulator(given: Mapping[str, object]) -> dict[str, object]:
     """Return what was given above the presets and the trajectory that it names.
 
-    An IMU of several takes ``rate`` and ``imu.*`` from those of all, where it has none of its own;
+    An IMU of several takes ``rate`` and ``imu.*`` from those of all, if it has none of its own;
     its seed is the common one plus its place in ``imus``, so that no two have the same noise.
     """
     of_rig: dict[str, object] = {}

@@ -147,7 +147,7 @@ def encoder(topic: str, parameters: SampledParameters, encoding: str = "cdr") ->
 
 
 def sensors_of(topics: Iterable[str], carried: Iterable[str] = ()) -> frozenset[str]:
-    """Return what has to be measured besides the IMU for topics, keys of :func:`types`.
+    """Return what has to be measured in addition to the IMU for topics, keys of :func:`types`.
 
     :param carried: names of sensors of the body.
     """

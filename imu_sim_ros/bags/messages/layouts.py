@@ -207,7 +207,7 @@ class Builder:
     def field(self, name: str, kind: str, count: int = 1, suffix: str = "") -> None:
         """Add a field other than a string, kind and count as in :data:`FIELDS`.
 
-        :param suffix: behind the names of its parts, where there are several such fields.
+        :param suffix: behind the names of its parts, if there are several such fields.
         """
         for part, code, times in _numbers(name, kind, count, self.cdr):
             self.number(part + suffix, code, times)
@@ -299,7 +299,7 @@ def raw_texts(type_name: str, encoding: str, payload: bytes) -> tuple[bytes, ...
 
     All texts of the known types stand before the first number of eight bytes.
 
-    :raises ValueError: where the bytes are not a message of this type in little-endian form.
+    :raises ValueError: if the bytes are not a message of this type in little-endian form.
     """
     cdr = encoding == "cdr"
     if cdr and payload[:2] != _CDR_HEADER[:2]:
@@ -323,7 +323,7 @@ def raw_texts(type_name: str, encoding: str, payload: bytes) -> tuple[bytes, ...
 def texts_of(type_name: str, encoding: str, payload: bytes) -> tuple[str, ...]:
     """Return the text fields of one message.
 
-    :raises ValueError: where the bytes are not a message of this type in little-endian form.
+    :raises ValueError: if the bytes are not a message of this type in little-endian form.
     """
     raw = raw_texts(type_name, encoding, payload)
     return tuple(content.rstrip(b"\0").decode() for content in raw)

@@ -26,7 +26,7 @@ class Schema(NamedTuple):
     """The definition of a message type in one encoding."""
 
     text: str
-    """The definition with all that it contains; empty where it is unknown."""
+    """The definition with all that it contains; empty if it is unknown."""
     digest: str
     """MD5 sum of ROS 1, or hash of ROS 2 (RIHS01)."""
     language: str = "ros2msg"
@@ -165,8 +165,8 @@ def recorded_type(type_name: str, text: str, digest: str, encoding: str) -> Reco
     """Return definition and conversion of a type, whether or not it comes with ROS.
 
     :param type_name: in the form of ROS 2.
-    :param text: the installed definition with all that it contains; empty where it is not known.
-    :param digest: hash of ROS 2 (RIHS01) of it; empty where it is not known.
+    :param text: the installed definition with all that it contains; empty if it is not known.
+    :param digest: hash of ROS 2 (RIHS01) of it; empty if it is not known.
     :param encoding: cdr or ros1, what the bag takes.
     :raises InputError: for a type whose definition is wanted but unknown.
     """

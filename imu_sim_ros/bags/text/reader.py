@@ -56,7 +56,7 @@ def imu_blocks(
 ) -> Iterator[tuple[Times, Array, Array]]:
     """Yield stamps (n,), angular rates (n, 3) and specific forces (n, 3) in blocks.
 
-    :param name: of the sensor, where a folder has several: imu0, imu1.
+    :param name: of the sensor, if a folder has several: imu0, imu1.
     :param skipped: receives the number of bad rows skipped; None: they are errors.
     :raises InputError: with the first lines of every class of bad rows, at the end of the file.
     """
@@ -67,7 +67,7 @@ def imu_blocks(
 def table_blocks(
     path: Path, name: str, table: Table, skipped: Skipped | None = None
 ) -> Iterator[tuple[Times, Array]]:
-    """Yield stamps (n,) and values (n, m) of a table besides the readings of an IMU, in blocks.
+    """Yield stamps (n,) and values (n, m) of a table other than the readings of an IMU, in blocks.
 
     :param name: with the number of the IMU, as :func:`beside_names` gives it: mag0.
     :param skipped: as for :func:`imu_blocks`.
@@ -90,7 +90,7 @@ def table_names(path: Path, tables: Tables) -> dict[str, str]:
 def state_file(path: Path) -> Path:
     """Return the file of the states in a EuRoC folder.
 
-    :raises InputError: where there is none.
+    :raises InputError: if there is none.
     """
     found = _state_path(path) if path.is_dir() else path
     if found is None:
@@ -114,12 +114,12 @@ def state_blocks(
 
 
 def has_states(path: Path) -> bool:
-    """Return whether a folder has states besides its readings."""
+    """Return whether a folder has states in addition to its readings."""
     return path.is_dir() and _state_path(path) is not None
 
 
 def pose_file(path: Path) -> Path | None:
-    """Return the poses that a motion capture system saw (TUM VI); None where a folder has none."""
+    """Return the poses that a motion capture system saw (TUM VI); None if a folder has none."""
     return _table(path, _POSE_FOLDER) if path.is_dir() else None
 
 
@@ -148,7 +148,7 @@ def _imu_files(folder: Path) -> dict[str, Path]:
 
 
 def _tables_in(path: Path, known: Tables) -> dict[str, tuple[str, Path]]:
-    """Return kind and file of tables besides the readings of IMUs, by name: a kind, a number."""
+    """Return kind and file of tables other than the readings of IMUs, by name: a kind, a number."""
     return {
         name: (kind, file)
         for kind in (known if path.is_dir() else ())
@@ -173,7 +173,7 @@ def _tables(folder: Path, kind: str) -> dict[str, Path]:
 def sensor_folders(place: Path, kind: str) -> list[str]:
     """Return the names of sensors' folders of a kind: cam0, cam1.
 
-    What is called like a sensor is one, also where it is no folder, which is an error later.
+    What is called like a sensor is one, also if it is no folder, which is an error later.
     """
     names = [name for name in names_in(place) if name.startswith(kind)]
     return [n for n in names if n.removeprefix(kind).isdigit() or (place / n).is_dir()]

@@ -41,7 +41,7 @@ TUM_HEADER: Final = "# timestamp tx ty tz qx qy qz qw"
 
 
 WITH_TABLES: Final = ("euroc", "csv")
-"""Forms that have tables besides the readings of an IMU."""
+"""Forms that have tables other than the readings of an IMU."""
 
 
 class States(NamedTuple):
@@ -116,7 +116,7 @@ class Dataset:
 
         ``euroc``: a folder with imu0 and state_groundtruth_estimate0, and so on for each IMU.
         ``csv``: a folder with imu0.csv, imu1.csv, ... and groundtruth.tum, or one file of readings
-        where the name ends in .csv. ``tum``: one file of poses.
+        if the name ends in .csv. ``tum``: one file of poses.
 
         :param states: write the truth.
         :param imus: how many there are.
@@ -160,9 +160,9 @@ class Dataset:
                 self.truths.append(TextFile(folder / "data.csv", EUROC_STATE_HEADER))
 
     def _make_table(self, table: Table, k: int) -> None:
-        """Make a table besides the readings of an IMU.
+        """Make a table other than the readings of an IMU.
 
-        :raises InputError: where the form has one table only.
+        :raises InputError: if the form has one table only.
         """
         if self.form not in WITH_TABLES or not self.path.is_dir():
             raise InputError(f"{self.path}: holds readings of an IMU only; name a folder")
@@ -174,12 +174,12 @@ class Dataset:
 
     @property
     def imu(self) -> TextFile | None:
-        """The readings of the first IMU, where the form has some."""
+        """The readings of the first IMU, if the form has some."""
         return next(iter(self.imus), None)
 
     @property
     def truth(self) -> TextFile | None:
-        """The truth, where it is written."""
+        """The truth, if it is written."""
         return next(iter(self.truths), None)
 
     @property
@@ -212,7 +212,7 @@ class Dataset:
             self.imus[index].write(t_ns, np.concatenate([gyro, accel], axis=1))
 
     def write_table(self, name: str, index: int, t_ns: Times, values: Array) -> None:
-        """Write rows of a table besides the readings of an IMU: times (n,) and values (n, m)."""
+        """Write rows of a table other than the readings of an IMU: times (n,) and values (n, m)."""
         self.tables[name, index].write(t_ns, values)
 
     def write_states(self, states: States, index: int = 0) -> None:
@@ -259,7 +259,7 @@ def write_euroc_descriptions(
     """Write sensor.yaml of an IMU and its states, and body.yaml.
 
     :param index: of the IMU.
-    :param noise: the four densities by kalibr's names; nothing where they are not known.
+    :param noise: the four densities by kalibr's names; nothing if they are not known.
     :param r_bi: (3, 3) orientation of the IMU on the body.
     :param p_bi: (3,) place of the IMU on the body [m].
     """
@@ -284,7 +284,7 @@ def write_euroc_descriptions(
 def write_euroc_table(
     folder: Path, table: Table, index: int, rate: float, r_bi: Array, p_bi: Array, comment: str
 ) -> None:
-    """Write sensor.yaml of a table besides the readings of an IMU; arguments as above."""
+    """Write sensor.yaml of a table other than the readings of an IMU; arguments as above."""
     (folder / f"{table.name}{index}" / "sensor.yaml").write_text(
         f"# {table.title}\nsensor_type: {table.name}\ncomment: {comment}\n\n"
         f"# T_BS maps points of the sensor into the body.\n{_pose(r_bi, p_bi)}\n"

@@ -55,7 +55,7 @@ def calibrate_magnetometer(readings: Array, field: float | None = None) -> Ellip
     The errors of the readings are taken as white, alike on all axes.
 
     :param field: the field's true strength [T]; None: not known, S then has the determinant 1.
-    :raises InputError: where the readings do not determine the parameters.
+    :raises InputError: if the readings do not determine the parameters.
     """
     if len(readings) <= PARAMETERS:
         raise InputError(f"{len(readings)} readings of the magnetometer: needs more than 9")
@@ -83,7 +83,7 @@ def calibrate_magnetometer(readings: Array, field: float | None = None) -> Ellip
 
 
 def _algebraic(y: Array) -> tuple[Array | None, Array]:
-    """Return T (3, 3) with ``|T (y - b)| = 1`` roughly, and b; None where it is not an ellipsoid.
+    """Return T (3, 3) with ``|T (y - b)| = 1`` roughly, and b; None if it is not an ellipsoid.
 
     The quadric ``y^T A y + 2 c^T y = 1`` by linear least squares.
     """

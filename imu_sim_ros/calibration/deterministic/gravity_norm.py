@@ -75,11 +75,11 @@ def fit_norm(steady: Steady, gravity: float) -> NormFit:
 
     The readings' errors are their noise and a bias that walks, as in
     :func:`~imu_sim_ros.calibration.deterministic.response.fit_axis`; standard errors are widened by
-    the square root of the residuals' chi-square where that is above one.
+    the square root of the residuals' chi-square if that is above one.
 
     :param steady: m rests in ten directions or more.
     :param gravity: its magnitude [m/s^2].
-    :raises InputError: where the rests do not determine the parameters.
+    :raises InputError: if the rests do not determine the parameters.
     """
     if not is_determined(steady.accel):
         raise InputError(

@@ -54,7 +54,7 @@ class SixPosition(NamedTuple):
     scale_misalignment: Array
     """(3, 3) S of ``reading = S a + b``."""
     scale_misalignment_sigma: Array
-    """(3, 3) standard errors; 0 where the simple variant assumes the entry."""
+    """(3, 3) standard errors; 0 if the simple variant assumes the entry."""
     bias: Array
     """(3,) at the start of the record [m/s^2]"""
     bias_sigma: Array
@@ -91,7 +91,7 @@ def calibrate_six_position(
     :param fixture: ``exact``, each axis rests pointing up and down; ``norm``, rests in ten
         directions or more, whichever; ``auto``, exact unless the residuals of eq. 7 are larger than
         those of the norm by more than chance (an F-test), or a face is missing.
-    :raises InputError: where a face is missing, or fewer than ten directions are given.
+    :raises InputError: if a face is missing, or fewer than ten directions are given.
     """
     found = _chosen(steady.rows(_at_rest(steady)), gravity, simple, fixture)
     return found._replace(left_out=len(steady.stretch) - len(found.positions.stretch))
@@ -254,7 +254,7 @@ def _tilt(positions: Steady, force: Array, axes: list[AxisResponse], gravity: fl
     """Return the RMS tilt of the rests about each axis [rad] that the residuals show; 0: none.
 
     Across an axis a tilt of theta reads g theta. Each axis has four numbers; what is left of the
-    rests' means beyond them is tilt where it is far above the readings' own errors. Rounding, which
+    rests' means beyond them is tilt if it is far above the readings' own errors. Rounding, which
     is all that an exact fit of readings without noise leaves, is none.
     """
     if all(axis.is_exact for axis in axes):

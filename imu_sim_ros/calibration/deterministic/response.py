@@ -23,7 +23,7 @@ _GRID: Final = 21
 _ROUNDING: Final = 16.0 * float(np.finfo(np.float64).eps)
 """Relative error of a mean reading that is not the sensor's: float64 has no more digits."""
 _NOTHING: Final = 1e-15
-"""[rad/s] or [m/s^2] that no sensor resolves, where the readings are zero."""
+"""[rad/s] or [m/s^2] that no sensor resolves, if the readings are zero."""
 _CLOSE: Final = 4.0
 """Residuals of noise-free readings, at most, in units of the rounding, for the fit to be exact."""
 _DEPENDENT: Final = 1e-6
@@ -34,7 +34,7 @@ class AxisResponse(NamedTuple):
     """One axis: the parameters and their uncertainty."""
 
     gain: Array
-    """(p,) row of S, and of G where it is estimated."""
+    """(p,) row of S, and of G if it is estimated."""
     bias: Array
     """(k + 1,) polynomial of the bias, lowest order first."""
     scale: Array
@@ -97,12 +97,12 @@ def fit_axis(
     The readings' errors are their own noise and a bias that walks from the start on: generalised
     least squares with the covariance ``sigma_i^2 + K^2 min(t_i, t_j)``. Without the walk every bias
     would look far surer than it is. Standard errors are widened further by the square root of the
-    residuals' chi-square where that is above one.
+    residuals' chi-square if that is above one.
 
     Readings without noise that the model explains to the last digits give exact parameters: what
     is below the rounding of float64 is cut off, and their standard errors are 0.
 
-    :param whitener: from :func:`walk_whitener`; found for this model where it is not given.
+    :param whitener: from :func:`walk_whitener`; found for this model if it is not given.
     """
     data, noise_free = _above_rounding(data)
     weight = walk_whitener(data, bias_order, scale_order) if whitener is None else whitener

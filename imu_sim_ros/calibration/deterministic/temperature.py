@@ -32,7 +32,7 @@ class TriadTemperature(NamedTuple):
 
     axes: tuple[AxisResponse, ...]
     inputs: Array
-    """(m, p) what the gain of each axis multiplies; p is 0 where one orientation was seen only."""
+    """(m, p) what the gain of each axis multiplies; p is 0 if one orientation was seen only."""
     readings: Array
     """(m, 3) readings that were fitted; less the known input where p is 0."""
     difference: Array

@@ -36,7 +36,7 @@ class Turntable(NamedTuple):
     bias_sigma: Array
     """(3,)"""
     g_sensitivity: Array | None
-    """(3, 3) [(rad/s)/(m/s^2)]; None where the positions cannot separate it from the bias."""
+    """(3, 3) [(rad/s)/(m/s^2)]; None if the positions cannot separate it from the bias."""
     g_sensitivity_sigma: Array | None
     """(3, 3)"""
     stretches: Steady
@@ -55,7 +55,7 @@ def calibrate_turntable(steady: Steady, rate: Array, gravity: float) -> Turntabl
     :param steady: stretches at rest and at constant rates.
     :param rate: (m, 3) their true angular rates, from :func:`known_rates` or from a truth.
     :param gravity: its magnitude [m/s^2].
-    :raises InputError: where an axis is not turned in both directions or nothing is at rest.
+    :raises InputError: if an axis is not turned in both directions or nothing is at rest.
     """
     missing = [
         f"{sign}{name}"
@@ -100,7 +100,7 @@ def known_rates(steady: Steady, rates: Array) -> tuple[Steady, Array]:
     """Return the stretches at rest or at one of the table's rates, and their true angular rates.
 
     :param rates: magnitudes the table was set to [rad/s].
-    :raises InputError: where no stretch is at rest.
+    :raises InputError: if no stretch is at rest.
     """
     still = np.linalg.norm(steady.gyro - _usual(steady.gyro), axis=1) < _TURNING + 6.0 * (
         np.linalg.norm(steady.gyro_sigma, axis=1)
@@ -125,7 +125,7 @@ def true_rates(
 
     :param t_ns: (n,) stamps of the truth.
     :param angular_velocity: (n, 3) in the body frame [rad/s].
-    :raises InputError: where the truth covers no piece.
+    :raises InputError: if the truth covers no piece.
     """
     first = np.searchsorted(t_ns, steady.begin_ns)
     last = np.searchsorted(t_ns, steady.end_ns)

@@ -75,7 +75,7 @@ class AllanResult(NamedTuple):
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """Names of the model's parameters, also where no axis has noise to estimate them from."""
+        """Names of the model's parameters, also if no axis has noise to estimate them from."""
         return KEYS if self.model == "standard" else GAUSS_MARKOV_KEYS
 
     @property

@@ -50,9 +50,9 @@ _MARGIN: Final = 0.02
 
 
 class Estimate(NamedTuple):
-    """One parameter of one axis; ``value`` is None where the data do not show it.
+    """One parameter of one axis; ``value`` is None if the data do not show it.
 
-    ``low`` is 0 where zero cannot be excluded, or where another term can stand for this one.
+    ``low`` is 0 if zero cannot be excluded, or where another term can stand for this one.
     """
 
     value: float | None
@@ -74,7 +74,7 @@ class AxisNoise(NamedTuple):
     expected: Array
     """(m,) fitted rows of the spectrum."""
     trend: float = 0.0
-    """The ramp with its sign, where it has a value."""
+    """The ramp with its sign, if it has a value."""
 
 
 def axis_data(spectrum: Spectrum, axis: int) -> Data:
@@ -147,7 +147,7 @@ def _inside(value: float, end: Interval) -> float:
 
 
 def _slow_term(data: Data, design: Array, shown: Collection[str]) -> set[str]:
-    """Return the slow term that is worth its cost besides those shown, or none."""
+    """Return the slow term that is worth its cost in addition to those shown, or none."""
     added: list[set[str]] = [set(), *({key} for key in PRICES)]
     fits = _fit_terms(data, design, [{WHITE.key, *shown} | extra for extra in added])
     objective = fits.objective.reshape(-1, len(added)).min(axis=0)

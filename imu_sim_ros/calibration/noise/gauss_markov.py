@@ -64,7 +64,7 @@ def estimate_gauss_markov(spectrum: Spectrum, axis: int) -> AxisNoise:
 
 
 def _standard_terms(spectrum: Spectrum, data: Data, process: Array) -> dict[str, Estimate]:
-    """Return the white noise besides the process, and bounds for the terms that the model lacks."""
+    """Return the white noise, and bounds for the terms that the model lacks."""
     white = WHITE.expectation(spectrum)
     (noise, _), _ = intervals(data, np.column_stack([white, process]), trend=False)
     design = np.column_stack([standard_design(spectrum), process])

@@ -34,7 +34,7 @@ _CLOSE: Final = 0.004
 
 
 class Interval(NamedTuple):
-    """A coefficient with its 95 % interval; ``low`` is 0 where zero cannot be excluded."""
+    """A coefficient with its 95 % interval; ``low`` is 0 if zero cannot be excluded."""
 
     value: float
     low: float

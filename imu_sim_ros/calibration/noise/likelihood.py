@@ -77,7 +77,7 @@ class _Trend(NamedTuple):
     """How the trend is treated in each of b fits."""
 
     held: Array
-    """(b,) slope, NaN where it is estimated."""
+    """(b,) slope, NaN if it is estimated."""
     restricted: bool
     """Whether an estimated slope is integrated out."""
 
@@ -94,8 +94,8 @@ def fit_many(
     """Return the non-negative components that make the data most likely, b times.
 
     :param design: (m, p) expectation of the rows for each component.
-    :param held: (b, p) components with a given value; NaN where a component is free.
-    :param slope: (b,) given slope of the trend; NaN where it is estimated.
+    :param held: (b, p) components with a given value; NaN if a component is free.
+    :param slope: (b,) given slope of the trend; NaN if it is estimated.
     :param guess: (b, m) first guess of the expectation.
     :param restricted: integrate the estimated slopes out instead of maximising over them.
     """
@@ -154,7 +154,7 @@ def _without_trend(data: Data, slopes: Array) -> Array:
 
 
 def _non_negative(curvature: Array, gradient: Array, free: NDArray[np.bool_]) -> Array:
-    """Return (b, p) the minima of ``x H x / 2 - g x`` with x >= 0 and x = 0 where not free.
+    """Return (b, p) the minima of ``x H x / 2 - g x`` with x >= 0 and x = 0 if not free.
 
     Where the minimum without the bound is feasible it is the solution. Elsewhere every subset of
     the few components is solved without the bound; the best feasible one is the solution.
@@ -212,7 +212,7 @@ def fit(
 
     :param trend: whether a trend is estimated as well.
     :param restricted: integrate the trend out.
-    :param held: (p,) components with a given value, NaN where free; None: all are free.
+    :param held: (p,) components with a given value, NaN if free; None: all are free.
     """
     guesses = first_guesses(data)
     given = np.full(design.shape[1], np.nan) if held is None else held
@@ -268,7 +268,7 @@ def profile_interval(
     :param best: the estimate, >= 0.
     :param lowest: objective at the estimate.
     :param step: first guess of the distance to either end, > 0.
-    :returns: the interval; its lower end is 0 where zero cannot be excluded.
+    :returns: the interval; its lower end is 0 if zero cannot be excluded.
     """
     limit = lowest + CONFIDENCE_DROP
 

@@ -58,7 +58,7 @@ def _one_for_three(result: AllanResult, triad: int, key: str) -> tuple[float, bo
 def write_kalibr(result: AllanResult, path: Path, topic: str) -> None:
     """Write kalibr's imu.yaml: continuous-time densities, one value for three axes.
 
-    :raises InputError: where an axis is not analysed.
+    :raises InputError: if an axis is not analysed.
     """
     check_complete(result)
     lines = ["# kalibr imu.yaml: continuous-time noise, root mean square of the three axes"]
@@ -77,7 +77,7 @@ def write_imu_utils(result: AllanResult, path: Path, *, continuous: bool) -> Non
     :param continuous: densities, N and K, as kalibr's documentation and filters take the names;
         else what the program itself writes: ``*_n`` is the noise of a single sample,
         N * sqrt(rate), and ``*_w`` the minimum of the Allan deviation, which is not a random walk.
-    :raises InputError: where an axis is not analysed.
+    :raises InputError: if an axis is not analysed.
     """
     check_complete(result)
     meaning = (
@@ -145,7 +145,7 @@ def simulator_parameters(result: AllanResult) -> dict[str, Value]:
 
     White noise that the resolution hides has its upper bound; other terms not found stay zero.
 
-    :raises InputError: where an axis is not analysed.
+    :raises InputError: if an axis is not analysed.
     """
     check_complete(result)
     values: dict[str, Value] = {"rate": round(result.timing.rate, 6), "imu.preset": "perfect"}

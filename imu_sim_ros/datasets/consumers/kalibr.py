@@ -76,7 +76,7 @@ def lens(camera: CameraParameters) -> str:
 
 
 def target(scene: SceneParameters) -> str | None:
-    """Return target.yaml, whole; None where the scene is no calibration target."""
+    """Return target.yaml, whole; None if the scene is no calibration target."""
     match scene:
         case AprilgridParameters():
             return (

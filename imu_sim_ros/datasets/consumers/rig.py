@@ -57,7 +57,7 @@ class RigValues:
     ) -> Iterator[str]:
         """Yield what a format cannot express of the cameras, a sentence each.
 
-        :param expressed: parameters that it can express besides lens, place and rate; ``k3``: the
+        :param expressed: parameters that it can express next to lens, place and rate; ``k3``: the
             fifth coefficient of a pinhole; ``unified.distortion``: four of that sphere.
         :param cameras: how many it describes, the first ones; None: all.
         :param offsets: it has a time offset for each camera; else one for all, the first one's.
@@ -113,7 +113,7 @@ def kind(camera: CameraParameters) -> str:
 
 
 def four(camera: CameraParameters) -> list[float]:
-    """Return four coefficients of distortion, zeros where there is none."""
+    """Return four coefficients of distortion, zeros if there is none."""
     return [*camera.distortion, 0.0, 0.0, 0.0, 0.0][:4]
 
 

@@ -20,7 +20,7 @@ from imu_sim_ros.types import Array
 DENSITIES: Final = tuple(f"{t}_{key}" for t in TRIADS for key in ("noise_density", "random_walk"))
 """The four numbers that every stack uses in some form."""
 SMALLEST: Final = 1e-12
-"""Replaces 0 where a stack divides by the number, or refuses 0 as kalibr does."""
+"""Replaces 0 if a stack divides by the number, or refuses 0 as kalibr does."""
 _SMALLEST_DETERMINANT: Final = 1e-6
 _FLICKER: Final = math.sqrt(2.0 * math.log(2.0) / math.pi)
 HORIZON: Final = 1.0
@@ -115,7 +115,7 @@ class ImuValues:
     def missing(self, expressed: Collection[str] = ()) -> list[str]:
         """Return the simulated terms that a format cannot express, by parameter.
 
-        :param expressed: the parameters that it can express besides the four densities.
+        :param expressed: the parameters that it can express in addition to the four densities.
         """
         default = flatten(ImuParameters())
         passed_over = {*DENSITIES, *expressed, *_NO_TERMS, *_EXTRINSICS}
@@ -151,7 +151,7 @@ def remarks(
 ) -> Iterator[str]:
     """Yield the notes of a file on its numbers, a sentence each.
 
-    :param expressed: parameters of the IMU that the format can express, besides the densities.
+    :param expressed: parameters of the IMU that the format can express, next to the densities.
     :param per_axis: the format has a number for each axis.
     :param above_zero: the format wants numbers above 0.
     """

@@ -62,7 +62,7 @@ class TruthComparison:
             yield self._compare(estimate, truth)
 
     def add_truth(self, truth: Truth) -> Iterator[ErrorAt]:
-        """Take a truth; yields the error of its estimate where that is known already."""
+        """Take a truth; yields the error of its estimate if that is known already."""
         estimate = self._estimates.pop(truth.t_ns, None)
         if estimate is None:
             _keep(self._truths, truth.t_ns, truth)
@@ -83,7 +83,7 @@ class TruthComparison:
 
 
 def _keep(waiting: dict[int, _Item], t_ns: int, item: _Item) -> None:
-    """Store an item; the oldest is dropped where there are too many."""
+    """Store an item; the oldest is dropped if there are too many."""
     waiting[t_ns] = item
     if len(waiting) > _KEPT:
         del waiting[next(iter(waiting))]
@@ -101,7 +101,7 @@ _PERIOD = 1.0
 
 
 class IntegratorDiagnostics:
-    """Publishes counts and, where it is compared with the truth, the error."""
+    """Publishes counts and, if it is compared with the truth, the error."""
 
     def __init__(self, node: Any) -> None:
         self._node = node

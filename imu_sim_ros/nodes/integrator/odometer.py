@@ -237,7 +237,7 @@ class PathPublisher:
         self._due_ns = 0.0
 
     def publish(self) -> None:
-        """Publish the path so far, where there is a subscriber."""
+        """Publish the path so far, if there is a subscriber."""
         if self._poses and self._publisher.get_subscription_count():
             poses = list(self._poses)
             self._publisher.publish(Path(header=poses[-1].header, poses=poses))

@@ -58,7 +58,7 @@ class Sensor:
         self._timer = node.create_timer(_LOOK_PERIOD, self._look, clock=steady)
 
     def hold(self, topic: str, taken: list[Taken]) -> bool:
-        """Keep messages of a topic back; False where they need not wait. The lock is held."""
+        """Keep messages of a topic back; False if they need not wait. The lock is held."""
         if self.settled:
             return False
         self._first = self._first or time.monotonic()

@@ -35,7 +35,7 @@ class Message(NamedTuple):
     """The time that a bag records: that of the stamp or of the reception."""
     payload: bytes
     stamp_ns: int | None = None
-    """The stamp; None where there is none or it was never set."""
+    """The stamp; None if there is none or it was never set."""
 
 
 class Timestamps:
@@ -76,7 +76,7 @@ class Timestamps:
 
 
 def _stamp_ns(payload: bytes, offset: int | None) -> int | None:
-    """Return the stamp [ns] in a message's bytes; None where there is none that a bag can hold.
+    """Return the stamp [ns] in a message's bytes; None if there is none that a bag can hold.
 
     A stamp of zero, the header's default, was never set.
     """
@@ -185,7 +185,7 @@ class Recording:
     :param open_bag: opens the bag.
     :param fail: receives the error that ended the writing; what was written before is kept.
     :param buffer_bytes: how much may wait in memory while the disk stalls.
-    :raises Exception: whatever ``open_bag`` raised, where the bag cannot be opened.
+    :raises Exception: whatever ``open_bag`` raised, if the bag cannot be opened.
     """
 
     def __init__(

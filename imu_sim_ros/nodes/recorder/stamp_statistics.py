@@ -59,7 +59,7 @@ class StampStatistics:
 
     @property
     def rate(self) -> float:
-        """Messages per second from first to last stamp [Hz]; 0 where that has no meaning."""
+        """Messages per second from first to last stamp [Hz]; 0 if that has no meaning."""
         if self.first_ns is None or self.last_ns is None or self.last_ns <= self.first_ns:
             return 0.0
         return (self.messages - 1) * 1e9 / (self.last_ns - self.first_ns)

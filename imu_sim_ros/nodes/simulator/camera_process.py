@@ -154,7 +154,7 @@ class CameraNode:
             yield topic, Counter(topic, create(self.node, types[topic], full, qos))
 
     def publish_scene(self) -> None:
-        """Publish the static messages, latched, where they are this process's task."""
+        """Publish the static messages, latched, if they are this process's task."""
         world, scene = self.parameters.world_frame, self._rig.scene
         if LANDMARKS_TOPIC in self.counters:
             self.counters[LANDMARKS_TOPIC].send(landmarks(scene, world, 0))

@@ -100,7 +100,7 @@ class Report:
 def fault_message(name: str, fault: Fault, imu: str, stamp: Any) -> DiagnosticArray:
     """Return the message for ``ground_truth/faults``; its stamp is that of the first sample hit.
 
-    :param imu: the IMU's name, where there are several.
+    :param imu: the IMU's name, if there are several.
     """
     values = {
         "kind": fault.kind,

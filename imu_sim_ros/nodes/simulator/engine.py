@@ -231,7 +231,7 @@ class Engine:
                 return
 
     def _play(self, block: _Block) -> bool:
-        """Publish a block; False where the run was interrupted."""
+        """Publish a block; False if the run was interrupted."""
         wait, go, unpaced = self.pacer.wait, Verdict.GO, self.pacer.speed == 0
         for time_ns, messages in block.groups:
             verdict = wait(time_ns)

@@ -219,7 +219,7 @@ class Simulator(ConfiguredNode):
                 yield SerialEncode(sensor), terminal.send
 
     def _can_publish(self, topic: Topic) -> bool:
-        """Return whether a topic's type is installed, where it need not be."""
+        """Return whether a topic's type is installed, if it need not be."""
         if topic.foreign:
             try:
                 message_class(topic.type)

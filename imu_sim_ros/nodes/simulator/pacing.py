@@ -81,7 +81,7 @@ class Pacer:
     ) -> None:
         self._on_stall = on_stall
         self._condition = threading.Condition()
-        # Set while there is anything to attend to besides the next deadline.
+        # Set while there is anything to attend to in addition to the next deadline.
         self._attention = threading.Event()
         # Whether samples simply follow each other in time: no attention, no stall.
         self._calm = False
@@ -105,7 +105,7 @@ class Pacer:
         return self._paused
 
     def pause(self, paused: bool) -> None:
-        """Stop the simulated time, or resume it where it is."""
+        """Stop the simulated time, or resume it at the same time."""
         with self._condition:
             self._moved |= self._paused and not paused
             self._paused = paused

@@ -53,7 +53,7 @@ class SimulationStream:
     ) -> None:
         """Connect a simulation with its topics.
 
-        :param name: of the IMU, where there are several.
+        :param name: of the IMU, if there are several.
         """
         self.simulation = simulation
         self.name = name

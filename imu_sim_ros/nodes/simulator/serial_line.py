@@ -17,7 +17,7 @@ from imu_sim_ros.simulation.parameters import SampledParameters
 from imu_sim_ros.simulation.topics import TextMessages
 
 PLAIN: Final = "pty"
-"""What stands in place of a link where there is none."""
+"""What stands in place of a link if there is none."""
 
 
 class PseudoTerminal:
@@ -31,7 +31,7 @@ class PseudoTerminal:
         """Make the terminal, and a symbolic link to it.
 
         :param where: path of the link; ``pty``: none.
-        :raises InputError: where the link cannot be made.
+        :raises InputError: if the link cannot be made.
         """
         self.written = self.lost = 0
         self._rest = b""

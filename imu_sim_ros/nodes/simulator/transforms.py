@@ -57,7 +57,7 @@ def publish_mounts(node: Any, body_frame: str, mounts: Iterable[Mount], t_ns: in
     What coincides with the body's own frame needs no transform.
 
     :param t_ns: the stamp [ns]; tf takes a static transform at all times.
-    :returns: None where there is nothing to publish.
+    :returns: None if there is nothing to publish.
     """
     placed = [mount for mount in mounts if mount.frame != body_frame]
     if not placed:
