@@ -57,7 +57,7 @@ class Evaluation:
     attitude: Array
     """(m, 3) rotation vectors about the world's axes [rad]."""
     velocity: Array | None
-    """(m, 3) in the world [m/s]; None where either has no velocity."""
+    """(m, 3) in the world [m/s]; None if either has no velocity."""
     distance: float
     """Length of the true path [m]."""
     estimate: PoseSequence
@@ -66,7 +66,7 @@ class Evaluation:
     """The truth at the same times."""
     nees: dict[str, Any] | None = None
     """``position`` and ``attitude``, each with ``mean``, ``final`` and ``inside_band``, as the
-    command has them; None where the estimate states no covariance that allows it, see `no_nees`."""
+    command has them; None if the estimate states no covariance that allows it, see `no_nees`."""
     no_nees: str | None = None
     """Why there is no NEES."""
 
@@ -106,7 +106,7 @@ class Evaluation:
 
         :param delta: > 0.
         :param unit: s, m (along the truth's path) or frames.
-        :raises InputError: where the trajectory is shorter than delta.
+        :raises InputError: if the trajectory is shorter than delta.
         """
         number("delta", delta, f"above 0 {unit}", 0.0, above=True)
         one_of("unit", unit, DELTA_UNITS)
