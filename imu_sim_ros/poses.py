@@ -250,10 +250,10 @@ class _Reading:
             self._bad.complain()
         count = sum(len(block.t_ns) for block in blocks)
         if self._euroc is None:
-            raise InputError(f"{self._path}: holds no poses")
+            raise InputError(f"{self._path}: contains no poses")
         if count < 2:
             what = "one pose" if count else "no usable pose"
-            raise InputError(f"{self._path}: holds {what}; a trajectory needs two or more")
+            raise InputError(f"{self._path}: contains {what}; a trajectory needs two or more")
         t_ns = np.empty(count, dtype=np.int64)
         position, q_wb = np.empty((count, 3)), np.empty((count, 4))
         lines = np.empty(count, dtype=np.int64)

@@ -93,12 +93,12 @@ def test_a_pose_that_stands_twice_is_taken_once(read):
 
 @pytest.mark.parametrize("lines", [[], ["# only", "# comments"], ["", "   "]])
 def test_empty_file(read, lines):
-    assert wrong(read, *lines) == ["holds no poses"]
+    assert wrong(read, *lines) == ["contains no poses"]
 
 
 def test_one_line(read):
-    assert wrong(read, GOOD[0]) == ["holds one pose; a trajectory needs two or more"]
-    assert wrong(read, GOOD[0], GOOD[0]) == ["holds one pose; a trajectory needs two or more"]
+    assert wrong(read, GOOD[0]) == ["contains one pose; a trajectory needs two or more"]
+    assert wrong(read, GOOD[0], GOOD[0]) == ["contains one pose; a trajectory needs two or more"]
 
 
 def test_every_problem_of_a_kind_is_named_with_its_line(read):
@@ -192,7 +192,7 @@ def test_bad_rows_are_skipped_and_counted(tmp_path):
     assert poses.t_ns.tolist() == [1_000_000_000, 1_100_000_000, 1_200_000_000, 1_300_000_000]
     assert (poses.skipped, poses.dropped) == (5, 1)
     path.write_text("junk\nrubbish\n")
-    with pytest.raises(InputError, match="holds no usable pose"):
+    with pytest.raises(InputError, match="contains no usable pose"):
         read_poses(path, skip_bad_rows=True)
 
 

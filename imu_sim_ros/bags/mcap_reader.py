@@ -73,7 +73,7 @@ class McapBag(ChunkedBag):
         except (McapError, *DAMAGE):
             raise InputError(
                 f"{self.path}: no valid end (interrupted or damaged); "
-                "convert_bag --recover salvages what is there"
+                "convert_bag --recover recovers the complete messages"
             ) from None
         statistics = summary.statistics if summary else None
         if (

@@ -117,7 +117,9 @@ def open_bag(path: str | Path, recover: bool = False) -> Bag:
     path = Path(path)
     if recover and not path.exists():
         path = unfinished(path) or path
-    with errors_naming(path, "" if recover else "; convert_bag --recover salvages what is there"):
+    with errors_naming(
+        path, "" if recover else "; convert_bag --recover recovers the complete messages"
+    ):
         return _opened(path, recover)
 
 
@@ -129,7 +131,7 @@ def _opened(path: Path, recover: bool) -> Bag:
             magic = file.read(_MAGIC_BYTES)
     except InputError as error:
         left = unfinished(path)
-        advice = "convert_bag --recover salvages what is there"
+        advice = "convert_bag --recover recovers the complete messages"
         hint = f"; {left} is an unfinished one, {advice}" if left else ""
         raise InputError(f"{error}{hint}") from None
     if magic.startswith(b"#ROSBAG V"):

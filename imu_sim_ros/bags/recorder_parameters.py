@@ -15,19 +15,19 @@ COMPRESSIONS = ("none", "lz4", "zstd", "bz2")
 
 @dataclass(frozen=True)
 class RecorderParameters:
-    """What is recorded, where and for how long."""
+    """Topics, output and limits of a recording."""
 
     output: str = text(
         "",
-        "the bag, which must not exist yet: a folder (rosbag2), NAME.mcap or NAME.bag (ROS 1); "
-        "empty: recording_ and the start time",
+        "bag to write, which must not exist: a folder (rosbag2), NAME.mcap or NAME.bag (ROS 1); "
+        "if empty, recording_ and the start time",
     )
-    topics: tuple[str, ...] = texts((), "names of the topics; none: all of them")
+    topics: tuple[str, ...] = texts((), "names of the topics; if empty, all topics")
     exclude: tuple[str, ...] = texts(
-        ("/rosout", "/parameter_events"), "topics that 'all of them' leaves out"
+        ("/rosout", "/parameter_events"), "topics to leave out when all topics are recorded"
     )
     storage: str = choice(
-        "auto", STORAGES, "format of the bag; auto: by the extension of output, mcap for a folder"
+        "auto", STORAGES, "format of the bag; auto: from the extension of output, mcap for a folder"
     )
     compression: str = choice(
         "none", COMPRESSIONS, "compression of chunks: lz4 or zstd in mcap, lz4 or bz2 in ROS 1"
@@ -35,8 +35,8 @@ class RecorderParameters:
     record_time: str = choice(
         "stamp",
         RECORD_TIMES,
-        "time that the bag stores for a message: the stamp of its header, if there is one "
-        "that is set, or always the time of its reception",
+        "time that the bag stores for a message: the stamp in its header, if it is set, or "
+        "always the time of reception",
     )
     duration: float = number(
         0.0,
@@ -45,7 +45,7 @@ class RecorderParameters:
         minimum=0.0,
     )
     max_size: float = number(
-        0.0, "stop once this much is written; 0: never", unit="MB", minimum=0.0
+        0.0, "stop when the bag has this size; 0: never", unit="MB", minimum=0.0
     )
     split_size: float = number(
         0.0, "start a new file at this size; 0: never", unit="MB", minimum=0.0
@@ -60,7 +60,7 @@ class RecorderParameters:
         minimum=0.0,
     )
     buffer_size: float = number(
-        512.0, "memory that holds messages while the disk stalls", unit="MB", minimum=1.0
+        512.0, "memory for messages while the disk stalls", unit="MB", minimum=1.0
     )
     status: bool = flag(True, "show a live line with counts and rates on a terminal")
 
@@ -83,7 +83,7 @@ class RecorderParameters:
             yield f"{prefix}storage = {self.storage!r}: {self.output} is the name of an MCAP file"
 
     def form(self) -> str:
-        """Return mcap, sqlite3 or ros1: the storage, also if it is left to the name."""
+        """Return mcap, sqlite3 or ros1: the storage, even if the name decides."""
         if self.storage != "auto":
             return self.storage
         return "ros1" if self.output.endswith(".bag") else "mcap"

@@ -79,7 +79,7 @@ class Rosbag1Bag(ChunkedBag):
         try:
             self._name_topics(self._scan() if self._recover else self._read_index())
         except DAMAGE:
-            hint = "" if self._recover else "; convert_bag --recover salvages what is there"
+            hint = "" if self._recover else "; convert_bag --recover recovers the complete messages"
             raise InputError(f"{self.path}: the index is damaged{hint}") from None
 
     def _read_index(self) -> Mapping[int, int]:
@@ -92,7 +92,7 @@ class Rosbag1Bag(ChunkedBag):
         if not position or position > self._end:
             raise InputError(
                 f"{self.path}: not indexed (interrupted or damaged); "
-                "convert_bag --recover salvages what is there"
+                "convert_bag --recover recovers the complete messages"
             )
         while position < self._end:
             record = self._record(position)

@@ -56,7 +56,7 @@ class SqliteBag(Bag):
             self._topics = self._read_topics()
         except sqlite3.Error as error:
             self._stack.close()
-            hint = "" if recover else " (convert_bag --recover salvages what is there)"
+            hint = "" if recover else " (convert_bag --recover recovers the complete messages)"
             raise InputError(f"{path}: {error}{hint}") from None
         self.topics = list(self._topics.values())
 
@@ -175,7 +175,7 @@ class SqliteBag(Bag):
                 yield Timed(rows[-1][1], self._blocks(rows))
         except sqlite3.Error as error:
             raise InputError(
-                f"{self.path}: {error} (convert_bag --recover salvages what is there)"
+                f"{self.path}: {error} (convert_bag --recover recovers the complete messages)"
             ) from None
 
     def _blocks(self, rows: list[tuple[int, Any, Any]]) -> list[MessageBlock]:
@@ -292,7 +292,9 @@ def read_metadata(folder: Path) -> dict[str, Any]:
     """
     file = folder / rosbag2_metadata.FILE_NAME
     if not is_present(file):
-        hint = "; convert_bag --recover salvages what is there" if _files_found(folder) else ""
+        hint = (
+            "; convert_bag --recover recovers the complete messages" if _files_found(folder) else ""
+        )
         raise InputError(f"{folder}: no metadata.yaml, so not a whole rosbag2 bag{hint}")
     try:
         content = parse_yaml(read_text(file))

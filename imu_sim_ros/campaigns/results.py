@@ -157,7 +157,7 @@ def _refuse(folder: Path, resume: bool, force: bool) -> None:
     foreign = [name for name in names if name not in _OWN and not _PART.fullmatch(name)]
     if foreign:
         raise InputError(
-            f"{folder}: holds {foreign[0]}, which is not from a campaign; name another folder"
+            f"{folder}: contains {foreign[0]}, which is not from a campaign; name another folder"
         )
     if force:
         return
@@ -167,13 +167,13 @@ def _refuse(folder: Path, resume: bool, force: bool) -> None:
         return
     if begun or unfinished:
         raise InputError(
-            f"{folder}: holds results; continue with --resume, start over with --force, or name "
+            f"{folder}: contains results; continue with --resume, start over with --force, or name "
             "another one"
         )
     if there:
         raise InputError(
-            f"{folder}: holds {there[0]} without the {LOG} it was generated from; start over with "
-            "--force, or name another one"
+            f"{folder}: contains {there[0]} without the {LOG} it was generated from; start over "
+            "with --force, or name another one"
         )
 
 

@@ -260,7 +260,7 @@ def _text_to_text(
                     for samples in model.read(Given(t_ns[rows], gyro[rows].T, accel[rows].T)):
                         dataset.write_imu(*delivered(samples))
         if model is None:
-            raise InputError(f"{arguments.input}: holds no readings")
+            raise InputError(f"{arguments.input}: contains no readings")
         if staged.is_file():
             shutil.move(place, staged)
         else:

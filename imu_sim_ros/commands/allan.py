@@ -1,9 +1,9 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``allan``: noise parameters of an IMU, with confidence, from bags of it at rest.
+"""``allan``: estimate the noise parameters of an IMU at rest, with confidence intervals.
 
-The terms are found by maximum likelihood on the record's cosine spectrum, not by lines through the
+The estimates are maximum likelihood on the cosine spectrum of the record, not lines through the
 Allan curve; see imu_sim_ros.calibration.
 """
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``calibrate``: deterministic errors of an IMU from six-position, rate-table or temperature runs.
+"""``calibrate``: estimate the deterministic errors of a sensor from calibration runs.
 
 Writes a parameter file for the simulator, a correction for the integrator, and a picture.
 """
@@ -44,7 +44,7 @@ def parser() -> program.Parser:
     """Return the command's arguments."""
     result = program.Parser(prog="calibrate", description=__doc__, examples=EXAMPLES)
     kinds = result.add_subparsers(dest="kind", required=True, metavar="RUN")
-    six = _kind(kinds, "six_position", "accelerometer: rest with each axis up and down")
+    six = _kind(kinds, "six_position", "accelerometer: rests with each axis up and down")
     six.add_argument(
         "--simple", action="store_true", help="bias and scale only, without misalignment"
     )
@@ -65,7 +65,7 @@ def parser() -> program.Parser:
         help="correction.yaml of a six-position run: on a tilted table the force is taken "
         "as measured",
     )
-    temperature = _kind(kinds, "temperature", "both triads against temperature: soak or ramp")
+    temperature = _kind(kinds, "temperature", "both triads over temperature: soak or ramp")
     _add_rates(temperature)
     temperature.add_argument(
         "--temperature-topic",
@@ -75,7 +75,7 @@ def parser() -> program.Parser:
     temperature.add_argument(
         "--reference", metavar="DEGC", type=float, default=25.0, help="T0 (default: 25)"
     )
-    magnetometer = _kind(kinds, "magnetometer", "hard and soft iron: turned all around")
+    magnetometer = _kind(kinds, "magnetometer", "hard and soft iron: rotations in all directions")
     magnetometer.add_argument(
         "--field",
         metavar="T",

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``campaign``: many runs of any estimator over a grid of sensors, motions, faults and seeds."""
+"""``campaign``: run any estimator over a grid of sensors, motions, faults and seeds."""
 
 import argparse
 import contextlib
@@ -44,7 +44,7 @@ def parser() -> program.Parser:
         examples=EXAMPLES,
     )
     result.add_argument("plan", metavar="PLAN", help="a file, or a name in config/campaigns")
-    result.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder of the results")
+    result.add_argument("-o", "--output", type=Path, metavar="DIR", help="folder for the results")
     result.add_argument(
         "--resume", action="store_true", help="continue with the results in the folder"
     )
@@ -56,12 +56,12 @@ def parser() -> program.Parser:
     _add_gate_arguments(result)
     result.add_argument("--no-report", action="store_true", help="write no report.html")
     result.add_argument(
-        "--check", action="store_true", help="check the plan and print what it would run"
+        "--check", action="store_true", help="check the plan, print its runs, and exit"
     )
     result.add_argument(
         "--power",
         metavar="SHARE",
-        help="print how many seeds it takes to find a difference of this size, and end",
+        help="print the number of seeds needed to find a difference of this size, and exit",
     )
     result.add_argument(
         "--scatter",
@@ -81,8 +81,8 @@ def _add_gate_arguments(result: argparse.ArgumentParser) -> None:
         "--baseline",
         type=Path,
         metavar="FILE",
-        help="results.csv or results.parquet of an earlier campaign: being significantly worse "
-        f"ends with status {GATE_FAILED}",
+        help="results.csv or results.parquet of an earlier campaign: end with "
+        f"status {GATE_FAILED} if results are significantly worse",
     )
     result.add_argument(
         "--metric",
@@ -111,7 +111,7 @@ def _add_engine_arguments(result: argparse.ArgumentParser) -> None:
         type=int,
         metavar="N",
         default=cores(),
-        help="processes on this machine; default: one for each core (%(default)s); 1 starts no "
+        help="processes on this machine; default: one per core (%(default)s); 1 starts no "
         "further one",
     )
     result.add_argument(
@@ -125,7 +125,7 @@ def _add_engine_arguments(result: argparse.ArgumentParser) -> None:
         type=float,
         metavar="S",
         default=60.0,
-        help="how long a scheduler without workers is waited for; default: %(default)g s",
+        help="time to wait for the first worker of a scheduler; default: %(default)g s",
     )
     result.add_argument(
         "--batch",
@@ -216,7 +216,7 @@ def _bar(
         try:
             yield lambda rows: advance(len(rows), tally.add(rows))
         except KeyboardInterrupt as stop:
-            stop.args = (f"{folder} holds what is done; continue with --resume",)
+            stop.args = (f"{folder} has the runs made so far; continue with --resume",)
             raise
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``convert_bag``: a bag or dataset into another form; interrupted bags into whole ones."""
+"""``convert_bag``: convert a bag or dataset to another format; recover interrupted bags."""
 
 import argparse
 import sys

@@ -1,9 +1,9 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``dead_reckon``: the trajectory that a bag's IMU readings give, and its error against the truth.
+"""``dead_reckon``: integrate the IMU readings of a bag, and compare with the truth.
 
-The parameters are those of the integrator node, so that one file serves both.
+The parameters are those of the integrator node, so one parameter file works with both.
 """
 
 import argparse

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``make demo``: the three nodes as processes of their own, then what became of their messages.
+"""``make demo``: run the three nodes as separate processes, and count their messages.
 
 The simulator flies a trajectory, the integrator dead-reckons its readings, the recorder writes all
 of it into a bag. The numbers printed afterwards come from the bag and from the nodes.

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``evaluate``: an estimated trajectory against the truth: ATE, RPE, drift, attitude, NEES."""
+"""``evaluate``: compare an estimated trajectory with the truth: ATE, RPE, drift, NEES."""
 
 import argparse
 import re

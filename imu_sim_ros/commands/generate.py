@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``generate``: parameters in, a bag or a dataset out, as fast as the machine can."""
+"""``generate``: simulate sensors and write a bag or dataset, as fast as the machine can."""
 
 import argparse
 import sys
@@ -214,8 +214,8 @@ def _notes(
     if arguments.imu is not None and above:
         others = f" and {len(above) - 3} more" if len(above) > 3 else ""
         yield (
-            f"--imu {arguments.imu} is what the parameter file starts from; "
-            f"the file's own values count: {', '.join(above[:3])}{others}"
+            f"--imu {arguments.imu} is the base of the parameter file; "
+            f"the values of the file take precedence: {', '.join(above[:3])}{others}"
         )
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``report``: a campaign or recorded bags as one HTML page that needs nothing else."""
+"""``report``: write one self-contained HTML page about campaigns or recorded bags."""
 
 import argparse
 import shlex

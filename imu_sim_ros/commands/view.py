@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``view``: a flight in the rerun viewer: truth, estimates, images, readings and biases over time.
+"""``view``: show a flight in rerun: truth, estimates, images, readings and biases over time.
 
 Needs rerun: ``pip install imu_sim_ros[view]``.
 """

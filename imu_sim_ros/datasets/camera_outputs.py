@@ -36,7 +36,7 @@ def check_form(form: str | None, path: Path, cameras: "Rig | None", imus: int) -
     :raises InputError: with what to give.
     """
     if form in ("tum_vi", "vio_data_simulation") and imus > 1:
-        raise InputError(f"format {form}: holds one IMU, not {imus}")
+        raise InputError(f"format {form}: has room for one IMU, not {imus}")
     forms = (*CAMERA_FORMATS, *IMAGE_FORMATS)
     if cameras is not None and form is not None and (form not in forms or path.suffix == ".csv"):
         raise InputError(f"cameras: need a bag, or a folder and --format {', '.join(forms)}")

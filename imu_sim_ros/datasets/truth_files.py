@@ -140,8 +140,8 @@ def _sensor_text(parameters: SimulationParameters, name: str) -> str:
     values = {f"{name}.{key}": value for key, value in flatten(own).items()}
     return files.text(
         {**_world(parameters), "sensors": (name,), **values},
-        comment=f"The sensor {name} of this run, with what seed {parameters.seed} drew in the "
-        "places of the parameters.\ngenerate --params-file FILE simulates the same unit.",
+        comment=f"The sensor {name} of this run, with the values that seed {parameters.seed} has "
+        "drawn.\ngenerate --params-file FILE simulates the same unit.",
     )
 
 

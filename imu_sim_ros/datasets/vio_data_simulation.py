@@ -67,7 +67,9 @@ class VioDataSimulation:
         :raises InputError: for several cameras, of which the form knows one.
         """
         if len(rig.views) != 1:
-            raise InputError(f"format vio_data_simulation: holds one camera, not {len(rig.views)}")
+            raise InputError(
+                f"format vio_data_simulation: has room for one camera, not {len(rig.views)}"
+            )
         make_folder(folder)
         self.path = folder
         (folder / "keyframe").mkdir()

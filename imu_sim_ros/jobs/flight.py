@@ -90,7 +90,7 @@ def readings_of(
     arguments.topic(topic_name, topic, of_a_file=False)
     found = given.readings if isinstance(given, Flight) else given
     if not len(found):
-        raise InputError(f"{name}: holds no readings")
+        raise InputError(f"{name}: contains no readings")
     gate.readings(found.t_ns, found.gyro, found.accel).complain(name)
     return found
 

@@ -108,7 +108,7 @@ def _read(kind: str, path: str | Path, topic: str | None) -> Samples:
             topic = next(names, None)
     found = read_table(path, table, topic)
     if not len(found.t_ns):
-        raise InputError(f"{path}: holds no {'orientation' if kind == 'orientation' else kind}")
+        raise InputError(f"{path}: contains no {'orientation' if kind == 'orientation' else kind}")
     return Samples(found.t_ns, found.values, found.covariance, name_of(path))
 
 

@@ -179,8 +179,8 @@ def time_offset(
     best = float(coarse[np.argmin(costs)])
     if np.median(costs) - costs.min() < 2.0 * np.log(_SHARPNESS):
         raise InputError(
-            "--time-offset: the motion does not show a time offset: it looks the same at any; "
-            "it shows where speed or turning change"
+            "--time-offset: the motion does not reveal a time offset, because it looks "
+            "the same at any; changes of speed or direction reveal it"
         )
     if abs(best) > LARGEST - 1.5 * _STEPS[0]:
         raise InputError(

@@ -232,7 +232,7 @@ def why_no_nees(alignment: str, pose: Array | None) -> str | None:
     sigma = float(attitude_sigma(attitude[np.isfinite(attitude).all(axis=(1, 2))]).max(initial=0.0))
     if sigma > LARGEST_SIGMA:
         return (
-            f"not valid: the estimate knows its attitude to {sigma:.3g} rad (one sigma); errors "
+            f"not valid: the attitude is uncertain by {sigma:.3g} rad (one sigma); errors "
             f"are linear up to {LARGEST_SIGMA:g} rad"
         )
     return None

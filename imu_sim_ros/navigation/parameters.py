@@ -91,16 +91,16 @@ class IntegratorNoiseParameters:
 class IntegratorParameters:
     """How readings become a pose."""
 
-    method: str = choice("midpoint", METHODS, "how position and velocity are integrated")
+    method: str = choice("midpoint", METHODS, "integration of position and velocity")
     attitude_update: str = choice(
         "so3",
         ATTITUDE_UPDATES,
-        "how the attitude is integrated: quaternion (lecture eq. 34), so3 (eq. 35) or "
+        "integration of the attitude: quaternion (lecture eq. 34), so3 (eq. 35) or "
         "euler_angles (eq. 36)",
     )
     max_gap: float = number(
         0.1,
-        "a step longer than this is a gap: it is counted, and integration continues after it",
+        "longest step to integrate; a longer one is counted as a gap and left out",
         unit="s",
         minimum=0.0,
         above_minimum=True,
@@ -130,7 +130,7 @@ class IntegratorParameters:
     initial_state: str = choice(
         "parameters",
         INITIAL_STATES,
-        "where integration starts: at initial_*, at the first ground_truth/odom, or level: "
+        "start of the integration: at initial_*, at the first ground_truth/odom, or level: "
         "roll, pitch and gyroscope bias from readings at rest",
     )
     initial_position: Vector = vector(ZERO_VECTOR, "position in the world at the start", unit="m")

@@ -17,7 +17,7 @@ from imu_sim_ros.simulation.playback import SimulatorParameters
 
 
 class Program(NamedTuple):
-    """A node as its user sees it."""
+    """The help of a node."""
 
     text: str
     section: type
@@ -36,13 +36,13 @@ PROGRAMS: Final = {
         ),
     ),
     "integrator": Program(
-        """Integrates imu/data_raw and publishes dead_reckoned/odom for every reading.
+        """Integrate imu/data_raw and publish dead_reckoned/odom for every reading.
 
-On request it also publishes dead_reckoned/path, dead_reckoned/roll_pitch_yaw (degrees) and, against
-ground_truth/odom, dead_reckoned/position_error and dead_reckoned/attitude_error.
-The noise for the covariance is that of imu.*, or else what the simulator publishes about its sensor
-on imu/data_raw/parameters.
-The service ~/reset starts again at initial_state.""",
+On request, the node also publishes dead_reckoned/path, dead_reckoned/roll_pitch_yaw (degrees) and
+the errors against ground_truth/odom, dead_reckoned/position_error and
+dead_reckoned/attitude_error. The noise for the covariance comes from imu.* or, if none is given,
+from imu/data_raw/parameters, which the simulator publishes. The service ~/reset starts again at
+initial_state.""",
         IntegratorParameters,
         (
             "integrator --initial_state truth --error true",
@@ -65,13 +65,14 @@ The service ~/reset begins again with the next reading.""",
         ),
     ),
     "recorder": Program(
-        """Records topics into a bag: rosbag2 in MCAP or SQLite form, or ROS 1.
+        """Record topics into a bag: rosbag2 with MCAP or SQLite storage, or ROS 1.
 
-Plain arguments are topics (none: all), -o is --output (none: a folder named after the time;
-NAME.bag is ROS 1), -d is --duration and takes units such as 20s and 10min.
+Arguments without -- are topics; without any, all topics are recorded. -o is --output (default: a
+folder named after the time; NAME.bag is ROS 1), -d is --duration and accepts units such as 20s and
+10min.
 
-Whatever kills it, the bag holds all but the last second; convert_bag --recover opens it again.
-Ends with status 0 after Ctrl-C, SIGTERM, duration or max_size; 1 where writing failed.""",
+If the recorder is killed, at most the last second is lost; convert_bag --recover makes a complete
+bag. The exit status is 0 after Ctrl-C, SIGTERM, duration or max_size, and 1 if writing failed.""",
         RecorderParameters,
         (
             "recorder",
@@ -83,7 +84,7 @@ Ends with status 0 after Ctrl-C, SIGTERM, duration or max_size; 1 where writing 
 
 
 class Formatter(argparse.HelpFormatter):
-    """Wraps paragraphs one by one, and leaves the examples as they are."""
+    """Wraps paragraphs one by one, and leaves the examples unchanged."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         if text.startswith("examples:"):
@@ -93,7 +94,7 @@ class Formatter(argparse.HelpFormatter):
 
 
 def answer(name: str, arguments: list[str]) -> int | None:
-    """Answer what a node can be asked without running: help, version, what tab completes.
+    """Answer requests that need no running node: help, version, tab completion.
 
     :returns: the exit status; None: the node is to run.
     """
@@ -108,7 +109,7 @@ def answer(name: str, arguments: list[str]) -> int | None:
 
 
 def parser(name: str) -> argparse.ArgumentParser:
-    """Return a parser that knows a node's parameters, for its help and for tab completion."""
+    """Return a parser with a node's parameters, for its help and for tab completion."""
     program = PROGRAMS[name]
     examples = "".join(f"\n  {line}" for line in program.examples)
     result = argparse.ArgumentParser(

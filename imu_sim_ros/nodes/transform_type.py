@@ -216,9 +216,7 @@ def _class(support: _TypeSupport, kept: Any) -> Any:
 
 
 def _no_object(*_: object) -> None:
-    raise TypeError(
-        f"{TYPE} can only be sent and received as bytes where tf2_msgs is not installed"
-    )
+    raise TypeError(f"{TYPE} can only be sent and received as bytes if tf2_msgs is not installed")
 
 
 def _donor(identifier: bytes) -> _TypeSupport:

@@ -75,7 +75,7 @@ def _size(node: Any, sizes: dict[int, int]) -> int:
     """
     known = sizes.get(id(node))
     if known == 0:
-        raise ValueError("a value that holds itself")
+        raise ValueError("a value that contains itself")
     if known is None:
         sizes[id(node)] = 0
         children = node.value if isinstance(node.value, list) else ()
@@ -98,7 +98,7 @@ def _class() -> Any:
     class Loader(_checking(yaml)):  # type: ignore[misc]
         """The rules for numbers, lists and names."""
 
-    # Without the list, an alias inside its own list would be a value that holds itself.
+    # Without the list, an alias inside its own list would be a value that contains itself.
     def construct_list(loader: Any, node: Any) -> Any:
         return loader.construct_sequence(node, deep=True)
 

@@ -80,7 +80,7 @@ def _imus(
 ) -> list[tuple[str, int]]:
     """Return the name of every IMU, empty of a file's only one, and how many readings it has.
 
-    :raises InputError: for a text file that holds no readings, or bad ones.
+    :raises InputError: for a text file that contains no readings, or bad ones.
     """
     if not is_text(path):
         return [(topic.name, topic.count) for topic in topics if topic.type == IMU]
@@ -136,7 +136,7 @@ def _spectrum(stream: Stream, triad: int) -> Item:
         {"name": axis, "colour": k, "x": stream.frequency, "y": stream.density[:, 3 * triad + k]}
         for k, axis in enumerate(_AXES)
     ]
-    caption = "Welch's estimate, two-sided: white noise of a density lies at this density."
+    caption = "Welch's estimate, two-sided: white noise appears at its density."
     label = f"[{unit}/sqrt(Hz)]"
     return _plot(f"{title}: spectrum", "frequency [Hz]", label, series, "xy", caption=caption)
 
@@ -148,7 +148,7 @@ def _allan(stream: Stream, triad: int) -> Item:
         column = 3 * triad + k
         line: Item = {"name": axis, "colour": k, "x": found.tau, "y": found.deviation[:, column]}
         series.append({**line, "low": found.low[:, column], "high": found.high[:, column]})
-    caption = "Overlapping, with its 95 % band; a statement about noise only where the IMU rests."
+    caption = "Overlapping, with its 95 % band; valid for noise only if the IMU is at rest."
     label = f"[{unit}]"
     return _plot(
         f"{title}: Allan deviation", "cluster time [s]", label, series, "xy", caption=caption

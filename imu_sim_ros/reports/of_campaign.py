@@ -61,7 +61,7 @@ def campaign_sections(
     rows = read_results(folder)
     earlier = [(_named(path), read_results(path)) for path in baselines]
     if not rows:
-        raise InputError(f"{folder}: holds no run yet")
+        raise InputError(f"{folder}: contains no run yet")
     present = [name for name in plan.metrics if any(row.get(name) is not None for row in rows)]
     if metric and metric not in (*present, SUCCESS):
         none = None if present else "no run is done"
@@ -261,9 +261,7 @@ def _cells(plan: Plan, found: Sequence[Group], metrics: Sequence[str], chosen: s
             else:
                 row += [*quantile(values, 0.5), quantile(values, 0.95).value]
         rows.append(row)
-    text = (
-        "Medians with their exact 95 % intervals; summary.csv has more. A NEES is not valid where "
-    )
+    text = "Medians with their exact 95 % intervals; summary.csv has more. A NEES is not valid if "
     text += f"the attitude is known to no better than {LARGEST_SIGMA:g} rad."
     items: list[Item] = [{"kind": "text", "text": text, "faint": True}]
     cells = table("cells", header, rows, search=True)

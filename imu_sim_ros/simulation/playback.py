@@ -213,14 +213,14 @@ class SimulatorParameters(SimulationParameters):
         if self.wait_for_truth_subscribers and not self.publish.ground_truth:
             yield (
                 f"{prefix}wait_for_truth_subscribers = {self.wait_for_truth_subscribers}: "
-                f"must be 0 where {prefix}publish.ground_truth is false"
+                f"must be 0 if {prefix}publish.ground_truth is false"
             )
         wanted = self.publish.increments or self.publish.ground_truth_increments
         for name, simulation in simulations(self).items() if wanted else ():
             if name != BODY and simulation.imu.sampling != "averaged":
                 own = f"{name}." if name else prefix
                 yield (
-                    f"{own}imu.sampling = {simulation.imu.sampling!r}: must be averaged where "
+                    f"{own}imu.sampling = {simulation.imu.sampling!r}: must be averaged if "
                     f"{prefix}publish.increments or publish.ground_truth_increments is true"
                 )
         if self.inject.imu and self.inject.imu not in self.imus:

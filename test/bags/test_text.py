@@ -106,8 +106,8 @@ def test_sensor_descriptions(tmp_path, states):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "holds no rows"),
-        ("timestamp,omega_x\n", "holds no rows"),
+        ("", "contains no rows"),
+        ("timestamp,omega_x\n", "contains no rows"),
         ("1,2,3\n", "line 1: 3 columns; expected nanoseconds and 6"),
         ("1.5,1,2,3,4,5,6\n", "line 1: .1.5. is not a stamp"),
         ("1,1,2,x,4,5,6\n", "line 1: .x. is not a number"),

@@ -24,7 +24,7 @@ def test_a_folder_with_anything_else_is_refused(plan_file, campaign, tmp_path, n
     assert status == 2
     shown = name.partition("/")[0]
     assert lines == [
-        f"campaign: {folder}: holds {shown}, which is not from a campaign; name another folder"
+        f"campaign: {folder}: contains {shown}, which is not from a campaign; name another folder"
     ]
     assert [path.name for path in folder.iterdir()] == [shown]
 
@@ -35,7 +35,7 @@ def test_tables_without_their_rows_are_not_replaced_unasked(plan_file, campaign,
     (folder / "results.csv").write_text("cell,seed\n")
     status, _, (line,) = campaign(plan_file(), "-o", folder)
     assert status == 2
-    assert "holds results.csv without the runs.jsonl" in line
+    assert "contains results.csv without the runs.jsonl" in line
     assert (folder / "results.csv").read_text() == "cell,seed\n"
     assert campaign(plan_file(), "-o", folder, "--force")[1]["runs"] == 3
 

@@ -145,8 +145,8 @@ def test_results_are_not_overwritten_and_a_folder_is_used_once(plan_file, campai
     status, _, lines = campaign(path, "-o", folder)
     assert status == 2
     assert lines == [
-        f"campaign: {folder}: holds results; continue with --resume, start over with --force, or "
-        "name another one"
+        f"campaign: {folder}: contains results; continue with --resume, start over with --force, "
+        "or name another one"
     ]
     with Store(folder, resume=True), pytest.raises(InputError, match="another campaign is running"):
         Store(folder, resume=True)
@@ -259,7 +259,7 @@ def test_a_campaign_that_was_interrupted_before_its_first_run_resumes(
         patched.setattr(engine, "work", interrupted)
         status, _, (line,) = campaign(path, "-o", folder)
     assert status == 130
-    assert line.endswith(f"{folder} holds what is done; continue with --resume")
+    assert line.endswith(f"{folder} has the runs made so far; continue with --resume")
     assert sorted(one.name for one in folder.iterdir()) == [".lock", "plan.yaml"]
     status, result, lines = campaign(path, "-o", folder, "--resume")
     assert (status, result["done"], lines) == (0, 3, [])

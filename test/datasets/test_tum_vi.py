@@ -159,7 +159,7 @@ def test_what_it_cannot_hold_is_refused(tmp_path, capsys):
     assert generate.main([*words, "--duration", "1s"]) == 2
     assert "format tum_vi: needs a camera; --camera names one" in capsys.readouterr().err
     assert generate.main([*words, *FLIGHT, "--set", "imus=[a, b]"]) == 2
-    assert "format tum_vi: holds one IMU, not 2" in capsys.readouterr().err
+    assert "format tum_vi: has room for one IMU, not 2" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
     assert generate.main([*words, *FLIGHT, "--json"]) == 0
     counts = json.loads(capsys.readouterr().out)["messages"]

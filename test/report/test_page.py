@@ -223,7 +223,7 @@ def test_bad_inputs_are_one_line_each(results, bag, tmp_path, capsys):
     noise.write_bytes(b"\x89MCAP" + bytes(100))
     for arguments, said in (
         (["none", "nor this"], "none: no such file or folder"),
-        ([empty], f"{empty}: holds no run yet"),
+        ([empty], f"{empty}: contains no run yet"),
         ([noise, "-o", tmp_path / "n.html"], "not an MCAP file"),
         (
             [results, "--metric", "beauty", "-o", tmp_path / "n.html"],
@@ -231,7 +231,7 @@ def test_bad_inputs_are_one_line_each(results, bag, tmp_path, capsys):
         ),
         ([bag, "-o", tmp_path / "n.txt"], "must end in .html or .htm"),
         ([bag, "--truth-topic", "/x", "-o", tmp_path / "n.html"], "--truth-topic /x"),
-        ([words, "-o", tmp_path / "n.html"], f"{words}: holds no rows"),
+        ([words, "-o", tmp_path / "n.html"], f"{words}: contains no rows"),
         ([torn, "-o", tmp_path / "n.html"], f"{torn / 'imu0.csv'}: line 2: 3 columns"),
     ):
         status, lines = complaints(capsys, *arguments)

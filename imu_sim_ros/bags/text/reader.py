@@ -220,7 +220,7 @@ def _blocks(
     elif table.bad.rows:
         skipped(table.bad.rows)
     if not count:
-        raise InputError(f"{path}: holds no {'usable ' * bool(table.bad.rows)}rows")
+        raise InputError(f"{path}: contains no {'usable ' * bool(table.bad.rows)}rows")
 
 
 class _Table:

@@ -135,7 +135,8 @@ class Dataset:
         elif form == "csv" and path.suffix.lower() == ".csv":
             if imus > 1:
                 raise InputError(
-                    f"{path}: one table holds one IMU, not {imus}; name a folder, with --format csv"
+                    f"{path}: one table has room for one IMU, not {imus}; name a folder, "
+                    "with --format csv"
                 )
             self.imus = [TextFile(path, KALIBR_HEADER)]
         else:
@@ -165,7 +166,7 @@ class Dataset:
         :raises InputError: if the form has one table only.
         """
         if self.form not in WITH_TABLES or not self.path.is_dir():
-            raise InputError(f"{self.path}: holds readings of an IMU only; name a folder")
+            raise InputError(f"{self.path}: has room for readings of an IMU only; name a folder")
         place = self.path / f"{table.name}{k}.csv"
         if self.form == "euroc":
             place = self.path / f"{table.name}{k}" / "data.csv"

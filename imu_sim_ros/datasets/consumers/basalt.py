@@ -47,7 +47,7 @@ def calibration(values: ImuValues, rig: RigValues | None = None) -> str:
         notes += rig.remarks(("time_offset", "k3"), offsets=False)
     lenses = [_lens(camera) for camera in cameras.values()]
     if any(lens["camera_type"] == "pinhole-radtan8" for lens in lenses):
-        notes.append("pinhole-radtan8 needs a Basalt that knows it; that of 2021 does not.")
+        notes.append("pinhole-radtan8 needs a Basalt that supports it; versions of 2021 do not.")
     content: dict[str, Any] = {
         "T_imu_cam": [_pose(rig.imu_camera(name)) for name in cameras] if rig else [],
         "intrinsics": lenses,

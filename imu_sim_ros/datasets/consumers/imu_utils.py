@@ -84,7 +84,7 @@ def config(values: ImuValues) -> str:
         [
             "allan_variance_ros config.yaml, whole. It cannot express noise, which the program "
             "finds. Its gyroscope random walk comes out about twice too high (a line through all "
-            "averaging times), its accelerometer random walk about 15 %; it wants 3 h and more."
+            "averaging times), its accelerometer random walk about 15 %; it needs at least 3 h."
         ]
     )
     length = math.ceil(values.duration) if values.duration else _LONGEST

@@ -165,7 +165,7 @@ def remarks(
             + "; ".join(f"{w}: K = {decimal(values.densities()[w])}" for w in walks)
         )
     if above_zero and zero:
-        yield f"0 in the simulation, where a number above 0 is required: {', '.join(zero)}"
+        yield f"0 in the simulation, but a number above 0 is required: {', '.join(zero)}"
     if not per_axis and values.uneven():
         yield f"The root mean square of axes that differ: {', '.join(values.uneven())}"
     missing = values.missing(expressed)

@@ -257,7 +257,7 @@ def _left(files: Sequence[Path]) -> str:
     if len(gone) < len(files):
         kept = ", ".join(str(path) for path in files if path not in gone)
         words.append(
-            f"{kept} keeps what was written before; convert_bag --recover makes a complete bag "
+            f"{kept} keeps the messages written before; convert_bag --recover makes a complete bag "
             "from it"
         )
     return "; ".join(words)

@@ -153,12 +153,12 @@ class Simulator(ConfiguredNode):
     def _check_clocks(self, parameters: SimulatorParameters) -> None:
         if self._follows and parameters.publish.clock_rate:
             raise ConfigurationError(
-                f"publish.clock_rate = {parameters.publish.clock_rate:g}: must be 0 where "
+                f"publish.clock_rate = {parameters.publish.clock_rate:g}: must be 0 if "
                 "use_sim_time is true; time comes from an external /clock"
             )
         if self._follows and parameters.real_time_factor != 1.0:
             raise ConfigurationError(
-                f"real_time_factor = {parameters.real_time_factor:g}: must be 1 where use_sim_time "
+                f"real_time_factor = {parameters.real_time_factor:g}: must be 1 if use_sim_time "
                 "is true; time comes from an external /clock"
             )
 
@@ -348,7 +348,7 @@ class Simulator(ConfiguredNode):
         :raises ConfigurationError: for an invalid fault.
         """
         if self._follows and new.real_time_factor != 1.0:
-            raise ConfigurationError("real_time_factor: must be 1 where use_sim_time is true")
+            raise ConfigurationError("real_time_factor: must be 1 if use_sim_time is true")
         if "inject.kind" in self.changed and new.inject.kind != "none":
             self._inject(new)
         self.engine.set_speed(new.real_time_factor, new.catch_up)

@@ -151,7 +151,7 @@ def test_the_files_of_vio_data_simulation(tmp_path):
         ),
         (
             "--format vio_data_simulation --camera euroc_cam0 --camera euroc_cam1",
-            "holds one camera, not 2",
+            "has room for one camera, not 2",
         ),
     ],
 )

@@ -245,7 +245,7 @@ def test_a_file_of_the_node_chooses_the_sensors(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "options", "words"),
     [
-        ("x.csv", (), "holds readings of an IMU only; name a folder"),
+        ("x.csv", (), "has room for readings of an IMU only; name a folder"),
         ("x.tum", (), "topic imu/mag: does not exist in tum"),
         (
             "x.bag",

@@ -251,7 +251,7 @@ def test_a_full_disk_is_reported_and_what_was_written_is_kept(node, feed, tmp_pa
     feed(count=3000, environment=WITHOUT_SHARED_MEMORY)
     assert recorder.status() == 1
     assert "recorder: " in recorder.output
-    assert "keeps what was written before" in recorder.output
+    assert "keeps the messages written before" in recorder.output
     assert "Traceback" not in recorder.output
     files = [file for file in tmp_path.rglob("bag*") if file.is_file()]
     assert sum(file.stat().st_size for file in files) > 0.5 * limit
@@ -269,7 +269,7 @@ def test_a_vanished_bag_is_noticed(node, feed, tmp_path, form):
     assert recorder.status() == 1
     assert form == "sqlite3" or "it was removed while it was being written" in recorder.output
     assert "was removed and is lost" in recorder.output
-    assert "keeps what was written" not in recorder.output
+    assert "keeps the messages written" not in recorder.output
 
 
 def test_a_driver_that_is_killed_and_started_again_is_recorded_on(node, feed, tmp_path):

@@ -164,10 +164,10 @@ def test_what_is_left_of_a_failed_recording_is_said(tmp_path: Path) -> None:
     kept, gone, empty = tmp_path / "x_0.mcap", tmp_path / "x_1.mcap", tmp_path / "folder"
     kept.touch()
     empty.mkdir()
-    assert _left([kept]).startswith(f"{kept} keeps what was written before")
+    assert _left([kept]).startswith(f"{kept} keeps the messages written before")
     assert _left([gone]) == f"{gone} was removed and is lost"
     assert _left([empty]) == f"{empty} was removed and is lost"
-    assert _left([kept, gone]).startswith(f"{gone} was removed and is lost; {kept} keeps what")
+    assert _left([kept, gone]).startswith(f"{gone} was removed and is lost; {kept} keeps the")
 
 
 def test_closed_standard_streams_are_not_taken_by_the_watch_over_signals() -> None:
