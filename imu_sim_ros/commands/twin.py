@@ -139,7 +139,11 @@ def _print_check(check: Check) -> None:
         )
     louder = ", ".join(f"{20.0 * np.log10(r):+.1f}" for r in check.truth_noise)
     print(f"noise of the truth itself on this part over that of the fitted one: {louder} dB")
-    print(f"a classifier tells windows apart in {100.0 * check.told_apart:.0f} % (50 %: it cannot)")
+    twin, real = 100.0 * check.told_apart, 100.0 * check.real_told_apart
+    print(
+        f"a classifier tells windows of twin and real sensor apart in {twin:.0f} %, of the real "
+        f"sensor on both parts in {real:.0f} % (50 %: it cannot)"
+    )
 
 
 EXAMPLES: Final = """

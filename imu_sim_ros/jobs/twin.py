@@ -25,6 +25,7 @@ from imu_sim_ros.calibration.twin.analysis import (
     noise_residuals,
 )
 from imu_sim_ros.calibration.twin.fit import PRIOR, Fit, Recording
+from imu_sim_ros.calibration.twin.intensity import vibrating
 from imu_sim_ros.calibration.twin.model import perfect
 from imu_sim_ros.calibration.twin.parameters import (
     MOTION_FLOOR,
@@ -110,7 +111,8 @@ def judged(found: Fit, disagreement: Array, noise: PoseNoise) -> Trust:
     sigma = found.sigma
     disagree = disagreement > _DISAGREE
     larger = np.where(disagree, disagreement, 1.0)
-    wider = found._replace(covariance=found.covariance * np.outer(larger, larger))
+    widened = np.sqrt(larger**2 + found.hanging**2) if noise.is_rounding else larger
+    wider = found._replace(covariance=found.covariance * np.outer(widened, widened))
     given = found.hanging <= (_SAID if noise.is_rounding else _NOT_GIVEN)
     weak = sigma > _UNDETERMINED * PRIOR
     undetermined = tuple(
@@ -366,9 +368,10 @@ def _found(source: Recorded, fit: float | None) -> Twin:
         used, held_out = _split(whole, fit, source.name)
     found = constant_errors(used, source.truth, perfect(source.r_ib, source.offset))
     _check_likeness(source, used, found)
+    check_settled(source, found)
     others = foreseen(used, source.truth, found)
     trust = judged(found, others.disagreement, source.noise)
-    analysis = _analysed(source, used, found, others.residuals)
+    analysis = _analysed(source, used, trust.fit, others.residuals)
     parameters = simulator_parameters(analysis, whole.rate, _steps(whole.readings))
     if source.gravity != -GRAVITY[2]:
         parameters["gravity"] = (0.0, 0.0, -source.gravity)
@@ -403,6 +406,20 @@ def _check_likeness(source: Recorded, used: Recording, found: Fit) -> None:
         raise InputError(
             f"{source.name}: the truth explains {share:.0f} % of what the gyroscope reads: they "
             "are not of one flight, or farther apart in time than max_offset"
+        )
+
+
+def check_settled(source: Recorded, found: Fit) -> None:
+    """Refuse a recording whose least squares has no minimum.
+
+    :raises InputError: where the noise of the poses hides what the motion shows.
+    """
+    if not found.settled:
+        angle, distance = 1e3 * source.noise.deviation
+        raise InputError(
+            f"{source.name}: the least squares does not settle: the noise of the poses, "
+            f"{distance:.2g} mm and {angle:.2g} mrad, hides too much of this motion; a truth with "
+            "less noise or more decimals, or a longer or livelier recording, is needed"
         )
 
 
@@ -454,7 +471,8 @@ def _analysed(source: Recorded, used: Recording, found: Fit, unseen: Array) -> A
 
     noises = noise_residuals(used, source.truth, found)
     size = (norms[0], norms[1], norms[2])
-    return analyse(used, found, unseen, noises, sizes, size, moving(motion))
+    rows = moving(motion) & vibrating(used.readings, used.pieces, used.rate)
+    return analyse(used, found, unseen, noises, sizes, size, rows)
 
 
 def _steps(readings: Array) -> Array:

@@ -72,6 +72,9 @@ class Check:
     """(6,) RMS noise of the truth on this part, over that where the twin was fitted."""
     told_apart: float
     """Share of windows of half a second that a classifier assigns right; 0.5: it cannot."""
+    real_told_apart: float
+    """The same for the real residual of the fitted part against that of this part: how much a
+    flight differs from itself."""
     flown: tuple[Flown, Flown]
     """The real readings, and those of the first twin."""
 
@@ -80,7 +83,8 @@ class Check:
         drift = 100.0 * float(np.nanmax(np.abs(self.simulated_drift / self.real_drift - 1.0)))
         return (
             f"<Check over {self.seconds:.3g} s: densities within {worst:.2g} dB, drift within "
-            f"{drift:.2g} %, told apart {100.0 * self.told_apart:.0f} %>"
+            f"{drift:.2g} %, told apart {100.0 * self.told_apart:.0f} %, real from real "
+            f"{100.0 * self.real_told_apart:.0f} %>"
         )
 
     def as_json(self) -> Any:
@@ -97,6 +101,7 @@ class Check:
                 "simulated_drift_m": self.simulated_drift,
                 "truth_noise_ratio": self.truth_noise,
                 "told_apart": self.told_apart,
+                "real_told_apart": self.real_told_apart,
             }
         )
 
@@ -117,7 +122,8 @@ def check(
     twins = [_simulated(source, real.t, fit.errors, parameters, seed) for seed in range(SEEDS)]
     noise = _truth_noise(source, fit, analysis.parts, twins[0].t)
     twins = [_with_truth_noise(twin, noise, rate, source.cutoff) for twin in twins]
-    flown = [slice(0, len(twins[0].t))]
+    ends = [(real.t[p.start], real.t[p.stop - 1]) for p in parts]
+    flown = [slice(*np.searchsorted(twins[0].t, end).tolist()) for end in ends]
     levels = comparison.levels(real.residuals, parts, rate)
     others = [comparison.levels(twin.residuals, flown, rate) for twin in twins]
     simulated = np.sqrt(np.mean(np.square(others), axis=0))
@@ -126,6 +132,8 @@ def check(
         comparison.told_apart(seen, comparison.features(twin.residuals, flown, rate), seed)
         for seed, twin in enumerate(twins)
     ]
+    fitted = comparison.features(fit.residuals, analysis.parts, rate)
+    themselves = [comparison.told_apart(fitted, seen, seed) for seed in range(SEEDS)]
     drifts = [_drift(source, twin, fit.errors, np.zeros(3)) for twin in twins]
     return Check(
         float(real.t[-1] - real.t[0]),
@@ -136,6 +144,7 @@ def check(
         np.array([_median([np.concatenate(d) for d in zip(*drifts, strict=True)])])[0],
         np.sqrt(np.mean(noise**2, axis=0)),
         float(np.mean(shares)),
+        float(np.mean(themselves)),
         (real, twins[0]),
     )
 
@@ -179,7 +188,7 @@ def _with_truth_noise(flown: Flown, size: Array, rate: float, cutoff: float) -> 
 
 def _parts(source: Recorded, t: Array, part: Recording) -> list[slice]:
     """Return the rows in motion, piece by piece."""
-    rows = moving(source.motion(t))
+    rows = moving(source.motion(t)) & intensity.vibrating(part.readings, part.pieces, part.rate)
     result = []
     for piece in part.pieces:
         there = np.flatnonzero(rows[piece])

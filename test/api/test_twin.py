@@ -11,7 +11,7 @@ import pytest
 import imu_sim_ros as ims
 from imu_sim_ros.calibration.twin.pose_noise import PoseNoise
 from imu_sim_ros.inputs.gate import stamp_words
-from imu_sim_ros.jobs.twin import judged
+from imu_sim_ros.jobs.twin import check_settled, judged
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import conjugate, exp, log, multiply, normalise, to_matrix
 
@@ -125,6 +125,7 @@ def in_standard_errors(found):
     ("motion", "white", "decimals"),
     [
         ("figure_eight", 0.0, 4),
+        ("figure_eight", 0.0, 3),
         ("figure_eight", 1e-4, 0),
         ("lecture", 1e-5, 0),
         ("excitation", 1e-3, 0),
@@ -175,8 +176,20 @@ def test_less_may_hang_on_rounding_than_on_white_noise(found, white, steps, give
     hanging = np.zeros(42)
     hanging[30] = 3.0
     noise = PoseNoise(np.full(6, white), *steps)
-    trust = judged(found.analysis.fit._replace(hanging=hanging), np.ones(42), noise)
+    fit = found.analysis.fit
+    trust = judged(fit._replace(hanging=hanging), np.ones(42), noise)
     assert trust.given[30] == given
+    # What rounding does is known no better than its size: the interval holds both.
+    wider = 1.0 if given else np.sqrt(1.0 + 3.0**2)
+    assert trust.fit.sigma[30] == pytest.approx(wider * fit.sigma[30])
+    assert trust.fit.sigma[29] == pytest.approx(fit.sigma[29])
+
+
+def test_a_fit_that_does_not_settle_is_refused(found):
+    fit = found.analysis.fit
+    check_settled(found.source, fit)
+    with pytest.raises(ims.InputError, match="does not settle: the noise of the poses, 0 mm and 0"):
+        check_settled(found.source, fit._replace(settled=False))
 
 
 def test_quarters_that_contradict_each_other_widen_the_intervals(flight):
@@ -313,13 +326,17 @@ def test_a_real_flight_and_its_twin():
     assert np.all(np.abs(bias.value - [-0.013, 0.103, 0.093]) < 3.0 * bias.sigma)
     # The truth's attitudes are smoothed, and not in the same world as its positions.
     bend, turn = found.errors["truth_curvature"], found.errors["truth_turn"]
-    assert bend.value[0] < -10.0 * bend.sigma[0]
+    assert bend.value[0] < -5.0 * bend.sigma[0]
     assert np.any(np.abs(turn.value) > 4.0 * turn.sigma)
     check = found.check
-    assert np.all(np.abs(check.decibels[2:]) < 2.0), check.decibels.round(1)
+    assert np.all(np.abs(check.decibels[3:]) < 2.0), check.decibels.round(1)
+    # Disturbances, counted in the real density, are left out of the twin's.
+    assert np.all(np.abs(check.decibels[2]) < 2.5), check.decibels.round(1)
     assert np.count_nonzero(np.abs(check.decibels) < 2.0) >= 24
     assert np.all(np.abs(check.simulated_drift / check.real_drift - 1.0) < 0.25)
-    assert check.told_apart < 0.70
+    # Windows of twin and real sensor differ no more than those of the real sensor on both parts:
+    # 5 points, and the deviation of a share of 74 windows, 5.3 points, over the root of 5 twins.
+    assert check.told_apart < check.real_told_apart + 0.05 + 0.024
     # Its attitudes scatter less in the second part: 4.4, 3.4, 2.8 dB.
     assert np.all(check.truth_noise[:3] < 0.8)
     # At rest the sensor shows 1.2 to 1.6e-4 and 1.7 to 2.5e-3 in 100 readings, each deviation

@@ -121,7 +121,12 @@ def run(motion: str, kind: str, seed: int) -> tuple[np.ndarray, np.ndarray, int,
 def row(motion: str, kind: str, seeds: range) -> list[str]:
     """Return a line of the table."""
     start = time.process_time()
-    runs = [run(MOTIONS[motion], kind, seed) for seed in seeds]
+    runs, refused = [], 0
+    for seed in seeds:
+        try:
+            runs.append(run(MOTIONS[motion], kind, seed))
+        except ims.InputError:
+            refused += 1
     z = np.array([r[0] for r in runs])
     result = [motion, kind]
     for part in GROUPS.values():
@@ -131,7 +136,7 @@ def row(motion: str, kind: str, seeds: range) -> list[str]:
     given = z[np.isfinite(z)]
     result += [f"{np.count_nonzero(np.abs(given) > 3.0)} of {given.size}"]
     result += [f"{np.abs(given).max():.1f}", f"{100.0 * np.mean([r[1] for r in runs]):.0f} %"]
-    result += [f"{np.mean([r[2] for r in runs]):.2f}", f"{sum(r[3] for r in runs)}"]
+    result += [f"{np.mean([r[2] for r in runs]):.2f}", f"{sum(r[3] for r in runs)}", str(refused)]
     return [*result, f"{(time.process_time() - start) / len(seeds):.1f} s"]
 
 
@@ -142,7 +147,7 @@ def main() -> None:
     parser.add_argument("--motions", default=",".join(MOTIONS))
     parser.add_argument("--poses", default=",".join(POSES))
     arguments = parser.parse_args()
-    tail = ["beyond 3", "largest", "floors held", "lines", "wander", "CPU"]
+    tail = ["beyond 3", "largest", "floors held", "lines", "wander", "refused", "CPU"]
     rows = []
     for motion in arguments.motions.split(","):
         for kind in arguments.poses.split(","):

@@ -11,8 +11,15 @@ from imu_sim_ros.calibration.twin import alignment as clock
 from imu_sim_ros.calibration.twin import model
 from imu_sim_ros.calibration.twin.alignment import coarse_offset, mounting
 from imu_sim_ros.calibration.twin.comparison import told_apart
-from imu_sim_ros.calibration.twin.fit import Recording, fit
-from imu_sim_ros.calibration.twin.intensity import calmed, factors, find_lines, follow, in_range
+from imu_sim_ros.calibration.twin.fit import Recording, _inverse, fit
+from imu_sim_ros.calibration.twin.intensity import (
+    calmed,
+    factors,
+    find_lines,
+    follow,
+    in_range,
+    vibrating,
+)
 from imu_sim_ros.calibration.twin.model import BodyMotion, Errors, Truth
 from imu_sim_ros.calibration.twin.pose_noise import (
     Poses,
@@ -22,9 +29,11 @@ from imu_sim_ros.calibration.twin.pose_noise import (
     scatter,
 )
 from imu_sim_ros.calibration.twin.spectrum import (
+    White,
     above,
     band_edges,
     cross_spectra,
+    lowered,
     quietest,
     raised,
     white_floor,
@@ -253,7 +262,7 @@ def test_a_wandering_clock_is_followed_and_a_steady_one_left_alone():
     assert not clock.wander(stamps, noise, slope, RATE).any()
 
 
-def test_a_disturbance_is_no_louder_than_a_window_can_be():
+def test_a_disturbance_is_scaled_down_to_the_usual():
     rng = np.random.default_rng(14)
     values = rng.standard_normal((4000, 6))
     values[2000:2100, 1] *= 10.0
@@ -261,8 +270,8 @@ def test_a_disturbance_is_no_louder_than_a_window_can_be():
     assert count in (2, 3)  # half-windows that the burst touches
     band = in_range(calm, [slice(0, 4000)], RATE, 20.0, 50.0)
     usual = np.mean(band[:2000, 1] ** 2)
-    # What is left of the burst has four times the usual energy, known to sqrt(2 / 60).
-    assert 3.0 < np.mean(band[2000:2100, 1] ** 2) / usual < 5.0
+    # What is left of the burst has the usual energy, known to sqrt(2 / 60) of it.
+    assert 0.5 < np.mean(band[2000:2100, 1] ** 2) / usual < 1.6
     np.testing.assert_array_equal(calm[:, 0], values[:, 0])
 
 
@@ -370,21 +379,65 @@ def test_noise_of_poses_is_taken_out_of_the_normal_equations():
     assert not plain.hanging.any()
 
 
+def test_what_is_all_noise_stays_at_the_prior():
+    """A direction whose information is negative less the noise: the readings move nothing there."""
+    prior = np.array([2.0, 0.5])
+    normal = np.diag(prior**-2) + np.diag([3.0, -1.0])
+    inverse, known = _inverse(normal, prior)
+    np.testing.assert_allclose(inverse, np.diag([1.0 / (0.25 + 3.0), 0.25]))
+    np.testing.assert_allclose(inverse @ known.T @ [1.0, 100.0], [1.0 / 3.25, 0.0], atol=1e-12)
+    inverse, known = _inverse(np.diag(prior**-2) + np.eye(2), prior)
+    np.testing.assert_array_equal(known, np.eye(2))
+    np.testing.assert_allclose(inverse, np.diag([1.0 / 1.25, 1.0 / 5.0]))
+
+
+def test_jumps_of_a_truth_are_not_its_usual_noise():
+    rng = np.random.default_rng(20)
+    t = np.arange(4000) / 200.0
+    position = 1e-3 * rng.standard_normal((4000, 3))
+    position[1000:] += 0.5
+    position[2500:] -= 0.3
+    q_wb = np.tile([1.0, 0.0, 0.0, 0.0], (4000, 1))
+    found = noise_of(Poses(t, position, q_wb), Poses(t, 0.0 * position, q_wb)).white
+    # 200 differences a second, neighbours alike: a variance is known to some 15 %.
+    np.testing.assert_allclose(found[3:], 1e-3, rtol=0.1)
+
+
 def test_a_floor_is_not_below_what_rest_shows():
     rng = np.random.default_rng(18)
     values = rng.standard_normal((4000, 6)) * np.sqrt(RATE)
-    rest = np.zeros(4000, dtype=bool)
-    assert not quietest(values, rest, RATE).any()
-    rest[:300] = True
+    assert not quietest(values, RATE).any()  # no second is quieter than the others
     values[300:] *= 5.0
-    least = quietest(values, rest, RATE)
-    # The lowest of 44 powers with some 7 free squares each: chi-square 1.3 of 7, 0.43 a density.
-    assert np.all((least > 0.25) & (least < 0.75))
+    least = quietest(values, RATE)
+    # The lower of two powers of the quietest of five seconds, with some 13 free squares each:
+    # chi-square 4.1 of 13 once in a hundred, 0.56 a density, and the mean at most.
+    assert np.all((least > 0.5) & (least < 1.0))
     bands = cross_spectra(0.3 * values[:300], [slice(0, 300)], RATE, band_edges(3.0, RATE))
     assert np.all(white_floor(bands, 1.0).density < 0.4)
     white = raised(white_floor(bands, 1.0), 3.0 * least)
     assert np.all(white.density >= 3.0 * least)
     assert np.all(white.high >= 3.0 * least)
+
+
+def test_a_hidden_floor_is_not_above_any_band():
+    hidden = White(np.full(6, 2.0), np.zeros(6), np.full(6, 3.0), np.zeros((1, 6), dtype=bool))
+    assert np.all(lowered(hidden, np.full(6, 0.5)).density == 0.5)
+    assert np.all(lowered(hidden, np.full(6, 0.5)).high == 0.75)
+    assert np.all(lowered(hidden, np.full(6, 5.0)).density == 2.0)
+    seen = hidden._replace(low=np.ones(6))
+    assert np.all(lowered(seen, np.full(6, 0.5)).density == 2.0)
+
+
+def test_vibration_begins_with_the_rotors():
+    rng = np.random.default_rng(19)
+    values = rng.standard_normal((6000, 6))
+    values[:2000] *= 0.05
+    values[700:800] *= 40.0  # a knock is no flight
+    values[5500:] *= 0.05
+    rows = vibrating(values, [slice(0, 6000)], RATE)
+    np.testing.assert_array_equal(np.flatnonzero(rows), np.arange(2000, 5500))
+    assert vibrating(values[2000:5500], [slice(0, 3500)], RATE).all()
+    assert vibrating(values, [slice(0, 6000)], 20.0).all()  # readings too slow to show rotors
 
 
 def test_a_classifier_tells_what_differs_and_only_that():

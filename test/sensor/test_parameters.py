@@ -112,6 +112,7 @@ def test_a_range_below_gravity_is_a_warning() -> None:
 _WITHOUT_ERROR = (
     "imu.vibration.reference_motion",
     "imu.vibration.motion_floor",
+    "imu.vibration.motion_ceiling",
     "imu.vibration.motion_time",
     "imu.reference_temperature",
     "imu.bandwidth_order",

@@ -127,6 +127,17 @@ def test_intensity_follows_the_motion_with_the_given_power():
     expected = (9.0 + 0.25) / (1.0 + 0.25)
     np.testing.assert_allclose(followed[:, :3], expected * plain[:, :3], rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(followed[:, 3:], plain[:, 3:], rtol=1e-12)
+    limited = residual(
+        **circle,
+        **BAND,
+        **{
+            "imu.vibration.gyroscope_exponents": [2.0, 0.0, 0.0],
+            "imu.vibration.reference_motion": [rate / 3.0, 1.0, 1.0],
+            "imu.vibration.motion_floor": 0.5,
+            "imu.vibration.motion_ceiling": [1.5, 0.0, 0.0],
+        },
+    )
+    np.testing.assert_allclose(limited[:, :3], 1.5**2 * plain[:, :3], rtol=1e-9, atol=1e-12)
 
 
 def test_other_noise_is_the_same_with_and_without_vibration():

@@ -46,6 +46,8 @@ class Analysis(NamedTuple):
     exponents: intensity.Exponents
     reference: Array
     """(3,) RMS of rate, acceleration and speed of the motion."""
+    largest: Array
+    """(3,) the largest running RMS of these over the reference."""
     parts: tuple[slice, ...]
     """Rows of the recording in motion, from which the spectrum is."""
     bias_t: Array
@@ -143,8 +145,10 @@ def analyse(
         for x in [(unseen, residuals), *((x, x) for x in noises)]
     )
     bands = whole.less(np.mean([x.matrix for x in each], axis=0)) if each else whole
-    least = spectrum.quietest(recording.readings, ~moving, rate)
-    white = spectrum.raised(spectrum.white_floor(bands, _LOWEST_WHITE), least)
+    # White noise is in all frequencies, in those that say little of it, too.
+    floor = spectrum.white_floor(bands, _LOWEST_WHITE)
+    floor = spectrum.lowered(floor, whole.density.min(axis=0))
+    white = spectrum.raised(floor, spectrum.quietest(recording.readings, rate))
     return Analysis(
         found,
         lines,
@@ -154,6 +158,7 @@ def analyse(
         intensity.range_edges(rate),
         exponents,
         reference,
+        np.maximum(np.exp([log[rows].max() for log in logs]), 1.0),
         tuple(parts),
         *_bias_over_time(recording, found, whole),
     )

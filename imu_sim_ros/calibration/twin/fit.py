@@ -45,6 +45,9 @@ _SEGMENT: Final = 1 << 14
 """Samples transformed together at most."""
 _HIGHEST: Final = 0.5
 """Times the cut-off: above it the truth is smoothed by more than 1.6 %."""
+_SMOOTHED: Final = 0.008
+"""Share of a motion that the spline takes there as a rule, which motion all through the range shows
+as a smoothing of the truth: half of these 1.6 %."""
 _STEPS: Final = 8
 _WEIGHTINGS: Final = 2
 """Times that the densities are taken again in one step."""
@@ -52,10 +55,13 @@ _WITH_NOISE: Final = 2
 """Steps in which what noise of the poses adds is found again; then it follows the parameters."""
 _CLOSE: Final = 1e-3
 """Step over standard error at which the fit stands."""
+_SETTLED: Final = 1.0
 _LARGE_SHARE: Final = 0.5
 """Share of the motion's energy in a bin that may be noise of the poses."""
 _NOISE_KNOWN: Final = 0.1
 """Relative standard error of the variance of the poses' noise."""
+_HIDDEN: Final = 1e-6
+"""Information of the readings over the prior's, below 0 by which noise is all there is."""
 _BIN: Final = 40
 """Coefficients in the first bins of the density; later ones are relative."""
 _WIDTH: Final = 0.5
@@ -115,6 +121,8 @@ class Fit(NamedTuple):
     """(n, 6) rate of change of the readings that the model gives [1/s]."""
     hanging: Array
     """(42,) by how many standard errors the noise of the poses, corrected for, moves each."""
+    settled: bool
+    """Whether the last step was smaller than a standard error."""
 
     @property
     def sigma(self) -> Array:
@@ -130,6 +138,8 @@ class _Sums:
 
     def __init__(self, segments: list[slice], rate: float, highest: float, parameters: int) -> None:
         self.segments, self._parameters = segments, parameters
+        self.smoothing = _SMOOTHED / (2.0 * np.pi * highest) ** 2
+        """[s^2] by which the spline through the poses may pass for a smoothing of the truth."""
         longest = max(s.stop - s.start for s in segments)
         edges = [0.5]
         while edges[-1] < longest:
@@ -259,9 +269,11 @@ def fit(
             density = sums.density(step, inverse, density)
         errors = errors.moved(_placed(step, free))
         sums.noise_product -= sums.noise_matrix @ step
-        if count > 1 and np.max(np.abs(step) / np.sqrt(np.diag(inverse))) < _CLOSE:
+        last = float(np.max(np.abs(step) / np.sqrt(np.diag(inverse))))
+        if count > 1 and last < _CLOSE:
             break
-    return _summary(recording, motion_at, errors, sums, density, (reference, wander, prior, free))
+    found = _summary(recording, motion_at, errors, sums, density, (reference, wander, prior, free))
+    return found._replace(settled=last < _SETTLED)
 
 
 def _step(sums: _Sums, density: Array, deviation: Array, prior: Array) -> tuple[Array, Array]:
@@ -269,19 +281,27 @@ def _step(sums: _Sums, density: Array, deviation: Array, prior: Array) -> tuple[
     weight = sums.shown(prior) / density
     normal = np.diag(prior**-2) + np.einsum("kaij,ka->ij", sums.matrix - sums.noise_matrix, weight)
     gradient = np.einsum("kai,ka->i", sums.product - sums.noise_product, weight)
-    gradient -= deviation / prior**2
-    inverse = _inverse(normal, prior)
-    return np.asarray(inverse @ gradient), inverse
+    inverse, known = _inverse(normal, prior)
+    return np.asarray(inverse @ (known.T @ gradient - deviation / prior**2)), inverse
 
 
-def _inverse(normal: Array, prior: Array) -> Array:
-    """Return the inverse of a normal matrix, which knows no less than the prior in any direction.
+def _inverse(normal: Array, prior: Array) -> tuple[Array, Array]:
+    """Return the inverse of a normal matrix that knows no less than the prior in any direction.
 
-    Less what noise of the poses adds on average, it could.
+    Less what noise of the poses adds on average, it could: there all of the motion may be noise,
+    readings say nothing, and the prior alone holds.
+
+    :returns: the inverse (p, p), and the projection (p, p) on what readings say something of, whose
+        transpose takes a gradient by the parameters to its part along these.
     """
     values, vectors = np.linalg.eigh(normal * np.outer(prior, prior))
     scaled = prior[:, None] * vectors
-    return (scaled / np.maximum(values, 1.0)) @ scaled.T
+    inverse = (scaled / np.maximum(values, 1.0)) @ scaled.T
+    known = np.eye(len(prior))
+    if (lost := values < 1.0 - _HIDDEN).any():
+        own = vectors[:, lost]
+        known -= prior[:, None] * (own @ own.T) / prior
+    return inverse, known
 
 
 def _placed(step: Array, free: Indices) -> Array:
@@ -327,15 +347,19 @@ def _summary(
     normal -= np.einsum("kaij,ka->ij", sums.noise_matrix, weight)
     moved = np.einsum("kai,ka->i", sums.noise_product, weight)
     middle += np.outer(moved, moved) * _NOISE_KNOWN**2
-    inverse = _inverse(normal, prior[free])
+    inverse, known = _inverse(normal, prior[free])
+    moved = known.T @ moved
+    least = np.diag(prior[free] ** -2)
+    middle = known.T @ (middle - least) @ known + least
     covariance = np.zeros((COUNT, COUNT))
     sandwich = inverse @ middle @ inverse
     # A sandwich of few coefficients is known badly: never below what stationary noise would give.
     larger = np.sqrt(np.maximum(np.diag(inverse) / np.diag(sandwich), 1.0))
     covariance[np.ix_(free, free)] = sandwich * np.outer(larger, larger)
+    covariance[model.CURVATURE, model.CURVATURE] += sums.smoothing**2
     hanging = np.zeros(COUNT)
     hanging[free] = np.abs(inverse @ moved) / np.sqrt(np.diag(covariance)[free])
-    return Fit(errors, covariance, residuals, reference, wander, slopes, hanging)
+    return Fit(errors, covariance, residuals, reference, wander, slopes, hanging, settled=True)
 
 
 def _segments(pieces: tuple[slice, ...]) -> list[slice]:

@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imu_sim_ros.types import Array
 
@@ -19,6 +20,14 @@ _NEIGHBOURS: Final = 40
 _QUARTERS: Final = 4
 _STEADY: Final = 0.8
 """Share of a line's energy that keeps one phase from quarter to quarter of the record."""
+_OF_ROTORS: Final = 20.0
+"""[Hz] above it readings are vibration."""
+_IN_FLIGHT: Final = 0.75
+"""Quantile of the seconds' powers."""
+_STILL: Final = 0.25
+"""Power over that of a flight below which nothing vibrates."""
+_LASTING: Final = 3
+"""Windows."""
 _LOWEST: Final = 2.0
 """[Hz] below it there is motion."""
 _REFINEMENTS: Final = 4
@@ -192,6 +201,36 @@ def in_range(values: Array, parts: Sequence[slice], rate: float, low: float, hig
     return result
 
 
+def vibrating(readings: Array, pieces: Sequence[slice], rate: float) -> NDArray[np.bool_]:
+    """Return the rows (n,) of readings (n, 6) from the first to the last vibration of each piece.
+
+    Rotors stand still or idle before a flight and after it, while the body is carried. Vibration
+    begins with three seconds together that have a quarter of the power above 20 Hz, mean of all
+    axes, that a flight has: the upper quartile of all seconds.
+    """
+    result = np.ones(len(readings), dtype=np.bool_)
+    size = max(round(_WINDOW * rate), 2)
+    if 0.5 * rate <= _OF_ROTORS:
+        return result
+    band = in_range(readings, pieces, rate, _OF_ROTORS, np.inf)
+    powers = [
+        np.mean(
+            band[p.start : p.stop - (p.stop - p.start) % size].reshape(-1, size, 6) ** 2, axis=1
+        )
+        for p in pieces
+    ]
+    usual = np.quantile(np.concatenate(powers), _IN_FLIGHT, axis=0) + 1e-300
+    for piece, power in zip(pieces, powers, strict=True):
+        loud = np.mean(power / usual, axis=1) >= _STILL
+        lasting = np.convolve(loud, np.ones(_LASTING), mode="valid") == _LASTING
+        if len(loud) >= _LASTING and lasting.any():
+            first, last = np.flatnonzero(lasting)[[0, -1]]
+            result[piece.start : piece.start + int(first) * size] = False
+            if last + _LASTING < len(loud):
+                result[piece.start + int(last + _LASTING) * size : piece.stop] = False
+    return result
+
+
 def follow(values: Array, parts: Sequence[slice], rate: float, logs: Array) -> Exponents:
     """Return the exponents of a residual (n, 6).
 
@@ -248,8 +287,8 @@ def calmed(
     """Return a residual (n, 6) without its disturbances in a range, and how many there were.
 
     A jump of the truth or a touch of the ground is no vibration: in windows of a second in which an
-    axis has more than four times its usual energy, what it has in this range is scaled down to
-    these four times.
+    axis has more than four times its usual energy, what it has in this range is scaled down to the
+    usual.
     """
     band = in_range(values, parts, rate, low, high)
     size = max(round(_WINDOW * rate), 2)
@@ -270,7 +309,7 @@ def calmed(
             loud = energy > _DISTURBED * usual
             if loud.any():
                 count += 1
-                allowed = np.sqrt(_DISTURBED * usual / np.maximum(energy, 1e-300))
+                allowed = np.sqrt(usual / np.maximum(energy, 1e-300))
                 share = np.where(loud, 1.0 - allowed, 0.0)
                 result[rows] -= share * band[rows]
     return result, count

@@ -81,6 +81,7 @@ def _vibration(found: Analysis) -> dict[str, Any]:
         result["accelerometer_exponents"] = _numbers(found.exponents.value[:, 1], 4)
         result["reference_motion"] = _numbers(found.reference)
         result["motion_floor"] = MOTION_FLOOR
+        result["motion_ceiling"] = _numbers(found.largest)
         result["motion_time"] = MOTION_TIME
     return result
 

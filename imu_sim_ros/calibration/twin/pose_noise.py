@@ -3,7 +3,8 @@
 
 """The noise of poses: how large it is, other draws of it, and how far motion stands above it.
 
-Differences of eighth order contain no motion any more, only what poses scatter by. Poses of text
+Differences of eighth order contain no motion any more, only what poses scatter by. Where a truth
+jumps now and then, its usual noise is that of most seconds. Poses of text
 are rounded, which is no white noise: where a coordinate moves by less than a step from pose to
 pose, its error is constant for a while. So a step is looked for in the digits, and rounding is
 drawn by rounding a smooth path that is shifted by a part of a step.
@@ -159,8 +160,16 @@ def noise_of(poses: Poses, smooth: Poses) -> PoseNoise:
 
 
 def _variance(poses: Poses) -> Array:
-    _, high = scatter(poses)
-    return np.mean(high**2, axis=0) if len(high) else np.zeros(6)
+    """Return the variance (6,) of the scatter: the median over seconds, which no jump raises."""
+    t, high = scatter(poses)
+    if not len(high):
+        return np.zeros(6)
+    edges = np.searchsorted(t, np.arange(t[0], t[-1], _WINDOW))
+    starts = np.unique(edges)
+    squares = np.add.reduceat(high**2, starts, axis=0)
+    counts = np.diff(np.append(starts, len(high)))
+    whole = counts > 0.5 * np.median(counts)
+    return np.asarray(np.median(squares[whole] / counts[whole, None], axis=0))
 
 
 def spoiled(poses: Poses, turn: Array, shift: Array) -> Poses:

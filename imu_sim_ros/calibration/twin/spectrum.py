@@ -33,10 +33,12 @@ _CHANCE: Final = 3.0
 _MAJORITY: Final = 0.5
 _WHOLE: Final = 0.8
 """Share of a band's degrees of freedom that noise of the poses must have left."""
-_IN_BAND: Final = 5
-"""Frequencies in a band of half a second."""
-_QUIET: Final = 0.5
+_IN_BAND: Final = 10
+"""Frequencies in a band of a second."""
+_QUIET: Final = 1.0
 """[s]"""
+_QUIETER: Final = 0.25
+"""Power of a quiet second over the usual one."""
 _MAX_BANDS: Final = 100
 """Bands of equal width up to half the rate."""
 
@@ -232,25 +234,36 @@ def _not_negative(matrix: Complex) -> Complex:
     return result
 
 
-def quietest(readings: Array, rest: NDArray[np.bool_], rate: float) -> Array:
-    """Return the lowest density (6,) that any half second at rest shows; 0 where there is none.
+def quietest(readings: Array, rate: float) -> Array:
+    """Return the lowest density (6,) that the quietest second shows; 0 where none is quiet.
 
-    No noise of the sensor is below it, whatever a fit leaves: a truth that was computed from the
-    readings follows their noise.
+    Above motion, in a second at rest, readings show the sensor's own noise. No noise of the sensor
+    is below it, whatever a fit leaves: a truth that was computed from the readings follows their
+    noise. A second is quiet that has no more than half of the usual density.
 
-    :param rest: (n,) rows of the readings (n, 6) in which the body does not move.
+    :param readings: (n, 6)
     """
     size = round(_QUIET * rate)
-    count = (size // 2 - 1) // _IN_BAND
-    starts = [s for s in range(0, len(rest) - size + 1, size // 2) if rest[s : s + size].all()]
-    if not starts or count < 1:
+    count = (size // 2 - 1) * 4 // 5 // _IN_BAND
+    starts = np.arange(0, len(readings) - size + 1, max(size // 2, 1))
+    if len(starts) < 2 or count < 1:
         return np.zeros(6)
-    windows = readings[np.array(starts)[:, None] + np.arange(size)]
+    windows = readings[starts[:, None] + np.arange(size)]
     taper = np.hanning(size + 2)[1:-1, None]
     spectra = np.fft.rfft(taper * (windows - windows.mean(axis=1, keepdims=True)), axis=1)
     power = np.abs(spectra[:, -count * _IN_BAND - 1 : -1]) ** 2 / (rate * np.sum(taper**2))
-    bands = power.reshape(-1, _IN_BAND, 6).mean(axis=1)
-    return np.sqrt(bands.min(axis=0))
+    level = power.mean(axis=1)
+    second, axes = level.argmin(axis=0), np.arange(6)
+    quiet = level[second, axes] <= _QUIETER * np.median(level, axis=0)
+    bands = power.reshape(len(starts), count, _IN_BAND, 6).mean(axis=2)
+    return np.where(quiet, np.sqrt(bands[second, :, axes].min(axis=1)), 0.0)
+
+
+def lowered(white: White, most: Array) -> White:
+    """Return a floor that, where vibration hides it, is nowhere above a density (6,)."""
+    density = np.where(white.low > 0.0, white.density, np.minimum(white.density, most))
+    share = np.divide(density, white.density, out=np.ones(6), where=white.density > 0.0)
+    return white._replace(density=density, high=white.high * share)
 
 
 def raised(white: White, least: Array) -> White:

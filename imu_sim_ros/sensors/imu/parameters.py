@@ -129,6 +129,13 @@ class BoardVibrationParameters:
         minimum=0.01,
         maximum=10.0,
     )
+    motion_ceiling: Vector = vector(
+        0.0,
+        "rate, acceleration and speed over the reference above which the vibration grows no more; "
+        "0: it grows without limit",
+        unit="1",
+        minimum=0.0,
+    )
     motion_time: float = number(
         1.0,
         "time constant of the averages of squared rate, acceleration and speed",

@@ -93,21 +93,34 @@ class BandNoise(ChunkedProcess):
 class MotionSize:
     """Rate, acceleration and speed of a body as running means, relative to a reference."""
 
-    def __init__(self, rate: float, reference: Vector, floor: float, time: float) -> None:
+    def __init__(
+        self,
+        rate: float,
+        reference: Vector,
+        floor: float,
+        time: float,
+        ceiling: Vector = (0.0, 0.0, 0.0),
+    ) -> None:
         """Start settled on the first sample.
 
         :param rate: samples per second [Hz].
         :param reference: rate [rad/s], acceleration [m/s^2] and speed [m/s].
         :param floor: share of the reference that is added, as squares.
         :param time: constant of the running means [s].
+        :param ceiling: of the result, relative to the reference; 0: none.
         """
         self._decay = float(np.exp(-1.0 / (rate * time)))
         self._reference = np.square(reference)[:, None]
         self._floor = floor**2 * self._reference
+        highest = np.asarray(ceiling, dtype=np.float64)[:, None]
+        self._highest = np.log(highest, out=np.full((3, 1), np.inf), where=highest > 0.0)
         self._state: Array | None = None
 
     def logs(self, motion: Motion) -> Array:
-        """Return ``ln sqrt((m + c^2 r^2) / (r^2 + c^2 r^2))`` (3, n) of the next n samples."""
+        """Return ``ln sqrt((m + c^2 r^2) / (r^2 + c^2 r^2))`` (3, n) of the next n samples.
+
+        No more than the logarithm of the ceiling.
+        """
         from scipy import signal
 
         vectors = (motion.angular_velocity, motion.acceleration, motion.velocity)
@@ -117,7 +130,8 @@ class MotionSize:
         mean, self._state = signal.lfilter(
             [1.0 - self._decay], [1.0, -self._decay], squares, axis=1, zi=self._state
         )
-        return 0.5 * np.log((mean + self._floor) / (self._reference + self._floor))
+        logs = 0.5 * np.log((mean + self._floor) / (self._reference + self._floor))
+        return np.minimum(logs, self._highest)
 
 
 class BoardVibration:
@@ -137,7 +151,11 @@ class BoardVibration:
             [np.reshape(e or (0.0,) * (3 * parameters.ranges), (-1, 3)) for e in exponents]
         )
         self._size = MotionSize(
-            rate, parameters.reference_motion, parameters.motion_floor, parameters.motion_time
+            rate,
+            parameters.reference_motion,
+            parameters.motion_floor,
+            parameters.motion_time,
+            parameters.motion_ceiling,
         )
 
     def read(self, first: int, motion: Motion) -> Array:
