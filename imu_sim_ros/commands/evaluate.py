@@ -10,40 +10,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-
 from imu_sim_ros import program
-from imu_sim_ros.bags.outputs import Outputs
 from imu_sim_ros.commands import measured
 from imu_sim_ros.commands import tables as consistency
 from imu_sim_ros.commands.inputs import PoseReader, add_skip_bad_rows, skipped_rows
 from imu_sim_ros.commands.outputs import add_force, output_and_plot
 from imu_sim_ros.jobs import reprojection
-from imu_sim_ros.jobs.tracks import Track, read_track, truth_topic
-from imu_sim_ros.navigation.association import (
-    ALIGNMENTS,
-    Alignment,
-    align,
-    common_rows,
-    interpolate_poses,
-    interpolate_vectors,
-    time_offset,
-)
-from imu_sim_ros.navigation.evaluation import (
-    AbsoluteErrors,
-    absolute_errors,
-    distances,
-    pairs,
-    relative_errors,
-    stated_nees,
-    statistics,
-    why_no_nees,
-)
-from imu_sim_ros.poses import PoseSequence, write_tum
-from imu_sim_ros.rotation import rotate_inverse
-
-DEFAULT_FRACTIONS = (0.1, 0.2, 0.3, 0.4, 0.5)
-"""Default distances of the RPE, as shares of the length of the path."""
+from imu_sim_ros.jobs.evaluate import Evaluation, compared
+from imu_sim_ros.jobs.tracks import read_track, truth_topic
+from imu_sim_ros.navigation.association import ALIGNMENTS
 
 EXAMPLES: Final = """
 evaluate track.csv flight.mcap
@@ -122,81 +97,35 @@ def run(arguments: argparse.Namespace) -> None:
         measured.evaluate(arguments, kind)
         return
     with output_and_plot(arguments) as written:
-        result = _made(arguments, written)
+        found = _compared(arguments)
+        result = {
+            "estimate": str(arguments.estimate),
+            "truth": str(arguments.truth),
+            **found.to_dict(arguments.rpe or ()),
+        }
+        if arguments.output is not None:
+            found.save(written.where(arguments.output))
+        if arguments.plot is not None:
+            from imu_sim_ros.plots import style  # 0.5 s of matplotlib
+
+            picture = found.plot(f"{arguments.estimate.name} against {arguments.truth.name}")
+            style.save(picture, written.where(arguments.plot))
     if arguments.json:
         program.print_json(result)
     elif not arguments.quiet:
         _print(result)
 
 
-def _made(arguments: argparse.Namespace, written: Outputs) -> dict[str, Any]:
-    """Compare and write; returns what came out."""
+def _compared(arguments: argparse.Namespace) -> Evaluation:
+    """Read both trajectories and compare them."""
     reader = PoseReader(arguments, "evaluate")
     left_out = skipped_rows(arguments, "evaluate", arguments.estimate)
     estimate = read_track(arguments.estimate, arguments.estimate_topic, True, reader, left_out)
     topic = truth_topic(arguments.truth, arguments.truth_topic)
     left_out = skipped_rows(arguments, "evaluate", arguments.truth)
     truth = read_track(arguments.truth, topic, reader=reader, skipped=left_out)
-    offset = _time_offset(arguments, estimate, truth) if arguments.time_offset else None
-    if offset is not None:
-        estimate = _shifted(estimate, offset["value_s"])
-    rows = common_rows(estimate.poses.t_ns, truth.poses.t_ns, arguments.max_gap)
-    at_ns = estimate.poses.t_ns[rows]
-    true_poses = interpolate_poses(truth.poses, at_ns)
-    poses = PoseSequence(at_ns, estimate.poses.position[rows], estimate.poses.q_wb[rows])
-    alignment = align(poses.position, true_poses.position, arguments.align)
-    poses = alignment.apply(poses)
-    errors = absolute_errors(poses, true_poses)
-    result = _result(arguments, estimate, poses, true_poses, errors, alignment)
-    result["time_offset"] = offset
-    velocity_b = None
-    result["velocity_error_m_s"] = None
-    if estimate.velocity is not None and truth.velocity is not None:
-        true_velocity = interpolate_vectors(truth.poses.t_ns, truth.velocity, at_ns)
-        velocity = alignment.scale * estimate.velocity[rows] @ alignment.r.T
-        lengths = np.linalg.norm(true_velocity - velocity, axis=1)
-        result["velocity_error_m_s"] = statistics(lengths)._asdict()
-        velocity_b = rotate_inverse(true_poses.q_wb, true_velocity)
-        velocity_b -= rotate_inverse(poses.q_wb, velocity)
-    result["nees"] = None
-    stated, twist = (
-        None if each is None else each[rows]
-        for each in (estimate.pose_covariance, estimate.twist_covariance)
-    )
-    result["no_nees"] = why_no_nees(arguments.align, stated)
-    if result["no_nees"] is None and stated is not None:
-        own = PoseSequence(at_ns, estimate.poses.position[rows], estimate.poses.q_wb[rows])
-        linear = None if twist is None else twist[:, :3, :3]
-        result["nees"] = stated_nees(stated, own, true_poses, arguments.align, velocity_b, linear)
-        if result["nees"] is None:
-            result["no_nees"] = "the estimate's covariances are singular"
-    result["reprojection"] = None
-    if arguments.tracks is not None:
-        result["reprojection"] = reprojection.reprojection(arguments.tracks, poses, truth.poses)
-    if arguments.output is not None:
-        write_tum(written.where(arguments.output), poses)
-    if arguments.plot is not None:
-        title = f"{arguments.estimate.name} against {arguments.truth.name}"
-        title += f", alignment: {arguments.align}, ATE {result['ate_m']['rmse']:.4g} m"
-        _draw(written.where(arguments.plot), poses, true_poses, errors, title)
-    return result
-
-
-def _time_offset(arguments: argparse.Namespace, estimate: Track, truth: Track) -> dict[str, float]:
-    """Return the offset to be added to the estimate's stamps, and the ATE without it."""
-    scaled = arguments.align == "sim3"
-    value = time_offset(estimate.poses, truth.poses, arguments.max_gap, scaled)
-    rows = common_rows(estimate.poses.t_ns, truth.poses.t_ns, arguments.max_gap)
-    position = estimate.poses.position[rows]
-    true_position = interpolate_poses(truth.poses, estimate.poses.t_ns[rows]).position
-    found = align(position, true_position, arguments.align)
-    lengths = np.linalg.norm(true_position - (found.scale * position @ found.r.T + found.t), axis=1)
-    return {"value_s": value, "ate_rmse_m_before": statistics(lengths).rmse}
-
-
-def _shifted(track: Track, seconds: float) -> Track:
-    t_ns = track.poses.t_ns + round(seconds * 1e9)
-    return track._replace(poses=track.poses._replace(t_ns=t_ns))
+    how = (arguments.align, arguments.max_gap, arguments.time_offset, arguments.tracks)
+    return compared(estimate, truth, *how)
 
 
 def _delta(words: str) -> tuple[float, str]:
@@ -212,80 +141,6 @@ def _delta(words: str) -> tuple[float, str]:
         "frames": (1.0, "frames"),
     }[match[2]]
     return float(match[1]) * scale, unit
-
-
-def _result(
-    arguments: argparse.Namespace,
-    estimate: Track,
-    poses: PoseSequence,
-    truth: PoseSequence,
-    errors: AbsoluteErrors,
-    alignment: Alignment,
-) -> dict[str, Any]:
-    lengths = np.linalg.norm(errors.position, axis=1)
-    distance = float(distances(truth.position)[-1])
-    return {
-        "estimate": str(arguments.estimate),
-        "truth": str(arguments.truth),
-        "poses": len(poses.t_ns),
-        "poses_without_truth": len(estimate.poses.t_ns) - len(poses.t_ns),
-        "duration_s": float(poses.t_ns[-1] - poses.t_ns[0]) * 1e-9,
-        "distance_m": distance,
-        "alignment": {
-            "kind": arguments.align,
-            "scale": alignment.scale,
-            "rotation": alignment.r,
-            "translation_m": alignment.t,
-        },
-        "ate_m": statistics(lengths)._asdict(),
-        "attitude_error_rad": statistics(np.linalg.norm(errors.attitude, axis=1))._asdict(),
-        "rms_attitude_vector_rad": np.sqrt(np.mean(errors.attitude**2, axis=0)),
-        "final_attitude_vector_rad": errors.attitude[-1],
-        "final_position_error_m": float(lengths[-1]),
-        "final_drift_percent": 100.0 * float(lengths[-1]) / distance if distance > 0.0 else None,
-        "rpe": _relative(arguments, poses, truth, distance),
-    }
-
-
-def _relative(
-    arguments: argparse.Namespace, poses: PoseSequence, truth: PoseSequence, distance: float
-) -> list[dict[str, Any]]:
-    wanted: list[tuple[float, str]] = arguments.rpe or []
-    if not wanted:
-        if truth.t_ns[-1] - truth.t_ns[0] >= 1e9:
-            wanted = [(1.0, "s")]
-        if distance > 0.0:
-            wanted = [*wanted, *((fraction * distance, "m") for fraction in DEFAULT_FRACTIONS)]
-    return [_relative_over(delta, unit, poses, truth) for delta, unit in wanted]
-
-
-def _relative_over(
-    delta: float, unit: str, poses: PoseSequence, truth: PoseSequence
-) -> dict[str, Any]:
-    first, second = pairs(truth, delta, unit)
-    errors = relative_errors(poses, truth, first, second)
-    moved = errors.length > 0.0
-    return {
-        "delta": delta,
-        "unit": unit,
-        "pairs": len(first),
-        "translation_m": statistics(errors.translation)._asdict(),
-        "rotation_rad": statistics(errors.rotation)._asdict(),
-        "translation_percent": 100.0
-        * float(np.mean(errors.translation[moved] / errors.length[moved]))
-        if moved.any()
-        else None,
-    }
-
-
-def _draw(
-    path: Path, poses: PoseSequence, truth: PoseSequence, errors: AbsoluteErrors, title: str
-) -> None:
-    from imu_sim_ros.plots import navigation, style  # 0.5 s of matplotlib
-
-    t = (poses.t_ns - poses.t_ns[0]) * 1e-9
-    positions = (poses.position, truth.position, errors.position)
-    style.save(navigation.evaluation(t, *positions, errors.attitude, title), path)
 
 
 def _print(result: dict[str, Any]) -> None:

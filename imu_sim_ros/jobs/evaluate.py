@@ -5,45 +5,61 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, overload
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol, overload
 
 import numpy as np
 
-from imu_sim_ros.arguments import array, number, one_of, refuse
+from imu_sim_ros.arguments import array, number, one_of, refuse, switch, text
 from imu_sim_ros.arguments import path as checked_path
 from imu_sim_ros.arguments import topic as checked_topic
-from imu_sim_ros.jobs import tracks
 from imu_sim_ros.jobs.attitude import AttitudeEvaluation, evaluate_attitude, has_attitude_alone
-from imu_sim_ros.jobs.readings import (
-    BAG_OR_FILE,
-    HasPoses,
-    checked_poses,
-)
+from imu_sim_ros.jobs.output import saved
+from imu_sim_ros.jobs.readings import BAG_OR_FILE, HasPoses, checked_poses
+from imu_sim_ros.jobs.reprojection import reprojection
+from imu_sim_ros.jobs.tracks import Track, read_track
+from imu_sim_ros.jobs.tracks import truth_topic as truth_topic_of
 from imu_sim_ros.navigation.association import (
     ALIGNMENTS,
+    Alignment,
     common_rows,
     interpolate_poses,
     interpolate_vectors,
 )
 from imu_sim_ros.navigation.association import align as laid_on
+from imu_sim_ros.navigation.association import time_offset as time_offset_of
 from imu_sim_ros.navigation.evaluation import (
     DELTA_UNITS,
-    AbsoluteErrors,
     RelativeErrors,
     absolute_errors,
     distances,
     pairs,
     relative_errors,
     stated_nees,
+    statistics,
     why_no_nees,
 )
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.poses import PoseSequence, write_tum
+from imu_sim_ros.rotation import rotate_inverse
 from imu_sim_ros.types import Array, Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots.style import Figure
+
+
+_FRACTIONS: Final = (0.1, 0.2, 0.3, 0.4, 0.5)
+"""Of the path's length: the distances of the RPE by default."""
+
+
+class TimeOffset(NamedTuple):
+    """A time offset that was found and removed."""
+
+    value_s: float
+    """Added to the estimate's stamps."""
+    ate_rmse_m_before: float
+    """The ATE without it."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -64,11 +80,21 @@ class Evaluation:
     """The aligned estimate."""
     truth: PoseSequence
     """The truth at the same times."""
+    alignment: Alignment
+    """That of the estimate with the truth."""
+    kind: str
+    """none, yaw, se3 or sim3."""
+    without_truth: int
+    """Poses of the estimate that are left out: the truth has none at their times."""
     nees: dict[str, Any] | None = None
-    """``position`` and ``attitude``, each with ``mean``, ``final`` and ``inside_band``, as the
-    command has them; None if the estimate states no covariance that allows it, see `no_nees`."""
+    """``position``, ``attitude`` and ``velocity``, each with ``mean``, ``final`` and
+    ``inside_band``; None without a covariance that allows it, see `no_nees`."""
     no_nees: str | None = None
     """Why there is no NEES."""
+    time_offset: TimeOffset | None = None
+    """What was added to the estimate's stamps, on request."""
+    reprojection: list[dict[str, Any]] | None = None
+    """For each camera, how far its features lie from their landmarks as seen from the estimate."""
 
     def __repr__(self) -> str:
         return (
@@ -112,12 +138,82 @@ class Evaluation:
         one_of("unit", unit, DELTA_UNITS)
         return relative_errors(self.estimate, self.truth, *pairs(self.truth, delta, unit))
 
-    def plot(self) -> Figure:
+    def to_dict(self, deltas: Sequence[tuple[float, str]] = ()) -> dict[str, Any]:
+        """Return all errors in plain types, as ``--json`` prints them.
+
+        :param deltas: those of :meth:`relative`; by default 1 s and tenths of the path.
+        :raises InputError: for a trajectory that is shorter than a delta.
+        """
+        allowed = "pairs of a number and s, m or frames"
+        if not isinstance(deltas, list | tuple):
+            refuse("deltas", deltas, allowed, wrong_type=True)
+        for delta in deltas:
+            if not isinstance(delta, list | tuple) or len(delta) != 2:
+                refuse("deltas", deltas, allowed, wrong_type=True)
+        lengths = np.linalg.norm(self.position, axis=1)
+        drift = float(lengths[-1]) / self.distance if self.distance > 0.0 else None
+        speed = None if self.velocity is None else np.linalg.norm(self.velocity, axis=1)
+        return {
+            "poses": len(self.t_ns),
+            "poses_without_truth": self.without_truth,
+            "duration_s": float(self.t_ns[-1] - self.t_ns[0]) * 1e-9,
+            "distance_m": self.distance,
+            "alignment": {
+                "kind": self.kind,
+                "scale": self.alignment.scale,
+                "rotation": self.alignment.r.tolist(),
+                "translation_m": self.alignment.t.tolist(),
+            },
+            "ate_m": statistics(lengths)._asdict(),
+            "attitude_error_rad": statistics(np.linalg.norm(self.attitude, axis=1))._asdict(),
+            "rms_attitude_vector_rad": np.sqrt(np.mean(self.attitude**2, axis=0)).tolist(),
+            "final_attitude_vector_rad": self.attitude[-1].tolist(),
+            "final_position_error_m": float(lengths[-1]),
+            "final_drift_percent": None if drift is None else 100.0 * drift,
+            "rpe": [self._relative_dict(*delta) for delta in deltas or self._usual_deltas()],
+            "time_offset": None if self.time_offset is None else self.time_offset._asdict(),
+            "velocity_error_m_s": None if speed is None else statistics(speed)._asdict(),
+            "nees": self.nees,
+            "no_nees": self.no_nees,
+            "reprojection": self.reprojection,
+        }
+
+    def _usual_deltas(self) -> list[tuple[float, str]]:
+        second = [(1.0, "s")] if self.t_ns[-1] - self.t_ns[0] >= 1e9 else []
+        parts = _FRACTIONS if self.distance > 0.0 else ()
+        return [*second, *((fraction * self.distance, "m") for fraction in parts)]
+
+    def _relative_dict(self, delta: float, unit: str) -> dict[str, Any]:
+        errors = self.relative(delta, unit)
+        moved = errors.length > 0.0
+        percent = errors.translation[moved] / errors.length[moved] if moved.any() else None
+        return {
+            "delta": delta,
+            "unit": unit,
+            "pairs": len(errors.length),
+            "translation_m": statistics(errors.translation)._asdict(),
+            "rotation_rad": statistics(errors.rotation)._asdict(),
+            "translation_percent": None if percent is None else 100.0 * float(np.mean(percent)),
+        }
+
+    def save(self, path: str | Path, *, force: bool = False) -> Path:
+        """Write the aligned estimate in TUM format; returns the path.
+
+        :param force: replace what exists.
+        :raises InputError: for a path that cannot be used or exists.
+        """
+        with saved(path, force) as place:
+            write_tum(place, self.estimate)
+        return Path(path)
+
+    def plot(self, title: str = "Estimate against the truth") -> Figure:
         """Return a matplotlib figure: both paths, and the errors per axis over time."""
         from imu_sim_ros.plots import navigation as pictures
 
+        text("title", title, "a title")
         t = (self.t_ns - self.t_ns[0]) * 1e-9
-        title = f"Estimate against the truth: {self.distance:.4g} m, ATE {self.rms_position:.4g} m"
+        aligned = "" if self.kind == "none" else f", alignment: {self.kind}"
+        title += f"{aligned}: {self.distance:.4g} m, ATE {self.rms_position:.4g} m"
         positions = (self.estimate.position, self.truth.position, self.position)
         return pictures.evaluation(t, *positions, self.attitude, title)
 
@@ -139,6 +235,8 @@ def evaluate(  # type: ignore[overload-overlap]  # what has positions is compare
     max_gap: float = ...,
     estimate_topic: str | None = ...,
     truth_topic: str | None = ...,
+    time_offset: bool = ...,
+    tracks: str | Path | None = ...,
 ) -> Evaluation: ...
 
 
@@ -151,6 +249,8 @@ def evaluate(
     max_gap: float = ...,
     estimate_topic: str | None = ...,
     truth_topic: str | None = ...,
+    time_offset: bool = ...,
+    tracks: str | Path | None = ...,
 ) -> AttitudeEvaluation: ...
 
 
@@ -162,6 +262,8 @@ def evaluate(
     max_gap: float = 0.5,
     estimate_topic: str | None = None,
     truth_topic: str | None = None,
+    time_offset: bool = False,
+    tracks: str | Path | None = None,
 ) -> Evaluation | AttitudeEvaluation:
     """Compare a trajectory, or attitudes alone, with the truth at the estimate's times.
 
@@ -174,6 +276,10 @@ def evaluate(
     :param max_gap: the truth is not interpolated across longer gaps [s].
     :param estimate_topic: of a bag with several trajectories.
     :param truth_topic: likewise; None: ``ground_truth/odom`` if the bag has it.
+    :param time_offset: find the time offset of the estimate from the motion (up to 1 s) and remove
+        it before comparing.
+    :param tracks: a folder of ``generate --format tracks``: the reprojection error of its landmarks
+        as seen from the estimate.
     :returns: an :class:`Evaluation`, for attitudes alone an :class:`AttitudeEvaluation`.
     :raises InputError: if they do not overlap in time, or a path cannot be read.
 
@@ -187,66 +293,102 @@ def evaluate(
     """
     number("max_gap", max_gap, "a number of seconds above 0", 0.0, above=True)
     one_of("align", align, ALIGNMENTS)
-    truth = _recorded("truth", truth, truth_topic)
+    switch("time_offset", time_offset)
+    folder = None if tracks is None else checked_path("tracks", tracks, "the path of a folder")
     if has_attitude_alone(estimate):
-        if align != "none":
-            refuse("align", align, "none: attitudes alone are not aligned")
-        return evaluate_attitude(estimate, checked_poses("truth", truth), max_gap)
-    return _compared(_recorded("estimate", estimate, estimate_topic), truth, align, max_gap)
+        unfit = {"align": align if align != "none" else None, "tracks": tracks}
+        for name, given in {**unfit, "time_offset": time_offset or None}.items():
+            if given is not None:
+                refuse(name, given, "omitted: attitudes alone have no positions")
+        true = _track("truth", truth, truth_topic)
+        return evaluate_attitude(estimate, true.poses, max_gap)
+    true = _track("truth", truth, truth_topic)
+    own = _track("estimate", estimate, estimate_topic)
+    return compared(own, true, align, max_gap, time_offset, folder)
 
 
-def _compared(estimate: HasPoses, truth: HasPoses, align: str, max_gap: float) -> Evaluation:
-    own, known = checked_poses("estimate", estimate), checked_poses("truth", truth)
-    rows = common_rows(own.t_ns, known.t_ns, max_gap)
-    t_ns = own.t_ns[rows]
-    true = interpolate_poses(known, t_ns)
-    given = PoseSequence(t_ns, own.position[rows], own.q_wb[rows])
+def compared(
+    estimate: Track,
+    truth: Track,
+    align: str,
+    max_gap: float,
+    find_offset: bool = False,
+    folder: Path | None = None,
+) -> Evaluation:
+    """Return the errors of a trajectory; arguments as for :func:`evaluate`.
+
+    :raises InputError: if they do not overlap in time.
+    """
+    offset = _time_offset(estimate, truth, align, max_gap) if find_offset else None
+    if offset is not None:
+        t_ns = estimate.poses.t_ns + round(offset.value_s * 1e9)
+        estimate = estimate._replace(poses=estimate.poses._replace(t_ns=t_ns))
+    rows = common_rows(estimate.poses.t_ns, truth.poses.t_ns, max_gap)
+    t_ns = estimate.poses.t_ns[rows]
+    true = interpolate_poses(truth.poses, t_ns)
+    given = PoseSequence(t_ns, estimate.poses.position[rows], estimate.poses.q_wb[rows])
     alignment = laid_on(given.position, true.position, align)
     poses = alignment.apply(given)
-    errors: AbsoluteErrors = absolute_errors(poses, true)
-    velocity, own_speed, true_speed = None, _speed("estimate", estimate), _speed("truth", truth)
-    if own_speed is not None and true_speed is not None:
-        aligned = alignment.scale * own_speed[rows] @ alignment.r.T
-        velocity = interpolate_vectors(known.t_ns, true_speed, t_ns) - aligned
-    length = float(distances(true.position)[-1])
-    stated = getattr(estimate, "covariance", None)
-    if stated is not None:
-        stated = array("estimate.covariance", stated, (len(own.t_ns), 6, 6))[rows]
+    errors = absolute_errors(poses, true)
+    velocity = velocity_b = None
+    if estimate.velocity is not None and truth.velocity is not None:
+        aligned = alignment.scale * estimate.velocity[rows] @ alignment.r.T
+        speed = interpolate_vectors(truth.poses.t_ns, truth.velocity, t_ns)
+        velocity = speed - aligned
+        velocity_b = rotate_inverse(true.q_wb, speed) - rotate_inverse(poses.q_wb, aligned)
+    stated, twist = (
+        None if each is None else each[rows]
+        for each in (estimate.pose_covariance, estimate.twist_covariance)
+    )
     found, why = None, why_no_nees(align, stated)
     if why is None and stated is not None:
-        found = stated_nees(stated, given, true, align)
+        linear = None if twist is None else twist[:, :3, :3]
+        found = stated_nees(stated, given, true, align, velocity_b, linear)
         why = "the estimate's covariances are singular" if found is None else None
-    both = (errors.position, errors.attitude)
-    return Evaluation(t_ns, *both, velocity, length, poses, true, found, why)
+    seen = None if folder is None else reprojection(folder, poses, truth.poses)
+    return Evaluation(
+        t_ns,
+        errors.position,
+        errors.attitude,
+        velocity,
+        float(distances(true.position)[-1]),
+        poses,
+        true,
+        alignment,
+        align,
+        len(estimate.poses.t_ns) - len(rows),
+        found,
+        why,
+        offset,
+        seen,
+    )
 
 
-class _Recorded(NamedTuple):
-    """A trajectory of a file, as :func:`evaluate` takes objects."""
+def _time_offset(estimate: Track, truth: Track, align: str, max_gap: float) -> TimeOffset:
+    value = time_offset_of(estimate.poses, truth.poses, max_gap, scaled=align == "sim3")
+    rows = common_rows(estimate.poses.t_ns, truth.poses.t_ns, max_gap)
+    position = estimate.poses.position[rows]
+    true = interpolate_poses(truth.poses, estimate.poses.t_ns[rows]).position
+    found = laid_on(position, true, align)
+    before = true - (found.scale * position @ found.r.T + found.t)
+    return TimeOffset(value, statistics(np.linalg.norm(before, axis=1)).rmse)
 
-    t_ns: Times
-    position: Array
-    q_wb: Array
-    velocity: Array | None
-    covariance: Array | None
 
-
-def _recorded(name: str, given: Any, topic: str | None) -> HasPoses:
-    """Return what a path leads to, or what is no path as it is."""
+def _track(name: str, given: Any, topic: str | None) -> Track:
+    """Return the trajectory that an argument is, or that a path leads to."""
     of_a_file = isinstance(given, str | Path)
     topic = checked_topic(f"{name}_topic", topic, of_a_file)
-    if not of_a_file:
-        return given  # checked_poses looks at it
-    place = checked_path(name, given, BAG_OR_FILE)
-    chosen = tracks.truth_topic(place, topic) if name == "truth" else topic
-    track = tracks.read_track(place, chosen, covariance=name == "estimate")
-    poses = track.poses
-    stated = track.pose_covariance
-    return _Recorded(poses.t_ns, poses.position, poses.q_wb, track.velocity, stated)
-
-
-def _speed(name: str, given: HasPoses) -> Array | None:
-    speed = getattr(given, "velocity", None)
-    return None if speed is None else array(f"{name}.velocity", speed, (len(given.t_ns), 3))
+    if of_a_file:
+        place = checked_path(name, given, BAG_OR_FILE)
+        chosen = truth_topic_of(place, topic) if name == "truth" else topic
+        return read_track(place, chosen, covariance=name == "estimate")
+    poses = checked_poses(name, given)
+    speed, stated = getattr(given, "velocity", None), getattr(given, "covariance", None)
+    if speed is not None:
+        speed = array(f"{name}.velocity", speed, (len(poses.t_ns), 3))
+    if stated is not None and name == "estimate":
+        stated = array("estimate.covariance", stated, (len(poses.t_ns), 6, 6))
+    return Track(poses, speed, stated)
 
 
 def _rms(errors: Array) -> float:

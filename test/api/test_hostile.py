@@ -198,6 +198,9 @@ VALID = {
     "twin.flown": (lambda w: {}, []),
     "twin.simulate": (lambda w: {}, []),
     "evaluation.relative": (lambda w: {"delta": 0.1}, []),
+    "evaluation.to_dict": (lambda w: {}, []),
+    "evaluation.save": (lambda w: w.place, []),
+    "evaluation.plot": (lambda w: {}, []),
 }
 # What only the package makes.
 RESULTS = {

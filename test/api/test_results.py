@@ -169,3 +169,20 @@ def test_the_working_folder_is_a_recording_like_any_other(tmp_path, monkeypatch)
     assert len(ims.dead_reckon(".")) == 100
     with pytest.raises(ims.InputError, match="nearest|at least|0 readings|rest"):
         ims.calibrate_six_position(".")
+
+
+def test_evaluation_of_a_bag_is_that_of_the_program(tmp_path, capsys):
+    from imu_sim_ros.commands import evaluate
+
+    flight = ims.simulate(imu="tactical", trajectory="figure_eight", duration=20, seed=2)
+    bag, path = flight.save(tmp_path / "flight.mcap"), tmp_path / "track.csv"
+    ims.dead_reckon(flight).save(path)
+    words = ["--align", "se3", "--time-offset", "--rpe", "2s", "--json"]
+    assert evaluate.main([str(path), str(bag), *words]) == 0
+    told = json.loads(capsys.readouterr().out)
+    found = ims.evaluate(path, bag, align="se3", time_offset=True)
+    mine = json.loads(json.dumps(found.to_dict([(2.0, "s")])))
+    assert mine == {name: told[name] for name in mine}
+    assert ims.evaluate(ims.dead_reckon(flight), bag).to_dict()["velocity_error_m_s"] is not None
+    written = ims.evaluate(found.save(tmp_path / "aligned.tum"), bag)
+    np.testing.assert_allclose(written.rms_position, found.rms_position, rtol=1e-6)
