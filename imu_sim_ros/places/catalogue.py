@@ -3,13 +3,17 @@
 
 """All places by name, and how large each is unless it is told."""
 
+from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from imu_sim_ros.places.corridor import corridor
+from imu_sim_ros.places.machine_hall import machine_hall
 from imu_sim_ros.places.office import office
 from imu_sim_ros.places.place import Build, Place, Site
+from imu_sim_ros.places.street import street
+from imu_sim_ros.places.warehouse import warehouse
 from imu_sim_ros.types import Array
 
 
@@ -28,6 +32,9 @@ class Kind(NamedTuple):
 KINDS: Final[dict[str, Kind]] = {
     "office": Kind(office, (13.0, 9.4, 2.8), 2.4, (8.0, 6.0, 2.7)),
     "corridor": Kind(corridor, (36.0, 2.4, 2.7), 1.0, (12.0, 2.2, 2.5)),
+    "warehouse": Kind(warehouse, (26.0, 15.0, 6.5), 5.0, (16.0, 9.0, 5.0)),
+    "machine_hall": Kind(machine_hall, (20.0, 13.0, 6.5), 3.0, (12.0, 9.0, 5.0)),
+    "street": Kind(street, (60.0, 16.0, 12.0), 4.0, (40.0, 12.0, 8.0)),
 }
 _BELOW: Final = 0.3
 """Distance of the floor from the lowest place of a path [m]."""
@@ -45,6 +52,29 @@ def around(kind: str, path: Array) -> tuple[Array, Array]:
     high[:2] += 0.5 * missing[:2]
     high[2] += missing[2]
     return low, high
+
+
+def size_problems(kind: str, size: Sequence[float], name: str) -> Iterator[str]:
+    """Yield whether only some sides are given, or too little for the place.
+
+    :param size: along x, y, z [m]; 0: as usual.
+    """
+    if any(size) and not all(size):
+        yield f"{name} = {list(size)}: must be 0 or above 0 m on all axes"
+    elif any(size):
+        for axis, length, limit in zip("xyz", size, KINDS[kind].least, strict=True):
+            if length < limit:
+                yield f"{name} = {list(size)}: along {axis} must be at least {limit:g} m for {kind}"
+
+
+def usual(kind: str, size: Sequence[float]) -> tuple[Array, Array]:
+    """Return the corners (3,) of a place of a size, or of its usual one, around x = y = 0 [m].
+
+    Its floor is at z = 0.
+    """
+    whole = np.array(size if any(size) else KINDS[kind].size, np.float64)
+    low = np.array([-0.5 * whole[0], -0.5 * whole[1], 0.0])
+    return low, low + whole
 
 
 def build(kind: str, site: Site) -> Place:

@@ -10,7 +10,7 @@ import numpy as np
 from imu_sim_ros.places.furniture import LAMP, plant
 from imu_sim_ros.places.light import Lighting
 from imu_sim_ros.places.place import Builder, Place, Site
-from imu_sim_ros.places.prints import Print
+from imu_sim_ros.places.sheet import Print
 
 _PITCH: Final = 3.6
 """Distance of two doors [m]."""
@@ -31,7 +31,7 @@ def corridor(site: Site) -> Place:
     door = int(stream.integers(4))
     walls = ("-y", "+y") if along == 0 else ("-x", "+x")
     for side in walls:
-        b.add_prints(sides[side], _doors(b, length, height, door, stream))
+        b.add_prints(sides[side], _doors(b, length, height, door))
     for side in ("-x", "+x") if along == 0 else ("-y", "+y"):
         width = float(high[1 - along] - low[1 - along])
         fits = min(1.8, width - 0.2), min(2.15, height - 0.2)
@@ -52,9 +52,7 @@ def corridor(site: Site) -> Place:
     return Place(tuple(b.faces), Lighting(tuple(b.lamps)), low, high, stops)
 
 
-def _doors(
-    b: Builder, length: float, height: float, door: int, stream: np.random.Generator
-) -> list[Print]:
+def _doors(b: Builder, length: float, height: float, door: int) -> list[Print]:
     """Return a wall's doors, the same each, their plates, and what hangs between a few."""
     prints = [Print("strip", 0, 0, length, 0.09)]
     prints.append(Print("band", 0, 0.95, length, 0.12))
@@ -62,10 +60,10 @@ def _doors(
         left = 1.2 + k * _PITCH
         prints.append(Print("door", left, 0, _DOOR, min(2.1, height - 0.2), door))
         prints.append(Print("label", left + _DOOR + 0.12, 1.5, 0.2, 0.12, b.number()))
-        if stream.random() < b.rich(0.3):
-            kind, w, h = (("poster", 0.6, 0.85), ("notices", 1.0, 0.8))[int(stream.integers(2))]
+        if b.decor.random() < b.rich(0.3):
+            kind, w, h = (("poster", 0.6, 0.85), ("notices", 1.0, 0.8))[int(b.decor.integers(2))]
             prints.append(Print(kind, left + _DOOR + 0.7, 1.15, w, h, b.number()))
-        elif stream.random() < 0.25:
+        elif b.decor.random() < 0.25:
             prints.append(Print("outlet", left + _DOOR + 1.1, 0.3, 0.16, 0.08))
     return prints
 
@@ -105,5 +103,5 @@ def _things(b: Builder, along: int, stream: np.random.Generator) -> None:
             )
         elif choice < 0.75:
             b.box((x - 0.12, y - 0.12, z), (x + 0.12, y + 0.12, z + 0.4), "paint:50565c")
-        elif choice < 0.75 + b.rich(0.15):
+        elif choice < 0.9:
             plant(b, (x, y, z), stream)

@@ -11,7 +11,7 @@ import numpy as np
 
 from imu_sim_ros.places.light import Lamp, Lighting
 from imu_sim_ros.places.place import Builder, turned
-from imu_sim_ros.places.prints import Print
+from imu_sim_ros.places.sheet import Print
 
 Stream = np.random.Generator
 Place3 = Sequence[float]
@@ -51,15 +51,15 @@ def desk(b: Builder, origin: Place3, turn: float, stream: Stream) -> None:
     if not _clear(b, origin, 1.1, 1.2):
         return
     top = ("board:d2b48c", "paint:dcdcd8", "board:b08a5c")[int(stream.integers(3))]
-    clutter = stream.random() < b.rich(0.8)
+    clutter = b.decor.random() < b.rich(0.8)
     papers = []
     if clutter:
-        for _ in range(int(stream.integers(1, 4))):
+        for _ in range(int(b.decor.integers(1, 4))):
             papers.append(
                 Print(
                     "paper",
-                    stream.uniform(0.05, 1.2),
-                    stream.uniform(0.05, 0.4),
+                    b.decor.uniform(0.05, 1.2),
+                    b.decor.uniform(0.05, 0.4),
                     0.21,
                     0.297,
                     b.number(),
@@ -80,7 +80,7 @@ def desk(b: Builder, origin: Place3, turn: float, stream: Stream) -> None:
         prints={"+y": drawers},
         leave="bottom",
     )
-    screen = [Print("screen", 0, 0, 0.56, 0.34, b.number(), glows=stream.random() < 0.7)]
+    screen = [Print("screen", 0, 0, 0.56, 0.34, b.number(), glows=bool(b.decor.random() < 0.7))]
     x = stream.uniform(-0.2, 0.1)
     _part(
         b,
@@ -182,29 +182,29 @@ def plant(b: Builder, origin: Place3, stream: Stream) -> None:
         )
 
 
-def wall_decoration(b: Builder, wall: int, stream: Stream) -> None:
+def wall_decoration(b: Builder, wall: int) -> None:
     """Hang posters, a clock, outlets and a skirting on a wall."""
     _, across, up = b.faces[wall].rectangle
     width, height = (float(np.sqrt((side * side).sum())) for side in (across, up))
     prints = [Print("strip", 0, 0, width, 0.07)]
-    left = 0.4 + float(stream.uniform(0, 0.8))
+    left = 0.4 + float(b.decor.uniform(0, 0.8))
     while left < width - 1.4:
-        choice = stream.random()
+        choice = b.decor.random()
         if choice < b.rich(0.5) and height > 2.2:
             kind, w, h = (
                 ("poster", 0.6, 0.85),
                 ("notices", 1.2, 0.9),
                 ("poster", 1.0, 0.7),
                 ("whiteboard", 1.8, 1.1),
-            )[int(stream.integers(4))]
+            )[int(b.decor.integers(4))]
             if left + w < width - 0.2:
-                bottom = 1.0 + float(stream.uniform(0, 0.3))
+                bottom = 1.0 + float(b.decor.uniform(0, 0.3))
                 prints.append(Print(kind, left, bottom, w, h, b.number()))
             left += w
         elif choice > 0.85:
             prints.append(Print("outlet", left, 0.3, 0.16, 0.08))
-        left += 0.5 + float(stream.uniform(0, 1.4))
-    if stream.random() < b.rich(0.4):
+        left += 0.5 + float(b.decor.uniform(0, 1.4))
+    if b.decor.random() < b.rich(0.4):
         prints.append(Print("clock", 0.5 * width, min(2.1, height - 0.5), 0.3, 0.3))
     b.add_prints(wall, prints)
 
@@ -249,9 +249,7 @@ def windows(b: Builder, wall: int, sill: float, height: float) -> Callable[[Buil
     return lit
 
 
-def ceiling_lamps(
-    b: Builder, stream: Stream, pitch: float = 2.4, size: tuple[float, float] = (1.2, 0.6)
-) -> None:
+def ceiling_lamps(b: Builder, pitch: float = 2.4, size: tuple[float, float] = (1.2, 0.6)) -> None:
     """Hang a grid of flat lamps under the ceiling; in dim light one in five shines."""
     x0, y0, _ = b.site.low.tolist()
     x1, y1, z1 = b.site.high.tolist()

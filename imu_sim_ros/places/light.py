@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.places.geometry import Caster, Floats, Rectangle, Surfaces, surfaces
+from imu_sim_ros.types import Array
 
 Single = NDArray[np.float32]
 
@@ -77,12 +78,17 @@ class _Points(NamedTuple):
     """(m,) number of each surface's first point."""
 
     @classmethod
-    def on(cls, where: Surfaces, lit: NDArray[np.bool_], count: int) -> "_Points":
+    def on(
+        cls, where: Surfaces, lit: NDArray[np.bool_], count: int, detail: Array | float
+    ) -> "_Points":
         """Spread them, about as many as told; surfaces that are not lit have one each."""
         sides = where.sides
-        area = float((sides[:, 0] * sides[:, 1])[lit].sum())
+        density = np.broadcast_to(detail, (len(sides),))
+        area = float((sides.prod(axis=1) * density * density)[lit].sum())
         spacing = max(_NEAREST, math.sqrt(area / count))
-        shapes = np.maximum(np.ceil(sides[:, ::-1] / spacing), 1).astype(np.int64)
+        shapes = np.maximum(np.ceil(sides[:, ::-1] * density[:, None] / spacing), 1).astype(
+            np.int64
+        )
         shapes[~lit] = 1
         places, normals, numbers = [], [], []
         for m, (rows, columns) in enumerate(shapes.tolist()):
@@ -123,18 +129,23 @@ class _Points(NamedTuple):
 
 
 def bake(
-    where: Surfaces, albedo: Floats, sky: NDArray[np.bool_], lighting: Lighting
+    where: Surfaces,
+    albedo: Floats,
+    sky: NDArray[np.bool_],
+    lighting: Lighting,
+    detail: Array | float = 1.0,
 ) -> list[Single]:
     """Return the irradiance on each surface: (rows, columns, 3) of red, green and blue.
 
     Rows go up and columns across; each value is that of the middle of its part of the surface.
 
     :param albedo: (m, 3) share of the light that each surface gives back, mean of it.
+    :param detail: (m,) density of the points on each surface, of the others' one.
     :param sky: (m,) surfaces that give the light of the sky, and let the sun through.
     """
     casting = ~sky & (where.sides.prod(axis=1) > _SMALL)
     solid = Caster(where.some(casting), np.float32)
-    fine, coarse = (_Points.on(where, ~sky, count) for count in (_POINTS, _COARSE))
+    fine, coarse = (_Points.on(where, ~sky, count, detail) for count in (_POINTS, _COARSE))
     direct, start = (
         _from_lamps(points, solid, lighting) + _from_sun(points, solid, lighting)
         for points in (fine, coarse)

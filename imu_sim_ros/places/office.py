@@ -18,7 +18,7 @@ from imu_sim_ros.places.furniture import (
     windows,
 )
 from imu_sim_ros.places.place import Builder, Place, Site
-from imu_sim_ros.places.prints import Print
+from imu_sim_ros.places.sheet import Print
 
 _ROOMS: Final = 3.3
 """Depth of the closed rooms [m]."""
@@ -28,6 +28,8 @@ _DOOR: Final = 1.0
 """Width of an opening [m]."""
 _WALL: Final = 0.1
 _LINTEL: Final = 2.1
+_HEIGHT: Final = 1.35
+"""Of a tour, below the lintels [m]."""
 
 
 def office(site: Site) -> Place:
@@ -50,9 +52,9 @@ def office(site: Site) -> Place:
     if partition < y1:
         stops = _closed_rooms(b, partition, stream)
     for side in ("-x", "+x", "+y") if partition == y1 else ("-x", "+x"):
-        wall_decoration(b, sides[side], stream)
-    stops += _desks(b, partition, stream)
-    ceiling_lamps(b, stream)
+        wall_decoration(b, sides[side])
+    west, east = _desks(b, partition, stream)
+    ceiling_lamps(b)
     for x in (x0 + 0.45, x1 - 0.45):
         if stream.random() < 0.8 and b.free((x - 0.3, y0 + 0.2, z0), (x + 0.3, y0 + 0.8, z0 + 1.4)):
             plant(b, (x, y0 + 0.5, z0), stream)
@@ -61,7 +63,7 @@ def office(site: Site) -> Place:
         low, high = (x - 0.5, y0 + 0.01, z0), (x + 0.5, y0 + 0.13, z0 + 0.6)
         if b.free(low, high):
             b.box(low, high, "paint:f0f0ec", {"+y": [Print("grille", 0.02, 0.03, 0.96, 0.54, 0)]})
-    return Place(tuple(b.faces), lit(b), site.low, site.high, np.array(stops), exposure=1.0)
+    return Place(tuple(b.faces), lit(b), site.low, site.high, np.array([*west, *stops, *east]))
 
 
 def _closed_rooms(b: Builder, y: float, stream: np.random.Generator) -> list[list[float]]:
@@ -73,13 +75,13 @@ def _closed_rooms(b: Builder, y: float, stream: np.random.Generator) -> list[lis
     for k in range(count):
         left, right = x0 + k * width, x0 + (k + 1) * width
         opening = left + (0.25 if k % 2 else 0.65) * (width - _DOOR)
-        _front(b, (left, right), y, opening, stream)
+        _front(b, (left, right), y, opening)
         if k and b.free((left - 0.05, y, z0), (left + 0.05, y1, z1)):
             prints = {
                 side: [Print("strip", 0, 0, y1 - y, 0.07)]
                 + (
                     [Print("whiteboard", 0.5, 1.0, 2.0, 1.1, b.number())]
-                    if stream.random() < b.rich(0.6)
+                    if b.decor.random() < b.rich(0.6)
                     else []
                 )
                 for side in ("-x", "+x")
@@ -99,21 +101,19 @@ def _closed_rooms(b: Builder, y: float, stream: np.random.Generator) -> list[lis
         low, high = (right - 0.45, y1 - 1.5, z0), (right - 0.06, y1 - 0.4, z0 + 1.95)
         if b.free(low, high):
             bookcase(b, low, high, "-x")
-        stops.append([opening + 0.5 * _DOOR, y + 0.75, z0 + 1.5])
+        stops.append([opening + 0.5 * _DOOR, y + 0.75, z0 + _HEIGHT])
     return stops
 
 
-def _front(
-    b: Builder, ends: tuple[float, float], y: float, opening: float, stream: np.random.Generator
-) -> None:
+def _front(b: Builder, ends: tuple[float, float], y: float, opening: float) -> None:
     """Build one room's part of the wall between it and the open office, with its door."""
     left, right = ends
     z0, z1 = float(b.site.low[2]), float(b.site.high[2])
     strip = 0.07
     for a, c in ((left, opening), (opening + _DOOR, right)):
         decoration = [Print("strip", 0, 0, c - a, strip)]
-        if c - a > 1.2 and stream.random() < b.rich(0.6):
-            kind = ("poster", "notices")[int(stream.integers(2))]
+        if c - a > 1.2 and b.decor.random() < b.rich(0.6):
+            kind = ("poster", "notices")[int(b.decor.integers(2))]
             w, h = (0.7, 1.0) if kind == "poster" else (1.1, 0.9)
             decoration.append(Print(kind, 0.5 * (c - a - w), 1.05, w, h, b.number()))
         low, high = (a, y, z0), (c, y + _WALL, z1)
@@ -132,8 +132,10 @@ def _front(
     door_leaf(b, (opening, y + _WALL, z0), _DOOR - 0.06, _LINTEL - 0.03, 1.45, b.number())
 
 
-def _desks(b: Builder, depth: float, stream: np.random.Generator) -> list[list[float]]:
-    """Put pairs of desks into the open room; return places around them."""
+def _desks(
+    b: Builder, depth: float, stream: np.random.Generator
+) -> tuple[list[list[float]], list[list[float]]]:
+    """Put pairs of desks into the open room; return places to its west and its east."""
     x0, y0, z0 = b.site.low.tolist()
     x1 = float(b.site.high[0])
     rows = max(1, int((depth - y0 - 1.6) / 3.2))
@@ -151,9 +153,7 @@ def _desks(b: Builder, depth: float, stream: np.random.Generator) -> list[list[f
                 low, high = (x - 0.8, y - 0.015, z0 + 0.76), (x + 0.8, y + 0.015, z0 + 1.16)
                 if b.free(low, high):
                     b.box(low, high, "carpet:8c98a4")
-    middle = depth - 0.75
-    edge = y0 + 0.65
-    height = z0 + 1.5
-    x = 0.5 * (x0 + x1)
-    stops = [[x0 + 0.7, edge + 0.6, height], [x0 + 0.7, middle, height], [x, middle, height]]
-    return [*stops, [x1 - 0.7, middle, height], [x1 - 0.7, edge + 0.6, height], [x, edge, height]]
+    middle, edge, height = depth - 0.75, y0 + 0.65, z0 + _HEIGHT
+    west = [[x0 + 0.7, edge + 0.6, height], [x0 + 0.7, middle, height]]
+    east = [[x1 - 0.7, middle, height], [x1 - 0.7, edge + 0.6, height]]
+    return west, [*east, [0.5 * (x0 + x1), edge, height]]

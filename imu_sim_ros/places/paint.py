@@ -39,13 +39,14 @@ class Painter:
         """Factors of the sRGB values on each face (rows, columns, 3)."""
         albedo = np.array([_linear(face.material) for face in self.place.faces], np.float32)
         sky = self.place.sky
-        maps = bake(self._surfaces, albedo, sky, self.place.lighting)
+        maps = bake(self._surfaces, albedo, sky, self.place.lighting, self.place.detail)
         exposed = _exposed(maps, sky, self._areas(), _MIDDLE[self._site.light])
         return [factors(values) for values in exposed]
 
     def _areas(self) -> NDArray[np.float64]:
-        sides = self._surfaces.sides
-        return sides[:, 0] * sides[:, 1]
+        """Weights of the faces in the exposure: their areas, less where nobody looks closely."""
+        areas: NDArray[np.float64] = self._surfaces.sides.prod(axis=1) * self.place.detail**2
+        return areas
 
     def texture(self, m: int, rows: int, columns: int, texel: float, colour: bool) -> Bytes:
         """Return the texture of face m: (rows, columns), or (rows, columns, 3) in colour.

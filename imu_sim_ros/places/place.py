@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.places.geometry import Rectangle, Surfaces, surfaces
 from imu_sim_ros.places.light import Lamp, Lighting
-from imu_sim_ros.places.prints import Print
+from imu_sim_ros.places.sheet import Print
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.types import Array
 
@@ -50,13 +50,16 @@ class Place(NamedTuple):
     """(3,) opposite corner [m]."""
     route: Array
     """(n, 3) places that a tour passes, as far from everything as it can be [m]."""
-    exposure: float = 1.0
-    """Factor of all light, so that pictures are neither black nor white."""
 
     def surfaces(self) -> Surfaces:
         """Return all rectangles."""
         result = surfaces([face.rectangle for face in self.faces], hides=True)
         return result._replace(texture=tuple(face.material for face in self.faces))
+
+    @property
+    def detail(self) -> Array:
+        """(m,) sizes of texels, of others' by the inverse."""
+        return np.array([face.detail for face in self.faces])
 
     @property
     def sky(self) -> NDArray[np.bool_]:
@@ -91,6 +94,8 @@ class Builder:
         self.faces: list[Face] = []
         self.lamps: list[Lamp] = []
         self.windows: list[Rectangle] = []
+        self.decor = site.stream("decor")
+        """Of what is only seen: with another texture bodies stand where they did."""
         self._count = 0
 
     def number(self) -> int:
@@ -118,10 +123,11 @@ class Builder:
         material: str,
         prints: Sequence[Print] = (),
         **more: float | bool,
-    ) -> None:
-        """Add a rectangle that is seen from the side of across x up."""
+    ) -> int:
+        """Add a rectangle that is seen from the side of across x up; return its place."""
         rectangle = tuple(np.round(each, 9) for each in (origin, across, up))
         self.faces.append(Face(rectangle, material, tuple(prints), **more))  # type: ignore[arg-type]
+        return len(self.faces) - 1
 
     def room(
         self, low: Sequence[float], high: Sequence[float], materials: Mapping[str, str]
@@ -143,8 +149,8 @@ class Builder:
         }
         found = {}
         for side, (origin, across, up) in sides.items():
-            found[side] = len(self.faces)
-            self.face(origin, across, up, materials.get(side, materials.get("walls", "plaster")))
+            material = materials.get(side, materials.get("walls", "plaster"))
+            found[side] = self.face(origin, across, up, material)
         return found
 
     def add_prints(self, face: int, prints: Sequence[Print]) -> None:

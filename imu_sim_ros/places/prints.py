@@ -4,103 +4,15 @@
 """What is printed or mounted flat on a surface: posters, books, screens, doors, windows, signs."""
 
 from collections.abc import Callable
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imu_sim_ros.random_streams import generator_at
-from imu_sim_ros.types import Array
-
-Colours = NDArray[np.uint8]
-Colour = tuple[int, int, int]
+from imu_sim_ros.places import outdoor_prints
+from imu_sim_ros.places.sheet import INK, Colours, Print, Sheet
 
 
-class Print(NamedTuple):
-    """A picture on a surface; places from its left, lower corner as seen from its front [m]."""
-
-    kind: str
-    left: float
-    bottom: float
-    width: float
-    height: float
-    number: int = 0
-    """Of the picture: another number, another picture of its kind."""
-    glows: bool = False
-    """Its colours are what is seen, whatever the light."""
-
-
-class _Sheet:
-    """A picture in metres: x to the right, y up."""
-
-    def __init__(self, p: Print, texel: float, seed: int) -> None:
-        self.width, self.height, self._texel = p.width, p.height, texel
-        rows, columns = (max(2, round(side / texel)) for side in (p.height, p.width))
-        self.values: Colours = np.zeros((rows, columns, 3), np.uint8)
-        self.stream = generator_at(seed, f"print.{p.kind}", p.number)
-
-    def fill(self, x0: float, y0: float, x1: float, y1: float, colour: Colour | Array) -> None:
-        """Fill a rectangle, at least a texel."""
-        rows, columns = self.values.shape[:2]
-        left, right = (round(x / self.width * columns) for x in (x0, x1))
-        low, high = (round(y / self.height * rows) for y in (y0, y1))
-        self.values[max(low, 0) : max(high, low + 1), max(left, 0) : max(right, left + 1)] = colour
-
-    def all(self, colour: Colour | Array) -> None:
-        """Fill all of it."""
-        self.values[:] = colour
-
-    def frame(self, edge: float, colour: Colour) -> None:
-        """Draw a frame along the edges."""
-        w, h = self.width, self.height
-        for x0, y0, x1, y1 in (
-            (0.0, 0.0, w, edge),
-            (0.0, h - edge, w, h),
-            (0.0, 0.0, edge, h),
-            (w - edge, 0.0, w, h),
-        ):
-            self.fill(x0, y0, x1, y1, colour)
-
-    def text(self, x0: float, y0: float, x1: float, size: float, colour: Colour) -> None:
-        """Write a line of words that nobody can read, y0 its base."""
-        x = x0
-        while x < x1:
-            letters = int(self.stream.integers(2, 9))
-            for _ in range(letters):
-                if x + 0.5 * size > x1:
-                    return
-                self._letter(x, y0, size, colour)
-                x += 0.62 * size
-            x += 0.5 * size
-
-    def _letter(self, x: float, y: float, size: float, colour: Colour) -> None:
-        w, bar = 0.5 * size, 0.14 * size
-        strokes = (
-            (0, 0, bar, size), (w - bar, 0, w, size), (0, 0, w, bar), (0, size - bar, w, size),
-            (0, 0.45 * size, w, 0.45 * size + bar), (0.5 * (w - bar), 0, 0.5 * (w + bar), size),
-        )  # fmt: skip
-        for k in self.stream.permutation(6)[:3]:
-            a, b, c, d = strokes[k]
-            self.fill(x + a, y + b, x + c, y + d, colour)
-
-    def disc(self, x: float, y: float, radius: float, colour: Colour) -> None:
-        """Fill a disc."""
-        rows, columns = self.values.shape[:2]
-        v, u = np.ogrid[:rows, :columns]
-        dx = (u + 0.5) * (self.width / columns) - x
-        dy = (v + 0.5) * (self.height / rows) - y
-        self.values[dx * dx + dy * dy <= radius * radius] = colour
-
-    def colour(self, low: int = 30, high: int = 226) -> Colour:
-        """Draw a colour."""
-        r, g, b = self.stream.integers(low, high, 3).tolist()
-        return r, g, b
-
-
-_INK: Final = (38, 38, 42)
-
-
-def _poster(s: _Sheet) -> None:
+def _poster(s: Sheet) -> None:
     paper, main = s.colour(170, 250), s.colour()
     s.all(paper)
     w, h = s.width, s.height
@@ -119,13 +31,13 @@ def _poster(s: _Sheet) -> None:
             x, y = s.stream.uniform(0.1, 0.8) * w, s.stream.uniform(0.45, 0.8) * h
             s.fill(x, y, x + 0.12 * w, y + 0.08 * h, s.colour())
             s.disc(x, y, s.stream.uniform(0.03, 0.1) * w, s.colour())
-        s.text(0.1 * w, 0.3 * h, 0.9 * w, 0.07 * h, _INK)
+        s.text(0.1 * w, 0.3 * h, 0.9 * w, 0.07 * h, INK)
         for k in range(5):
-            s.text(0.1 * w, (0.24 - 0.045 * k) * h, 0.9 * w, 0.022 * h, _INK)
+            s.text(0.1 * w, (0.24 - 0.045 * k) * h, 0.9 * w, 0.022 * h, INK)
     s.frame(0.012, s.colour(10, 60))
 
 
-def _notices(s: _Sheet) -> None:
+def _notices(s: Sheet) -> None:
     """Draw a pin board."""
     s.all((176, 132, 84))
     for _ in range(int(14 * s.width * s.height) + 3):
@@ -133,14 +45,14 @@ def _notices(s: _Sheet) -> None:
         x = s.stream.uniform(0.02, max(0.03, s.width - w - 0.02))
         y = s.stream.uniform(0.02, max(0.03, s.height - h - 0.02))
         s.fill(x, y, x + w, y + h, s.colour(205, 256))
-        s.text(x + 0.02, y + h - 0.045, x + w - 0.02, 0.022, _INK)
+        s.text(x + 0.02, y + h - 0.045, x + w - 0.02, 0.022, INK)
         for k in range(int((h - 0.07) / 0.018)):
             s.text(x + 0.02, y + h - 0.065 - 0.018 * k, x + w - 0.03, 0.009, (70, 70, 76))
         s.disc(x + w / 2, y + h - 0.01, 0.008, s.colour())
     s.frame(0.02, (120, 86, 52))
 
 
-def _whiteboard(s: _Sheet) -> None:
+def _whiteboard(s: Sheet) -> None:
     s.all((244, 245, 246))
     for _ in range(int(3 * s.width * s.height) + 2):
         colour = ((30, 60, 160), (20, 20, 24), (170, 40, 40))[int(s.stream.integers(3))]
@@ -159,7 +71,7 @@ def _whiteboard(s: _Sheet) -> None:
     s.frame(0.025, (150, 154, 158))
 
 
-def _books(s: _Sheet) -> None:
+def _books(s: Sheet) -> None:
     """Draw shelves with books and folders, a board each 0.35 m."""
     s.all((52, 42, 34))
     boards = max(1, round(s.height / 0.36))
@@ -182,7 +94,7 @@ def _books(s: _Sheet) -> None:
         s.fill(x, 0, x + 0.022, s.height, (140, 106, 70))
 
 
-def _drawers(s: _Sheet) -> None:
+def _drawers(s: Sheet) -> None:
     s.all((206, 208, 210))
     count = max(1, round(s.height / 0.3))
     columns = max(1, round(s.width / 0.5))
@@ -197,7 +109,7 @@ def _drawers(s: _Sheet) -> None:
             s.fill(middle - 0.04, top + 0.025, middle + 0.04, top + 0.05, (246, 246, 240))
 
 
-def _screen(s: _Sheet) -> None:
+def _screen(s: Sheet) -> None:
     s.all((24, 26, 32))
     w, h = s.width, s.height
     if s.stream.random() < 0.6:
@@ -217,7 +129,7 @@ def _screen(s: _Sheet) -> None:
             )
 
 
-def _door(s: _Sheet) -> None:
+def _door(s: Sheet) -> None:
     colour = ((150, 108, 68), (168, 172, 176), (88, 108, 128), (178, 160, 132))[
         int(s.stream.integers(4))
     ]
@@ -232,14 +144,14 @@ def _door(s: _Sheet) -> None:
     if s.stream.random() < 0.5 and s.height > 1.9:
         s.fill(edge + 0.15, 1.35, s.width - edge - 0.15, 1.85, (60, 72, 80))
     s.fill(0.5 * s.width - 0.1, 1.55, 0.5 * s.width + 0.1, 1.63, (240, 240, 236))
-    s.text(0.5 * s.width - 0.085, 1.575, 0.5 * s.width + 0.085, 0.035, _INK)
+    s.text(0.5 * s.width - 0.085, 1.575, 0.5 * s.width + 0.085, 0.035, INK)
 
 
 _HAZE: Final = np.array([236, 242, 250], np.float32)
 _BLUE: Final = np.array([178, 208, 245], np.float32)
 
 
-def _window(s: _Sheet) -> None:
+def _window(s: Sheet) -> None:
     """Draw a view of sky and roofs through panes in a white frame."""
     rows = len(s.values)
     share = (np.arange(rows) / rows).astype(np.float32)[:, None]
@@ -259,7 +171,7 @@ def _window(s: _Sheet) -> None:
     _panes(s)
 
 
-def _night(s: _Sheet) -> None:
+def _night(s: Sheet) -> None:
     s.all((16, 20, 30))
     for _ in range(int(8 * s.width * s.height)):
         x, y = s.stream.uniform(0, s.width), s.stream.uniform(0, 0.6 * s.height)
@@ -267,7 +179,7 @@ def _night(s: _Sheet) -> None:
     _panes(s)
 
 
-def _panes(s: _Sheet) -> None:
+def _panes(s: Sheet) -> None:
     frame = (226, 226, 222)
     s.frame(0.055, frame)
     count = max(1, round(s.width / 0.9))
@@ -278,57 +190,57 @@ def _panes(s: _Sheet) -> None:
         s.fill(0, 0.72 * s.height - 0.03, s.width, 0.72 * s.height + 0.03, frame)
 
 
-def _lamp(s: _Sheet) -> None:
+def _lamp(s: Sheet) -> None:
     s.all((255, 255, 250))
     s.frame(0.02, (210, 210, 206))
 
 
-def _strip(s: _Sheet) -> None:
+def _strip(s: Sheet) -> None:
     """Draw a dark line, as skirting and edges of floors are."""
     s.all((98, 100, 102))
 
 
-def _outlet(s: _Sheet) -> None:
+def _outlet(s: Sheet) -> None:
     s.all((246, 246, 244))
     s.frame(0.006, (190, 190, 188))
     s.disc(0.5 * s.width, 0.5 * s.height, 0.3 * min(s.width, s.height), (205, 205, 203))
 
 
-def _exit(s: _Sheet) -> None:
+def _exit(s: Sheet) -> None:
     s.all((20, 132, 70))
     w, h = s.width, s.height
     s.fill(0.1 * w, 0.2 * h, 0.32 * w, 0.8 * h, (246, 250, 246))
     s.text(0.42 * w, 0.3 * h, 0.95 * w, 0.4 * h, (246, 250, 246))
 
 
-def _clock(s: _Sheet) -> None:
+def _clock(s: Sheet) -> None:
     s.all((225, 224, 220))
     r = 0.5 * s.width
     s.disc(r, r, r, (40, 40, 44))
     s.disc(r, r, 0.9 * r, (250, 250, 248))
-    s.fill(r - 0.008, r, r + 0.008, 1.7 * r, _INK)
-    s.fill(r, r - 0.008, 1.5 * r, r + 0.008, _INK)
+    s.fill(r - 0.008, r, r + 0.008, 1.7 * r, INK)
+    s.fill(r, r - 0.008, 1.5 * r, r + 0.008, INK)
 
 
-def _label(s: _Sheet) -> None:
+def _label(s: Sheet) -> None:
     """Draw a parcel's address, or the plate of a machine."""
     s.all((246, 246, 242))
     for k in range(3):
-        s.text(0.06 * s.width, (0.72 - 0.2 * k) * s.height, 0.9 * s.width, 0.13 * s.height, _INK)
+        s.text(0.06 * s.width, (0.72 - 0.2 * k) * s.height, 0.9 * s.width, 0.13 * s.height, INK)
     x = 0.1 * s.width
     while x < 0.85 * s.width:
         step = s.width * s.stream.uniform(0.008, 0.03)
-        s.fill(x, 0.05 * s.height, x + step, 0.22 * s.height, _INK)
+        s.fill(x, 0.05 * s.height, x + step, 0.22 * s.height, INK)
         x += 2 * step
 
 
-def _paper(s: _Sheet) -> None:
+def _paper(s: Sheet) -> None:
     s.all(s.colour(228, 256))
     for k in range(int((s.height - 0.04) / 0.013)):
         s.text(0.02, s.height - 0.03 - 0.013 * k, s.width - 0.02, 0.007, (80, 80, 86))
 
 
-def _keyboard(s: _Sheet) -> None:
+def _keyboard(s: Sheet) -> None:
     s.all((40, 40, 44))
     for i in range(5):
         for j in range(15):
@@ -336,20 +248,20 @@ def _keyboard(s: _Sheet) -> None:
             s.fill(x, y, x + 0.02, y + 0.016, (86, 86, 92))
 
 
-def _grille(s: _Sheet) -> None:
+def _grille(s: Sheet) -> None:
     """Draw a radiator."""
     s.all((238, 238, 234))
     for k in range(int(s.width / 0.05)):
         s.fill(0.05 * k + 0.02, 0, 0.05 * k + 0.032, s.height, (196, 196, 194))
 
 
-def _band(s: _Sheet) -> None:
+def _band(s: Sheet) -> None:
     """Draw a rail along a wall."""
     s.all((150, 120, 86))
     s.fill(0, 0, s.width, 0.1 * s.height, (96, 76, 54))
 
 
-def _doors(s: _Sheet) -> None:
+def _doors(s: Sheet) -> None:
     """Draw two wings of glass in frames."""
     s.all((92, 100, 108))
     half = 0.5 * s.width
@@ -361,7 +273,7 @@ def _doors(s: _Sheet) -> None:
         s.fill(x, 0.8, x + 0.03, 1.3, (200, 202, 204))
 
 
-def _grid(s: _Sheet) -> None:
+def _grid(s: Sheet) -> None:
     """Draw squares of 0.1 m, black in the lower left."""
     s.all((240, 240, 240))
     for i in range(round(s.height / 0.1)):
@@ -369,7 +281,8 @@ def _grid(s: _Sheet) -> None:
             s.fill(0.1 * j, 0.1 * i, 0.1 * (j + 1), 0.1 * (i + 1), (20, 20, 20))
 
 
-PRINTS: Final[dict[str, Callable[[_Sheet], None]]] = {
+PRINTS: Final[dict[str, Callable[[Sheet], None]]] = {
+    **outdoor_prints.PRINTS,
     "poster": _poster,
     "notices": _notices,
     "whiteboard": _whiteboard,
@@ -399,6 +312,6 @@ def picture(what: Print, texel: float, seed: int) -> Colours:
 
     :param texel: edge of a texel, about [m].
     """
-    sheet = _Sheet(what, texel, seed)
+    sheet = Sheet(what, texel, seed)
     PRINTS[what.kind](sheet)
     return sheet.values

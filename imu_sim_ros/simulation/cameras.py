@@ -12,6 +12,7 @@ import numpy as np
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters import files
+from imu_sim_ros.places.catalogue import KINDS, usual
 from imu_sim_ros.sensors.camera.build import aprilgrid_corners
 from imu_sim_ros.sensors.camera.rig import Rig
 from imu_sim_ros.sensors.camera.rig_parameters import load_rig, rig_problems, split_rig
@@ -89,12 +90,13 @@ def fitted(given: Mapping[str, object]) -> dict[str, object]:
 
     The trajectory ``target`` before the scene ``aprilgrid`` gets a board before the middle of the
     images, the smallest tags that have enough pixels a bit in every place, fewer of them for wide
-    lenses, and turns as far as the corners need to cover the images. What is given stays as it is,
-    and so do all other trajectories and scenes, and rigs that look in other directions than x.
+    lenses, and turns as far as the corners need to cover the images; rigs that look in other
+    directions than x stay as they are. The trajectory ``tour`` in a place goes through that place,
+    which has its usual size unless told. What is given stays as it is.
 
     :param given: as for :func:`imu_sim_ros.simulation.cameras.build_rig`; not checked here.
     """
-    given = dict(given)
+    given = _toured(given)
     if given.get("scene.type") != "aprilgrid" or "cameras" not in given:
         return given
     try:
@@ -115,6 +117,32 @@ def fitted(given: Mapping[str, object]) -> dict[str, object]:
         if score >= _MARGIN:
             break
     return {**given, **values}
+
+
+def _toured(given: Mapping[str, object]) -> dict[str, object]:
+    """Return parameters with a tour through the place that cameras see, and that place for it."""
+    kind = given.get("scene.type")
+    if given.get("trajectory.type") != "tour" or kind not in KINDS or "cameras" not in given:
+        return dict(given)
+    own = {
+        f"trajectory.{to}": given[f"scene.{name}"]
+        for name, to in (("seed", "place_seed"), ("size", "place_size"))
+        if f"scene.{name}" in given
+    }
+    values = {"trajectory.place": kind, **own, **given}
+    size = values.get("trajectory.place_size", (0.0, 0.0, 0.0))
+    if values["trajectory.place"] != kind or not isinstance(size, list | tuple) or len(size) != 3:
+        return dict(given)
+    try:
+        low, high = usual(str(kind), [float(length) for length in size])
+    except (TypeError, ValueError):
+        return dict(given)  # whoever loads them says what is wrong
+    there = {
+        "scene.size": (high - low).tolist(),
+        "scene.center": (0.5 * (low + high)).tolist(),
+        "scene.seed": values.get("trajectory.place_seed", 0),
+    }
+    return {**there, **values}
 
 
 def _free_turns(given: Mapping[str, object]) -> list[str] | None:

@@ -25,6 +25,7 @@ from imu_sim_ros.trajectory.parameters import (
     PosesParameters,
     SixPositionParameters,
     StaticParameters,
+    TourParameters,
     TrajectoryParameters,
     TurntableParameters,
     WaypointsParameters,
@@ -197,6 +198,10 @@ def _motion(parameters: TrajectoryParameters, pose_reader: PoseReader) -> Trajec
             from imu_sim_ros.trajectory.drive import drive
 
             return drive(parameters)
+        case TourParameters():
+            from imu_sim_ros.trajectory.tour import tour
+
+            return tour(parameters)
         case TurntableParameters():
             from imu_sim_ros.trajectory.calibration_motion import turntable
 

@@ -16,13 +16,16 @@ from imu_sim_ros.parameters.included import names
 from imu_sim_ros.parameters.kinds import (
     ZERO_VECTOR,
     Vector,
+    choice,
     flag,
+    integer,
     number,
     numbers,
     text,
     vector,
 )
 from imu_sim_ros.parameters.sections import section
+from imu_sim_ros.places.catalogue import KINDS, size_problems
 from imu_sim_ros.trajectory.common_parameters import (
     TYPE_TEXT,
     LeadInParameters,
@@ -77,6 +80,7 @@ __all__ = [
     "SeriesParameters",
     "SixPositionParameters",
     "StaticParameters",
+    "TourParameters",
     "TrajectoryParameters",
     "TurntableParameters",
     "VibrationParameters",
@@ -212,6 +216,35 @@ class WaypointsParameters(TrajectoryParameters):
 
 
 @dataclass(frozen=True)
+class TourParameters(TrajectoryParameters):
+    """A flight through a place that touches nothing and ends where it began."""
+
+    type: str = text("tour", TYPE_TEXT)
+    place: str = choice("office", tuple(KINDS), "the place; with cameras in a place, theirs")
+    place_seed: int = integer(
+        0, "its seed; with cameras in a place, scene.seed", minimum=0, maximum=2**63 - 1
+    )
+    place_size: Vector = vector(
+        ZERO_VECTOR,
+        "its length along x, y, z, around x = y = 0 on z = 0; 0: the place's usual size",
+        unit="m",
+        minimum=0.0,
+        maximum=500.0,
+    )
+    speed_limit: float = number(1.0, "largest speed", unit="m/s", minimum=0.0, above_minimum=True)
+    acceleration_limit: float = number(
+        1.0, "largest acceleration", unit="m/s^2", minimum=0.0, above_minimum=True
+    )
+    heading_rate_limit: float = number(
+        1.0, "largest heading rate", unit="rad/s", minimum=0.0, above_minimum=True
+    )
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield whether the place is too small."""
+        yield from size_problems(self.place, self.place_size, f"{prefix}place_size")
+
+
+@dataclass(frozen=True)
 class SixPositionParameters(TrajectoryParameters):
     """Rest with each body axis up and down (z, x, y), turned over in between; closed."""
 
@@ -316,6 +349,7 @@ TYPES: dict[str, type[TrajectoryParameters]] = {
     "polar": PolarParameters,
     "free_fall": FreeFallParameters,
     "waypoints": WaypointsParameters,
+    "tour": TourParameters,
     "drive": DriveParameters,
     "six_position": SixPositionParameters,
     "turntable": TurntableParameters,

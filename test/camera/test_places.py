@@ -15,7 +15,7 @@ from imu_sim_ros.places.geometry import Caster, hidden
 from imu_sim_ros.places.light import Lamp, Lighting
 from imu_sim_ros.places.paint import Painter
 from imu_sim_ros.places.place import CLEARANCE, Builder, Place, Site
-from imu_sim_ros.places.prints import Print
+from imu_sim_ros.places.sheet import Print
 from imu_sim_ros.sensors.camera.images.imager import imagers
 from imu_sim_ros.sensors.camera.images.renderer import Renderer, look_up
 from imu_sim_ros.sensors.camera.images.texture import atlas

@@ -14,7 +14,7 @@ from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.places.catalogue import around
 from imu_sim_ros.places.catalogue import build as build_place
-from imu_sim_ros.places.geometry import Surfaces, joined, surfaces
+from imu_sim_ros.places.geometry import Surfaces, hidden, joined, surfaces
 from imu_sim_ros.places.paint import Painter
 from imu_sim_ros.places.place import Site
 from imu_sim_ros.random_streams import generator
@@ -110,6 +110,15 @@ def check_path(
         walls = scene.surfaces.origin[:6]
         ends = walls + scene.surfaces.across[:6] + scene.surfaces.up[:6]
         corner, end = np.minimum(walls, ends).min(axis=0), np.maximum(walls, ends).max(axis=0)
+    if isinstance(parameters, PlaceParameters) and any(parameters.size):
+        meets = hidden(scene.surfaces, path[:-1], path[1:])
+        if meets.any():
+            where = _shown(path[int(np.argmax(meets))])
+            raise ConfigurationError(
+                f"scene.size = {list(parameters.size)}: the path meets something at {where} m; "
+                f"without a size the {parameters.type} leaves it free, and trajectory.type tour "
+                "flies around everything"
+            )
     if (low <= corner).any() or (high >= end).any():
         given = f"size = {list(parameters.size)}"
         if not any(parameters.size):
@@ -150,7 +159,8 @@ def _place(p: PlaceParameters, path: Array) -> Scene:
         low, high = center - 0.5 * size, center + 0.5 * size
     else:
         low, high = around(p.type, path)
-    site = Site(low, high, path, p.seed, p.texture, p.light)
+    keep = np.zeros((0, 3)) if any(p.size) else path  # a place of a given size is as it is
+    site = Site(low, high, keep, p.seed, p.texture, p.light)
     place = build_place(p.type, site)
     everything = place.surfaces()
     landmarks, normals = _scattered(everything.some(~place.sky), p.landmarks, p.seed)

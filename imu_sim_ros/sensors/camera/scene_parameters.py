@@ -22,7 +22,7 @@ from imu_sim_ros.parameters.kinds import (
     text,
     vector,
 )
-from imu_sim_ros.places.catalogue import KINDS
+from imu_sim_ros.places.catalogue import size_problems
 from imu_sim_ros.places.place import LIGHTS, TEXTURES
 from imu_sim_ros.sensors.imu.parameters import rotation_problems
 
@@ -245,16 +245,7 @@ class PlaceParameters(PathSceneParameters):
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield whether only some sides are given, or too little for the place."""
-        if any(self.size) and not all(self.size):
-            yield f"{prefix}size = {list(self.size)}: must be 0 or above 0 m on all axes"
-        elif any(self.size):
-            least = KINDS[self.type].least
-            for axis, length, limit in zip("xyz", self.size, least, strict=True):
-                if length < limit:
-                    yield (
-                        f"{prefix}size = {list(self.size)}: along {axis} must be at least "
-                        f"{limit:g} m for {self.type}"
-                    )
+        yield from size_problems(self.type, self.size, f"{prefix}size")
 
 
 @dataclass(frozen=True)
@@ -271,6 +262,27 @@ class CorridorParameters(PlaceParameters):
     type: str = text("corridor", TYPE_TEXT)
 
 
+@dataclass(frozen=True)
+class WarehouseParameters(PlaceParameters):
+    """Rows of racks with pallets, gates and roof lights."""
+
+    type: str = text("warehouse", TYPE_TEXT)
+
+
+@dataclass(frozen=True)
+class MachineHallParameters(PlaceParameters):
+    """Boilers, pipes, cabinets and a gallery between dark walls."""
+
+    type: str = text("machine_hall", TYPE_TEXT)
+
+
+@dataclass(frozen=True)
+class StreetParameters(PlaceParameters):
+    """Houses, pavements, trees, lamp posts and parked cars under the sky."""
+
+    type: str = text("street", TYPE_TEXT)
+
+
 TYPES: dict[str, type[SceneParameters]] = {
     "room": RoomParameters,
     "house": HouseParameters,
@@ -281,6 +293,9 @@ TYPES: dict[str, type[SceneParameters]] = {
     "file": PointFileParameters,
     "office": OfficeParameters,
     "corridor": CorridorParameters,
+    "warehouse": WarehouseParameters,
+    "machine_hall": MachineHallParameters,
+    "street": StreetParameters,
 }
 
 

@@ -93,7 +93,7 @@ def atlas(
 def _of_place(surfaces: Surfaces, painter: Painter, colour: bool) -> Atlas:
     """Return the textures of a place; all have texels of one size, but for a factor of each."""
     sides = surfaces.sides
-    detail = np.array([face.detail for face in painter.place.faces])
+    detail = painter.place.detail
     area = float((sides.prod(axis=1) * detail * detail).sum())
     texels = np.maximum(SMALLEST_TEXEL, math.sqrt(area / MOST_TEXELS_OF_PLACES)) / detail
     shapes = [

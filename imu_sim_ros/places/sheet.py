@@ -1,0 +1,98 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What prints are drawn on: a sheet in metres."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.random_streams import generator_at
+from imu_sim_ros.types import Array
+
+Colours = NDArray[np.uint8]
+Colour = tuple[int, int, int]
+
+INK: Final = (38, 38, 42)
+
+
+class Print(NamedTuple):
+    """A picture on a surface; places from its left, lower corner as seen from its front [m]."""
+
+    kind: str
+    left: float
+    bottom: float
+    width: float
+    height: float
+    number: int = 0
+    """Of the picture: another number, another picture of its kind."""
+    glows: bool = False
+    """Its colours are what is seen, whatever the light."""
+
+
+class Sheet:
+    """A picture in metres: x to the right, y up."""
+
+    def __init__(self, p: Print, texel: float, seed: int) -> None:
+        self.width, self.height, self._texel = p.width, p.height, texel
+        rows, columns = (max(2, round(side / texel)) for side in (p.height, p.width))
+        self.values: Colours = np.zeros((rows, columns, 3), np.uint8)
+        self.stream = generator_at(seed, f"print.{p.kind}", p.number)
+
+    def fill(self, x0: float, y0: float, x1: float, y1: float, colour: Colour | Array) -> None:
+        """Fill a rectangle, at least a texel."""
+        rows, columns = self.values.shape[:2]
+        left, right = (round(x / self.width * columns) for x in (x0, x1))
+        low, high = (round(y / self.height * rows) for y in (y0, y1))
+        self.values[max(low, 0) : max(high, low + 1), max(left, 0) : max(right, left + 1)] = colour
+
+    def all(self, colour: Colour | Array) -> None:
+        """Fill all of it."""
+        self.values[:] = colour
+
+    def frame(self, edge: float, colour: Colour) -> None:
+        """Draw a frame along the edges."""
+        w, h = self.width, self.height
+        for x0, y0, x1, y1 in (
+            (0.0, 0.0, w, edge),
+            (0.0, h - edge, w, h),
+            (0.0, 0.0, edge, h),
+            (w - edge, 0.0, w, h),
+        ):
+            self.fill(x0, y0, x1, y1, colour)
+
+    def text(self, x0: float, y0: float, x1: float, size: float, colour: Colour) -> None:
+        """Write a line of words that nobody can read, y0 its base."""
+        x = x0
+        while x < x1:
+            letters = int(self.stream.integers(2, 9))
+            for _ in range(letters):
+                if x + 0.5 * size > x1:
+                    return
+                self._letter(x, y0, size, colour)
+                x += 0.62 * size
+            x += 0.5 * size
+
+    def _letter(self, x: float, y: float, size: float, colour: Colour) -> None:
+        w, bar = 0.5 * size, 0.14 * size
+        strokes = (
+            (0, 0, bar, size), (w - bar, 0, w, size), (0, 0, w, bar), (0, size - bar, w, size),
+            (0, 0.45 * size, w, 0.45 * size + bar), (0.5 * (w - bar), 0, 0.5 * (w + bar), size),
+        )  # fmt: skip
+        for k in self.stream.permutation(6)[:3]:
+            a, b, c, d = strokes[k]
+            self.fill(x + a, y + b, x + c, y + d, colour)
+
+    def disc(self, x: float, y: float, radius: float, colour: Colour) -> None:
+        """Fill a disc."""
+        rows, columns = self.values.shape[:2]
+        v, u = np.ogrid[:rows, :columns]
+        dx = (u + 0.5) * (self.width / columns) - x
+        dy = (v + 0.5) * (self.height / rows) - y
+        self.values[dx * dx + dy * dy <= radius * radius] = colour
+
+    def colour(self, low: int = 30, high: int = 226) -> Colour:
+        """Draw a colour."""
+        r, g, b = self.stream.integers(low, high, 3).tolist()
+        return r, g, b

@@ -1,0 +1,154 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A flight through a place that touches nothing: waypoints from stop to stop."""
+
+import math
+from collections.abc import Callable
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.places.geometry import Surfaces
+from imu_sim_ros.places.place import CLEARANCE, Place
+from imu_sim_ros.types import Array
+
+_CELL: Final = 0.1
+"""Edge of the cells in which a way is looked for, in large places twice as much [m]."""
+_LARGE: Final = 200.0
+"""Area of a large place [m^2]."""
+_REACH: Final = 1.0
+"""Distance from which a surface is of no interest [m]."""
+_FEWEST: Final = 10
+"""Cells of the shortest tour."""
+_FEAR: Final = 0.6
+"""Distance from surfaces up to which a way costs more [m]."""
+_STEPS: Final = ((1.4, 5), (1.0, 3), (0.8, 3), (0.6, 1), (0.4, 1))
+"""Distances of waypoints that are tried [m], and cells over which the way is smoothed."""
+_WAVE: Final = 0.15
+"""By which the flight rises and falls [m]."""
+_LOOKS: Final = 4000
+"""Places along a flight whose distance from everything is checked."""
+
+
+class Waypoints(NamedTuple):
+    """A list of waypoints."""
+
+    positions: Array
+    """(n, 3) p_w [m]."""
+    headings: Array
+    """(n,) yaw along the way, not wrapped [rad]."""
+
+
+def clearance(surfaces: Surfaces, points: Array) -> Array:
+    """Return the distance (n,) of points (n, 3) from the nearest of all rectangles [m]."""
+    result = np.full(len(points), np.inf)
+    for o, a, b in zip(*surfaces[:3], strict=True):
+        offset = points - o
+        s, r = ((offset @ side / (side @ side)).clip(0.0, 1.0)[:, None] for side in (a, b))
+        rest = offset - s * a - r * b
+        np.minimum(result, np.sqrt((rest * rest).sum(axis=1)), out=result)
+    return result
+
+
+def tour(place: Place, fly: Callable[[Waypoints], Callable[[int], Array]]) -> Waypoints:
+    """Return waypoints through a place, from stop to stop and back to the first.
+
+    :param fly: makes a flight of waypoints; its result gives n places (n, 3) along it.
+    :raises ConfigurationError: for a place without a way through it.
+    """
+    surfaces = place.surfaces()
+    way = _way(place, surfaces)
+    for step, smooth in _STEPS:
+        for wave in (_WAVE, 0.0):
+            waypoints = _thinned(way, step, smooth, wave)
+            if clearance(surfaces, fly(waypoints)(_LOOKS)).min() > CLEARANCE:
+                return waypoints
+    raise ConfigurationError(
+        f"trajectory.type = 'tour': no flight stays {CLEARANCE:g} m from everything here; another "
+        "trajectory.place_seed or a larger trajectory.place_size may have one"
+    )
+
+
+def _way(place: Place, surfaces: Surfaces) -> Array:
+    """Return places (n, 3) a cell apart, along the cheapest ways between stops."""
+    from scipy.sparse.csgraph import dijkstra
+
+    height = float(np.median(place.route[:, 2]))
+    width, depth = (place.high - place.low)[:2].tolist()
+    cell = _CELL if width * depth < _LARGE else 2.0 * _CELL
+    shape = math.ceil(width / cell), math.ceil(depth / cell)
+    x, y = ((np.arange(n) + 0.5) * cell + low for n, low in zip(shape, place.low[:2], strict=True))
+    grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    points = np.column_stack([grid, np.full(len(grid), height)])
+    free = clearance(_near(surfaces, height), points)
+    for dz in (-0.35, 0.35):  # what is just above or below counts as well
+        level = points + np.array([0.0, 0.0, dz])
+        free = np.minimum(free, clearance(_near(surfaces, height + dz), level) + 0.1)
+    stops = [_nearest_free(points, free, stop) for stop in place.route]
+    _, before = dijkstra(_graph(free, shape), indices=stops, return_predecessors=True)
+    way, here = [stops[0]], 0
+    for k in (*range(1, len(stops)), 0):
+        part = [stops[k]]
+        while part[-1] >= 0 and part[-1] != stops[here]:
+            part.append(int(before[here][part[-1]]))
+        if part[-1] >= 0 and len(part) > 1:  # others are out of reach
+            way += part[-2::-1]
+            here = k
+    if len(way) < _FEWEST:
+        raise ConfigurationError("trajectory.type = 'tour': this place has nowhere to fly")
+    return points[way]
+
+
+def _near(surfaces: Surfaces, height: float) -> Surfaces:
+    """Return the surfaces that are not far above or below a height."""
+    ends = [surfaces.origin[:, 2] + 0.0]
+    ends += [ends[0] + side[:, 2] for side in (surfaces.across, surfaces.up)]
+    ends.append(ends[1] + ends[2] - ends[0])
+    low, high = np.min(ends, axis=0), np.max(ends, axis=0)
+    return surfaces.some((low < height + _REACH) & (high > height - _REACH))
+
+
+def _graph(free: Array, shape: tuple[int, int]) -> Any:
+    """Return the costs of steps between neighbouring cells that are far enough from everything."""
+    from scipy.sparse import coo_matrix
+
+    number = np.arange(shape[0] * shape[1]).reshape(shape)
+    open_cells = (free > CLEARANCE + 0.1).reshape(shape)
+    cost = (1.0 + 3.0 * np.maximum(0.0, 1.0 - free / _FEAR)).reshape(shape)
+    rows, columns, values = [], [], []
+    for di, dj in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        a = np.s_[: shape[0] - di, max(0, -dj) : shape[1] - max(0, dj)]
+        b = np.s_[di:, max(0, dj) : shape[1] - max(0, -dj)]
+        both = open_cells[a] & open_cells[b]
+        rows.append(number[a][both])
+        columns.append(number[b][both])
+        values.append((math.hypot(di, dj) * 0.5 * (cost[a] + cost[b]))[both])
+    ends = np.concatenate(rows), np.concatenate(columns)
+    graph = coo_matrix((np.concatenate(values), ends), shape=(number.size, number.size))
+    return (graph + graph.T).tocsr()
+
+
+def _nearest_free(points: Array, free: Array, stop: Array) -> int:
+    away = ((points - stop) ** 2).sum(axis=1)
+    return int(np.argmin(np.where(free > CLEARANCE + 0.1, away, np.inf)))
+
+
+def _thinned(way: Array, step: float, smooth: int, wave: float) -> Waypoints:
+    """Return waypoints at equal distances along a smoothed way, each heading along it."""
+    kernel = np.ones(smooth) / smooth
+    wide = np.concatenate([way[:1].repeat(smooth, 0), way, way[-1:].repeat(smooth, 0)])
+    line = np.stack([np.convolve(wide[:, k], kernel, "same") for k in range(3)], axis=1)
+    line = line[smooth:-smooth]
+    line[0], line[-1] = way[0], way[-1]
+    lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    count = max(3, round(float(lengths[-1]) / step))
+    at = np.linspace(0.0, lengths[-1], count)
+    positions = np.stack([np.interp(at, lengths, line[:, k]) for k in range(3)], axis=1)
+    positions[:, 2] += wave * np.sin(2.0 * np.pi * at / 7.0)
+    ahead = np.stack([np.interp(at + 0.4, lengths, line[:, k]) for k in range(2)], axis=1)
+    behind = np.stack([np.interp(at - 0.4, lengths, line[:, k]) for k in range(2)], axis=1)
+    along = ahead - behind
+    headings = np.unwrap(np.arctan2(along[:, 1], along[:, 0]))
+    return Waypoints(np.round(positions, 6), np.round(headings, 6))

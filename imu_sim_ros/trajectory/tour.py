@@ -1,0 +1,55 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The flight through a place, as waypoints and as a trajectory."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from imu_sim_ros.places.catalogue import build, usual
+from imu_sim_ros.places.place import Site
+from imu_sim_ros.places.tour import Waypoints as List
+from imu_sim_ros.places.tour import tour as planned
+from imu_sim_ros.trajectory.kinds import Waypoints
+from imu_sim_ros.trajectory.parameters import TourParameters, WaypointsParameters
+from imu_sim_ros.types import Array
+
+
+def tour(parameters: TourParameters) -> Waypoints:
+    """Return the flight.
+
+    :raises ConfigurationError: for a place without a way through it.
+    """
+    return Waypoints(waypoints(parameters))
+
+
+def waypoints(parameters: TourParameters) -> WaypointsParameters:
+    """Return the flight as a list of waypoints: the parameters of ``trajectory.type: waypoints``.
+
+    :raises ConfigurationError: for a place without a way through it.
+
+    >>> from imu_sim_ros.trajectory.parameters import TourParameters
+    >>> found = waypoints(TourParameters(place="corridor", place_size=(14.0, 2.4, 2.6)))
+    >>> len(found.positions) == 3 * len(found.headings)
+    True
+    """
+    low, high = usual(parameters.place, parameters.place_size)
+    site = Site(low, high, np.zeros((0, 3)), parameters.place_seed)
+    best = planned(build(parameters.place, site), lambda some: _flown(_as(some, parameters)))
+    return _as(best, parameters)
+
+
+def _as(some: List, parameters: TourParameters) -> WaypointsParameters:
+    return WaypointsParameters(
+        positions=tuple(some.positions.ravel().tolist()),
+        headings=tuple(some.headings.tolist()),
+        speed_limit=parameters.speed_limit,
+        acceleration_limit=parameters.acceleration_limit,
+        heading_rate_limit=parameters.heading_rate_limit,
+    )
+
+
+def _flown(parameters: WaypointsParameters) -> Callable[[int], Array]:
+    flight = Waypoints(parameters)
+    return lambda count: flight.sample(np.linspace(0.0, flight.duration, count)).position
