@@ -38,7 +38,7 @@ KINDS: Final[dict[str, Kind]] = {
 }
 _BELOW: Final = 0.3
 """Distance of the floor from the lowest place of a path [m]."""
-_ABOVE: Final = 0.5
+_ABOVE: Final = 1.0
 """Distance of the ceiling from the highest [m]."""
 
 

@@ -109,6 +109,8 @@ def _machines(b: Builder, stream: np.random.Generator) -> None:
             Print("warning", 0.1, h - 0.45, 0.3, 0.3, 0),
             Print("panel", 0.6, 0.3, 0.6, h - 0.45, b.number()),
         ]
+        if not b.free((x, middle - 0.5 * d, z0), (x + w, middle + 0.5 * d, z0 + h + 0.6)):
+            continue
         low, high = (x, middle - 0.5 * d, z0), (x + w, middle + 0.5 * d, z0 + h)
         if not _standing(
             b, low, high, colour, front=sign, back=[Print("grille", 0.2, 0.15, w - 0.4, 0.6 * h)]

@@ -223,9 +223,11 @@ class Builder:
     def lamp(
         self, center: Sequence[float], size: tuple[float, float], colour: Vector, strength: float
     ) -> None:
-        """Add a flat lamp that shines down, with a glowing face."""
+        """Add a flat lamp that shines down, with a glowing face, unless it hangs in the path."""
         x, y, z = center
         w, d = size
+        if not self.free((x - w / 2, y - d / 2, z), (x + w / 2, y + d / 2, z)):
+            return
         rectangle = (
             np.array([x - w / 2, y + d / 2, z]),
             np.array([w, 0.0, 0.0]),

@@ -28,6 +28,8 @@ _STEPS: Final = ((1.4, 5), (1.0, 3), (0.8, 3), (0.6, 1), (0.4, 1))
 """Distances of waypoints that are tried [m], and cells over which the way is smoothed."""
 _WAVE: Final = 0.15
 """By which the flight rises and falls [m]."""
+_LENGTH: Final = 7.0
+"""Of such a wave, about [m]."""
 _LOOKS: Final = 4000
 """Places along a flight whose distance from everything is checked."""
 
@@ -146,7 +148,8 @@ def _thinned(way: Array, step: float, smooth: int, wave: float) -> Waypoints:
     count = max(3, round(float(lengths[-1]) / step))
     at = np.linspace(0.0, lengths[-1], count)
     positions = np.stack([np.interp(at, lengths, line[:, k]) for k in range(3)], axis=1)
-    positions[:, 2] += wave * np.sin(2.0 * np.pi * at / 7.0)
+    waves = max(1, round(float(lengths[-1]) / _LENGTH))
+    positions[:, 2] += wave * np.sin(2.0 * np.pi * waves * at / lengths[-1])
     ahead = np.stack([np.interp(at + 0.4, lengths, line[:, k]) for k in range(2)], axis=1)
     behind = np.stack([np.interp(at - 0.4, lengths, line[:, k]) for k in range(2)], axis=1)
     along = ahead - behind

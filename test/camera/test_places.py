@@ -10,17 +10,23 @@ import pytest
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.places.catalogue import KINDS
-from imu_sim_ros.places.geometry import Caster, hidden
+from imu_sim_ros.places.catalogue import KINDS, build, usual
+from imu_sim_ros.places.geometry import Caster, hidden, surfaces
 from imu_sim_ros.places.light import Lamp, Lighting
 from imu_sim_ros.places.paint import Painter
 from imu_sim_ros.places.place import CLEARANCE, Builder, Place, Site
 from imu_sim_ros.places.sheet import Print
+from imu_sim_ros.places.tour import clearance
 from imu_sim_ros.sensors.camera.images.imager import imagers
 from imu_sim_ros.sensors.camera.images.renderer import Renderer, look_up
 from imu_sim_ros.sensors.camera.images.texture import atlas
 from imu_sim_ros.sensors.camera.scene_parameters import CorridorParameters
 from imu_sim_ros.sensors.camera.view import Poses, in_camera
+from imu_sim_ros.simulation.cameras import build_rig
+from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.trajectory.kinds import Waypoints
+from imu_sim_ros.trajectory.parameters import TourParameters
+from imu_sim_ros.trajectory.tour import tour, waypoints
 
 SMALL = {
     "camera__width": 188,
@@ -87,20 +93,20 @@ def no_textures(surfaces):
 @pytest.mark.parametrize("kind", KINDS)
 def test_nothing_stands_in_the_path(make_rig, kind):
     rig = make_rig("figure_eight", **{**SMALL, "scene__type": kind})
-    surfaces = rig.scene.surfaces
+    where = rig.scene.surfaces
     path = rig.views["cam0"].poses(rig.trajectory, np.linspace(0.0, 10.0, 800)).position
-    caster, least = Caster(surfaces), np.inf
+    caster, least = Caster(where), np.inf
     stream = np.random.default_rng(7)
     for _ in range(30):
         way = stream.standard_normal(3)
         way = np.broadcast_to(way / np.linalg.norm(way), path.shape)
         least = min(least, caster.cast(path, way).distance.min())
     assert least > 0.9 * CLEARANCE
-    assert not hidden(surfaces, path[:-1], path[1:]).any()
+    assert not hidden(where, path[:-1], path[1:]).any()
     # However much of it is flown.
     short = make_rig("figure_eight", duration=2.0, **{**SMALL, "scene__type": kind})
-    assert np.array_equal(short.scene.surfaces.origin, surfaces.origin)
-    assert len(surfaces.origin) > 12
+    assert np.array_equal(short.scene.surfaces.origin, where.origin)
+    assert len(where.origin) >= 10
 
 
 def test_the_same_parameters_give_the_same_bytes(make_rig):
@@ -112,7 +118,7 @@ def test_the_same_parameters_give_the_same_bytes(make_rig):
         total.update(imager.image(20).tobytes() + imager.image(90).tobytes())
     first, second = (make_imager(make_rig, "corridor")[1] for _ in range(2))
     assert np.array_equal(first.image(33), second.image(33))
-    assert total.hexdigest()[:16] == "471fcfbc88d57e04"
+    assert total.hexdigest()[:16] == "ed38e2b7a3c52181"
 
 
 def test_texture_and_light_change_what_is_seen_and_nothing_else(make_rig):
@@ -125,9 +131,10 @@ def test_texture_and_light_change_what_is_seen_and_nothing_else(make_rig):
     assert dim.mean() < 0.75 * rich.mean()
     slopes = [np.abs(np.diff(each, axis=2)).mean() for each in (rich, blank)]
     assert slopes[1] < 0.8 * slopes[0]
-    one, two, _ = rigs.values()
-    walls = slice(0, 6)
-    assert np.array_equal(one.scene.surfaces.origin[walls], two.scene.surfaces.origin[walls])
+    one, *others = rigs.values()
+    for other in others:
+        assert np.array_equal(one.scene.surfaces.origin, other.scene.surfaces.origin)
+        assert np.array_equal(one.scene.landmarks, other.scene.landmarks)
 
 
 def test_landmarks_are_on_surfaces_and_seen_where_nothing_hides_them(make_rig):
@@ -142,6 +149,42 @@ def test_landmarks_are_on_surfaces_and_seen_where_nothing_hides_them(make_rig):
     uv, valid = rig.views["cam0"].model.project(local)
     assert valid.all()
     assert np.abs(uv - tracks.uv_true).max() < 1e-9
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_cameras_on_a_tour_see_the_place_that_it_goes_through(kind):
+    """Seed and size of the scene are those of the tour, whichever of the two was told."""
+    given = {"cameras": ["cam0"], "trajectory.type": "tour", "scene.type": kind, "scene.seed": 3}
+    rig = build_rig({**given, "camera.images": "none", "duration": 5.0})
+    low, high = usual(kind, (0.0, 0.0, 0.0))
+    site = Site(low, high, np.zeros((0, 3)), 3)
+    assert np.array_equal(build(kind, site).surfaces().origin, rig.scene.surfaces.origin)
+    path = rig.trajectory.sample(np.linspace(0.0, rig.trajectory.duration, 3000)).position
+    assert clearance(rig.scene.surfaces, path).min() > CLEARANCE
+    assert np.ptp(path, axis=0).max() > 0.6 * (high - low).max()
+    assert np.abs(path[-1] - path[0]).max() < 1e-9  # it ends where it began
+
+
+def test_a_tour_is_a_list_of_waypoints():
+    """The list, flown as trajectory.type waypoints, is the tour; its clearance is the distance."""
+    parameters = TourParameters(place="corridor", place_seed=2)
+    flight, told = tour(parameters), Waypoints(waypoints(parameters))
+    t = np.linspace(0.0, flight.duration, 500)
+    assert np.array_equal(flight.sample(t).position, told.sample(t).position)
+    wall = surfaces([(np.zeros(3), np.array([2.0, 0, 0]), np.array([0.0, 1, 0]))], hides=True)
+    points = np.array([[1.0, 0.5, 0.7], [3.0, 0.5, 0.0], [3.0, 2.0, 2.0]])
+    assert clearance(wall, points) == pytest.approx([0.7, 1.0, 6.0**0.5])
+    with pytest.raises(ConfigurationError, match=r"along x must be at least 12 m for corridor"):
+        load_simulation({"trajectory.type": "tour", "trajectory.place": "corridor",
+                         "trajectory.place_size": [3.0, 3.0, 3.0]})  # fmt: skip
+
+
+def test_a_path_through_something_is_refused():
+    given = {"cameras": ["cam0"], "trajectory.type": "waypoints", "scene.type": "office"}
+    given["trajectory.positions"] = [0.3, 0.0, 2.35, 0.3, 4.0, 2.35]  # above the doors
+    given |= {"scene.size": [13.0, 9.4, 2.8], "scene.center": [0.0, 0.0, 1.4], "duration": 4.0}
+    with pytest.raises(ConfigurationError, match=r"the path meets something at \("):
+        build_rig(given)
 
 
 def test_a_path_that_leaves_its_place_is_refused(make_rig):
@@ -167,12 +210,12 @@ def test_corners_of_a_printed_grid_in_a_lit_scene_are_unbiased(make_rig):
     lamp = (np.array([2.0, 0.5, 2.4]), np.array([0.5, 0, 0]), np.array([0.0, -0.5, 0]))
     lighting = Lighting([Lamp(lamp, (6.0, 6.0, 6.0))], sky=(0.2, 0.2, 0.2))
     place = Place(tuple(builder.faces), lighting, site.low, site.high, np.zeros((0, 3)))
-    surfaces = place.surfaces()
-    textures = atlas(surfaces, CorridorParameters(), False, Painter(place, site))
+    wall = place.surfaces()
+    textures = atlas(wall, CorridorParameters(), False, Painter(place, site))
     assert textures.size.tolist() == [[1600.0, 1000.0]]
     view = make_rig("figure_eight", **{**SMALL, "camera__width": 752, "camera__height": 480,
                     "camera__intrinsics": [458.65, 457.3, 367.2, 248.4]}).views["cam0"]  # fmt: skip
-    renderer = Renderer(view.model, surfaces, textures, 4)
+    renderer = Renderer(view.model, wall, textures, 4)
     inner = np.array(
         [(4.0, 3.0 - 0.1 * j, 0.5 + 0.1 * i) for i in range(1, 15) for j in range(1, 20)]
     )
