@@ -12,7 +12,11 @@ from pathlib import Path
 import pytest
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-ARGUMENTS = {"preintegration": ["40"], "monte_carlo": ["{folder}", "8"]}
+ARGUMENTS = {
+    "preintegration": ["40"],
+    "monte_carlo": ["{folder}", "8"],
+    "places": ["{folder}", "corridor"],
+}
 
 
 def run(script, folder):
@@ -47,6 +51,16 @@ def test_vio_dataset(tmp_path):
     assert out.count("6000 at 200 Hz") == 3
     assert (tmp_path / "mav0/imu0/data.csv").is_file()
     assert "gyroscope_noise_density" in (tmp_path / "imu.yaml").read_text()
+
+
+def test_places(tmp_path):
+    """A corridor: bright walls above a darker floor, in colour."""
+    from imu_sim_ros.sensors.camera.images.files import decoded
+
+    run(EXAMPLES / "places.py", tmp_path)
+    image = decoded((tmp_path / "place_corridor.png").read_bytes())
+    assert image.shape == (480, 752, 3)
+    assert image[:240].mean() > image[400:].mean() + 5.0
 
 
 def test_town_drive(tmp_path):
