@@ -221,7 +221,7 @@ def test_a_motion_that_shows_no_time_offset(tmp_path, capsys):
     truth, estimate = saved(tmp_path, circle, "truth.txt"), saved(tmp_path, circle)
     status, _, errors = run(capsys, estimate, truth, "--time-offset")
     assert (status, len(errors)) == (2, 1)
-    assert "does not show a time offset" in errors[0]
+    assert "does not reveal a time offset" in errors[0]
     short = saved(tmp_path, PoseSequence(*(column[:30] for column in circle[:3])), "short.txt")
     status, _, errors = run(capsys, short, truth, "--time-offset")
     assert (status, len(errors)) == (2, 1)
