@@ -4,7 +4,7 @@
 """Chunked containers: blocks of messages become chunks of records, built by NumPy, and back."""
 
 from abc import abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
@@ -176,6 +176,8 @@ class ChunkWriter(Writer):
         """Where the file's end begins, once that is being written."""
         self._mark = _Mark(0, 0, [])
         self._buffers: list[_Buffer] = []
+        self._tables: dict[bytes, _Buffer] = {}
+        """By the template of their rows."""
         self._pipeline: Pipeline[_Job, tuple[_Job, Any]] | None = None
 
     @abstractmethod
@@ -322,6 +324,9 @@ class ChunkWriter(Writer):
         self._emitting = True
         if simultaneous(blocks):
             self._emit_rows(blocks)
+        elif _mergeable(blocks):
+            for part in _parts(blocks):
+                self._emit_runs(part)
         else:
             self._emit_merged(blocks)
         self._emitting = False
@@ -417,6 +422,32 @@ class ChunkWriter(Writer):
             tally(chunk)
             self._hand_over(rows.reshape(-1), index, buffer)
 
+    def _emit_runs(self, blocks: Sequence[Block]) -> None:
+        """Write a chunk of blocks of different topics, each in order, with times of their own."""
+        made = [
+            self._records(topic, topic.count, times, as_row_template(payloads))
+            for topic, times, payloads in blocks
+            if not isinstance(payloads, list)
+        ]
+        times = [block.t_ns for block in blocks]
+        owner = np.repeat(np.arange(len(blocks)), [len(one) for one in times])[time_order(times)]
+        sizes = np.array([pattern.shape[1] for pattern in made])[owner]
+        offsets = np.cumsum(sizes) - sizes
+        index = [
+            Indexed(block.topic, block.t_ns, offsets[owner == k]) for k, block in enumerate(blocks)
+        ]
+        tally(blocks)
+        self._hand_over(np.frombuffer(_joined(times, made, self._filled), np.uint8), index)
+
+    def _filled(self, table: RowTemplate) -> Bytes:
+        """Return the rows of a table, in memory that the next one with its template takes again."""
+        kept = self._tables.get(table.template)
+        if kept is None or len(kept.rows) < len(table):
+            kept = self._tables[table.template] = self._buffer(table.template, len(table))
+        rows = kept.rows[: len(table)]
+        table.fill(rows)
+        return rows
+
     def _emit_merged(self, blocks: Sequence[Block]) -> None:
         """Write any blocks, message by message in the order of time."""
         before = {block.topic: block.topic.count for block in blocks}
@@ -457,6 +488,67 @@ class ChunkWriter(Writer):
                 for k, (time, payload) in enumerate(zip(t_ns.tolist(), payloads, strict=True))
             ]
         return as_list(self._records(topic, first, t_ns, as_row_template(payloads)))
+
+
+def _mergeable(blocks: Sequence[Block]) -> bool:
+    """Return whether blocks are of different topics, of constant sizes and each in order."""
+    return (
+        len({block.topic for block in blocks}) == len(blocks)
+        and not any(isinstance(block.payloads, list) for block in blocks)
+        and all(bool(np.all(block.t_ns[1:] >= block.t_ns[:-1])) for block in blocks)
+    )
+
+
+def _parts(blocks: Sequence[Block]) -> Iterator[list[Block]]:
+    """Yield blocks in pieces of time that are a chunk each."""
+    longest = max((block.t_ns for block in blocks), key=len)
+    parts = -(-sum(_bytes(block.payloads) for block in blocks) // CHUNK_BYTES)
+    inner = np.linspace(0, len(longest), parts + 1).astype(int)[1:-1]
+    edges = [np.searchsorted(block.t_ns, longest[inner]).tolist() for block in blocks]
+    cuts = [pairwise([0, *own, len(block.t_ns)]) for own, block in zip(edges, blocks, strict=True)]
+    for spans in zip(*cuts, strict=True):
+        cut = [
+            Block(topic, t_ns[start:stop], payloads[start:stop])
+            for (topic, t_ns, payloads), (start, stop) in zip(blocks, spans, strict=True)
+            if stop > start
+        ]
+        if cut:
+            yield cut
+
+
+def _joined(
+    times: Sequence[Times], records: Sequence[RowTemplate], filled: Callable[[RowTemplate], Bytes]
+) -> bytes:
+    """Return records by time; of equal ones, those of the first table first.
+
+    Neighbours with the same times are joined row by row. What then follows each other from the
+    same table is copied at once: an IMU's rows between two fixes.
+
+    :param filled: returns the rows of a table.
+    """
+    tables: list[tuple[Times, list[RowTemplate]]] = []
+    for t_ns, pattern in zip(times, records, strict=True):
+        if tables and _increases(t_ns) and np.array_equal(tables[-1][0], t_ns):
+            tables[-1][1].append(pattern)
+        else:
+            tables.append((t_ns, [pattern]))
+    rows = [filled(side_by_side(patterns)) for _, patterns in tables]
+    order, counts = time_order([t_ns for t_ns, _ in tables]), [len(one) for one in rows]
+    owner = np.repeat(np.arange(len(rows)), counts)[order]
+    row = order - np.repeat(np.cumsum([0, *counts[:-1]]), counts)[order]
+    starts = np.flatnonzero(np.concatenate([[True], owner[1:] != owner[:-1]]))
+    first, last = row[starts].tolist(), row[np.append(starts[1:], len(owner)) - 1].tolist()
+    content = [memoryview(one.reshape(-1).data) for one in rows]
+    widths = [one.shape[1] for one in rows]
+    return b"".join(
+        content[k][begin * widths[k] : (end + 1) * widths[k]]
+        for k, begin, end in zip(owner[starts].tolist(), first, last, strict=True)
+    )
+
+
+def _increases(t_ns: Times) -> bool:
+    """Return whether no two times are equal: rows of equal times would mix."""
+    return bool(np.all(t_ns[1:] > t_ns[:-1]))
 
 
 def _bytes(payloads: Payloads | RowTemplate) -> int:
