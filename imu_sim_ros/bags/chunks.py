@@ -176,8 +176,8 @@ class ChunkWriter(Writer):
         """Where the file's end begins, once that is being written."""
         self._mark = _Mark(0, 0, [])
         self._buffers: list[_Buffer] = []
-        self._tables: dict[bytes, _Buffer] = {}
-        """By the template of their rows."""
+        self._tables: dict[tuple[bytes, tuple[int, ...]], _Buffer] = {}
+        """By the template of their rows and the offsets of the columns."""
         self._pipeline: Pipeline[_Job, tuple[_Job, Any]] | None = None
 
     @abstractmethod
@@ -440,10 +440,11 @@ class ChunkWriter(Writer):
         self._hand_over(np.frombuffer(_joined(times, made, self._filled), np.uint8), index)
 
     def _filled(self, table: RowTemplate) -> Bytes:
-        """Return the rows of a table, in memory that the next one with its template takes again."""
-        kept = self._tables.get(table.template)
+        """Return the rows of a table, in memory that the next one of its kind takes again."""
+        kind = table.template, tuple(offset for offset, _ in table.columns)
+        kept = self._tables.get(kind)
         if kept is None or len(kept.rows) < len(table):
-            kept = self._tables[table.template] = self._buffer(table.template, len(table))
+            kept = self._tables[kind] = self._buffer(table)
         rows = kept.rows[: len(table)]
         table.fill(rows)
         return rows
