@@ -147,7 +147,7 @@ _HOMES = {
     "sensors.registry": ["register_sensor"],
     "trajectory.motion": ["Motion"],
 }
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 __all__ = sorted(name for names in _HOMES.values() for name in names)
 
 

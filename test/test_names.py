@@ -129,7 +129,7 @@ def without_ros(*words):
 @pytest.mark.parametrize("name", start.NODES)
 def test_nodes_say_what_they_are_without_ros(name):
     version, shown, real = (without_ros(name, *rest) for rest in (["--version"], ["--help"], []))
-    assert (version.returncode, version.stdout) == (0, "imu_sim_ros 0.1.0\n")
+    assert (version.returncode, version.stdout) == (0, "imu_sim_ros 1.0.0\n")
     assert shown.returncode == 0
     assert shown.stdout.startswith(f"usage: {name} [--PARAMETER VALUE ...]")
     assert real.returncode == 2
@@ -141,4 +141,4 @@ def test_nodes_say_what_they_are_without_ros(name):
 def test_every_program_has_a_version(name, capsys):
     with pytest.raises(SystemExit, match="0"):
         importlib.import_module(f"imu_sim_ros.commands.{name}").main(["--version"])
-    assert capsys.readouterr().out == "imu_sim_ros 0.1.0\n"
+    assert capsys.readouterr().out == "imu_sim_ros 1.0.0\n"

