@@ -191,9 +191,11 @@ def given_layers(
     parameters: Mapping[str, Any],
 ) -> tuple[dict[str, object], GivenMotion]:
     """Return the parameters that the arguments of :func:`simulate` give, by dotted name."""
-    own: dict[str, object] = {**imu_parameters(imu), **flat_parameters("parameters", parameters)}
+    flat = flat_parameters("parameters", parameters)
     motion = _motion(trajectory)
-    own.update(motion.parameters)
+    own: dict[str, object] = {**imu_parameters(imu), **flat, **motion.parameters}
+    if "trajectory.type" not in flat:  # else they describe another motion
+        own.update({n: value for n, value in flat.items() if n.startswith("trajectory.")})
     given = {"duration": None if duration is None else _seconds(duration), "rate": rate}
     given["seed"] = seed
     own.update({name: value for name, value in given.items() if value is not None})

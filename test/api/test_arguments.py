@@ -185,3 +185,13 @@ def test_a_trajectory_as_an_array_is_the_same_as_poses():
 def test_any_other_trajectory_is_answered_with_what_to_give(given):
     with pytest.raises(ims.ConfigurationError, match=r"trajectory = .*\(n, 8\)"):
         ims.simulate(trajectory=given)
+
+
+def test_a_parameter_of_a_named_motion_is_above_its_file():
+    """As ``--set`` is; parameters that name a motion of their own describe another one."""
+    own = {"trajectory.speed_limit": 0.3}
+    flight = ims.simulate(trajectory="square", duration=1.0, **own)
+    assert flight.parameters.trajectory.speed_limit == 0.3
+    other = {"trajectory.type": "drive", "trajectory.speed_limit": 0.3}
+    flight = ims.simulate(trajectory="square", duration=1.0, **other)
+    assert flight.parameters.trajectory.speed_limit == 1.5
