@@ -170,7 +170,7 @@ class ChunkWriter(Writer):
         self._pending_bytes = 0
         self._raw: list[tuple[Topic, int, bytes]] = []
         self._written: list[Any] = []
-        """What the containers record about every chunk."""
+        """Index of every chunk, as the containers record it."""
         self._emitting = False
         self._finishing: int | None = None
         """Where the file's end begins, once that is being written."""
@@ -192,7 +192,7 @@ class ChunkWriter(Writer):
         """Return one message as a record."""
 
     def _first_in_chunk(self) -> bytes:
-        """Return what stands in the next chunk before the records."""
+        """Return the bytes before the records of the next chunk."""
         return b""
 
     @abstractmethod
@@ -218,7 +218,7 @@ class ChunkWriter(Writer):
         definition: Schema | None = None,
         keeps_seq: bool = False,
     ) -> Topic:
-        """Return the handle of a new topic; its description stands behind the chunks so far."""
+        """Return the handle of a new topic; its description follows the chunks so far."""
         self._wait()
         topic = super().add_topic(name, type_name, qos, definition, keeps_seq)
         self._note(self._counts())
@@ -281,7 +281,7 @@ class ChunkWriter(Writer):
         return [self.file.current] if self.count else []
 
     def stop(self) -> None:
-        """Finish with all whole chunks, and those in memory where no chunk was being written."""
+        """Finish with all whole chunks, and those in memory if no chunk was being written."""
         if self.file.closed:
             return
         emitting = self._emitting
@@ -297,7 +297,7 @@ class ChunkWriter(Writer):
             self.file.abandon(empty=True)
 
     def _return_to_mark(self) -> None:
-        """Forget what is not a whole chunk in the file."""
+        """Remove an incomplete chunk from the file."""
         self._pending, self._raw, self._pending_bytes = [], [], 0
         self.file.cut(self._mark.position)
         del self._written[self._mark.chunks :]

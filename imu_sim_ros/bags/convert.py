@@ -82,13 +82,13 @@ def bag_to_bag(
     more: More | None = None,
     ungated: str = "",
 ) -> None:
-    """Copy topics of any type; the bytes stay as they are where the encoding does.
+    """Copy topics of any type; bytes are unchanged if the encoding is.
 
     :param renamed: new names by old ones.
     :param advance: receives the number of messages copied.
     :param skipped, warned: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
-    :param more: makes what is written next to the messages of a block, in a thread of its own.
-    :param ungated: a topic whose messages somebody else looks at.
+    :param more: makes further messages for each block of messages, in a thread of its own.
+    :param ungated: a topic whose messages are checked elsewhere.
     """
     with errors_naming(bag.path):
         translate = _translator(bag, writer, topics)
@@ -121,7 +121,7 @@ def bag_to_bag(
 def _with_more(
     groups: Iterator[list[MessageBlock]], more: More | None
 ) -> Iterator[tuple[list[MessageBlock], list[Block]]]:
-    """Yield groups, each with what is written next to it."""
+    """Yield groups, each with its further messages."""
     if more is None:
         return ((group, []) for group in groups)
     return prefetch((group, [made for block in group for made in more(block)]) for group in groups)
@@ -187,9 +187,9 @@ def text_to_bag(
     frames: Sequence[Iterator[list[Block]]] = (),
     tables: Tables = MappingProxyType({}),
 ) -> None:
-    """Copy a EuRoC folder or a CSV file: readings, and what a folder has next to them.
+    """Copy a EuRoC folder or a CSV file: readings, and the other tables of a folder.
 
-    That are tables of other sensors; truth and biases if there are states.
+    The other tables are those of sensors; truth and biases if there are states.
 
     Several IMUs have a namespace each, as in ``generate``: ``/imu1/imu/data_raw``. The poses of a
     motion capture system, as TUM VI has them, are a topic of poses.
@@ -307,7 +307,7 @@ def to_dataset(
     tables: Sequence[tuple[Table, str]] = (),
     warned: Warned | None = None,
 ) -> None:
-    """Copy readings, what is next to them, and truth of a bag or a dataset into text.
+    """Copy readings, other tables and truth of a bag or a dataset into text.
 
     :param tables: of the dataset, each with its topic, or its name in the dataset that is read.
     :param skipped, warned: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
@@ -377,7 +377,7 @@ class BiasTopicReader:
 
 
 def _rows_of(t_ns: Times, among: Times) -> NDArray[np.intp]:
-    """Return where times (n,) stand among others, in their order.
+    """Return the places of times (n,) among others, in their order.
 
     :raises InputError: if one of them does not.
     """

@@ -43,7 +43,7 @@ class _Chunk(NamedTuple):
 class McapBag(ChunkedBag):
     """One MCAP file with ROS 2 messages.
 
-    One that is to be recovered is read without index and footer, and what is damaged is left out.
+    One that is to be recovered is read without index and footer, and damaged parts are left out.
     """
 
     encoding = "cdr"
@@ -130,7 +130,7 @@ class McapBag(ChunkedBag):
         return counts
 
     def _look_at_end(self, position: int, whole: bool) -> None:
-        """Note what is behind the last record that was read."""
+        """Note the bytes after the last record."""
         if whole:
             position += len(MAGIC)
             if position < self._end:

@@ -51,7 +51,7 @@ def named(path: Path) -> Path:
 
 
 def unfinished(path: Path) -> Path | None:
-    """Return what a killed program left of an output; None if nothing.
+    """Return the remains of an output of a killed program; None if there are none.
 
     That is NAME.active, or NAME or NAME.active in the folder NAME.active that commands write to.
     """
@@ -93,7 +93,7 @@ class OutputFile:
         self.position = 0
 
     def write(self, *parts: bytes | memoryview) -> None:
-        """Append parts; where not all of them fit on the disk, none is kept.
+        """Append parts; if they do not all fit on the disk, none is kept.
 
         :raises MachineError: with the system's reason, for instance that no space is left.
         """
@@ -171,7 +171,7 @@ class Target:
     kept: bool = False
     """When the program is interrupted, the complete part is kept under a partial name."""
     described: Callable[[], str] = field(default=lambda: "what was written before")
-    """Describes what a kept part holds."""
+    """Describes the contents of a kept part."""
 
     @property
     def staging(self) -> Path:
@@ -180,7 +180,7 @@ class Target:
 
     @property
     def path(self) -> Path:
-        """Where to write."""
+        """Path for writing."""
         return self.staging if self.names else self.staging / self.final.name
 
     def places(self) -> list[Path]:
@@ -234,9 +234,9 @@ class Outputs:
         """Add a file, or a folder that is made as a whole.
 
         :param path: its name in the end.
-        :param endings: what the name must end in, one of these; none: in anything.
-        :param kept: keep what is whole when the program is interrupted.
-        :returns: where to write it. Siblings with its stem (``NAME_0.bag``) are renamed as well.
+        :param endings: allowed endings of the name; if empty, any.
+        :param kept: keep complete parts when the program is interrupted.
+        :returns: the path for writing. Siblings with its stem (``NAME_0.bag``) are renamed as well.
         """
         target = Target(Path(path), kept=kept)
         if endings and target.final.suffix.lower() not in endings:
@@ -245,7 +245,7 @@ class Outputs:
         return target.path
 
     def where(self, path: str | Path) -> Path:
-        """Return where an output that was added is to be written."""
+        """Return the path for writing an output that was added."""
         return next(target.path for target in self._targets if target.final == Path(path))
 
     def describe(self, path: str | Path, described: Callable[[], str]) -> None:
@@ -337,7 +337,7 @@ class Outputs:
                 yield from _irreplaceable(path)
 
     def _input_in(self, place: Path) -> str:
-        """Return which input is this existing file or folder, lies in it or contains it."""
+        """Return the input that is this existing file or folder, is in it, or contains it."""
         here = Path(os.path.realpath(place))
         for given in self._inputs:
             if not given.exists():
@@ -385,7 +385,7 @@ class Outputs:
             raise system_error(target.final, error) from None
 
     def _remove_stale(self, staging: Path) -> None:
-        """Remove what a killed run left, with ``force``; never what another run is writing."""
+        """Remove the remains of a killed run, with ``force``; never the output of a running one."""
         if staging.is_dir() and not staging.is_symlink():
             lock = os.open(staging, os.O_RDONLY | os.O_DIRECTORY)
             try:
@@ -423,7 +423,7 @@ class Outputs:
         entry.rename(place)
 
     def _keep_parts(self) -> list[str]:
-        """Rename the complete parts of an interrupted run; describe what they hold."""
+        """Rename the complete parts of an interrupted run, and describe their contents."""
         lines = []
         for target in self._targets:
             if not target.kept:
@@ -486,7 +486,7 @@ def _partial_name(path: Path) -> Path:
 
 
 def _irreplaceable(folder: Path) -> Iterator[str]:
-    """Yield why a folder is not replaced, even with force: it holds files that are no outputs."""
+    """Yield why a folder is not replaced, even with force: files in it that are not outputs."""
     here = Path(os.path.realpath(folder))
     working = Path(os.path.realpath(os.curdir))
     if here == working or here in working.parents:

@@ -111,7 +111,7 @@ def open_bag(path: str | Path, recover: bool = False) -> Bag:
     """Open a ROS 1 bag, an MCAP file, or a rosbag2 folder or database; contents decide, not names.
 
     :param recover: read an interrupted or damaged bag as far as it goes; ``NAME.active`` is looked
-        for where NAME does not exist.
+        if NAME does not exist.
     :raises InputError: for a path that is missing, no bag, or a bag that is not whole.
     """
     path = Path(path)
@@ -261,7 +261,7 @@ def read_poses(
 
     :param topic: None: the only topic of Odometry, else of PoseStamped.
     :param skip_bad_rows: skip bad rows or messages and count them.
-    :param covariance: of a text file: read the covariances too, where every row has them.
+    :param covariance: of a text file: also read the covariances, if every row has them.
     :param warned: as for :func:`imu_blocks`.
     :param recover: as for :func:`open_bag`.
     """

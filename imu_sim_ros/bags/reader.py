@@ -82,9 +82,9 @@ class Bag(ABC):
         self.path = path
         self.topics: list[TopicInfo] = []
         self.found: list[str] = []
-        """What a bag that is being recovered lacks, without loss of a message."""
+        """Defects of a bag in recovery that lose no message."""
         self.damage: list[str] = []
-        """What was left out of a bag that is being recovered, and why."""
+        """Lines about parts left out of a bag in recovery, with the reasons."""
 
     def __enter__(self) -> "Bag":
         return self
@@ -146,7 +146,7 @@ class Bag(ABC):
 def missing(
     name: str, topics: Iterable[TopicInfo], fitting: Iterable[TopicInfo] | None = None
 ) -> str:
-    """Return what is said of a topic that a bag lacks: the nearest one that fits, or all."""
+    """Return a hint for a missing topic: the nearest one of the right type, or all."""
     near = topics if fitting is None else fitting
     return suggestion(name, (topic.name for topic in near), f"it has {listed(topics)}")
 
@@ -213,7 +213,7 @@ def listed(topics: Iterable[TopicInfo]) -> str:
 
 
 def gather(data: Bytes, starts: Times, sizes: Times) -> Payloads:
-    """Return the messages at given places of a chunk; no copy where their distance is constant.
+    """Return the messages at given places of a chunk; no copy if their distance is constant.
 
     :param data: (bytes,) the chunk.
     :param starts: (n,) first bytes.

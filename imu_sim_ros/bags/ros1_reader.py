@@ -33,7 +33,7 @@ _LONGEST_HEADER = 1 << 24
 
 
 class _Record(NamedTuple):
-    """A record: its header's fields, and where its data lies in the file or chunk."""
+    """A record: the fields of its header, and the place of its data in the file or chunk."""
 
     fields: dict[str, bytes]
     start: int
@@ -63,7 +63,7 @@ class _Chunk(NamedTuple):
 class Rosbag1Bag(ChunkedBag):
     """One ROS 1 bag.
 
-    One that is to be recovered is read without its index, and what is damaged is left out.
+    One that is to be recovered is read without its index, and damaged parts are left out.
     """
 
     encoding = "ros1"

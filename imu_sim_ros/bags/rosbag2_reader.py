@@ -37,7 +37,7 @@ class SqliteBag(Bag):
     def __init__(self, path: Path, recover: bool = False) -> None:
         """Open a file.
 
-        :param recover: roll an unfinished transaction back, in a copy, and stop at what is damaged.
+        :param recover: roll an unfinished transaction back, in a copy, and stop at damaged parts.
         """
         super().__init__(path)
         self._recover = recover
@@ -143,7 +143,7 @@ class SqliteBag(Bag):
         return dict(self._database.execute(statement).fetchall())
 
     def _scan(self) -> dict[int, int]:
-        """Read all messages, note where that ends and why, and count them."""
+        """Read and count all messages, and note where and why reading ends."""
         counts: dict[int, int] = {}
         bad = last = 0
         rows = self._database.execute(
@@ -204,7 +204,7 @@ class Rosbag2Folder(Bag):
     def __init__(self, path: Path, recover: bool = False) -> None:
         """Open a folder.
 
-        :param recover: do without metadata.yaml, and leave out what is damaged.
+        :param recover: do without metadata.yaml, and leave out damaged parts.
         :raises InputError: if there is no metadata.yaml, unless the bag is to be recovered.
         """
         super().__init__(path)

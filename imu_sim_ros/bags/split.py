@@ -35,7 +35,7 @@ class PartsWriter(Writer):
         """Open the first part.
 
         :param open_part: opens part k.
-        :param split_ns: a part holds this time span [ns] from its first message on; 0: any.
+        :param split_ns: time span of a part [ns] from its first message on; 0 for any.
         :param split_bytes: a part ends with the message that reaches this size; 0: never.
         """
         super().__init__(path)
@@ -84,7 +84,7 @@ class PartsWriter(Writer):
             self._end_part()
 
     def _begun(self) -> Writer:
-        """Return the part that is being written, a new one where the last is closed."""
+        """Return the part that is being written, or a new one if the last is closed."""
         if self._ended:
             if len(self._parts) >= MAX_PARTS:
                 raise InputError(
@@ -110,9 +110,9 @@ class PartsWriter(Writer):
         return self._end_ns
 
     def _divided_by_time(self, blocks: list[Block]) -> tuple[list[Block], list[Block]]:
-        """Return what lies before the part's end, and what follows.
+        """Return the messages before the part's end, and those after it.
 
-        Where times run backwards the part changes at the first message past its end.
+        If times run backwards, the part changes at the first message past its end.
         """
         end_ns = self._boundary(min(int(block.t_ns.min()) for block in blocks))
         counts = []

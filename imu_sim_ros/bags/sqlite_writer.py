@@ -79,7 +79,7 @@ class SqliteWriter(Writer):
 
     @property
     def size(self) -> int:
-        """Bytes of the messages so far, without what the database adds."""
+        """Bytes of the messages so far, without the overhead of the database."""
         return self._bytes
 
     def _register(self, topic: Topic) -> None:
@@ -182,7 +182,7 @@ class SqliteWriter(Writer):
         self._database.close()
 
     def abandon(self) -> list[Path]:
-        """Keep what is committed."""
+        """Keep the committed messages."""
         # Where that fails, whoever opens the file next rolls the journal back.
         with suppress(sqlite3.Error):
             self._database.rollback()

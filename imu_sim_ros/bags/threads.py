@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Work in threads, in order: where it releases the interpreter it uses the other cores.
+"""Work in threads, in order. Code that releases the interpreter uses the other cores.
 
 That is so for checksums, compression, writing, random numbers and most of NumPy's loops. All
 queues are without locks in Python: an exception of a signal's handler, which runs in the main
@@ -68,7 +68,7 @@ class Pipeline(Generic[_T, _Made]):
 
         :param make: may run for several items at a time.
         :param use: runs for one item after the other.
-        :param workers: threads that make; 0: whoever gives an item does.
+        :param workers: number of threads; 0 to work in the calling thread.
         """
         self._make, self._use = make, use
         self._items: SimpleQueue[tuple[_T, SimpleQueue[Any]] | None] = SimpleQueue()

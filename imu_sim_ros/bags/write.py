@@ -44,9 +44,9 @@ def open_writer(
     a single file is written its name ends in ``.active``; a folder gets its metadata.yaml last.
     When single files are split they are named ``NAME_0.bag``, ``NAME_1.bag`` and so on.
 
-    :param storage: mcap, sqlite3 or ros1; by default what the name asks for.
+    :param storage: mcap, sqlite3 or ros1; by default the one that the name implies.
     :param compression: none, lz4 or zstd for mcap, none, lz4 or bz2 for ros1; default none.
-    :param split_duration: seconds that one file holds; 0: all.
+    :param split_duration: length of one file [s]; 0 for a single file.
     :param split_size: bytes after which a new file begins; 0: never.
     :raises InputError: for a place or an option that cannot be used.
     """
@@ -104,10 +104,10 @@ DATASET_SUFFIXES: Final = {".csv": "csv", ".tum": "tum", ".txt": "tum"}
 
 
 def dataset_form(path: Path, named: str | None, of_bags: Mapping[str, object]) -> str | None:
-    """Return the form of the dataset that a name or a suffix asks for; None: a bag.
+    """Return the form of the dataset that a name or a suffix implies; None for a bag.
 
     :param of_bags: what applies to bags only, by its name.
-    :raises InputError: for what is given of it with a dataset.
+    :raises InputError: for options of bags with a dataset.
     """
     result = named or DATASET_SUFFIXES.get(path.suffix.lower())
     unfit = [f"{name}: does not apply to {result}" for name in of_bags if result and of_bags[name]]

@@ -20,7 +20,7 @@ from imu_sim_ros.types import Times
 
 @dataclass(eq=False)
 class Topic:
-    """A topic of a bag that is being written, and what it holds so far."""
+    """A topic of a bag that is being written, and its contents so far."""
 
     index: int
     name: str
@@ -113,7 +113,7 @@ class Writer(ABC):
 
     @abstractmethod
     def abandon(self) -> list[Path]:
-        """Stop after a failure: keep what is valid, under a name that marks it as partial.
+        """Stop after a failure, and keep the valid part under a name that marks it as partial.
 
         :returns: the files that hold it.
         """

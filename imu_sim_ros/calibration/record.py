@@ -71,7 +71,7 @@ _PILED_UP: Final = 4
 
 
 class Timing(NamedTuple):
-    """What the stamps of a record show."""
+    """Rate, jitter and losses, from the stamps of a record."""
 
     rate: float
     """Samples over the time that they take, gaps apart [Hz]."""
@@ -224,7 +224,7 @@ class Record:
                 yield _with_gaps(y[start:stop], missing[start:stop])
 
     def timing(self) -> Timing:
-        """Return what the stamps showed."""
+        """Return rate, jitter and losses."""
         count, total, squares = self._intervals
         mean = total / max(count, 1.0)
         jitter = np.sqrt(max(squares / max(count, 1.0) - mean**2, 0.0)) * self._interval * 1e-9

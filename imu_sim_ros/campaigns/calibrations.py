@@ -31,11 +31,11 @@ from imu_sim_ros.simulation.topics import delivered
 from imu_sim_ros.types import Array
 
 _BLOCK: Final = 50_000
-"""Samples in a block: a record of hours never lies in memory."""
+"""Samples in a block: a record of hours is never in memory as a whole."""
 
 
 def run_calibration(cell: SimulatedCell, estimator: CalibrationEstimator, seed: int) -> Metrics:
-    """Return how far the result of a seed's record lies from the sensor.
+    """Return the errors of the result of a seed's record.
 
     :raises InputError: for a record that yields no result.
     """

@@ -70,7 +70,7 @@ def tasks(
     digests_of: Digests | None = None,
     first_batch: int | None = None,
 ) -> Iterator[Task]:
-    """Yield what is still to be done.
+    """Yield the runs that are still to be made.
 
     :param there: the runs that need not be made.
     :param batch: seeds in a task.
@@ -201,7 +201,7 @@ def write_summary(folder: Path, plan: Plan, rows: Sequence[Row]) -> Path:
 
 
 def write_versions(folder: Path) -> Path:
-    """Write ``versions.json``: what the numbers were made with."""
+    """Write ``versions.json``, the versions of the software behind the numbers."""
     names = ["imu_sim_ros", "numpy", "scipy", "orjson", "rosbags", "mcap", "pyarrow", "distributed"]
     versions = {"python": platform.python_version(), "machine": platform.platform()}
     for name in names:
@@ -215,7 +215,7 @@ def write_versions(folder: Path) -> Path:
 
 
 class Tally:
-    """How far a campaign has come, for whoever watches it."""
+    """Progress of a campaign, for display."""
 
     def __init__(self, plan: Plan, there: int = 0) -> None:
         """Begin to count.
@@ -238,7 +238,7 @@ class Tally:
 def seconds_of_all_runs(plan: Plan) -> float | None:
     """Return the CPU time that a plan takes [s], from its first run; None for programs.
 
-    What the seeds of a cell share counts once for each cell.
+    Parts that the seeds of a cell share count once for each cell.
 
     :raises ImuSimError: if the first cell cannot be simulated.
     """

@@ -54,7 +54,7 @@ class Cell(NamedTuple):
 
 
 def expanded(values: Mapping[str, object]) -> Layer:
-    """Return parameters with :data:`SHORT` names replaced by what they stand for."""
+    """Return parameters with :data:`SHORT` names replaced by their full names."""
     result: Layer = {}
     for name, value in values.items():
         if name == "imu":

@@ -34,10 +34,10 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.block import ImuBlock
 
 METRICS: Final = "metrics.json"
-"""What the program may write of the plan's own metrics."""
+"""File for the plan's own metrics, written by the program."""
 _LARGEST_METRICS: Final = 1_000_000
 OUTPUT: Final = "output.txt"
-"""What the program printed."""
+"""File with the output of the program."""
 _POLL: Final = 0.2
 """[s] Period of checking the folder's size; the program's end is noticed at once."""
 _PR_SET_PDEATHSIG: Final = 1
@@ -69,7 +69,7 @@ def run_command(
     """Write the dataset, run the program, and compare its trajectory with the truth.
 
     :param folder: of the campaign; the run's own folder is made in it.
-    :param metrics: receives what was measured, also if the run fails.
+    :param metrics: receives the measured values, even if the run fails.
     :raises InputError: if there is no usable trajectory, with the reason.
     """
     # Absolute: the program works in its own folder, where a relative name would lead elsewhere.
@@ -263,7 +263,7 @@ def _prctl(option: int, value: int) -> None:
 
 
 def end_programs() -> None:
-    """Kill all that this worker has started: for one that is told to end."""
+    """Kill all processes of this worker before it ends."""
     for pid in _children():
         with contextlib.suppress(OSError):
             os.killpg(pid, signal.SIGKILL)

@@ -38,7 +38,7 @@ from imu_sim_ros.types import Array
 
 
 class Estimate(NamedTuple):
-    """A trajectory with what its source has in addition to the poses."""
+    """A trajectory with further data from its source."""
 
     poses: PoseSequence
     velocity: Array | None = None
@@ -134,7 +134,7 @@ def _velocity_error(
 def _consistency(
     found: Estimate, row: NDArray[np.intp], truth: PoseSequence, velocity: Array | None
 ) -> Metrics:
-    """Return the NEES of the last state, of what has a covariance.
+    """Return the NEES of those parts of the last state that have a covariance.
 
     :param truth: at that time, (1,).
     :param velocity: (1, 3) its error in the world.

@@ -46,7 +46,7 @@ class Effect:
     """What A is: ``better`` or ``worse`` than B beyond the tolerance, ``equal`` where the interval
     lies within it, or ``undecided``."""
     note: str = ""
-    """Why nothing is decided, if that is not for want of runs."""
+    """Reason for no decision, other than too few runs."""
 
     @property
     def significant(self) -> bool:

@@ -364,7 +364,7 @@ def client(scheduler: str | None, workers: int, worker_timeout: float = 60.0) ->
 def check_workers(client: "Client", plan: Plan) -> None:
     """Refuse workers that would fail every run: each has to have this package and the programs.
 
-    :raises InputError: with a line for each worker and what it lacks.
+    :raises InputError: with a line for each worker and what is missing there.
     """
     # By name: what a worker without the package is sent must not be of the package.
     found = client.run(eval, "__import__('imu_sim_ros').__version__", on_error="return")
@@ -393,7 +393,7 @@ def dashboard(client: "Client") -> str | None:
 
 
 def _dashboard() -> str:
-    """Return where Dask's dashboard is known to be, or a free port next to another cluster's."""
+    """Return the usual address of Dask's dashboard, or a free port if another cluster uses it."""
     with socket.socket() as probe:
         try:
             probe.bind(("127.0.0.1", _DASHBOARD_PORT))

@@ -92,7 +92,7 @@ class _Suite:
         ElementTree.SubElement(case, kind, message=_text(message))
 
     def output(self, case: ElementTree.Element, text: str) -> None:
-        """Add what a case printed."""
+        """Add the output of a case."""
         ElementTree.SubElement(case, "system-out").text = _text(text)
 
 

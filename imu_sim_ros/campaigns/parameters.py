@@ -18,12 +18,12 @@ CALIBRATIONS = ("allan", "six_position", "turntable", "temperature")
 KINDS = ("dead_reckon", "command", *CALIBRATIONS)
 KEEP = ("none", "failed", "all")
 PLACES = ("dataset", "config", "estimate", "folder", "seed", "python", "share", "plan")
-"""What a command may name in braces."""
+"""Placeholders of a command."""
 
 
 @dataclass(frozen=True)
 class CampaignParameters:
-    """What holds for all runs of a campaign."""
+    """Options of all runs of a campaign."""
 
     name: str = text("campaign", "title of the campaign")
     retries: int = integer(
@@ -96,7 +96,7 @@ class CommandEstimator:
 
 @dataclass(frozen=True)
 class CalibrationEstimator:
-    """What ``allan`` or ``calibrate`` makes of a record, next to the sensor that made it."""
+    """Comparison of the result of ``allan`` or ``calibrate`` with the sensor of the record."""
 
     type: str = choice("allan", KINDS, "kind of the estimator")
     model: str = choice("standard", ("standard", "gauss_markov"), "for allan: the noise model")

@@ -96,7 +96,7 @@ class Plan:
     tolerance: Tolerance = Tolerance(0.02, relative=True)
     """Differences that do not matter."""
     folder: Path = Path()
-    """Absolute: where the plan lies, and programs next to it."""
+    """Absolute path of the folder with the plan and the programs next to it."""
 
     @property
     def metrics(self) -> tuple[str, ...]:
@@ -140,7 +140,7 @@ class Plan:
             return load_simulation(self._split(cell)[1], {"seed": self.seeds[0]})
 
     def rig(self, cell: Cell) -> "RigParameters | None":
-        """Return the cameras of a cell and what they see; None if there is none.
+        """Return the cameras of a cell with their scene; None if there are none.
 
         :raises ConfigurationError: with one line per problem, after the cell's name.
         """

@@ -186,7 +186,7 @@ def _remove(path: Path) -> None:
 
 @contextlib.contextmanager
 def replaced(path: Path) -> Iterator[Path]:
-    """Yield where to write a file that gets its name when it is complete, or none on an error."""
+    """Yield the path for writing a file that is renamed when complete, or removed on an error."""
     part = path.with_name(f".{path.name}.part")
     try:
         yield part

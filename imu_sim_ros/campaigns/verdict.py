@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a campaign says: who is best, by how much, and how sure that is.
+"""The verdict of a campaign: who is best, by how much, and how sure that is.
 
 :func:`judge` computes it once, in one structure (:class:`Judgement`); terminal, ``--json``, JUnit,
 exit status and page show it. Groups (an estimator in a cell) are compared on the same seeds. The
@@ -97,7 +97,7 @@ class Contest:
     factor: str
     """``estimator``, or a name of the grid."""
     where: dict[str, str]
-    """What they have in common, by name: values of the grid and the estimator, if others exist."""
+    """Common values, by name: values of the grid and the estimator, if others exist."""
     ranking: list[str]
     """Values of the factor, by the median with failures, then by the share of runs done."""
     unranked: list[str]
@@ -142,7 +142,7 @@ class Checked(NamedTuple):
 
 @dataclass(frozen=True)
 class Judgement:
-    """What a campaign says about one metric."""
+    """The verdict of a campaign for one metric."""
 
     metric: str
     better: Better
@@ -151,7 +151,7 @@ class Judgement:
     runs: int
     done: int
     factor: str
-    """What the campaign is about: ``estimator`` if there are several, else ``imu`` or the first
+    """The main factor: ``estimator`` if there are several, else ``imu`` or the first
     name of the grid with several values; empty if nothing varies."""
     standings: list[Standing]
     """One for each cell and estimator, in the plan's order."""
@@ -192,7 +192,7 @@ def judge(
     baseline: Sequence[Row] | None = None,
     tolerance: Tolerance | None = None,
 ) -> Judgement:
-    """Return what the runs of a plan say.
+    """Return the verdict on the runs of a plan.
 
     :param rows: of the campaign, in the plan's order.
     :param metric: a metric of the plan, or ``success``.
@@ -459,7 +459,7 @@ def varying_names(found: Sequence[Group]) -> list[str]:
 
 
 def _factor(found: Sequence[Group]) -> str:
-    """Return what a campaign is about."""
+    """Return the main factor of a campaign."""
     several = varying_names(found)
     for name in ("estimator", "imu"):
         if name in several:

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags with what cameras see in addition to the readings: images, tracks, landmarks."""
+"""Bags with images, tracks and landmarks of cameras in addition to the readings."""
 
 from collections import deque
 from collections.abc import Mapping

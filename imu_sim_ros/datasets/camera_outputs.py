@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Datasets and bags with what cameras see in addition to readings and truth."""
+"""Datasets and bags with cameras in addition to readings and truth."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.sensors.camera.rig import Rig
 
 Warn = Callable[[str], None]
-"""Receives a line of what a user may not expect."""
+"""Receives a warning."""
 CAMERA_FORMATS: Final = ("tracks", "tum_vi", "vio_data_simulation")
 """Datasets that need a camera."""
 IMAGE_FORMATS: Final = ("euroc", "csv")
@@ -30,7 +30,7 @@ FORMATS: Final = (*writer.FORMATS, *CAMERA_FORMATS)
 
 
 def check_form(form: str | None, path: Path, cameras: "Rig | None", imus: int) -> None:
-    """Refuse cameras and IMUs if a form has no place for them, and a form that wants some.
+    """Refuse cameras and IMUs if a form has no place for them, and a form that needs some.
 
     :param imus: how many there are.
     :raises InputError: with what to give.

@@ -54,11 +54,11 @@ class CsvTable:
         return self._counted
 
     def back(self, state: Any) -> None:
-        """Drop what was written since a state."""
+        """Drop the rows written since a state."""
         self._counted = state
 
     def close(self, error: BaseException | None) -> None:
-        """Give the file its final name, or leave it partial; it holds what was counted."""
+        """Give the file its final name, or leave it partial, with the counted rows."""
         self.file.cut(self._counted[0])
         if _whole(error):
             self.file.finish()
@@ -96,7 +96,7 @@ class NpzTable:
         return dict(self._shapes)
 
     def back(self, state: Any) -> None:
-        """Drop what was written since a state."""
+        """Drop the rows written since a state."""
         self._shapes = state
 
     def close(self, error: BaseException | None) -> None:

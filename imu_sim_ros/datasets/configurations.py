@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
 
 _START: Final = 60.0
-"""How much of a flight is searched for where stacks can initialise [s]."""
+"""Length of the start of a flight that is searched for an initialisation [s]."""
 _EVERY: Final = 0.01
 """[s]"""
 
@@ -77,7 +77,7 @@ def _start(simulation: Simulation) -> Start:
 
 
 def bagcreater_topics(imus: Iterable[str]) -> dict[str, str]:
-    """Return the topics that kalibr_bagcreater makes of a folder's files, by our names of them.
+    """Return the topics that kalibr_bagcreater makes from a folder's files, by our names.
 
     It names them after the files: imu0.csv becomes /imu0. Those of cameras have our names.
     """

@@ -196,7 +196,7 @@ def _speed(now: _Observed, before: _Observed | None) -> tuple[Array, NDArray[np.
 
 LATCHED: Final = Qos(durability="transient_local", depth=1)
 _DISTORTIONS: Final = {"none": "plumb_bob", "radtan": "plumb_bob", "equidistant": "equidistant"}
-"""The names that image_geometry and kalibr's converters know."""
+"""The names in image_geometry and kalibr's converters."""
 
 
 def camera_topics(rig: RigParameters) -> dict[str, str]:

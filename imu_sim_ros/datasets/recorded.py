@@ -54,7 +54,7 @@ _PLUMB_BOB: Final = 5
 
 
 class Description(NamedTuple):
-    """What is known about a camera; None: not known."""
+    """Properties of a camera; None if unknown."""
 
     info: CameraInfo | None = None
     pose: NDArray[np.float64] | None = None
@@ -62,7 +62,7 @@ class Description(NamedTuple):
 
 
 def sensor_yaml(found: Description, stamps: Sequence[int], comment: str) -> str:
-    """Return EuRoC's description of a camera; what is not known is left out."""
+    """Return EuRoC's description of a camera, without unknown values."""
     text = f"# Camera\nsensor_type: camera\ncomment: {comment}\n\n"
     if found.pose is not None:
         text += f"# T_BS maps points of the camera into the body.\n{pose_text(found.pose)}\n"
@@ -89,7 +89,7 @@ def sensor_yaml(found: Description, stamps: Sequence[int], comment: str) -> str:
 
 
 def read_sensor_yaml(path: Path) -> Description:
-    """Return what a EuRoC folder's sensor.yaml says about a camera.
+    """Return the properties of a camera from a EuRoC folder's sensor.yaml.
 
     :raises InputError: with a line for each value that cannot be used.
     """
@@ -142,7 +142,7 @@ def _mapping(path: Path) -> dict[str, Any]:
 
 
 class _Keys:
-    """The values of a description, and what is wrong with them."""
+    """The values of a description, and their problems."""
 
     def __init__(self, path: Path, tree: dict[str, Any], prefix: str = "") -> None:
         self.tree = tree
@@ -243,7 +243,7 @@ class Frames(NamedTuple):
 
 
 class FolderCamera(NamedTuple):
-    """What a folder has of one camera."""
+    """The files of one camera in a folder."""
 
     name: str
     images: Frames
@@ -329,7 +329,7 @@ def _rows(table: Path) -> Iterator[tuple[int, list[str]]]:
 
 
 def _problem(fields: list[str], there: set[str], last_ns: int) -> tuple[str, str] | None:
-    """Return class and words of what is wrong with a row; None for a good one."""
+    """Return kind and description of the problem of a row; None for a good one."""
     if len(fields) != 2:
         return COLUMNS, f"{len(fields)} columns; expected nanoseconds and a file name"
     stamp, name = fields
@@ -344,7 +344,7 @@ def _problem(fields: list[str], there: set[str], last_ns: int) -> tuple[str, str
 
 
 def _described(path: Path, folder: Path) -> tuple[Description, str]:
-    """Return what a dataset says about a camera, and the text of its sensor.yaml."""
+    """Return the properties of a camera in a dataset, and the text of its sensor.yaml."""
     file = folder / "sensor.yaml"
     if is_present(file):
         return read_sensor_yaml(file), read_text(file)
@@ -358,7 +358,7 @@ def _described(path: Path, folder: Path) -> tuple[Description, str]:
 def read_image(path: Path) -> tuple[bytes, Size]:
     """Return the bytes of an image's file, and its size.
 
-    :raises InputError: for what is no file, or no whole image.
+    :raises InputError: if it is not a file, or not a complete image.
     """
     with open_regular(path) as file, naming(path):
         try:
@@ -400,7 +400,7 @@ class OneSize:
 
 
 def as_png(data: bytes) -> bytes:
-    """Return an encoded image as PNG; one that is PNG already stays as it is.
+    """Return an encoded image as PNG; a PNG image is unchanged.
 
     :raises InputError: for bytes that are no image.
     """
@@ -413,7 +413,7 @@ def as_png(data: bytes) -> bytes:
 def as_sent(data: bytes) -> tuple[str, str, bytes]:
     """Return form (png, jpeg), pixels' encoding and bytes of an image as CompressedImage has it.
 
-    PNG and JPEG stay as they are.
+    PNG and JPEG are unchanged.
     """
     if data.startswith(PNG):
         size = (_PNG_CHANNELS.get(data[25], 0), 2 if data[24] > 8 else 1)

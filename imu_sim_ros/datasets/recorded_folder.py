@@ -82,7 +82,7 @@ class FolderImages:
     def __init__(self, path: Path, skipped: Skipped | None = None) -> None:
         """Look for cameras.
 
-        :param path: of the folder; what is none has no images.
+        :param path: the folder; anything else has no images.
         :param skipped: receives the number of bad rows skipped in a table; None: they are errors.
         :raises InputError: with a line for each row and each description that cannot be used.
         """
@@ -143,7 +143,7 @@ class FolderImages:
             yield [Block(topics[key], t_ns_here, [one[key] for one in made]) for key in keys]
 
     def _places(self, writer: Writer, renamed: Mapping[str, str]) -> Iterator[list[Block]]:
-        """Yield where the cameras are on the body, once."""
+        """Yield the places of the cameras on the body, once."""
         placed = [c for c in self.cameras if c.described.pose is not None and len(c.images.t_ns)]
         if not placed:
             return

@@ -202,7 +202,7 @@ def _states(block: ImuBlock) -> States:
 
 
 def _rows(sensor: Sensor, block: ImuBlock) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return stamps (n,) and values (n, m) of what a sensor delivered."""
+    """Return stamps (n,) and values (n, m) of the samples of a sensor."""
     read = block.auxiliary[sensor.quantity]
     return read.t_ns[read.delivered], sensor.values(read)[read.delivered]
 
@@ -310,7 +310,7 @@ def chosen_topics(
 ) -> dict[str, str]:
     """Return the topics to write, each with its name in the bag.
 
-    :param topics: a name without a namespace stands for that topic of every IMU.
+    :param topics: a name without a namespace selects that topic of every IMU.
     :param imus: the names of the IMUs.
     :param more: topics in addition to those of the IMUs and the body: of cameras.
     :param further: names of the sensors of the body.

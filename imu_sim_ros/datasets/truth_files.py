@@ -20,7 +20,7 @@ from imu_sim_ros.sensors.registry import find_sensor
 from imu_sim_ros.simulation.parameters import SimulationParameters, carried, load_simulation
 
 _SUFFIXES: Final = (".bag", ".mcap", ".csv")
-"""What is not part of the name of the truth; folders have none of them."""
+"""Endings that are not part of the name of the truth; folders have none."""
 
 
 def configs(output: Path) -> Path:
@@ -54,7 +54,7 @@ _WORLD: Final = (
 
 
 def world_of(bag: Path) -> SimulationParameters | None:
-    """Return what was simulated, as the realised truth next to a bag tells; None without one.
+    """Return the simulation from the realised truth next to a bag; None without one.
 
     :raises ConfigurationError: for a file that is not what ``generate`` wrote.
     """
@@ -71,7 +71,7 @@ def world_of(bag: Path) -> SimulationParameters | None:
 def new_truths(output: Path, simulated: Mapping[str, SimulationParameters]) -> dict[Path, str]:
     """Return the files of the realised truth that are to be written, each with its text.
 
-    One that stands already there with the same text is left out: the outputs share it.
+    An existing file with the same text is left out, because the outputs share it.
 
     :raises InputError: if another output of this name has another sensor.
     """

@@ -133,13 +133,13 @@ class Covariance:
         return math.isfinite(self.matrix.trace())
 
     def _begin_interval(self) -> None:
-        """Begin to collect what the second order needs."""
+        """Begin to collect the terms of the second order."""
         self._before = self._attitude_and_rates()
         self._length = 0.0
         self._passed = np.zeros((SIZE, SIZE))
         """The sum of the steps' transitions."""
         self._passed_slow = np.zeros((3, self.slow.count))
-        """(3, m) what the slow errors add to the attitude, each of unit size."""
+        """(3, m) attitude errors from slow errors of unit size."""
 
     def _attitude_and_rates(self) -> Array:
         """Return the (n, n) covariance of the attitude with all errors of the gyroscope."""
@@ -190,7 +190,7 @@ class Covariance:
             self._update_second_order()
 
     def _diagonal(self, h: float) -> Array:
-        """Return what a step adds to the diagonal: the walks, and white noise of equal axes."""
+        """Return the addition of a step to the diagonal: walks, and white noise of equal axes."""
         result = np.zeros(SIZE)
         result[GYRO_BIAS.start :] = self._walk * h
         if self._equal_axes:

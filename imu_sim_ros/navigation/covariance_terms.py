@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Slow errors, large tilts and the rest at the start: what they add to a state's covariance."""
+"""Terms of a state's covariance from slow errors, large tilts and the rest at the start."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -90,7 +90,7 @@ class SlowErrors:
         return of_mean(-self._decay_rate * time)
 
     def decay(self, time: float) -> Array:
-        """Return what is left of each after a time [s] (m,)."""
+        """Return the remaining share of each after a time [s] (m,)."""
         return np.exp(self._decay_rate * time)
 
     def act_on(self, rate_b: Array | Sequence[float], force_b: Array | Sequence[float]) -> None:
@@ -219,7 +219,7 @@ class SecondOrder:
         :param before: (n, n) covariance of x at the start.
         :param after: (n, n) at the end.
         :param by_rates: (3, r) how theta at the end depends on the errors of the rate at the start.
-        :param decay: (r,) what is left at the end of the errors of the rate at the start.
+        :param decay: (r,) share of the initial errors of the rate that remains at the end.
         """
         theta = slice(0, 3)
         self.largest_sigma = max(self.largest_sigma, float(attitude_sigma(after[theta, theta])))

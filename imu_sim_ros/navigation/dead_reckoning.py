@@ -26,7 +26,7 @@ Attitude updates:
            attitude, so roll and pitch go step by step, which takes several times as long; in a
            world that turns all of it does, through :class:`Stepper`.
 
-Where the world turns (``earth_rate``, in the world frame), the gyroscope reads that rate too, the
+If the world rotates (``earth_rate``, in the world frame), the gyroscope reads that rate too, the
 world turns under the attitude, and the velocity is subject to Coriolis' acceleration; the
 centrifugal one is part of gravity.
 """

@@ -92,7 +92,7 @@ def gauge_at_first(estimate: PoseSequence, truth: PoseSequence) -> Alignment:
 
 
 def without_gauge(covariance: Array, position: Array, alignment: Alignment) -> Array:
-    """Return the covariances (n, 6, 6) of what is left when the first pose's gauge is fixed.
+    """Return the covariances (n, 6, 6) that remain when the first pose's gauge is fixed.
 
     :param covariance: (n, 6, 6) of position and rotation about the world's axes, as the estimator
         states them, in its own frame.
@@ -137,7 +137,7 @@ def attitude_sigma(covariances: Array) -> Array:
 
 
 class Band(NamedTuple):
-    """Where a chi-square mean lies with a given probability."""
+    """The range of a chi-square mean with a given probability."""
 
     low: float
     high: float
@@ -289,7 +289,7 @@ def attitude_errors(estimate: Array, truth: Array) -> Array:
 
 
 def tilt_and_heading(estimate: Array, truth: Array) -> tuple[Array, Array]:
-    """Return what the missing turn does to the vertical (n,), and the turn about it (n,) [rad].
+    """Return the error of the vertical (n,) and the rotation about it (n,) [rad].
 
     ``q_truth q_estimate^-1`` is a turn by the heading error about the world's z, followed by one
     about a horizontal axis, the tilt error (swing and twist): with its parts (w, x, y, z) the tilt

@@ -27,7 +27,7 @@ _SIGMAS: Final = 4.0
 
 
 class Level(NamedTuple):
-    """What a rest reveals about a body."""
+    """Attitude and biases of a body, from a rest."""
 
     q_wb: Array
     """(4,) attitude with the given yaw."""
@@ -157,7 +157,7 @@ def from_rest(
     The known errors are removed first, so that what is left of the gyroscope's mean is the part of
     its bias that was not known. The bias is wanted in the readings themselves, ahead of scale and
     misalignment: ``reading = S (omega + delta) + G f + b`` is ``S omega + G f + (b + S delta)``.
-    Where the world turns, the gyroscope reads its rate as well (Groves, section 5.6.1).
+    If the world rotates, the gyroscope reads its rate as well (Groves, section 5.6.1).
 
     :param gyro: (n, 3) readings [rad/s]; those that are not finite are skipped.
     :param accel: (n, 3) readings [m/s^2].

@@ -163,7 +163,7 @@ class IntegratorParameters:
 
     @staticmethod
     def passed_over() -> dict[str, Parameter]:
-        """Return what a file made for the simulator says of the same IMU, and has no use here."""
+        """Return the parameters of a simulator's file for the same IMU that have no use here."""
         return {f"imu.{name}": parameter for name, parameter in parameters(ImuParameters).items()}
 
     def problems(self, prefix: str) -> Iterator[str]:
@@ -187,7 +187,7 @@ def layer_integrator(
     """Return parameters above those of the IMU preset and of the calibration that they name.
 
     :param given: by dotted name.
-    :param sensor: what is known of the sensor, in the place of a preset.
+    :param sensor: parameters of the sensor, instead of a preset.
     :raises ConfigurationError: for a preset or a calibration that cannot be read.
     """
     own = parameters(IntegratorParameters)
@@ -214,7 +214,7 @@ def outside_covariance(
     to readings within them.
 
     :param given: by dotted name.
-    :param sensor: what is known of the sensor, in the place of the preset.
+    :param sensor: parameters of the sensor, instead of the preset.
     :raises ConfigurationError: for a preset that cannot be read.
     """
     known = {**(sensor_layer(integrator.imu.preset) if sensor is None else sensor), **given}
@@ -235,7 +235,7 @@ def outside_covariance(
 
 
 def _differs(value: object, other: object) -> bool:
-    """Return whether two values differ; a number stands for as many as are needed."""
+    """Return whether two values differ; a single number applies to all elements."""
     first, second = (v if isinstance(v, list | tuple) else [v] for v in (value, other))
     count = max(len(first), len(second))
     first, second = (list(v) * (count if len(v) == 1 else 1) for v in (first, second))

@@ -377,7 +377,7 @@ def repropagated(
 ) -> tuple[Preintegration, NDArray[np.bool_]]:
     """Integrate intervals again whose biases moved far; return all intervals, and which these are.
 
-    The others stay as they are; :func:`corrected` serves them.
+    The others are unchanged; use :func:`corrected` for them.
     """
     gyro_bias = np.broadcast_to(np.asarray(gyro_bias, dtype=float), pre.gyro_bias.shape)
     accel_bias = np.broadcast_to(np.asarray(accel_bias, dtype=float), pre.accel_bias.shape)

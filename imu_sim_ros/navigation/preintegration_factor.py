@@ -175,7 +175,7 @@ def reprojection_residual(
     seen_first: Array,
     seen_second: Array,
 ) -> ReprojectionResidual:
-    """Return where features of one image appear in another, less where they are seen there.
+    """Return predicted minus measured places of features of one image in another.
 
     ``x_cj = T_bc^-1 T_wbj^-1 T_wbi T_bc x_ci``, projected to the plane at distance 1 (VINS eq. 25,
     which has the sphere in place of the plane).

@@ -89,7 +89,7 @@ class SlowErrorsOfIntervals:
         self._sums.append(sums)
 
     def covariance(self, jacobian: Array) -> Array:
-        """Return what is added to the covariances (B, 15, 15).
+        """Return the additions to the covariances (B, 15, 15).
 
         :param jacobian: (B, 15, 15) at the ends of the intervals.
         """

@@ -41,7 +41,7 @@ class NavigationState(_State):
     def __new__(cls, position: ArrayLike, velocity: ArrayLike, q_wb: ArrayLike) -> Self:
         """Check the state.
 
-        :raises ConfigurationError: for what is not finite, of another shape or no unit quaternion.
+        :raises ConfigurationError: for values not finite, wrong shapes and non-unit quaternions.
         """
         q = array("q_wb", q_wb, (4,))
         if abs(float(np.linalg.norm(q)) - 1.0) > gate.UNIT_TOLERANCE:

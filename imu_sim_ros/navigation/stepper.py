@@ -95,7 +95,7 @@ integrated."""
 
 @dataclass
 class Counts:
-    """Counts of what a stepper met in addition to ordinary steps."""
+    """Counts of gaps and other events in a stepper."""
 
     repeated: int = 0
     """readings with the stamp of the reading before"""
@@ -173,7 +173,7 @@ class Stepper:
 
     @property
     def correction(self) -> Correction:
-        """The known errors of the readings; a new one holds from the next reading on."""
+        """The known errors of the readings; a new one applies from the next reading on."""
         return self._correction
 
     @correction.setter

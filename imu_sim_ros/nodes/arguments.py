@@ -25,7 +25,7 @@ from imu_sim_ros.sensors import CARRIED
 _RULE = re.compile(r"(?P<name>(?:[^\s:]+:)?[^\s:=]+):=(?P<value>.*)", re.DOTALL)
 _PARAMETERS = "ros__parameters"
 SHORT = {"imu": "imu.preset", "trajectory": "trajectory.type", "nmea": "gnss.nmea"}
-"""A section such as imu stands for the file that its preset names."""
+"""A section such as imu may be given as the file that its preset names."""
 _OF_ROS = ("-p", "--param", "--params-file", "-r", "--remap")
 
 
@@ -35,7 +35,7 @@ def ros_arguments(arguments: Sequence[str], section: type, folder: Path) -> list
     :param arguments: without the program's name: ``--ros-args`` as ROS defines them, and every
         parameter of the section as ``--name value`` (dashes may stand for underscores).
     :param section: the node's section of parameters.
-    :param folder: where rewritten parameter files are put.
+    :param folder: folder for rewritten parameter files.
     :raises ConfigurationError: with a line for each problem.
     """
     problems = [f"{argument!r}: not UTF-8" for argument in arguments if not _is_text(argument)]
@@ -136,7 +136,7 @@ def _rule(rule: str, _: Path) -> str:
 
 
 def _file(name: str, folder: Path) -> str:
-    """Return the file, or where rcl cannot read its form, a copy in the form that it can."""
+    """Return the file, or a copy in a form that rcl can read."""
     if not name:
         raise ConfigurationError("--params-file: a file is missing")
     path = Path(name)

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a node says of itself: its help, its version, its tab completion. Needs no ROS."""
+"""Help, version and tab completion of the nodes. Needs no ROS."""
 
 import argparse
 from typing import Final, NamedTuple

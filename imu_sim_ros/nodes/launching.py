@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the launch files are made of: arguments that are the nodes' parameters, and required nodes.
+"""Parts of the launch files: arguments that are the nodes' parameters, and required nodes.
 
 An argument is passed to its node as written (``--rate abc``), so that the node itself checks and
 reports it; an empty one is not passed, and the node's files and defaults apply.

@@ -83,7 +83,7 @@ def definition(type_name: str) -> str:
     """Return the full definition: the .msg text, then those of all types within it.
 
     The form is that of MCAP's ``ros2msg`` and of ROS 1: each further type follows a line of
-    80 ``=`` and ``MSG: package/Name``. Empty where the .msg files are not installed.
+    80 ``=`` and ``MSG: package/Name``. Empty if the .msg files are not installed.
     """
     package, _, name = type_name.split("/")
     texts: dict[str, str] = {}

@@ -28,7 +28,7 @@ takes as many away."""
 _MAX_TRUSTED: Final = 20
 _SMOOTHING: Final = 0.125
 _NEARLY: Final = 0.1
-"""A period counts as a multiple of the interval where this share of one is missing."""
+"""A period counts as a multiple of the interval if at most this share of one is missing."""
 _LONGEST_NS: Final = 10_000_000
 """No look is farther away than this: another topic may have something."""
 

@@ -26,7 +26,7 @@ DEPTH = 5000
 """Messages that wait in the middleware: 2.5 s at 2 kHz, while the machine does other things."""
 
 Taken = tuple[bytes, dict[str, int]]
-"""A message's bytes, and what the middleware says about it: ``received_timestamp`` and so on."""
+"""A message's bytes, and its data from the middleware: ``received_timestamp`` and so on."""
 
 
 _NO_WARNINGS: Final = SubscriptionEventCallbacks(use_default_callbacks=False)
@@ -100,7 +100,7 @@ class RawSubscriptions:
             self._sources[name] = _Source(name, subscription)
 
     def close(self) -> None:
-        """Take what has arrived and end the thread."""
+        """Take the messages so far and end the thread."""
         self._ended.set()
         self._thread.join()
 
@@ -116,7 +116,7 @@ class RawSubscriptions:
         self._look()
 
     def _look(self) -> list[Taken]:
-        """Pass on what has arrived; return what has of the leading topic."""
+        """Pass on the messages so far; return those of the leading topic."""
         leading: list[Taken] = []
         with self._lock:
             for source in self._sources.values():
@@ -145,7 +145,7 @@ def _never(message: bytes) -> None:
 
 
 def offered_qos(publishers: Iterable[Any]) -> tuple[Qos, ...]:
-    """Return what the publishers offer, each distinct profile once, in the terms of a bag."""
+    """Return the QoS profiles of the publishers, each distinct one once, in the terms of a bag."""
     profiles = (publisher.qos_profile for publisher in publishers)
     words = {
         Qos(

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the nodes' programs share: arguments, start, spinning, signals and the exit status."""
+"""Common parts of the nodes' programs: arguments, start, spinning, signals, exit status."""
 
 import itertools
 import os
@@ -19,7 +19,7 @@ from imu_sim_ros.nodes import help, shared_memory, signals
 from imu_sim_ros.nodes.arguments import ros_arguments
 
 _HEARTBEAT_NS: Final = 50_000_000
-"""A reader learns of a lost packet from the next heartbeat: Fast DDS's own period is 3 s."""
+"""A reader detects a lost packet at the next heartbeat; Fast DDS's own period is 3 s."""
 
 _SUPPRESSION_NS: Final = 20_000_000
 """Requests that arrive sooner are taken as already answered. With Fast DDS's own value, 0, every
@@ -141,7 +141,7 @@ def main(name: str, create: Callable[[], Program], arguments: Sequence[str] | No
 def debugging(arguments: Sequence[str]) -> tuple[list[str], bool]:
     """Return the arguments without ``--debug``, and whether errors are to show a traceback.
 
-    ROS's own ``--log-level debug`` (or ``NODE:=debug``) asks for it as well, and stays.
+    ROS's own ``--log-level debug`` (or ``NODE:=debug``) requests it as well, and stays.
     """
     rest = [argument for argument in arguments if argument != "--debug"]
     levels = [value for flag, value in itertools.pairwise(rest) if flag == "--log-level"]
@@ -150,7 +150,7 @@ def debugging(arguments: Sequence[str]) -> tuple[list[str], bool]:
 
 
 def report(name: str, error: BaseException, debug: bool) -> None:
-    """Print what an error means, a line for each problem; on request with its traceback first."""
+    """Print an error, one line for each problem; on request with its traceback first."""
     if debug:
         traceback.print_exception(error)
     for line in explain(error)[0]:

@@ -23,7 +23,7 @@ _LONGEST_CREATION: Final = 1.0
 def remove_torn_segments(folder: Path = FOLDER) -> list[Path]:
     """Remove the segments of ports that were never finished.
 
-    :param folder: where shared memory lies.
+    :param folder: folder of shared memory.
     :returns: those that cannot be removed because they belong to another user.
     """
     left: list[Path] = []

@@ -19,7 +19,7 @@ class SupervisedThread:
     def __init__(self, name: str, work: Callable[[], None], fail: Fail) -> None:
         """Set up the thread; :meth:`start` lets it run.
 
-        :param name: what the thread does, in one word.
+        :param name: task of the thread, in one word.
         :param work: its work; returning from it is the thread's regular end.
         :param fail: receives the exception that ended the work instead.
         """

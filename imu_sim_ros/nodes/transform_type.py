@@ -233,7 +233,7 @@ def _donor(identifier: bytes) -> _TypeSupport:
 
 
 def _answers(donor: _TypeSupport) -> tuple[list[Any], Any]:
-    """Return the functions that give hash, description and sources, and what they point to."""
+    """Return the functions for hash, description and sources, with the objects they point to."""
     digest = _Hash(1, (ctypes.c_uint8 * 32)(*bytes.fromhex(HASH.removeprefix("RIHS01_"))))
     described = _TO_POINTER(donor.description)(ctypes.addressof(donor))
     description, kept = _description(_Description.from_address(described))
@@ -250,7 +250,7 @@ def _always(structure: ctypes.Structure) -> Any:
 
 
 def _description(donor: _Description) -> tuple[_Description, Any]:
-    """Return TFMessage's description, and what it points to."""
+    """Return TFMessage's description, with the objects it points to."""
     item: bytes = donor.type.type_name.data
     fields = (_Field * 1)(
         _Field(

@@ -24,7 +24,7 @@ from imu_sim_ros.parameters.yaml_text import parse_yaml as parse_yaml
 _T = TypeVar("_T")
 
 Layering = Callable[[Mapping[str, object]], Mapping[str, object]]
-"""Returns what was given above what the files hold that it names."""
+"""Returns given values merged over the values of the files that they name."""
 
 _NAMES_OF_FILES: Final = ("preset", "barometer_preset", "calibration")
 _PARAMETERS = "ros__parameters"
@@ -64,9 +64,9 @@ def load(path: str | Path, node: str = "simulator") -> dict[str, object]:
 def read_tree(
     path: Path, expected: str = "a ROS 2 parameter file (no /**: ros__parameters:)"
 ) -> dict[Any, Any]:
-    """Return the content of a YAML file that holds names and values.
+    """Return the content of a YAML file with names and values.
 
-    :param expected: what the file should be, for the message.
+    :param expected: description of the expected file, for the message.
     :raises ConfigurationError: for a file that cannot be read or has another form.
     """
     try:
@@ -110,7 +110,7 @@ def dotted(tree: object, where: str, prefix: str = "") -> dict[str, object]:
 
 
 def build_layered(cls: type[_T], layering: Layering, given: Mapping[str, object]) -> _T:
-    """Return the section for what was given above the files that it names.
+    """Return the section from given values over those of the files that they name.
 
     :raises ConfigurationError: with one line per problem; a file that cannot be
         found hides no other problem.
@@ -125,7 +125,7 @@ def build_layered(cls: type[_T], layering: Layering, given: Mapping[str, object]
 
 
 def _other_problems(cls: type, layering: Layering, given: Mapping[str, object]) -> list[str]:
-    """Return what is wrong in addition to the files that are named."""
+    """Return all problems other than those of the named files."""
     rest = {
         name: value
         for name, value in given.items()

@@ -27,7 +27,7 @@ _KINDS: Final = {
 
 @cache
 def config_folder() -> Path:
-    """Return the folder that holds the package's own parameter files.
+    """Return the folder of the package's own parameter files.
 
     It is ``share/imu_sim_ros/config`` next to the installed package, or ``config`` of a checkout.
     """
@@ -49,7 +49,7 @@ def find(kind: str, name_or_file: str, option: str = "") -> Path:
     """Return the parameter file of a name in config/, or the given file.
 
     :param kind: a folder in config/, for instance ``imus`` or ``trajectories``.
-    :param option: who asks, for the message; empty: the kind says enough.
+    :param option: name of the option, for the message; empty if the kind is enough.
     :raises ConfigurationError: if there is neither, with the nearest name or all names.
     """
     named = config_folder() / kind / f"{name_or_file}.yaml"

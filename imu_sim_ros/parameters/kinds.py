@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is known of a parameter: kind, default, unit, range and text; and how a value is read."""
+"""Declaration of a parameter (kind, default, unit, range, text), and reading of its values."""
 
 import dataclasses
 import math
@@ -37,7 +37,7 @@ class SizeError(ValueError):
 
 @dataclass(frozen=True)
 class Parameter:
-    """What is known about one parameter: kind, default, unit, range and text.
+    """Declaration of one parameter: kind, default, unit, range and text.
 
     ``kind`` is one of number, integer, flag, text, choice, vector (three numbers, or one that
     stands for all), matrix (nine numbers, row by row), numbers (any count, in groups of
@@ -107,7 +107,7 @@ class Parameter:
         return dataclasses.replace(self, text=text, unit=unit)
 
     def in_range(self, number: float) -> bool:
-        """Return whether a number lies in the parameter's range."""
+        """Return whether a number is in the parameter's range."""
         low = number > self.minimum if self.above_minimum else number >= self.minimum
         return low and number <= self.maximum
 
@@ -153,7 +153,7 @@ def _choice(parameter: Parameter, value: object) -> str:
 
 
 def entries(value: object) -> object:
-    """Return a list that came as a string, such as ``"[0.1, 0, 0]"``; anything else as it is.
+    """Return a list given as a string, such as ``"[0.1, 0, 0]"``; anything else unchanged.
 
     ROS has no empty list and no list of floats and integers: ``ros2 param set`` sends either as a
     string.
@@ -245,7 +245,7 @@ def choice(default: str, choices: Sequence[str], text: str, **details: Any) -> A
 
 
 def vector(default: float | Vector, text: str, **details: Any) -> Any:
-    """Describe a value per axis x, y, z; a single number stands for all three."""
+    """Describe a value per axis x, y, z; a single number applies to all three."""
     entries = default if isinstance(default, tuple) else (float(default),) * 3
     return _field("vector", entries, text, **details)
 

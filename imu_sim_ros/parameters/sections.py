@@ -43,7 +43,7 @@ def section(
 ) -> Any:
     """Describe a nested section; its parameters' names are the field's, the joint, and their own.
 
-    :param words: what stands in the section's texts and units for ``{word}``.
+    :param words: replacements of ``{word}`` in the section's texts and units.
     :param without: fields of the section that are not parameters here and keep their default.
     """
     nested = _Nested(cls, joint, words, without)
@@ -210,7 +210,7 @@ def _construct(
 
 
 def _checks(instance: object, prefix: str) -> Iterator[str]:
-    """Collect what the sections' own ``problems(prefix)`` say: rules over several parameters."""
+    """Collect the sections' own ``problems(prefix)``, rules over several parameters."""
     own = getattr(instance, "problems", None)
     if own is not None:
         yield from own(prefix)
@@ -237,7 +237,7 @@ def flatten(instance: object, prefix: str = "") -> dict[str, Value]:
 
 
 def _built(field: Any) -> _Nested:
-    """Return how a section that is built lies within another."""
+    """Return the path of a built section within another."""
     return cast(_Nested, field.metadata.get("section", _Nested(object)))
 
 

@@ -32,7 +32,7 @@ _LONGEST_NUMBER: Final = 400
 
 
 def parse_yaml(text: str) -> Any:
-    """Return what a YAML text holds, read safely and with the numbers that ROS reads.
+    """Return the content of a YAML text, read safely and with numbers as ROS reads them.
 
     YAML 1.1 takes ``5e-4`` for a string because it has no point, and ``-.2`` because no digit is
     before its point; ROS, kalibr and people do not. launch_ros writes each list of a launch file
@@ -47,7 +47,7 @@ def parse_yaml(text: str) -> Any:
 
 @lru_cache(maxsize=32)
 def _parsed(text: str) -> Any:
-    """Return what a text holds; presets are read for every run of a study."""
+    """Return the content of a text; presets are read for every run of a study."""
     import yaml  # 30 ms that a start without files saves
 
     try:
@@ -115,7 +115,7 @@ def _class() -> Any:
 
 
 def _checking(yaml: Any) -> Any:
-    """Return a safe loader that counts what it reads and refuses names given twice."""
+    """Return a safe loader that counts values and refuses names given twice."""
 
     def refused(words: str, mark: Any) -> Exception:
         error: Exception = yaml.MarkedYAMLError(None, None, words, mark)
@@ -158,7 +158,7 @@ def _checking(yaml: Any) -> Any:
 
 
 def _loader(yaml: Any) -> Any:
-    """Return a safe loader, by libyaml where PyYAML has it: that is seven times faster."""
+    """Return a safe loader, by libyaml if PyYAML has it, which is seven times faster."""
     if not yaml.__with_libyaml__:
         return yaml.SafeLoader
     composer, parser = yaml.composer.Composer, yaml.cyaml.CParser

@@ -98,7 +98,7 @@ def _residuals(
 
     :param before: title and errors; ``after`` likewise.
     :param sigma: (n, 3) standard errors.
-    :param places: (n,) where each piece was measured, and the names of these places.
+    :param places: (n,) place of each piece, and the names of the places.
     :param names: of the axes; the errors are shown in thousandths.
     """
     groups, labels = places
@@ -134,7 +134,7 @@ def ellipsoid(result: Ellipsoid, readings: Array, source: str) -> Figure:
     """Return the field's strength before and after, and the residuals over the directions.
 
     :param readings: (n, 3) [T].
-    :param source: what was read, and from which bag, for the title.
+    :param source: contents and name of the bag, for the title.
     """
     corrected = np.linalg.solve(result.soft_iron, (readings - result.hard_iron).T).T
     thin = slice(None, None, max(len(readings) // 4000, 1))
@@ -216,7 +216,7 @@ def _draw_scale(axes: Axes, triad: TriadTemperature, reference: float) -> None:
 
 
 def _scale_points(axis: AxisResponse, triad: TriadTemperature, k: int) -> tuple[Array, Array]:
-    """Return the scale that single readings show, where the axis' own input is large."""
+    """Return the scale that single readings show, if the axis' own input is large."""
     response = triad.inputs @ axis.gain
     large = np.abs(triad.inputs[:, k]) > 0.5 * np.max(np.abs(triad.inputs[:, k]))
     scale = _polynomial(np.concatenate([[0.0], axis.scale]), triad.difference)

@@ -17,12 +17,12 @@ from imu_sim_ros.types import Array, Times
 
 _TIME: Final = "stamp"
 _COLOURS: Final = ((120, 120, 120), (0, 114, 178), (213, 94, 0), (0, 158, 115), (204, 121, 167))
-"""Of the truth, then of each estimate (Okabe and Ito: told apart by everybody)."""
+"""Colours of the truth, then of each estimate (Okabe and Ito's, safe for colour blindness)."""
 _AXES: Final = ((230, 60, 60), (60, 160, 60), (60, 90, 230))
 _RADIUS: Final = 0.01
-"""[m] Of a path's line."""
+"""[m] Width of the line of a path."""
 _MAX_POINTS: Final = 20_000
-"""Of a path as a line; the moving body has all poses."""
+"""Largest number of points in the line of a path; the moving body has all poses."""
 
 
 def rerun() -> Any:

@@ -38,7 +38,7 @@ def trajectories(
     :param truth: true positions (m, 3) [m].
     :param position_errors: lengths [m] by name.
     :param attitude_errors: angles [rad] by name.
-    :param title: what is shown, and of which source.
+    :param title: contents and source of the picture.
     """
     with_errors = bool(position_errors)
     rows = 2 if with_errors else 1
@@ -70,7 +70,7 @@ def evaluation(
     :param truth: (n, 3) positions at the same times [m].
     :param position_error: (n, 3) truth minus estimate [m].
     :param attitude_error: (n, 3) rotation vectors about the world's axes [rad].
-    :param title: what is shown, and of which source.
+    :param title: contents and source of the picture.
     """
     figure, axes = style.panels(2, 2, 11.0, 7.2)
     looks = _looks(["estimate"])
@@ -96,7 +96,7 @@ def evaluation(
 def _legend(figure: Figure, axes: Sequence[Axes], finals: Mapping[str, str]) -> None:
     """Turn the last row of panels into one legend for all lines of the first panel.
 
-    :param finals: what the legend says of a line, by its name.
+    :param finals: text for the legend of each line, by its name.
     """
     grid = axes[0].get_gridspec()
     assert grid is not None

@@ -132,7 +132,7 @@ def tidy(axes: Axes) -> None:
 
 
 def legend_above(axes: Axes, ncols: int, title: str | None = None) -> None:
-    """Make room above the lines of a panel and put the legend there, where it hides nothing."""
+    """Make room above the lines of a panel and put the legend there, so that it hides nothing."""
     axes.autoscale_view()
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + (0.3 if title else 0.16) * (high - low), auto=True)

@@ -40,7 +40,7 @@ _UNITS: Final = {"_m": "m", "_rad": "rad", "_m_s": "m/s", "_percent": "%", "_s":
 
 
 def is_campaign(path: Path) -> bool:
-    """Return whether a folder holds a campaign."""
+    """Return whether a folder is that of a campaign."""
     return path.is_dir() and (is_present(path / LOG) or is_present(path / TABLE))
 
 
@@ -55,7 +55,7 @@ def campaign_sections(
     :param metric: shown first; none: the absolute position error, or else the first metric.
     :param baselines: folders or tables of earlier campaigns, the oldest first.
     :param tolerance: difference that does not matter; None: the plan's.
-    :raises InputError: for a folder that holds no plan or no runs, or an unknown metric.
+    :raises InputError: for a folder without plan or runs, or an unknown metric.
     """
     plan = load_plan(folder / PLAN)
     rows = read_results(folder)
@@ -83,7 +83,7 @@ def campaign_sections(
 
 
 def _named(path: Path) -> str:
-    """Return what an earlier campaign is called: its folder's name."""
+    """Return the name of an earlier campaign, that of its folder."""
     return path.name if path.is_dir() else path.resolve().parent.name
 
 
@@ -271,7 +271,7 @@ def _cells(plan: Plan, found: Sequence[Group], metrics: Sequence[str], chosen: s
 
 
 def _parameters(plan: Plan) -> Section:
-    """Return every parameter with its value, or its values where the cells differ."""
+    """Return every parameter with its value, or its values if the cells differ."""
     values: dict[str, dict[str, None]] = {}
     for cell in plan.cells():
         for name, value in flatten(plan.simulation(cell)).items():

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a run of a campaign shows when its row is opened: its path, its log, how to repeat it."""
+"""Details of a run of a campaign: its path, its log, and the command that repeats it."""
 
 from collections.abc import Sequence
 from pathlib import Path

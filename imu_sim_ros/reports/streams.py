@@ -36,7 +36,7 @@ _UNITS: Final = {"gyroscope": "rad/s", "accelerometer": "m/s^2"}
 
 
 class _Passed:
-    """What has passed of a topic."""
+    """Statistics of the messages of a topic so far."""
 
     def __init__(self, topic: TopicInfo) -> None:
         self.topic = topic
@@ -67,7 +67,7 @@ class _Passed:
             self.close()
 
     def close(self) -> None:
-        """Count the gaps of what has come."""
+        """Count the gaps so far."""
         steps = np.concatenate([np.empty(0, np.int64), *self._waiting]) * 1e-9
         self._waiting = []
         if self.interval is None and (steps > 0.0).any():
@@ -210,7 +210,7 @@ class Gap(NamedTuple):
 
 
 class Stream(NamedTuple):
-    """What is drawn of a stream; axes are gyroscope x y z, accelerometer x y z."""
+    """Data for the plots of a stream; axes are gyroscope x y z, accelerometer x y z."""
 
     samples: int
     first_ns: int
@@ -254,7 +254,7 @@ def extremes(values: Array, columns: int = PARTS) -> NDArray[np.intp]:
 
 
 def analyse(blocks: Iterable[ReadingsBlock], count: int) -> Stream | None:
-    """Return what is drawn of a stream; None if there are fewer than two readings.
+    """Return the data for the plots of a stream; None with fewer than two readings.
 
     :param count: of the readings, about; it sets how many make a part.
     """

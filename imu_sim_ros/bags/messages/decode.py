@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The messages of a topic as arrays, at the gate: which pass, what is wrong with others."""
+"""The messages of a topic as arrays, with those that the gate refuses."""
 
 import struct
 from collections.abc import Sequence
@@ -222,7 +222,7 @@ class MessageGate:
         return None if self._open else verdict.good
 
     def passed(self, block: MessageBlock, encoding: str) -> MessageBlock:
-        """Return the messages of the next block that pass, as they are."""
+        """Return the messages of the next block that pass, unchanged."""
         fields = gated_fields(block.topic.type)
         try:
             good = self.good(decode_block(block, encoding, fields)) if fields else None
@@ -238,7 +238,7 @@ class MessageGate:
         return MessageBlock(block.topic, block.t_ns[good], payloads)
 
     def settle(self, skipped: Skipped | None, warned: Warned | None) -> None:
-        """Say what was refused, if anything was.
+        """Report the refused messages, if there are any.
 
         :param skipped: receives how many messages were left out; None: they are errors.
         :param warned: receives what would have been; it has passed.

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Where each field of a message lies in its bytes, as a NumPy structured type.
+"""Place of each field in the bytes of a message, as a NumPy structured type.
 
 A message whose texts (the frame names) have known lengths has a constant size. A block of such
 messages is one array with the structured type of :class:`Layout`, filled or read column by column;
@@ -121,7 +121,7 @@ def _numbers(name: str, kind: str, count: int, cdr: bool) -> Iterator[tuple[str,
 
 
 def _suffix(name: str, kind: str) -> str:
-    """Return what tells the parts of a second header from those of the first."""
+    """Return the suffix that distinguishes the parts of a second header."""
     return f"_of_{name.removesuffix('_stamp')}" if kind == "header" and name != "stamp" else ""
 
 
@@ -151,7 +151,7 @@ class Layout(NamedTuple):
         return all(bool(np.all(rows[name] == template[name])) for name in words.names or ())
 
     def offset(self, name: str) -> int:
-        """Return where a field begins."""
+        """Return the first byte of a field."""
         return int(self.dtype.fields[name][1]) if self.dtype.fields else 0
 
     def unpacker(self, names: Sequence[str]) -> struct.Struct:

@@ -94,7 +94,7 @@ def _written(type_name: str, encoding: str) -> Schema | None:
 
 
 def typestore(schemas: Iterable[tuple[str, Schema]], encoding: str) -> "Typestore":
-    """Return the types that a bag defines, and for those without definition what ROS knows.
+    """Return the types that a bag defines, and ROS's own for those without a definition.
 
     :param schemas: names of types in the form of ROS 2, with their definitions.
     """
@@ -167,7 +167,7 @@ def recorded_type(type_name: str, text: str, digest: str, encoding: str) -> Reco
     :param type_name: in the form of ROS 2.
     :param text: the installed definition with all that it contains; empty if it is not known.
     :param digest: hash of ROS 2 (RIHS01) of it; empty if it is not known.
-    :param encoding: cdr or ros1, what the bag takes.
+    :param encoding: cdr or ros1, as in the bag.
     :raises InputError: for a type whose definition is wanted but unknown.
     """
     found = Schema(text, digest) if text else _known(type_name)

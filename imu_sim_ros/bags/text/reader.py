@@ -192,7 +192,7 @@ def _table(folder: Path, name: str) -> Path | None:
 
 
 def places(folder: Path) -> tuple[Path, Path]:
-    """Return where the sensors of a dataset may be: in its folder, or in mav0 within it."""
+    """Return the folders in which the sensors of a dataset may be: its own, or mav0 in it."""
     return folder, folder / "mav0"
 
 
@@ -204,7 +204,7 @@ def _blocks(
 ) -> Iterator[tuple[Times, Array]]:
     """Yield stamps (n,) and numbers (n, m) of a CSV file.
 
-    :param columns: what stands in the file, and in how many columns.
+    :param columns: contents of the file, with their numbers of columns.
     :param skipped: receives the number of bad rows skipped; None: they are errors.
     :raises InputError: for a file of another form, and at its end with the first lines of every
         class of bad rows.

@@ -61,7 +61,7 @@ class States(NamedTuple):
 
 
 class _Counted(NamedTuple):
-    """What is known to be in a file."""
+    """State of a file after its complete rows."""
 
     position: int
     rows: int
@@ -87,7 +87,7 @@ class TextFile:
         return self._counted.last_ns
 
     def cut(self) -> None:
-        """Drop what was written and not counted, where a signal came in between."""
+        """Drop rows that were written but not counted before a signal."""
         self.file.cut(self._counted.position)
 
     def write(self, t_ns: Times, values: Array, separator: str = ",") -> None:

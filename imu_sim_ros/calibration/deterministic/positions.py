@@ -84,7 +84,7 @@ def calibrate_six_position(
 ) -> SixPosition:
     """Return bias, scale and misalignment from rests.
 
-    :param steady: what was found in the record; more than six positions may be given.
+    :param steady: stretches found in the record; more than six positions may be given.
     :param gravity: its magnitude [m/s^2].
     :param simple: eq. 6, ``b = (up + down) / 2`` and ``S = (up - down) / 2g`` per axis, without
         misalignment; else the twelve parameters of eq. 7 by weighted least squares.

@@ -32,9 +32,9 @@ class TriadTemperature(NamedTuple):
 
     axes: tuple[AxisResponse, ...]
     inputs: Array
-    """(m, p) what the gain of each axis multiplies; p is 0 if one orientation was seen only."""
+    """(m, p) inputs of the gain of each axis; p is 0 if only one orientation was seen."""
     readings: Array
-    """(m, 3) readings that were fitted; less the known input where p is 0."""
+    """(m, 3) readings that were fitted; less the known input if p is 0."""
     difference: Array
     """(m,) T - T0 [K]."""
 

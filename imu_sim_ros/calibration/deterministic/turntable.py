@@ -48,9 +48,9 @@ class Turntable(NamedTuple):
 
 
 def calibrate_turntable(steady: Steady, rate: Array, gravity: float) -> Turntable:
-    """Return bias, scale and misalignment, and the g-sensitivity where gravity's effect shows.
+    """Return bias, scale and misalignment, and the g-sensitivity if it can be determined.
 
-    It does where gravity is seen along and against every axis.
+    It can, if gravity is seen along and against every axis.
 
     :param steady: stretches at rest and at constant rates.
     :param rate: (m, 3) their true angular rates, from :func:`known_rates` or from a truth.

@@ -130,7 +130,7 @@ def analyse(
 
     :param bags: for each bag its messages, in blocks.
     :param model: ``standard`` (Q, N, B, K, R) or ``gauss_markov`` (N and a Gauss-Markov process).
-    :param force: continue where a check finds that the result would be meaningless.
+    :param force: continue if a check finds that the result would be meaningless.
     :param advance: called with the number of messages read.
     :raises InputError: with a line for each check that fails.
     """
@@ -181,9 +181,9 @@ def _noise(spectrum: Spectrum, axis: int, band: Band, model: str) -> AxisNoise:
 
 
 def _rounded(noise: AxisNoise, record: Record, axis: int) -> AxisNoise:
-    """Return what is known about an axis given its digital step.
+    """Return the estimates of an axis, given its digital step.
 
-    Where the readings are coarse nothing has a value, and each bound is at least what the rounding
+    If the readings are coarse, nothing has a value, and each bound is at least what the rounding
     hides: an error of half a step either way, whose Allan deviation is below a step.
     """
     step = float(record.step[axis])
@@ -238,7 +238,7 @@ def _sinks(rate: float) -> _Sinks:
 def _judge(
     record: Record, sinks: _Sinks | None, spectrum: Spectrum | None
 ) -> tuple[list[str], list[str]]:
-    """Return what prevents an analysis, and what a user should know about it."""
+    """Return errors that prevent an analysis, and warnings."""
     if sinks is None or record.rest is None:
         return ["no Imu messages"], []
     problems = record.bad.problems
@@ -307,7 +307,7 @@ def _walks(spectrum: Spectrum, suspects: Iterable[int]) -> set[int]:
 
 
 def _reading_warnings(record: Record) -> Iterable[str]:
-    """Report what the readings' values show: constant rates, codes and ends of the range."""
+    """Report properties of the readings: constant rates, codes and ends of the range."""
     for axis, mean in enumerate(record.mean[:3]):
         if abs(mean) > _TABLE_RATE:
             yield (

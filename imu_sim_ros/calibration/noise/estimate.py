@@ -68,7 +68,7 @@ class AxisNoise(NamedTuple):
     """The random error of one axis."""
 
     estimates: dict[str, Estimate]
-    """By the terms' keys, the ramp and what a special model adds."""
+    """By the keys of the terms, including the ramp and terms of a special model."""
     chosen: tuple[str, ...]
     """Keys of the terms that have values."""
     expected: Array

@@ -38,7 +38,7 @@ _NEGATIVE: Final = 1e-12
 
 
 class Data(NamedTuple):
-    """What a model is compared with, for one axis."""
+    """The data that a model is compared with, for one axis."""
 
     power: Array
     """(m,) averaged squared coefficients."""
@@ -47,7 +47,7 @@ class Data(NamedTuple):
     amplitude: Array
     """(m,) single coefficients with their sign, 0 elsewhere."""
     trend: Array
-    """(m,) what a trend of 1 adds to ``amplitude``."""
+    """(m,) addition to ``amplitude`` of a trend of 1."""
 
 
 class Fits(NamedTuple):

@@ -168,7 +168,7 @@ TERMS: Final = (QUANTISATION, WHITE, FLICKER, WALK)
 
 
 def ramp_amplitude(spectrum: Spectrum) -> Array:
-    """Return (m,) what a rate ramp of 1 per second adds to the single coefficients.
+    """Return (m,) the additions of a rate ramp of 1 per second to the single coefficients.
 
     The cosine transform of a straight line: ``-sqrt(2 D) D 2 / (pi k)^2`` for odd k (in the scaling
     of :class:`Spectrum`), 0 for even k, exact to ``(k / n)^2``.

@@ -66,7 +66,7 @@ def _true_noise(triad: TriadParameters, rate: float) -> dict[str, Array]:
 
 
 def compare(result: AllanResult, imu: ImuParameters) -> list[Comparison]:
-    """Return for each parameter that both the model and the sensor know whether it is covered.
+    """Return whether each parameter of both the model and the sensor is covered.
 
     Quantisation is compared if the sensor has increments in steps. A Gauss-Markov process is not
     in the standard model, where it looks like flicker and walk; of such a sensor that model is held

@@ -38,7 +38,7 @@ def texts(values: ImuValues) -> dict[str, str]:
 def rig_texts(rig: RigValues) -> dict[str, str]:
     """Return the text of each file that describes cameras, by the file's name.
 
-    A stack that does not know a lens keeps the file of the IMU alone, which says so.
+    A stack that does not support a lens keeps the file of the IMU alone, which says so.
     """
     values, names = rig.imu, list(rig.cameras)
     found = {

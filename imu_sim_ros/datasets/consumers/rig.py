@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A rig as the stacks want it, and whether they can start from the flight's start."""
+"""A rig in the form of the stacks, and whether they can initialise at the flight's start."""
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -55,7 +55,7 @@ class RigValues:
     def remarks(
         self, expressed: Collection[str] = (), cameras: int | None = None, offsets: bool = True
     ) -> Iterator[str]:
-        """Yield what a format cannot express of the cameras, a sentence each.
+        """Yield a sentence for each property of the cameras that a format cannot express.
 
         :param expressed: parameters that it can express next to lens, place and rate; ``k3``: the
             fifth coefficient of a pinhole; ``unified.distortion``: four of that sphere.
@@ -105,7 +105,7 @@ def _simulated(camera: CameraParameters, expressed: Collection[str]) -> Iterator
 def kind(camera: CameraParameters) -> str:
     """Return the kind of lens: radtan, equidistant, unified or double_sphere.
 
-    A pinhole without distortion is radtan with zeros, which every stack knows.
+    A pinhole without distortion is radtan with zeros, which every stack supports.
     """
     if camera.model != "pinhole":
         return camera.model

@@ -91,7 +91,7 @@ class ImuValues:
         return {name: max(self.one(name), SMALLEST) for name in DENSITIES}
 
     def response(self, triad: str) -> Array:
-        """Return S (3, 3) of ``reading = S x + ...``; the identity where no stack can undo it."""
+        """Return S (3, 3) of ``reading = S x + ...``; the identity if no stack can undo it."""
         if self.is_reversible(triad):
             return np.reshape(self.axes(f"{triad}_scale_misalignment"), (3, 3))
         return np.eye(3)
@@ -153,7 +153,7 @@ def remarks(
 
     :param expressed: parameters of the IMU that the format can express, next to the densities.
     :param per_axis: the format has a number for each axis.
-    :param above_zero: the format wants numbers above 0.
+    :param above_zero: the format needs numbers above 0.
     """
     zero = [name for name in DENSITIES if values.one(name) == 0.0]
     walks = [f"{t}_random_walk" for t in TRIADS if values.axes(f"{t}_bias_instability").any()]

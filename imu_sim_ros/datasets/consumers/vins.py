@@ -22,7 +22,7 @@ def config(values: ImuValues, *, fusion: bool) -> str:
 
     Its covariance is ``F P F^T + V Q V^T`` with ``Q = diag(acc_n^2, ...)`` and V proportional to dt
     (integration_base.h): a sample's standard deviation, density * sqrt(rate). VINS-Fusion reads
-    topic and noise of the IMU only where ``imu`` is 1.
+    topic and noise of the IMU only if ``imu`` is 1.
     """
     name = "VINS-Fusion" if fusion else "VINS-Mono"
     head = comment(
@@ -52,7 +52,7 @@ def _numbers(values: ImuValues) -> str:
 
 
 KINDS: Final = ("radtan", "equidistant", "unified")
-"""Of lenses that camodocal knows; it has no double sphere."""
+"""Keys of the lenses of camodocal; it has no double sphere."""
 _EXPRESSED: Final = ("time_offset", "unified.distortion")
 """Of a camera's errors; VINS-Fusion has no key for a rolling shutter."""
 _TRACKER: Final = """max_cnt: 150

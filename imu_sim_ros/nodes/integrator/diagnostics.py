@@ -54,7 +54,7 @@ class TruthComparison:
         return math.sqrt(self._sum_of_squares / self.count) if self.count else 0.0
 
     def add_estimate(self, estimate: Estimate) -> Iterator[ErrorAt]:
-        """Take an estimate; yields its error where its truth is known already."""
+        """Take an estimate; yields its error if its truth is known already."""
         truth = self._truths.pop(estimate.t_ns, None)
         if truth is None:
             _keep(self._estimates, estimate.t_ns, estimate)

@@ -87,7 +87,7 @@ class Integrator(ConfiguredNode):
             self.odometer.correct_with(new)
 
     def close(self) -> None:
-        """Process what has arrived, wait for the subscribers, and print the counts."""
+        """Process the messages so far, wait for the subscribers, and print the counts."""
         self.reader.close()
         self.sensor.settle()
         self._odometry_out.publisher.wait_for_all_acked(_ACKNOWLEDGEMENT)
@@ -129,7 +129,7 @@ class Integrator(ConfiguredNode):
         return {IMU_TOPIC: Imu, TRUTH_TOPIC: Odometry} if with_truth else {IMU_TOPIC: Imu}
 
     def _take(self, topic: str, taken: list[Taken]) -> None:
-        """Take messages of one topic, as they are delivered."""
+        """Take messages of one topic as they arrive."""
         self._received[topic] += len(taken)
         with self._lock:
             if not self.sensor.hold(topic, taken):

@@ -46,7 +46,7 @@ class Row(NamedTuple):
 
 @dataclass
 class Totals:
-    """What was counted since the node started."""
+    """Counts since the start of the node."""
 
     readings: int = 0
     refused: int = 0
@@ -56,7 +56,7 @@ class Totals:
 
 
 class Odometer:
-    """Starts as configured, integrates, and starts again where the source does.
+    """Starts as configured, integrates, and starts again when the source does.
 
     :param complain: receives a line for every irregular reading.
     :param is_new_source: returns whether a publisher has appeared since the last call.

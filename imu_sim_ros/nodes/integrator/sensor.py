@@ -17,9 +17,9 @@ from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.raw_subscription import Taken
 
 _PATIENCE: Final = 0.5
-"""[s] After the first reading; a description that somebody publishes arrives by then."""
+"""[s] Time after the first reading by which a published description arrives."""
 _LONGER_PATIENCE: Final = 5.0
-"""[s] The same where a publisher of one has been discovered."""
+"""[s] The same if its publisher has been discovered."""
 _LOOK_PERIOD: Final = 0.05
 _KEPT: Final = 20000
 """Number of messages that may wait: 2.5 s at 8 kHz."""
@@ -28,7 +28,7 @@ _KEPT: Final = 20000
 class Sensor:
     """Holds messages back until the description of the sensor has arrived.
 
-    Where the user gives the noise, or no covariance is requested, nothing waits.
+    If the noise is given, or no covariance is requested, nothing waits.
 
     :param adopt: takes the description's parameters, by dotted name.
     :param release: receives a topic and messages of it that have waited; ``lock`` is held.
@@ -87,7 +87,7 @@ class Sensor:
         self.settle()
 
     def _look(self) -> None:
-        """Give up where no description arrives."""
+        """Give up if no description arrives."""
         if not self._held:
             return
         waiting = sum(len(taken) for _, taken in self._held)

@@ -80,7 +80,7 @@ class Recorder(ConfiguredNode):
         self._discover()
 
     def close(self) -> None:
-        """Write what has arrived, finish the bag, and print what is in it."""
+        """Write the messages so far, finish the bag, and print its contents."""
         self.reader.close()
         self.recording.close()
         if self._live_line:
@@ -112,7 +112,7 @@ class Recorder(ConfiguredNode):
 
     # ------------------------------------------------------------------------------- topics
     def _discover(self) -> None:
-        """Subscribe to new topics that are wanted, and again where the publishers' QoS changed."""
+        """Subscribe to new requested topics, and again if the QoS of the publishers changes."""
         for name, types in self.get_topic_names_and_types():
             if self._is_wanted(name):
                 publishers = [
@@ -183,7 +183,7 @@ class Recorder(ConfiguredNode):
 
     # ------------------------------------------------------------------------------- the end
     def _check_end(self) -> None:
-        """End the recording where a limit is reached."""
+        """End the recording when a limit is reached."""
         recording, parameters = self.recording, self.parameters
         if 0 < parameters.max_size * MEGABYTE <= recording.size:
             self.lifetime.finish()
@@ -214,7 +214,7 @@ class Recorder(ConfiguredNode):
         print("\r\x1b[2K" + line, end="", file=sys.stderr, flush=True)
 
     def _summarise(self) -> None:
-        """Print what was recorded, and what the stamps say about losses."""
+        """Print the recorded topics, and losses according to the stamps."""
         recording = self.recording
         rows = [_row(topic) for topic in recording.topics.values()]
         where = str(self.output)
@@ -249,7 +249,7 @@ class Recorder(ConfiguredNode):
 
 
 def _left(files: Sequence[Path]) -> str:
-    """Return what is left of a recording whose writing failed."""
+    """Return a line about the remains of a failed recording."""
     if not files:
         return "nothing is kept: it failed before any part of the bag was complete"
     gone = [p for p in files if not p.exists() or (p.is_dir() and not any(p.iterdir()))]

@@ -41,7 +41,7 @@ class Message(NamedTuple):
 class Timestamps:
     """Gives the messages that were taken their times.
 
-    :param node: its clock counts where time is simulated.
+    :param node: its clock is used if time is simulated.
     :param by_reception: a message's time is that of its reception, stamp or not.
     """
 
@@ -52,7 +52,7 @@ class Timestamps:
     def add_topic(self, topic: str, stamp_offset: int | None) -> None:
         """Add a topic.
 
-        :param stamp_offset: where the stamp is in the bytes; None: the time of reception counts.
+        :param stamp_offset: place of the stamp in the bytes; None for the time of reception.
         """
         self._offsets[topic] = stamp_offset
 
@@ -158,7 +158,7 @@ FLUSH_PERIOD = 0.5
 
 @dataclass
 class Topic:
-    """A recorded topic: how it is described in the bag, and what was seen of it."""
+    """A recorded topic: its description in the bag, and statistics of its messages."""
 
     name: str
     type_name: str
@@ -183,7 +183,7 @@ class Recording:
     """Writes messages into a bag and finishes it properly, whatever happens.
 
     :param open_bag: opens the bag.
-    :param fail: receives the error that ended the writing; what was written before is kept.
+    :param fail: receives the error that ended the writing; earlier messages are kept.
     :param buffer_bytes: how much may wait in memory while the disk stalls.
     :raises Exception: whatever ``open_bag`` raised, if the bag cannot be opened.
     """
@@ -239,7 +239,7 @@ class Recording:
         self._queue.put(messages)
 
     def close(self) -> None:
-        """Write what is queued, finish the bag and end the thread."""
+        """Write the queued messages, finish the bag and end the thread."""
         self._queue.put(None)
         self._thread.join()
 
@@ -316,7 +316,7 @@ class Recording:
             self._queued_bytes -= sum(len(message.payload) for message in messages)
 
     def _flush(self) -> None:
-        """Flush everything to the file, and notice where the file no longer exists."""
+        """Flush everything to the file, and check that the file still exists."""
         self._bag.flush()
         self.size = self._bag.size
         self.files = self._bag.files

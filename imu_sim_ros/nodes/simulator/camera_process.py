@@ -161,7 +161,7 @@ class CameraNode:
             self.counters[MARKERS_TOPIC].send(serialize_message(markers(self._rig, world)))
 
     def warnings(self) -> list[str]:
-        """Return what keeps the camera from seeing what it was put before, a line each."""
+        """Return lines about landmarks that the camera cannot see."""
         return self._rig.warnings(self.name)
 
     def publish(self, number: int, t0_ns: int) -> None:

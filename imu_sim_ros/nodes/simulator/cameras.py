@@ -57,7 +57,7 @@ class RemoteCounter:
 
     @property
     def connected(self) -> bool:
-        """Whether the camera's process is connected to all subscribers that the node knows."""
+        """Whether the camera's process is connected to all subscribers that the node sees."""
         return self._camera.connected.get(self.topic, 0) >= self.get_subscription_count()
 
     @property
@@ -258,7 +258,7 @@ class Cameras:
 
 
 def _topics_of(name: str, rig: RigParameters) -> list[str]:
-    """Return what a camera's process publishes; the first one also has the topics common to all."""
+    """Return the topics of a camera's process; the first one also has the common topics."""
     own = [topic for topic in camera_topics(rig) if topic.startswith(f"{name}/")]
     if name != rig.cameras[0]:
         return own

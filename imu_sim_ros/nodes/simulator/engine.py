@@ -47,7 +47,7 @@ def is_wanted(topic: str, imu: str, publish: PublishParameters) -> bool:
 
 
 def wanted_fault(wanted: InjectParameters, publish: PublishParameters) -> Fault:
-    """Return the fault that is asked for.
+    """Return the requested fault.
 
     :raises ConfigurationError: for a fault that cannot be, and a sensor that is not published.
     """
@@ -69,7 +69,7 @@ _STARTS: Final = 4
 _BLOCKS_AHEAD: Final = 1
 _UNPACED_FACTOR: Final = 10.0
 _UNACKNOWLEDGED: Final = 500
-"""Samples that are published without waiting for the subscribers, where nothing else paces them."""
+"""Samples that are published without waiting for the subscribers, if nothing else paces them."""
 _LONGEST_END: Final = 0.2
 """[s] Shutdown does not wait longer for a block that is still being computed."""
 
@@ -128,7 +128,7 @@ class Engine:
             thread.start()
 
     def stop(self) -> None:
-        """End the threads; what is not yet published is discarded."""
+        """End the threads and discard unpublished samples."""
         self._stopped = True
         self.pacer.interrupt()
         self._room.release()

@@ -23,7 +23,7 @@ Send = Callable[[Any], None]
 Say = Callable[[ImuBlock, SampledParameters], TextMessages]
 """Turns a block into the messages of a serial line."""
 Group = tuple[int, Sequence[tuple[Send, Any]]]
-"""What is due at one time [ns]: functions and what they publish."""
+"""Functions due at one time [ns], with the messages that they publish."""
 
 
 class Piece(NamedTuple):
@@ -157,7 +157,7 @@ class PublishQueue:
         return times
 
     def next_groups(self, length: float) -> list[Group]:
-        """Return what is due in the next ``length`` seconds, in order."""
+        """Return the entries due in the next ``length`` seconds, in order."""
         self._end = min(self._end + length, self._duration)
         new = [piece for stream in self._streams for piece in stream.advance(self._end)]
         pieces = [*_hurried(self._held, new), *new]

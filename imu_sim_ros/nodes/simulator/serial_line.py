@@ -17,7 +17,7 @@ from imu_sim_ros.simulation.parameters import SampledParameters
 from imu_sim_ros.simulation.topics import TextMessages
 
 PLAIN: Final = "pty"
-"""What stands in place of a link if there is none."""
+"""Value in place of a link if there is none."""
 
 
 class PseudoTerminal:
@@ -30,7 +30,7 @@ class PseudoTerminal:
     def __init__(self, where: str) -> None:
         """Make the terminal, and a symbolic link to it.
 
-        :param where: path of the link; ``pty``: none.
+        :param where: path of the link; ``pty`` for none.
         :raises InputError: if the link cannot be made.
         """
         self.written = self.lost = 0
@@ -52,7 +52,7 @@ class PseudoTerminal:
 
     @property
     def name(self) -> str:
-        """Return where it is read."""
+        """Return the path for reading."""
         return self.path if self._link is None else f"{self._link} ({self.path})"
 
     def send(self, message: bytes) -> None:
@@ -102,7 +102,7 @@ class SerialEncode:
         self._quantity, self._lines = sensor.quantity, sensor.serial.lines
 
     def __call__(self, block: ImuBlock, _: SampledParameters) -> TextMessages:
-        """Return the messages of what is delivered."""
+        """Return the messages of the delivered samples."""
         read = block.auxiliary[self._quantity]
         rows = read.delivered
         lines = [line.encode("ascii") for line in self._lines(read, rows)]

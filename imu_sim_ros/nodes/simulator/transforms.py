@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Transforms for tf: the body in the world as it moves, and what is fixed to the body."""
+"""Transforms for tf: the moving body in the world, and frames that are fixed to the body."""
 
 from collections.abc import Callable, Iterable
 from typing import Any, Final, NamedTuple
@@ -24,7 +24,7 @@ STATIC_QOS: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LO
 
 
 class Mount(NamedTuple):
-    """What is fixed to the body."""
+    """Frames that are fixed to the body."""
 
     frame: str
     pose: NDArray[np.float64]
@@ -32,7 +32,7 @@ class Mount(NamedTuple):
 
 
 def imu_mounts(simulated: dict[str, SimulationParameters]) -> list[Mount]:
-    """Return where the IMUs and the sensors of the body are, by lever arms and mountings.
+    """Return the places of IMUs and other sensors on the body, by lever arms and mountings.
 
     :param simulated: the parameters of each IMU by its name, and of the body.
     """
@@ -52,7 +52,7 @@ def imu_mounts(simulated: dict[str, SimulationParameters]) -> list[Mount]:
 
 
 def publish_mounts(node: Any, body_frame: str, mounts: Iterable[Mount], t_ns: int) -> Any:
-    """Publish once, latched, what is fixed to the body; return the publisher.
+    """Publish the fixed transforms once, latched, and return the publisher.
 
     What coincides with the body's own frame needs no transform.
 
