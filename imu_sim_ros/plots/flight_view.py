@@ -20,7 +20,7 @@ _COLOURS: Final = ((120, 120, 120), (0, 114, 178), (213, 94, 0), (0, 158, 115), 
 """Colours of the truth, then of each estimate (Okabe and Ito's, safe for colour blindness)."""
 _AXES: Final = ((230, 60, 60), (60, 160, 60), (60, 90, 230))
 _RADIUS: Final = 0.01
-"""[m] Width of the line of a path."""
+"""[m] Radius of the line of a path."""
 _MAX_POINTS: Final = 20_000
 """Largest number of points in the line of a path; the moving body has all poses."""
 

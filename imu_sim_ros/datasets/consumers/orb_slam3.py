@@ -12,7 +12,7 @@ from imu_sim_ros.datasets.consumers.values import ImuValues, comment, remarks
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 
 KINDS: Final = ("radtan", "equidistant")
-"""Keys of the supported lenses."""
+"""Supported lens models."""
 _FIXED: Final = """ORBextractor.nFeatures: 1000
 ORBextractor.scaleFactor: 1.2
 ORBextractor.nLevels: 8

@@ -52,7 +52,7 @@ def _numbers(values: ImuValues) -> str:
 
 
 KINDS: Final = ("radtan", "equidistant", "unified")
-"""Keys of the lenses of camodocal; it has no double sphere."""
+"""Lens models of camodocal, which has no double sphere."""
 _EXPRESSED: Final = ("time_offset", "unified.distortion")
 """Of a camera's errors; VINS-Fusion has no key for a rolling shutter."""
 _TRACKER: Final = """max_cnt: 150

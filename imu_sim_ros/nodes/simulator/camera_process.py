@@ -161,7 +161,7 @@ class CameraNode:
             self.counters[MARKERS_TOPIC].send(serialize_message(markers(self._rig, world)))
 
     def warnings(self) -> list[str]:
-        """Return lines about landmarks that the camera cannot see."""
+        """Return warnings about the view of the camera."""
         return self._rig.warnings(self.name)
 
     def publish(self, number: int, t0_ns: int) -> None:
