@@ -45,7 +45,7 @@ def parser() -> program.Parser:
     for name in CARRIED:
         known = ", ".join(files.names(name))
         result.sensors.add_argument(
-            f"--{name}", metavar="NAME|FILE", help=f"{name} of a preset ({known}) or a file"
+            f"--{name}", metavar="NAME|FILE", help=f"{name}: a preset ({known}) or a file"
         )
     result.sensors.add_argument(
         "--rinex",

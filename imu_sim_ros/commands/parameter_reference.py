@@ -98,7 +98,7 @@ def _lines() -> Iterator[str]:
     for name in CARRIED:
         sensor = find_sensor(name)
         yield f"## Sensor {name}\n"
-        yield f"Of the body, where `sensors` names it: {sensor.text}.\n"
+        yield f"Used if `sensors` contains `{sensor.name}`: {sensor.text}.\n"
         own = parameters(sensor.section)
         yield from _table({f"{name}.{key}": parameter for key, parameter in own.items()})
     yield "## Integrator\n"

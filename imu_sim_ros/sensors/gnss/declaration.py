@@ -210,7 +210,7 @@ SENSOR = Sensor(
     ),
     values=lambda read: np.column_stack([read.geodetic, read.variance, read.velocity, read.status]),
     readings=GnssReadings,
-    text="GNSS receiver: fixes and velocities of an antenna, with outages and modes",
+    text="GNSS receiver with fixes and velocities of an antenna, with outages and modes",
     serial=Serial(lambda own: str(own.nmea), _sentences),
     companions=Companions(lambda own: (".obs", ".nav") if own.raw.rinex else (), _rinex),
     presets="gnss",

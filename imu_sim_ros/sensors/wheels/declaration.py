@@ -175,7 +175,7 @@ SENSOR = Sensor(
     ),
     readings=WheelsReadings,
     realised=_realised,
-    text="wheels: encoders with slip and errors of radii and base, and odometry from them",
+    text="encoders with slip and errors of radii and base, and odometry from them",
     warnings=_warnings,
     presets="wheels",
 )
