@@ -148,6 +148,14 @@ class _Buffer(NamedTuple):
     rows: Bytes
 
 
+class _Records(NamedTuple):
+    """n messages of one topic as records of equal size, in the order of time."""
+
+    topic: Topic
+    t_ns: Times
+    rows: RowTemplate
+
+
 class _Job(NamedTuple):
     """A chunk on its way into the file."""
 
@@ -325,7 +333,7 @@ class ChunkWriter(Writer):
         if simultaneous(blocks):
             self._emit_rows(blocks)
         elif _mergeable(blocks):
-            for part in _parts(blocks):
+            for part in _parts([self._as_records(block) for block in blocks]):
                 self._emit_runs(part)
         else:
             self._emit_merged(blocks)
@@ -422,21 +430,25 @@ class ChunkWriter(Writer):
             tally(chunk)
             self._hand_over(rows.reshape(-1), index, buffer)
 
-    def _emit_runs(self, blocks: Sequence[Block]) -> None:
+    def _as_records(self, block: Block) -> _Records:
+        topic, t_ns, payloads = block
+        assert not isinstance(payloads, list)
+        made = self._records(topic, topic.count, t_ns, as_row_template(payloads))
+        return _Records(topic, t_ns, made)
+
+    def _emit_runs(self, blocks: Sequence[_Records]) -> None:
         """Write a chunk of blocks of different topics, each in order, with times of their own."""
-        made = [
-            self._records(topic, topic.count, times, as_row_template(payloads))
-            for topic, times, payloads in blocks
-            if not isinstance(payloads, list)
-        ]
-        times = [block.t_ns for block in blocks]
-        owner = np.repeat(np.arange(len(blocks)), [len(one) for one in times])[time_order(times)]
-        sizes = np.array([pattern.shape[1] for pattern in made])[owner]
-        offsets = np.cumsum(sizes) - sizes
+        times, made = [block.t_ns for block in blocks], [block.rows for block in blocks]
+        counts, order = [len(one) for one in times], time_order(times)
+        sizes = np.repeat([rows.shape[1] for rows in made], counts)[order]
+        offsets = np.empty(len(order), np.int64)
+        offsets[order] = np.cumsum(sizes) - sizes
+        own = np.split(offsets, np.cumsum(counts[:-1]))
         index = [
-            Indexed(block.topic, block.t_ns, offsets[owner == k]) for k, block in enumerate(blocks)
+            Indexed(topic, t_ns, found) for (topic, t_ns, _), found in zip(blocks, own, strict=True)
         ]
-        tally(blocks)
+        for topic, t_ns, _ in blocks:
+            topic.add(len(t_ns), int(t_ns[0]), int(t_ns[-1]))
         self._hand_over(np.frombuffer(_joined(times, made, self._filled), np.uint8), index)
 
     def _filled(self, table: RowTemplate) -> Bytes:
@@ -500,17 +512,17 @@ def _mergeable(blocks: Sequence[Block]) -> bool:
     )
 
 
-def _parts(blocks: Sequence[Block]) -> Iterator[list[Block]]:
+def _parts(blocks: Sequence[_Records]) -> Iterator[list[_Records]]:
     """Yield blocks in pieces of time that are a chunk each."""
     longest = max((block.t_ns for block in blocks), key=len)
-    parts = -(-sum(_bytes(block.payloads) for block in blocks) // CHUNK_BYTES)
+    parts = -(-sum(block.rows.size for block in blocks) // CHUNK_BYTES)
     inner = np.linspace(0, len(longest), parts + 1).astype(int)[1:-1]
     edges = [np.searchsorted(block.t_ns, longest[inner]).tolist() for block in blocks]
     cuts = [pairwise([0, *own, len(block.t_ns)]) for own, block in zip(edges, blocks, strict=True)]
     for spans in zip(*cuts, strict=True):
         cut = [
-            Block(topic, t_ns[start:stop], payloads[start:stop])
-            for (topic, t_ns, payloads), (start, stop) in zip(blocks, spans, strict=True)
+            _Records(topic, t_ns[start:stop], rows[start:stop])
+            for (topic, t_ns, rows), (start, stop) in zip(blocks, spans, strict=True)
             if stop > start
         ]
         if cut:
