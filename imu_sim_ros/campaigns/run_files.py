@@ -87,7 +87,8 @@ def write_config(cell: SimulatedCell, seed: int, place: Path) -> Path:
         resolved(IMU_TOPIC),
         cell.total / parameters.rate,
     )
-    write_all(path, values, None if cell.rig is None else _rig_values(values, cell.rig))
+    rig = None if cell.rig is None else _rig_values(values, cell.rig)
+    write_all(path, values, rig, parameters)
     seen = {} if cell.rig is None else flatten(cell.rig)
     all_values: dict[str, Any] = {**flatten(parameters), **seen}
     files.write(all_values, path / "simulation.yaml", comment="All parameters of this run.")

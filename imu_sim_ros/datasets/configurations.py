@@ -62,7 +62,7 @@ def write_configs(
             lines = tuple(start_warnings(values, _start(simulation)))
             warnings += [f"{name}: {line}" if name else line for line in lines]
             seen = RigValues(values, rig.each(), topics, rig.scene, lines)
-        write_all(folder / name, values, seen)
+        write_all(folder / name, values, seen, simulation.parameters)
     return warnings
 
 

@@ -12,6 +12,7 @@ from imu_sim_ros.datasets.consumers import (
     kalibr,
     openvins,
     orb_slam3,
+    robot_localization,
     vins,
 )
 from imu_sim_ros.datasets.consumers import (
@@ -19,6 +20,7 @@ from imu_sim_ros.datasets.consumers import (
 )
 from imu_sim_ros.datasets.consumers.rig import RigValues, kind
 from imu_sim_ros.datasets.consumers.values import ImuValues
+from imu_sim_ros.simulation.parameters import SimulationParameters
 
 
 def texts(values: ImuValues) -> dict[str, str]:
@@ -64,11 +66,19 @@ def rig_texts(rig: RigValues) -> dict[str, str]:
     return found
 
 
-def write_all(folder: Path, values: ImuValues, rig: RigValues | None = None) -> None:
+def write_all(
+    folder: Path,
+    values: ImuValues,
+    rig: RigValues | None = None,
+    parameters: SimulationParameters | None = None,
+) -> None:
     """Write the files of all stacks into a new folder.
 
     :param rig: of the same IMU; with it the files hold the cameras as well.
+    :param parameters: of the simulation; with them there are files for the sensors of the body.
     """
     make_folder(folder)
-    for name, text in {**texts(values), **(rig_texts(rig) if rig else {})}.items():
+    cameras = rig_texts(rig) if rig else {}
+    body = robot_localization.texts(values, parameters) if parameters else {}
+    for name, text in {**texts(values), **cameras, **body}.items():
         (folder / name).write_text(text, encoding="utf-8")

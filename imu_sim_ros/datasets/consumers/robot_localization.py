@@ -1,0 +1,153 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""robot_localization: ekf_node and navsat_transform_node for the GNSS and the wheels of a body.
+
+Keys are those that src/ros_filter.cpp and src/navsat_transform.cpp declare.
+"""
+
+from typing import Any, Final
+
+from imu_sim_ros.bags.text.decimals import decimal
+from imu_sim_ros.datasets.consumers.values import ImuValues, comment
+from imu_sim_ros.datasets.topics import resolved
+from imu_sim_ros.simulation.parameters import SimulationParameters, carried
+
+_ROWS: Final = (
+    "x, y, z",
+    "roll, pitch, yaw",
+    "vx, vy, vz",
+    "about x, y, z",
+    "ax, ay, az",
+)
+_FREQUENCY: Final = 50.0
+
+
+def texts(values: ImuValues, parameters: SimulationParameters) -> dict[str, str]:
+    """Return ``ekf.yaml`` with wheels or GNSS and ``navsat.yaml`` with GNSS, by name.
+
+    :param values: the IMU of the readings.
+    :param parameters: of the simulation, which has the sensors of the body.
+    """
+    body = carried(parameters)
+    found = {}
+    if body.keys() & {"gnss", "wheels"}:
+        found["ekf.yaml"] = _ekf(values, parameters, body)
+    if "gnss" in body:
+        found["navsat.yaml"] = _navsat(parameters)
+    return found
+
+
+def _ekf(values: ImuValues, parameters: SimulationParameters, body: dict[str, Any]) -> str:
+    wheels = body.get("wheels")
+    head = comment(
+        [
+            "robot_localization, ekf_node: odom to body from IMU and wheels, and with GNSS another "
+            "filter, map to odom, with the output of navsat.yaml. Written against its sources; it "
+            "has not been run with them here.",
+            "No filter of it estimates biases: those of this IMU go into the estimate. Readings of "
+            "imu/data_raw have no orientation; roll, pitch and yaw come from imu/data, if it is "
+            "published, with the second row of imu0_config true.",
+        ]
+    )
+    text = head + _filter("ekf_filter_node_odom", "odom", values, parameters, wheels, fixes=False)
+    if "gnss" in body:
+        text += _filter("ekf_filter_node_map", "map", values, parameters, wheels, fixes=True)
+    return text
+
+
+def _filter(
+    name: str,
+    world: str,
+    values: ImuValues,
+    parameters: SimulationParameters,
+    wheels: Any,
+    *,
+    fixes: bool,
+) -> str:
+    odom = wheels.odom_frame if wheels is not None else "odom"
+    lines = [
+        f"frequency: {decimal(_FREQUENCY)}.0",
+        "two_d_mode: false",
+        "publish_tf: true",
+        "map_frame: map",
+        f"odom_frame: {odom}",
+        f"base_link_frame: {parameters.body_frame}",
+        f"world_frame: {'map' if world == 'map' else odom}",
+        f"gravitational_acceleration: {_real(values.gravity)}",
+        f"imu0: {values.topic}",
+        _config("imu0", (3, 4)),
+        "imu0_differential: false",
+        "imu0_relative: false",
+        "imu0_queue_size: 100",
+        "imu0_remove_gravitational_acceleration: true",
+    ]
+    count = 0
+    if wheels is not None:
+        # vx, vy and the yaw rate: the covariance of the others is 1e6.
+        lines += _odometry(count, resolved("wheel/odom"), "FFF FFF TTF FFT FFF")
+        count += 1
+    if fixes:
+        lines += _odometry(count, "odometry/gps", "TTT FFF FFF FFF FFF")
+    body = "".join(f"    {line}\n" for line in lines)
+    return f"{name}:\n  ros__parameters:\n{body}"
+
+
+def _odometry(number: int, topic: str, which: str) -> list[str]:
+    name = f"odom{number}"
+    return [
+        f"{name}: {topic}",
+        _booleans(name, [letter == "T" for letter in which.replace(" ", "")]),
+        f"{name}_differential: false",
+        f"{name}_relative: false",
+        f"{name}_queue_size: 20",
+    ]
+
+
+def _config(name: str, rows: tuple[int, ...]) -> str:
+    """Return a configuration in which whole rows of three are used."""
+    return _booleans(name, [k // 3 in rows for k in range(15)])
+
+
+def _booleans(name: str, used: list[bool]) -> str:
+    indent = " " * (len(name) + len("    _config: ["))
+    rows = [", ".join(str(one).lower() for one in used[k : k + 3]) for k in range(0, 15, 3)]
+    lines = [f"{row}{',' if k < 4 else ']'}  # {_ROWS[k]}" for k, row in enumerate(rows)]
+    return f"{name}_config: [" + f"\n{indent}".join(lines)
+
+
+def _navsat(parameters: SimulationParameters) -> str:
+    head = comment(
+        [
+            "robot_localization, navsat_transform_node: gps/fix to odometry/gps. The datum is the "
+            "origin of the simulated world, east along x: with it odometry/gps is in the world's "
+            "coordinates, which a flat world has without any error of a projection "
+            "(use_local_cartesian). No IMU is subscribed then. Written against its sources; it has "
+            "not been run with them here.",
+            "Without a datum: wait_for_datum false and an orientation on the topic imu; it is "
+            "relative to true north and 0 facing east, hence no declination and no offset.",
+            "The frame_id of the receiver must be known to tf, or be empty: then the antenna is at "
+            "the origin of the body.",
+        ]
+    )
+    latitude, longitude = _real(parameters.latitude_deg), _real(parameters.longitude_deg)
+    return (
+        f"{head}navsat_transform:\n  ros__parameters:\n"
+        f"    frequency: {decimal(_FREQUENCY)}.0\n"
+        "    delay: 0.0\n"
+        "    magnetic_declination_radians: 0.0\n"
+        "    yaw_offset: 0.0\n"
+        "    zero_altitude: false\n"
+        "    publish_filtered_gps: true\n"
+        "    broadcast_cartesian_transform: false\n"
+        "    use_local_cartesian: true\n"
+        "    use_odometry_yaw: false\n"
+        "    wait_for_datum: true\n"
+        f"    datum: [{latitude}, {longitude}, 0.0]  # latitude, longitude [deg], yaw [rad]\n"
+    )
+
+
+def _real(value: float) -> str:
+    """Return a number that ROS reads as a double."""
+    words = decimal(value)
+    return words if "." in words or "e" in words else f"{words}.0"
