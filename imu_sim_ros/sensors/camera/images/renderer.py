@@ -150,6 +150,10 @@ class _Visible(NamedTuple):
     """(m, a, b) where each may be."""
     numbers: Integers
     """(m,) of each."""
+    largest: Array
+    """(m,) what the inverse distance of each is at most; infinite: not known."""
+    places: dict[int, tuple[slice, slice]]
+    """Rows and columns of cells of each that is anywhere."""
     levels: dict[int, Levels]
     """Of those that were seen so far."""
 
@@ -190,6 +194,10 @@ class Renderer:
         self._corners_of_cells = Corners.of(self._rays, CELL)
         self._probes = Probes.of(self._rays)
         self._cone = self._cone_of_rays()
+        self._longest_ray = max(
+            float((part * part).sum(axis=0).max()) ** 0.5
+            for part in (self._rays[:, _pixels(band, self.height)] for band in self._bands())
+        )
 
     def _directions(self) -> Single:
         """Return the directions (3, h, w) of all rays in the camera's frame."""
@@ -246,15 +254,24 @@ class Renderer:
             inside = ~beyond.any(axis=1)
             facing, corners = facing[inside], corners[inside]
             if len(facing) > _MANY:
-                facing = facing[~covered_by_another(corners)]
+                facing = self._nearest_first(facing[~covered_by_another(corners)], position[0])
         planes = Planes.of(self.surfaces, facing, position, r_wc)
         cells = covered(planes, self._corners_of_cells)
-        return _Visible(planes, cells, facing, {})
+        largest = np.full(len(facing), np.inf)
+        if len(position) == 1:
+            distance = distances(self.surfaces, facing, position[0])
+            largest = self._longest_ray * (1.0 + _BEHIND) / np.maximum(distance, 1e-9)
+        places = {m: (rows, columns) for m, rows, columns in regions(cells)}
+        return _Visible(planes, cells, facing, largest, places, {})
+
+    def _nearest_first(self, numbers: Integers, eye: Array) -> Integers:
+        """Return surfaces by their distance: who comes first hides who comes later."""
+        return numbers[np.argsort(distances(self.surfaces, numbers, eye), kind="stable")]
 
     def _levels(self, visible: _Visible, m: int) -> Levels:
         """Return the mip levels of a surface in all cells where it may be."""
         if m not in visible.levels:
-            [(_, rows, columns)] = regions(visible.cells[m : m + 1])
+            rows, columns = visible.places[m]
             probes = self._probes.part(rows, columns)
             _, _, places = visible.planes.meet(m, probes.rays, probes.rows)
             corner, number = (rows.start, columns.start), int(visible.numbers[m])
@@ -318,11 +335,13 @@ class Renderer:
         :param top: row of the image that is the first of what is drawn into.
         """
         rows, columns = _pixels(cells, self.height), _pixels(across, self.width)
-        rays = self._rays[:, rows, columns]
-        in_front, inverse, places = visible.planes.meet(m, rays, rows)
         below = slice(rows.start - top, rows.stop - top)
         here = below, columns
         nearest = drawn.nearest[here]
+        if nearest.min() >= visible.largest[m]:
+            return
+        rays = self._rays[:, rows, columns]
+        in_front, inverse, places = visible.planes.meet(m, rays, rows)
         shown = inverse > nearest
         shown &= in_front
         shown &= within(places)
@@ -334,6 +353,16 @@ class Renderer:
             np.copyto(drawn.share[here], in_pixels(found.share, *shown.shape), where=shown)
         for level, target in zip(found.each, drawn.places, strict=True):
             np.copyto(target[:, below, columns], in_atlas(places, level), where=shown)
+
+
+def distances(surfaces: Surfaces, numbers: Integers, eye: Array) -> Array:
+    """Return how far some rectangles (m,) are from a place (3,) at their nearest [m]."""
+    offset = eye - surfaces.origin[numbers]
+    rest = offset
+    for side in (surfaces.across[numbers], surfaces.up[numbers]):
+        share = (offset * side).sum(axis=1) / (side * side).sum(axis=1)
+        rest = rest - np.clip(share, 0.0, 1.0)[:, None] * side
+    return np.asarray(np.sqrt((rest * rest).sum(axis=1)))
 
 
 def covered_by_another(corners: Array) -> Mask:
