@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.places.corridor import corridor
 from imu_sim_ros.places.machine_hall import machine_hall
 from imu_sim_ros.places.office import office
@@ -26,15 +27,19 @@ class Kind(NamedTuple):
     margin: float
     """Distance of its walls from a path that it fits [m]."""
     least: tuple[float, float, float]
-    """Least size of one that fits a path [m]."""
+    """Least size [m]."""
+    most: tuple[float, float, float]
+    """Largest size, so that light and images do not take minutes [m]."""
 
 
 KINDS: Final[dict[str, Kind]] = {
-    "office": Kind(office, (13.0, 9.4, 2.8), 2.4, (8.0, 6.0, 2.7)),
-    "corridor": Kind(corridor, (36.0, 2.4, 2.7), 1.0, (12.0, 2.2, 2.5)),
-    "warehouse": Kind(warehouse, (26.0, 15.0, 6.5), 5.0, (16.0, 9.0, 5.0)),
-    "machine_hall": Kind(machine_hall, (20.0, 13.0, 6.5), 3.0, (12.0, 9.0, 5.0)),
-    "street": Kind(street, (60.0, 16.0, 12.0), 4.0, (40.0, 12.0, 8.0)),
+    "office": Kind(office, (13.0, 9.4, 2.8), 2.4, (8.0, 6.0, 2.7), (26.0, 20.0, 8.0)),
+    "corridor": Kind(corridor, (36.0, 2.4, 2.7), 1.0, (12.0, 2.2, 2.5), (150.0, 150.0, 20.0)),
+    "warehouse": Kind(warehouse, (26.0, 15.0, 6.5), 5.0, (16.0, 9.0, 5.0), (60.0, 40.0, 12.0)),
+    "machine_hall": Kind(
+        machine_hall, (20.0, 13.0, 6.5), 3.0, (12.0, 9.0, 5.0), (60.0, 40.0, 20.0)
+    ),
+    "street": Kind(street, (60.0, 16.0, 12.0), 4.0, (40.0, 12.0, 8.0), (150.0, 150.0, 60.0)),
 }
 _BELOW: Final = 0.3
 """Distance of the floor from the lowest place of a path [m]."""
@@ -43,7 +48,10 @@ _ABOVE: Final = 1.0
 
 
 def around(kind: str, path: Array) -> tuple[Array, Array]:
-    """Return the corners (3,) of a place of some kind that fits a path (n, 3) [m]."""
+    """Return the corners (3,) of a place of some kind that fits a path (n, 3) [m].
+
+    :raises ConfigurationError: for a path that is too large for it.
+    """
     margin, least = KINDS[kind].margin, np.array(KINDS[kind].least)
     low = path.min(axis=0) - np.array([margin, margin, _BELOW])
     high = path.max(axis=0) + np.array([margin, margin, _ABOVE])
@@ -51,6 +59,15 @@ def around(kind: str, path: Array) -> tuple[Array, Array]:
     low[:2] -= 0.5 * missing[:2]
     high[:2] += 0.5 * missing[:2]
     high[2] += missing[2]
+    if (high - low > KINDS[kind].most).any():
+        needed, most = (
+            " x ".join(f"{length:.1f}" for length in size)
+            for size in (high - low, KINDS[kind].most)
+        )
+        raise ConfigurationError(
+            f"scene.type = {kind!r}: around the path it would have {needed} m; at most {most} m: "
+            "another scene, a shorter trajectory.length, or a shorter scene.horizon"
+        )
     return low, high
 
 
@@ -62,9 +79,13 @@ def size_problems(kind: str, size: Sequence[float], name: str) -> Iterator[str]:
     if any(size) and not all(size):
         yield f"{name} = {list(size)}: must be 0 or above 0 m on all axes"
     elif any(size):
-        for axis, length, limit in zip("xyz", size, KINDS[kind].least, strict=True):
-            if length < limit:
-                yield f"{name} = {list(size)}: along {axis} must be at least {limit:g} m for {kind}"
+        limits = zip("xyz", size, KINDS[kind].least, KINDS[kind].most, strict=True)
+        for axis, length, least, most in limits:
+            if not least <= length <= most:
+                yield (
+                    f"{name} = {list(size)}: along {axis} must be {least:g} to {most:g} m "
+                    f"for {kind}"
+                )
 
 
 def usual(kind: str, size: Sequence[float]) -> tuple[Array, Array]:

@@ -174,7 +174,7 @@ def test_a_tour_is_a_list_of_waypoints():
     wall = surfaces([(np.zeros(3), np.array([2.0, 0, 0]), np.array([0.0, 1, 0]))], hides=True)
     points = np.array([[1.0, 0.5, 0.7], [3.0, 0.5, 0.0], [3.0, 2.0, 2.0]])
     assert clearance(wall, points) == pytest.approx([0.7, 1.0, 6.0**0.5])
-    with pytest.raises(ConfigurationError, match=r"along x must be at least 12 m for corridor"):
+    with pytest.raises(ConfigurationError, match=r"along x must be 12 to 150 m for corridor"):
         load_simulation({"trajectory.type": "tour", "trajectory.place": "corridor",
                          "trajectory.place_size": [3.0, 3.0, 3.0]})  # fmt: skip
 
@@ -191,8 +191,10 @@ def test_a_path_that_leaves_its_place_is_refused(make_rig):
     size = {"scene__size": [12.0, 3.0, 2.6], "scene__center": [0.0, 30.0, 1.0]}
     with pytest.raises(ConfigurationError, match=r"leaves the corridor, from"):
         make_rig("figure_eight", scene__type="corridor", **size)
-    with pytest.raises(ConfigurationError, match=r"along x must be at least 12 m for corridor"):
+    with pytest.raises(ConfigurationError, match=r"along x must be 12 to 150 m for corridor"):
         make_rig("figure_eight", scene__type="corridor", scene__size=[1.0, 3.0, 2.6])
+    with pytest.raises(ConfigurationError, match=r"around the path it would have .* at most 26"):
+        make_rig("line", scene__type="office", scene__horizon=60.0)
     with pytest.raises(ConfigurationError, match="must be one of rich, plain, blank"):
         make_rig("figure_eight", scene__type="corridor", scene__texture="blanc")
 
