@@ -61,6 +61,8 @@ if TYPE_CHECKING:
     from imu_sim_ros.jobs.add_errors import ErrorModel as ErrorModel
     from imu_sim_ros.jobs.add_errors import add_errors as add_errors
     from imu_sim_ros.jobs.add_errors import from_sdf as from_sdf
+    from imu_sim_ros.jobs.add_errors_files import ErrorsAdded as ErrorsAdded
+    from imu_sim_ros.jobs.add_errors_files import add_errors_to_file as add_errors_to_file
     from imu_sim_ros.jobs.allan import Estimated as Estimated
     from imu_sim_ros.jobs.allan import Noise as Noise
     from imu_sim_ros.jobs.allan import TriadNoise as TriadNoise
@@ -116,6 +118,7 @@ _HOMES = {
         "MissingDependencyError",
     ],
     "jobs.add_errors": ["ErrorModel", "add_errors", "from_sdf"],
+    "jobs.add_errors_files": ["ErrorsAdded", "add_errors_to_file"],
     "jobs.allan": ["Estimated", "Noise", "TriadNoise", "allan"],
     "jobs.attitude": ["AttitudeEvaluation"],
     "jobs.calibrate": [

@@ -5,16 +5,20 @@
 
 import argparse
 import re
-from collections.abc import Iterable, Sequence
+import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros import program
-from imu_sim_ros.bags.outputs import Outputs
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.bags.write import COMPRESSIONS, STORAGES, check_writer, dataset_form
-from imu_sim_ros.commands.outputs import add_force, outputs
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.bags.write import COMPRESSIONS, STORAGES, dataset_form
+from imu_sim_ros.commands.inputs import refused_messages
+from imu_sim_ros.commands.outputs import add_force
+from imu_sim_ros.jobs.output import Form
+
+if TYPE_CHECKING:
+    from imu_sim_ros.jobs.convert import ConversionWatcher
 
 _LONGEST_SIZE: Final = 20
 _SIZE_UNITS: Final = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
@@ -77,19 +81,43 @@ def form(arguments: argparse.Namespace) -> str | None:
     return dataset_form(arguments.output, arguments.format, of_bags)
 
 
-def bag_outputs(arguments: argparse.Namespace, inputs: Iterable[object] = ()) -> Outputs:
-    """Return the outputs of a command, with its bag or dataset added.
+def whole_form(arguments: argparse.Namespace) -> Form:
+    """Return all that the arguments say of the output's form.
 
-    :param inputs: further inputs: values of parameters that may be names of files.
-    :raises InputError: for what cannot be the name of an output.
+    :raises InputError: for arguments that do not fit that form.
     """
-    if not arguments.output.name:  # the files next to it are named after it
-        raise InputError(f"{str(arguments.output)!r}: is not a file name")
-    if form(arguments) is None:
-        check_writer(arguments.output, arguments.storage, arguments.compression)
-    written = outputs(arguments, inputs)
-    written.add(arguments.output, kept=True)
-    return written
+    return Form(
+        form(arguments),
+        arguments.storage,
+        arguments.compression,
+        arguments.split_duration,
+        arguments.split_size,
+        names(arguments.topics),
+        dict(arguments.topic),
+    )
+
+
+def names(words: str) -> list[str]:
+    """Return the names in ``NAME,...``."""
+    return [name for name in words.split(",") if name]
+
+
+def watcher(arguments: argparse.Namespace, name: str, warning: str) -> "ConversionWatcher":
+    """Return who prints what happens during a conversion, and its progress.
+
+    :param name: of the program.
+    :param warning: what its warnings begin with.
+    """
+    from imu_sim_ros.jobs.convert import ConversionWatcher  # generate converts nothing
+
+    skipped, warned = refused_messages(arguments, name, arguments.input)
+    quiet = arguments.quiet or arguments.json
+    return ConversionWatcher(
+        lambda line: print(f"{warning}{line}", file=sys.stderr),
+        progress=lambda total: program.progress(f"writing {arguments.output}", total, quiet),
+        skipped=skipped,
+        warned=warned,
+    )
 
 
 def size(words: str) -> int:

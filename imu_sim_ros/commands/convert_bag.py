@@ -5,17 +5,15 @@
 
 import argparse
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
 from imu_sim_ros import program
 from imu_sim_ros.commands import bag_output
-from imu_sim_ros.commands.inputs import add_skip_bad_rows, refused_messages
+from imu_sim_ros.commands.inputs import add_skip_bad_rows
 from imu_sim_ros.commands.outputs import outputs
-from imu_sim_ros.jobs.convert import IMAGES, ConversionWatcher, ConvertOptions, write
-from imu_sim_ros.jobs.output import Form
+from imu_sim_ros.jobs.convert import IMAGES, ConvertOptions, write
 
 EXAMPLES: Final = """
   convert_bag recording -o recording.bag --compression lz4  # rosbag2 -> ROS 1
@@ -61,32 +59,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def convert_bag(arguments: argparse.Namespace) -> None:
     """Convert the input as the arguments say."""
-    dataset = bag_output.form(arguments)
-    form = Form(
-        dataset,
-        arguments.storage,
-        arguments.compression,
-        arguments.split_duration,
-        arguments.split_size,
-        [name for name in arguments.topics.split(",") if name],
-        dict(arguments.topic),
-    )
+    form = bag_output.whole_form(arguments)
     options = ConvertOptions(arguments.images, arguments.recover)
-    skipped, warned = refused_messages(arguments, "convert_bag", arguments.input)
-    watcher = ConversionWatcher(
-        lambda line: print(f"convert_bag: {line}", file=sys.stderr),
-        progress=lambda total: _progress(arguments, total),
-        skipped=skipped,
-        warned=warned,
-    )
+    watcher = bag_output.watcher(arguments, "convert_bag", "convert_bag: ")
     made = write(arguments.input, arguments.output, form, options, outputs(arguments), watcher)
     _report(made.to_dict(), arguments)
-
-
-def _progress(
-    arguments: argparse.Namespace, total: int
-) -> AbstractContextManager[Callable[[float], None]]:
-    return program.progress(f"writing {arguments.output}", total, arguments.quiet or arguments.json)
 
 
 def _report(result: dict[str, Any], arguments: argparse.Namespace) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -93,7 +93,8 @@ def add_errors(
     given = _given(t_ns, gyro, accel, orientation, "add_errors")
     if not len(given.t_ns):
         raise InputError("add_errors: no readings")
-    built = _parameters(imu, seed, params_file, input, parameters, rate, given.t_ns)
+    layers = layers_of(imu, seed, params_file, input, parameters, rate)
+    built = with_rate(layers, lambda: rate_of(given.t_ns))
     model = error_model.ErrorModel(built, remark=_warn)
     blocks: list[ImuBlock] = []
     for begin in range(0, len(given.t_ns), ROWS_AT_ONCE):
@@ -129,8 +130,8 @@ class ErrorModel:
 
         :param rate: samples per second [Hz].
         """
-        built = _parameters(imu, seed, params_file, input, parameters, rate, None)
-        self._model = error_model.ErrorModel(built, remark=_warn)
+        layers = layers_of(imu, seed, params_file, input, parameters, rate)
+        self._model = error_model.ErrorModel(load_error_model(layers), remark=_warn)
 
     @property
     def parameters(self) -> ErrorModelParameters:
@@ -306,15 +307,18 @@ def _rows(name: str, value: Any, columns: int) -> Array:
     return arguments.array(name, value, shape, finite=False).reshape(-1, columns)
 
 
-def _parameters(
+def layers_of(
     imu: Any,
     seed: int | None,
     params_file: str | Path | None,
     input: Mapping[str, Any] | None,
     parameters: Mapping[str, Any],
     rate: float | None,
-    t_ns: NDArray[np.int64] | None,
-) -> ErrorModelParameters:
+) -> dict[str, object]:
+    """Return the parameters that arguments of :func:`add_errors` give, by dotted name.
+
+    :raises ConfigurationError: with a line for each argument that is not what it must be.
+    """
     given: dict[str, object] = {}
     if params_file is not None:
         given |= files.load(arguments.path("params_file", params_file), NODE)
@@ -328,9 +332,17 @@ def _parameters(
         given["seed"] = seed
     if rate is not None:
         given["rate"] = rate
-    elif "rate" not in given and t_ns is not None and not given.get("input.rate"):
-        given["rate"] = rate_of(t_ns)
-    found: ErrorModelParameters = load_error_model(given)
+    return given
+
+
+def with_rate(layers: Mapping[str, object], rate: Callable[[], float]) -> ErrorModelParameters:
+    """Return an error model with the rate of the readings, unless layers give one.
+
+    :param rate: returns the rate of the readings [Hz].
+    :raises ConfigurationError: with a line for each problem.
+    """
+    given = "rate" in layers or layers.get("input.rate")
+    found: ErrorModelParameters = load_error_model(layers if given else {**layers, "rate": rate()})
     return found
 
 

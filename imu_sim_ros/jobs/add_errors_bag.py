@@ -197,14 +197,15 @@ class BagErrors:
             return []
         decoded = _decoded(self._bag, block)
         made = []
-        # What was recorded late is so by as much next to it.
+        # What was recorded late is so by as much next to it; nothing is before 1970.
         late_ns = int(np.median(block.t_ns - decoded.t_ns))
         for given in self._passed(decoded):
             for samples in self.model.read(given):
                 for topic, encode in self._outputs:
                     messages = encode(samples, self._parameters)
                     if len(messages.t_ns):
-                        made.append(Block(topic, messages.t_ns + late_ns, messages.payloads))
+                        recorded = np.maximum(messages.t_ns + late_ns, 0)
+                        made.append(Block(topic, recorded, messages.payloads))
         return made
 
     def _passed(self, decoded: Decoded) -> Iterator[Given]:

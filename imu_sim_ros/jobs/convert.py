@@ -154,6 +154,16 @@ def _written(
     path: Path, place: Path, form: Form, options: ConvertOptions, force: bool, skip: bool
 ) -> Converted:
     """Convert, and return all warnings as a part of the result."""
+    watcher, lines = collecting(path, skip)
+    found = write(path, place, form, options, Outputs([path], force), watcher)
+    return dataclasses.replace(found, warnings=tuple(lines))
+
+
+def collecting(path: Path, skip: bool) -> tuple[ConversionWatcher, list[str]]:
+    """Return who learns of what happens to the messages of a file, and keeps it as lines.
+
+    :param skip: leave out bad rows.
+    """
     lines: list[str] = []
 
     def skipped(count: int) -> None:
@@ -165,8 +175,7 @@ def _written(
     watcher = ConversionWatcher(
         lines.append, skipped=skipped if skip else None, warned=None if skip else warned
     )
-    found = write(path, place, form, options, Outputs([path], force), watcher)
-    return dataclasses.replace(found, warnings=tuple(lines))
+    return watcher, lines
 
 
 def passed_on(bad: BadRows) -> str:

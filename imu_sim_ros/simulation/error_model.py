@@ -30,6 +30,8 @@ from imu_sim_ros.trajectory.motion import Motion
 
 _SAMPLES_AT_ONCE: Final = 65536
 """Of a gap."""
+_REPORTED: Final = 3
+"""Irregularities of a kind that are remarked on; all of them are counted."""
 
 
 @dataclasses.dataclass
@@ -62,8 +64,8 @@ class ErrorModel:
         """Set up the sensor; its first sample is the first reading.
 
         :param sensors: ``orientation``, or nothing: what else the board states.
-        :param remark: receives a line for everything that looks like a mistake, and for every
-            irregularity of the stamps.
+        :param remark: receives a line for everything that looks like a mistake, and for the first
+            irregularities of the stamps of each kind.
         """
         self.parameters = parameters
         self.counts = Counts()
@@ -204,18 +206,29 @@ class ErrorModel:
     def _leave_out(self, step_ns: int) -> None:
         if step_ns:
             self.counts.backward += 1
-            self._remark(f"a stamp {-step_ns * 1e-9:.6f} s before the previous one; left out")
+            line = f"a stamp {-step_ns * 1e-9:.6f} s before the previous one; left out"
+            self._report(self.counts.backward, line)
         else:
             self.counts.repeated += 1
-            self._remark("a reading with the stamp of the previous one; left out")
+            line = "a reading with the stamp of the previous one; left out"
+            self._report(self.counts.repeated, line)
+
+    def _report(self, count: int, line: str) -> None:
+        """Remark on an irregularity of the stamps, unless there were a few of its kind before.
+
+        :param count: of its kind so far.
+        """
+        if count < _REPORTED:
+            self._remark(line)
+        elif count == _REPORTED:
+            self._remark(f"{line}; further ones are only counted")
 
     def _restart(self, back_ns: int) -> None:
         self.counts.restarts += 1
         again = self.parameters.input.restart == "next_seed"
         seed = self.seed + 1 if again else self.seed
-        self._remark(
-            f"stamps jump back by {back_ns * 1e-9:.3f} s: the errors begin again, seed {seed}"
-        )
+        line = f"stamps jump back by {back_ns * 1e-9:.3f} s: the errors begin again, seed {seed}"
+        self._report(self.counts.restarts, line)
         self._begin(seed)
 
     def _read(self, given: Given) -> list[ImuBlock]:
@@ -250,7 +263,8 @@ class ErrorModel:
         """Return how many samples a step leaves out, for a sensor that has no clock of its own."""
         if step_ns > self._longest_gap_ns:
             self.counts.pauses += 1
-            self._remark(f"no readings for {step_ns * 1e-9:.3f} s: a pause, the errors stand still")
+            line = f"no readings for {step_ns * 1e-9:.3f} s: a pause, the errors stand still"
+            self._report(self.counts.pauses, line)
             if self._resampler is not None:
                 self._resampler.begin()
             return 0

@@ -98,6 +98,24 @@ def test_remarks_are_warnings() -> None:
         ims.add_errors(t_ns, zero, zero, orientation=level, input={"gravity": "missing"})
 
 
+def test_the_first_irregular_stamps_of_each_kind_are_warned_of() -> None:
+    model = ims.ErrorModel(imu="perfect", rate=100, input={"check": False})
+    still, level = [0.0, 0.0, 0.0], [0.0, 0.0, 9.81]
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        for k in range(1, 1001):
+            model.read(k * 10_000_000, still, level)
+            model.read(k * 10_000_000, still, level)
+            model.read(k * 10_000_000 - 1, still, level)
+    counts = model.counts
+    assert (counts.samples, counts.repeated, counts.backward) == (1000, 1000, 1000)
+    said = [str(warning.message) for warning in caught]
+    assert len(said) == 6
+    assert [line.endswith("left out; further ones are only counted") for line in said] == [
+        *(False, False, False, False, True, True)
+    ]
+
+
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [

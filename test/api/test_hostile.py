@@ -152,6 +152,10 @@ VALID = {
         lambda w: {"t_ns": w.stamps, "gyro": w.rows, "accel": w.rows, "rate": 100},
         OF_SIMULATION,
     ),
+    "add_errors_to_file": (
+        lambda w: {"source": w.file, "output": w.place["path"], "rate": 100, "seed": 1},
+        OF_SIMULATION,
+    ),
     "ErrorModel": (lambda w: {"rate": 100}, OF_SIMULATION),
     "model.read": (lambda w: {"t_ns": 5, "gyro": w.rows[0], "accel": w.rows[0]}, []),
     "model.inject": (lambda w: {"kind": "dropout", "value": 0.5}, []),
@@ -211,6 +215,7 @@ RESULTS = {
         "Campaign",
         "Check",
         "Converted",
+        "ErrorsAdded",
         "Estimated",
         "Evaluation",
         "Flight",

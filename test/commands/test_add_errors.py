@@ -53,6 +53,62 @@ def messages(path: Path) -> dict[str, list[tuple[int, bytes]]]:
     return found
 
 
+@pytest.mark.parametrize(("source", "target"), [("ideal.mcap", "n.bag"), ("ideal.csv", "n.csv")])
+def test_python_writes_what_the_program_writes(
+    source: str, target: str, folder: Path, tmp_path: Path, capsys
+) -> None:
+    words = [str(folder / source), "-o", str(tmp_path / target), *SENSOR, "--rate", "120"]
+    bag = target == "n.bag"
+    more = ["--topics", "imu/data_raw,imu/temperature", "--without", "ground_truth/odom"]
+    renamed = ["--topic", "imu/data_raw=/imu0", "--compression", "lz4"]
+    assert (
+        add_errors.main([*words, *(more if bag else []), *(renamed if bag else []), "--json"]) == 0
+    )
+    said = capsys.readouterr()
+    result = json.loads(said.out)
+    options = {
+        "topics": ["imu/data_raw", "imu/temperature"],
+        "without": "ground_truth/odom",
+        "rename": {"imu/data_raw": "/imu0"},
+        "compression": "lz4",
+    }
+    place = tmp_path / f"python_{target}"
+    made = ims.add_errors_to_file(
+        folder / source,
+        place,
+        imu="bmi088",
+        seed=3,
+        rate=120,
+        **(options if bag else {}),
+    )
+    assert place.read_bytes() == (tmp_path / target).read_bytes()
+    told = {**made.to_dict(), "output": result["output"], "wall_s": result["wall_s"]}
+    assert json.loads(json.dumps(told)) == result
+    assert made.counts.samples == 300
+    assert [f"add_errors: warning: {line}" for line in made.warnings] == said.err.splitlines()
+    assert made.warnings == ("rate = 120: the readings come 100 times a second",)
+
+
+def test_the_first_irregular_stamps_are_reported_and_all_counted(tmp_path: Path, capsys) -> None:
+    t_ns = np.repeat(np.arange(200), 2) * 10_000_000
+    t_ns[-1] = 5_000_000  # one more that comes late
+    level = np.tile([0.0, 0.0, 9.81], (400, 1))
+    with open_writer(tmp_path / "twice.mcap") as writer:
+        topic = writer.add_topic("/imu", IMU)
+        writer.write(topic, np.arange(400), ImuEncoder("x").encode(t_ns, 0.0 * level, level))
+    words = [str(tmp_path / "twice.mcap"), "-o", str(tmp_path / "n.mcap"), "--imu", "perfect"]
+    assert add_errors.main([*words, "--rate", "100", "--set", "input.check=false", "--json"]) == 0
+    said = capsys.readouterr()
+    result = json.loads(said.out)
+    assert (result["readings"], result["samples"]) == (400, 201)  # the last begins anew
+    assert (result["repeated"], result["restarts"]) == (199, 1)
+    twice = "add_errors: warning: a reading with the stamp of the previous one; left out"
+    expected = [twice, twice, f"{twice}; further ones are only counted"]
+    assert said.err.splitlines()[:3] == expected
+    assert len(said.err.splitlines()) == 4
+    assert "stamps jump back by 1.985 s" in said.err.splitlines()[3]
+
+
 @pytest.mark.parametrize("source", FORMS)
 @pytest.mark.parametrize("target", ["n.mcap", "n.bag", "n_db3", "n.csv", "n_euroc"])
 def test_every_form_into_every_form(
