@@ -105,7 +105,6 @@ def add_errors_to_file(
 
     :param source: ROS 1 bag, ``.mcap``, rosbag2 folder, EuRoC folder or CSV file.
     :param output: as for :func:`generate`.
-    :param rate: samples per second [Hz]; by default that of the stamps.
     :param input_topic: the ideal readings, or odometry; by default the only sensor_msgs/Imu.
     :param topics: what is added; by default ``imu/data_raw`` and the true biases.
     :param without: topics of the source that are left out.
@@ -130,9 +129,7 @@ def add_errors_to_file(
     path, place = arguments.path("source", source), checked_place(output, force)
     bag = (storage, compression, split_duration, split_size)
     form = checked_form(FORMATS, format, *bag, topics, rename)
-    topic = None
-    if input_topic is not None:
-        topic = arguments.text("input_topic", input_topic, "the name of a topic")
+    topic = None if input_topic is None else arguments.text("input_topic", input_topic, "a topic")
     options = ErrorOptions(topic, arguments.words("without", without))
     skip = arguments.switch("skip_bad_rows", skip_bad_rows)
     layers = layers_of(imu, seed, params_file, input, parameters, rate)
