@@ -206,8 +206,8 @@ def test_values_of_a_file_that_outlive_a_named_sensor_are_said(tmp_path, capsys)
     common_part = [*output, "--params-file", str(path)]
     assert generate.main([*common_part, "--imu", "mpu6000"]) == 0
     error = capsys.readouterr().err
-    assert "note: --imu mpu6000 is what the parameter file starts from" in error
-    assert "count: imu.accelerometer_range\n" in error
+    assert "note: --imu mpu6000 is the base of the parameter file" in error
+    assert "precedence: imu.accelerometer_range\n" in error
     assert generate.main(common_part) == 0
     assert "note" not in capsys.readouterr().err
 
