@@ -18,10 +18,10 @@ from imu_sim_ros.trajectory.bspline import DEGREE
 from imu_sim_ros.trajectory.drive_parameters import DriveParameters
 from imu_sim_ros.trajectory.ground import map_profile, plane_profile, read_height_map
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
-from imu_sim_ros.trajectory.pace import Visits, driven, find_pace
 from imu_sim_ros.trajectory.path import Path, UniformSpline, find_path
 from imu_sim_ros.trajectory.profile import Derivatives, attitude
 from imu_sim_ros.trajectory.route import Route, read_route
+from imu_sim_ros.trajectory.schedule import Visits, driven, find_schedule
 from imu_sim_ros.trajectory.vibration import Vibrating, Vibration
 from imu_sim_ros.types import Array
 
@@ -33,10 +33,10 @@ _RESPONSE_STEPS: Final = 40.0
 
 
 class Drive:
-    """The motion of a drive; ``route`` has the waypoints, ``path`` and ``pace`` the way."""
+    """The motion of a drive; ``route`` has the waypoints, ``path`` and ``schedule`` the way."""
 
     def __init__(self, parameters: DriveParameters) -> None:
-        """Read the files, and find path and pace.
+        """Read the files, and find path and schedule.
 
         :raises ConfigurationError: for what cannot be driven, a line for each problem.
         :raises InputError: for a file that cannot be used.
@@ -44,19 +44,19 @@ class Drive:
         p = parameters
         self.route, visits = _waypoints(p)
         self.path = find_path(self.route.places, p.turning_radius, p.deviation, _PREFIX)
-        self.pace = find_pace(self.path, p, visits, _PREFIX)
+        self.schedule = find_schedule(self.path, p, visits, _PREFIX)
         if p.height_map:
             ground = read_height_map(p.height_map)
             self._ground = map_profile(ground, self.path.spline, p.track)
         else:
             self._ground = plane_profile(p.slope, self.path.spline)
-        self._suspension = _suspension(self.path, self.pace, p)
+        self._suspension = _suspension(self.path, self.schedule, p)
         self._headings = self._unwrapped()
 
     @property
     def duration(self) -> float:
         """Length [s]."""
-        return self.pace.length
+        return self.schedule.length
 
     @property
     def highest_frequency(self) -> float:
@@ -65,7 +65,7 @@ class Drive:
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
-        (u,), (rate,), (change,) = self.pace.sample(t, 2)
+        (u,), (rate,), (change,) = self.schedule.sample(t, 2)
         place, first, second, third = self.path.spline.sample(u, 3)
         ground = self._ground.sample(u, 3)
         height, rise, curve, kink = (values[0] for values in ground)
@@ -91,7 +91,7 @@ class Drive:
 
     def way(self, t: Array) -> Derivatives:
         """Return the way along the path [m], its rate and the rate of that, at times t (n,)."""
-        (u,), (rate,), (change,) = self.pace.sample(t, 2)
+        (u,), (rate,), (change,) = self.schedule.sample(t, 2)
         return Derivatives(u, rate, change)
 
     def _unwrapped(self) -> tuple[Array, Array]:
@@ -190,8 +190,8 @@ def _check(p: DriveParameters, places: Array, moves: Array, times: Array | None)
         raise ConfigurationError(problems)
 
 
-def _suspension(path: Path, pace: UniformSpline, p: DriveParameters) -> UniformSpline | None:
-    """Return roll and pitch of the body over the ground, as springs and dampers follow the pace.
+def _suspension(path: Path, schedule: UniformSpline, p: DriveParameters) -> UniformSpline | None:
+    """Return roll and pitch of the body over the ground, as springs and dampers follow.
 
     ``x'' + 2 d w x' + w^2 x = w^2 k a`` with the acceleration a across or along.
     """
@@ -199,10 +199,10 @@ def _suspension(path: Path, pace: UniformSpline, p: DriveParameters) -> UniformS
         return None
     from scipy.signal import cont2discrete, lfilter
 
-    segments = max(1, math.ceil(pace.length * p.suspension_frequency * _RESPONSE_STEPS))
-    step = pace.length / segments
+    segments = max(1, math.ceil(schedule.length * p.suspension_frequency * _RESPONSE_STEPS))
+    step = schedule.length / segments
     t = (np.arange(segments + DEGREE) - 2) * step
-    done = driven(path, pace, np.clip(t, 0.0, pace.length))
+    done = driven(path, schedule, np.clip(t, 0.0, schedule.length))
     w = 2.0 * math.pi * p.suspension_frequency
     transfer = ([w * w], [1.0, 2.0 * p.suspension_damping * w, w * w])
     ((numerator,), denominator, _) = cont2discrete(transfer, step, method="foh")

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of a drive on the ground: route, pace, ground, suspension, road."""
+"""Parameters of a drive on the ground: route, speed, ground, suspension, road."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -3,10 +3,10 @@
 
 """When a vehicle is where on its path: as fast as limits allow, or at given times.
 
-The fastest pace within limits of speed and acceleration by place follows from one pass forward and
-one back over the squares of speeds, which a constant acceleration changes in proportion to the way.
-It becomes the control points of a uniform B-spline over time, C4, whose speeds and accelerations
-are means of those of the pace. Where it rests it rests exactly.
+The fastest schedule within limits of speed and acceleration by place follows from one pass forward
+and one back over the squares of speeds, which a constant acceleration changes in proportion to the
+way. It becomes the control points of a uniform B-spline over time, C4, whose speeds and
+accelerations are means of those of the schedule. While it rests it rests exactly.
 """
 
 import dataclasses
@@ -30,7 +30,7 @@ _ROUNDING: Final = 1e-6
 _AIMS: Final = 6
 _ROUNDS: Final = 400
 _TIMES_MET: Final = 1e-9
-"""[s] by which the pace before smoothing meets given times."""
+"""[s] by which the schedule before smoothing meets given times."""
 _LATE: Final = 1e-3
 """[s] by which a waypoint is reached too late to be in time."""
 _EXACT: Final = 1e-9
@@ -77,9 +77,9 @@ class Driven(NamedTuple):
     """Heading rate [rad/s]."""
 
 
-def driven(path: Path, pace: UniformSpline, t: Array) -> Driven:
+def driven(path: Path, schedule: UniformSpline, t: Array) -> Driven:
     """Return speeds and accelerations in the plane at times t (n,) [s]."""
-    (u,), (rate,), (change,) = pace.sample(t, 2)
+    (u,), (rate,), (change,) = schedule.sample(t, 2)
     _, first, second = path.spline.sample(u, 2)
     size = np.hypot(*first)
     speed = size * rate
@@ -88,7 +88,7 @@ def driven(path: Path, pace: UniformSpline, t: Array) -> Driven:
     return Driven(speed, along, speed**2 * turning, speed * turning)
 
 
-def find_pace(
+def find_schedule(
     path: Path, p: DriveParameters, visits: Visits | None, prefix: str = "trajectory."
 ) -> UniformSpline:
     """Return u over time, at rest at both ends.
@@ -107,10 +107,10 @@ def find_pace(
     for _ in range(_AIMS):
         way = _way(path, aim)
         _, controls = _controls(way, _limited(way, aim, speeds, waits), waits, step)
-        pace = UniformSpline(controls[:, None], step)
-        shares = _shares(driven(path, pace, _fine(pace)), p).max(axis=1)
+        schedule = UniformSpline(controls[:, None], step)
+        shares = _shares(driven(path, schedule, _fine(schedule)), p).max(axis=1)
         if shares.max() <= 1.0:
-            return pace
+            return schedule
         aim = _below(aim, np.maximum(shares, 1.0))
     # Slower by a factor k: speeds fall with k, accelerations with k^2.
     slower = float((shares ** [1.0, 0.5, 0.5, 1.0]).max())
@@ -130,9 +130,9 @@ def _below(p: DriveParameters, shares: Array) -> DriveParameters:
     )
 
 
-def _fine(pace: UniformSpline) -> Array:
-    count = pace.segments * _FINE
-    return np.arange(count + 1, dtype=np.float64) * (pace.length / count)
+def _fine(schedule: UniformSpline) -> Array:
+    count = schedule.segments * _FINE
+    return np.arange(count + 1, dtype=np.float64) * (schedule.length / count)
 
 
 def _shares(done: Driven, p: DriveParameters) -> Array:
@@ -159,7 +159,7 @@ def _way(path: Path, p: DriveParameters) -> _Way:
 
 
 def _limited(way: _Way, p: DriveParameters, speeds: Array, waits: Array) -> Array:
-    """Return the squares of the speeds (n,): the fastest pace from rest to rest.
+    """Return the squares of the speeds (n,): the fastest schedule from rest to rest.
 
     :param speeds: (w - 1,) largest, of each leg [m/s].
     :param waits: (w,) rest at each waypoint [s].
@@ -185,9 +185,9 @@ def _durations(way: _Way, square: Array) -> Array:
 
 
 def _controls(way: _Way, square: Array, waits: Array, step: float) -> tuple[Array, Array]:
-    """Return times (c,), from two steps before 0, and u of the pace there.
+    """Return times (c,), from two steps before 0, and u of the schedule there.
 
-    A smoothed pace moves three steps before and after: it waits so much longer.
+    A smoothed schedule moves three steps before and after: it waits so much longer.
     """
     margin = _KERNEL * step
     rest = np.zeros(len(way.u))
@@ -204,7 +204,7 @@ def _controls(way: _Way, square: Array, waits: Array, step: float) -> tuple[Arra
 
 
 def _at_times(way: _Way, square: Array, arrival: Array, departure: Array, t: Array) -> Array:
-    """Return u of the pace at times (m,): constant acceleration from place to place."""
+    """Return u of the schedule at times (m,): constant acceleration from place to place."""
     from scipy.interpolate import CubicHermiteSpline
 
     row = np.clip(np.searchsorted(departure, t, side="right") - 1, 0, len(way.u) - 2)
@@ -217,7 +217,7 @@ def _at_times(way: _Way, square: Array, arrival: Array, departure: Array, t: Arr
 
 
 def _timed(path: Path, p: DriveParameters, visits: Visits, prefix: str) -> UniformSpline:
-    """Return a pace that keeps given times; speeds on each leg are even as far as limits allow."""
+    """Return a schedule that keeps given times, with even speeds as far as limits allow."""
     way, end = _way(path, p), float(visits.arrivals[-1])
     step = end / math.ceil(end * 2.0 * _KERNEL / p.smoothing_time)
     waits = visits.departures - visits.arrivals
@@ -243,15 +243,15 @@ def _timed(path: Path, p: DriveParameters, visits: Visits, prefix: str) -> Unifo
     if problems:
         raise ConfigurationError(problems)
     t, controls = _controls(way, square, np.where(rests, waits, 0.0), step)
-    pace = _meeting(path, visits, rests, t, controls)
-    _check_limits(path, pace, p, visits, prefix)
-    return pace
+    schedule = _meeting(path, visits, rests, t, controls)
+    _check_limits(path, schedule, p, visits, prefix)
+    return schedule
 
 
 def _meeting(
     path: Path, visits: Visits, rests: NDArray[np.bool_], t: Array, controls: Array
 ) -> UniformSpline:
-    """Return the smoothed pace, moved by the little that smoothing has moved it."""
+    """Return the smoothed schedule, moved by the little that smoothing has moved it."""
     from scipy.interpolate import PchipInterpolator
 
     step = float(t[1] - t[0])
@@ -263,20 +263,20 @@ def _meeting(
     times, first = np.unique(np.clip(times, 0.0, visits.arrivals[-1]), return_index=True)
     which = first % len(path.at)
     for _ in range(_ROUNDS):
-        pace = UniformSpline(controls[:, None], step)
-        error = (path.at - pace.sample(visits.arrivals, 0)[0][0])[which]
+        schedule = UniformSpline(controls[:, None], step)
+        error = (path.at - schedule.sample(visits.arrivals, 0)[0][0])[which]
         if np.abs(error).max() < _EXACT:
             break
         controls = controls + PchipInterpolator(times, error)(np.clip(t, times[0], times[-1]))
-    return pace
+    return schedule
 
 
 def _check_limits(
-    path: Path, pace: UniformSpline, p: DriveParameters, visits: Visits, prefix: str
+    path: Path, schedule: UniformSpline, p: DriveParameters, visits: Visits, prefix: str
 ) -> None:
-    """Refuse a pace that exceeds a limit, or that goes back."""
-    t = _fine(pace)
-    done = driven(path, pace, t)
+    """Refuse a schedule that exceeds a limit, or that goes back."""
+    t = _fine(schedule)
+    done = driven(path, schedule, t)
     shares = _shares(done, p)
     values = (done.speed, done.along, done.across, done.turn)
     names = (
