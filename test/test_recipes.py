@@ -307,7 +307,7 @@ def test_a_consumer(copy: Copy) -> None:
     )
     copy.change(
         "imu_sim_ros/datasets/consumers/folder.py",
-        ("    orb_slam3,\n    vins,\n)", "    orb_slam3,\n    own_stack,\n    vins,\n)"),
+        ("    orb_slam3,\n", "    orb_slam3,\n    own_stack,\n"),
         (
             '        "imu_utils.yaml":',
             '        "own_stack.yaml": own_stack.config(values),\n        "imu_utils.yaml":',

@@ -17,6 +17,7 @@ from imu_sim_ros.random_streams import generator
 from imu_sim_ros.types import Array
 
 Colours = NDArray[np.uint8]
+Differences = NDArray[np.int8]
 Stream = np.random.Generator
 
 CONTRASTS: Final = {"blank": 0.25, "plain": 0.8, "rich": 1.3}
@@ -213,6 +214,30 @@ def _sky(c: Canvas, colour: Array) -> Array:
     return colour * (1 - share) + white * share
 
 
+_WEAR: Final = {
+    "plaster": 4.0,
+    "concrete": 8.0,
+    "wood": 5.0,
+    "board": 4.0,
+    "brick": 9.0,
+    "tiles": 5.0,
+    "slabs": 8.0,
+    "ceiling": 4.0,
+    "carpet": 9.0,
+    "metal": 4.0,
+    "ribbed": 4.0,
+    "paint": 3.0,
+    "asphalt": 10.0,
+    "cardboard": 4.0,
+    "leaves": 16.0,
+    "grass": 12.0,
+    "sky": 0.0,
+}
+"""Amplitude of stains and wear on each kind [grey values]."""
+WEAR_PERIODS: Final = (2.63, 3.49)
+"""Lengths after which the layers of wear repeat [m]: with the tile's own, no two are in a ratio of
+small whole numbers, so that a surface repeats nowhere within a place."""
+
 _KINDS: Final[dict[str, tuple[Callable[..., Array], str, float]]] = {
     "plaster": (_plaster, "e6e4de", 2.4),
     "concrete": (_concrete, "a09e99", 3.0),
@@ -258,3 +283,17 @@ def tile(material: str, texel: float, seed: int, contrast: float) -> Colours:
     values = painter(canvas, colour)
     values = colour + np.float32(contrast) * (values - colour)
     return np.clip(values + np.float32(0.5), 0.0, 255.0).astype(np.uint8)
+
+
+def wear(kind: str, period: float, texel: float, seed: int, contrast: float) -> Differences:
+    """Return a layer of stains and wear (n, n) to be added to a tile, which repeats without a seam.
+
+    :param kind: of the material.
+    :param period: length after which it repeats [m].
+    :param texel: edge of a texel, about [m].
+    :param contrast: factor of the differences.
+    """
+    count = max(4, round(period / texel))
+    canvas = Canvas(count, count, period / count, generator(seed, f"wear.{period}"))
+    value = 0.3 * canvas.noise(0.12) + 0.8 * canvas.noise(0.04) + 0.9 * canvas.noise(0.016)
+    return np.rint(np.float32(contrast * _WEAR[kind]) * value).astype(np.int8)

@@ -3,19 +3,28 @@
 
 """The textures of a place: materials and prints under its light."""
 
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.places.light import Single, bake, factors, resampled
-from imu_sim_ros.places.materials import CONTRASTS, colour_of, tile
+from imu_sim_ros.places.materials import (
+    CONTRASTS,
+    WEAR_PERIODS,
+    Differences,
+    colour_of,
+    tile,
+    wear,
+)
 from imu_sim_ros.places.place import Place, Site
 from imu_sim_ros.places.prints import picture
 from imu_sim_ros.random_streams import generator_at
 
 Bytes = NDArray[np.uint8]
+_Value = TypeVar("_Value", np.uint8, np.int8)
 
 _MIDDLE: Final = {"day": 0.55, "lamps": 0.5, "dim": 0.16}
 """Irradiance that half of a place's surfaces exceed, by its light; at 1 white is white."""
@@ -33,6 +42,7 @@ class Painter:
         self.place, self._site = place, site
         self._surfaces = place.surfaces()
         self._tiles: dict[tuple[str, float, bool], Bytes] = {}
+        self._layers: dict[tuple[str, float, float], Differences] = {}
 
     @cached_property
     def _light(self) -> list[Single]:
@@ -56,12 +66,11 @@ class Painter:
         :param texel: edge of its texels, about [m].
         """
         face = self.place.faces[m]
+        starts = generator_at(self._site.seed, "place.start", m)
         pattern = self._tile(face.material, texel, colour)
-        start = generator_at(self._site.seed, "place.start", m).integers(0, len(pattern), 2)
-        lines, posts = (
-            (np.arange(n) + k) % len(pattern) for n, k in ((rows, start[0]), (columns, start[1]))
-        )
-        result = pattern.take(lines, axis=0).take(posts, axis=1)
+        result = _repeated(pattern, starts.integers(0, len(pattern), 2), rows, columns)
+        if not (face.glows or face.sky):
+            self._put_wear(result, face.material, texel, starts)
         width, height = self._surfaces.sides[m].tolist()
         scale = rows / height, columns / width
         for glowing in (False, True):
@@ -86,6 +95,27 @@ class Painter:
             self._tiles[key] = values if colour else grey(values)
         return self._tiles[key]
 
+    def _put_wear(
+        self, texture: Bytes, material: str, texel: float, starts: np.random.Generator
+    ) -> None:
+        """Add the layers of wear, each from a place of its own on."""
+        layers = [self._wear(material, period, texel) for period in WEAR_PERIODS]
+        first = [starts.integers(0, len(layer), 2) for layer in layers]
+        for top in range(0, len(texture), _ROWS):
+            part = texture[top : top + _ROWS]
+            value = part.astype(np.int16)
+            for layer, (row, column) in zip(layers, first, strict=True):
+                worn = _repeated(layer, (row + top, column), *part.shape[:2])
+                value += worn if value.ndim == 2 else worn[..., None]
+            part[:] = np.clip(value, 0, 255)
+
+    def _wear(self, material: str, period: float, texel: float) -> Differences:
+        key = material.partition(":")[0], period, round(texel, 4)
+        if key not in self._layers:
+            contrast = CONTRASTS[self._site.texture]
+            self._layers[key] = wear(*key, self._site.seed, contrast)
+        return self._layers[key]
+
     def _lit(self, texture: Bytes, m: int) -> None:
         """Multiply a texture by its light, interpolated between the points it is known at."""
         light = self._light[m]
@@ -100,6 +130,16 @@ class Painter:
             value *= part
             value += np.float32(0.5)
             part[:] = np.minimum(value, np.float32(255.0)).astype(np.uint8)
+
+
+def _repeated(
+    tile: NDArray[_Value], start: Sequence[int] | NDArray[np.int64], rows: int, columns: int
+) -> NDArray[_Value]:
+    """Return a tile that repeats, from a row and a column on: (rows, columns, ...)."""
+    lines = (np.arange(rows) + start[0]) % len(tile)
+    posts = (np.arange(columns) + start[1]) % len(tile)
+    result: NDArray[_Value] = tile.take(lines, axis=0).take(posts, axis=1)
+    return result
 
 
 def grey(colours: Bytes) -> Bytes:

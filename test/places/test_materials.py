@@ -5,8 +5,12 @@
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
-from imu_sim_ros.places.materials import _KINDS, colour_of, tile
+from imu_sim_ros.places.catalogue import build, usual
+from imu_sim_ros.places.materials import _KINDS, WEAR_PERIODS, colour_of, tile, wear
+from imu_sim_ros.places.paint import Painter
+from imu_sim_ros.places.place import Site
 from imu_sim_ros.places.prints import PRINTS, picture
 from imu_sim_ros.places.sheet import Print
 
@@ -61,3 +65,30 @@ def test_a_print_fills_its_size_and_follows_its_number(kind):
     assert all(np.array_equal(image, other) for other in others) == (kind not in DRAWN)
     if kind in ("grid", "door", "doors", "window", "books"):
         assert np.ptp(image.astype(int)) > 80
+
+
+@pytest.mark.parametrize("period", WEAR_PERIODS)
+def test_wear_has_no_seam_and_no_mean(period):
+    layer = wear("concrete", period, 0.01, 3, 1.0).astype(float)
+    # About 20,000 knots of at most 8 grey values each: the mean's deviation is below 0.1.
+    assert abs(layer.mean()) < 0.4 < layer.std()
+    for axis in (0, 1):
+        seam = np.abs(np.take(layer, 0, axis) - np.take(layer, -1, axis)).mean()
+        assert seam <= 1.5 * np.abs(np.diff(layer, axis=axis)).mean(axis=1 - axis).max()
+
+
+def test_a_surface_does_not_repeat():
+    """After a period of the tile only the tile is the same, after one of wear only that layer."""
+    site = Site(*usual("office", ()), np.empty((0, 3)), texture="rich")
+    painter = Painter(build("office", site), site)
+    surfaces = painter.place.surfaces()
+    floor = int(np.argmax(surfaces.sides.prod(axis=1)))
+    texel = 0.02
+    rows, columns = (round(float(side) / texel) for side in surfaces.sides[floor][::-1])
+    texture = painter.texture(floor, rows, columns, texel, colour=False).astype(float)
+    texture -= ndimage.uniform_filter(texture, 25)  # without the light
+    kind = painter.place.faces[floor].material.partition(":")[0]
+    for period in (_KINDS[kind][2], *WEAR_PERIODS):
+        n = round(period / texel)
+        alike = np.corrcoef(texture[:, n:].ravel(), texture[:, :-n].ravel())[0, 1]
+        assert alike < 0.85, (kind, period)
