@@ -263,5 +263,10 @@ def section_names(parameter: str, names: Iterable[object], taken: Collection[str
 
 def unknown(name: str, known: Mapping[str, object]) -> str:
     """Return the line for a name that does not exist, with the nearest one that does."""
-    hint = suggestion(name, known, "see the parameter reference for all names")
+    usual = "see the parameter reference for all names"
+    section, dot, _ = name.partition(".")
+    if dot and "sensors" in known and not any(each.startswith(f"{section}.") for each in known):
+        usual += f"; those of a sensor need its name in sensors, as in sensors: [{section}]"
+    alike = [each for each in known if "." in each] if dot else known
+    hint = suggestion(name, alike, usual)
     return f"{name}: unknown parameter; {hint}"
