@@ -226,6 +226,8 @@ class Engine:
                     self.pacer.interrupt(False)
                     self.pacer.anchor(block.t0_ns, block.start_ns)
             complete = self._play(block)
+            if complete and block.last:
+                self.pacer.end_stall()
             if complete and block.last and self._wait_for_acknowledgement(5.0):
                 self._on_end()
                 return

@@ -158,8 +158,15 @@ class Pacer:
 
     def anchor(self, sim_ns: int, wall_ns: int) -> None:
         """Let the sample at ``sim_ns`` be due at ``wall_ns`` of the steady clock."""
+        self.end_stall()
         self._sim_ns, self._wall_ns = sim_ns, wall_ns
-        self._stall = self._burst = None
+        self._burst = None
+
+    def end_stall(self) -> None:
+        """Report a stall that nothing on time follows any more: the run ends or begins again."""
+        if self._stall is not None:
+            self._on_stall(self._stall)
+            self._stall = None
 
     @property
     def speed(self) -> float:
@@ -239,9 +246,8 @@ class Pacer:
             self._burst = None
         elif self._burst is None or now - self._deadline(sim_ns) >= _BURST_NS:
             self._burst = (sim_ns, now)
-        if self._stall is not None and late < _ON_TIME_NS:
-            self._on_stall(self._stall)
-            self._stall = None
+        if late < _ON_TIME_NS:
+            self.end_stall()
         if self._stall is None and late < STALL_NS:
             if self._burst is None:
                 self._settle()

@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from imu_sim_ros.nodes.simulator.pacing import Pacer, Verdict
+from imu_sim_ros.nodes.simulator.pacing import Pacer, Stall, Verdict
 
 SPACING_NS = 5_000_000
 
@@ -88,3 +88,22 @@ def test_late_samples_follow_at_a_limited_speed(late: float) -> None:
     assert m >= 8
     taken = np.array(passed[10 : 10 + m]) - passed[10]
     assert (taken >= (np.arange(m) - 1) * spacing_ns / 8).all()
+
+
+@pytest.mark.parametrize("again", [False, True])
+def test_a_stall_that_lasts_to_the_end_of_a_run_is_reported(again: bool) -> None:
+    """Whether the run ends, or begins again: nothing on time follows that would report it."""
+    stalls: list[Stall] = []
+    pacer = Pacer(1.0, True, stalls.append)
+    second = 1_000_000_000
+    pacer.anchor(0, time.monotonic_ns() - 2 * second)
+    for k in range(3):
+        assert pacer.wait(k * 1_000_000) is Verdict.GO
+    assert not stalls
+    if again:
+        pacer.anchor(0, time.monotonic_ns())
+    else:
+        pacer.end_stall()
+    (stall,) = stalls
+    assert (stall.samples, stall.skipped) == (3, False)
+    assert stall.late_ns >= 2 * second
