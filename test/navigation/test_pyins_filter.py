@@ -55,13 +55,13 @@ def filtered(seed, outage=(), stated=1.0, wheels=True):
     :param stated: variance of fixes and velocities that the filter is told, over the true one.
     """
     from pandas import DataFrame, Index, Series
-    from pyins import filters, inertial_sensor, measurements, strapdown, transform
+    from pyins import filters, inertial_sensor, strapdown, transform
     from pyins.util import LLA_COLS, RPH_COLS, VEL_COLS
 
     gnss = {**GNSS, "outages": list(outage)}
     encoders = {"rate": 50.0, "slip_noise": 0.0, "encoder_noise": 0.0, "ticks": 0}
     flight = ims.simulate(seed=seed, gnss=gnss, wheels=encoders, **DRIVE)
-    truth, fixes = flight.truth, flight.gnss
+    truth = flight.truth
     t = (flight.t_ns - flight.t_ns[0]) * 1e-9
     draw = np.random.default_rng(seed)
     r_nb = ENU_FROM_NED.T @ rotation.to_matrix(truth.q_wb) @ FLU_FROM_FRD
@@ -83,6 +83,30 @@ def filtered(seed, outage=(), stated=1.0, wheels=True):
         columns=strapdown.GYRO_COLS + strapdown.ACCEL_COLS,
         index=Index(t, name="time"),
     )
+    aiding = aids(flight, draw, stated, wheels)
+    result = filters.run_feedback_filter(
+        start,
+        *START.values(),
+        strapdown.compute_increments_from_imu(imu, "rate"),
+        inertial_sensor.EstimationModel(noise=NOISE["gyroscope_noise_density"]),
+        inertial_sensor.EstimationModel(noise=NOISE["accelerometer_noise_density"]),
+        aiding,
+        time_step=0.5,
+    )
+    sd = result.trajectory_sd
+    rows = np.round(sd.index.to_numpy() * DRIVE["rate"]).astype(int)
+    found = result.trajectory.loc[sd.index, LLA_COLS].to_numpy()
+    error = transform.compute_lla_difference(found, lla[rows])
+    return sd.index.to_numpy(), error / sd[["north", "east", "down"]].to_numpy()
+
+
+def aids(flight, draw, stated, wheels):
+    """Return pyins' measurements; arguments as for :func:`filtered`."""
+    from pandas import DataFrame, Index
+    from pyins import measurements
+    from pyins.util import LLA_COLS, VEL_COLS
+
+    fixes = flight.gnss
     when = Index((fixes.t_ns - flight.t_ns[0]) * 1e-9, name="time")
     arm = FLU_FROM_FRD @ ARM
     root = np.sqrt(stated)
@@ -106,20 +130,7 @@ def filtered(seed, outage=(), stated=1.0, wheels=True):
                 DataFrame(speed, columns=["VX", "VY", "VZ"], index=Index(times, name="time")), WHEEL
             )
         )
-    result = filters.run_feedback_filter(
-        start,
-        *START.values(),
-        strapdown.compute_increments_from_imu(imu, "rate"),
-        inertial_sensor.EstimationModel(noise=NOISE["gyroscope_noise_density"]),
-        inertial_sensor.EstimationModel(noise=NOISE["accelerometer_noise_density"]),
-        aiding,
-        time_step=0.5,
-    )
-    sd = result.trajectory_sd
-    rows = np.round(sd.index.to_numpy() * DRIVE["rate"]).astype(int)
-    found = result.trajectory.loc[sd.index, LLA_COLS].to_numpy()
-    error = transform.compute_lla_difference(found, lla[rows])
-    return sd.index.to_numpy(), error / sd[["north", "east", "down"]].to_numpy()
+    return aiding
 
 
 def truth_places(flight):
