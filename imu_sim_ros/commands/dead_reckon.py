@@ -21,11 +21,11 @@ from imu_sim_ros.jobs.dead_reckon import (
     CURVED_EARTH,
     Track,
     World,
+    initial_condition,
     integrated,
     plot_tracks,
     read_recording,
     read_world,
-    started,
 )
 from imu_sim_ros.navigation.parameters import (
     ATTITUDE_UPDATES,
@@ -136,7 +136,7 @@ def _tracks(arguments: argparse.Namespace) -> list[Track]:
         skipped_rows(arguments, "dead_reckon", arguments.bag),
         skipped_rows(arguments, "dead_reckon", f"the truth of {arguments.bag}"),
     )
-    start = started(settings, recording.after(arguments.skip))
+    start = initial_condition(settings, recording.after(arguments.skip))
     if not arguments.all:
         return [integrated(start, settings)]
     return [

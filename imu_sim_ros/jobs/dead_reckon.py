@@ -222,9 +222,9 @@ def dead_reckon(
         method, attitude_update, name, **_plain(parameters)
     )
     if isinstance(initial, NavigationState):
-        start = Start(recording, initial, correction_of(settings))
+        start = InitialCondition(recording, initial, correction_of(settings))
     else:
-        start = started(settings, recording)
+        start = initial_condition(settings, recording)
     track = integrated(start, settings)
     if not covariance:
         return track
@@ -239,30 +239,30 @@ class World(NamedTuple):
     curved_earth: bool
 
 
-class Recording(NamedTuple):
+class ReadingsAndTruth(NamedTuple):
     """Readings with their truth."""
 
     readings: Readings
     truth: Odometry | None
 
-    def after(self, skip: float) -> Recording:
+    def after(self, skip: float) -> ReadingsAndTruth:
         """Return the recording without its first seconds."""
         t_ns = self.readings.t_ns
         if not skip or not len(t_ns):
             return self
         return self.rows(t_ns >= t_ns[0] + round(skip * 1e9))
 
-    def rows(self, rows: NDArray[np.bool_] | slice) -> Recording:
+    def rows(self, rows: NDArray[np.bool_] | slice) -> ReadingsAndTruth:
         """Return the recording with some of its readings."""
         own = self.readings
         kept = Readings(own.t_ns[rows], own.gyro[rows], own.accel[rows], own.name)
         return self._replace(readings=kept)
 
 
-class Start(NamedTuple):
+class InitialCondition(NamedTuple):
     """What integration begins with."""
 
-    recording: Recording
+    recording: ReadingsAndTruth
     """From the start on."""
     state: NavigationState
     correction: Correction
@@ -270,14 +270,14 @@ class Start(NamedTuple):
 
 def _recording(
     readings: Flight | Readings | str | Path, imu_topic: str | None, truth_topic: str | None
-) -> Recording:
+) -> ReadingsAndTruth:
     if isinstance(readings, str | PathLike):
         path = checked_path("readings", readings, BAG_OR_FILE)
         topics = checked_topic("imu_topic", imu_topic), checked_topic("truth_topic", truth_topic)
         return read_recording(path, *topics)
     checked_topic("truth_topic", truth_topic, of_a_file=False)
     found = readings_of("readings", readings, imu_topic, "imu_topic")
-    return Recording(found, readings.truth if isinstance(readings, Flight) else None)
+    return ReadingsAndTruth(found, readings.truth if isinstance(readings, Flight) else None)
 
 
 def read_recording(
@@ -286,7 +286,7 @@ def read_recording(
     truth_topic: str | None = None,
     skipped: Skipped | None = None,
     truth_skipped: Skipped | None = None,
-) -> Recording:
+) -> ReadingsAndTruth:
     """Return the readings of a file, and its truth if it has one.
 
     :param skipped: receives how many bad readings are left out; None: they are errors.
@@ -301,7 +301,7 @@ def read_recording(
     if truth_topic is not None or tracks.has_truth(path):
         topic = tracks.truth_topic(path, truth_topic)
         truth = Odometry.of_messages(read_odometry(path, topic, truth_skipped), name_of(path))
-    return Recording(readings, truth)
+    return ReadingsAndTruth(readings, truth)
 
 
 def _world(readings: object) -> World:
@@ -338,7 +338,9 @@ _usual_settings = cache(_settings)
 """Without parameters: many short records are integrated alike."""
 
 
-def started(settings: IntegratorParameters, recording: Recording) -> Start:
+def initial_condition(
+    settings: IntegratorParameters, recording: ReadingsAndTruth
+) -> InitialCondition:
     """Return where integration begins, by ``initial_state``.
 
     :raises InputError: for a start at a truth that there is not, and a rest that is none.
@@ -347,7 +349,9 @@ def started(settings: IntegratorParameters, recording: Recording) -> Start:
     if not len(readings):
         raise InputError("0 readings: integration needs at least two")
     if settings.initial_state == "parameters":
-        return Start(recording, initialisation.given_state(settings), correction_of(settings))
+        return InitialCondition(
+            recording, initialisation.given_state(settings), correction_of(settings)
+        )
     if settings.initial_state == "truth":
         if truth is None:
             raise _no_truth(readings.name)
@@ -355,7 +359,7 @@ def started(settings: IntegratorParameters, recording: Recording) -> Start:
         if late.any():
             recording = recording.rows(~late)
         at = recording.readings.t_ns[0]
-        return Start(recording, _comparable(truth).at(int(at)), correction_of(settings))
+        return InitialCondition(recording, _comparable(truth).at(int(at)), correction_of(settings))
     rest = initialisation.rest_rows(settings, readings.t_ns)
     start_ns = int(readings.t_ns[rest.stop - 1])
     position = yaw = None
@@ -365,7 +369,9 @@ def started(settings: IntegratorParameters, recording: Recording) -> Start:
     found = initialisation.from_rest(
         settings, readings.gyro[rest], readings.accel[rest], position=position, yaw=yaw
     )
-    return Start(recording.rows(slice(rest.stop - 1, None)), found.state, found.correction)
+    return InitialCondition(
+        recording.rows(slice(rest.stop - 1, None)), found.state, found.correction
+    )
 
 
 def _no_truth(source: str) -> InputError:
@@ -407,7 +413,7 @@ def _comparable(truth: Odometry) -> Truth:
     return Truth(checked_poses("truth", truth), truth.velocity)
 
 
-def integrated(start: Start, settings: IntegratorParameters) -> Track:
+def integrated(start: InitialCondition, settings: IntegratorParameters) -> Track:
     """Return the trajectory that follows from a start."""
     readings, truth = start.recording
     states = integrate(
@@ -426,7 +432,7 @@ def integrated(start: Start, settings: IntegratorParameters) -> Track:
     return Track(*states, *words, truth, readings.name, settings.initial_state)
 
 
-def _covariance(given: object, track: Track, start: Start) -> Array:
+def _covariance(given: object, track: Track, start: InitialCondition) -> Array:
     """Return the covariance (n, 6, 6) of the poses from an exact start."""
     if not isinstance(given, Flight):
         raise InputError("covariance: the sensor's errors are known of a flight alone")

@@ -19,7 +19,7 @@ from imu_sim_ros.jobs.attitude import AttitudeEvaluation, evaluate_attitude, has
 from imu_sim_ros.jobs.output import saved
 from imu_sim_ros.jobs.readings import BAG_OR_FILE, HasPoses, checked_poses
 from imu_sim_ros.jobs.reprojection import reprojection
-from imu_sim_ros.jobs.tracks import Track, read_track
+from imu_sim_ros.jobs.tracks import RecordedTrack, read_track
 from imu_sim_ros.jobs.tracks import truth_topic as truth_topic_of
 from imu_sim_ros.navigation.association import (
     ALIGNMENTS,
@@ -308,8 +308,8 @@ def evaluate(
 
 
 def compared(
-    estimate: Track,
-    truth: Track,
+    estimate: RecordedTrack,
+    truth: RecordedTrack,
     align: str,
     max_gap: float,
     find_offset: bool = False,
@@ -364,7 +364,9 @@ def compared(
     )
 
 
-def _time_offset(estimate: Track, truth: Track, align: str, max_gap: float) -> TimeOffset:
+def _time_offset(
+    estimate: RecordedTrack, truth: RecordedTrack, align: str, max_gap: float
+) -> TimeOffset:
     value = time_offset_of(estimate.poses, truth.poses, max_gap, scaled=align == "sim3")
     rows = common_rows(estimate.poses.t_ns, truth.poses.t_ns, max_gap)
     position = estimate.poses.position[rows]
@@ -374,7 +376,7 @@ def _time_offset(estimate: Track, truth: Track, align: str, max_gap: float) -> T
     return TimeOffset(value, statistics(np.linalg.norm(before, axis=1)).rmse)
 
 
-def _track(name: str, given: Any, topic: str | None) -> Track:
+def _track(name: str, given: Any, topic: str | None) -> RecordedTrack:
     """Return the trajectory that an argument is, or that a path leads to."""
     of_a_file = isinstance(given, str | Path)
     topic = checked_topic(f"{name}_topic", topic, of_a_file)
@@ -388,7 +390,7 @@ def _track(name: str, given: Any, topic: str | None) -> Track:
         speed = array(f"{name}.velocity", speed, (len(poses.t_ns), 3))
     if stated is not None and name == "estimate":
         stated = array("estimate.covariance", stated, (len(poses.t_ns), 6, 6))
-    return Track(poses, speed, stated)
+    return RecordedTrack(poses, speed, stated)
 
 
 def _rms(errors: Array) -> float:

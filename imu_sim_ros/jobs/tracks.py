@@ -22,7 +22,7 @@ from imu_sim_ros.rotation import rotate
 from imu_sim_ros.types import Array
 
 
-class Track(NamedTuple):
+class RecordedTrack(NamedTuple):
     """A trajectory with what its source has in addition to the poses."""
 
     poses: PoseSequence
@@ -61,7 +61,7 @@ def read_track(
     covariance: bool = False,
     reader: Callable[..., PoseSequence] = read_poses,
     skipped: Skipped | None = None,
-) -> Track:
+) -> RecordedTrack:
     """Return a trajectory.
 
     :param topic: of a bag; None: the only one of Odometry, else of PoseStamped.
@@ -74,7 +74,7 @@ def read_track(
     """
     if path.is_file() if is_text(path) else not odometry_topics(path):
         poses = reader(path, topic, covariance=covariance)
-        track = Track(poses, pose_covariance=poses.covariance)
+        track = RecordedTrack(poses, pose_covariance=poses.covariance)
     else:
         track = _odometry(path, topic, covariance, skipped)
     if len(track.poses.t_ns) < 2:
@@ -89,7 +89,7 @@ def _odometry(
     topic: str | None,
     covariance: bool,
     skipped: Skipped | None,
-) -> Track:
+) -> RecordedTrack:
     parts: list[tuple[Array | NDArray[np.int64], ...]] = []
     for block in odometry_blocks(path, topic, skipped=skipped):
         velocity = rotate(block.q_wb, block.velocity_b)
@@ -99,7 +99,7 @@ def _odometry(
         raise InputError(f"{path}: 0 poses; a trajectory needs two or more")
     t_ns, position, q_wb, velocity, *joined = map(np.concatenate, zip(*parts, strict=True))
     poses = PoseSequence(t_ns.astype(np.int64), position, q_wb, name=_name(path, topic))
-    return Track(poses, velocity, *joined)
+    return RecordedTrack(poses, velocity, *joined)
 
 
 def _name(path: Path, topic: str | None) -> str:

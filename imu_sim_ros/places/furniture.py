@@ -4,7 +4,7 @@
 """What stands and hangs in houses, at its real size."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -33,12 +33,13 @@ def _part(
     middle: Place3,
     size: Place3,
     material: str,
-    **more: object,
+    prints: Mapping[str, Sequence[Print]] | None = None,
+    leave: str = "bottom",
 ) -> None:
     """Add a box by its middle and size in the axes of what it is a part of."""
     at = np.array(_moved(origin, turn, *middle))
     half = 0.5 * np.asarray(size, np.float64)
-    b.box((at - half).tolist(), (at + half).tolist(), material, turn=turn, **more)  # type: ignore[arg-type]
+    b.box((at - half).tolist(), (at + half).tolist(), material, prints, turn, leave)
 
 
 def _clear(b: Builder, origin: Place3, radius: float, height: float) -> bool:
@@ -244,7 +245,8 @@ def windows(b: Builder, wall: int, sill: float, height: float) -> Callable[[Buil
         to_sun = np.array([sideways[0], sideways[1], 0.75])
         to_sun /= np.linalg.norm(to_sun)
         x, y, z = (round(float(value), 9) for value in to_sun)
-        return Lighting(tuple(done.lamps), (x, y, z), tuple(2.2 * c for c in SUN), tuple(panes))  # type: ignore[arg-type]
+        red, green, blue = (2.2 * c for c in SUN)
+        return Lighting(tuple(done.lamps), (x, y, z), (red, green, blue), tuple(panes))
 
     return lit
 

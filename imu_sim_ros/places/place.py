@@ -122,11 +122,19 @@ class Builder:
         up: Sequence[float] | Array,
         material: str,
         prints: Sequence[Print] = (),
-        **more: float | bool,
+        detail: float = 1.0,
+        sky: bool = False,
+        glows: bool = False,
     ) -> int:
-        """Add a rectangle that is seen from the side of across x up; return its place."""
-        rectangle = tuple(np.round(each, 9) for each in (origin, across, up))
-        self.faces.append(Face(rectangle, material, tuple(prints), **more))  # type: ignore[arg-type]
+        """Add a rectangle that is seen from the side of across x up; return its place.
+
+        The other arguments are those of :class:`Face`.
+        """
+        corner, first, second = (
+            np.array(each, dtype=np.float64).round(9) for each in (origin, across, up)
+        )
+        sides = (corner, first, second)
+        self.faces.append(Face(sides, material, tuple(prints), detail, sky, glows))
         return len(self.faces) - 1
 
     def room(

@@ -12,7 +12,7 @@ from imu_sim_ros import rotation
 from imu_sim_ros.bags.read import ImuMessages
 from imu_sim_ros.commands import dead_reckon, generate
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.jobs.dead_reckon import Recording, started
+from imu_sim_ros.jobs.dead_reckon import ReadingsAndTruth, initial_condition
 from imu_sim_ros.jobs.readings import Readings
 from imu_sim_ros.navigation import initialisation
 from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
@@ -69,7 +69,7 @@ def of_the_node(chosen, readings):
 def test_node_and_command_start_alike(state, gap):
     chosen, readings = parameters(initial_state=state), record(gap=gap)
     given = Readings(readings.t_ns, readings.gyro, readings.accel)
-    begun = started(chosen, Recording(given, None))
+    begun = initial_condition(chosen, ReadingsAndTruth(given, None))
     start_ns, of_node = of_the_node(chosen, readings)
     assert begun.recording.readings.t_ns[0] == start_ns
     for mine, other in zip(begun.state, of_node.state, strict=True):
