@@ -153,7 +153,7 @@ def _run_alone(
 ) -> Outcome:
     others, worker = _children(), os.getpid()
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
-    started = time.monotonic()
+    started, memory = time.monotonic(), _PeakMemory()
     with (place / OUTPUT).open("wb") as output:
         try:
             process = subprocess.Popen(
@@ -169,7 +169,7 @@ def _run_alone(
         except (OSError, ValueError, subprocess.SubprocessError) as error:
             raise InputError(f"{words[0] if words else ''}: cannot be started: {error}") from None
     try:
-        status, reason, peak = _wait(process, estimator, place, started)
+        status, reason, peak = _wait(process, estimator, place, started, memory)
     finally:
         _kill_all(process.pid, others)
     return Outcome(status, reason, time.monotonic() - started, peak)
@@ -201,12 +201,17 @@ def _begin_program(estimator: CommandEstimator, worker: int) -> None:
 
 
 def _wait(
-    process: "subprocess.Popen[bytes]", estimator: CommandEstimator, place: Path, started: float
+    process: "subprocess.Popen[bytes]",
+    estimator: CommandEstimator,
+    place: Path,
+    started: float,
+    memory: "_PeakMemory",
 ) -> tuple[int | None, str, float]:
     """Wait for the program's end; return status, why it was ended, and its peak memory [MB]."""
     deadline = started + estimator.timeout
     pause, look = 0.001, started + _POLL
     while True:
+        memory.look(process.pid)
         pid, status, usage = os.wait4(process.pid, os.WNOHANG)
         if pid:
             process.returncode = os.waitstatus_to_exitcode(status)
@@ -215,24 +220,58 @@ def _wait(
                 process.returncode != 0 and _size(place) >= estimator.disk_limit
             )
             reason = _too_much(estimator) if full else ""
-            return process.returncode, reason, usage.ru_maxrss / 1024.0
+            return process.returncode, reason, memory.at_end(usage)
         now = time.monotonic()
         if now >= deadline:
-            return None, f"did not finish within {estimator.timeout:g} s", _killed(process)
+            return None, f"did not finish within {estimator.timeout:g} s", _killed(process, memory)
         if now >= look:
             look = now + _POLL
             if _size(place) > estimator.disk_limit:
-                return None, _too_much(estimator), _killed(process)
+                return None, _too_much(estimator), _killed(process, memory)
         time.sleep(min(pause, max(deadline - now, 0.0)))
         pause = min(pause * 1.5, 0.05)
 
 
-def _killed(process: "subprocess.Popen[bytes]") -> float:
+def _killed(process: "subprocess.Popen[bytes]", memory: "_PeakMemory") -> float:
     """Kill a program; return its peak memory [MB]."""
     process.kill()
     _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
-    return usage.ru_maxrss / 1024.0
+    return memory.at_end(usage)
+
+
+class _PeakMemory:
+    """The largest resident memory [MiB] of a program, or of one that it started.
+
+    ``ru_maxrss`` of a program also counts what this process held when it forked: ``execve`` keeps
+    the mark (Linux, ``setmax_mm_hiwater_rss`` in ``fs/exec.c``). Above that mark it is exact;
+    below it, the largest ``VmHWM`` seen while the program ran is taken.
+    """
+
+    def __init__(self) -> None:
+        self._inherited = _status_mib("self", "VmRSS")
+        self._seen = 0.0
+
+    def look(self, pid: int) -> None:
+        """Take the marks of a running program and of its descendants."""
+        self._seen = max(self._seen, _status_mib(pid, "VmHWM"))
+        for child in _children(pid):
+            self.look(child)
+
+    def at_end(self, usage: resource.struct_rusage) -> float:
+        """Return the peak of a program that has ended."""
+        # In KiB on Linux, in bytes on macOS (getrusage(2)).
+        peak = float(usage.ru_maxrss) / (1024.0**2 if sys.platform == "darwin" else 1024.0)
+        return self._seen if self._seen and peak <= self._inherited else peak
+
+
+def _status_mib(pid: int | str, name: str) -> float:
+    """Return a quantity of /proc/PID/status [MiB]; 0 if the system or the process has none."""
+    with contextlib.suppress(OSError):
+        for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+            if line.startswith(f"{name}:"):
+                return float(line.split()[1]) / 1024.0
+    return 0.0
 
 
 def _too_much(estimator: CommandEstimator) -> str:
@@ -294,10 +333,10 @@ def _kill_children(others: set[int]) -> None:
                 os.waitpid(pid, 0)
 
 
-def _children() -> set[int]:
-    """Return the child processes of this one; none if the system does not list them."""
+def _children(pid: int | str = "self") -> set[int]:
+    """Return the child processes of one; none if the system does not list them."""
     found: set[int] = set()
-    for task in Path("/proc/self/task").glob("*"):
+    for task in Path(f"/proc/{pid}/task").glob("*"):
         with contextlib.suppress(OSError):
             found.update(map(int, (task / "children").read_text().split()))
     return found

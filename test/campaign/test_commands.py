@@ -216,6 +216,23 @@ def test_a_failed_run_keeps_its_time_and_memory(run, ending, status, least_s):
     assert row["real_time_factor"] is None
 
 
+def test_memory_is_the_programs_own_and_not_that_of_the_process_that_starts_it(run):
+    """Forking hands the mark of the parent on; here 600 MB that no program ever touched."""
+    held = np.ones(75_000_000)
+    row = run("import time\nx = bytearray(100_000_000)\ntime.sleep(0.5)")
+    assert held.nbytes == 600_000_000
+    assert 95.0 < row["peak_memory_mb"] < 250.0
+
+
+def test_memory_of_a_program_that_a_script_starts(run):
+    """The script holds 10 MB, what it starts 100 MB."""
+    held = np.ones(75_000_000)
+    inner = "import time; x = bytearray(100_000_000); time.sleep(0.5)"
+    row = run(f"import subprocess, sys\nsubprocess.run([sys.executable, '-c', {inner!r}])")
+    assert held.nbytes == 600_000_000
+    assert 95.0 < row["peak_memory_mb"] < 250.0
+
+
 def test_a_program_that_ignores_sigterm_ends_at_its_timeout(run):
     program = """
 import signal, time
