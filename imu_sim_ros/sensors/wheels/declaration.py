@@ -49,6 +49,8 @@ class WheelsReadings(CarriedReadings):
     """(n, 3) as read."""
     covariance: Array
     """(n, 3, 3) stated, of the twist."""
+    pose_covariance: Array
+    """(n, 3, 3) stated, of the pose [m, m, rad]."""
     angle: Array
     """(n, m) of the joints, as read [rad]."""
     speed: Array
@@ -67,6 +69,10 @@ class WheelsReadings(CarriedReadings):
     """(n, 3) twist for which the wheels turn, minus the vehicle's."""
     slip_ratio: Array
     """(n, wheels) of the patch: how much faster a rim is than the ground, 0.1 for 10 percent."""
+    temperature: Array
+    """(n,) of the wheels [degC]."""
+    true_radius: Array
+    """(n, wheels) at this temperature [m]."""
 
 
 def _model(
@@ -118,9 +124,12 @@ def _odometry(name: str, truth: bool = False) -> Topic:
                 pose, twist = read.true_pose[rows], read.true_twist[rows]
                 ideal = pose[:, :3], pose[:, 3:], twist[:, :3], twist[:, 3:]
                 return encoder.pattern(read.true_t_ns[rows], *ideal)
-            place, q, velocity, rate, covariance = _as_read(read, rows)
-            twist = velocity, rate, None, covariance
-            return encoder.pattern(read.t_ns[rows], place, q, *twist)
+            place, q, velocity, rate = _as_read(read, rows)
+            covariances = (
+                _planar(read.pose_covariance[rows]),
+                _planar(read.covariance[rows]),
+            )
+            return encoder.pattern(read.t_ns[rows], place, q, velocity, rate, *covariances)
 
         return payloads
 
@@ -128,22 +137,26 @@ def _odometry(name: str, truth: bool = False) -> Topic:
 
 
 def _as_read(read: Any, rows: Any) -> tuple[Array, ...]:
-    """Return position, attitude, velocity, angular velocity; the covariance of the twist."""
+    """Return position, attitude, velocity, angular velocity."""
     pose, twist = read.pose[rows], read.twist[rows]
     count = len(pose)
     none = np.zeros(count)
     half = 0.5 * pose[:, 2]
-    covariance = np.zeros((count, 6, 6))
-    measured = np.array([0, 1, 5])
-    covariance[:, measured[:, None], measured] = read.covariance[rows]
-    covariance[:, [2, 3, 4], [2, 3, 4]] = NOT_MEASURED
     return (
         np.column_stack([pose[:, :2], none]),
         np.column_stack([np.cos(half), none, none, np.sin(half)]),
         np.column_stack([twist[:, :2], none]),
         np.column_stack([none, none, twist[:, 2]]),
-        covariance,
     )
+
+
+def _planar(measured: Array) -> Array:
+    """Return covariances (n, 6, 6) of x, y and yaw (n, 3, 3), and of what wheels do not measure."""
+    covariance = np.zeros((len(measured), 6, 6))
+    planar = np.array([0, 1, 5])
+    covariance[:, planar[:, None], planar] = measured
+    covariance[:, [2, 3, 4], [2, 3, 4]] = NOT_MEASURED
+    return covariance
 
 
 SENSOR = Sensor(

@@ -20,7 +20,9 @@ from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.carried import CarriedSensor
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.events import Events
+from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.sensors.wheels.parameters import WheelsParameters
+from imu_sim_ros.sensors.wheels.uncertainty import StatedCovariance, applied
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.types import Array
 
@@ -43,12 +45,10 @@ def rim_speeds(model: str, track: float, wheelbase: float) -> Array:
     return np.array([[1.0, 0.0, -0.5 * track], [1.0, 0.0, 0.5 * track]])
 
 
-def applied(matrix: Array, rows: Array) -> Array:
-    """Return ``rows @ matrix.T``, with sums in an order that the number of rows does not change."""
-    result = rows[:, :1] * matrix[:, 0]
-    for k in range(1, matrix.shape[1]):
-        result = result + rows[:, k : k + 1] * matrix[:, k]
-    return result
+def wheel_places(model: str, track: float, wheelbase: float) -> Array:
+    """Return where each wheel touches the ground (m, 3), from the point of the twist [m]."""
+    ends = (0.5, -0.5) if model == "omnidirectional" else (0.0,)
+    return np.array([[end * wheelbase, side * track, 0.0] for end in ends for side in (0.5, -0.5)])
 
 
 def realised_wheels(p: WheelsParameters, seed: int) -> WheelsParameters:
@@ -95,10 +95,11 @@ class Odometer(CarriedSensor):
         self._dt = 1.0 / p.rate
         self._unit = realised_wheels(p, seed)
         self._rims = rim_speeds(p.model, self._unit.true_base[0], self._unit.true_base[1])
-        self._known = rim_speeds(p.model, p.track, p.wheelbase)
+        known = rim_speeds(p.model, p.track, p.wheelbase)
         self._to_twist, self._to_true_twist = (
-            np.asarray(np.linalg.pinv(rims), np.float64) for rims in (self._known, self._rims)
+            np.asarray(np.linalg.pinv(rims), np.float64) for rims in (known, self._rims)
         )
+        self._stated = StatedCovariance(p, known, self._to_twist)
         wheels = range(p.wheels)
         self._noise = [generator(seed, f"{NAME}.encoder.{k}") for k in wheels]
         self._slips = [generator(seed, f"{NAME}.slip.{k}") for k in wheels]
@@ -106,6 +107,11 @@ class Odometer(CarriedSensor):
         self._steering = generator(seed, f"{NAME}.steering")
         self._patches = Events(seed, f"{NAME}.patch", p.patch_rate, p.patch_duration, self._dt)
         self._patched, self._patch = 0, np.zeros(p.wheels)
+        self._places = self.lever_arm_b + wheel_places(p.model, *self._unit.true_base)
+        ambient = dataclasses.replace(
+            environment.temperature, power=0.0, time_constant=p.temperature_time_constant
+        )
+        self._temperature = TemperatureProfile(ambient)
         self._last: tuple[Array, Array] | None = None
         self._angle, self._read = np.zeros(p.wheels), np.zeros(p.wheels)
         self._steered = np.zeros(2)
@@ -121,10 +127,12 @@ class Odometer(CarriedSensor):
         mean = self._mean(twist, np.column_stack([rate[:, :2], motion.angular_acceleration[:, 2]]))
         slipped = mean * np.array([1.0, 1.0, 1.0 + p.turn_slip])
         rims = applied(self._rims, slipped)
-        ratio = self._patch_ratios(len(t))
+        ratio = self._patch_ratios(len(t)) + self._box_ratios(motion)
         rims = rims * (1.0 + ratio)
         rims = rims + self._random_slip(rims)
-        ideal, angle, speed = self._turn(rims / np.array(self._unit.true_radii))
+        temperature = self._temperature.at(t)
+        radius = self._radii(temperature)
+        ideal, angle, speed = self._turn(rims / radius)
         read = applied(self._to_twist, p.radius * speed)
         with_slip = applied(self._to_true_twist, rims)
         if p.model == "ackermann":
@@ -148,13 +156,20 @@ class Odometer(CarriedSensor):
             "ideal_speed": ideal[1],
             "slip": with_slip - mean,
             "slip_ratio": ratio,
+            "temperature": temperature,
+            "true_radius": radius,
         }
 
     def complete(self, values: Mapping[str, Array]) -> Mapping[str, Array]:
         """Return the pose that the readings add up to, and their covariance."""
-        twist = values["twist"]
-        covariance = self._covariance(twist, values["angle"])
-        return {**values, "pose": self._integrated(twist), "covariance": covariance}
+        twist, angle = values["twist"], values["angle"]
+        pose = self._integrated(twist)
+        return {
+            **values,
+            "pose": pose,
+            "covariance": self._stated.of_twist(twist, angle),
+            "pose_covariance": self._stated.of_pose(pose, twist, angle),
+        }
 
     @property
     def _own_parameters(self) -> WheelsParameters:
@@ -181,6 +196,26 @@ class Odometer(CarriedSensor):
                 self._patch, self._patched = self._own_parameters.patch_slip * share, int(k)
             ratio[numbers == k] = self._patch
         return ratio
+
+    def _box_ratios(self, motion: Motion) -> Array:
+        """Return how much faster each wheel is where it touches the ground (count, m)."""
+        boxes = self._own_parameters.patch_boxes
+        ratio = np.zeros((len(motion.position), len(self._places)))
+        if not boxes:
+            return ratio
+        for k, place in enumerate(self._places):
+            at = motion.position + rotation.rotate(motion.q_wb, place[None])
+            for box in np.reshape(boxes, (-1, 7)):
+                inside = ((at >= box[:3]) & (at <= box[3:6])).all(axis=1)
+                ratio[:, k] = np.maximum(ratio[:, k], box[6] * inside)
+        return ratio
+
+    def _radii(self, temperature: Array) -> Array:
+        """Return the true radii (n, m) at temperatures (n,)."""
+        p = self._own_parameters
+        warmer = temperature[:, None] - p.reference_temperature
+        grown: Array = 1.0 + p.radius_temperature_coefficient * warmer
+        return np.array(self._unit.true_radii) * grown
 
     def _random_slip(self, rims: Array) -> Array:
         """Return what random slip adds to the speeds (n, m) of the rims."""
@@ -255,34 +290,6 @@ class Odometer(CarriedSensor):
         result = np.column_stack([places, yaw])[1:]
         self._pose = result[-1]
         return result
-
-    def _covariance(self, twist: Array, angle: Array) -> Array:
-        """Return the stated covariance (n, 3, 3) of twists, at angles (n, m) of the joints."""
-        p, m = self._own_parameters, self._to_twist
-        tick = math.tau / p.ticks if p.ticks else 0.0
-        counted = 2.0 * (p.radius / self._dt) ** 2 * (p.encoder_noise**2 + tick**2 / 12.0)
-        rims = np.abs(applied(self._known, twist))
-        spread = (0.01 * p.radius_sigma_percent * rims) ** 2
-        each = counted + p.slip_noise**2 * rims / self._dt + spread
-        squares = np.einsum("im,jm->ijm", m, m).reshape(9, -1)
-        result = applied(squares, each).reshape(-1, 3, 3)
-        if p.model == "ackermann":
-            self._put_steering(result, twist[:, 0], angle[:, -1])
-        if p.model != "omnidirectional":
-            result[:, 1, 1] = p.side_slip_sigma**2
-        result[:, 2, 2] += (0.01 * p.base_sigma_percent * twist[:, 2]) ** 2
-        return result
-
-    def _put_steering(self, result: Array, speed: Array, steered: Array) -> None:
-        """Put in the yaw rate's part that follows from forward speeds and steering angles (n,)."""
-        p, variance = self._own_parameters, result[:, 0, 0]
-        curvature = np.tan(steered) / p.wheelbase
-        slope = (1.0 + np.tan(steered) ** 2) / p.wheelbase
-        of_steering = p.steering_noise**2 + p.steering_offset_sigma**2
-        result[:, 0, 2] = result[:, 2, 0] = curvature * variance
-        # The variance of the speed is what is left where the vehicle stands.
-        turning = (speed**2 + variance) * slope**2 * of_steering
-        result[:, 2, 2] = curvature**2 * variance + turning
 
 
 def unseen(p: WheelsParameters, trajectory: Trajectory, duration: float) -> list[str]:

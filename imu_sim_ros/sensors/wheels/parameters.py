@@ -85,6 +85,23 @@ class WheelsParameters(CarriedParameters):
         minimum=0.0,
         maximum=20.0,
     )
+    radius_temperature_coefficient: float = number(
+        0.0,
+        "relative growth of the true radii with temperature; the odometry and the stated "
+        "covariance do not know it",
+        unit="1/K",
+        minimum=-0.01,
+        maximum=0.01,
+    )
+    reference_temperature: float = number(
+        25.0, "at which the true radii hold", unit="degC", minimum=-273.15
+    )
+    temperature_time_constant: float = number(
+        0.0,
+        "wheels follow the ambient temperature, `temperature.*`, with this time constant",
+        unit="s",
+        minimum=0.0,
+    )
     ticks: int = integer(
         4096,
         "counts of an encoder in a turn of its wheel; 0: angles are not rounded",
@@ -135,6 +152,13 @@ class WheelsParameters(CarriedParameters):
         unit="1",
         minimum=0.0,
         maximum=100.0,
+    )
+    patch_boxes: tuple[float, ...] = numbers(
+        (),
+        "slippery boxes in the world: least x, y, z, largest x, y, z, and slip, of each; a wheel "
+        "that touches the ground inside is faster by this share, unknown to the stated covariance",
+        unit="m, 1",
+        group=7,
     )
     side_slip_sigma: float = number(
         0.05,
@@ -193,6 +217,12 @@ class WheelsParameters(CarriedParameters):
             given = getattr(self, name)
             if given and len(given) != count:
                 yield f"{prefix}{name} = {list(given)}: must be empty or {count} ({self.model})"
+        for k in range(0, len(self.patch_boxes), 7):
+            box = self.patch_boxes[k : k + 7]
+            if any(low >= high for low, high in zip(box[:3], box[3:6], strict=True)):
+                yield f"{prefix}patch_boxes: {list(box)}: least must be below largest"
+            if not 0.0 <= box[6] <= 100.0:
+                yield f"{prefix}patch_boxes: slip {box[6]:g}: must be between 0 and 100"
         if any(self.lever_arm) and not self.frame:
             yield f"{prefix}frame: must be named where {prefix}lever_arm is not 0"
         if bool(self.patch_rate) != bool(self.patch_slip):

@@ -207,10 +207,22 @@ def test_noisy_wheels_do_not_depend_on_blocks() -> None:
         "wheels.preset": "f1tenth",
         "wheels.patch_rate": 2.0,
         "wheels.patch_slip": 0.3,
+        "wheels.patch_boxes": [0.0, 0.0, -9.0, 9.0, 9.0, 9.0, 0.1],
+        "wheels.radius_temperature_coefficient": 1e-4,
+        "temperature.power": 1.0,
     }
     whole = Simulation(load_simulation(given), sensors={"wheels"}).next_block(10**6)
     parts = list(Simulation(load_simulation(given), sensors={"wheels"}).blocks(1))
-    for name in ("pose", "twist", "covariance", "angle", "speed", "slip", "true_pose"):
+    for name in (
+        "pose",
+        "twist",
+        "covariance",
+        "pose_covariance",
+        "angle",
+        "speed",
+        "slip",
+        "true_pose",
+    ):
         joined = np.concatenate([getattr(part.auxiliary["wheels"], name) for part in parts])
         assert np.array_equal(joined, getattr(whole.auxiliary["wheels"], name)), name
 
@@ -237,6 +249,9 @@ def test_rosbags_reads_what_was_simulated(tmp_path: Path, name: str) -> None:
         stated = np.reshape(odometry[k].twist.covariance, (6, 6))
         assert np.array_equal(stated[np.ix_([0, 1, 5], [0, 1, 5])], wheels.covariance[k])
         assert stated[2, 2] == stated[3, 3] == 1e6
+        stated = np.reshape(odometry[k].pose.covariance, (6, 6))
+        assert np.array_equal(stated[np.ix_([0, 1, 5], [0, 1, 5])], wheels.pose_covariance[k])
+        assert stated[2, 2] == stated[3, 3] == stated[4, 4] == 1e6
         place = odometry[k].pose.pose.position
         assert [place.x, place.y] == wheels.pose[k, :2].tolist()
         assert np.array_equal(joints[k].position, wheels.angle[k])
@@ -305,8 +320,71 @@ def test_motion_that_wheels_cannot_do_is_told_in_a_line() -> None:
         ({"joint_names": ["a"]}, "joint_names .* must be empty or 2"),
         ({"lever_arm": [-0.2, 0.0, 0.0]}, "wheels.frame: must be named"),
         ({"patch_rate": 1.0}, "must both be 0 or both be above 0"),
+        ({"patch_boxes": [0, 0, 0, 1, 1, 0, 0.1]}, "least must be below largest"),
+        ({"patch_boxes": [0, 0, 0, 1, 1, 1, -0.1]}, "slip -0.1: must be between 0 and 100"),
     ],
 )
 def test_mistakes_are_told(own: dict[str, Any], line: str) -> None:
     with pytest.raises(ConfigurationError, match=line):
         read(**own)
+
+
+def test_warm_wheels_are_larger() -> None:
+    """On 30 degC instead of 20, with 1e-3 per kelvin: one percent fewer turns, and less way."""
+    given = {
+        **CIRCLE,
+        "duration": 4,
+        "temperature": {"profile": [0.0, 20.0, 2.0, 20.0, 2.02, 30.0]},
+        "wheels": {
+            **PERFECT,
+            "radius_temperature_coefficient": 1e-3,
+            "reference_temperature": 20.0,
+            "true_radii": [0.1, 0.2],
+        },
+    }
+    wheels = ims.simulate(**given).wheels
+    cold = wheels.true_t_ns - wheels.true_t_ns[0] <= 2_000_000_000
+    assert (cold.sum(), len(cold)) == (101, 200)
+    np.testing.assert_allclose(wheels.temperature, np.where(cold, 20.0, 30.0), atol=1e-6)
+    grown = np.where(cold, 1.0, 1.01)[:, None]
+    np.testing.assert_allclose(wheels.true_radius, grown * [0.1, 0.2], rtol=1e-9)
+    rims = np.array([V - W * TRACK / 2, V + W * TRACK / 2])
+    np.testing.assert_allclose(wheels.speed, rims / (grown * [0.1, 0.2]), rtol=1e-8)
+    np.testing.assert_allclose(wheels.slip, 0.0, atol=1e-12)
+
+
+def test_wheels_follow_the_temperature_slowly() -> None:
+    """After a step and one time constant, 1 - 1/e of it are left behind."""
+    given = {
+        **CIRCLE,
+        "duration": 10,
+        "temperature": {"profile": [0.0, 20.0, 1.0, 30.0], "interpolation": "steps", "power": 5.0},
+    }
+    wheels = ims.simulate(**given, wheels={"temperature_time_constant": 4.0}).wheels
+    t = (wheels.true_t_ns - wheels.true_t_ns[0]) * 1e-9
+    expected = np.where(t < 1.0, 20.0, 30.0 - 10.0 * np.exp(-(t - 1.0) / 4.0))
+    np.testing.assert_allclose(wheels.temperature, expected, atol=1e-6)
+
+
+def test_only_the_wheel_in_the_box_slips() -> None:
+    """Along x at 1 m/s with wheels 0.25 m to both sides; ice where y > 0, from 1 to 2 m."""
+    motion = {"type": "harmonic", "x": {"polynomial": [0.0, 1.0]}}
+    own = {**PERFECT, "radius": RADIUS, "track": TRACK}
+    box = [1.0, 0.0, -1.0, 2.0, 9.0, 1.0, 0.2]
+    given = {**CIRCLE, "trajectory": motion, "duration": 3}
+    wheels = ims.simulate(**given, wheels={**own, "patch_boxes": box}).wheels
+    x = 0.02 * np.arange(len(wheels))
+    on_ice = (x > 0.999) & (x < 2.001)
+    assert on_ice.sum() == 51
+    left = np.where(on_ice, 0.2, 0.0)
+    np.testing.assert_array_equal(wheels.slip_ratio, np.column_stack([left, 0.0 * left]))
+    np.testing.assert_allclose(wheels.speed[:, 0], (1.0 + left) / RADIUS, atol=1e-9)
+    np.testing.assert_allclose(wheels.slip[:, 0], left / 2.0, atol=1e-9)
+    np.testing.assert_allclose(wheels.slip[:, 2], -left / TRACK, atol=1e-9)
+    # Two boxes that overlap are as slippery as the worse of both, and all four wheels take part.
+    own = {**own, "model": "omnidirectional", "wheelbase": BASE}
+    wide = [-9.0, -9.0, -1.0, 9.0, 9.0, 1.0, 0.1]
+    wheels = ims.simulate(**given, wheels={**own, "patch_boxes": [*box, *wide]}).wheels
+    at = x[:, None] + BASE / 2 * np.array([1.0, 1.0, -1.0, -1.0])
+    inside = (at > 0.999) & (at < 2.001) & np.array([True, False, True, False])
+    np.testing.assert_array_equal(wheels.slip_ratio, np.where(inside, 0.2, 0.1))

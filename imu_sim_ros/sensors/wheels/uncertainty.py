@@ -1,0 +1,163 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The covariances that the odometry of wheels states: of each twist, and of the pose.
+
+They know encoders, random slip, and the spreads of radii, base and steering offset; not slip in
+turns and on patches, nor temperature.
+"""
+
+import math
+from typing import Final
+
+import numpy as np
+
+from imu_sim_ros.sensors.wheels.parameters import WheelsParameters
+from imu_sim_ros.types import Array
+
+_UPPER: Final = np.triu_indices(3)
+"""The six different elements of a covariance: xx, xy, x yaw, yy, y yaw, yaw yaw."""
+_ELEMENTS: Final = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+
+
+def applied(matrix: Array, rows: Array) -> Array:
+    """Return ``rows @ matrix.T``, with sums in an order that the number of rows does not change."""
+    result = rows[:, :1] * matrix[:, 0]
+    for k in range(1, matrix.shape[1]):
+        result = result + rows[:, k : k + 1] * matrix[:, k]
+    return result
+
+
+class StatedCovariance:
+    """Covariances of the readings of one odometer, in order from the first."""
+
+    def __init__(self, parameters: WheelsParameters, known: Array, to_twist: Array) -> None:
+        """Start with a pose that is known exactly.
+
+        :param known: (m, 3) speeds of the rims over the twist, as the odometry has them.
+        :param to_twist: (3, m) the twist over the speeds of the rims.
+        """
+        self._parameters, self._known, self._to_twist = parameters, known, to_twist
+        self._dt = 1.0 / parameters.rate
+        tick = math.tau / parameters.ticks if parameters.ticks else 0.0
+        self._of_angle = parameters.encoder_noise**2 + tick**2 / 12.0
+        wheels, steered = parameters.wheels, parameters.model == "ackermann"
+        self._of_constants = np.array(
+            [0.01 * parameters.radius_sigma_percent] * wheels
+            + [0.01 * parameters.base_sigma_percent]
+            + [parameters.steering_offset_sigma] * steered
+        )
+        self._pose: Array | None = None
+        self._white = np.zeros(6)
+        self._constant = np.zeros((len(self._of_constants), 3))
+        self._count = np.zeros((wheels, 3))
+
+    def of_twist(self, twist: Array, angle: Array) -> Array:
+        """Return the covariance (n, 3, 3) of twists (n, 3), at angles (n, m) of the joints."""
+        p, m = self._parameters, self._to_twist
+        counted = 2.0 * (p.radius / self._dt) ** 2 * self._of_angle
+        rims = np.abs(applied(self._known, twist))
+        spread = (0.01 * p.radius_sigma_percent * rims) ** 2
+        each = counted + p.slip_noise**2 * rims / self._dt + spread
+        squares = np.einsum("im,jm->ijm", m, m).reshape(9, -1)
+        result = applied(squares, each).reshape(-1, 3, 3)
+        if p.model == "ackermann":
+            self._put_steering(result, twist[:, 0], angle[:, -1])
+        if p.model != "omnidirectional":
+            result[:, 1, 1] = p.side_slip_sigma**2
+        result[:, 2, 2] += (0.01 * p.base_sigma_percent * twist[:, 2]) ** 2
+        return result
+
+    def _put_steering(self, result: Array, speed: Array, steered: Array) -> None:
+        """Put in the yaw rate's part that follows from forward speeds and steering angles (n,)."""
+        p, variance = self._parameters, result[:, 0, 0]
+        curvature = np.tan(steered) / p.wheelbase
+        slope = (1.0 + np.tan(steered) ** 2) / p.wheelbase
+        of_steering = p.steering_noise**2 + p.steering_offset_sigma**2
+        result[:, 0, 2] = result[:, 2, 0] = curvature * variance
+        # The variance of the speed is what is left where the vehicle stands.
+        turning = (speed**2 + variance) * slope**2 * of_steering
+        result[:, 2, 2] = curvature**2 * variance + turning
+
+    def of_pose(self, pose: Array, twist: Array, angle: Array) -> Array:
+        """Return the covariance (n, 3, 3) of the poses (n, 3) that the next n twists add up to.
+
+        To first order. With ``T(p) = [[1, 0, -y], [0, 1, x], [0, 0, 1]]`` errors e of pose k are
+        ``T(p_k) sum_j a_j s_j``, a_j (3,) of source s in the interval before reading j: the way
+        that it adds, as a motion about the origin. Random slip and steering noise are white,
+        radii, base and offset constant; the error n of an angle enters as ``n_j - n_(j-1)``, so
+        that it does not add up.
+        """
+        if not len(pose):
+            return np.zeros((0, 3, 3))
+        before = np.concatenate([pose[:1] if self._pose is None else self._pose[None], pose[:-1]])
+        # No interval precedes the first pose.
+        dt = np.full(len(pose), self._dt)
+        dt[0] = 0.0 if self._pose is None else self._dt
+        self._pose = pose[-1].copy()
+        wheels, steering, base = self._ways(before, pose, twist, angle, dt)
+        rims = applied(self._known, twist)
+        p = self._parameters
+        slip = p.slip_noise * np.sqrt(np.abs(rims) / self._dt)
+        counts = (p.radius / self._dt) * math.sqrt(self._of_angle) * wheels
+        previous = np.concatenate([self._count[None], counts[:-1]])
+        self._count = counts[-1].copy()
+        white = [slip[:, :, None] * wheels, counts - previous]
+        constant = [rims[:, :, None] * wheels, base]
+        if p.model == "ackermann":
+            white.append(p.steering_noise * steering)
+            constant.append(steering)
+        summed = np.concatenate([self._white[None], _squared(np.concatenate(white, axis=1))])
+        white_sum = np.cumsum(summed, axis=0)
+        self._white = white_sum[-1].copy()
+        ways = np.concatenate([self._constant[None], np.concatenate(constant, axis=1)])
+        constant_sum = np.cumsum(ways, axis=0)
+        self._constant = constant_sum[-1].copy()
+        lasting = constant_sum[1:] * self._of_constants[:, None]
+        return _moved(white_sum[1:] + _squared(np.concatenate([lasting, counts], axis=1)), pose)
+
+    def _ways(
+        self, before: Array, pose: Array, twist: Array, angle: Array, dt: Array
+    ) -> tuple[Array, Array, Array]:
+        """Return the motions about the origin that errors add in an interval.
+
+        Of the speed of each rim (n, m, 3), of the steering angle (n, 1, 3), of the base, as a
+        share (n, 1, 3).
+        """
+        x, y, yaw = (0.5 * (before + pose)).T
+        chord = dt * np.sinc((pose[:, 2] - before[:, 2]) / math.tau)
+        cosine, sine = chord * np.cos(yaw), chord * np.sin(yaw)
+        forward, left, turning = self._to_twist[:, :, None]
+        turned = np.broadcast_to(turning.T, (len(pose), len(turning)))
+        slope = np.zeros(len(pose))
+        if self._parameters.model == "ackermann":
+            tangent = np.tan(angle[:, -1])
+            turned = (tangent / self._parameters.wheelbase)[:, None] * forward.T
+            slope = twist[:, 0] * (1.0 + tangent**2) / self._parameters.wheelbase
+        about = np.stack([y * dt, -x * dt, dt], axis=1)
+        along = np.stack([cosine, sine, 0.0 * dt], axis=1)
+        across = np.stack([-sine, cosine, 0.0 * dt], axis=1)
+        wheels = forward * along[:, None] + left * across[:, None]
+        wheels = wheels + turned[:, :, None] * about[:, None]
+        return wheels, (slope[:, None] * about)[:, None], (twist[:, 2:] * about)[:, None]
+
+
+def _squared(rows: Array) -> Array:
+    """Return the six elements (n, 6) of the sum of r r^T over rows (n, k, 3)."""
+    total: Array = np.sum(rows[:, :, _UPPER[0]] * rows[:, :, _UPPER[1]], axis=1)
+    return total
+
+
+def _moved(elements: Array, pose: Array) -> Array:
+    """Return T C T^T (n, 3, 3) of six elements (n, 6) of C."""
+    x, y = pose[:, 0], pose[:, 1]
+    xx, xy, xt, yy, yt, tt = elements.T
+    moved = [
+        xx - 2.0 * y * xt + y * y * tt,
+        xy + x * xt - y * yt - x * y * tt,
+        xt - y * tt,
+        yy + 2.0 * x * yt + x * x * tt,
+        yt + x * tt,
+        tt,
+    ]
+    return np.stack(moved, axis=1)[:, _ELEMENTS]
