@@ -98,9 +98,9 @@ class BagTarget:
     def _encoder(
         self, key: str, parameters: Mapping[str, SampledParameters], simulation: str
     ) -> Encode:
-        if key == MOUNTINGS:  # one message for all IMUs
+        if key == MOUNTINGS:  # one message for all sensors
             imus = [one for name, one in parameters.items() if name != BODY]
-            return mountings(imus, self.writer.encoding)
+            return mountings(imus, parameters[self.body], self.writer.encoding)
         return encoder(key, parameters[simulation], self.writer.encoding)
 
     @property
@@ -322,7 +322,7 @@ def chosen_topics(
     for name in (name.strip().lstrip("/") for name in wanted):
         of_all = [full for full, (_, key) in known.items() if key == name and full != name]
         names += of_all if of_all else [name]
-    problems = list(_topic_problems(names, renamed, (*known, *more)))
+    problems = list(_topic_problems(names, renamed, tuple(dict.fromkeys((*known, *more)))))
     if problems:
         raise InputError(problems)
     return {name: renamed.get(name, name) for name in names}

@@ -139,6 +139,12 @@ def carried(parameters: object) -> dict[str, Any]:
     return {name: getattr(parameters, name) for name in getattr(parameters, "sensors", ())}
 
 
+def carried_frames(parameters: object) -> dict[str, tuple[float, ...]]:
+    """Return the positions in the body [m] of sensors that have frames of their own, by frame."""
+    own = carried(parameters).values()
+    return {one.frame: one.lever_arm for one in own if one.frame}
+
+
 def load_simulation(*layers: Mapping[str, object], node: str = "simulator") -> SimulationParameters:
     """Return the simulation that layers of parameters describe, later ones above earlier ones.
 

@@ -58,7 +58,7 @@ from imu_sim_ros.sensors.errors.noise import (
 )
 from imu_sim_ros.sensors.gravity import geodetic
 from imu_sim_ros.sensors.registry import find_sensor
-from imu_sim_ros.simulation.parameters import SampledParameters, carried
+from imu_sim_ros.simulation.parameters import SampledParameters, carried, carried_frames
 from imu_sim_ros.types import Times
 
 TYPES: Final[dict[str, str]] = {
@@ -235,18 +235,24 @@ def _transforms(parameters: SampledParameters, encoding: str) -> Encode:
     return _at_true_times(messages)
 
 
-def mountings(imus: Iterable[SampledParameters], encoding: str = "cdr") -> Encode:
-    """Return the encoder of the transforms from the body to its IMUs.
+def mountings(
+    imus: Iterable[SampledParameters], body: SampledParameters, encoding: str = "cdr"
+) -> Encode:
+    """Return the encoder of the transforms from the body to its IMUs, and to what it carries.
 
     They are one message, with the first sample's time.
 
     :param imus: the parameters of each; at least one.
+    :param body: the parameters of the simulation that has the sensors of the body.
     """
     placed = list(imus)
-    frames = TransformsEncoder([(one.body_frame, one.imu_frame) for one in placed], encoding)
-    turns = np.stack([np.reshape(one.imu.mounting, (3, 3)) for one in placed])
-    arms = np.stack([np.asarray(one.imu.lever_arm, dtype=np.float64) for one in placed])
-    rotations, written = from_matrix(turns), False
+    others = {f: arm for f, arm in carried_frames(body).items() if f != body.body_frame}
+    named = [(one.body_frame, one.imu_frame) for one in placed]
+    frames = TransformsEncoder([*named, *((body.body_frame, f) for f in others)], encoding)
+    turns = [np.reshape(one.imu.mounting, (3, 3)) for one in placed] + [np.eye(3)] * len(others)
+    given = [*(one.imu.lever_arm for one in placed), *others.values()]
+    arms = np.array(given, dtype=np.float64)
+    rotations, written = from_matrix(np.stack(turns)), False
 
     def encode(block: ImuBlock, _: SampledParameters) -> Messages:
         nonlocal written
@@ -356,7 +362,7 @@ _MAKERS: Final[dict[str, Callable[[SampledParameters, str], Encode]]] = {
     TRUTH_FIX_TOPIC: _fix,
     TRUTH_POSE_TOPIC: _pose,
     TRANSFORMS: _transforms,
-    MOUNTINGS: lambda parameters, encoding: mountings([parameters], encoding),
+    MOUNTINGS: lambda parameters, encoding: mountings([parameters], parameters, encoding),
     IDEAL_IMU_TOPIC: _ideal,
     GYROSCOPE_BIAS_TOPIC: _gyroscope_bias,
     ACCELEROMETER_BIAS_TOPIC: _accelerometer_bias,

@@ -55,6 +55,27 @@ def test_several_imus_share_one_static_message(tmp_path):
     assert frames["right_imu_link"].rotation.w == 1.0
 
 
+def test_the_antenna_and_the_axle_have_their_places(tmp_path):
+    """Those with a frame of their own: wheels without one are the body."""
+    settings = ["--gnss", "zed_f9p", "--set", "gnss.lever_arm=[0.3, 0, 1]", "--wheels", "f1tenth"]
+    path, topics = tmp_path / "aided.mcap", "imu/data_raw,gps/fix,tf_static"
+    assert generate.main(["-o", str(path), *settings, "--topics", topics, *WORDS]) == 0
+    (fixed,) = messages(path, "/tf_static")
+    frames = {one.child_frame_id: one.transform for one in fixed.transforms}
+    assert set(frames) == {"imu_link", "gps_link"}
+    place = frames["gps_link"].translation
+    assert [place.x, place.y, place.z] == [0.3, 0.0, 1.0]
+    assert frames["gps_link"].rotation.w == 1.0
+    (fix, *_) = messages(path, "/gps/fix")
+    assert fix.header.frame_id == "gps_link"
+
+
+def test_an_unknown_topic_is_answered_with_each_name_once(tmp_path, capsys):
+    words = ["-o", str(tmp_path / "a.mcap"), "--gnss", "zed_f9p", "--topics", "gps/fux"]
+    assert generate.main([*words, *WORDS]) == 2
+    assert capsys.readouterr().err.count("gps/velocity,") <= 1
+
+
 def test_a_dataset_has_no_transforms(tmp_path, capsys):
     words = ["-o", str(tmp_path / "mav0"), "--format", "euroc", "--topics", "imu/data_raw,tf"]
     status = generate.main([*words, *WORDS])

@@ -8,8 +8,10 @@ from pathlib import Path
 from imu_sim_ros.bags.outputs import make_folder
 from imu_sim_ros.datasets.consumers import (
     basalt,
+    fusioncore,
     imu_utils,
     kalibr,
+    mins,
     openvins,
     orb_slam3,
     robot_localization,
@@ -18,6 +20,7 @@ from imu_sim_ros.datasets.consumers import (
 from imu_sim_ros.datasets.consumers import (
     imu_utils as allan_variance_ros,
 )
+from imu_sim_ros.datasets.consumers.aiding import aiding
 from imu_sim_ros.datasets.consumers.rig import RigValues, kind
 from imu_sim_ros.datasets.consumers.values import ImuValues
 from imu_sim_ros.simulation.parameters import SimulationParameters
@@ -66,6 +69,18 @@ def rig_texts(rig: RigValues) -> dict[str, str]:
     return found
 
 
+def body_texts(values: ImuValues, parameters: SimulationParameters) -> dict[str, str]:
+    """Return the text of each file for the GNSS and the wheels of a body, by the file's name."""
+    body = aiding(values, parameters)
+    if body is None:
+        return {}
+    return {
+        **robot_localization.texts(values, parameters),
+        "fusioncore.yaml": fusioncore.config(body),
+        **mins.texts(body),
+    }
+
+
 def write_all(
     folder: Path,
     values: ImuValues,
@@ -79,6 +94,7 @@ def write_all(
     """
     make_folder(folder)
     cameras = rig_texts(rig) if rig else {}
-    body = robot_localization.texts(values, parameters) if parameters else {}
+    body = body_texts(values, parameters) if parameters else {}
     for name, text in {**texts(values), **cameras, **body}.items():
+        (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8")

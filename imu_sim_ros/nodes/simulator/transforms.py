@@ -15,7 +15,7 @@ from imu_sim_ros.bags.messages.transforms import TransformsEncoder
 from imu_sim_ros.conventions import TF_STATIC_TOPIC
 from imu_sim_ros.nodes.publishing import create
 from imu_sim_ros.nodes.simulator.publish_queue import TickStream
-from imu_sim_ros.simulation.parameters import SimulationParameters, carried
+from imu_sim_ros.simulation.parameters import SimulationParameters, carried_frames
 from imu_sim_ros.simulation.playback import BODY
 from imu_sim_ros.trajectory.motion import Trajectory
 
@@ -43,11 +43,10 @@ def imu_mounts(simulated: dict[str, SimulationParameters]) -> list[Mount]:
             pose[:3, :3] = np.reshape(parameters.imu.mounting, (3, 3))
             pose[:3, 3] = parameters.imu.lever_arm
             mounts.append(Mount(parameters.imu_frame, pose))
-        for own in carried(parameters).values():
-            if own.frame:
-                pose = np.eye(4)
-                pose[:3, 3] = own.lever_arm
-                mounts.append(Mount(own.frame, pose))
+        for frame, place in carried_frames(parameters).items():
+            pose = np.eye(4)
+            pose[:3, 3] = place
+            mounts.append(Mount(frame, pose))
     return mounts
 
 

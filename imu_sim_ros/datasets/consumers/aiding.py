@@ -1,0 +1,82 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What aids an IMU, GNSS and wheels of its body, in the form of the stacks."""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from imu_sim_ros.datasets.consumers.values import ImuValues
+from imu_sim_ros.sensors.gnss.parameters import MODES, GnssParameters
+from imu_sim_ros.sensors.wheels.model import rim_speeds
+from imu_sim_ros.sensors.wheels.parameters import WheelsParameters
+from imu_sim_ros.sensors.wheels.uncertainty import StatedCovariance
+from imu_sim_ros.simulation.parameters import SimulationParameters, carried
+from imu_sim_ros.types import Array
+
+SPEED: Final = 1.0
+"""[m/s] at which one number stands for the noise of wheels, which grows with their speed."""
+
+
+@dataclass(frozen=True)
+class Aiding:
+    """One IMU and what its body carries."""
+
+    values: ImuValues
+    parameters: SimulationParameters
+    gnss: GnssParameters | None
+    wheels: WheelsParameters | None
+
+    def in_imu(self, place: tuple[float, ...]) -> Array:
+        """Return a point of the body (3,) in the IMU's frame [m]."""
+        imu = self.values.imu
+        return self.rotation() @ (np.asarray(place) - np.asarray(imu.lever_arm))
+
+    def rotation(self) -> Array:
+        """Return R_ib (3, 3), from the body's axes to the IMU's."""
+        return np.reshape(self.values.imu.mounting, (3, 3)).T
+
+    def later(self, own: GnssParameters | WheelsParameters, lag: float = 0.0) -> float:
+        """Return by how much a sensor's stamps have to grow to be those of the IMU's clock [s].
+
+        :param lag: from the middle of what is measured to its true stamp [s].
+        """
+        return self.values.imu.stamp_offset - own.stamp_offset - lag
+
+    @property
+    def position_sigma(self) -> tuple[float, float]:
+        """Horizontal and vertical standard deviation that the receiver states at the start [m]."""
+        assert self.gnss is not None
+        factor, mode = math.sqrt(self.gnss.covariance_factor), MODES.index(self.gnss.mode)
+        return factor * self.gnss.horizontal_sigma[mode], factor * self.gnss.vertical_sigma[mode]
+
+    @property
+    def twist_sigma(self) -> tuple[float, float]:
+        """Standard deviations of forward speed [m/s] and yaw rate [rad/s] stated at 1 m/s."""
+        assert self.wheels is not None
+        p = self.wheels
+        known = rim_speeds(p.model, p.track, p.wheelbase)
+        stated = StatedCovariance(p, known, np.asarray(np.linalg.pinv(known), np.float64))
+        straight = np.array([[SPEED, 0.0, 0.0]])
+        variances = np.diag(stated.of_twist(straight, np.zeros((1, len(p.joints))))[0])
+        return math.sqrt(variances[0]), math.sqrt(variances[2])
+
+    @property
+    def wheel_speed_density(self) -> float:
+        """White noise of a wheel's rate at 1 m/s, from counts and random slip [rad/s/sqrt(Hz)]."""
+        assert self.wheels is not None
+        p = self.wheels
+        tick = math.tau / p.ticks if p.ticks else 0.0
+        counted = 2.0 * p.rate * (p.encoder_noise**2 + tick**2 / 12.0)
+        return math.sqrt(counted + p.slip_noise**2 * SPEED / p.radius**2)
+
+
+def aiding(values: ImuValues, parameters: SimulationParameters) -> Aiding | None:
+    """Return what the body carries for an IMU; None: neither GNSS nor wheels."""
+    body = carried(parameters)
+    if not body.keys() & {"gnss", "wheels"}:
+        return None
+    return Aiding(values, parameters, body.get("gnss"), body.get("wheels"))
