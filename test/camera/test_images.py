@@ -14,7 +14,6 @@ import pytest
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
-from imu_sim_ros.sensors.camera.images import renderer
 from imu_sim_ros.sensors.camera.images.files import png
 from imu_sim_ros.sensors.camera.images.imager import Imager
 from imu_sim_ros.sensors.camera.images.renderer import look_up
@@ -116,6 +115,12 @@ def test_the_bytes_do_not_depend_on_the_processor():
     assert done.stdout.split() == [GOLDEN[case] for case in CASES]
 
 
+def test_images_do_not_depend_on_whether_rays_are_kept(make_rig, monkeypatch):
+    kept = make_imager(make_rig, **EVERYTHING)[1].image(3)
+    monkeypatch.setattr("imu_sim_ros.sensors.camera.images.rays._KEPT", 0)
+    assert np.array_equal(make_imager(make_rig, **EVERYTHING)[1].image(3), kept)
+
+
 def test_images_do_not_depend_on_the_order_nor_on_threads(make_rig):
     from concurrent.futures import ThreadPoolExecutor
 
@@ -166,11 +171,11 @@ def test_the_look_up_is_integer_arithmetic(make_rig, case):
 def test_the_image_does_not_depend_on_its_bands(make_rig, monkeypatch, scale):
     """A band has few rows of cells, or all: the values are the same, and so is every pixel."""
     many = make_imager(make_rig, camera__supersampling=scale)[1]
-    assert len(many._renderer._bands()) > 2
+    assert len(many._renderer.bands) > 2
     expected = many.image(3)
-    monkeypatch.setattr(renderer, "_BAND", 10**9)
+    monkeypatch.setattr("imu_sim_ros.sensors.camera.images.rays._BAND", 10**9)
     one = make_imager(make_rig, camera__supersampling=scale)[1]
-    assert len(one._renderer._bands()) == 1
+    assert len(one._renderer.bands) == 1
     assert np.array_equal(one.image(3), expected)
 
 

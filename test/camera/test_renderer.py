@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
+from imu_sim_ros.sensors.camera.images.rays import PixelRays
 from imu_sim_ros.sensors.camera.images.renderer import Renderer
 from imu_sim_ros.sensors.camera.images.texture import LEVELS, Atlas, Planes, within
 
@@ -29,6 +30,33 @@ LENSES = {
 }
 
 
+def all_rays(view, scale):
+    """Return the rays of a camera and those of all its pixels (3, h, w)."""
+    rays = PixelRays(view.model, scale)
+    bands = [rays.of_band(k) for k in range(len(rays.bands))]
+    return rays, np.concatenate(bands, axis=1)
+
+
+@pytest.mark.parametrize("lens", LENSES)
+@pytest.mark.parametrize("kept", [0, 10**9])
+def test_rays_look_through_the_middle_of_each_part_of_a_pixel(make_rig, monkeypatch, lens, kept):
+    """Kept for all images or found for each: projected, they meet their place again."""
+    monkeypatch.setattr("imu_sim_ros.sensors.camera.images.rays._KEPT", kept)
+    view = make_rig("target", **CAMERA, **LENSES[lens]).views["cam0"]
+    rays, every = all_rays(view, 3)
+    assert len(rays.bands) > 2
+    assert every.shape == (3, 360, 564)
+    pixels, seen = view.model.project(every.reshape(3, -1).T.astype(np.float64))
+    i, j = np.divmod(np.arange(360 * 564), 564)
+    expected = np.stack([(j - 1) / 3.0, (i - 1) / 3.0], axis=1)
+    # Directions in single precision: 6e-8 of 115 pixels' focal length, and the lens's own inverse.
+    assert seen.all()
+    assert np.abs(pixels - expected).max() < 5e-5
+    rows, columns = np.array([0, 0, 119, 250, 359]), np.array([5, 563, 7])
+    (some,) = rays.at((rows, columns))
+    assert np.array_equal(some, every[:, rows[:, None], columns])
+
+
 @pytest.mark.parametrize("lens", LENSES)
 def test_no_rectangle_is_missed_however_thin(make_rig, lens):
     """Rays meet a rectangle only in cells where it may be; here all rays meet all rectangles."""
@@ -47,6 +75,7 @@ def test_no_rectangle_is_missed_however_thin(make_rig, lens):
     white = np.full((8, 8), 255, np.uint8)
     textures = Atlas(white, np.ones((40, 2), np.float32), np.ones((40, LEVELS, 2), np.float32))
     renderer = Renderer(view.model, surfaces, textures, 1)
+    _, rays = all_rays(view, 1)
     for t in (0.5, 4.0):
         poses = view.poses(rig.trajectory, np.array([t]))
         position, r_wc = (
@@ -56,10 +85,10 @@ def test_no_rectangle_is_missed_however_thin(make_rig, lens):
         planes = Planes.of(surfaces, np.arange(40), position, r_wc)
         nearest, seen = np.zeros((120, 188), np.float32), set()
         for m in range(40):
-            ahead, inverse, places = planes.meet(m, renderer._rays, slice(0, 120))
+            ahead, inverse, places = planes.meet(m, rays, slice(0, 120))
             shown = ahead & within(places) & (inverse > nearest)
             nearest[shown] = inverse[shown]
             seen |= {m} if shown.any() else set()
-        depth = renderer._rays[2] / np.where(nearest > 0.0, nearest, np.inf)
+        depth = rays[2] / np.where(nearest > 0.0, nearest, np.inf)
         assert len(seen) > 8
         assert np.array_equal(renderer.depth(poses), np.where(nearest > 0.0, depth, 0.0))

@@ -3,7 +3,6 @@
 
 """Pictures of textured rectangles: each pixel's ray meets the nearest surface."""
 
-import math
 import os
 from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
@@ -14,13 +13,18 @@ from numpy.typing import NDArray
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import MissingDependencyError
 from imu_sim_ros.places.geometry import Surfaces
+from imu_sim_ros.sensors.camera.images.rays import (
+    Corners,
+    PixelRays,
+    corners_and_probes,
+    in_cells,
+)
 from imu_sim_ros.sensors.camera.images.texture import (
     CELL,
     SHARES,
     Atlas,
     Levels,
     Planes,
-    Probes,
     in_atlas,
     in_pixels,
     levels,
@@ -33,27 +37,6 @@ from imu_sim_ros.types import Array
 Single = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 Integers = NDArray[np.int64]
-
-
-class Corners(NamedTuple):
-    """The corners of all cells of an image."""
-
-    rays: Single
-    """(3, a + 1, b + 1) in the camera's frame."""
-    rows: Integers
-    """(a + 1,) their rows."""
-
-    @classmethod
-    def of(cls, rays: Single, cell: int) -> "Corners":
-        """Return those of square cells.
-
-        :param rays: (3, h, w) of all pixels.
-        :param cell: pixels along its side.
-        """
-        rows, columns = (
-            np.minimum(np.arange(0, length + cell, cell), length - 1) for length in rays.shape[1:]
-        )
-        return cls(np.ascontiguousarray(rays[:, rows[:, None], columns]), rows)
 
 
 def covered(planes: Planes, corners: Corners) -> Mask:
@@ -112,9 +95,6 @@ Bytes = NDArray[np.uint8]
 
 _GRID: Final = 2.0**30
 """Poses are rounded to steps of 1e-9, so that the last bits of a sine decide nothing."""
-_BAND: Final = 64_000
-"""Rays that are processed at once, about: their arrays stay in a processor's cache."""
-
 _SIDEWAYS: Final = 0.05
 """Least cosine between the axis and a ray of a lens whose rays are in one cone."""
 _SLACK: Final = 1e-3
@@ -161,6 +141,10 @@ class _Visible(NamedTuple):
 class _Band(NamedTuple):
     """What a band of rays sees so far."""
 
+    first: int
+    """Its first row of cells."""
+    rays: Single
+    """(3, h, w)."""
     nearest: Single
     """(h, w) inverse distance."""
     places: list[Single]
@@ -186,31 +170,13 @@ class Renderer:
         :param trilinear: look at two mip levels.
         """
         self._trilinear = trilinear
-        self.model, self.surfaces, self.atlas, self.scale = model, surfaces, atlas, scale
-        self.height, self.width = model.height * scale, model.width * scale
-        self.rows = (np.arange(self.height) + 0.5) / scale - 0.5
+        self.surfaces, self.atlas = surfaces, atlas
+        self._rays = PixelRays(model, scale)
+        self.rows = self._rays.row_places
         """Row of the image of each row of rays."""
-        self._rays = self._directions()
-        self._corners_of_cells = Corners.of(self._rays, CELL)
-        self._probes = Probes.of(self._rays)
-        self._cone = self._cone_of_rays()
-        self._longest_ray = max(
-            float((part * part).sum(axis=0).max()) ** 0.5
-            for part in (self._rays[:, _pixels(band, self.height)] for band in self._bands())
-        )
-
-    def _directions(self) -> Single:
-        """Return the directions (3, h, w) of all rays in the camera's frame."""
-        result = np.empty((3, self.height, self.width), np.float32)
-        columns = (np.arange(self.width) + 0.5) / self.scale - 0.5
-        for band in self._bands():
-            rows = _pixels(band, self.height)
-            grid = np.stack(np.meshgrid(columns, self.rows[rows]), axis=-1).reshape(-1, 2)
-            rays = self.model.unproject(grid)
-            # A pixel without a direction looks backwards through nothing.
-            direction = np.where(rays.valid[:, None], rays.direction, 0.0)
-            result[:, rows] = direction.T.reshape(3, -1, self.width)
-        return result
+        self.bands = self._rays.bands
+        self._corners_of_cells, self._probes = corners_and_probes(self._rays)
+        self._cone, self._longest_ray = self._cone_of_rays()
 
     def maps(self, poses: Poses) -> Iterator[tuple[slice, Maps]]:
         """Yield the look-up for one pose, or one pose for each row of rays, a band at a time.
@@ -219,28 +185,26 @@ class Renderer:
         """
         cv2 = opencv()
         visible = self._visible(poses)
-        for band in self._bands():
-            rows = _pixels(band, self.height)
-            drawn = self._drawn(visible, band)
+        scale = self._rays.scale
+        for number, band in enumerate(self.bands):
+            rows = self._rays.rows(band)
+            drawn = self._drawn(visible, band, self._rays.of_band(number))
             # The nearest steps of 1/32 texel, of two the even one.
             fixed = [cv2.convertMaps(x, y, cv2.CV_16SC2) for x, y in drawn.places]
             fine, *coarse = (Maps(*each) for each in fixed)
-            image = slice(rows.start // self.scale, rows.stop // self.scale)
+            image = slice(rows.start // scale, rows.stop // scale)
             yield image, fine._replace(coarse=coarse[0] if coarse else None, share=drawn.share)
 
     def depth(self, poses: Poses) -> Single:
         """Return the distance along the axis (h, w) [m] of what each pixel sees; 0: nothing."""
         visible = self._visible(poses)
-        nearest = np.concatenate([self._drawn(visible, band).nearest for band in self._bands()])
-        safe = np.where(nearest > 0.0, nearest, np.float32(1.0))
-        result: Single = np.where(nearest > 0.0, self._rays[2] / safe, np.float32(0.0))
-        return result
-
-    def _bands(self) -> list[slice]:
-        """Return the rows of cells of the image in pieces, each of whole pixels."""
-        count, least = -(-self.height // CELL), self.scale // math.gcd(self.scale, CELL)
-        size = least * max(1, _BAND // (least * CELL * self.width))
-        return [slice(k, min(k + size, count)) for k in range(0, count, size)]
+        parts = []
+        for number, band in enumerate(self.bands):
+            rays = self._rays.of_band(number)
+            nearest = self._drawn(visible, band, rays).nearest
+            safe = np.where(nearest > 0.0, nearest, np.float32(1.0))
+            parts.append(np.where(nearest > 0.0, rays[2] / safe, np.float32(0.0)))
+        return np.concatenate(parts)
 
     def _visible(self, poses: Poses) -> _Visible:
         """Return the surfaces that may be in the image, and where."""
@@ -278,27 +242,29 @@ class Renderer:
             visible.levels[m] = levels(places, self.atlas, number, self._trilinear, corner)
         return visible.levels[m]
 
-    def _cone_of_rays(self) -> Array | None:
+    def _cone_of_rays(self) -> tuple[Array | None, float]:
         """Return the normals (3, 4) of planes through the camera that have all rays on one side.
 
-        None where a ray looks sideways or backwards.
+        None where a ray looks sideways or backwards. And the length of the longest ray.
         """
-        bounds = []
-        for band in self._bands():
-            rays = self._rays[:, _pixels(band, self.height)]
+        bounds, lengths, ahead = [np.full(4, -np.inf)], [0.0], True
+        for number in range(len(self.bands)):
+            rays = self._rays.of_band(number)
+            lengths.append(float((rays * rays).sum(axis=0).max()) ** 0.5)
             x, y, z = rays[:, rays.any(axis=0)].astype(np.float64)
             if not len(z):
                 continue
-            if z.min() <= _SIDEWAYS:
-                return None
-            u, v = x / z, y / z
-            bounds.append((u.max(), -u.min(), v.max(), -v.min()))
-        if not bounds:
-            return None
+            ahead &= bool(z.min() > _SIDEWAYS)
+            if ahead:
+                u, v = x / z, y / z
+                bounds.append(np.array([u.max(), -u.min(), v.max(), -v.min()]))
+        if not ahead or len(bounds) == 1:
+            return None, max(lengths)
         right, left, below, above = np.max(bounds, axis=0) + _SLACK
-        return np.array(
+        cone = np.array(
             [[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0], [-right, -left, -below, -above]]
         )
+        return cone, max(lengths)
 
     def _corners(self, surfaces: NDArray[np.int64]) -> Array:
         """Return the corners (n, 4, 3) of surfaces."""
@@ -312,43 +278,43 @@ class Renderer:
         front = ((offset * s.normal).sum(axis=2) > 0.0).any(axis=0)
         return np.flatnonzero(front | (np.array(s.texture) == "plane"))
 
-    def _drawn(self, visible: _Visible, band: slice) -> _Band:
-        """Return what a band of cells sees."""
-        rows = _pixels(band, self.height)
-        shape = (rows.stop - rows.start, self.width)
+    def _drawn(self, visible: _Visible, band: slice, rays: Single) -> _Band:
+        """Return what a band of cells sees.
+
+        :param rays: (3, h, w) of the band.
+        """
+        shape = rays.shape[1:]
         count = 1 + self._trilinear
         background = [np.ones((2, *shape), np.float32) for _ in range(count)]  # the atlas' corner
         share = np.zeros(shape, np.uint16) if self._trilinear else None
-        drawn = _Band(np.zeros(shape, np.float32), background, share)
+        drawn = _Band(band.start, rays, np.zeros(shape, np.float32), background, share)
         for m, cells, columns in regions(visible.cells[:, band]):
-            first = slice(band.start + cells.start, band.start + cells.stop)
-            self._draw(visible, m, first, columns, rows.start, drawn)
+            self._draw(visible, m, cells, columns, drawn)
         return drawn
 
-    def _draw(
-        self, visible: _Visible, m: int, cells: slice, across: slice, top: int, drawn: _Band
-    ) -> None:
+    def _draw(self, visible: _Visible, m: int, cells: slice, across: slice, drawn: _Band) -> None:
         """Put a surface where it is nearer than what was drawn before.
 
-        :param cells: rows of cells of the image.
+        :param cells: rows of cells of the band.
         :param across: columns of cells.
-        :param top: row of the image that is the first of what is drawn into.
         """
-        rows, columns = _pixels(cells, self.height), _pixels(across, self.width)
-        below = slice(rows.start - top, rows.stop - top)
+        _, height, width = drawn.rays.shape
+        below, columns = in_cells(cells, height), in_cells(across, width)
         here = below, columns
         nearest = drawn.nearest[here]
         if nearest.min() >= visible.largest[m]:
             return
-        rays = self._rays[:, rows, columns]
-        in_front, inverse, places = visible.planes.meet(m, rays, rows)
+        top = drawn.first * CELL
+        rows = slice(top + below.start, top + below.stop)
+        in_front, inverse, places = visible.planes.meet(m, drawn.rays[:, below, columns], rows)
         shown = inverse > nearest
         shown &= in_front
         shown &= within(places)
         if not shown.any():
             return
         np.copyto(nearest, inverse, where=shown)
-        found = self._levels(visible, m).part(cells, across)
+        of_image = slice(drawn.first + cells.start, drawn.first + cells.stop)
+        found = self._levels(visible, m).part(of_image, across)
         if found.share is not None and drawn.share is not None:
             np.copyto(drawn.share[here], in_pixels(found.share, *shown.shape), where=shown)
         for level, target in zip(found.each, drawn.places, strict=True):
@@ -389,11 +355,6 @@ def covered_by_another(corners: Array) -> Mask:
     within = np.tensordot(sides * inwards, corners, (2, 2)) > _BEHIND
     hidden = np.asarray((beyond & within.all(axis=1)).all(axis=2))
     return np.asarray(hidden.any(axis=0))
-
-
-def _pixels(cells: slice, length: int) -> slice:
-    """Return the pixels of a range of cells along one side of an image."""
-    return slice(cells.start * CELL, min(cells.stop * CELL, length))
 
 
 def look_up(atlas: Bytes, maps: Maps) -> Bytes:

@@ -366,35 +366,6 @@ class Levels(NamedTuple):
         return Levels(each, share, (rows.start, columns.start))
 
 
-class Probes(NamedTuple):
-    """For each cell (a, b) of an image a pixel, and those on its right and below it."""
-
-    rays: Single
-    """(3, 3, a, b): x, y, z of the pixel, of the one on its right, of the one below."""
-    rows: Integers
-    """(3, a) their rows."""
-
-    def part(self, rows: slice, columns: slice) -> "Probes":
-        """Return those of some of the cells."""
-        return Probes(self.rays[:, :, rows, columns], self.rows[:, rows])
-
-    @classmethod
-    def of(cls, rays: Single) -> "Probes":
-        """Return the pixels in the middle of cells.
-
-        :param rays: (3, h, w) of all pixels.
-        """
-        height, width = rays.shape[1:]
-        i, j = (
-            np.maximum(np.minimum(np.arange(0, length, CELL) + CELL // 2, length - 2), 0)
-            for length in (height, width)
-        )
-        below, right = np.minimum(i + 1, height - 1), np.minimum(j + 1, width - 1)
-        places = [(i, j), (i, right), (below, j)]
-        found = [rays[:, rows[:, None], columns] for rows, columns in places]
-        return cls(np.stack(found, axis=1), np.stack([i, i, below]))
-
-
 def levels(
     places: Single, atlas: Atlas, m: int, trilinear: bool, corner: tuple[int, int]
 ) -> Levels:

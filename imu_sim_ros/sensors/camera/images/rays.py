@@ -1,0 +1,121 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The rays of all pixels of a camera, a band of rows at a time."""
+
+import math
+from functools import cached_property
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.sensors.camera.images.texture import CELL
+from imu_sim_ros.sensors.camera.model import CameraModel
+
+Single = NDArray[np.float32]
+Integers = NDArray[np.int64]
+
+_BAND: Final = 64_000
+"""Rays that are processed at once, about: their arrays stay in a processor's cache."""
+_KEPT: Final = 6_000_000
+"""Rays that are kept, 12 bytes each; those of larger images are found anew for each."""
+
+
+class PixelRays:
+    """Directions in the camera's frame, one for each of ``scale`` by ``scale`` parts of a pixel.
+
+    A pixel without a direction has (0, 0, 0): it looks through nothing.
+    """
+
+    def __init__(self, model: CameraModel, scale: int) -> None:
+        """Set up the rays of an image.
+
+        :param scale: rays along each side of a pixel.
+        """
+        self._model, self.scale = model, scale
+        self.shape = self.height, self.width = model.height * scale, model.width * scale
+        self.row_places = (np.arange(self.height) + 0.5) / scale - 0.5
+        """Row of the image of each row of rays."""
+        self._columns = (np.arange(self.width) + 0.5) / scale - 0.5
+
+    @cached_property
+    def bands(self) -> list[slice]:
+        """The rows of cells of the image in pieces, each of whole pixels."""
+        count, least = -(-self.height // CELL), self.scale // math.gcd(self.scale, CELL)
+        size = least * max(1, _BAND // (least * CELL * self.width))
+        return [slice(k, min(k + size, count)) for k in range(0, count, size)]
+
+    def rows(self, cells: slice) -> slice:
+        """Return the rows of rays of some rows of cells."""
+        return in_cells(cells, self.height)
+
+    def of_band(self, number: int) -> Single:
+        """Return the rays (3, rows, width) of a band."""
+        if self._kept is not None:
+            return self._kept[:, self.rows(self.bands[number])]
+        return self._found(number)
+
+    def at(self, *places: tuple[Integers, Integers]) -> list[Single]:
+        """Return the rays (3, a, b) of rows (a,) in ascending order and columns (b,), of each."""
+        parts: list[list[Single]] = [[] for _ in places]
+        for number, band in enumerate(self.bands):
+            rays, span = self.of_band(number), self.rows(band)
+            for (rows, columns), found in zip(places, parts, strict=True):
+                inside = rows[(rows >= span.start) & (rows < span.stop)] - span.start
+                found.append(rays[:, inside[:, None], columns])
+        return [np.concatenate(found, axis=1) for found in parts]
+
+    @cached_property
+    def _kept(self) -> Single | None:
+        if self.height * self.width > _KEPT:
+            return None
+        result = np.empty((3, *self.shape), np.float32)
+        for number, band in enumerate(self.bands):
+            result[:, self.rows(band)] = self._found(number)
+        return result
+
+    def _found(self, number: int) -> Single:
+        rows = self.row_places[self.rows(self.bands[number])]
+        grid = np.stack(np.meshgrid(self._columns, rows), axis=-1).reshape(-1, 2)
+        rays = self._model.unproject(grid)
+        direction = np.where(rays.valid[:, None], rays.direction, 0.0)
+        return direction.T.reshape(3, -1, self.width).astype(np.float32)
+
+
+class Corners(NamedTuple):
+    """The corners of all cells of an image."""
+
+    rays: Single
+    """(3, a + 1, b + 1) in the camera's frame."""
+    rows: Integers
+    """(a + 1,) their rows."""
+
+
+class Probes(NamedTuple):
+    """For each cell (a, b) of an image a pixel, and those on its right and below it."""
+
+    rays: Single
+    """(3, 3, a, b): x, y, z of the pixel, of the one on its right, of the one below."""
+    rows: Integers
+    """(3, a) their rows."""
+
+    def part(self, rows: slice, columns: slice) -> "Probes":
+        """Return those of some of the cells."""
+        return Probes(self.rays[:, :, rows, columns], self.rows[:, rows])
+
+
+def corners_and_probes(rays: PixelRays) -> tuple[Corners, Probes]:
+    """Return the corners of all cells, and the pixels in the middle of each."""
+    height, width = rays.shape
+    edges = [np.minimum(np.arange(0, n + CELL, CELL), n - 1) for n in rays.shape]
+    i, j = (np.maximum(np.minimum(np.arange(0, n, CELL) + CELL // 2, n - 2), 0) for n in rays.shape)
+    below, right = np.minimum(i + 1, height - 1), np.minimum(j + 1, width - 1)
+    corners, *middle = rays.at((edges[0], edges[1]), (i, j), (i, right), (below, j))
+    probes = Probes(np.stack(middle, axis=1), np.stack([i, i, below]))
+    return Corners(np.ascontiguousarray(corners), edges[0]), probes
+
+
+def in_cells(cells: slice, length: int) -> slice:
+    """Return the pixels of a range of cells along one side of an image."""
+    return slice(cells.start * CELL, min(cells.stop * CELL, length))
