@@ -32,7 +32,7 @@ from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.faults import KINDS, Fault
 from imu_sim_ros.sensors.imu import sdf
-from imu_sim_ros.sensors.imu.model import NOWHERE, unknown_motion
+from imu_sim_ros.sensors.imu.model import NOWHERE, ImuSample, unknown_motion
 from imu_sim_ros.sensors.own_rate_parameters import LONGEST
 from imu_sim_ros.simulation import error_model
 from imu_sim_ros.simulation.error_input import Given
@@ -159,16 +159,16 @@ class ErrorModel:
         :raises InputError: for readings that are not finite or not possible; none of them counts.
         """
         if type(t_ns) is int and orientation is None:
-            block = self._read_one(t_ns, gyro, accel)
-            if block is not None:
-                return block
+            sample = self._read_one(t_ns, gyro, accel)
+            if sample is not None:
+                return sample.block()
         given = _given(t_ns, gyro, accel, orientation, "read")
         blocks = self._model.read(given)
         if len(blocks) == 1:
             return blocks[0]
         return error_model.joined(blocks) if blocks else _nothing(self._model.position)
 
-    def _read_one(self, t_ns: int, gyro: Any, accel: Any) -> ImuBlock | None:
+    def _read_one(self, t_ns: int, gyro: Any, accel: Any) -> ImuSample | None:
         """Return the sample of one sound reading, the usual case inside a simulator's step."""
         try:
             x, y, z = gyro.tolist() if isinstance(gyro, np.ndarray) else gyro

@@ -23,7 +23,7 @@ from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.errors.response import Floats
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.gravity import gravity_vector
-from imu_sim_ros.sensors.imu.model import CHUNK, Imu, unknown_motion
+from imu_sim_ros.sensors.imu.model import CHUNK, Imu, ImuSample, unknown_motion
 from imu_sim_ros.simulation.error_input import RESTART_NS, Conventions, Given, Resampler, StartCheck
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
 from imu_sim_ros.trajectory.motion import Motion
@@ -86,7 +86,7 @@ class ErrorModel:
         """Samples since the last restart, missing ones too."""
         self._imu: Imu | None = None
         self._last_ns: int | None = None
-        self._held: Given | ImuBlock | None = None
+        self._held: Given | ImuSample | None = None
         """The last reading, which the sensor goes on with during a gap."""
         self._pending: ErrorModelParameters | None = None
         self._faults: list[tuple[Fault, int]] = []
@@ -156,7 +156,7 @@ class ErrorModel:
             self.counts.samples += len(block.true_t_ns)
         return blocks
 
-    def read_one(self, t_ns: int, gyro: Floats, accel: Floats) -> ImuBlock | None:
+    def read_one(self, t_ns: int, gyro: Floats, accel: Floats) -> ImuSample | None:
         """Return the sample of one reading in plain floats; the bits of :meth:`read`, but faster.
 
         None where it is not simply the next one of readings that stay as they are: then nothing
@@ -167,16 +167,16 @@ class ErrorModel:
             return None
         if not last < t_ns <= last + 1.5 * self._nominal_ns:
             return None
-        block = imu.apply_one(self.position, t_ns, unknown_motion(1), gyro, accel)
-        if block is not None:
+        sample = imu.apply_one(self.position, t_ns, gyro, accel)
+        if sample is not None:
             self.counts.readings += 1
             self.counts.samples += 1
             self.position += 1
             self._last_ns = t_ns
-            self._held = block
+            self._held = sample
             if not self._check.done:
-                self._look(_given(block))
-        return block
+                self._look(_given(sample))
+        return sample
 
     def _in_order(self, given: Given) -> Iterator[Given]:
         """Yield stretches of readings whose stamps increase, restarting where they jump back."""
@@ -279,7 +279,7 @@ class ErrorModel:
         held = self._held
         if held is None:
             return
-        if isinstance(held, ImuBlock):
+        if isinstance(held, ImuSample):
             held = _given(held)
         while count:
             step = min(count, _SAMPLES_AT_ONCE)
@@ -351,9 +351,10 @@ class ErrorModel:
         return motion._replace(q_wb=given.q_wb.T, acceleration=acceleration.T)
 
 
-def _given(block: ImuBlock) -> Given:
-    """Return the readings that samples were made of where these stayed as they were."""
-    return Given(block.true_t_ns, block.ideal_gyro.T, block.ideal_accel.T)
+def _given(sample: ImuSample) -> Given:
+    """Return the reading that a sample was made of."""
+    gyro, accel = np.array([sample.ideal_gyro]), np.array([sample.ideal_accel])
+    return Given(np.array([sample.true_t_ns]), gyro.T, accel.T)
 
 
 def joined(blocks: list[ImuBlock]) -> ImuBlock:

@@ -57,6 +57,7 @@ from imu_sim_ros.sensors.errors.noise import (
     gyro_variance_discrete,
 )
 from imu_sim_ros.sensors.gravity import geodetic
+from imu_sim_ros.sensors.imu.model import ImuSample
 from imu_sim_ros.sensors.registry import find_sensor
 from imu_sim_ros.simulation.parameters import SampledParameters, carried, carried_frames
 from imu_sim_ros.types import Times
@@ -109,6 +110,8 @@ class TextMessages(NamedTuple):
 
 Encode = Callable[[ImuBlock, SampledParameters], Messages]
 """Turns a block into messages; the parameters are those valid for the block."""
+EncodeOne = Callable[[ImuSample, SampledParameters], bytes]
+"""Turns a sample into a message."""
 
 
 def types(carried: Iterable[str] = ()) -> dict[str, str]:
@@ -146,6 +149,29 @@ def encoder(topic: str, parameters: SampledParameters, encoding: str = "cdr") ->
     return _of_a_sensor(sensor, own, parameters, encoding)
 
 
+def encoder_of_one(topic: str, parameters: SampledParameters) -> EncodeOne:
+    """Return the encoder of single messages of an IMU's topic, the same bytes as of a block.
+
+    :param topic: readings, ideal readings, biases or temperature.
+    """
+    frame = parameters.imu_frame
+    if topic == IMU_TOPIC:
+        readings = _with_variances(parameters, "cdr")
+        return lambda s, now: readings(now).one(s.t_ns, s.gyro, s.accel)
+    if topic == IDEAL_IMU_TOPIC:
+        ideal = ImuEncoder(frame)
+        return lambda s, _: ideal.one(s.true_t_ns, s.ideal_gyro, s.ideal_accel)
+    if topic == TEMPERATURE_TOPIC:
+        thermometer = TemperatureEncoder(frame)
+        return lambda s, _: thermometer.one(s.true_t_ns, s.temperature.tolist())
+    vectors = Vector3StampedEncoder(frame)
+    if topic == GYROSCOPE_BIAS_TOPIC:
+        return lambda s, _: vectors.one(s.true_t_ns, s.of_gyro.bias)
+    if topic == ACCELEROMETER_BIAS_TOPIC:
+        return lambda s, _: vectors.one(s.true_t_ns, s.of_accel.bias)
+    raise ConfigurationError(f"topic {topic}: has no single messages")
+
+
 def sensors_of(topics: Iterable[str], carried: Iterable[str] = ()) -> frozenset[str]:
     """Return what has to be measured in addition to the IMU for topics, keys of :func:`types`.
 
@@ -178,16 +204,28 @@ def _variances(parameters: SampledParameters) -> tuple[Vector, Vector]:
     return gyro_variance_discrete(imu, rate), accel_variance_discrete(imu, rate)
 
 
-def _readings(parameters: SampledParameters, encoding: str) -> Encode:
+def _with_variances(
+    parameters: SampledParameters, encoding: str
+) -> Callable[[SampledParameters], ImuEncoder]:
+    """Return a function that gives the encoder with the variances of parameters."""
     known: SampledParameters | None = None
     readings: ImuEncoder
 
-    def encode(block: ImuBlock, now: SampledParameters) -> Messages:
+    def at(now: SampledParameters) -> ImuEncoder:
         nonlocal known, readings
         if now is not known:
             known, readings = now, ImuEncoder(parameters.imu_frame, encoding, *_variances(now))
+        return readings
+
+    return at
+
+
+def _readings(parameters: SampledParameters, encoding: str) -> Encode:
+    readings = _with_variances(parameters, encoding)
+
+    def encode(block: ImuBlock, now: SampledParameters) -> Messages:
         t_ns, gyro, accel = delivered(block)
-        payloads = readings.pattern(t_ns, gyro, accel)
+        payloads = readings(now).pattern(t_ns, gyro, accel)
         return Messages(t_ns, block.release_t_ns[block.delivered], payloads)
 
     return encode

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from simulation_runs import EVERY_TERM
 
-from imu_sim_ros import rotation
+from imu_sim_ros import conventions, rotation
+from imu_sim_ros.bags.messages.blocks import as_list
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.sensors.block import ImuBlock
@@ -18,6 +19,7 @@ from imu_sim_ros.simulation.error_input import Differentiator, Given
 from imu_sim_ros.simulation.error_model import ErrorModel, joined
 from imu_sim_ros.simulation.error_parameters import load_error_model
 from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.simulation.topics import encoder, encoder_of_one
 
 COMPARED = [name for name in ImuBlock._fields if name not in ("first", "motion", "auxiliary")]
 COUNT = 700
@@ -134,8 +136,9 @@ def read_singly(model: ErrorModel, given: Given) -> ImuBlock:
     blocks = []
     for k, t_ns in enumerate(given.t_ns.tolist()):
         gyro, accel = given.gyro[:, k].tolist(), given.accel[:, k].tolist()
-        block = model.read_one(t_ns, gyro, accel)
-        blocks += model.read(given.at(slice(k, k + 1))) if block is None else [block]
+        sample = model.read_one(t_ns, gyro, accel)
+        part = given.at(slice(k, k + 1))
+        blocks += model.read(part) if sample is None else [sample.block()]
     return joined(blocks)
 
 
@@ -473,3 +476,33 @@ def test_what_cannot_be_is_refused_with_a_line(values: dict[str, object], line: 
 def test_parameters_of_the_simulator_are_passed_over() -> None:
     built = load_error_model({"publish.ground_truth": True, "real_time_factor": 2.0})
     assert built.imu.preset == "lecture"
+
+
+@pytest.mark.parametrize(
+    "topic",
+    [
+        conventions.IMU_TOPIC,
+        conventions.IDEAL_IMU_TOPIC,
+        conventions.TEMPERATURE_TOPIC,
+        conventions.GYROSCOPE_BIAS_TOPIC,
+        conventions.ACCELEROMETER_BIAS_TOPIC,
+    ],
+)
+def test_a_message_of_one_sample_has_the_bytes_of_a_block(topic: str) -> None:
+    rough = {
+        "imu.preset": "mpu6000",
+        "imu.gyroscope_bias": [0.1, 0.0, -0.2],
+        "imu.clock_skew_ppm": 40.0,
+        "temperature.value": 31.0,
+    }
+    parameters = load_error_model({"seed": 5, "rate": 200.0, **rough})
+    model = ErrorModel(parameters)
+    block, single = encoder(topic, parameters), encoder_of_one(topic, parameters)
+    begin = 10**18
+    model.read(Given(np.array([begin]), np.zeros((3, 1)), np.zeros((3, 1))))
+    for k in range(1, 200):
+        reading = [0.1 * k, -2.0, 1e-3], [0.0, 0.3 * k, 9.81]
+        sample = model.read_one(begin + k * 5_000_000, *reading)
+        assert sample is not None
+        expected = as_list(block(sample.block(), parameters).payloads)
+        assert [single(sample, parameters)] == expected

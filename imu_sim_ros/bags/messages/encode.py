@@ -9,7 +9,7 @@ it. Inside, quaternions are (w, x, y, z); the messages hold (x, y, z, w).
 """
 
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -73,6 +73,8 @@ class Encoder:
     """Common to all encoders: the layout, and messages with their stamps."""
 
     type_name: str
+    varying: tuple[str, ...] = ()
+    """Fields of floats in which the messages of :meth:`one` differ."""
 
     def __init__(self, texts: tuple[str, ...], encoding: str, **constant: ArrayLike) -> None:
         """Set up what all messages have in common.
@@ -87,6 +89,28 @@ class Encoder:
         }
         self._template = self.layout.template
         self._template = self._with(constant)
+        self._varying = [
+            (struct.Struct(f"<{dtype[name].itemsize // 8}d").pack_into, self.layout.offset(name))
+            for name in self.varying
+        ]
+
+    def one(self, t_ns: int, *numbers: Sequence[float]) -> bytes:
+        """Return one message in plain floats, with the bytes of a pattern of one.
+
+        :param numbers: those of the fields ``varying``.
+        """
+        message = self._stamped(t_ns)
+        for (pack_into, offset), values in zip(self._varying, numbers, strict=True):
+            pack_into(message, offset, *values)
+        return bytes(message)
+
+    def _stamped(self, t_ns: int) -> bytearray:
+        second, nanosecond = divmod(t_ns, NANOSECONDS_PER_SECOND)
+        if not 0 <= second <= _LAST_SECOND[self.layout.encoding]:
+            seconds(np.array([t_ns]), self.layout.encoding)  # raises
+        message = bytearray(self._template)
+        _STAMP.pack_into(message, self._fields["sec"][2], second, nanosecond)
+        return message
 
     def _with(self, constant: Mapping[str, ArrayLike]) -> bytes:
         """Return the template with some of its numbers."""
@@ -118,11 +142,7 @@ class Encoder:
 
     def _single(self, t_ns: int, numbers: Mapping[str, ArrayLike]) -> bytes:
         """Return one message, the same bytes: a fifth of the time for readings that come live."""
-        second, nanosecond = divmod(t_ns, NANOSECONDS_PER_SECOND)
-        if not 0 <= second <= _LAST_SECOND[self.layout.encoding]:
-            seconds(np.array([t_ns]), self.layout.encoding)  # raises
-        message = bytearray(self._template)
-        _STAMP.pack_into(message, self._fields["sec"][2], second, nanosecond)
+        message = self._stamped(t_ns)
         for name, given in numbers.items():
             dtype, _, offset = self._fields[name]
             values = np.asarray(given, dtype)
@@ -144,6 +164,7 @@ class ImuEncoder(Encoder):
     """sensor_msgs/Imu; without orientation its covariance starts with -1 (REP-145)."""
 
     type_name = IMU
+    varying = ("angular_velocity", "linear_acceleration")
 
     def __init__(
         self,
@@ -318,6 +339,7 @@ class Vector3StampedEncoder(_OfFrame):
     """geometry_msgs/Vector3Stamped."""
 
     type_name = VECTOR3_STAMPED
+    varying = ("vector",)
 
     def pattern(self, t_ns: Times, vector: ArrayLike) -> RowTemplate:
         """Return n messages of vectors (n, 3)."""
@@ -332,6 +354,7 @@ class TemperatureEncoder(_OfFrame):
     """sensor_msgs/Temperature."""
 
     type_name = TEMPERATURE
+    varying = ("temperature",)
 
     def pattern(
         self, t_ns: Times, temperature: ArrayLike, variance: ArrayLike = 0.0

@@ -22,9 +22,10 @@ from imu_sim_ros.conventions import (
 from imu_sim_ros.nodes.publishing import Counter, create
 from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
 from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.imu.model import ImuSample
 from imu_sim_ros.sensors.orientation.declaration import TOPIC as ORIENTATION_TOPIC
 from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters, ErrorPublishParameters
-from imu_sim_ros.simulation.topics import TYPES, Encode, encoder
+from imu_sim_ros.simulation.topics import TYPES, Encode, EncodeOne, encoder, encoder_of_one
 
 DEPTH: Final = 4000
 """Messages kept for a reliable subscriber that has not acknowledged them: 4 s at 1 kHz."""
@@ -48,6 +49,8 @@ def wanted(publish: ErrorPublishParameters) -> list[str]:
 class _Output(NamedTuple):
     topic: str
     encode: Encode
+    encode_one: EncodeOne | None
+    """None: of an orientation, which no single sample has."""
     counter: Counter
 
 
@@ -59,6 +62,7 @@ class Outputs:
             _Output(
                 topic,
                 encoder(topic, parameters),
+                None if topic == ORIENTATION_TOPIC else encoder_of_one(topic, parameters),
                 Counter(topic, create(node, TYPES[topic], topic, QoSProfile(depth=DEPTH))),
             )
             for topic in wanted(parameters.publish)
@@ -68,8 +72,7 @@ class Outputs:
 
     def publish(self, block: ImuBlock, parameters: ErrorNodeParameters) -> None:
         """Publish the messages of a block; readings with the delay that they have."""
-        now = time.monotonic_ns()
-        for topic, encode, counter in self._outputs:
+        for topic, encode, _, counter in self._outputs:
             messages = encode(block, parameters)
             payloads = as_list(messages.payloads)
             if topic not in _READINGS:
@@ -79,7 +82,19 @@ class Outputs:
             # An orientation belongs to some of the samples only.
             read = block if topic == IMU_TOPIC else block.auxiliary["orientation"]
             delays = (read.release_t_ns - read.true_t_ns)[read.delivered]
-            self._delayed.send(counter.send, payloads, delays.tolist(), now)
+            self._delayed.send(counter.send, payloads, delays.tolist())
+
+    def publish_one(self, sample: ImuSample, parameters: ErrorNodeParameters) -> None:
+        """Publish the messages of one sample, the same bytes as of a block."""
+        for topic, _, encode, counter in self._outputs:
+            if encode is None:
+                continue
+            payload = encode(sample, parameters)
+            if topic != IMU_TOPIC:
+                counter.send(payload)
+                continue
+            count, delay = len(sample.delivered), sample.release_t_ns - sample.true_t_ns
+            self._delayed.send(counter.send, [payload] * count, [delay] * count)
 
     def close(self) -> None:
         """Publish what is still waiting, and end the thread."""
@@ -97,16 +112,11 @@ class Delayed:
         self._thread: SupervisedThread | None = None
 
     def send(
-        self,
-        send: Callable[[bytes], None],
-        payloads: Sequence[bytes],
-        delays: Sequence[int],
-        now: int,
+        self, send: Callable[[bytes], None], payloads: Sequence[bytes], delays: Sequence[int]
     ) -> None:
         """Send messages.
 
-        :param delays: of each [ns].
-        :param now: on the steady clock [ns].
+        :param delays: of each, from now on [ns].
         """
         if self._thread is None and not any(delays):
             for payload in payloads:
@@ -115,6 +125,7 @@ class Delayed:
         if self._thread is None:  # from now on all go this way, so that they stay in order
             self._thread = SupervisedThread("latency", self._run, self._fail)
             self._thread.start()
+        now = time.monotonic_ns()
         with self._new:
             for payload, delay in zip(payloads, delays, strict=True):
                 self._waiting.append((now + delay, send, payload))

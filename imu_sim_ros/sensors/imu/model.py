@@ -8,9 +8,10 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imu_sim_ros import timebase
 from imu_sim_ros.conventions import TRIADS
@@ -35,6 +36,50 @@ _INTERNAL_READINGS: Final = 16384
 """Generated at a time inside an oversampled sensor."""
 CHUNK: Final = 64
 """Samples whose noise is made at once where given readings come one by one."""
+
+
+class ImuSample(NamedTuple):
+    """One sample in plain numbers, of an IMU that needs nothing but sums for it."""
+
+    first: int
+    """Its index."""
+    true_t_ns: int
+    """[ns], as the next two; the fields are those of :class:`ImuBlock`."""
+    t_ns: int
+    release_t_ns: int
+    delivered: NDArray[np.int64]
+    """(m,) zeros, one for each message that arrives."""
+    gyro: list[float]
+    """[rad/s]"""
+    accel: list[float]
+    """[m/s^2]"""
+    temperature: Array
+    """(1,) [degC]."""
+    ideal_gyro: Floats
+    ideal_accel: Floats
+    of_gyro: AddedToOne
+    """What the errors were."""
+    of_accel: AddedToOne
+
+    def block(self) -> ImuBlock:
+        """Return the same as a block of one."""
+        return ImuBlock(
+            self.first,
+            np.array([self.true_t_ns]),
+            np.array([self.t_ns]),
+            np.array([self.release_t_ns]),
+            self.delivered,
+            np.array([self.gyro]),
+            np.array([self.accel]),
+            self.temperature,
+            np.array([self.ideal_gyro]),
+            np.array([self.ideal_accel]),
+            self.of_gyro.bias_row,
+            self.of_accel.bias_row,
+            self.of_gyro.scale_row,
+            self.of_accel.scale_row,
+            unknown_motion(1),
+        )
 
 
 class Imu:
@@ -162,9 +207,7 @@ class Imu:
             return block
         return self._auxiliary.add_to(block, NOWHERE, self._temperature)
 
-    def apply_one(
-        self, first: int, t_ns: int, motion: Motion, gyro: Floats, accel: Floats
-    ) -> ImuBlock | None:
+    def apply_one(self, first: int, t_ns: int, gyro: Floats, accel: Floats) -> ImuSample | None:
         """Return sample ``first`` of one given reading in plain floats; the bits of :meth:`apply`.
 
         None where something else than plain sums is to be done.
@@ -178,22 +221,19 @@ class Imu:
             precomputed = self._precomputed = self._precompute(first)
         of_gyro, of_accel, temperature = precomputed.rows[first - precomputed.first]
         transport = self._transport
-        return ImuBlock(
+        return ImuSample(
             first,
-            np.array([t_ns]),
-            np.array([self._clock.stamp_one(t_ns)]),
-            np.array([transport.release_one(t_ns)]),
+            t_ns,
+            self._clock.stamp_one(t_ns),
+            transport.release_one(t_ns),
             transport.deliver_one(first, self._faults),
-            np.array([self._triads[0].one(gyro, accel, of_gyro)]),
-            np.array([self._triads[1].one(accel, accel, of_accel)]),
+            self._triads[0].one(gyro, accel, of_gyro),
+            self._triads[1].one(accel, accel, of_accel),
             temperature,
-            np.array([gyro]),
-            np.array([accel]),
-            of_gyro.bias_row,
-            of_accel.bias_row,
-            of_gyro.scale_row,
-            of_accel.scale_row,
-            motion,
+            gyro,
+            accel,
+            of_gyro,
+            of_accel,
         )
 
     def _block(
