@@ -172,10 +172,15 @@ class Target:
     """When the program is interrupted, the complete part is kept under a partial name."""
     described: Callable[[], str] = field(default=lambda: "what was written before")
     """Describes the contents of a kept part."""
+    companion_of: "Target | None" = None
+    """An output of the same folder, in whose staging folder this one is written: a program that is
+    killed leaves one folder."""
 
     @property
     def staging(self) -> Path:
         """The folder that is renamed from; it lies next to the target."""
+        if self.companion_of is not None:
+            return self.companion_of.staging
         return self.final.parent / (self.final.name + ACTIVE_SUFFIX)
 
     @property
@@ -230,15 +235,18 @@ class Outputs:
         *,
         endings: Sequence[str] = (),
         kept: bool = False,
+        companion_of: str | Path | None = None,
     ) -> Path:
         """Add a file, or a folder that is made as a whole.
 
         :param path: its name in the end.
         :param endings: allowed endings of the name; if empty, any.
         :param kept: keep complete parts when the program is interrupted.
+        :param companion_of: an output of the same folder that was added before.
         :returns: the path for writing. Siblings with its stem (``NAME_0.bag``) are renamed as well.
         """
-        target = Target(Path(path), kept=kept)
+        of = None if companion_of is None else self._target(companion_of)
+        target = Target(Path(path), kept=kept, companion_of=of)
         if endings and target.final.suffix.lower() not in endings:
             raise InputError(f"{path}: must end in {' or '.join(endings)}")
         self._targets.append(target)
@@ -246,13 +254,14 @@ class Outputs:
 
     def where(self, path: str | Path) -> Path:
         """Return the path for writing an output that was added."""
-        return next(target.path for target in self._targets if target.final == Path(path))
+        return self._target(path).path
+
+    def _target(self, path: str | Path) -> Target:
+        return next(target for target in self._targets if target.final == Path(path))
 
     def describe(self, path: str | Path, described: Callable[[], str]) -> None:
         """Set an output's description of its part: "812 messages up to stamp 4.06 s"."""
-        for target in self._targets:
-            if target.final == Path(path):
-                target.described = described
+        self._target(path).described = described
 
     def add_files(self, folder: str | Path, names: Iterable[str]) -> Path:
         """Add files of a folder that may exist, with other files in it.
@@ -269,7 +278,7 @@ class Outputs:
         if problems:
             raise InputError(problems)
         try:
-            for target in self._targets:
+            for target in self._staged:
                 self._stage(target)
         except BaseException:
             self._clear()
@@ -293,6 +302,11 @@ class Outputs:
             error.filename = ", ".join(str(target.final) for target in self._targets)
         if isinstance(error, ImuSimError):
             raise type(error)([self._finally_named(line) for line in error.problems]) from None
+
+    @property
+    def _staged(self) -> list[Target]:
+        """The targets with staging folders of their own."""
+        return [target for target in self._targets if target.companion_of is None]
 
     def _problems(self, target: Target) -> Iterator[str]:
         """Yield the problems of a target, at most one line for each of its paths."""
@@ -404,7 +418,7 @@ class Outputs:
 
     def _commit(self) -> None:
         """Rename everything into place."""
-        for target in self._targets:
+        for target in self._staged:
             folder = target.final if target.names else target.final.parent
             try:
                 if target.names:
@@ -425,11 +439,14 @@ class Outputs:
     def _keep_parts(self) -> list[str]:
         """Rename the complete parts of an interrupted run, and describe their contents."""
         lines = []
+        companions = {target.path for target in self._targets if target.companion_of is not None}
         for target in self._targets:
             if not target.kept:
                 continue
             names = []
             for entry in sorted(target.staging.iterdir()):
+                if entry in companions or (entry.is_dir() and not any(entry.iterdir())):
+                    continue
                 place = _partial_name(target.final.with_name(entry.name))
                 entry.rename(place)
                 names.append(str(place))
@@ -440,7 +457,7 @@ class Outputs:
 
     def _clear(self) -> None:
         """Remove the staging folders, and created parents that are empty."""
-        for target in self._targets[: len(self._locks)]:
+        for target in self._staged[: len(self._locks)]:
             shutil.rmtree(target.staging, ignore_errors=True)
         while self._locks:
             os.close(self._locks.pop())

@@ -275,14 +275,12 @@ def write(
     job = _Job(path, form, options, setup, watcher)
     written.add(path, kept=True)
     if options.with_configs:
-        written.add(truth_files.configs(path))
+        written.add(truth_files.configs(path), companion_of=path)
     truths: dict[Path, str] = {}
     if job.dataset not in _WITHOUT_READINGS and not path.parent.is_file():  # one line is enough
         truths = truth_files.new_truths(path, job.simulated)
-        for place in truths:
-            written.add(place)
-        for place in itertools.chain.from_iterable(job.companions.values()):
-            written.add(place)
+        for place in (*truths, *itertools.chain.from_iterable(job.companions.values())):
+            written.add(place, companion_of=path)
     with written:
         result = job.run(written, pose_reader, trajectory)
         for place, text in truths.items():

@@ -160,6 +160,36 @@ def test_an_interrupted_run_keeps_what_is_whole_as_a_part(tmp_path, discard):
     assert sorted(os.listdir(tmp_path)) == expected
 
 
+def test_companions_are_written_with_their_output_and_no_part_of_it(tmp_path):
+    def outputs() -> tuple[Outputs, list]:
+        made = Outputs()
+        bag = made.add("bag", kept=True)
+        return made, [bag, made.add("bag_truth.yaml", companion_of="bag")]
+
+    run, (bag, truth) = outputs()
+    with run:
+        assert os.listdir(tmp_path) == ["bag.active"]  # what a kill would leave
+        bag.mkdir()
+        (bag / "bag_0.mcap").write_text("whole")
+        truth.write_text("true")
+    assert sorted(os.listdir(tmp_path)) == ["bag", "bag_truth.yaml"]
+    (tmp_path / "bag_truth.yaml").unlink()
+    (tmp_path / "bag").rename(tmp_path / "older")
+    run, (bag, truth) = outputs()
+    with pytest.raises(KeyboardInterrupt), run:  # noqa: PT012
+        bag.mkdir()
+        (bag / "bag_0.mcap").write_text("half")
+        truth.write_text("true")
+        raise KeyboardInterrupt
+    assert sorted(os.listdir(tmp_path)) == ["bag.partial", "older"]
+    run, (bag, _) = outputs()
+    with pytest.raises(KeyboardInterrupt) as interrupted, run:  # noqa: PT012
+        bag.mkdir()
+        raise KeyboardInterrupt
+    assert sorted(os.listdir(tmp_path)) == ["bag.partial", "older"]  # nothing of an empty folder
+    assert interrupted.value.args == ()
+
+
 def test_two_runs_at_once_do_not_mix(tmp_path):
     first, second = Outputs(), Outputs(force=True)
     first.add("x.mcap")
