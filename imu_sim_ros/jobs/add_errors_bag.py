@@ -31,7 +31,7 @@ from imu_sim_ros.simulation.error_input import Differentiator, Given
 from imu_sim_ros.simulation.error_model import ErrorModel
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
 from imu_sim_ros.simulation.topics import TYPES, encoder, sensors_of
-from imu_sim_ros.types import Times
+from imu_sim_ros.types import Array, Times
 
 OFFERED: Final = (
     IMU_TOPIC,
@@ -42,10 +42,9 @@ OFFERED: Final = (
     ACCELEROMETER_BIAS_TOPIC,
 )
 USUAL: Final = (IMU_TOPIC, GYROSCOPE_BIAS_TOPIC, ACCELEROMETER_BIAS_TOPIC)
-_FIELDS: Final = {
-    IMU: ("angular_velocity", "linear_acceleration", "orientation", "orientation_covariance"),
-    ODOMETRY: ("orientation", "linear", "angular"),
-}
+_READING: Final = ("angular_velocity", "linear_acceleration")
+_ORIENTED: Final = (*_READING, "orientation", "orientation_covariance")
+_STATE: Final = ("orientation", "linear", "angular")
 _FIRST: Final = 2000
 """Stamps from which a rate is taken."""
 
@@ -66,7 +65,7 @@ def stamps(bag: Bag, source: TopicInfo) -> Times:
     found = np.empty(0, np.int64)
     for group in bag.groups({source.name}):
         for block in group:
-            found = np.concatenate([found, _decoded(bag, block).t_ns])
+            found = np.concatenate([found, _decoded(bag, block, ()).t_ns])
         if len(found) > _FIRST:
             break
     return found[:_FIRST]
@@ -139,6 +138,8 @@ class BagErrors:
         self._bag, self._source, self._parameters, self._names = bag, source, parameters, names
         self.model = ErrorModel(parameters, sensors_of(names), remark)
         self._odometry = Differentiator(parameters) if source.type == ODOMETRY else None
+        of_imu = _ORIENTED if self.model.uses_orientation else _READING
+        self._fields = of_imu if self._odometry is None else _STATE
         self._bad = BadRows(f"{bag.path}: {source.name}", "message")
         self._seen = 0
 
@@ -195,7 +196,7 @@ class BagErrors:
         """Return the sensor's messages for some of the ideal ones."""
         if block.topic is not self._source or not len(block.t_ns):
             return []
-        decoded = _decoded(self._bag, block)
+        decoded = _decoded(self._bag, block, self._fields)
         made = []
         # What was recorded late is so by as much next to it; nothing is before 1970.
         late_ns = int(np.median(block.t_ns - decoded.t_ns))
@@ -237,17 +238,21 @@ class BagErrors:
             if len(given.t_ns):
                 yield given
             return
-        stated = np.linalg.norm(numbers["orientation"], axis=1)
-        there = (numbers["orientation_covariance"][:, 0] >= 0.0) & (np.abs(stated - 1.0) < 1e-3)
-        q = inside_order(numbers["orientation"]).T / stated if there.all() else None
         yield Given(
             t_ns,
             np.ascontiguousarray(numbers["angular_velocity"].T),
             np.ascontiguousarray(numbers["linear_acceleration"].T),
-            q,
+            _orientation(numbers) if self._fields is _ORIENTED else None,
         )
 
 
-def _decoded(bag: Bag, block: MessageBlock) -> Decoded:
+def _orientation(numbers: Mapping[str, Array]) -> Array | None:
+    """Return q_wb (4, n) of messages; None where one of them states none."""
+    stated = np.linalg.norm(numbers["orientation"], axis=1)
+    there = (numbers["orientation_covariance"][:, 0] >= 0.0) & (np.abs(stated - 1.0) < 1e-3)
+    return inside_order(numbers["orientation"]).T / stated if there.all() else None
+
+
+def _decoded(bag: Bag, block: MessageBlock, fields: Sequence[str]) -> Decoded:
     with errors_naming(bag.path):
-        return decode_block(block, bag.encoding, _FIELDS[block.topic.type])
+        return decode_block(block, bag.encoding, fields)

@@ -79,6 +79,11 @@ class ErrorModel:
         self._check = StartCheck(parameters)
         self._begin(parameters.seed)
 
+    @property
+    def uses_orientation(self) -> bool:
+        """Whether the orientation of readings matters to the samples."""
+        return bool(self._sensors) or self.parameters.input.gravity == "missing"
+
     def _begin(self, seed: int) -> None:
         self.seed = seed
         """Of the errors since the last restart."""

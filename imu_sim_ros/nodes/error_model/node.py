@@ -61,8 +61,7 @@ class ErrorModelNode(ConfiguredNode):
         self._said: deque[float] = deque(maxlen=_REMARKS_A_SECOND)
         sensors = sensors_of(wanted(parameters.publish))
         self.model = ErrorModel(parameters, sensors, self._remark)
-        self._oriented = bool(sensors) or parameters.input.gravity == "missing"
-        """Whether an orientation is of any use."""
+        self._oriented = self.model.uses_orientation
         self._odometry = Differentiator(parameters) if parameters.odometry else None
         self.outputs = Outputs(self, parameters, self.lifetime.fail)
         self._faults = create(
