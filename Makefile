@@ -68,7 +68,7 @@ build: .venv/built
 	  --event-handlers console_direct- console_start_end- >build.log 2>&1 || {
 	  cat build.log; exit 1; }
 	rm -f build.log
-	# Beside the ament layout, every executable works from .venv/bin without sourcing anything.
+	# As well as in the ament layout, every executable works from .venv/bin without sourcing anything.
 	echo "$$PWD/build/imu_sim_ros" > "$$($(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/imu_sim_ros.pth"
 	# As pip writes them: those of colcon's setuptools search all installed packages first, 20 ms.
 	sed -n 's/^\(\w*\) = \(.*\):\(\w*\)$$/\1 \2 \3/p' build/imu_sim_ros/imu_sim_ros.egg-info/entry_points.txt |

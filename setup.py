@@ -3,6 +3,7 @@
 
 """Build description of imu_sim_ros; the version and the texts come from package.xml."""
 
+import re
 import sys
 from pathlib import Path
 from xml.etree import ElementTree
@@ -48,6 +49,14 @@ README = Path(__file__).with_name("README.md")
 manifest = ElementTree.parse(Path(__file__).with_name("package.xml")).getroot()
 
 
+def long_description() -> str:
+    """Return the README without what only a checkout has: its pictures, and links to its files."""
+    if not README.exists():
+        return ""
+    text = re.sub(r"^!\[[^\]]*\]\([^)]*\)\n\n?", "", README.read_text(encoding="utf-8"), flags=re.M)
+    return re.sub(r"\[([^\]]*)\]\((?!https?://)[^)]*\)", r"\1", text)
+
+
 def share(folder: str, pattern: str) -> tuple[str, list[str]]:
     """Install the files of one folder below share/imu_sim_ros."""
     return f"share/{PACKAGE}/{folder}", sorted(str(path) for path in Path(folder).glob(pattern))
@@ -57,7 +66,7 @@ setup(
     name=PACKAGE,
     version=manifest.findtext("version"),
     description=manifest.findtext("description"),
-    long_description=README.read_text(encoding="utf-8") if README.exists() else "",
+    long_description=long_description(),
     long_description_content_type="text/markdown",
     keywords=["imu", "simulation", "ros2", "visual-inertial", "allan-variance", "calibration"],
     classifiers=[

@@ -20,7 +20,8 @@ if (ROOT / "package.xml").is_file():
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax"]
 source_suffix = {".md": "markdown"}
-exclude_patterns = ["_build"]
+# All but the first are copies of the repository's files that rosdoc2 puts next to the pages.
+exclude_patterns = ["_build", "__*.rst", "README.md", "CONTRIBUTING.md", "QUALITY_DECLARATION.md"]
 myst_enable_extensions = ["colon_fence", "dollarmath"]
 myst_heading_anchors = 4
 # Types and arguments are written in the docstrings, once.
@@ -28,9 +29,12 @@ autodoc_typehints = "none"
 autodoc_member_order = "bysource"
 default_role = "code"
 
-# `make docs` installs furo. The build farm's rosdoc2 has no rosdep key for it, but always the
-# Read-the-Docs theme; both have page contents, previous and next, and fit a phone.
+# `make docs` installs furo, and rosdoc2 uses it if it is installed. The build farm has no rosdep
+# key for it, but always the Read-the-Docs theme; both have page contents, previous and next, and
+# fit a phone.
 html_theme = next(name for name in ("furo", "sphinx_rtd_theme", "alabaster") if find_spec(name))
+html_theme_options: dict[str, object] = {}  # rosdoc2 sets those of its own theme before
+rosdoc2_settings = {"override_theme": False}
 html_title = "imu_sim_ros"
 html_static_path = ["_static"]
 html_css_files = ["custom.css"]

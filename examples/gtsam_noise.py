@@ -39,7 +39,7 @@ def imu_noise(parameters: SimulationParameters) -> gtsam.PreintegrationCombinedP
 def _slow_errors(imu: ImuParameters, rate: float, force: float) -> tuple[np.ndarray, np.ndarray]:
     """Return how large (3,) the errors are that gtsam does not know: accelerometer, gyroscope.
 
-    An unknown scale or misalignment E makes of the motion x an error E x: a bias that is constant
+    An unknown scale or misalignment E turns the motion x into an error E x: a bias that is constant
     for as long as the motion is.
 
     :param rate: size of the angular rate [rad/s].

@@ -9,9 +9,9 @@ r"""ORB_SLAM3, mono- or stereo-inertial, on the images and readings of an EuRoC 
     python examples/orb_slam3_vio.py flight flight/mav0_configs estimate.tum
     evaluate estimate.tum flight/mav0/state_groundtruth_estimate0/data.csv --align se3
 
-Frames are fed no faster than a camera would: its mapping runs beside the tracking in threads of its
-own, so that two runs differ in their last digits. The path is that of the IMU from where the map
-begins, metric, in a frame of its own: align it with all six degrees of freedom. Needs pyorbslam3
+Frames are fed no faster than a camera would. Mapping runs parallel to tracking, in threads of
+its own, so that two runs differ in their last digits. The path is that of the IMU from the map's
+beginning, metric, in a frame of its own: align it with all six degrees of freedom. Needs pyorbslam3
 (pip install pyorbslam3 opencv-python-headless), which loads ORB_SLAM3's vocabulary when it is
 first used, or takes the file that PYORBSLAM3_VOCAB names.
 """
@@ -91,7 +91,7 @@ def main() -> None:
     initialised = slam.imu_initialized()
     slam.shutdown()
     if not (tracked and initialised):
-        raise SystemExit("ORB_SLAM3 was not initialised: it wants motion in all directions")
+        raise SystemExit("ORB_SLAM3 was not initialised: it needs motion in all directions")
     print(f"{tracked} frames tracked, {write_tum(slam, words.output)} poses", file=sys.stderr)
 
 

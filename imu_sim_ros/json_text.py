@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""JSON for others to read: the one place that writes it, and JSON knows neither NaN nor infinity.
+"""JSON for others to read: the one place that writes it. JSON has neither NaN nor infinity.
 
 A leaf.
 """

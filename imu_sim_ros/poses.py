@@ -220,7 +220,7 @@ class _PoseRows(NamedTuple):
     position: Array
     q_wb: Array
     triangles: Array
-    """(n, 12) columns of covariance, NaN if a row has none; (n, 0) where not requested."""
+    """(n, 12) columns of covariance, NaN if a row has none; (n, 0) if not requested."""
 
     def at(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> _PoseRows:
         """Return some of the poses."""
@@ -298,7 +298,7 @@ class _Reading:
     def _parsed(self, rows: list[Row]) -> _PoseRows:
         """Return the poses of rows, all converted at once.
 
-        :raises ValueError, OverflowError: where one of them cannot be converted.
+        :raises ValueError, OverflowError: if one of them cannot be converted.
         """
         separator = b"," if self._euroc else None
         allowed = _EUROC_COLUMNS if self._euroc else _TUM_COLUMNS

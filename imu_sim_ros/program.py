@@ -311,7 +311,7 @@ def _called(line: str) -> str:
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose complaint is one line, and that knows ``--debug``, ``--version``.
+    """An argument parser whose complaint is one line, and with ``--debug``, ``--version``.
 
     Options are written in full: an abbreviation of one may be that of another tomorrow. What it
     parses has ``words``: the names of the arguments that are one of a few words, and so

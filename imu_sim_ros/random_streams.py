@@ -26,7 +26,7 @@ def generator(seed: int, source: str) -> Generator:
     :param source: a stable name such as ``gyroscope.white_noise.x``.
     """
     key = zlib.crc32(source.encode())
-    # What SeedSequence makes of entropy=seed and spawn_key=(key,): a run has some fifty streams.
+    # The same as SeedSequence with entropy=seed and spawn_key=(key,): a run has some fifty streams.
     words = np.array([seed & _WORD, seed >> 32, 0, 0, key], np.uint32)
     return Generator(SFC64(SeedSequence(words)))
 

@@ -33,7 +33,7 @@ ARGUMENTS = [
 
 
 def generate_launch_description():
-    """Return simulator and integrators, and RViz where it is wanted."""
+    """Return simulator and integrators, and RViz if it is wanted."""
     return launching.description(ARGUMENTS, _actions)
 
 

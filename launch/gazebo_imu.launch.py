@@ -4,7 +4,7 @@
 """Gazebo's IMU with a real one's errors: `ros2 launch imu_sim_ros gazebo_imu.launch.py`.
 
 Bridges a topic of Gazebo (gz.msgs.IMU, without noise of its own) and adds the errors. Gazebo itself
-runs beside it: `gz sim -r imu_world.sdf`, the world of the examples.
+runs at the same time: `gz sim -r imu_world.sdf`, the world of the examples.
 """
 
 from imu_sim_ros.nodes import launching

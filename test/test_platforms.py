@@ -8,6 +8,7 @@ What a pip install puts on the PATH is held here as well.
 
 import configparser
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -24,11 +25,14 @@ HIDDEN = (
 """What ``os`` has on Linux and not on macOS."""
 
 HIDE = f"""
-import ctypes, os, resource, select, signal, sys
+import ctypes, os, resource, select, signal, socket, sys, time
 for name in {HIDDEN!r}:
     if hasattr(os, name):
         delattr(os, name)
-for module, name in ((select, "epoll"), (resource, "prlimit"), (signal, "sigtimedwait")):
+for module, name in (
+    *((select, "epoll"), (resource, "prlimit"), (signal, "sigtimedwait")),
+    *((signal, "sigwaitinfo"), (time, "CLOCK_BOOTTIME"), (socket, "AF_NETLINK")),
+):
     if hasattr(module, name):
         delattr(module, name)
 real = ctypes.CDLL
@@ -80,7 +84,41 @@ def test_images_are_written_and_read_without_linux(tmp_path):
         tmp_path,
         "generate -o seen --format euroc --camera euroc_cam0 --duration 0.5s --quiet",
         "convert_bag seen -o seen.mcap --images compressed --quiet",
+        "generate -o office --format euroc --camera euroc_cam0 --scene office --duration 0.1s --quiet",
     )
+
+
+def test_a_drive_with_gnss_and_wheels_is_written_without_linux(tmp_path):
+    run(
+        tmp_path,
+        "generate -o town.mcap --trajectory town --wheels husky_a200 --gnss zed_f9p --duration 2s --quiet",
+    )
+
+
+def test_a_serial_line_is_written_and_read_without_linux(tmp_path):
+    script = """
+from imu_sim_ros.nodes.simulator.serial_line import PseudoTerminal
+line = PseudoTerminal("gps")
+reader = os.open("gps", os.O_RDONLY | os.O_NOCTTY)
+line.send(b"$GPGGA")
+assert os.read(reader, 100) == b"$GPGGA"
+line.close()
+"""
+    words = [sys.executable, "-c", HIDE + script]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_every_name_that_only_linux_has_stands_behind_a_guard():
+    used = set()
+    for path in (ROOT / "imu_sim_ros").rglob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        for name in re.findall(rf"\bos\.({'|'.join(HIDDEN)})\b", text):
+            used.add(name)
+            assert f'hasattr(os, "{name}")' in text, f"{path}: os.{name}"
+        assert "select.epoll" not in text, path
+    assert used == {"sched_getaffinity"}
 
 
 def test_a_campaign_runs_without_linux(tmp_path):

@@ -136,7 +136,7 @@ class _Mark(NamedTuple):
     position: int
     chunks: int
     counts: list[tuple[int, int, int]]
-    """Of each topic: messages, first and last time."""
+    """Messages, first and last time of each topic."""
 
 
 class _Buffer(NamedTuple):
@@ -144,7 +144,7 @@ class _Buffer(NamedTuple):
 
     template: bytes
     offsets: list[int]
-    """Of the columns; what else a row holds is the template's."""
+    """Offsets of the columns; all other bytes of a row are the template's."""
     rows: Bytes
 
 
@@ -162,7 +162,7 @@ class _Job(NamedTuple):
     records: Bytes
     messages: Sequence[Indexed]
     counts: list[tuple[int, int, int]]
-    """Of each topic, with this chunk."""
+    """Messages, first and last time of each topic, this chunk included."""
     buffer: _Buffer | None
     """That is free again when the chunk is written."""
 

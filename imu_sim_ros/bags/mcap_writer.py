@@ -58,7 +58,7 @@ class _Packed(NamedTuple):
     start_ns: int
     end_ns: int
     size: int
-    """Of the records."""
+    """Uncompressed size of the records [bytes]."""
 
 
 def compressor(compression: str) -> Callable[[bytes | memoryview], bytes | memoryview]:

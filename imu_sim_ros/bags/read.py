@@ -59,7 +59,7 @@ _ODOMETRY_FIELDS = (
     *("pose_covariance", "twist_covariance"),
 )
 _ROUNDING = 1e-12
-"""Of the length of a quaternion that was written as a unit one."""
+"""Rounding error of the length of a quaternion that was written as a unit one."""
 _T = TypeVar("_T", bound=tuple[Any, ...])
 
 
@@ -353,7 +353,7 @@ def _unit(q: Array) -> Array:
 def _merged(blocks: Iterator[_T]) -> Iterator[_T]:
     """Yield blocks of at least a thousand messages, but for the last.
 
-    Where a bag has images, a chunk of it holds a few readings, and the first perhaps one: too few
+    If a bag has images, a chunk of it holds a few readings, and the first perhaps one: too few
     to tell a rate from.
     """
     waiting: list[_T] = []

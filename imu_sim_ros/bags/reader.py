@@ -166,7 +166,7 @@ class ChunkedBag(Bag):
         self._chunks: list[Any] = []
         """Each with its position in the file, and ``start_ns``."""
         self._topic_of: dict[int, TopicInfo] = {}
-        """Of the channels or connections that messages name."""
+        """Topics by number of the channel or connection that messages name."""
         try:
             self._file.seek(0)
             self._open()

@@ -33,7 +33,7 @@ OP_CONNECTION: Final = 7
 INDEX_ENTRY: Final = np.dtype([("sec", "<u4"), ("nanosec", "<u4"), ("offset", "<u4")])
 _BZIP2_LEVEL: Final = 9
 _SEQ_BYTES: Final = 4
-"""Of header.seq, which ROS 1 publishers count: it shows consumers what was lost."""
+"""Size of header.seq, in which ROS 1 publishers count, so that a loss shows."""
 
 
 def fields(**values: bytes) -> bytes:

@@ -101,7 +101,7 @@ def read_measured(
 ) -> tuple[Times, Array]:
     """Return stamps (n,) and values (n, m) of a topic of readings, or of a folder's table.
 
-    Where a bag has the truth as well, the readings are meant.
+    If a bag has the truth as well, the readings are meant.
     """
     if topic is None and not text_reader.is_text(Path(path)):
         with open_bag(path) as bag:

@@ -183,7 +183,7 @@ class SqliteWriter(Writer):
 
     def abandon(self) -> list[Path]:
         """Keep the committed messages."""
-        # Where that fails, whoever opens the file next rolls the journal back.
+        # If that fails, whoever opens the file next rolls the journal back.
         with suppress(sqlite3.Error):
             self._database.rollback()
         self._database.close()

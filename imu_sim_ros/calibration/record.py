@@ -80,7 +80,7 @@ class Timing(NamedTuple):
     lost: int
     """Samples missing between others."""
     filled: int
-    """Of these, samples in losses short enough to be filled."""
+    """Missing samples in losses short enough to be filled."""
     gaps: int
     """Losses that ended a piece."""
     longest_gap: float

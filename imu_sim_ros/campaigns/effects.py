@@ -30,20 +30,20 @@ class Effect:
     seeds: int
     """Seeds on which at least one of both has a result and the other one, or failed."""
     won: int
-    """Of them, seeds on which A is better."""
+    """Seeds among them on which A is better."""
     lost: int
     scatter: float | None
     """Standard deviation of the logarithm of the ratio on a seed; ``--power`` needs it."""
     p: float | None
-    """Of no difference at all (Wilcoxon, Holm); None: nothing can be said."""
+    """p-value of no difference at all (Wilcoxon, Holm); None: nothing can be said."""
     p_beyond: float | None
-    """Of a difference within the tolerance."""
+    """p-value of a difference within the tolerance."""
     success: Interval
     """Share of runs done of A less that of B (Bonett and Price)."""
     success_p: float | None
     """McNemar, Holm."""
     verdict: str
-    """What A is: ``better`` or ``worse`` than B beyond the tolerance, ``equal`` where the interval
+    """What A is: ``better`` or ``worse`` than B beyond the tolerance, ``equal`` if the interval
     lies within it, or ``undecided``."""
     note: str = ""
     """Reason for no decision, other than too few runs."""

@@ -4,7 +4,7 @@
 """A campaign's judgement as JUnit XML, which continuous integration shows.
 
 A test case is a requirement of a group, a comparison with the baseline, and the runs of a group,
-whose output is why some failed. What fails the gate is a failed case, and nothing else is; where no
+whose output is why some failed. What fails the gate is a failed case, and nothing else is; if no
 run is done, every group's runs are an error.
 """
 

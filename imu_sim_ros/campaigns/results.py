@@ -293,7 +293,7 @@ def _write_parquet(
 def _arrow(name: str, rows: Sequence[Row], metrics: Collection[str]) -> tuple[list[Any], str]:
     """Return a column's values and its type, which depends on the plan alone.
 
-    Metrics are numbers even where no run has one; a grid's axis may mix kinds of values, which are
+    Metrics are numbers even if no run has one; a grid's axis may mix kinds of values, which are
     strings then.
     """
     values = [row.get(name) for row in rows]

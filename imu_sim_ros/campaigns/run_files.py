@@ -42,7 +42,7 @@ _BLOCK: Final = 512
 
 
 def write_dataset(cell: SimulatedCell, form: str, seed: int, block: ImuBlock, place: Path) -> Path:
-    """Write the readings, the truth, and what the cameras see where there are some.
+    """Write the readings, the truth, and what the cameras see, if there are any.
 
     :param form: euroc, tracks, rosbag2, ros1 or mcap.
     :param block: all samples of the run.

@@ -175,11 +175,11 @@ class Shift(NamedTuple):
     """Hodges and Lehmann's, with its 95 % interval; an end is None if it is infinite or where
     too few pairs support it."""
     sign: int
-    """Of the centre, which may be infinite."""
+    """Sign of the centre, which may be infinite."""
     p: float | None
-    """Of Wilcoxon's signed-rank test, two-sided; None if there are fewer than six pairs."""
+    """p-value of Wilcoxon's signed-rank test, two-sided; None for fewer than six pairs."""
     p_beyond: float | None
-    """Of the same test against the hypothesis that the centre lies within the margin."""
+    """p-value of the hypothesis that the centre lies within the margin, by the same test."""
 
 
 def shift(differences: Array, margin: float = 0.0) -> Shift:
@@ -203,7 +203,7 @@ def shift(differences: Array, margin: float = 0.0) -> Shift:
     rank = signed_rank_limit(n, 0.5 * (1.0 - CONFIDENCE))
     if rank is None:
         return Shift(Interval(_known(middle), None, None), int(np.sign(middle)), None, None)
-    # Of all averages, the one of rank + 1; a drawn part has a proportional place.
+    # The average of rank + 1; a drawn part has a proportional place.
     place = rank if n <= _MAX_PAIRS else rank * len(averages) // (n * (n + 1) // 2)
     ends = _known(float(averages[place])), _known(float(averages[-1 - place]))
     beyond = min(_tails(d - margin)[1], _tails(d + margin)[0])

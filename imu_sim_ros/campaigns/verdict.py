@@ -7,7 +7,7 @@
 exit status and page show it. Groups (an estimator in a cell) are compared on the same seeds. The
 share of runs that are done is compared first, by McNemar's exact test. Then the metric: a failed
 run is worse than any number, both failed says nothing, and the effect is the median ratio A / B in
-the sense of Hodges and Lehmann, or the difference A - B where a value is not positive, a tolerance
+the sense of Hodges and Lehmann, or the difference A - B if a value is not positive, a tolerance
 is absolute, or values near a number are best (distances from that number are compared).
 """
 
@@ -83,7 +83,7 @@ class Standing(NamedTuple):
     success: Interval
     """Share of runs done (Wilson)."""
     median: Interval
-    """Of the metric over the runs that have it, with the exact 95 % interval."""
+    """Median of the metric over the runs that have it, with the exact 95 % interval."""
     with_failures: float | None
     """Median of all runs, failed ones being worse than any number; None: half of them failed."""
     align: str | None
@@ -156,7 +156,7 @@ class Judgement:
     standings: list[Standing]
     """One for each cell and estimator, in the plan's order."""
     contests: list[Contest]
-    """Of every factor; those of ``factor`` come first and are the headline."""
+    """Comparisons of every factor; those of ``factor`` come first and are the headline."""
     failures: list[Failure]
     """The most frequent first."""
     requirements: list[Checked]

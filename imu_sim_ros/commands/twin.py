@@ -61,7 +61,7 @@ def print_twin(found: Twin) -> None:
         )
     if found.clock_wander > 0.0:
         print(
-            f"the truth's clock wanders by {1e3 * found.clock_wander:.2f} ms RMS besides offset "
+            f"the truth's clock wanders by {1e3 * found.clock_wander:.2f} ms RMS around offset "
             "and skew; that is taken out and not simulated"
         )
     _print_white(found)

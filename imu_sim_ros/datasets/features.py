@@ -55,7 +55,7 @@ class FeatureMessage(NamedTuple):
     """The features of one frame."""
 
     number: int
-    """Of the frame of the first camera."""
+    """Number of the first camera's frame."""
     t_ns: int
     release_t_ns: int
     payload: bytes
@@ -286,7 +286,7 @@ def imagers(rig: Rig, names: list[str]) -> dict[str, Imager]:
 def info_of_camera(camera: CameraParameters) -> CameraInfo:
     """Return a camera's model in the terms of sensor_msgs/CameraInfo.
 
-    Of a unified sphere D is xi and the distortion, of a double sphere xi and alpha; ROS has no
+    D is xi and the distortion for a unified sphere, xi and alpha for a double one; ROS has no
     names for the two, so they have ours.
     """
     model = CameraModel(camera)

@@ -231,7 +231,7 @@ _PIXELS: Final = {
 }
 """By number of channels, and bytes of each."""
 _PNG_CHANNELS: Final = {0: 1, 2: 3, 3: 3, 4: 4, 6: 4}
-"""Of PNG's kinds of colour, as OpenCV decodes them: grey, colour, palette, and with alpha."""
+"""Channels by PNG's colour type, as OpenCV decodes them: grey, colour, palette, with alpha."""
 
 
 class Frames(NamedTuple):
@@ -250,7 +250,7 @@ class FolderCamera(NamedTuple):
     depth: Frames | None
     described: Description
     text: str
-    """Of its sensor.yaml; empty if there is none."""
+    """Text of its sensor.yaml; empty if there is none."""
 
     @property
     def frame(self) -> str:

@@ -64,7 +64,7 @@ class RecordedCamera(NamedTuple):
     """The topics of one camera in a bag."""
 
     name: str
-    """Of its folder."""
+    """Name of its folder."""
     base: str
     """What its topics have in common."""
     images: TopicInfo | None
@@ -114,7 +114,7 @@ class RecordedImages:
         self._cameras = {camera.name: camera for camera in cameras}
         self._stamps: dict[str, dict[int, None]] = {}
         self._frames: dict[str, str] = {}
-        """Of each camera's messages, by base."""
+        """Frame of each camera's messages, by base."""
         self._infos: dict[str, Any] = {}
         """The first CameraInfo of each camera, by base."""
         self._transforms: Transforms = {}

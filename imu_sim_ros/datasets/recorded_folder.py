@@ -73,7 +73,7 @@ _PREFETCHED: Final = 4
 """Images in progress for each thread, beyond those."""
 
 Messages = dict[str, bytes]
-"""Of one frame, by topic below the camera's name."""
+"""Messages of one frame, by topic below the camera's name."""
 
 
 class FolderImages:

@@ -7,7 +7,7 @@
 ``cam_pose_tum.txt``: t, p, q x y z w. ``all_points.txt``: x y z 1; of frame N
 ``keyframe/all_points_N.txt``: x y z 1 u v, and ``keyframe/all_lines_N.txt``: u1 v1 u2 v2, where u
 and v are normalised and undistorted. Times are seconds from the start, each computed from its
-index; the original applies no noise and knows no border, so its readers see a landmark that a
+index; the original applies no noise and has no border, so its readers see a landmark that a
 camera does not.
 """
 
@@ -64,7 +64,7 @@ class VioDataSimulation:
     def __init__(self, folder: Path, rig: Rig, trajectory: Trajectory) -> None:
         """Open the files.
 
-        :raises InputError: for several cameras, of which the form knows one.
+        :raises InputError: for several cameras, as the form has only one.
         """
         if len(rig.views) != 1:
             raise InputError(

@@ -25,7 +25,7 @@ class Table:
     """The readings of one kind of sensor: a time and some numbers in each row."""
 
     name: str
-    """Of its files, followed by the number of the IMU: ``mag`` of mag0.csv."""
+    """Name of its files, before the number of the IMU: ``mag`` of mag0.csv."""
     title: str
     """What it is, for the head of EuRoC's sensor.yaml."""
     quantity: Quantity
@@ -33,9 +33,9 @@ class Table:
     headers: Mapping[str, str]
     """The first line, by form, ``euroc`` and ``csv``: a column for the time, one a number."""
     type: str
-    """Of its messages, in the form of ROS 2."""
+    """Type of its messages, in the form of ROS 2."""
     topic: str
-    """Of its messages, without the namespace of an IMU of several."""
+    """Topic of its messages, without the namespace of one IMU among several."""
     fields: tuple[str, ...] = ()
     """The field of the message that holds the numbers and, if there is one, their covariance."""
     encoder: Callable[[str, str], Encode] | None = None
@@ -46,7 +46,7 @@ class Table:
     truths: tuple[str, str] | None = None
     """Topics of the ideal readings, in messages of the same type, and of the true biases."""
     bias_type: str = ""
-    """Of the messages of the biases: that of the readings, or Vector3Stamped."""
+    """Type of the bias messages: that of the readings, or Vector3Stamped."""
 
     @property
     def columns(self) -> int:

@@ -50,9 +50,9 @@ _FIRST: Final = 2000
 
 
 def source_of(bag: Bag, name: str | None) -> TopicInfo:
-    """Return the topic of ideal readings, or of odometry where it is named.
+    """Return the topic of ideal readings, or of odometry if it is named.
 
-    :raises InputError: where there is none, or several.
+    :raises InputError: if there is none, or several.
     """
     named = [t for t in bag.topics if name and t.name.lstrip("/") == name.lstrip("/")]
     if named and named[0].type == ODOMETRY:
@@ -74,7 +74,7 @@ def stamps(bag: Bag, source: TopicInfo) -> Times:
 def rate_in(bag: Bag, source: TopicInfo) -> float:
     """Return the readings per second of a topic [Hz].
 
-    :raises InputError: where there are fewer than two.
+    :raises InputError: if there are fewer than two.
     """
     t_ns = stamps(bag, source)
     if not (np.diff(t_ns) > 0).any():

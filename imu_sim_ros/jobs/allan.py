@@ -89,7 +89,7 @@ class Noise:
     warnings: tuple[str, ...]
     result: AllanResult
     name: str = ""
-    """Of the sensor or the file, for titles."""
+    """Name of the sensor or the file, for titles."""
 
     def __repr__(self) -> str:
         density = np.nanmean(self.gyroscope.noise_density.value)

@@ -188,7 +188,7 @@ class _Run:
 
     @property
     def name(self) -> str:
-        """Of the file, or of the readings."""
+        """Name of the file, or of the readings."""
         if self.path is not None:
             return name_of(self.path)
         return self._given.name if isinstance(self._given, Readings) else "flight"

@@ -78,7 +78,7 @@ class Options:
     batch: int | None = None
     """Seeds in a task; None: chosen by the estimators."""
     metric: str = ""
-    """Of the verdict; empty: the plan's first."""
+    """Metric of the verdict; empty: the plan's first."""
     baseline: Path | None = None
     """Results of an earlier campaign."""
     tolerance: Tolerance | None = None

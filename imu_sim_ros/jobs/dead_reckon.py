@@ -77,7 +77,7 @@ class Track:
     truth: Odometry | None = None
     """The truth that came with the readings."""
     name: str = ""
-    """Of the readings' sensor or file, for titles."""
+    """Name of the readings' sensor or file, for titles."""
     initial_state: str = "truth"
     """``truth``, ``level`` or ``parameters``, as in :func:`dead_reckon`."""
 

@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 
 _FRACTIONS: Final = (0.1, 0.2, 0.3, 0.4, 0.5)
-"""Of the path's length: the distances of the RPE by default."""
+"""Default distances of the RPE, as fractions of the path's length."""
 
 
 class TimeOffset(NamedTuple):

@@ -124,7 +124,7 @@ class Generated:
     messages: dict[str, int]
     """Messages by topic, rows by table, images by camera."""
     samples: int
-    """Of all IMUs."""
+    """Number of samples of all IMUs."""
     bytes: int
     wall_s: float
     warnings: tuple[str, ...] = ()

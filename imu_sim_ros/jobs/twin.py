@@ -69,13 +69,13 @@ _OF: Final = (
     ("truth_turn", tuple("xyz")),
 )
 NAMES: Final = tuple(f"{name} {part}".strip() for name, parts in _OF for part in parts)
-"""Of the 42 parameters, in their order."""
+"""Names of the 42 parameters, in their order."""
 _UNDETERMINED: Final = 0.7
 """Standard error over the prior's above which a motion says nothing of a parameter."""
 _NOT_GIVEN: Final = 5.0
 """Standard errors by which the poses' noise may move a number that is given."""
 _SAID: Final = 2.0
-"""Beyond it, a number is not given where the noise is rounding: that is no white noise, follows the
+"""Beyond it, a number is not given if the noise is rounding: that is no white noise, follows the
 motion, and what it does is known less well (of poses rounded to a millimetre, figure_eight, numbers
 that it moves by 2 to 5 standard errors are off by 2.2, RMS; others by 1.3)."""
 _DISAGREE: Final = 3.0
@@ -198,11 +198,11 @@ class Twin:
     warnings: tuple[str, ...]
     """What hangs on the poses' noise, and what contradicts itself: a line each."""
     parameters: dict[str, Value]
-    """Of the simulator, by name."""
+    """Parameters of the simulator, by name."""
     analysis: Analysis
     """Bias over time, lines, bands, white floor and intensities."""
     check: Check | None
-    """The comparison with the part that was not used, where there is one."""
+    """The comparison with the part that was not used, if there is one."""
     source: Recorded
 
     def __repr__(self) -> str:
@@ -213,7 +213,7 @@ class Twin:
         )
 
     def as_json(self) -> Any:
-        """Return all numbers by name, in plain types; null where one is not finite."""
+        """Return all numbers by name, in plain types; null if one is not finite."""
         found, noise = self.analysis, self.source.noise
         white, bands, lines = found.white, found.bands, found.lines
         known = np.where(bands.freedom < _LEAST_FREEDOM, np.nan, bands.density)
@@ -257,7 +257,7 @@ class Twin:
 
     @property
     def clock_wander(self) -> float:
-        """RMS of how the truth's clock wanders besides offset and skew [s]; 0: it is steady."""
+        """RMS wander of the truth's clock around offset and skew [s]; 0: it is steady."""
         return float(np.std(self.analysis.fit.wander))
 
     def save(self, path: str | Path, *, force: bool = False) -> Path:
@@ -392,7 +392,7 @@ def _found(source: Recorded, fit: float | None) -> Twin:
 def _check_likeness(source: Recorded, used: Recording, found: Fit) -> None:
     """Refuse readings that are not those of the truth's motion.
 
-    :raises InputError: where the truth explains too little of them.
+    :raises InputError: if the truth explains too little of them.
     """
     count = max(round(_SECONDS * used.rate), 1)
     rows = len(used.stamps) // count * count
@@ -412,7 +412,7 @@ def _check_likeness(source: Recorded, used: Recording, found: Fit) -> None:
 def check_settled(source: Recorded, found: Fit) -> None:
     """Refuse a recording whose least squares has no minimum.
 
-    :raises InputError: where the noise of the poses hides what the motion shows.
+    :raises InputError: if the noise of the poses hides what the motion shows.
     """
     if not found.settled:
         angle, distance = 1e3 * source.noise.deviation
@@ -476,7 +476,7 @@ def _analysed(source: Recorded, used: Recording, found: Fit, unseen: Array) -> A
 
 
 def _steps(readings: Array) -> Array:
-    """Return the digital steps (6,) of the readings; 0 where there are none."""
+    """Return the digital steps (6,) of the readings; 0 if there are none."""
     finder = StepFinder(6)
     finder.look(np.ascontiguousarray(readings.T))
     return finder.step

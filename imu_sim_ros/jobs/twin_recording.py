@@ -77,9 +77,9 @@ class Recorded(NamedTuple):
     cutoff: float
     """[Hz] above which motion does not stand out of the poses' noise, or counts as vibration."""
     noise: PoseNoise
-    """Of the poses."""
+    """Noise of the poses."""
     noisy: tuple[Trajectory, ...]
-    """The trajectory with more noise of the poses; none where they have no noise."""
+    """The trajectory with more noise of the poses; none if they have no noise."""
     gravity: float
     offset: float
     """First guess of true time minus stamp [s]."""
@@ -300,7 +300,7 @@ def _common(stamps: Array, duration: float) -> float:
 def _in_pieces(stamps: Array, readings: Array, name: str) -> Recording:
     """Return a recording without repeated stamps, short losses filled, cut at long ones.
 
-    :raises InputError: where no piece is long enough for a spectrum.
+    :raises InputError: if no piece is long enough for a spectrum.
     """
     keep = np.concatenate([[True], np.diff(stamps) > 0.0])
     stamps, readings = stamps[keep], readings[keep]
@@ -331,5 +331,5 @@ def _in_pieces(stamps: Array, readings: Array, name: str) -> Recording:
 
 
 def _rounded(rate: float) -> float:
-    """Return the nearest whole rate where a clock's skew can explain the difference."""
+    """Return the nearest whole rate if a clock's skew can explain the difference."""
     return float(round(rate)) if abs(rate - round(rate)) < 1e-3 * rate else round(rate, 3)

@@ -137,7 +137,7 @@ def _rotation(cross_covariance: Array) -> Array:
             "the positions lie on a line or in one place: no rotation can be found for se3 or "
             "sim3; use the alignment yaw or none"
         )
-    # A reflection would fit better where the last sign is negative; it is not a rotation.
+    # A reflection would fit better if the last sign is negative; it is not a rotation.
     sign = np.sign(np.linalg.det(u) * np.linalg.det(vt))
     return u @ np.diag([1.0, 1.0, sign]) @ vt
 

@@ -136,7 +136,7 @@ def of_integrals(h: Array, delta_angle: Array, delta_velocity: Array) -> tuple[A
     """
     before_a = np.concatenate([delta_angle[:, :1], delta_angle[:, :-1]], axis=1)
     before_v = np.concatenate([delta_velocity[:, :1], delta_velocity[:, :-1]], axis=1)
-    # Where the intervals differ in length, the mean of the one before counts for this one's.
+    # If the intervals differ in length, the mean of the one before counts for this one's.
     ratio = np.concatenate([np.ones(1), h[1:] / h[:-1]])
     before_a, before_v = before_a * ratio, before_v * ratio
     turned = cross(delta_angle, delta_velocity)

@@ -22,7 +22,7 @@ from imu_sim_ros.navigation.state import Correction, NavigationState, correction
 from imu_sim_ros.types import Array, Times
 
 _GRAVITY_TOLERANCE: Final = 0.05
-"""Of gravity, by which the mean force may differ from it at least."""
+"""Smallest allowed difference of the mean force from gravity, as a fraction of gravity."""
 _SIGMAS: Final = 4.0
 
 
@@ -81,7 +81,7 @@ class Initial(NamedTuple):
     state: NavigationState
     correction: Correction
     covariance: Covariance
-    """Of the state's error."""
+    """Covariance of the state's error."""
 
 
 def from_parameters(parameters: IntegratorParameters) -> Initial:

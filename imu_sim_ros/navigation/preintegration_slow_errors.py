@@ -34,7 +34,7 @@ from imu_sim_ros.navigation.noise import ImuErrors
 from imu_sim_ros.types import Array
 
 _MAX_PIECES: Final = 128
-"""Of an interval: longer ones have longer pieces, of half a second in a minute."""
+"""Most pieces of an interval; in a minute, each is half a second long."""
 _AT_ONCE: Final = 1_000_000
 """Pairs of pieces whose covariances are computed at a time."""
 
@@ -61,7 +61,7 @@ class SlowErrorsOfIntervals:
         self._sums = [np.zeros((1, batch, 9, 6))]
         """S at the ends of the pieces."""
         self._by_terms = np.zeros((batch, 54, 12))
-        """Of the end, back in the terms of the start, by the factors of each axis."""
+        """S at the end, in the terms of the start, by the factors of each axis."""
 
     def __bool__(self) -> bool:
         """Return whether there is any such error."""

@@ -201,12 +201,12 @@ class Stepper:
 
     @property
     def velocity(self) -> V3:
-        """Of the body in the world frame [m/s]."""
+        """Velocity of the body in the world frame [m/s]."""
         return self._velocity
 
     @property
     def velocity_b(self) -> V3:
-        """Of the body, resolved in the body: the twist of an Odometry message [m/s]."""
+        """Velocity resolved in the body frame, the twist of an Odometry message [m/s]."""
         return rotate(conjugate(self._q), self._velocity)
 
     @property

@@ -168,7 +168,7 @@ class Truth(NamedTuple):
 _READINGS: Final = ("angular_velocity", "linear_acceleration")
 _STATES: Final = ("position", "orientation", "linear", "angular")
 _ROUNDING: Final = 1e-12
-"""Of the squared length of a quaternion that was written as a unit one."""
+"""Rounding error of the squared length of a quaternion that was written as a unit one."""
 _LENGTH: Final = 1e-3
 """By how much the squared length of a quaternion may miss 1 before it counts as none."""
 _imu = MessageDecoder(IMU, _READINGS)

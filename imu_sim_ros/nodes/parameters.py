@@ -35,7 +35,7 @@ class ConfiguredNode(Node):
 
     Values come from ``--ros-args`` (``-p``, ``--params-file``) as ROS matches them to the node.
     Types are those of the section, not of ROS: an integer is accepted for a float, a number for a
-    vector, and a list as a string, which is what ``ros2 param set`` makes of ``[0.1, 0, 0]``. The
+    vector, and a list as a string, to which ``ros2 param set`` converts ``[0.1, 0, 0]``. The
     parameter always holds the section's own type. Parameters that are not ``live`` are read-only.
     A change is checked as a whole and takes effect as a whole, through :meth:`apply`.
     """

@@ -58,7 +58,7 @@ class RawSubscriptions:
     :param deliver: receives a topic and messages of it, in the reader's thread.
     :param fail: receives the error that this raised; no more messages are taken.
     :param period: between looks for messages [s].
-    :param leading: a topic in step with which messages are looked for where they arrive regularly,
+    :param leading: a topic in step with which messages are looked for if they arrive regularly,
         see :class:`~imu_sim_ros.nodes.publishing.PollTimer`; None: none.
     """
 

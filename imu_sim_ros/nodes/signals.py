@@ -31,7 +31,7 @@ class EndSignals:
     def __init__(self, last: bool = False) -> None:
         self._last = last
         wanted = [signal.SIGINT, signal.SIGTERM]
-        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # nohup wants it ignored
+        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # nohup has it ignored
             wanted.append(signal.SIGHUP)
         self.arrived = False
         self._begun = False

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""All places by name, and how large each is unless it is told."""
+"""All places by name, with their default sizes."""
 
 from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple

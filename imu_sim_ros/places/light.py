@@ -28,7 +28,7 @@ Single = NDArray[np.float32]
 _POINTS: Final = 24_000
 """Points at which light is computed, about."""
 _COARSE: Final = 3_500
-"""Of what surfaces give to each other, which is smooth."""
+"""Points for the light that surfaces give to each other, which is smooth."""
 _NEAREST: Final = 0.1
 """Least distance of two of them [m]."""
 _SMALL: Final = 0.02
@@ -199,7 +199,7 @@ def _from_lamps(points: _Points, solid: Caster, lighting: Lighting) -> Single:
             square = np.maximum(square, np.float32(0.02))
             value = share * np.maximum(there, 0) * np.maximum(here, 0) / (square * square)
             rows = np.flatnonzero(value * colour.max() > _LEAST / _SAMPLES**2)
-            # Of a closed body a ray to the lamp meets one side that faces the lamp.
+            # A ray to the lamp meets one side of a closed body that faces the lamp.
             facing = ((place - solid.surfaces.origin) * normals).sum(axis=1) > 0.0
             seen = rows[~solid.blocked(points.places[rows], way[rows], 1.0, facing)]
             result[seen] += value[seen, None] * colour

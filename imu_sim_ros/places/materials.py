@@ -21,7 +21,7 @@ Differences = NDArray[np.int8]
 Stream = np.random.Generator
 
 CONTRASTS: Final = {"blank": 0.25, "plain": 0.8, "rich": 1.3}
-"""What each ``scene.texture`` makes of the differences within a material."""
+"""Factor on the differences within a material, for each ``scene.texture``."""
 
 
 class Canvas(NamedTuple):

@@ -29,7 +29,7 @@ _DOOR: Final = 1.0
 _WALL: Final = 0.1
 _LINTEL: Final = 2.1
 _HEIGHT: Final = 1.35
-"""Of a tour, below the lintels [m]."""
+"""Height of a tour, below the lintels [m]."""
 
 
 def office(site: Site) -> Place:

@@ -31,7 +31,7 @@ _MIDDLE: Final = {"day": 0.55, "lamps": 0.5, "dim": 0.16}
 _ROWS: Final = 256
 """Rows of a texture that are lit at once."""
 _WEIGHTS: Final = (77, 150, 29)
-"""Of red, green and blue in a grey value, in 1/256 (ITU-R BT.601)."""
+"""Weights of red, green and blue in a grey value, in 1/256 (ITU-R BT.601)."""
 
 
 class Painter:

@@ -95,7 +95,7 @@ class Builder:
         self.lamps: list[Lamp] = []
         self.windows: list[Rectangle] = []
         self.decor = site.stream("decor")
-        """Of what is only seen: with another texture bodies stand where they did."""
+        """Random stream of what is only seen: another texture leaves every body in place."""
         self._count = 0
 
     def number(self) -> int:

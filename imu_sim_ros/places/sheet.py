@@ -26,7 +26,7 @@ class Print(NamedTuple):
     width: float
     height: float
     number: int = 0
-    """Of the picture: another number, another picture of its kind."""
+    """Number of the picture; another number gives another picture of its kind."""
     glows: bool = False
     """Its colours are what is seen, whatever the light."""
 

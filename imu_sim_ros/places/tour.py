@@ -29,7 +29,7 @@ _STEPS: Final = ((1.4, 5), (1.0, 3), (0.8, 3), (0.6, 1), (0.4, 1))
 _WAVE: Final = 0.15
 """By which the flight rises and falls [m]."""
 _LENGTH: Final = 7.0
-"""Of such a wave, about [m]."""
+"""Length of such a wave, about [m]."""
 _LOOKS: Final = 4000
 """Places along a flight whose distance from everything is checked."""
 

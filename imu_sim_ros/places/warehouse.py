@@ -13,7 +13,7 @@ from imu_sim_ros.places.place import Builder, Place, Site
 from imu_sim_ros.places.sheet import Print
 
 _DEPTH: Final = 1.1
-"""Of a rack [m]."""
+"""Depth of a rack [m]."""
 _AISLE: Final = 2.9
 _BAY: Final = 2.8
 """Distance of two uprights [m]."""

@@ -258,7 +258,7 @@ def draw(real: Series, simulated: Series, rate: float, name: str) -> Figure:
         _spectrum(panels[axis], real[1], simulated[1], rate, axis, label)
         _series(panels[6 + axis], real, simulated, rate, axis, label)
     panels[0].legend()
-    figure.suptitle(f"Digital twin of {name}: what the constant errors do not explain")
+    figure.suptitle(f"Digital twin of {name}: residuals after its constant errors")
     return figure
 
 

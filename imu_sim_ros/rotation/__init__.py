@@ -4,8 +4,8 @@
 """Unit quaternions and SO(3), in the three layouts that the package needs.
 
 The functions exported here take arrays with time first, (n, 4) and (n, 3). :mod:`components` has
-the same for components first, (4, n) and (3, n), where a record is processed in bulk;
-:mod:`scalars` for tuples of floats, where a node takes one step. One set of properties is tested
+the same for components first, (4, n) and (3, n), for records processed in bulk;
+:mod:`scalars` for tuples of floats, for single steps of a node. One set of properties is tested
 for all of them. Imports nothing of the package.
 """
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 AUXILIARY: Final = ("magnetometer", "orientation", "barometer")
 """On the board of each IMU. A sensor that another one needs comes before it."""
 CARRIED: Final[tuple[str, ...]] = ("gnss", "wheels")
-"""Of the body, for the parameter ``sensors``."""
+"""Sensors of the body, which the parameter ``sensors`` switches on."""
 
 
 @cache
@@ -50,7 +50,7 @@ def with_faults() -> dict[str, str]:
 
 
 def known_tables() -> "dict[str, Table]":
-    """Return the tables of readings besides those of an IMU, by name."""
+    """Return the tables of readings other than an IMU's, by name."""
     from imu_sim_ros.sensors.registry import in_use
 
     return {one.table.name: one.table for one in (*auxiliary_sensors(), *in_use())}

@@ -78,7 +78,7 @@ class Now(Protocol):
 
     @property
     def rate(self) -> float:
-        """Of the IMU [Hz]."""
+        """Rate of the IMU [Hz]."""
 
 
 Payloads = Callable[[Any, Any, ImuBlock, Any], "RowTemplate"]
@@ -104,7 +104,7 @@ class Topic:
     """At the true times of all samples, lost ones too; else what is delivered, as stamped."""
     foreign: bool = False
     """Its type is in a package that need not be installed: a bag has it on request, a node
-    publishes it where it can."""
+    publishes it if it can."""
 
 
 def topic(
@@ -171,7 +171,7 @@ class Sensor:
     """All that the rest of the package has to know of an auxiliary sensor."""
 
     name: str
-    """Of its parameters, ``imu.NAME_...`` or ``NAME.*``, and of its faults."""
+    """NAME in its parameters, ``imu.NAME_...`` or ``NAME.*``, and in its faults."""
     quantity: str
     """What it measures: the name in ``simulate(sensors=...)``, of ``publish.*`` and of a flight.
     That of a sensor of the body is its name."""

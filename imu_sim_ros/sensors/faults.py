@@ -104,7 +104,7 @@ class FaultSchedule:
     seed: int
     dt: float
     prefix: str = ""
-    """Of the random streams' names; another for each auxiliary sensor."""
+    """Prefix of the random streams' names; another for each auxiliary sensor."""
     _windows: list[_Window] = field(default_factory=list)
     _injected: int = 0
 
@@ -152,7 +152,7 @@ class FaultSchedule:
     def hold(self, triad: str, first: int, reading: Array, before: Array | None) -> None:
         """Repeat the last good reading (3, n).
 
-        :param before: the reading of sample ``first - 1`` (3,); None where there is none.
+        :param before: the reading of sample ``first - 1`` (3,); None if there is none.
         """
         for window, rows in self._of_triad("stuck", triad, first, reading.shape[1]):
             if window.held is None:

@@ -87,7 +87,7 @@ class OverGround(NamedTuple):
     transport_acceleration: Array
     """Derivative of the transport rate's components [rad/s^2]."""
     earth_rate: Array
-    """omega_ie; 0 where the world does not rotate [rad/s]."""
+    """omega_ie; 0 if the world does not rotate [rad/s]."""
     gravity: Array
     """[m/s^2]"""
 

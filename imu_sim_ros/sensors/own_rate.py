@@ -147,7 +147,7 @@ class OwnRate:
     ) -> tuple[Array, Array, Array]:
         """Return positions (3, n), attitudes q_wb (4, n) and temperatures (n,) of n samples.
 
-        Where the sensor's times are among the IMU's, they are known already.
+        If the sensor's times are among the IMU's, they are known already.
 
         :param block: of the IMU, in whose window the samples lie.
         """

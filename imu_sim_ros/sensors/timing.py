@@ -21,7 +21,7 @@ LARGEST_JITTER: Final = 0.45
 """Jitter is cut off here, in intervals between two samples, so that stamps always increase."""
 _NEVER: Final = np.iinfo(np.int64).min
 _ONE_ROW: Final = np.arange(1)
-"""Of a block of one that is delivered; read-only."""
+"""Rows of a block with one sample, which is delivered; read-only."""
 _ONE_ROW.setflags(write=False)
 
 

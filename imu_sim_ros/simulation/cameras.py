@@ -57,7 +57,7 @@ def build_rig(parameters: Mapping[str, object]) -> Rig:
 
 
 class Simulated(Protocol):
-    """What a simulation tells the cameras on its body."""
+    """What the cameras need from the simulation of their body."""
 
     @property
     def parameters(self) -> SimulationParameters:

@@ -65,7 +65,7 @@ class Simulation:
         """Set up trajectory and sensor.
 
         :param pose_reader: reads the file of a trajectory of recorded poses.
-        :param t0_ns: time of sample 0 [ns]; None: ``start_time``, or where that is -1 the stamp
+        :param t0_ns: time of sample 0 [ns]; None: ``start_time``, or if that is -1 the stamp
             of recorded poses at the start of the motion, or else 1 s.
         :param trajectory: the one of these parameters, if it already exists.
         :param sensors: sensors next to the IMU: ``magnetic_field``, or the name of a sensor

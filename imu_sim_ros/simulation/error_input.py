@@ -32,7 +32,7 @@ RESTART_NS: Final = 1_000_000_000
 
 
 class Given(NamedTuple):
-    """n readings, and the attitude where it is known."""
+    """n readings, and the attitude if it is known."""
 
     t_ns: Times
     """(n,) [ns]."""
@@ -68,7 +68,7 @@ class Conventions:
     def apply(self, given: Given) -> Given:
         """Return readings of the IMU in its place.
 
-        :raises InputError: where gravity is missing, and the orientation too.
+        :raises InputError: if gravity is missing, and the orientation too.
         """
         q_wb = given.q_wb
         if self.nothing and q_wb is None:

@@ -29,7 +29,7 @@ from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
 from imu_sim_ros.trajectory.motion import Motion
 
 _SAMPLES_AT_ONCE: Final = 65536
-"""Of a gap."""
+"""Most samples of a gap that are taken at once."""
 _REPORTED: Final = 3
 """Irregularities of a kind that are remarked on; all of them are counted."""
 
@@ -86,7 +86,7 @@ class ErrorModel:
 
     def _begin(self, seed: int) -> None:
         self.seed = seed
-        """Of the errors since the last restart."""
+        """Seed of the errors since the last restart."""
         self.position = 0
         """Samples since the last restart, missing ones too."""
         self._imu: Imu | None = None
@@ -153,7 +153,7 @@ class ErrorModel:
         are left out. ``first`` of a block is the index of its first sample since the restart.
 
         :param given: as they come from the other simulator; they have passed the gate.
-        :raises InputError: where gravity is missing and there is no orientation.
+        :raises InputError: if gravity is missing and there is no orientation.
         """
         self.counts.readings += len(given.t_ns)
         blocks = [block for part in self._in_order(given) for block in self._read(part)]
@@ -164,7 +164,7 @@ class ErrorModel:
     def read_one(self, t_ns: int, gyro: Floats, accel: Floats) -> ImuSample | None:
         """Return the sample of one reading in plain floats; the bits of :meth:`read`, but faster.
 
-        None where it is not simply the next one of readings that stay as they are: then nothing
+        None if it is not simply the next one of readings that stay as they are: then nothing
         has happened yet.
         """
         last, imu = self._last_ns, self._imu
@@ -184,7 +184,7 @@ class ErrorModel:
         return sample
 
     def _in_order(self, given: Given) -> Iterator[Given]:
-        """Yield stretches of readings whose stamps increase, restarting where they jump back."""
+        """Yield stretches of readings whose stamps increase, restarting when they jump back."""
         t_ns, last = given.t_ns, self._last_ns
         if not len(t_ns):
             return

@@ -143,7 +143,7 @@ class ErrorModelParameters(SampledParameters):
 
 @dataclass(frozen=True)
 class ErrorPublishParameters:
-    """Which topics are published besides ``imu/data_raw``."""
+    """Which topics are published in addition to ``imu/data_raw``."""
 
     ground_truth_imu: bool = flag(False, "publish ground_truth/imu, the readings without errors")
     biases: bool = flag(
@@ -200,7 +200,7 @@ def load_error_model(
 
 
 def orientation_problems(imu: ImuParameters, prefix: str = "") -> Iterator[str]:
-    """Say why a board cannot state an orientation of its own where only readings are given."""
+    """Say why a board cannot state an orientation of its own if only readings are given."""
     if imu.orientation.source == "filter":
         yield (
             f"{prefix}imu.orientation_source = 'filter': must be model in an error model; there "

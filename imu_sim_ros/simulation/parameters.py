@@ -37,7 +37,7 @@ SENSORS: Final = (
     "none: what the boards of the IMUs carry"
 )
 _LOWEST_CUTOFF = 1e-6
-"""Of half the rate; a low-pass far below it has no digits left."""
+"""Lowest cut-off as a fraction of half the rate; lower ones lose all digits."""
 
 
 class SampledParameters(EnvironmentParameters):
@@ -177,7 +177,7 @@ def layer_simulation(layers: Iterable[Mapping[str, object]], node: str) -> dict[
 
 
 def _errors_of_no_model(values: Mapping[str, object]) -> list[str]:
-    """Return the errors of a modelled orientation, where a filter makes it."""
+    """Return the errors of a modelled orientation, if a filter makes it."""
     if values.get("imu.orientation_source") != "filter":
         return []
     return [f"imu.orientation_{name}" for name in MODEL_ERRORS]
@@ -193,7 +193,7 @@ def _layered(layers: Iterable[Mapping[str, object]], node: str) -> dict[str, obj
         given.update(values)
     given.setdefault("imu.preset", DEFAULT_IMU)
     sensor = sensor_layer(str(given["imu.preset"]), node)
-    # A sensor's file may be one of all parameters: its motion counts where no other is named.
+    # A sensor's file may be one of all parameters: its motion counts if no other is named.
     motion = {name: sensor.pop(name) for name in list(sensor) if name.startswith("trajectory.")}
     if "trajectory.type" not in given:
         given = {"trajectory.type": DEFAULT_TRAJECTORY, **motion, **given}

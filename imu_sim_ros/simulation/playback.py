@@ -44,7 +44,7 @@ from imu_sim_ros.simulation.parameters import (
 NODE = "simulator"
 FAULTS = ("none", "bias_jump", "saturation", "stuck", "dropout", "latency")
 BODY = "/body"
-"""Name of the simulation that only tells the truth; no IMU can have it."""
+"""Name of the simulation that only gives the truth; no IMU can have it."""
 
 
 def _biases() -> str:
@@ -250,7 +250,7 @@ class OneImuParameters:
 def simulations(parameters: SimulatorParameters) -> dict[str, SimulationParameters]:
     """Return what is simulated, by the name of the IMU; a single IMU has an empty name.
 
-    Where there are several, the body itself is simulated as well, as a perfect IMU in its origin
+    If there are several, the body itself is simulated as well, as a perfect IMU in its origin
     with the common rate: its motion is the truth of all.
     """
     fields = dataclasses.fields(SimulationParameters)
@@ -292,7 +292,7 @@ def simulator_section(given: Mapping[str, object]) -> type[SimulatorParameters]:
 
 
 def _injected(sensors: tuple[str, ...]) -> Any:
-    """Return the field ``inject`` that knows the faults of sensors of the body, too."""
+    """Return the field ``inject`` that includes the faults of sensors of the body."""
     known = {field.name: field for field in dataclasses.fields(InjectParameters)}["triad"]
     triad: Parameter = known.metadata[METADATA]
     more = choice("gyroscope", (*triad.choices, *sensors), triad.text, live=True)

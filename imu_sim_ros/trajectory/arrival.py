@@ -84,7 +84,7 @@ def _grid_index(place: Array) -> NDArray[np.int64]:
 
     The stamps' phase, a running mean, may drift. A place is the whole number below a stamp, counted
     from the phase that the fewest have, so that late poses stay with their own. What is left of it
-    over the row rises by one with each loss and is an interval off where a pose is later still:
+    over the row rises by one with each loss and is an interval off if a pose is later still:
     a median of five takes those out and leaves the rise where it is.
     """
     from scipy.ndimage import median_filter, uniform_filter1d

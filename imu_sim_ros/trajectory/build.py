@@ -53,7 +53,7 @@ class LeadIn:
 
     @property
     def highest_frequency(self) -> float:
-        """Of the motion and of the jerk, a smooth bump with four periods at most [Hz]."""
+        """Highest frequency of motion and jerk, a smooth bump of at most four periods [Hz]."""
         return max(self.inner.highest_frequency, 4.0 / self._parameters.jerk_time)
 
     def sample(self, t: Array) -> Motion:
@@ -143,7 +143,7 @@ def _keep_peaks(peaks: Array, times: Array, values: Array, t: Array) -> None:
 
 
 PoseReader: TypeAlias = Callable[..., PoseSequence]
-"""Reads the poses of a file; called with the path, and the topic where one is given."""
+"""Reads the poses of a file; called with the path, and the topic if one is given."""
 
 
 def build_trajectory(

@@ -170,7 +170,7 @@ class DriveParameters(TrajectoryParameters):
             if timed and given:
                 yield f"{prefix}{name}: must be left out where times are given"
         if timed and self.deviation:
-            yield f"{prefix}deviation = {self.deviation:g}: must be 0 where times are given"
+            yield f"{prefix}deviation = {self.deviation:g}: must be 0 if times are given"
 
     def _list_problems(self, prefix: str) -> Iterator[str]:
         count = len(self.positions) // 2

@@ -54,7 +54,7 @@ def _limits(given: Any) -> tuple[float, float]:
     """Return duration [s] and highest frequency [Hz]."""
     duration = _called(lambda: getattr(given, "duration", math.inf), "trajectory.duration")
     highest = _called(lambda: getattr(given, "highest_frequency", 0.0), "highest_frequency")
-    allowed = "seconds, more than 0; omitted or infinite where the motion has no end"
+    allowed = "seconds, more than 0; omitted or infinite if the motion has no end"
     return (
         number("trajectory.duration", duration, allowed, 0.0, math.inf, above=True),
         number("trajectory.highest_frequency", highest, "Hz, from 0 to 1e6", 0.0, 1e6),

@@ -109,7 +109,7 @@ class Harmonic:
 
     @property
     def highest_frequency(self) -> float:
-        """Of the coordinates, and of gravity in a body that turns at a constant rate [Hz]."""
+        """Highest frequency of the coordinates, and of gravity in a steadily turning body [Hz]."""
         return max(self._coordinates.highest_frequency, self._spin)
 
     def sample(self, t: Array) -> Motion:
@@ -139,7 +139,7 @@ class Polar:
 
     @property
     def highest_frequency(self) -> float:
-        """Of radius and angle [Hz]; the steady turn adds none, as the body stays upright."""
+        """Highest frequency of radius and angle [Hz]; the turn of an upright body adds none."""
         return self._coordinates.highest_frequency
 
     def sample(self, t: Array) -> Motion:

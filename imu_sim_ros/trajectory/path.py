@@ -39,7 +39,7 @@ class UniformSpline:
 
     @property
     def length(self) -> float:
-        """Of the interval on which the functions are known, from 0."""
+        """Length of the interval on which the functions are known, from 0."""
         return self.segments * self.spacing
 
     def sample(self, u: Array, derivatives: int) -> list[Array]:
@@ -109,7 +109,7 @@ def find_path(places: Array, radius: float, deviation: float, prefix: str) -> Pa
     :param places: (n, 2) waypoints [m]; none twice in a row.
     :param deviation: from a waypoint [m]; 0: the path goes through each.
     :param prefix: of the parameters, for messages.
-    :raises ConfigurationError: where there is none, with the waypoint that is in the way.
+    :raises ConfigurationError: if there is none, with the waypoint that is in the way.
     """
     steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
     at = np.concatenate([[0.0], np.cumsum(steps)])

@@ -13,7 +13,7 @@ from imu_sim_ros.types import Array
 
 
 class Derivatives(NamedTuple):
-    """A function of time and its first two derivatives; floats where they are constant."""
+    """A function of time and its first two derivatives; floats if they are constant."""
 
     value: Array | float
     first: Array | float

@@ -23,7 +23,7 @@ _WINDOW: Final = 8
 _SINGLE: Final = 3
 """Most poses that are left out of a disturbance before it is taken for a jump."""
 _BENT: Final = 0.05
-"""Of a jump: what a turn that comes with it may leave, as it bends all that follows."""
+"""Fraction of a jump that its turn may leave uncorrected, since it bends all that follows."""
 _DEGREES: Final = np.arange(6)
 _ROUNDS: Final = 50
 _JOINS: Final = 3
@@ -189,7 +189,7 @@ def _left(columns: Array, values: Array, keep: NDArray[np.bool_]) -> tuple[float
 
 
 def _join_all(p: Array, q: Array, rows: NDArray[np.int64], poses: _Poses, jump: Jump) -> None:
-    """Join poses (in place) where they jump; repeatedly, as large rotations are nonlinear."""
+    """Join poses (in place) at their jumps; repeatedly, as large rotations are nonlinear."""
     window = np.arange(max(jump.row - _WINDOW, 0), min(jump.row + _WINDOW + 1, len(rows)))
     for _ in range(_JOINS):
         _join(p, q, jump._replace(row=int(rows[jump.row])))

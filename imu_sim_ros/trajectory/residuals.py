@@ -33,7 +33,7 @@ is off by half of it), which changes the spline's velocity by 0.025 m/s."""
 
 
 class Residuals(NamedTuple):
-    """Of n poses, in units of the typical deviation around them."""
+    """Residuals of n poses, in units of the typical deviation around them."""
 
     position: Array
     """(n,)"""
@@ -42,7 +42,7 @@ class Residuals(NamedTuple):
     usual: Array
     """(n, 2) usual deviations of position [m] and attitude [rad] around each pose."""
     median: float
-    """Of the distances of the positions [m]."""
+    """Median distance of the positions [m]."""
 
     @property
     def largest(self) -> Array:
@@ -53,7 +53,7 @@ class Residuals(NamedTuple):
 def smallest_distance(t: Array, position: Array) -> float:
     """Return the deviation [m] below which nothing stands out of poses (n, 3) at times (n,).
 
-    Half a digit where the file has whole millimetres.
+    Half a digit if the file has whole millimetres.
     """
     step = float(np.median(np.diff(t)))
     if np.allclose(position, np.round(position, 3), rtol=0.0, atol=1e-7):

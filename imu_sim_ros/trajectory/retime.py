@@ -48,7 +48,7 @@ class Retimed:
 
     @property
     def highest_frequency(self) -> float:
-        """Of the motion at its highest speed [Hz]."""
+        """Highest frequency of the motion at its highest speed [Hz]."""
         return self.inner.highest_frequency * self._time_map.fastest
 
     def sample(self, t: Array) -> Motion:
@@ -135,7 +135,7 @@ class ThereAndBack:
 def retimed(inner: Trajectory, parameters: TrajectoryParameters) -> Trajectory:
     """Return a motion cut, repeated, scaled and with rests, as the parameters ask.
 
-    :raises ConfigurationError: where the motion is too short or does not close.
+    :raises ConfigurationError: if the motion is too short or does not close.
     """
     inner = _cut(inner, parameters)
     inner = _repeated(inner, parameters)

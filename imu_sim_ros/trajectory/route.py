@@ -49,7 +49,7 @@ class Route(NamedTuple):
 
 
 class _Points(NamedTuple):
-    """What a file says: latitude and longitude, or x and y; times, with nan where there is none."""
+    """What a file says: latitude and longitude, or x and y; times, with nan if there is none."""
 
     rows: list[tuple[float, float, float]]
     is_geographic: bool
@@ -247,7 +247,7 @@ def _local(element: Element) -> str:
 
 
 def _seconds(stamp: str, number: int, bad: BadRows) -> float:
-    """Return the Unix time of an ISO 8601 stamp; nan where there is none."""
+    """Return the Unix time of an ISO 8601 stamp; nan if there is none."""
     words = stamp.strip()
     if not words:
         return math.nan

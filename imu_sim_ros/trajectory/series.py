@@ -38,7 +38,7 @@ class SeriesSet:
 
     @property
     def highest_frequency(self) -> float:
-        """Of the sinusoids [Hz]."""
+        """Highest frequency of the sinusoids [Hz]."""
         return max(self._frequencies, default=0.0) / (2.0 * np.pi)
 
     def _waves_of(self, series: SeriesParameters) -> list[_Wave]:

@@ -52,7 +52,7 @@ class LeastSquares:
         self._factor = cholesky_banded(self._normal_matrix(), lower=True)
 
     def _penalty_rows(self, t: Array, segment: NDArray[np.int64], cutoff: float) -> Array:
-        """Return lambda (c - 3,) of each third difference; more where there are no data.
+        """Return lambda (c - 3,) of each third difference; more if there are no data.
 
         A continuous filter of the given cut-off has ``lambda = rate / (2 pi cutoff)^6`` times the
         squared third derivative; the difference form has h^-5 in its place. In a gap nothing but

@@ -140,7 +140,7 @@ _Tones = tuple[Array, Array, Array]
 def _tones(
     parameters: VibrationParameters, amplitudes: Sequence[float], phases: Sequence[float]
 ) -> _Tones:
-    """Return the given sinusoids; none where there are no amplitudes."""
+    """Return the given sinusoids; none if there are no amplitudes."""
     amplitude = np.array(amplitudes, dtype=np.float64).reshape(-1, _AXES).T
     count = amplitude.shape[1]
     w = 2.0 * np.pi * np.array(parameters.frequency)[:count]
@@ -192,7 +192,7 @@ class Vibrating:
 
     @property
     def highest_frequency(self) -> float:
-        """Of motion and vibration [Hz]."""
+        """Highest frequency of motion and vibration [Hz]."""
         vibration = self._vibration
         return max(
             self.inner.highest_frequency,

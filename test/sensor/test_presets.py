@@ -129,7 +129,7 @@ def test_a_board_states_its_sheets_orientation_and_a_filter_takes_its_place() ->
     assert np.degrees(sheet.drift_sigma) == pytest.approx([1.0, 1.0, 2.0], rel=1e-5)
     chosen = {"imu.preset": "mti3", "imu.orientation_source": "filter"}
     assert load_simulation(chosen).imu.orientation.drift_sigma == (0.0, 0.0, 0.0)
-    with pytest.raises(ConfigurationError, match="must be 0 where"):
+    with pytest.raises(ConfigurationError, match="must be 0 if"):
         load_simulation({**chosen, "imu.orientation_drift_sigma": 0.1})
 
 

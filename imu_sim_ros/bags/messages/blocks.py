@@ -19,7 +19,7 @@ class Column(NamedTuple):
     """Numbers that differ from row to row."""
 
     offset: int
-    """Where they begin in a row [bytes]."""
+    """Offsets at which they begin in a row [bytes]."""
     values: NDArray[Any]
     """(n,) or (n, m), little-endian."""
 

@@ -27,7 +27,7 @@ class Decoded(NamedTuple):
     """The fields of n messages of one type."""
 
     texts: tuple[str, ...]
-    """Of the first message."""
+    """Texts of the first message."""
     t_ns: Times
     """(n,) stamps."""
     numbers: dict[str, Array]

@@ -123,7 +123,7 @@ class Encoder:
     def _row_template(self, t_ns: Times, **numbers: ArrayLike) -> RowTemplate:
         """Return n messages with texts, stamps and some of their fields; the others are constant.
 
-        :param numbers: (n, m) where they differ from message to message, (n,) of one number;
+        :param numbers: (n, m) if they differ from message to message, (n,) of one number;
             else (m,) or one number.
         """
         t_ns = np.asarray(t_ns, dtype=np.int64)

@@ -39,7 +39,7 @@ def rows(values: Column) -> list[bytes]:
     if not len(values) or values.dtype.kind == "S":
         return list(values.tolist())
     if values.dtype.kind == "f" and not np.isfinite(values).all():
-        return _with_repr(values)  # JSON knows no infinity
+        return _with_repr(values)  # JSON has no infinity
     try:
         import orjson  # only a dataset of text uses it
     except ImportError:

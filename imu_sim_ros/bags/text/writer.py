@@ -128,7 +128,7 @@ class Dataset:
         self.path, self.form = path, form
         self.imus: list[TextFile] = []
         self.truths: list[TextFile] = []
-        """Of EuRoC: one for each IMU, with its biases."""
+        """EuRoC's files of the truth: one for each IMU, with its biases."""
         self.tables: dict[tuple[str, int], TextFile] = {}
         if form == "tum":
             self.truths = [TextFile(path, TUM_HEADER)]

@@ -131,7 +131,7 @@ def _summary(inverse: Array, bias: Array, steady: Steady, gravity: float) -> Nor
     sigma = _norm_sigma(inverse, centred, norms, steady)
     jacobian = _jacobian(inverse, centred, norms)
     residuals = gravity - norms
-    # A walk of the bias acts along the direction of each rest: alike where they look alike.
+    # A walk of the bias acts along the direction of each rest: alike if they look alike.
     slope = force @ inverse / norms[:, None]
     data = Observations(jacobian, residuals, sigma, steady.time, np.zeros(len(residuals)))
     weight = likely_whitener(data, jacobian, slope @ slope.T)

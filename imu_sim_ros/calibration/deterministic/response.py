@@ -44,7 +44,7 @@ class AxisResponse(NamedTuple):
     residuals: Array
     """(n,) reading minus model and minus the bias' walk, smoothed out of all readings."""
     chi_square: float
-    """Of the residuals, over their degrees of freedom, with the readings' own errors."""
+    """Chi-square of the residuals over their degrees of freedom, with the readings' errors."""
     criterion: float
     """Bayesian information criterion, chi-square + q ln n; the smallest model is the best."""
 

@@ -261,7 +261,7 @@ def _dead_axes(record: Record) -> list[int]:
     """Return the constant axes that prevent an analysis.
 
     A constant zero is not a measurement. Another constant may be noise below resolution, which is
-    no fault of a record in which other axes change; where none does there is nothing to analyse.
+    no fault of a record in which other axes change; if none does there is nothing to analyse.
     """
     constant = record.constant_axes()
     if len(constant) == len(AXES):

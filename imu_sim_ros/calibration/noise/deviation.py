@@ -26,7 +26,7 @@ _GROUP: Final = 20
 _STEPS: Final = 14
 _STEP: Final = float(np.sqrt(0.5))
 _MARGIN: Final = 0.5
-"""Share of the band that is used where the model fails above it.
+"""Share of the band that is used if the model fails above it.
 
 What the model's failure can hide in the statistical error falls with the square of the frequency at
 least (a first-order filter), the statistical error itself grows with the root only.
@@ -41,7 +41,7 @@ class Band(NamedTuple):
     used: NDArray[np.bool_]
     """(m,)"""
     limit: float
-    """Highest frequency used [Hz]; the Nyquist frequency where nothing is wrong."""
+    """Highest frequency used [Hz]; the Nyquist frequency if nothing is wrong."""
     lines: tuple[float, ...]
     """Frequencies of narrow peaks that were left out [Hz]: vibration, mains, fans."""
 
@@ -52,7 +52,7 @@ def usable_band(spectrum: Spectrum, axis: int) -> Band:
     A real sensor's low-pass filter ends the white noise below the Nyquist frequency, where most of
     the samples' information seems to be. From the Nyquist frequency down, half an octave at a time,
     the first limit is taken below which quantisation, white noise, flicker and walk describe the
-    data to their statistical error; and where it is not the Nyquist frequency, half of it.
+    data to their statistical error; and if it is not the Nyquist frequency, half of it.
     """
     nyquist = 0.5 / spectrum.sample_interval
     high = np.isinf(spectrum.duration)
@@ -325,7 +325,7 @@ def degrees_of_freedom(samples: int, size: NDArray[np.int64]) -> Array:
     """Return the equivalent degrees of freedom of the overlapping estimate.
 
     The smaller of the values for white noise and for a random walk (Howe, Allan and Barnes 1981,
-    table 2; in IEEE 952's terms the readings are frequencies): where both are present the truth
+    table 2; in IEEE 952's terms the readings are frequencies): if both are present the truth
     lies between them.
     """
     n = float(samples + 1)

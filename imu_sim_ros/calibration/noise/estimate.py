@@ -5,7 +5,7 @@
 
 Intervals are those of the full model, in which every term may stand for another
 (:mod:`imu_sim_ros.calibration.noise.intervals`). A term whose interval excludes zero has a value.
-Where none of the slow terms (flicker, walk, ramp) is distinguishable from zero by itself and yet
+If none of the slow terms (flicker, walk, ramp) is distinguishable from zero by itself and yet
 one of them is there, the one that explains the record at the lowest price gets a value, for white
 noise and a walk are the model that estimators use (kalibr, VINS); its interval says that others may
 stand for it. Values are those of the model that has just the terms with values.
@@ -39,7 +39,7 @@ trend and the walk's first coefficient are nearly the same thing, so a trend is 
 it leaves no doubt.
 """
 KEYS: Final = (*(term.key for term in TERMS), RAMP)
-"""Of the standard model's parameters."""
+"""Keys of the standard model's parameters."""
 _NOT_FLICKER: Final = {WHITE.key: 3.0 * 0.032, QUANTISATION.key: 1.5}
 """What flicker may lack that these terms stand for, over its density at the highest frequency."""
 _FLICKER_ITSELF: Final = 0.003

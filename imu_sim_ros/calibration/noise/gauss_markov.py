@@ -18,7 +18,7 @@ from imu_sim_ros.types import Array
 SIGMA: Final = "gauss_markov_sigma"
 CORRELATION_TIME: Final = "correlation_time"
 GAUSS_MARKOV_KEYS: Final = (*(term.key for term in TERMS), SIGMA, CORRELATION_TIME)
-"""Of this model's parameters."""
+"""Keys of this model's parameters."""
 _EVIDENCE: Final = 4.6
 """Log-likelihood that the process must gain with its two parameters: 1 % of chi-square(2)."""
 _GRID: Final = 30

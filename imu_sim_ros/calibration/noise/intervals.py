@@ -104,7 +104,7 @@ def _component_ends(problem: _Problem) -> _Ends:
     spread = np.sqrt(np.diag(covariance(problem.data, problem.design, expected)))
     above = np.sqrt(components + 2.0 * spread) - root
     below = root - np.sqrt(np.maximum(components - 2.0 * spread, 0.0))
-    # Where the estimate is zero its low end is zero, too: any step will do.
+    # If the estimate is zero its low end is zero, too: any step will do.
     below = np.where(below > 0.0, below, above)
     count = len(components)
     return _Ends(

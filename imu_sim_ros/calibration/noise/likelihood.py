@@ -8,7 +8,7 @@ squared normal variables, so that minus the log-likelihood of an expectation ``s
 ``theta >= 0`` is ``sum nu / 2 (ln s + P / s)`` (Whittle 1953; exact for white noise with a random
 walk). Iteratively reweighted non-negative least squares is Fisher's scoring for it.
 
-A trend (the rate ramp) moves the mean of the single coefficients. Where it is not of interest it is
+A trend (the rate ramp) moves the mean of the single coefficients. If it is not of interest it is
 integrated out ("restricted likelihood", Patterson and Thompson, Biometrika 58, 1971): with
 ``G = sum t^2 / s`` that adds ``ln(G) / 2``, and to each row what its own slope's error hides,
 ``t^2 / G``. Without it a walk seen by few coefficients comes out too small.
@@ -156,7 +156,7 @@ def _without_trend(data: Data, slopes: Array) -> Array:
 def _non_negative(curvature: Array, gradient: Array, free: NDArray[np.bool_]) -> Array:
     """Return (b, p) the minima of ``x H x / 2 - g x`` with x >= 0 and x = 0 if not free.
 
-    Where the minimum without the bound is feasible it is the solution. Elsewhere every subset of
+    If the minimum without the bound is feasible it is the solution. Elsewhere every subset of
     the few components is solved without the bound; the best feasible one is the solution.
     """
     size = gradient.shape[1]

@@ -43,7 +43,7 @@ def write_csv(result: AllanResult, path: Path) -> None:
 def _one_for_three(result: AllanResult, triad: int, key: str) -> tuple[float, bool]:
     """Return a value for a triad, and whether it is an upper bound.
 
-    The root mean square of the axes, as a filter with one value for three wants it; where an axis
+    The root mean square of the axes, for a filter with one value for three; where an axis
     has a bound only, the largest bound, for a density of zero is not allowed there.
     """
     found = [result.estimate(3 * triad + k, key) for k in range(3)]

@@ -4,7 +4,7 @@
 """Sinusoids among the slow changes of a record: a room's heating, the course of a day.
 
 Such a line leaks over all of the slow coefficients and looks like a random walk. It is searched in
-the spectrum under a Hann window, and taken from the readings where the likelihood of what is left
+the spectrum under a Hann window, and taken from the readings if the likelihood of what is left
 as white noise, flicker and a walk says that it is no noise.
 """
 

@@ -70,7 +70,7 @@ class Spectrum(NamedTuple):
         )
 
     def with_losses(self, share: float) -> "Spectrum":
-        """Return the spectrum where a share of the samples are draws, given the others.
+        """Return the spectrum if a share of the samples are draws, given the others.
 
         An average of p draws in each n samples has the relative variance
         ``2 / n (1 / (1 - p) + p)``: that of the others, and the draws' own.

@@ -92,7 +92,7 @@ _GAIN: Final = 3.0
 def wander(
     stamps: Array, residuals: Array, slope: Array, rate: float, *, steady: bool = True
 ) -> Array:
-    """Return what is to be added to the true times (n,) [s]; 0 where the clock is steady.
+    """Return what is to be added to the true times (n,) [s]; 0 if the clock is steady.
 
     In windows the gyroscope's residual is compared with the rate of change of the readings. A
     random walk of the offset is then fitted to these, with the step that is most likely; steady is

@@ -32,7 +32,7 @@ _BIAS_WINDOW: Final = 5.0
 
 
 class Analysis(NamedTuple):
-    """What a recording tells of a sensor on a vehicle."""
+    """Parameters of a sensor on a vehicle, as a recording determines them."""
 
     fit: Fit
     lines: Lines
@@ -108,7 +108,7 @@ def foreseen(recording: Recording, truth: Truth, found: Fit) -> Foreseen:
 
 
 def noise_residuals(recording: Recording, truth: Truth, found: Fit) -> list[Array]:
-    """Return what the noise of the poses makes of the residuals (n, 6), drawn several times."""
+    """Return the effect of the poses' noise on the residuals (n, 6), drawn several times."""
     t = true_times(found.errors, recording.stamps, found.reference, found.wander)
     own = predicted(found.errors, truth.motion_at, t)[0]
     return [own - predicted(found.errors, other, t)[0] for other in truth.noisy]

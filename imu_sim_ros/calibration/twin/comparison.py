@@ -22,7 +22,7 @@ _SEGMENT: Final = 4.0
 """[s] of a picture's spectrum."""
 _FOLDS: Final = 5
 _SHRINKAGE: Final = 0.3
-"""Of the covariance towards its diagonal, as few windows as there are."""
+"""Shrinkage of the covariance towards its diagonal, since windows are few."""
 
 
 def levels(values: Array, parts: Sequence[slice], rate: float) -> Array:
@@ -77,7 +77,7 @@ def features(values: Array, parts: Sequence[slice], rate: float) -> Array:
 
 
 def told_apart(real: Array, simulated: Array, seed: int = 0) -> float:
-    """Return the share of windows that a classifier assigns right; 0.5 where it cannot.
+    """Return the share of windows that a classifier assigns right; 0.5 if it cannot.
 
     Fisher's linear discriminant with a shrunken covariance, on the logarithms of densities, each
     window judged by one that has not seen it (five folds; Lopez-Paz and Oquab, "Revisiting

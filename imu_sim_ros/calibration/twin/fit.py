@@ -116,7 +116,7 @@ class Fit(NamedTuple):
     reference: float
     """Stamp to which the offset refers [s]."""
     wander: Array
-    """(n,) of the truth's clock besides offset and skew [s]."""
+    """(n,) of the truth's clock around offset and skew [s]."""
     slope: Array
     """(n, 6) rate of change of the readings that the model gives [1/s]."""
     hanging: Array
@@ -184,7 +184,7 @@ class _Sums:
         self.count += np.bincount(self._bins[segment], minlength=len(self.count))
 
     def add_noise(self, segment: int, residuals: Array, jacobian: Array, share: float) -> None:
-        """Add a share of what noise of the poses makes of residuals and Jacobian."""
+        """Add a share of the effect of the poses' noise on residuals and Jacobian."""
         for k, axis, values, columns in self._binned(segment, residuals, jacobian):
             self.noise_product[k, axis] += share * (columns.T @ values)
             self.noise_matrix[k, axis] += share * (columns.T @ columns)
@@ -286,7 +286,7 @@ def _step(sums: _Sums, density: Array, deviation: Array, prior: Array) -> tuple[
 
 
 def _inverse(normal: Array, prior: Array) -> tuple[Array, Array]:
-    """Return the inverse of a normal matrix that knows no less than the prior in any direction.
+    """Return the inverse of a normal matrix with at least the prior's information in any direction.
 
     Less what noise of the poses adds on average, it could: there all of the motion may be noise,
     readings say nothing, and the prior alone holds.

@@ -178,9 +178,9 @@ class Exponents(NamedTuple):
     """Powers to which a triad's residual follows rate, acceleration and speed."""
 
     value: Array
-    """(ranges, 2, 3); 0 where a record is too short for any."""
+    """(ranges, 2, 3); 0 if a record is too short for any."""
     sigma: Array
-    """(ranges, 2, 3) standard errors; 0 where there is none."""
+    """(ranges, 2, 3) standard errors; 0 if there is none."""
 
 
 def range_edges(rate: float) -> Array:

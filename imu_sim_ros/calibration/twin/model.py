@@ -85,7 +85,7 @@ class Errors(NamedTuple):
     skew: float
     """tau_1."""
     curvature: float
-    """Of the truth's attitude [s^2]; below 0: it is smoother than the motion."""
+    """Curvature of the truth's attitude [s^2]; below 0: it is smoother than the motion."""
     world: Array
     """(3,) rotation vector from the world of the truth's attitudes to that of its positions and of
     gravity [rad]."""
@@ -166,7 +166,7 @@ def true_times(errors: Errors, stamps: Array, reference: float, wander: Array) -
     """Return the true times (n,) [s] of stamps (n,) [s].
 
     :param reference: stamp to which the offset refers [s].
-    :param wander: (n,) [s] what is added besides offset and skew.
+    :param wander: (n,) [s] what is added to offset and skew.
     """
     return stamps + errors.offset + errors.skew * (stamps - reference) + wander
 
@@ -187,7 +187,7 @@ def _linearised(errors: Errors, motion_at: MotionAt, t: Array) -> _Linearised:
     """Return the motion at true times (n,) [s].
 
     A symmetric filter turns attitudes that vary slowly by ``-c alpha``, c < 0, so that rate and
-    force lack (to first order in c) what is added here; and where the attitudes' world is turned
+    force lack (to first order in c) what is added here; and if the attitudes' world is turned
     by E = exp(psi) against that of positions and gravity, ``R_wb`` is ``E R_wb``::
 
         omega + c (alpha' + omega x alpha)     R_wb.T E.T R_wb f + c f x alpha     alpha + c alpha''

@@ -24,7 +24,7 @@ MOTION_TIME: Final = 0.3
 def simulator_parameters(found: Analysis, rate: float, step: Array) -> dict[str, Value]:
     """Return parameters by name.
 
-    :param step: (6,) digital steps of the readings, 0 where there are none.
+    :param step: (6,) digital steps of the readings, 0 if there are none.
     """
     errors = found.fit.errors
     unsure = found.fit.sigma[BIAS]

@@ -3,7 +3,7 @@
 
 """The noise of poses: how large it is, other draws of it, and how far motion stands above it.
 
-Differences of eighth order contain no motion any more, only what poses scatter by. Where a truth
+Differences of eighth order contain no motion any more, only what poses scatter by. If a truth
 jumps now and then, its usual noise is that of most seconds. Poses of text
 are rounded, which is no white noise: where a coordinate moves by less than a step from pose to
 pose, its error is constant for a while. So a step is looked for in the digits, and rounding is
@@ -153,7 +153,7 @@ def noise_of(poses: Poses, smooth: Poses) -> PoseNoise:
     if steps.quaternion_step or steps.position_step:
         turn, shift = steps.drawn(smooth, np.random.default_rng(0))
         variance -= _variance(spoiled(smooth, turn, shift))
-    # What is left besides rounding is known to some per cent of the whole.
+    # What is left after rounding is known to some per cent of the whole.
     variance = np.where(variance > 0.1 * _variance(poses), variance, 0.0)
     white = np.sqrt(variance)
     return steps._replace(white=np.where(white > _NONE, white, 0.0))
@@ -179,7 +179,7 @@ def spoiled(poses: Poses, turn: Array, shift: Array) -> Poses:
 
 
 def _step(values: Array) -> float:
-    """Return the decimal step of values; 0 where there is none."""
+    """Return the decimal step of values; 0 if there is none."""
     for digits in range(1, _MAX_DIGITS):
         scaled = values * 10.0**digits
         if np.all(np.abs(scaled - np.rint(scaled)) < _WHOLE):
@@ -241,7 +241,7 @@ def _power(values: Array) -> Array:
 def noise_over(t: Array, noise: Array, reference: tuple[float, float], at: Array) -> Array:
     """Return the local size of a noise over that in a reference interval (n, 6).
 
-    1 where there is none to compare.
+    1 if there is none to compare.
 
     :param t: (m,) times [s] of the noise (m, 6).
     :param reference: first and last time [s].

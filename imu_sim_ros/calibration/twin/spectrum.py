@@ -197,7 +197,7 @@ def white_floor(bands: Bands, lowest: float) -> White:
 def _common(power: Array, freedom: Array) -> tuple[float, float]:
     """Return the mean of the most rows that are alike but for chance, and its freedom.
 
-    Where they are no majority, vibration hides the floor: it is at most the lowest row.
+    If they are no majority, vibration hides the floor: it is at most the lowest row.
 
     :param power: (m,) in rising order, of chi-square distributed means.
     :param freedom: (m,)
@@ -235,7 +235,7 @@ def _not_negative(matrix: Complex) -> Complex:
 
 
 def quietest(readings: Array, rate: float) -> Array:
-    """Return the lowest density (6,) that the quietest second shows; 0 where none is quiet.
+    """Return the lowest density (6,) that the quietest second shows; 0 if none is quiet.
 
     Above motion, in a second at rest, readings show the sensor's own noise. No noise of the sensor
     is below it, whatever a fit leaves: a truth that was computed from the readings follows their

@@ -25,10 +25,10 @@ class RigValues:
     cameras: Mapping[str, CameraParameters]
     """By name, in order."""
     topics: Mapping[str, str]
-    """Of each camera's images."""
+    """Topic of each camera's images."""
     scene: SceneParameters
     warnings: tuple[str, ...] = ()
-    """Of :func:`~imu_sim_ros.datasets.consumers.rig.start_warnings`."""
+    """Lines of :func:`~imu_sim_ros.datasets.consumers.rig.start_warnings`."""
 
     def start_remarks(self, stack: str) -> Iterator[str]:
         """Yield why a stack will initialise badly, a sentence each."""
@@ -158,9 +158,9 @@ _WINDOW: Final = 1.0
 """Half of its ``init_window_time`` [s]."""
 _STATIC: Final = "ov_init/src/static/StaticInitializer.cpp"
 _VELOCITY_SIGMA: Final = 0.01
-"""Of the velocity 0 that it starts with [m/s]."""
+"""Standard deviation of the zero velocity that it starts with [m/s]."""
 _TILT_SIGMA: Final = 0.02
-"""Of the attitude that it takes from gravity [rad]."""
+"""Standard deviation of the attitude that it takes from gravity [rad]."""
 _MANY: Final = 2.0
 """Standard deviations beyond which a start is called bad."""
 _GRAVITY: Final = {"VINS-Mono": 1.0, "VINS-Fusion": 0.5}

@@ -58,7 +58,7 @@ class ImuValues:
     gravity: float
     """Magnitude [m/s^2]."""
     topic: str
-    """Of the readings."""
+    """Topic of the readings."""
     duration: float = 0.0
     """Length of the record [s]; 0: not known."""
 

@@ -54,7 +54,7 @@ def _numbers(values: ImuValues) -> str:
 KINDS: Final = ("radtan", "equidistant", "unified")
 """Lens models of camodocal, which has no double sphere."""
 _EXPRESSED: Final = ("time_offset", "unified.distortion")
-"""Of a camera's errors; VINS-Fusion has no key for a rolling shutter."""
+"""Errors of a camera that it has keys for; a rolling shutter is not one."""
 _TRACKER: Final = """max_cnt: 150
 min_dist: 30
 freq: 10

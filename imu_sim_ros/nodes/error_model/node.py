@@ -38,7 +38,7 @@ from imu_sim_ros.simulation.error_parameters import NODE, ErrorNodeParameters, l
 from imu_sim_ros.simulation.topics import sensors_of
 
 Reading = tuple[decode.ImuReading, decode.Quaternion | None]
-"""Of one message, and the orientation if it has one."""
+"""Reading of one message, and the orientation if it has one."""
 _READ_PERIOD: Final = 0.001
 """[s] How long readings wait for each other, and about the longest that one waits. At 1 kHz they
 come in pairs, for half as many wakes as one by one."""

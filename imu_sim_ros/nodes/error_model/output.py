@@ -30,7 +30,7 @@ from imu_sim_ros.simulation.topics import TYPES, Encode, EncodeOne, encoder, enc
 DEPTH: Final = 4000
 """Messages kept for a reliable subscriber that has not acknowledged them: 4 s at 1 kHz."""
 _READINGS: Final = (IMU_TOPIC, ORIENTATION_TOPIC)
-"""What the sensor's driver releases; the truth knows no latency."""
+"""What the sensor's driver releases; the truth has no latency."""
 
 
 def wanted(publish: ErrorPublishParameters) -> list[str]:
@@ -102,7 +102,7 @@ class Outputs:
 
 
 class Delayed:
-    """Sends messages after their delays, in order; at once where there is none."""
+    """Sends messages after their delays, in order; at once if there is none."""
 
     def __init__(self, fail: Fail) -> None:
         self._fail = fail

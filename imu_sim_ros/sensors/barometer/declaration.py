@@ -113,7 +113,7 @@ SENSOR = Sensor(
             "ground_truth_pressure",
             truth=True,
         ),
-        # Of all messages for one number with a stamp, the one in pascal.
+        # The one in pascal, among all messages for one number with a stamp.
         topic(
             *(BIAS_TOPIC, TYPE, _ENCODER),
             lambda read, rows, _: (read.bias[rows],),

@@ -244,7 +244,7 @@ def _cloud(
 ) -> Scene:
     """Return points such that every frame sees ``visible`` of them, as OpenVINS' simulator does.
 
-    Where a camera sees too few of the points so far, random pixels become points at random depths:
+    If a camera sees too few of the points so far, random pixels become points at random depths:
     first at viewpoints along the path, then in the frames between them.
     """
     _check_depths(p, views)

@@ -158,7 +158,7 @@ class Sphere(NamedTuple):
         return result
 
     def project_by_shape(self, p: Array) -> Array:
-        """Return the derivative (n, 2, k) by xi, and alpha where the model has it."""
+        """Return the derivative (n, 2, k) by xi, and alpha if the model has it."""
         denominator = self._denominator(p)
         norm = _norm(p)
         if self.alpha is None:
@@ -401,7 +401,7 @@ def reprojection_errors(
 ) -> Array:
     """Return ``uv - project(T_bc^-1 T_wb^-1 p_w)`` (n, 2) [px].
 
-    Not a number where a landmark would be behind the camera or outside its model.
+    Not a number if a landmark would be behind the camera or outside its model.
 
     :param position: (n, 3) p_wb [m] of the body when each feature was seen.
     :param q_wb: (n, 4).

@@ -44,7 +44,7 @@ def fold(model: str, distortion: Sequence[float]) -> tuple[float, float]:
 
     There the polynomial's slope, ``1 + 3 k1 s + 5 k2 s^2 + ...``, becomes zero for the first time.
 
-    :returns: both infinite where it never folds; for the equidistant model at most pi.
+    :returns: both infinite if it never folds; for the equidistant model at most pi.
     """
     k = radial_coefficients(model, distortion)
     last = math.pi if model == "equidistant" else math.inf

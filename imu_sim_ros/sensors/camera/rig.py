@@ -87,7 +87,7 @@ class Rig:
         Frames that are lost are left out.
 
         :raises ConfigurationError: for a scene without surfaces.
-        :raises MissingDependencyError: where OpenCV is not installed.
+        :raises MissingDependencyError: if OpenCV is not installed.
         """
         return self._frames(name, "image")
 
@@ -97,7 +97,7 @@ class Rig:
         0 if nothing is seen; frames that are lost are left out.
 
         :raises ConfigurationError: for a scene without surfaces.
-        :raises MissingDependencyError: where OpenCV is not installed.
+        :raises MissingDependencyError: if OpenCV is not installed.
         """
         return self._frames(name, "depth")
 
@@ -136,7 +136,7 @@ class Blindness:
                 self._open = True
 
     def warnings(self) -> list[str]:
-        """Return a line for the spans without landmarks; nothing where there are none."""
+        """Return a line for the spans without landmarks; nothing if there are none."""
         if not self.spans:
             return []
         shown = ", ".join(f"{a:.2f} to {b:.2f} s" for a, b in self.spans[:5])

@@ -52,7 +52,7 @@ class Tracks(NamedTuple):
 
 
 class Lines(NamedTuple):
-    """n lines in f frames of one camera; a line is seen where both of its ends are."""
+    """n lines in f frames of one camera; a line is seen if both of its ends are."""
 
     frame: Rows
     """(n,) row of the frame."""

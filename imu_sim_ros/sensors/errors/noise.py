@@ -69,8 +69,8 @@ class _RandomStream:
 class WhiteNoise(_RandomStream):
     """White noise: ``n_d = sigma / sqrt(dt) w`` (lecture eq. 16).
 
-    Where the axes are correlated, w is ``L w'`` of independent w' with ``L L^T`` their correlation;
-    where the noise depends on temperature, sigma is ``sigma (1 + k (T - T0))``, at least 0.
+    If the axes are correlated, w is ``L w'`` of independent w' with ``L L^T`` their correlation;
+    if the noise depends on temperature, sigma is ``sigma (1 + k (T - T0))``, at least 0.
     """
 
     def __init__(self, seed: int, triad: str, dt: float) -> None:

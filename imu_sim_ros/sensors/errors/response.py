@@ -98,7 +98,7 @@ def _product(matrix: Sequence[Floats], vector: Floats) -> tuple[float, float, fl
 
 
 def _matrix(values: Sequence[float]) -> Array | None:
-    """Return nine numbers as a matrix (3, 3); None where all are zero."""
+    """Return nine numbers as a matrix (3, 3); None if all are zero."""
     return np.reshape(values, (3, 3)) if any(values) else None
 
 

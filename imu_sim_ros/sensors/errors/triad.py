@@ -40,7 +40,7 @@ class AddedToOne(NamedTuple):
     bias: list[float]
     noise: list[float]
     scale_row: Array
-    """(1, 3); ones where there is no error of scale."""
+    """(1, 3); ones if there is no error of scale."""
     bias_row: Array
     """(1, 3)"""
 
@@ -204,7 +204,7 @@ class Triad:
         return Additions(scale, bias, noise)
 
     def _scale(self, temperature_offset: Array) -> Array | None:
-        """Return the scale by temperature, turn-on and age (3, n); None where it is 1."""
+        """Return the scale by temperature, turn-on and age (3, n); None if it is 1."""
         thermal = polynomial(self._parameters.temperature_scale, temperature_offset)
         n = len(temperature_offset)
         if self._ageing_scale is not None:

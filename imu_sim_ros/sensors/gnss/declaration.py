@@ -63,7 +63,7 @@ class GnssReadings(CarriedReadings):
     pdop: Array
     """(n,) of both."""
     dilution: Array
-    """(n, 4) of east, north, up and clock; the clock's is 0 where it is not known."""
+    """(n, 4) of east, north, up and clock; the clock's is 0 if it is not known."""
     tag_ns: Times
     """(n,) GPS time that the receiver's clock shows at the raw measurements, since 6 January 1980
     [ns]; these, here and below, are there with `gnss.raw.rinex`, for PRN 1 to 32."""
@@ -140,7 +140,7 @@ def _fix(read: Any, rows: Any, _: Any) -> tuple[Array, ...]:
 
 
 _EXTENDED_STATUS: Final = np.array([0, 18, 20, 19, -1])
-"""Of gps_msgs/GPSStatus for each mode, and for no fix."""
+"""Status of gps_msgs/GPSStatus for each mode, and for no fix."""
 # 95 % of a Gaussian error lie within this many standard deviations, in one, two and three
 # dimensions: roots of the quantiles of chi square.
 _WITHIN: Final = (1.960, 2.448, 2.796)

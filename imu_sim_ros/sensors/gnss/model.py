@@ -26,7 +26,7 @@ from imu_sim_ros.types import Array
 NAME: Final = "gnss"
 NO_FIX: Final = -1
 STATUS: Final = (0, 1, 2, 2)
-"""Of sensor_msgs/NavSatStatus for each mode: FIX, SBAS_FIX, GBAS_FIX."""
+"""Status of sensor_msgs/NavSatStatus for each mode: FIX, SBAS_FIX, GBAS_FIX."""
 
 
 class Receiver(CarriedSensor):

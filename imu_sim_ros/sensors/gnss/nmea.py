@@ -15,7 +15,7 @@ _KNOTS: Final = 3600.0 / 1852.0
 _IN_GSA: Final = 12
 """Satellites in a sentence; further ones are in another."""
 _QUALITY: Final = (1, 2, 5, 4, 0)
-"""Of GGA for single, dgps, float, fixed and no fix."""
+"""GGA's quality for single, dgps, float, fixed and no fix."""
 
 
 def sentences(read: Any, rows: Any) -> list[str]:

@@ -141,7 +141,7 @@ class Ranges(NamedTuple):
     rate: Array
     """[m/s]"""
     clock: Array
-    """Of the satellite [s]."""
+    """Error of the satellite's clock [s]."""
     clock_rate: Array
     """[s/s]"""
     azimuth: Array

@@ -55,7 +55,7 @@ class RawParameters:
     ionosphere: bool = flag(True, "delay of the ionosphere by Klobuchar's model")
     klobuchar: tuple[float, ...] = numbers(
         (1.118e-8, -7.451e-9, -5.961e-8, 1.192e-7, 1.167e5, -2.294e5, -1.311e5, 1.049e6),
-        "its alpha 0 to 3 and beta 0 to 3, where the ephemeris file has none",
+        "its alpha 0 to 3 and beta 0 to 3, if the ephemeris file has none",
         unit="s, s/semicircle, ...",
         group=8,
     )

@@ -211,7 +211,7 @@ def _read_record(lines: Sequence[str], old: bool) -> dict[str, float]:
 
 
 def _read_ionosphere(head: Sequence[str]) -> Array | None:
-    """Return Klobuchar's alpha and beta, eight numbers; None where they are not given."""
+    """Return Klobuchar's alpha and beta, eight numbers; None if they are not given."""
     rows = {}
     for line in head:
         label = line[60:].strip()

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Satellites of GPS: their time, their broadcast ephemerides, where they are, and their clocks.
+"""Satellites of GPS: their time, their broadcast ephemerides, positions and clocks.
 
 Equations and constants are those of IS-GPS-200, 20.3.3.3.3 and 20.3.3.4.3, and table 20-IV. Places
 are Earth-fixed (WGS84) at the time that they are asked for.
@@ -46,9 +46,9 @@ class GpsTime(NamedTuple):
     """A time of GPS."""
 
     week: int
-    """Since 6 January 1980, not rolled over."""
+    """Week since 6 January 1980, not rolled over."""
     second: float
-    """Of the week [s]."""
+    """Second of the week [s]."""
 
     @property
     def leap_seconds(self) -> int:
@@ -88,7 +88,7 @@ class Ephemerides(NamedTuple):
 
     prn: NDArray[np.int64]
     week: NDArray[np.int64]
-    """Of the reference time, not rolled over."""
+    """Week of the reference time, not rolled over."""
     toe: Array
     """Reference time of the orbit, second of that week [s]."""
     toc: Array

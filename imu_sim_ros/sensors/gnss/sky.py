@@ -35,7 +35,7 @@ class Geometry(NamedTuple):
     """(n,) how many these are."""
     dilution: Array
     """(n, 4) east, north, up and clock: standard deviation of the solution over that of a range;
-    infinite where there is none. The clock's is 0 where it is not known."""
+    infinite if there is none. The clock's is 0 if it is not known."""
 
     @property
     def usable(self) -> NDArray[np.bool_]:

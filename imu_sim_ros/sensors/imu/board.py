@@ -136,7 +136,7 @@ class TemperatureHysteresis:
         sign = np.sign(np.diff(temperature, prepend=self._last))
         moving = np.flatnonzero(sign)
         direction = np.full(len(sign), self._direction)
-        if len(moving):  # where it stands still it keeps the direction it had
+        if len(moving):  # while it stands still it keeps its direction
             latest = np.searchsorted(moving, np.arange(len(sign)), side="right") - 1
             direction = np.where(latest < 0, self._direction, sign[moving[latest]])
         turns = np.flatnonzero(np.diff(direction)) + 1

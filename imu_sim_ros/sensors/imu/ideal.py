@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 _MAX_PERIODS: Final = 50.0
-"""Of the highest frequency in the interval; they take 187 nodes."""
+"""Most periods of the highest frequency in the interval; they take 187 nodes."""
 _NEWTON_STEPS: Final = 8
 """Enough for any number of nodes; from cosines 4 reach the last digit."""
 _ACCURACY: Final = 1e-7
@@ -40,12 +40,12 @@ def quadrature(frequency: float, interval: float) -> Quadrature:
 
     Twice the frequency is assumed: turning and shaking at once gives products of both. Between
     the ends, which neighbouring intervals share, there are three nodes up to 0.14 of a period in
-    the interval, 6 for half a period, 13 for two; and two where they are exact to rounding, up to
+    the interval, 6 for half a period, 13 for two; and two if they are exact to rounding, up to
     0.0085 of a period.
 
     :param frequency: highest frequency of the motion [Hz]; 0: not known.
     :param interval: averaged over [s].
-    :raises ConfigurationError: where there are more than 50 periods in the interval.
+    :raises ConfigurationError: if there are more than 50 periods in the interval.
     """
     # In terms of the half interval, sin and cos of up to c x, x in [-1, 1]; the mean of cos(c x)
     # is sin(c) / c, and its error grows with c until the nodes are too few for it.

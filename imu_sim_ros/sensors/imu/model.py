@@ -96,7 +96,7 @@ class Imu:
         """Set up all errors at their start.
 
         :param t0_ns: time of sample 0 [ns].
-        :param sensors: names of what is read besides the IMU.
+        :param sensors: names of the sensors that are read in addition to the IMU.
         :param carried: the parameters of sensors of the body, by name.
         """
         seed, rate = environment.seed, environment.rate
@@ -142,7 +142,7 @@ class Imu:
     def prepare(self, trajectory: Trajectory) -> None:
         """Determine how finely a motion has to be sampled, before the first reading.
 
-        :raises ConfigurationError: where its frequencies are too high for averaging.
+        :raises ConfigurationError: if its frequencies are too high for averaging.
         """
         if self._averaged:
             self._quadrature = quadrature(trajectory.highest_frequency, 1.0 / self._rate)
@@ -184,7 +184,7 @@ class Imu:
         :meth:`read`; stamps, latency and losses are those of the given times.
 
         :param true_t_ns: (n,) of the samples [ns].
-        :param motion: of the body at these times, NaN where it is not known.
+        :param motion: of the body at these times, NaN if it is not known.
         :param ideal_gyro: (3, n m) [rad/s]; an oversampled sensor has m = ratio readings inside
             for each sample, the last of them at its time, others 1.
         :param ideal_accel: (3, n m) [m/s^2].
@@ -404,7 +404,7 @@ class _Precomputed:
     temperature: Array
     """(end - first,) [degC]."""
     additions: list[Additions]
-    """Of the gyroscope, of the accelerometer."""
+    """Additions to the gyroscope and to the accelerometer."""
 
     @cached_property
     def rows(self) -> list[tuple[AddedToOne, AddedToOne, Array]]:
@@ -414,7 +414,7 @@ class _Precomputed:
 
 
 class _Nowhere:
-    """The trajectory of a body whose motion nobody knows."""
+    """The trajectory of a body whose motion is unknown."""
 
     duration = math.inf
     highest_frequency = 0.0
@@ -445,7 +445,7 @@ def _auxiliary(
     sensors: Collection[str],
     carried: Mapping[str, Any],
 ) -> "Auxiliary":
-    """Return what is read besides the IMU; most runs have nothing of it."""
+    """Return the readings of other sensors than the IMU; most runs have none."""
     from imu_sim_ros.sensors.auxiliary import Auxiliary
 
     return Auxiliary(imu, environment, t0_ns, sensors, carried)

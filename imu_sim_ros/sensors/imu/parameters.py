@@ -35,7 +35,7 @@ from imu_sim_ros.sensors.own_rate_parameters import LONGEST, TimingParameters
 AXES_READ = 6
 """Gyroscope x, y, z, accelerometer x, y, z."""
 PAIRS = 15
-"""Of six axes: gx gy, gx gz, gx ax, ..., ay az."""
+"""Number of pairs of six axes: gx gy, gx gz, gx ax, ..., ay az."""
 ROUNDING = 0.01
 """By how much rounded coherence may miss the nearest possible one (the least eigenvalue)."""
 
@@ -336,7 +336,7 @@ class BareImuParameters(TimingParameters, BoardParameters, TriadsParameters):
         step = self.triad(triad).increment_resolution
         if any(step) and self.sampling != "averaged":
             yield (
-                f"{prefix}{triad}_increment_resolution = {step}: must be 0 where "
+                f"{prefix}{triad}_increment_resolution = {step}: must be 0 if "
                 f"{prefix}sampling is not averaged; only averaged readings are increments"
             )
 

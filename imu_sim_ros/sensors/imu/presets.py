@@ -51,6 +51,6 @@ def sensor_layer(name_or_file: str, node: str = "simulator") -> dict[str, object
 
 
 def barometer_layer(given: Mapping[str, object], node: str) -> dict[str, object]:
-    """Return what ``imu.barometer_preset`` stands for; nothing where it names no file."""
+    """Return what ``imu.barometer_preset`` stands for; nothing if it names no file."""
     preset = given.get(BAROMETER_PRESET)
     return load(find("barometers", str(preset)), node) if preset else {}

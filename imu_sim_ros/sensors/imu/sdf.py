@@ -34,7 +34,7 @@ _ROTORS_DEFAULTS: Final = {
     "accelerometerBiasCorrelationTime": 300.0,
     "accelerometerTurnOnBiasSigma": 20.0e-3 * 9.8,
 }
-"""What the plugin takes where a model says nothing, those of an ADIS16448
+"""The plugin's defaults, those of an ADIS16448
 (rotors_gazebo_plugins/gazebo_imu_plugin.h)."""
 
 
@@ -42,9 +42,9 @@ class Described(NamedTuple):
     """An IMU of a model."""
 
     name: str
-    """Of its sensor or plugin."""
+    """Name of its sensor or plugin."""
     parameters: dict[str, object]
-    """By dotted name: ``imu.*``, and ``rate`` and ``imu_frame`` where they are said."""
+    """By dotted name: ``imu.*``, and ``rate`` and ``imu_frame`` if they are given."""
 
 
 def read(path: str | Path, sensor: str | None = None) -> Described:
@@ -173,7 +173,7 @@ def _of_classic(path: str, element: Element) -> Described:
 
 
 def _common(rate: float, frame: Element | None) -> dict[str, object]:
-    """Return rate and frame, where they are said."""
+    """Return rate and frame, if they are given."""
     result: dict[str, object] = {}
     if rate:
         result["rate"] = rate
@@ -184,7 +184,7 @@ def _common(rate: float, frame: Element | None) -> dict[str, object]:
 
 
 def _number(where: str, element: Element, name: str) -> float:
-    """Return the number in a child; 0 where there is none.
+    """Return the number in a child; 0 if there is none.
 
     :raises InputError: for a child that is no finite number.
     """

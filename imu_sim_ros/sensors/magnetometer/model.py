@@ -38,7 +38,7 @@ class MagneticField:
         """Take the field that the parameters describe.
 
         :raises ConfigurationError: for a place or date beyond the World Magnetic Model.
-        :raises MissingDependencyError: where pygeomag is missing.
+        :raises MissingDependencyError: if pygeomag is missing.
         """
         p = environment.magnetic_field
         self.earth_w = (
@@ -81,7 +81,7 @@ def world_magnetic_model(environment: EnvironmentParameters) -> Array:
     The World Magnetic Model of NOAA and BGS, as pygeomag computes it: north, east and down in nT.
 
     :raises ConfigurationError: for a place or date beyond the model.
-    :raises MissingDependencyError: where pygeomag is missing.
+    :raises MissingDependencyError: if pygeomag is missing.
     """
     try:
         from pygeomag import GeoMag
@@ -134,7 +134,7 @@ class Magnetometer:
         self._lever_arm_b = np.reshape(imu.lever_arm, (3, 1))
         self._r_ib = np.reshape(imu.mounting, (3, 3)).T
         unit = with_constants(imu.magnetometer, NAME, environment.seed)
-        # Misalignment and soft iron in one matrix: exactly the identity where there is neither.
+        # Misalignment and soft iron in one matrix: exactly the identity if there is neither.
         self._r_mi = rotation.to_matrix(rotation.exp(unit.misalignment)).T
         self._iron = self._r_mi @ np.reshape(unit.soft_iron, (3, 3))
         self._hard_iron: Array = (self._r_mi @ np.array(unit.hard_iron))[:, None]

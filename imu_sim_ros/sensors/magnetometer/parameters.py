@@ -143,7 +143,7 @@ class MagnetometerParameters(OwnRateParameters):
     def response_and_bias(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return M (3, 3) and b (3,) [T] of ``reading = M B + b``, both in the sensor's axes.
 
-        Of a unit with nothing left to draw; without currents, at the reference temperature.
+        The unit has nothing left to draw; no currents flow, at the reference temperature.
         """
         r_mi = rotation.to_matrix(rotation.exp(self.misalignment)).T
         return r_mi @ np.reshape(self.soft_iron, (3, 3)), r_mi @ self.hard_iron + self.bias

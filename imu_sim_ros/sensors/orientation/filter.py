@@ -174,7 +174,7 @@ class OrientationFilter:
 
 
 def _unit(v: Array) -> Array:
-    """Return directions (3, n); z where there is none."""
+    """Return directions (3, n); z if there is none."""
     length = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     nothing = length == 0.0
     result: Array = v / np.where(nothing, 1.0, length)

@@ -34,7 +34,7 @@ class OrientationModel:
     ``e = e_on + drift + noise + k |a| u``: constant, first-order Gauss-Markov, white, and, with a
     Gauss-Markov u of unit variance, an error that grows with the acceleration a of the body, like
     that of a filter that takes the specific force for the vertical. Its covariance, diagonal about
-    the world's axes, is exact: ``turn_on^2 + drift^2 + noise^2 + (k |a|)^2``. Where all of it is 0,
+    the world's axes, is exact: ``turn_on^2 + drift^2 + noise^2 + (k |a|)^2``. If all of it is 0,
     ``EXACT`` is stated.
     """
 

@@ -92,7 +92,7 @@ class OrientationParameters:
             for name in MODEL_ERRORS:
                 if any(getattr(self, name)):
                     yield (
-                        f"{prefix}{name} = {getattr(self, name)}: must be 0 where "
+                        f"{prefix}{name} = {getattr(self, name)}: must be 0 if "
                         f"{prefix}source is filter"
                     )
 

@@ -4,7 +4,7 @@
 """Wheels on the ground: how far each turns, what its encoder counts, and odometry from that.
 
 A twist is (forward speed, sideways speed, yaw rate). The kinematics are those of R. Siegwart and
-I. Nourbakhsh, "Introduction to Autonomous Mobile Robots", chapter 3; the odometry knows the nominal
+I. Nourbakhsh, "Introduction to Autonomous Mobile Robots", chapter 3; the odometry uses the nominal
 radii and distances, the wheels have the true ones.
 """
 
@@ -80,7 +80,7 @@ def point_twist(motion: Motion, lever_arm: Array) -> tuple[Array, Array]:
 
 
 class Odometer(CarriedSensor):
-    """Encoders of all wheels, and the odometry that a robot makes of them."""
+    """Encoders of all wheels, and the odometry that a robot computes from them."""
 
     def __init__(
         self,
@@ -293,7 +293,7 @@ class Odometer(CarriedSensor):
 
 
 def unseen(p: WheelsParameters, trajectory: Trajectory, duration: float) -> list[str]:
-    """Return a line where the motion is not that of such a vehicle, with how large the rest is."""
+    """Return a line if the motion is not that of such a vehicle, with the size of the rest."""
     longest = min(duration, trajectory.duration, _LONGEST_LOOK)
     t = np.linspace(0.0, longest, 1 + math.ceil(10.0 * longest))[:-1]
     motion = trajectory.sample(t)

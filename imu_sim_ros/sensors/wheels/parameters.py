@@ -19,7 +19,7 @@ JOINTS: Final = {
     "ackermann": (*_FOUR[2:], "front_steering_joint"),
     "omnidirectional": _FOUR,
 }
-"""Of each model; all but that of the steering are wheels with encoders."""
+"""Joints of each model; all but that of the steering are wheels with encoders."""
 WHEELS: Final = {"differential": 2, "ackermann": 2, "omnidirectional": 4}
 _TO_DRAW: Final = "empty: drawn with"
 
@@ -45,18 +45,18 @@ class WheelsParameters(CarriedParameters):
     )
     joint_names: tuple[str, ...] = texts((), "names in joint_states; empty: usual ones")
     radius: float = number(
-        0.1, "of the wheels, as the odometry knows it", unit="m", minimum=1e-3, maximum=100.0
+        0.1, "radius of the wheels that the odometry uses", unit="m", minimum=1e-3, maximum=100.0
     )
     track: float = number(
         0.5,
-        "distance between left and right wheels, as the odometry knows it",
+        "distance between left and right wheels that the odometry uses",
         unit="m",
         minimum=1e-3,
         maximum=100.0,
     )
     wheelbase: float = number(
         0.5,
-        "distance between front and rear wheels, as the odometry knows it (not differential)",
+        "distance between front and rear wheels that the odometry uses (not differential)",
         unit="m",
         minimum=1e-3,
         maximum=100.0,
@@ -72,8 +72,8 @@ class WheelsParameters(CarriedParameters):
     )
     radius_sigma_percent: float = number(
         0.0,
-        "standard deviation of each wheel's radius from what the odometry knows; the stated "
-        "covariance knows it",
+        "standard deviation of each wheel's radius around the nominal one; the stated "
+        "covariance includes it",
         unit="%",
         minimum=0.0,
         maximum=20.0,
@@ -189,7 +189,7 @@ class WheelsParameters(CarriedParameters):
     )
     steering_offset_sigma: float = number(
         0.0,
-        "standard deviation of that error; the stated covariance knows it",
+        "standard deviation of that error; the stated covariance includes it",
         unit="rad",
         minimum=0.0,
         maximum=1.0,

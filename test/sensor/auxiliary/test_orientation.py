@@ -245,7 +245,7 @@ def test_stamps_are_the_readings() -> None:
         ({"imu.orientation_time_constant": 0.0}, "imu.orientation_time_constant = 0.0: must be"),
         (
             {"imu.orientation_source": "filter", "imu.orientation_noise": 0.1},
-            "must be 0 where imu.orientation_source is filter",
+            "must be 0 if imu.orientation_source is filter",
         ),
     ],
 )

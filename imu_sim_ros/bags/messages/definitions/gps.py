@@ -58,7 +58,7 @@ _STATUS: Final = (
 )
 
 ROS2: Final = {"gps_msgs/GPSFix": _FIX, "gps_msgs/GPSStatus": _STATUS}
-"""Of each type, by its name in definitions, without those that it contains."""
+"""Definition of each type by name, without the types that it contains."""
 RIHS01: Final = {
     "gps_msgs/GPSFix": "RIHS01_f4e11a63872a198f70300a3990f50b096ed822f2db2bb626f6cdcee5f0f92942"
 }

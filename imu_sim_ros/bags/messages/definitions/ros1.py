@@ -312,7 +312,7 @@ MD5_SUMS: Final[dict[str, str]] = {
     "sensor_msgs/PointCloud2": "1158d486dd51d683ce2f1be655c3c181",
     "sensor_msgs/Temperature": "ff71b307acdbe7c871a5a6d7ed359100",
 }
-"""Of each type with all that it contains."""
+"""MD5 sum of each type with all that it contains."""
 
 
 def full_text(name: str) -> str | None:

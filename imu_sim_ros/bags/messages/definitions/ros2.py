@@ -137,7 +137,7 @@ FIELDS: Final[dict[str, str]] = {
     "sensor_msgs/Temperature": ("std_msgs/Header header\nfloat64 temperature\nfloat64 variance\n"),
     "std_msgs/Header": ("builtin_interfaces/Time stamp\nstring frame_id\n"),
 }
-"""Of each type, by its name in definitions, without those that it contains."""
+"""Definition of each type by name, without the types that it contains."""
 
 RIHS01: Final[dict[str, str]] = {
     **gps.RIHS01,
@@ -185,7 +185,7 @@ RIHS01: Final[dict[str, str]] = {
         "RIHS01_72514a14126ab9f8a9abec974c78e5610a367b59db5da355ff1fb982d5bad4b8"
     ),
 }
-"""Of each type that is written as a message."""
+"""Hash of each type that is written as a message."""
 
 _SEPARATOR: Final = "=" * 80
 

@@ -30,7 +30,7 @@ def png(image: NDArray[Any]) -> bytes:
     else to find: at 3.9 ms and 259 kB for one of EuRoC's camera, level 1 takes 9.9 ms for 256 kB.
     Smooth depths have more to find: 101 kB instead of 231 in 7.4 ms instead of 5.7.
 
-    :raises InputError: where OpenCV refuses it.
+    :raises InputError: if OpenCV refuses it.
     """
     cv2 = opencv()
     options = [cv2.IMWRITE_PNG_COMPRESSION, _DEEP] if image.dtype == np.uint16 else []
@@ -116,7 +116,7 @@ Size = tuple[int, int]
 def examined(data: bytes) -> tuple[Size | None, bytes]:
     """Return the size of a PNG or JPEG, and the bytes to decode; None for BMP, PNM and TIFF.
 
-    Of a PNG these are without the chunks that no pixel depends on. Whether one of the last three
+    Those of a PNG lack the chunks that no pixel depends on. Whether one of the last three
     forms is whole is known when it is decoded.
 
     :raises InputError: for one that is damaged, cut off, or larger than 2^27 pixels, and for any
@@ -191,7 +191,7 @@ def _png(data: bytes) -> tuple[Size, bytes]:
 
 
 def _inflated(data: bytes, most: int) -> int:
-    """Return how many bytes compressed data hold, or more than ``most`` where they hold more."""
+    """Return how many bytes compressed data hold, or more than ``most`` if they hold more."""
     stream, count = zlib.decompressobj(), 0
     try:
         while count <= most and (part := stream.decompress(data, _STEP)):

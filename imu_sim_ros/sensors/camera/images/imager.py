@@ -33,7 +33,7 @@ class Imager:
     def __init__(self, view: View, scene: Scene, atlas: Atlas, trajectory: Trajectory) -> None:
         """Set up the camera.
 
-        :raises MissingDependencyError: where OpenCV is not installed.
+        :raises MissingDependencyError: if OpenCV is not installed.
         """
         opencv()
         self.view, self.atlas, self._trajectory = view, atlas, trajectory
@@ -165,7 +165,7 @@ def imagers(
     """Return the imager of each camera; those of one encoding share the scene's textures.
 
     :raises ConfigurationError: for a scene without surfaces.
-    :raises MissingDependencyError: where OpenCV is not installed.
+    :raises MissingDependencyError: if OpenCV is not installed.
     """
     coloured = {name: view.parameters.encoding == "rgb8" for name, view in views.items()}
     textures = {

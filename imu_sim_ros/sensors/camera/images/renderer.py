@@ -117,7 +117,7 @@ class Maps(NamedTuple):
     part: NDArray[np.uint16]
     """(h, w) 32 * fraction of the row + fraction of the column, in 1/32."""
     coarse: "Maps | None" = None
-    """The same in the next level, where there are two."""
+    """The same in the next level, if there are two levels."""
     share: NDArray[np.uint16] | None = None
     """(h, w) what the coarse level contributes, in 1/256."""
 
@@ -135,7 +135,7 @@ class _Visible(NamedTuple):
     places: dict[int, tuple[slice, slice]]
     """Rows and columns of cells of each that is anywhere."""
     levels: dict[int, Levels]
-    """Of those that were seen so far."""
+    """Mip levels of the surfaces seen so far."""
 
 
 class _Band(NamedTuple):
@@ -245,7 +245,7 @@ class Renderer:
     def _cone_of_rays(self) -> tuple[Array | None, float]:
         """Return the normals (3, 4) of planes through the camera that have all rays on one side.
 
-        None where a ray looks sideways or backwards. And the length of the longest ray.
+        None if a ray looks sideways or backwards. And the length of the longest ray.
         """
         bounds, lengths, ahead = [np.full(4, -np.inf)], [0.0], True
         for number in range(len(self.bands)):
@@ -379,7 +379,7 @@ def look_up(atlas: Bytes, maps: Maps) -> Bytes:
 def opencv() -> Any:
     """Return OpenCV's module.
 
-    :raises MissingDependencyError: where it is not installed.
+    :raises MissingDependencyError: if it is not installed.
     """
     try:
         os.environ.setdefault("OPENCV_LOG_LEVEL", "OFF")  # what it logs goes to standard error

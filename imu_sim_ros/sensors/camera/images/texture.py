@@ -29,7 +29,7 @@ Integers = NDArray[np.int64]
 MOST_TEXELS: Final = 24_000_000
 MOST_TEXELS_OF_PLACES: Final = 36_000_000
 SMALLEST_TEXEL: Final = 0.0025
-"""Of a wall [m]."""
+"""Smallest size of a texel of a wall [m]."""
 LEVELS: Final = 8
 BACKGROUND: Final = 110
 """Grey value of the background."""
@@ -233,7 +233,7 @@ def _tag_texels(p: AprilgridParameters) -> tuple[int, int]:
 def _aprilgrid(p: AprilgridParameters) -> Bytes:
     """Return kalibr's grid: tags of ten cells, a black square in each corner between them.
 
-    Texels divide cells and gaps alike where the spacing is a multiple of 1/80 of a tag.
+    Texels divide cells and gaps alike if the spacing is a multiple of 1/80 of a tag.
     """
     pitch, gap = _tag_texels(p)
     tag_texels = pitch - gap
