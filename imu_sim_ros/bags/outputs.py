@@ -123,7 +123,8 @@ class OutputFile:
     def sync(self) -> None:
         """Sync everything to the disk."""
         try:
-            os.fdatasync(self._file.fileno())
+            sync = os.fdatasync if hasattr(os, "fdatasync") else os.fsync  # macOS has the latter
+            sync(self._file.fileno())
         except OSError as error:
             raise MachineError(f"{self.path}: {error.strerror or error}") from None
 
