@@ -17,7 +17,7 @@ from imu_sim_ros.datasets.topics import resolved
 
 _PARTS: Final = ("system", "estimator", "imu", "init", "gps", "wheel")
 _LEAST_VARIANCE: Final = 1e-8
-"""Of a calibrated quantity that is known exactly."""
+"""Standard deviation of a calibrated quantity that is known exactly."""
 
 
 def texts(body: Aiding) -> dict[str, str]:
