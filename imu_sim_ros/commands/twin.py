@@ -12,7 +12,10 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros import program
-from imu_sim_ros.bags.read import read_imu
+from imu_sim_ros.bags.messages.encode import NAV_SAT_FIX
+from imu_sim_ros.bags.messages.joints import JOINT_STATE
+from imu_sim_ros.bags.read import open_bag, read_imu
+from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.calibration.twin import comparison
 from imu_sim_ros.commands.inputs import PoseReader, add_skip_bad_rows, skipped_rows
 from imu_sim_ros.commands.outputs import add_force, outputs
@@ -33,6 +36,7 @@ _UNITS: Final = {
     "truth_curvature": "s^2",
     "truth_turn": "rad",
 }
+_OF_AIDING: Final = (NAV_SAT_FIX, JOINT_STATE)
 
 
 def print_twin(found: Twin) -> None:
@@ -229,6 +233,14 @@ def run(arguments: argparse.Namespace) -> None:
 
             found.write(staging / _FILES[0])
             style.save(found.plot(), staging / _FILES[1])
+    aiding = _aiding(arguments.recording)
+    if aiding and not arguments.quiet:
+        print(
+            f"twin: {', '.join(aiding)}: not fitted; the twin is that of the IMU. --gnss and "
+            "--wheels of generate add those sensors, with the accuracies that their files state; "
+            "report compares topics with their truth",
+            file=sys.stderr,
+        )
     for warning in found.warnings:
         print(f"twin: warning: {warning}", file=sys.stderr)
     if arguments.json:
@@ -237,6 +249,15 @@ def run(arguments: argparse.Namespace) -> None:
         print_twin(found)
         if not arguments.no_files:
             print("\n".join(str(arguments.output / name) for name in _FILES))
+
+
+def _aiding(recording: Path) -> list[str]:
+    """Return the topics of a recording that receivers and wheels have, without their truth."""
+    if is_text(recording):
+        return []
+    with open_bag(recording) as bag:
+        topics = [one for one in bag.topics if one.count and "ground_truth/" not in one.name]
+    return [t.name for t in topics if t.type in _OF_AIDING or t.name.endswith("wheel/odom")]
 
 
 def _found(arguments: argparse.Namespace) -> Twin:

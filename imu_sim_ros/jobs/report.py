@@ -158,23 +158,40 @@ def _is_poses(path: Path) -> bool:
 
 def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
     """Return the sections of a bag: its streams, its truth and the estimates of it."""
-    from imu_sim_ros.reports.of_bag import Estimate, bag_sections
+    from imu_sim_ros.reports.of_aiding import gnss_sections
+    from imu_sim_ros.reports.of_bag import Estimate, bag_sections, motion
 
     def read(source: Path, topic: str | None, name: str) -> Estimate:
         track = read_track(source, topic, True, sources.reader, sources.skipped(source))
         return Estimate(name, track.poses, track.pose_covariance)
 
-    truth, estimates = None, []
+    truth, estimates, more = None, [], []
     named = truth_topic(path, sources.truth_topic)
     if is_text(path):
         truth = read(path, None, "truth") if has_truth(path) else None
     else:
-        for topic in odometry_topics(path):
+        topics = odometry_topics(path)
+        owned = _own_truths(topics)
+        for topic in topics:
             if named is not None and topic.strip("/") == named.strip("/"):
                 truth = read(path, topic, f"truth ({topic})")
-            else:
+            elif topic in owned:
+                pair = read(path, owned[topic], f"truth ({owned[topic]})"), read(path, topic, topic)
+                more.append(motion(path, pair[0], [pair[1]], topic))
+            elif topic not in owned.values():
                 estimates.append(read(path, topic, topic))
         if sources.truth_topic and truth is None:
             raise InputError(f"{path}: --truth-topic {sources.truth_topic}: no such Odometry")
+        more += gnss_sections(path)
     estimates += [read(file, None, file.name) for file in files]
-    return bag_sections(path, truth, estimates, sources.skipped(path))
+    return bag_sections(path, truth, estimates, sources.skipped(path)) + more
+
+
+def _own_truths(topics: Sequence[str]) -> dict[str, str]:
+    """Return the truth of odometry that has one of its own, ground_truth/wheel_odom of wheel/odom.
+
+    It is in the frame of that odometry, which begins at 0, not in the world's.
+    """
+    names = {topic.strip("/"): topic for topic in topics}
+    pairs = {topic: f"ground_truth/{name.replace('/', '_')}" for name, topic in names.items()}
+    return {topic: names[own] for topic, own in pairs.items() if own in names and "/" in topic[1:]}

@@ -27,6 +27,10 @@ _TRIADS: Final = (("Angular rate", "rad/s"), ("Specific force", "m/s^2"))
 _AXES: Final = "xyz"
 _TURN_DEG: Final = 300.0
 _SIGMAS: Final = 3.0
+_LEAST_NEES: Final = 1e-3
+"""Below which a picture does not follow it: of a body at rest it may be any small number."""
+_NOT_MEASURED: Final = 1e5
+"""Variance above which a number is none: odometry of wheels states 1e6 of its height."""
 
 
 class Estimate(NamedTuple):
@@ -53,7 +57,7 @@ def bag_sections(
     topics = _topics(path)
     items = topic_items(path, topics) if topics else []
     biases = [
-        _plot(title, "time [s]", f"[{unit}]" if unit else "", series, link=f"{path} bias")
+        plot(title, "time [s]", f"[{unit}]" if unit else "", series, link=f"{path} bias")
         for title, unit, series in bias_series(path, topics)
     ]
     for name, count in _imus(path, topics, skipped):
@@ -64,7 +68,7 @@ def bag_sections(
         items.append({"kind": "plots", "items": biases})
     sections = [Section(f"{path.name}: readings", items)] if items else []
     if truth is not None or estimates:
-        sections.append(_paths(path, truth, estimates))
+        sections.append(motion(path, truth, estimates))
     return sections
 
 
@@ -108,7 +112,12 @@ def _stream_items(name: str, stream: Stream, link: str) -> list[Item]:
     return result
 
 
-def _plot(title: str, x: str, y: str, series: list[Item], log: str = "", **more: object) -> Item:
+def plot(title: str, x: str, y: str, series: list[Item], log: str = "", **more: object) -> Item:
+    """Return a plot.
+
+    :param x: the label of its axis; likewise ``y``.
+    :param log: the axes that are logarithmic, of "xy".
+    """
     return {
         "kind": "plot",
         "title": title,
@@ -127,7 +136,7 @@ def _readings(stream: Stream, triad: int, link: str) -> Item:
         line = {"name": axis, "colour": k, "x": stream.t_s, "y": 0.5 * (low + high), "thin": True}
         series.append({**line, "low": low, "high": high})
     caption = "Lowest and highest reading of each part of the record, and their middle."
-    return _plot(title, "time [s]", f"[{unit}]", series, link=link, caption=caption)
+    return plot(title, "time [s]", f"[{unit}]", series, link=link, caption=caption)
 
 
 def _spectrum(stream: Stream, triad: int) -> Item:
@@ -138,7 +147,7 @@ def _spectrum(stream: Stream, triad: int) -> Item:
     ]
     caption = "Welch's estimate, two-sided: white noise appears at its density."
     label = f"[{unit}/sqrt(Hz)]"
-    return _plot(f"{title}: spectrum", "frequency [Hz]", label, series, "xy", caption=caption)
+    return plot(f"{title}: spectrum", "frequency [Hz]", label, series, "xy", caption=caption)
 
 
 def _allan(stream: Stream, triad: int) -> Item:
@@ -150,7 +159,7 @@ def _allan(stream: Stream, triad: int) -> Item:
         series.append({**line, "low": found.low[:, column], "high": found.high[:, column]})
     caption = "Overlapping, with its 95 % band; valid for noise only if the IMU is at rest."
     label = f"[{unit}]"
-    return _plot(
+    return plot(
         f"{title}: Allan deviation", "cluster time [s]", label, series, "xy", caption=caption
     )
 
@@ -159,12 +168,15 @@ def _intervals(stream: Stream, link: str) -> Item:
     line = {"name": "", "colour": 0, "x": stream.t_s, "y": 1e3 * stream.longest}
     series = [{**line, "low": 1e3 * stream.shortest, "high": 1e3 * stream.longest}]
     caption = "Shortest and longest interval of each part of the record."
-    return _plot(
+    return plot(
         "Gaps: intervals between stamps", "time [s]", "[ms]", series, link=link, caption=caption
     )
 
 
-def _paths(path: Path, truth: Estimate | None, estimates: Sequence[Estimate]) -> Section:
+def motion(
+    path: Path, truth: Estimate | None, estimates: Sequence[Estimate], title: str = "motion"
+) -> Section:
+    """Return the section of a truth and estimates of it, which are in one frame."""
     tracks = [one for one in (truth, *estimates) if one is not None]
     series = []
     for k, one in enumerate(tracks):
@@ -172,11 +184,11 @@ def _paths(path: Path, truth: Estimate | None, estimates: Sequence[Estimate]) ->
         series.append({"name": one.name, "colour": k, "x": x, "y": y, "z": z})
     items: list[Item] = [{"kind": "path", "title": "Path", "series": series}]
     first_ns = min(int(one.poses.t_ns[0]) for one in tracks)
-    items.append({"kind": "plots", "items": _orientation(tracks, first_ns, str(path))})
+    items.append({"kind": "plots", "items": _orientation(tracks, first_ns, f"{path} {title}")})
     if truth is not None:
         for number, estimate in enumerate(estimates):
-            items += _errors(estimate, truth, f"{path} {number}")
-    return Section(f"{path.name}: motion", items)
+            items += _errors(estimate, truth, f"{path} {title} {number}")
+    return Section(f"{path.name}: {title}", items)
 
 
 def _orientation(tracks: Sequence[Estimate], first_ns: int, link: str) -> list[Item]:
@@ -195,7 +207,7 @@ def _orientation(tracks: Sequence[Estimate], first_ns: int, link: str) -> list[I
     names = ("roll", "pitch", "yaw")
     link = f"{link} orientation"
     return [
-        _plot(f"Orientation: {name}", "time [s]", "[deg]", series, link=link, legend=True)
+        plot(f"Orientation: {name}", "time [s]", "[deg]", series, link=link, legend=True)
         for name, series in zip(names, drawn, strict=True)
     ]
 
@@ -221,9 +233,11 @@ def _errors(estimate: Estimate, truth: Estimate, link: str) -> list[Item]:
         values = errors.position if first == 0 else errors.attitude
         for k, axis in enumerate(_AXES):
             variance = None if covariance is None else covariance[:, first + k, first + k]
-            series = _error(t_s, values[:, k], variance)
+            if variance is not None and variance.min() >= _NOT_MEASURED:
+                continue
+            series = error_series(t_s, values[:, k], variance)
             name = f"{estimate.name}: {title} error {axis}"
-            plots.append(_plot(name, "time [s]", f"[{unit}]", series, link=link))
+            plots.append(plot(name, "time [s]", f"[{unit}]", series, link=link))
     size = np.linalg.norm(errors.position, axis=1)
     worst = int(np.argmax(size))
     words = (
@@ -234,15 +248,16 @@ def _errors(estimate: Estimate, truth: Estimate, link: str) -> list[Item]:
     if covariance is None:
         words += "; it has no covariance, hence no NEES"
     else:
-        summary, plot = _nees(
+        summary, drawn = _nees(
             estimate.name, t_s, covariance, [errors.position, errors.attitude], link
         )
         words += summary
-        plots.append(plot)
+        plots.append(drawn)
     return [{"kind": "text", "text": words}, {"kind": "plots", "items": plots}]
 
 
-def _error(t_s: Array, values: Array, variance: Array | None) -> list[Item]:
+def error_series(t_s: Array, values: Array, variance: Array | None) -> list[Item]:
+    """Return the lines of errors (n,) and of the band of three stated deviations."""
     rows = extremes(values)
     series: list[Item] = [{"name": "error", "colour": 1, "x": t_s[rows], "y": values[rows]}]
     if variance is not None:
@@ -263,10 +278,15 @@ def _nees(
     summary = ""
     for k, title in enumerate(("position", "attitude")):
         part = covariance[:, 3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
-        usable = invertible(part)
+        own = np.flatnonzero((part[:, range(3), range(3)] < _NOT_MEASURED).any(axis=0))
+        part = part[:, own[:, None], own]
+        usable = invertible(part) if len(own) else np.zeros(len(part), np.bool_)
         if usable.any():
-            values, at_s = nees(errors[k][usable], part[usable]), t_s[usable]
+            values, at_s = nees(errors[k][usable][:, own], part[usable]), t_s[usable]
             rows = extremes(values)
-            series.append({"name": title, "colour": k, "x": at_s[rows], "y": values[rows]})
-            summary += f"; mean NEES of the {title} {float(np.mean(values)):.4g} (3 expected)"
-    return summary, _plot(f"{name}: NEES", "time [s]", "NEES, 3 expected", series, "y", link=link)
+            drawn = np.maximum(values[rows], _LEAST_NEES)
+            series.append({"name": title, "colour": k, "x": at_s[rows], "y": drawn})
+            summary += (
+                f"; mean NEES of the {title} {float(np.mean(values)):.4g} ({len(own)} expected)"
+            )
+    return summary, plot(f"{name}: NEES", "time [s]", "NEES, 3 expected", series, "y", link=link)

@@ -142,7 +142,8 @@ def _explained(poses: _Poses, first: int, last: int) -> tuple[NDArray[np.int64],
         The jump's size is in usual deviations, too.
         """
         found = (np.inf, first, 0.0)
-        for start in range(first, last + 2 - length):  # a jump may also be behind the last
+        # A jump may also be behind the last, if there is a pose.
+        for start in range(first, min(last + 2 - length, len(poses.t))):
             out = (window >= start) & (window < start + length)
             step = [] if length else [window >= start]
             left, solution = _left(np.column_stack([columns, *step]), values, ~out)

@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import imu_sim_ros as ims
 from imu_sim_ros import rotation
 from imu_sim_ros.commands.generate import main
 from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
 from imu_sim_ros.trajectory.recorded import Recorded
+from imu_sim_ros.trajectory.repair import mended
 
 EUROC = Path(__file__).parents[3].parent / "shared/data/euroc_V1_02_medium_groundtruth.csv"
 RATE = 100.0
@@ -221,3 +223,13 @@ def test_generate_warns_even_when_quiet_and_mends_on_request(tmp_path, capsys):
     said = capsys.readouterr()
     assert said.err == ""
     assert "all later poses were moved to continue the motion" in said.out
+
+
+def test_a_shaken_end_is_no_jump_behind_it() -> None:
+    """The last 3 s of a drive on a rough road: single poses are suspicious, also the last one."""
+    drive = ims.simulate(imu="perfect", trajectory="town", duration=60, rate=200)
+    rows = slice(-600, None)
+    t = np.arange(600) / 200.0
+    found = mended(t, drive.truth.position[rows], drive.truth.q_wb[rows])
+    assert all(0 <= jump.row < 600 for jump in found.findings.jumps)
+    assert len(found.t) > 500

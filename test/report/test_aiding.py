@@ -1,0 +1,97 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Receivers and wheels of a bag on a page."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+import imu_sim_ros as ims
+from imu_sim_ros.commands.report import main
+
+DRIVE = {
+    "imu": "perfect",
+    "rate": 100,
+    "duration": 35,
+    "seed": 4,
+    "trajectory": "drive",
+    "sensors": ["gnss", "wheels"],
+    "latitude_deg": 48.0,
+    "longitude_deg": 11.0,
+    "gnss": {"preset": "ublox_m8", "white_share": 1.0, "covariance_factor": 0.25},
+    "wheels": {"preset": "husky_a200", "true_base": [1.07025, 0.5], "turn_slip": 0.0},
+}
+
+
+@pytest.fixture(name="drive", scope="module")
+def make_drive(tmp_path_factory):
+    """Return a flight, and its page's sections by title."""
+    folder = tmp_path_factory.mktemp("aided")
+    flight = ims.simulate(**DRIVE)
+    bag = flight.save(folder / "drive.mcap")
+    return flight, sections(bag, folder)
+
+
+def sections(bag, folder, *arguments):
+    assert main([str(bag), "-o", str(folder / "page.html"), "--quiet", *arguments]) == 0
+    page = (folder / "page.html").read_text(encoding="utf-8")
+    (text,) = re.findall(r'<script type="application/json" id="content">(.*?)</script>', page)
+    return {one["title"]: one["items"] for one in json.loads(text)["sections"]}
+
+
+def words(items):
+    return " ".join(item["text"] for item in items if item["kind"] == "text")
+
+
+def plots(items):
+    inner = [plot for item in items if item["kind"] == "plots" for plot in item["items"]]
+    return {plot["title"]: plot for plot in inner}
+
+
+def test_errors_of_fixes_are_those_of_the_simulation_and_so_are_shares(drive):
+    """A stated covariance of a quarter: 38.3 % within one stated deviation, a half of the true."""
+    flight, found = drive
+    items = found["drive.mcap: /gps/fix"]
+    said = words(items)
+    sizes = np.sqrt(np.mean(flight.gnss.error**2, axis=0))
+    for size, axis in zip(sizes, ("east", "north", "up"), strict=True):
+        # Three digits are printed; east and north of the antenna turn by 1e-5 rad in 60 m.
+        (printed,) = re.findall(rf"([0-9.e+-]+) {axis}", said.partition("/gps/velocity")[0])[-1:]
+        assert float(printed) == pytest.approx(size, rel=6e-3)
+    ratio = np.abs(flight.gnss.error) / np.sqrt(flight.gnss.variance)
+    assert f"{np.mean(ratio <= 1.0):.1%} within 1 (68.3%)" in said
+    # 350 fixes, three axes: 0.383 +- 0.015; five of these.
+    assert np.mean(ratio <= 1.0) == pytest.approx(0.383, abs=0.075)
+    assert [one["name"] for item in items if item["kind"] == "path" for one in item["series"]] == [
+        *("/ground_truth/gps_fix", "/gps/fix"),
+    ]
+    drawn = plots(items)
+    assert {f"/gps/{k}: error {axis}" for k in ("fix", "velocity") for axis in ("east", "up")} < {
+        *drawn
+    }
+    assert [line["name"] for line in drawn["/gps/fix: error up"]["series"]] == ["3 sigma", "error"]
+
+
+def test_wheels_are_compared_in_their_own_frame(drive):
+    flight, found = drive
+    items = found["drive.mcap: /wheel/odom"]
+    wheels = flight.wheels
+    error = np.linalg.norm(wheels.true_pose[:, :2] - wheels.pose[:, :2], axis=1)
+    assert f"{np.sqrt(np.mean(error**2)):.4g} m root mean square" in words(items)
+    assert "NEES of the position" in words(items)
+    assert "(2 expected)" in words(items)
+    assert "(1 expected)" in words(items)
+    # What wheels do not measure has no plot; and in the world's frame they are no estimate.
+    assert "/wheel/odom: position error x" in plots(items)
+    assert "/wheel/odom: position error z" not in plots(items)
+    assert not any("wheel" in title for title in plots(found["drive.mcap: motion"]))
+
+
+def test_without_a_truth_the_stated_deviation_is_drawn(tmp_path):
+    flight = ims.simulate(**{**DRIVE, "duration": 5})
+    bag = flight.save(tmp_path / "drive.mcap", topics=["imu/data_raw", "gps/fix"])
+    items = sections(bag, tmp_path)["drive.mcap: /gps/fix"]
+    assert list(plots(items)) == ["/gps/fix: stated deviation"]
