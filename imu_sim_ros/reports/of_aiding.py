@@ -116,13 +116,13 @@ def _errors(
         return [{"kind": "plots", "items": [drawn]}]
     try:
         rows = common_rows(read.t_ns, truth.t_ns)
-    except InputError as error:
-        return [{"kind": "text", "text": f"{name}: {error}"}]
+    except InputError as problem:
+        return [{"kind": "text", "text": f"{name}: {problem}"}]
     at_s = (truth.t_ns - read.t_ns[0]) * 1e-9
     expected = [np.interp(t_s[rows], at_s, truth.values[:, k]) for k in range(3)]
     error = read.values[rows] - np.column_stack(expected)
     variance = read.variance[rows]
-    drawn = [
+    errors = [
         plot(
             f"{name}: error {axis}",
             "time [s]",
@@ -133,7 +133,7 @@ def _errors(
         for k, axis in enumerate(_DIRECTIONS)
     ]
     return [{"kind": "text", "text": _summary(name, error, variance, unit)},
-            {"kind": "plots", "items": drawn}]  # fmt: skip
+            {"kind": "plots", "items": errors}]  # fmt: skip
 
 
 def _summary(name: str, error: Array, variance: Array, unit: str) -> str:
