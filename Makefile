@@ -32,7 +32,7 @@ FLOOR := test/rotation test/test_timebase.py test/inputs test/config/test_files.
          test/calibration/test_sensor_plot.py \
          test/camera/test_model.py test/camera/test_scene.py \
          test/campaign/test_plan.py test/commands/test_every_command.py test/datasets/test_named_files.py \
-         test/navigation/test_covariance.py test/navigation/test_dead_reckoning.py \
+         test/places/test_mesh.py test/navigation/test_covariance.py test/navigation/test_dead_reckoning.py \
          test/navigation/test_evaluation.py test/navigation/test_gauge.py test/plots \
          test/sensor/ideal test/sensor/test_chain.py test/sensor/test_drawn.py test/sensor/test_noise.py \
          test/sensor/test_sampling.py test/sensor/test_presets.py test/simulation/test_error_model.py test/simulation/test_run.py \

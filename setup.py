@@ -37,6 +37,7 @@ OPTIONAL = {
     "fast": ["orjson>=3.9"],
     "frames": ["pandas"],
     "magnetic": ["pygeomag"],
+    "mesh": ["trimesh>=4.0", "embreex>=4.4", "pillow"],
     "view": ["rerun-sdk>=0.22"],
 }
 DEVELOPMENT = {

@@ -62,6 +62,8 @@ ONLY_IN = {
     "mcap": {"bags"},
     "matplotlib": {"plots"},
     "cv2": {"sensors"},
+    "trimesh": {"places"},
+    "embreex": {"places"},
     "distributed": {"campaigns"},
     "pyarrow": {"campaigns"},
 }

@@ -21,10 +21,10 @@ PAGES = sorted(
 )
 GUIDES = [
     ROOT / f"docs/how_to/{name}.md"
-    for name in ("ci_gate", "data_sheet", "own_sensor", "own_trajectory")
+    for name in ("ci_gate", "data_sheet", "own_place", "own_sensor", "own_trajectory")
 ]
 GUIDES += [ROOT / f"docs/how_to/{name}.md" for name in ("madgwick", "error_model", "migration")]
-NEEDS = {"vio_stack": "gtsam", "madgwick": "ahrs"}
+NEEDS = {"vio_stack": "gtsam", "madgwick": "ahrs", "own_place": "embreex"}
 """Pages with a library that only the tests install."""
 PICTURES = {
     "first_flight": "drift.png",

@@ -73,7 +73,7 @@ _MAX_SEEDS: Final = 1_000_000
 _ALL_CHECKED: Final = 2000
 """Cells up to which every one is built before the start; each takes some 6 ms."""
 _MAX_PROBLEMS: Final = 20
-_FILES: Final = ("trajectory.file", "trajectory.height_map", "scene.file")
+_FILES: Final = ("trajectory.file", "trajectory.height_map", "scene.file", "scene.mesh")
 """Parameters that name files on which results depend."""
 
 

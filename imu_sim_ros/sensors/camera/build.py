@@ -18,12 +18,14 @@ from imu_sim_ros.places.geometry import Surfaces, hidden, joined, surfaces
 from imu_sim_ros.places.paint import Painter
 from imu_sim_ros.places.place import Site
 from imu_sim_ros.random_streams import generator
+from imu_sim_ros.sensors.camera.mesh_scene import mesh_scene
 from imu_sim_ros.sensors.camera.scene import Scene, read_points
 from imu_sim_ros.sensors.camera.scene_parameters import (
     AprilgridParameters,
     CheckerboardParameters,
     CloudParameters,
     HouseParameters,
+    MeshParameters,
     PathSceneParameters,
     PlaceParameters,
     PlanesParameters,
@@ -60,7 +62,8 @@ def build_scene(
 
     :param views: the cameras that see it; a cloud is generated for them, a room encloses them all.
     :param span: of the trajectory that the scene is made for, :func:`scene_span` [s].
-    :raises InputError: for a file of points that cannot be used.
+    :raises InputError: for a file of points or triangles that cannot be used.
+    :raises MissingDependencyError: for a mesh, where trimesh or embreex is not installed.
     """
     match parameters:
         case RoomParameters():
@@ -79,6 +82,8 @@ def build_scene(
             return _target(parameters, *_checkerboard(parameters))
         case PointFileParameters():
             return Scene.of_points(read_points(Path(parameters.file)))
+        case MeshParameters():
+            return mesh_scene(parameters, _path(views, trajectory, span))
     raise ConfigurationError(f"scene.type = {parameters.type!r}: cannot be built as a scene")
 
 

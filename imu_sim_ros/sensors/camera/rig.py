@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros import arguments
 from imu_sim_ros.sensors.camera.build import build_scene, check_path, scene_span
+from imu_sim_ros.sensors.camera.mesh_scene import mesh_warnings
 from imu_sim_ros.sensors.camera.rig_parameters import (
     RigParameters,
 )
@@ -59,7 +60,11 @@ class Rig:
 
     def warnings(self, name: str) -> list[str]:
         """Return a line for whatever keeps a camera from seeing what it was put before."""
-        return target_warning(self.parameters.scene, self.views[name], self.trajectory)
+        view = self.views[name]
+        return [
+            *target_warning(self.parameters.scene, view, self.trajectory),
+            *mesh_warnings(self.scene, view, self.trajectory, name == next(iter(self.views))),
+        ]
 
     def tracker(self, name: str) -> Tracker:
         """Return the tracker of one camera."""

@@ -17,6 +17,7 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import choice, entries, texts
 from imu_sim_ros.parameters.sections import build, section, section_names, variant
+from imu_sim_ros.places.mesh_file import is_mesh
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.scene_parameters import SceneParameters, find_scene
 from imu_sim_ros.sensors.environment import EnvironmentParameters
@@ -184,4 +185,6 @@ def scene_layer(name_or_file: str, node: str = "simulator") -> dict[str, object]
     path = files.find("scenes", name_or_file)
     if path.suffix.lower() in (".yaml", ".yml"):
         return files.load(path, node)
+    if is_mesh(path):
+        return {"scene.type": "mesh", "scene.mesh": str(path)}
     return {"scene.type": "file", "scene.file": str(path)}

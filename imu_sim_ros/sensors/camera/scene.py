@@ -7,10 +7,13 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imu_sim_ros.errors import InputError, system_error
 from imu_sim_ros.inputs.rows import open_regular
-from imu_sim_ros.places.geometry import NO_SURFACES, Surfaces
+from imu_sim_ros.places.geometry import NO_SURFACES, Surfaces, hidden
+from imu_sim_ros.places.mesh import MeshCaster
+from imu_sim_ros.places.mesh_file import Mesh
 from imu_sim_ros.places.paint import Painter
 from imu_sim_ros.types import Array
 
@@ -29,6 +32,16 @@ class Scene(NamedTuple):
     """Largest distance of anything from anything else, about [m]."""
     painter: Painter | None = None
     """What the surfaces of a place look like; None: their kind decides."""
+    mesh: Mesh | None = None
+    """Triangles instead of rectangles, in the world."""
+    caster: MeshCaster | None = None
+    """Of the mesh."""
+
+    def hidden(self, eye: Array, points: Array) -> NDArray[np.bool_]:
+        """Tell which landmarks (n, 3) are behind something, each seen from its eye (n, 3)."""
+        if self.caster is not None:
+            return self.caster.hidden(eye, points)
+        return hidden(self.surfaces, eye, points)
 
     @classmethod
     def of_points(cls, points: Array) -> "Scene":

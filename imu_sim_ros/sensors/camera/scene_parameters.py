@@ -23,10 +23,12 @@ from imu_sim_ros.parameters.kinds import (
     vector,
 )
 from imu_sim_ros.places.catalogue import size_problems
+from imu_sim_ros.places.mesh import ANCHORS, UPS
 from imu_sim_ros.places.place import LIGHTS, TEXTURES
 from imu_sim_ros.sensors.imu.parameters import rotation_problems
 
 TYPE_TEXT = "kind of scene, or the name of a file in config/scenes"
+LOOKS = ("auto", "unlit", "sun")
 
 
 @dataclass(frozen=True)
@@ -220,6 +222,53 @@ class PointFileParameters(SceneParameters):
 
 
 @dataclass(frozen=True)
+class MeshParameters(PathSceneParameters):
+    """A file of triangles: a scan, CAD, a place of another simulator; landmarks on its surface.
+
+    A place p of the file is at ``position + Rz(yaw) orientation up scale p`` in the world.
+    """
+
+    type: str = text("mesh", TYPE_TEXT)
+    mesh: str = text("", "GLB, glTF, OBJ, PLY or STL")
+    scale: float = number(
+        1.0,
+        "length of the file's unit; 0.001 for millimetres",
+        unit="m",
+        minimum=1e-9,
+        maximum=1e9,
+    )
+    up: str = choice(
+        "file", UPS, "axis of the file that points up; file: y of GLB and glTF, z of all others"
+    )
+    orientation: Matrix = matrix(
+        IDENTITY_MATRIX, "rotation R_wm of the mesh in the world, its up axis already up"
+    )
+    yaw: float = number(0.0, "turn about the world's z after that", unit="rad")
+    position: Vector = vector(ZERO_VECTOR, "position of the anchor in the world", unit="m")
+    anchor: str = choice(
+        "origin",
+        ANCHORS,
+        "origin: the file's origin is at position; path: the middle of the mesh is where the "
+        "middle of the cameras' path is, moved by position",
+    )
+    light: str = choice(
+        "auto",
+        LOOKS,
+        "unlit: textures and colours as they are; sun: shaded by the angle to a sun; auto: sun "
+        "for a mesh without textures and colours of its vertices or faces",
+    )
+    landmarks: int = integer(
+        2000, "points on what the path sees of the surface", minimum=1, maximum=1_000_000
+    )
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield whether the file is missing, and whether the orientation is not a rotation."""
+        if not self.mesh:
+            yield f"{prefix}mesh = '': must name a file of triangles"
+        yield from rotation_problems(self.orientation, f"{prefix}orientation")
+
+
+@dataclass(frozen=True)
 class PlaceParameters(PathSceneParameters):
     """What all places have: materials, light, and things that leave the path free."""
 
@@ -291,6 +340,7 @@ TYPES: dict[str, type[SceneParameters]] = {
     "aprilgrid": AprilgridParameters,
     "checkerboard": CheckerboardParameters,
     "file": PointFileParameters,
+    "mesh": MeshParameters,
     "office": OfficeParameters,
     "corridor": CorridorParameters,
     "warehouse": WarehouseParameters,

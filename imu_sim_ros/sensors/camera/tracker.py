@@ -13,7 +13,6 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.places.geometry import hidden
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.view import Frames, Poses, View, in_camera
@@ -201,7 +200,7 @@ class Tracker:
         facing = (normals * (eye - points)).sum(axis=1)
         shown: Mask = (facing > 0.0) | ~normals.any(axis=1)
         rows = np.flatnonzero(shown)
-        shown[rows[hidden(self.scene.surfaces, eye[rows], points[rows])]] = False
+        shown[rows[self.scene.hidden(eye[rows], points[rows])]] = False
         return shown
 
     def _chosen(self, seen: _Observed) -> _Observed:

@@ -11,10 +11,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.sensors.camera.images.renderer import Renderer, look_up, opencv
+from imu_sim_ros.sensors.camera.images.mesh_look import Look
+from imu_sim_ros.sensors.camera.images.mesh_renderer import MeshRenderer
+from imu_sim_ros.sensors.camera.images.renderer import Renderer, opencv
 from imu_sim_ros.sensors.camera.images.texture import Atlas, atlas
 from imu_sim_ros.sensors.camera.scene import Scene
-from imu_sim_ros.sensors.camera.scene_parameters import SceneParameters
+from imu_sim_ros.sensors.camera.scene_parameters import MeshParameters, SceneParameters
 from imu_sim_ros.sensors.camera.view import View
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.types import Array
@@ -30,7 +32,9 @@ _FAR: Final = np.float32(1e9)
 class Imager:
     """Images of one camera, each from its number alone; may be used by several threads."""
 
-    def __init__(self, view: View, scene: Scene, atlas: Atlas, trajectory: Trajectory) -> None:
+    def __init__(
+        self, view: View, scene: Scene, atlas: Atlas | Look, trajectory: Trajectory
+    ) -> None:
         """Set up the camera.
 
         :raises MissingDependencyError: if OpenCV is not installed.
@@ -39,11 +43,16 @@ class Imager:
         self.view, self.atlas, self._trajectory = view, atlas, trajectory
         self._scene = scene
         p = view.parameters
-        self._renderer = Renderer(
-            view.model, scene.surfaces, atlas, p.supersampling, p.mip_levels == "trilinear"
-        )
+        self._renderer = self._renderer_of(p.supersampling, p.mip_levels == "trilinear")
         self._colours = atlas.image.shape[2:]
         self._vignette = _vignette(view, len(self._colours))
+
+    def _renderer_of(self, scale: int, trilinear: bool = False) -> Renderer | MeshRenderer:
+        model, scene = self.view.model, self._scene
+        if isinstance(self.atlas, Look):
+            assert scene.caster is not None
+            return MeshRenderer(model, scene.caster, self.atlas, scale, trilinear)
+        return Renderer(model, scene.surfaces, self.atlas, scale, trilinear)
 
     def image(self, number: int) -> Bytes:
         """Return frame ``number``: grey values (h, w), or red, green and blue (h, w, 3)."""
@@ -116,9 +125,9 @@ class Imager:
         return p.exposure_time * _wave(p.exposure_change, p.exposure_period, seconds)
 
     @cached_property
-    def _centres(self) -> Renderer:
+    def _centres(self) -> Renderer | MeshRenderer:
         """One ray for each pixel."""
-        return Renderer(self.view.model, self._scene.surfaces, self.atlas, 1)
+        return self._renderer_of(1)
 
     def _seconds(self, number: int) -> float:
         """Return the middle of a frame's exposure after the start [s]."""
@@ -145,8 +154,7 @@ class Imager:
         for k in range(pictures):
             t = middle + exposure * ((k + 0.5) / pictures - 0.5)
             poses = self.view.poses(self._trajectory, self._row_times(t, self._renderer.rows))
-            for rows, maps in self._renderer.maps(poses):
-                picture = look_up(self.atlas.image, maps)
+            for rows, picture in self._renderer.pictures(poses):
                 for row, column in np.ndindex(n, n):
                     total[rows] += picture[row::n, column::n]
         return total, count
@@ -168,14 +176,18 @@ def imagers(
     :raises MissingDependencyError: if OpenCV is not installed.
     """
     coloured = {name: view.parameters.encoding == "rgb8" for name, view in views.items()}
-    textures = {
-        colour: atlas(scene.surfaces, parameters, colour, scene.painter)
-        for colour in set(coloured.values())
-    }
+    textures = {colour: _textures(scene, parameters, colour) for colour in set(coloured.values())}
     return {
         name: Imager(view, scene, textures[coloured[name]], trajectory)
         for name, view in views.items()
     }
+
+
+def _textures(scene: Scene, parameters: SceneParameters, colour: bool) -> Atlas | Look:
+    if scene.mesh is None or scene.caster is None or not isinstance(parameters, MeshParameters):
+        return atlas(scene.surfaces, parameters, colour, scene.painter)
+    sun = parameters.light == "sun" or (parameters.light == "auto" and not scene.mesh.painted)
+    return Look(scene.mesh, scene.caster.middle, colour, sun)
 
 
 def _wave(amplitude: float, period: float, seconds: float) -> float:

@@ -178,6 +178,14 @@ class Renderer:
         self._corners_of_cells, self._probes = corners_and_probes(self._rays)
         self._cone, self._longest_ray = self._cone_of_rays()
 
+    def pictures(self, poses: Poses) -> Iterator[tuple[slice, Bytes]]:
+        """Yield what one pose sees, or one pose for each row of rays, a band at a time.
+
+        :returns: rows of the image, and the values (h, w[, 3]) of all their rays.
+        """
+        for rows, maps in self.maps(poses):
+            yield rows, look_up(self.atlas.image, maps)
+
     def maps(self, poses: Poses) -> Iterator[tuple[slice, Maps]]:
         """Yield the look-up for one pose, or one pose for each row of rays, a band at a time.
 
@@ -208,8 +216,7 @@ class Renderer:
 
     def _visible(self, poses: Poses) -> _Visible:
         """Return the surfaces that may be in the image, and where."""
-        position = np.round(poses.position * _GRID) / _GRID
-        r_wc = np.round(rotation.to_matrix(poses.q_wc) * _GRID) / _GRID
+        position, r_wc = rounded(poses)
         facing = self._facing(position)
         # A surface is not seen where all its corners lie beyond one side of the cone of all rays.
         if len(position) == 1 and self._cone is not None:
@@ -319,6 +326,13 @@ class Renderer:
             np.copyto(drawn.share[here], in_pixels(found.share, *shown.shape), where=shown)
         for level, target in zip(found.each, drawn.places, strict=True):
             np.copyto(target[:, below, columns], in_atlas(places, level), where=shown)
+
+
+def rounded(poses: Poses) -> tuple[Array, Array]:
+    """Return positions (n, 3) and rotations R_wc (n, 3, 3) without the last bits of a sine."""
+    position = np.round(poses.position * _GRID) / _GRID
+    r_wc = np.round(rotation.to_matrix(poses.q_wc) * _GRID) / _GRID
+    return position, r_wc
 
 
 def distances(surfaces: Surfaces, numbers: Integers, eye: Array) -> Array:

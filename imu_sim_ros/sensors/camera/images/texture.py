@@ -87,7 +87,7 @@ def atlas(
         level = _texture(surfaces, m, parameters)
         return _coloured(parameters, m, level) if colour else level
 
-    return _assembled(shapes, texture, colour)
+    return assembled(shapes, texture, colour)
 
 
 def _of_place(surfaces: Surfaces, painter: Painter, colour: bool) -> Atlas:
@@ -103,15 +103,21 @@ def _of_place(surfaces: Surfaces, painter: Painter, colour: bool) -> Atlas:
         )
         for (width, height), texel in zip(sides.tolist(), texels.tolist(), strict=True)
     ]
-    return _assembled(
+    return assembled(
         shapes, lambda m: painter.texture(m, *shapes[m], float(texels[m]), colour), colour
     )
 
 
-def _assembled(
-    shapes: Sequence[tuple[int, int]], texture: Callable[[int], Bytes], colour: bool
+def assembled(
+    shapes: Sequence[tuple[int, int]],
+    texture: Callable[[int], Bytes],
+    colour: bool,
+    repeat: bool = False,
 ) -> Atlas:
-    """Return textures of some rows and columns, each made when it is put into its place."""
+    """Return textures of some rows and columns, each made when it is put into its place.
+
+    :param repeat: beyond an edge lies the opposite one, not the edge itself.
+    """
     of_levels = [shape for height, width in shapes for shape in _shapes_of_levels(height, width)]
     corners, height = _packed([(rows + 2 * _EDGE, cols + 2 * _EDGE) for rows, cols in of_levels])
     width = max(_WIDTH, *(columns + 2 * _EDGE for _, columns in of_levels))
@@ -122,7 +128,7 @@ def _assembled(
         level = texture(m)
         for k, (row, column) in enumerate(corners[m * LEVELS : (m + 1) * LEVELS]):
             level = _next_level(level) if k else level
-            padded = np.pad(level, around, mode="edge")
+            padded = np.pad(level, around, mode="wrap" if repeat else "edge")
             image[row : row + padded.shape[0], column : column + padded.shape[1]] = padded
     size = np.array(shapes, dtype=np.float32).reshape(-1, 2)[:, ::-1]
     place = np.array(corners, dtype=np.float32).reshape(len(shapes), LEVELS, 2)[..., ::-1]

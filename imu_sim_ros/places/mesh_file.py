@@ -1,0 +1,408 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Triangles with their colours, read from a file by trimesh, and what is wrong with them."""
+
+import hashlib
+import io
+import json
+import logging
+import struct
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+from urllib.parse import unquote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.errors import InputError, MissingDependencyError, system_error
+from imu_sim_ros.inputs.rows import open_regular
+from imu_sim_ros.types import Array
+
+Bytes = NDArray[np.uint8]
+Numbers = NDArray[np.int32]
+Single = NDArray[np.float32]
+
+SUFFIXES: Final = (".glb", ".gltf", ".obj", ".ply", ".stl")
+MOST_TRIANGLES: Final = 2_000_000
+"""Each needs some 300 bytes of memory."""
+_LARGEST: Final = 1 << 29
+"""[bytes] of a file."""
+_UNREADABLE: Final = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_texture_basisu")
+"""Extensions of glTF that trimesh does not read by itself."""
+_PART: Final = 100_000
+"""Triangles that are looked at at once."""
+_TEXT: Final = (".mtl", ".bin")
+"""Neighbours of a mesh that are no pictures."""
+_FARTHEST: Final = 1e15
+"""Of any coordinate, so that its square is a number."""
+_LEAST_AREA: Final = 1e-15
+"""Of a triangle that can be seen, in squares of the mesh's size."""
+
+
+class Mesh(NamedTuple):
+    """m triangles between n vertices."""
+
+    vertices: Array
+    """(n, 3)."""
+    faces: Numbers
+    """(m, 3) rows in the vertices; counterclockwise as seen from the front."""
+    places: Single
+    """(m, 3, 2) u and v of each corner in its texture, v up; they repeat outside of 0 to 1."""
+    texture: Numbers
+    """(m,) number of each triangle's texture; -1: none."""
+    textures: tuple[Bytes, ...]
+    """Each (h, w, 3) red, green and blue, its first row at the top."""
+    colours: Bytes
+    """(m, 3, 3) red, green and blue of each corner, by which the texture is multiplied."""
+    painted: bool
+    """It has textures or colours other than those of whole parts."""
+
+    @property
+    def corners(self) -> Array:
+        """(m, 3, 3) places of the corners of all triangles."""
+        found: Array = self.vertices[self.faces]
+        return found
+
+
+def normals(mesh: Mesh) -> Iterator[tuple[slice, Array, Array]]:
+    """Yield some triangles at a time, their first corners (k, 3) and (b - a) x (c - a) (k, 3)."""
+    for first in range(0, len(mesh.faces), _PART):
+        part = slice(first, first + _PART)
+        a, b, c = (mesh.vertices[mesh.faces[part, k]] for k in range(3))
+        yield part, a, np.cross(b - a, c - a)
+
+
+def areas(mesh: Mesh) -> Array:
+    """Return the areas of all triangles (m,)."""
+    result = np.empty(len(mesh.faces))
+    for part, _, normal in normals(mesh):
+        result[part] = 0.5 * np.sqrt((normal * normal).sum(axis=1))
+    return result
+
+
+def read_mesh(path: str | Path) -> Mesh:
+    """Return the triangles of a GLB, glTF, OBJ, PLY or STL file, in its own axes and unit.
+
+    Parts that the file places several times are there as often.
+
+    :raises InputError: for a file that cannot be used, with the reason.
+    :raises MissingDependencyError: where trimesh is not installed.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in SUFFIXES:
+        raise InputError(f"{path}: must be one of {', '.join(s[1:] for s in SUFFIXES)}")
+    content = _content(path)
+    if path.suffix.lower() in (".glb", ".gltf"):
+        _check_gltf(path, content)
+    parts = [_Part.of(path, *part) for part in _loaded(path, content)]
+    parts = [part for part in parts if len(part.faces)]
+    if not parts:
+        points = path.suffix.lower() in (".obj", ".ply")
+        hint = "; of points alone scene.type file makes landmarks" if points else ", or is cut off"
+        raise InputError(f"{path}: has no faces{hint}")
+    count = sum(len(part.faces) for part in parts)
+    if count > MOST_TRIANGLES:
+        raise InputError(
+            f"{path}: has {count:,} triangles; at most {MOST_TRIANGLES:,}: simplify it, "
+            "as MeshLab or Blender do"
+        )
+    return _without_slivers(path, _joined(parts))
+
+
+def is_mesh(path: str | Path) -> bool:
+    """Tell whether a file has faces, by its name or, of a PLY, by its header."""
+    path = Path(path)
+    if path.suffix.lower() != ".ply":
+        return path.suffix.lower() in SUFFIXES
+    try:
+        with open_regular(path) as file:
+            header, _, _ = file.read(65536).partition(b"end_header")
+    except (InputError, OSError):
+        return False
+    words = [line.split() for line in header.splitlines()]
+    return any(line[:2] == [b"element", b"face"] and line[2:] != [b"0"] for line in words)
+
+
+def _content(path: Path) -> bytes:
+    try:
+        with open_regular(path) as file:
+            content = file.read(_LARGEST + 1)
+    except OSError as error:
+        raise system_error(path, error) from None
+    if len(content) > _LARGEST:
+        raise InputError(f"{path}: is larger than {_LARGEST >> 20} MB: simplify the mesh")
+    if not content:
+        raise InputError(f"{path}: is empty")
+    return content
+
+
+def _check_gltf(path: Path, content: bytes) -> None:
+    """Refuse what trimesh would leave out without a word: compressed parts, damaged textures."""
+    try:
+        text, end = content, 0
+        if content[:4] == b"glTF":
+            end = 20 + struct.unpack("<I", content[12:16])[0]
+            text = content[20:end]
+        tree = json.loads(text)
+        needed = tree.get("extensionsRequired", [])
+        views, images = tree.get("bufferViews", []), tree.get("images", [])
+        inside = [views[image["bufferView"]] for image in images if "bufferView" in image]
+        starts = [end + 8 + view.get("byteOffset", 0) for view in inside]
+        pictures = [
+            content[start : start + view["byteLength"]]
+            for start, view in zip(starts, inside, strict=True)
+        ]
+    except (ValueError, AttributeError, KeyError, IndexError, TypeError, struct.error):
+        return  # trimesh will say so
+    for name in needed:
+        if name in _UNREADABLE:
+            raise InputError(f"{path}: is compressed by {name}: export it without compression")
+    for picture in pictures if end else ():
+        if not _is_picture(picture):
+            raise InputError(f"{path}: a texture cannot be read: it is damaged, or of another kind")
+
+
+def _is_picture(content: bytes) -> bool:
+    """Tell whether Pillow knows what kind of picture something is."""
+    _trimesh()
+    import PIL.Image
+
+    try:
+        with _quiet(), PIL.Image.open(io.BytesIO(content)):
+            return True
+    except Exception:  # whatever makes it stumble
+        return False
+
+
+def _trimesh() -> Any:
+    """Return trimesh's module.
+
+    :raises MissingDependencyError: where it is not installed.
+    """
+    try:
+        import PIL.Image  # noqa: F401 - trimesh reads textures with it, and leaves them out without
+        import trimesh
+        import trimesh.resolvers
+    except ImportError as error:
+        raise MissingDependencyError(
+            f"scene.type mesh needs trimesh, Pillow and embreex ({error}): "
+            "pip install trimesh pillow embreex"
+        ) from None
+    return trimesh
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep what libraries log and warn from standard error."""
+    log = logging.getLogger("trimesh")
+    level = log.level
+    log.setLevel(logging.CRITICAL + 1)
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        log.setLevel(level)
+
+
+def _loaded(path: Path, content: bytes) -> list[tuple[Array, Any]]:
+    """Return each part's place (4, 4) in the file, and trimesh's mesh.
+
+    :raises InputError: for what trimesh cannot read, or files next to it that are missing.
+    """
+    trimesh = _trimesh()
+    lost: list[str] = []
+    kind = path.suffix.lower()[1:]
+
+    def neighbour(name: str) -> bytes:
+        """Return a file next to it: a material, a texture."""
+        for each in (name, unquote(name), *name.split()[-1:]):
+            place = path.parent / each.strip().replace("\\", "/")
+            if place.is_file():
+                found = place.read_bytes()
+                if place.suffix.lower() not in _TEXT and not _is_picture(found):
+                    lost.append(f"{path}: the texture {name} is no picture")
+                return found
+        lost.append(f"{path}: needs {name}, which is not there")
+        raise OSError(name)
+
+    resolver = trimesh.resolvers.FilePathResolver(str(path))
+    resolver.get = neighbour
+    with _quiet():
+        try:
+            scene = trimesh.load(
+                io.BytesIO(content),
+                file_type=kind,
+                resolver=resolver,
+                force="scene",
+                process=False,
+            )
+            parts = []
+            for node in scene.graph.nodes_geometry:
+                place, name = scene.graph[node]
+                if isinstance(scene.geometry[name], trimesh.Trimesh):
+                    parts.append((np.array(place, np.float64), scene.geometry[name]))
+        except MemoryError:
+            raise
+        except Exception as error:  # whatever a file makes it stumble over
+            if not lost:
+                words = " ".join(str(error).split())[:100]
+                reason = f" ({words})" if words and not isinstance(error, ImportError) else ""
+                raise InputError(
+                    f"{path}: cannot be read as {kind.upper()}: damaged or cut off{reason}"
+                ) from None
+    if lost:
+        raise InputError(lost)
+    return parts
+
+
+class _Part(NamedTuple):
+    """One of trimesh's meshes; the names are those of :class:`Mesh`."""
+
+    vertices: Array
+    faces: Numbers
+    places: Single
+    image: Bytes | None
+    colours: Bytes
+    painted: bool
+
+    @classmethod
+    def of(cls, path: Path, place: Array, part: Any) -> "_Part":
+        """Take a part to its place.
+
+        :raises InputError: for numbers that are none.
+        """
+        vertices = np.asarray(part.vertices, np.float64)
+        numbers = np.asarray(part.faces).reshape(-1, 3)
+        if len(numbers) and (numbers.min() < 0 or numbers.max() >= len(vertices)):
+            raise InputError(f"{path}: a face refers to a vertex that is not there")
+        faces = numbers.astype(np.int32)
+        used = np.zeros(len(vertices), np.bool_)
+        used[faces] = True
+        bad = np.flatnonzero(~(np.abs(vertices) < _FARTHEST).all(axis=1) & used)
+        if len(bad):
+            shown = ", ".join(f"{x:g}" for x in vertices[bad[0]])
+            more = f", as are {len(bad) - 1} more" if len(bad) > 1 else ""
+            raise InputError(
+                f"{path}: vertex {bad[0] + 1} is at ({shown}), not a finite place{more}"
+            )
+        vertices = np.where(used[:, None], vertices, 0.0)
+        vertices = vertices @ place[:3, :3].T + place[:3, 3]
+        places, image, colours, painted = _look(path, part, faces)
+        if np.linalg.det(place[:3, :3]) < 0.0:  # a mirror
+            faces, places, colours = faces[:, ::-1], places[:, ::-1], colours[:, ::-1]
+        return cls(vertices, faces, places, image, colours, painted)
+
+
+def _look(path: Path, part: Any, faces: Numbers) -> tuple[Single, Bytes | None, Bytes, bool]:
+    """Return u and v, texture and colours of the corners, and whether it is painted."""
+    visual = part.visual
+    count = len(faces)
+    # What is the same everywhere takes no memory.
+    places: Single = np.broadcast_to(np.zeros(2, np.float32), (count, 3, 2))
+    colours: Bytes = np.broadcast_to(np.full(3, 200, np.uint8), (count, 3, 3))
+    image: Bytes | None = None
+    with _quiet():
+        if visual.kind == "texture":
+            image, colour = _material(path, getattr(visual, "material", None))
+            colours = np.broadcast_to(colour, (count, 3, 3))
+            uv = getattr(visual, "uv", None)
+            if image is not None and (uv is None or len(uv) != len(part.vertices)):
+                raise InputError(f"{path}: has a texture, but not where it lies on the faces")
+            if image is not None:
+                places = np.asarray(uv, np.float32)[faces][..., :2]
+                if not np.isfinite(places).all():
+                    raise InputError(f"{path}: a texture's coordinate is not finite")
+            own = getattr(visual, "vertex_attributes", {}).get("color")
+            if own is not None and len(own) == len(part.vertices):
+                own = _bytes(own)[faces][..., :3].astype(np.uint16)
+                colours = ((own * colours + 127) // 255).astype(np.uint8)
+                return places, image, colours, True
+            return places, image, colours, image is not None
+        if visual.kind == "vertex":
+            return places, None, _bytes(visual.vertex_colors)[faces][..., :3], True
+        if visual.kind == "face":
+            own = _bytes(visual.face_colors)[:, None, :3]
+            return places, None, np.broadcast_to(own, (count, 3, 3)), True
+    return places, None, colours, False
+
+
+def _bytes(colours: Any) -> Bytes:
+    values = np.asarray(colours)
+    if values.dtype.kind == "f":
+        values = np.clip(np.rint(values * 255.0), 0, 255)
+    elif values.dtype == np.uint16:
+        values = values >> 8
+    return values.astype(np.uint8)
+
+
+def _material(path: Path, material: Any) -> tuple[Bytes | None, Bytes]:
+    """Return a material's texture and the colour (3,) by which it is multiplied, in sRGB."""
+    image = getattr(material, "baseColorTexture", None)
+    factor = getattr(material, "baseColorFactor", None)
+    white = np.full(3, 255, np.uint8)
+    if image is None:
+        image = getattr(material, "image", None)
+    if factor is not None:
+        linear = np.asarray(_bytes(factor)[:3], np.float64) / 255.0  # glTF 2.0, 3.9.2
+        encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+        white = np.rint(255.0 * encoded).astype(np.uint8)
+    elif image is None and getattr(material, "diffuse", None) is not None:
+        white = _bytes(material.diffuse)[:3]
+    if image is None:
+        return None, white
+    try:
+        pixels = np.asarray(image.convert("RGB"), np.uint8)
+    except Exception as error:  # whatever a file makes Pillow stumble over
+        raise InputError(f"{path}: a texture cannot be read ({error})") from None
+    return pixels, white
+
+
+def _joined(parts: Sequence[_Part]) -> Mesh:
+    """Return all parts as one; parts with the same texture share it."""
+    textures: list[Bytes] = []
+    numbers: list[Numbers] = []
+    known: dict[bytes, int] = {}
+    for part in parts:
+        number = -1
+        if part.image is not None:
+            key = hashlib.sha256(part.image.tobytes()).digest() + repr(part.image.shape).encode()
+            number = known.setdefault(key, len(textures))
+            if number == len(textures):
+                textures.append(part.image)
+        numbers.append(np.full(len(part.faces), number, np.int32))
+    if len(parts) == 1:
+        vertices, faces, places, _, colours, painted = parts[0]
+        return Mesh(vertices, faces, places, numbers[0], tuple(textures), colours, painted)
+    starts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])]).astype(np.int32)
+    count = sum(len(part.faces) for part in parts)
+    nowhere: Single = np.broadcast_to(np.zeros(2, np.float32), (count, 3, 2))
+    return Mesh(
+        np.concatenate([part.vertices for part in parts]),
+        np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=True)]),
+        np.concatenate([part.places for part in parts]) if textures else nowhere,
+        np.concatenate(numbers),
+        tuple(textures),
+        np.concatenate([part.colours for part in parts]),
+        any(part.painted for part in parts),
+    )
+
+
+def _without_slivers(path: Path, mesh: Mesh) -> Mesh:
+    """Leave out triangles without an area, which nobody sees and no ray meets."""
+    square = float((np.ptp(mesh.vertices, axis=0) ** 2).sum())
+    keep = areas(mesh) > _LEAST_AREA * square
+    if not keep.any():
+        raise InputError(f"{path}: no face has an area")
+    if keep.all():
+        return mesh
+    return mesh._replace(
+        faces=mesh.faces[keep],
+        places=mesh.places[keep],
+        texture=mesh.texture[keep],
+        colours=mesh.colours[keep],
+    )

@@ -1,0 +1,164 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the triangles of a mesh look like: functions of the place on each, and its textures."""
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.places.mesh_file import Bytes, Mesh, normals
+from imu_sim_ros.places.paint import grey
+from imu_sim_ros.sensors.camera.images.texture import Atlas, assembled
+from imu_sim_ros.types import Array
+
+Single = NDArray[np.float32]
+Integers = NDArray[np.int64]
+
+_MOST_TEXELS: Final = 36_000_000
+_LONGEST: Final = 8000
+"""Side of a texture [texels]; larger ones are halved."""
+_WHITE: Final = np.full((4, 4, 3), 255, np.uint8)
+_PART: Final = 100_000
+"""Triangles that are looked at at once."""
+_TO_SUN: Final = (0.36, 0.48, 0.8)
+_SKY: Final = 0.45
+"""Light of a face that looks to the sky, of that which faces the sun as well."""
+_GROUND: Final = 0.25
+"""Light of a face that looks down."""
+
+
+class Look:
+    """The textures of a mesh, and per triangle where on them, and in what colour, a place is.
+
+    A value on triangle j at p is ``(coefficients[:3, j] * p).sum() + coefficients[3, j]``, p from
+    ``middle`` on.
+    """
+
+    def __init__(self, mesh: Mesh, middle: Array, colour: bool, sun: bool) -> None:
+        """Prepare a mesh.
+
+        :param colour: in red, green and blue, else in grey.
+        :param sun: shade it by the angle to a sun; else its colours are as they are.
+        """
+        self.atlas = _atlas(mesh, colour)
+        self.texture: Integers = mesh.texture.astype(np.int64) + 1
+        """(m,) number of each triangle's texture in the atlas."""
+        self.textured = bool(mesh.textures)
+        colours = mesh.colours if colour else grey(mesh.colours)[..., None]
+        self.tinted = not self.textured or bool((colours != 255).any())
+        """Colours matter; else textures are all that there is."""
+        channels = colours.shape[2]
+        count = len(mesh.faces)
+        self.places: Single = np.zeros((8, count) if self.textured else (0, 0), np.float32)
+        """(8, m) coefficients of u and v."""
+        self.density: Single = np.zeros(count if self.textured else 0, np.float32)
+        """(m,) square of the texels along a metre where they are densest."""
+        self.tints: Single = np.zeros((4 * channels, count) if self.tinted else (0, 0), np.float32)
+        """(4 c, m) coefficients of the colours, 0 to 255."""
+        self.shades: Single | None = _shades(mesh) if sun else None
+        """(2, m) by what colours are multiplied: seen from the front, and from behind."""
+        for part, gradient in _gradients(mesh, middle):
+            if self.textured:
+                self.places[:, part] = gradient(mesh.places[part])
+                size = self.atlas.size[self.texture[part]].T.astype(np.float64)
+                self.density[part] = _density(self.places[:, part], size)
+            if self.tinted:
+                self.tints[:, part] = gradient(colours[part])
+
+    @property
+    def image(self) -> Bytes:
+        """All textures, in grey or in colour."""
+        return self.atlas.image
+
+
+def _atlas(mesh: Mesh, colour: bool) -> Atlas:
+    """Return white, and the textures with their first row at the bottom, at most so large."""
+    textures = [_WHITE, *mesh.textures]
+    area = sum(each.shape[0] * each.shape[1] for each in textures)
+    halvings = max(0, math.ceil(0.5 * math.log2(area / _MOST_TEXELS)))
+    steps = []
+    for each in textures:
+        side = max(each.shape[:2])
+        own = max(0, math.ceil(math.log2(side / _LONGEST)))
+        steps.append(2 ** min(max(own, halvings), int(math.log2(max(1, min(each.shape[:2]))))))
+
+    def texture(m: int) -> Bytes:
+        rows = _smaller(textures[m], steps[m])[::-1]
+        return np.ascontiguousarray(rows if colour else grey(rows))
+
+    shapes = [
+        (each.shape[0] // step, each.shape[1] // step)
+        for each, step in zip(textures, steps, strict=True)
+    ]
+    return assembled(shapes, texture, colour, repeat=True)
+
+
+def _smaller(texture: Bytes, step: int) -> Bytes:
+    """Return the means of squares of texels."""
+    if step == 1:
+        return texture
+    rows, columns = texture.shape[0] // step, texture.shape[1] // step
+    result = np.empty((rows, columns, 3), np.uint8)
+    for row in range(rows):
+        part = texture[row * step : (row + 1) * step, : columns * step].astype(np.uint32)
+        means = part.reshape(step, columns, step, 3).sum(axis=(0, 2))
+        result[row] = (means + step * step // 2) // (step * step)
+    return result
+
+
+class _Gradient:
+    """Turns values at the corners of triangles into functions of the place."""
+
+    def __init__(self, corners: Array) -> None:
+        first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        normal = np.cross(first, second)
+        normal /= (normal * normal).sum(axis=1, keepdims=True)
+        self._start = corners[:, 0]
+        # Vectors in the triangle's plane that are 1 along one side and 0 along the other.
+        self._along = np.cross(second, normal), np.cross(normal, first)
+
+    def __call__(self, values: NDArray[np.uint8] | Single) -> Array:
+        """Return coefficients (4 k, m) of values (m, 3, k)."""
+        parts = []
+        for k in range(values.shape[2]):
+            value = values[..., k].astype(np.float64)
+            slope = sum((value[:, j + 1] - value[:, 0])[:, None] * self._along[j] for j in range(2))
+            rest = value[:, 0] - (slope * self._start).sum(axis=1)
+            parts += [*np.asarray(slope).T, rest]
+        return np.array(parts)
+
+
+def _gradients(mesh: Mesh, middle: Array) -> Iterator[tuple[slice, _Gradient]]:
+    for first in range(0, len(mesh.faces), _PART):
+        part = slice(first, first + _PART)
+        yield part, _Gradient(mesh.vertices[mesh.faces[part]] - middle)
+
+
+def _density(places: Single, size: Array) -> Array:
+    """Return the square of the texels along a metre (m,): the largest singular value.
+
+    :param places: (8, m) coefficients of u and v.
+    :param size: (2, m) columns and rows of the textures.
+    """
+    u, v = places[:3] * size[0], places[4:7] * size[1]
+    uu, vv, uv = (u * u).sum(axis=0), (v * v).sum(axis=0), (u * v).sum(axis=0)
+    largest: Array = 0.5 * (uu + vv) + np.sqrt(0.25 * (uu - vv) ** 2 + uv * uv)
+    return largest
+
+
+def _shades(mesh: Mesh) -> Single:
+    """Return the light (2, m) on both sides of matt faces under a sun and an even sky."""
+    result = np.empty((2, len(mesh.faces)), np.float32)
+    for part, _, normal in normals(mesh):
+        normal /= np.sqrt((normal * normal).sum(axis=1, keepdims=True))
+        for side, sign in enumerate((1.0, -1.0)):
+            height = 0.5 + 0.5 * sign * normal[:, 2]
+            sun = np.maximum(0.0, sign * (normal * _TO_SUN).sum(axis=1))
+            light = _GROUND + (_SKY - _GROUND) * height + (1.0 - _SKY) * sun
+            # From light to the values of an sRGB picture.
+            result[side, part] = np.round(light ** (1.0 / 2.2), 6)
+    return result

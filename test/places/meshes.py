@@ -1,0 +1,77 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Meshes that tests make, and an independent ray caster."""
+
+import io
+
+import numpy as np
+import trimesh
+from PIL import Image
+
+UNIT = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+
+
+def met(corners, origins, directions):
+    """Return the least distance and the triangle (n,) of rays: Moeller and Trumbore, 1997.
+
+    :param corners: (m, 3, 3).
+    """
+    best, number = np.full(len(origins), np.inf), np.full(len(origins), -1)
+    for k, (a, b, c) in enumerate(corners):
+        first, second = b - a, c - a
+        p = np.cross(directions, second)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            inverse = 1.0 / (p @ first)
+            offset = origins - a
+            u = (offset * p).sum(axis=1) * inverse
+            q = np.cross(offset, first)
+            v = (directions * q).sum(axis=1) * inverse
+            t = (q @ second) * inverse
+        here = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 1e-9) & (t < best)
+        best[here], number[here] = t[here], k
+    return best, number
+
+
+def quads(*rectangles):
+    """Return vertices, faces, u and v of rectangles (origin, across, up)."""
+    vertices, faces, places = [], [], []
+    for origin, across, up in np.asarray(rectangles, float):
+        first = 4 * len(places)
+        vertices += [origin, origin + across, origin + across + up, origin + up]
+        faces += [[first, first + 1, first + 2], [first, first + 2, first + 3]]
+        places.append(UNIT)
+    return np.array(vertices), np.array(faces), np.concatenate(places)
+
+
+def picture(pixels):
+    """Return an image as files hold it."""
+    content = io.BytesIO()
+    Image.fromarray(np.asarray(pixels, np.uint8)).save(content, "PNG")
+    return Image.open(io.BytesIO(content.getvalue()))
+
+
+def textured(vertices, faces, places, pixels):
+    """Return a mesh with a texture."""
+    material = trimesh.visual.material.PBRMaterial(baseColorTexture=picture(pixels))
+    visual = trimesh.visual.TextureVisuals(uv=places, material=material)
+    return trimesh.Trimesh(vertices, faces, visual=visual, process=False)
+
+
+def checkerboard(columns, rows, texels):
+    """Return grey values (h, w, 3) of squares, black in the lower left."""
+    row, column = np.indices((rows, columns))
+    squares = np.where((row + column) % 2, 255, 0)[::-1]
+    grey = squares.repeat(texels, axis=0).repeat(texels, axis=1)
+    return np.repeat(grey[..., None], 3, axis=2)
+
+
+def room(folder, name="room.ply", size=(14.0, 14.0, 6.0), divisions=2):
+    """Write a box around the origin with colours of its own, and return its path."""
+    box = trimesh.creation.box(size)
+    for _ in range(divisions):
+        box = box.subdivide()
+    colours = (128 + 100 * np.sin(2.0 * box.vertices)).clip(0, 255).astype(np.uint8)
+    mesh = trimesh.Trimesh(box.vertices, box.faces, vertex_colors=colours, process=False)
+    mesh.export(folder / name)
+    return folder / name
