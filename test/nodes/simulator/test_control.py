@@ -49,7 +49,7 @@ def test_signals_end_it_with_status_0(
 
         imu.call("simulator/list_parameters", ListParameters)
     node.send(number)
-    assert node.process.wait(2.0) == 0, node.output
+    assert node.status() == 0, node.output
     assert "Traceback" not in node.output
 
 
@@ -123,7 +123,7 @@ def test_a_step_that_waits_keeps_nobody_waiting(start: Any, imu: Any) -> None:
     assert (refused.success, refused.message) == (False, "a step is in progress")
     assert not step.done()
     node.send(signal.SIGTERM)
-    assert node.process.wait(2.0) == 0, node.output
+    assert node.status() == 0, node.output
     assert "Traceback" not in node.output
     assert "never awaited" not in node.output
 

@@ -73,14 +73,15 @@ def test_late_samples_follow_at_a_limited_speed(late: float) -> None:
     """A queue of 10 must not overflow: rosbag2's. With all at once, 30 ms are 12 samples."""
     pacer = Pacer(1.0, catch_up=True)
     spacing_ns = 2_500_000
-    pacer.anchor(0, time.monotonic_ns())
+    begin = time.monotonic_ns()
+    pacer.anchor(0, begin)
     passed = []
     for k in range(100):
         if k == 10:
             time.sleep(late)
         assert pacer.wait(k * spacing_ns) is Verdict.GO
         passed.append(time.monotonic_ns())
-    due = np.array(passed[0]) + np.arange(100) * spacing_ns
+    due = begin + np.arange(100) * spacing_ns
     behind = np.array(passed) - due >= 4_000_000  # twice what may follow at once
     # From the first late one on, m samples take at least m - 1 spacings at eight times the speed.
     # A machine that stalls again on the way only takes longer, or makes up for it with one sample.

@@ -226,6 +226,7 @@ def test_a_dump_of_a_node_with_remappings_starts_again(start: Any) -> None:
         *("--duration", "0.5", "--ros-args", "--params-file", str(dump), "-r", "__ns:=/robot"),
     )
     assert node.status() == 0, node.output
-    (note,) = [line for line in node.output.splitlines() if "WARN" in line]
+    # A busy machine also warns of samples that are late.
+    (note,) = [line for line in node.output.splitlines() if "WARN" in line and "qos_" in line]
     assert "qos_overrides.* of /imu0 ignored: the topics published here are" in note
     assert "published 100 messages on imu/data_raw" in node.output
