@@ -16,10 +16,10 @@ SHELL := /bin/bash
 PYTHON ?= python3
 TRAJECTORY ?= lecture
 BIN := .venv/bin
-# Three processes for two cores: the tests with real nodes mostly wait (test/conftest.py).
+# Four processes for two cores: the tests with real nodes mostly wait (test/conftest.py).
 # A test that hangs is named after ten minutes, instead of the whole run being ended.
 # Small matrices gain nothing from threads of BLAS: two that wait for each other double the cost.
-PYTEST := python -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder \
+PYTEST := python -m pytest -q -n 4 --dist loadfile --no-loadscope-reorder \
           --timeout 600 --timeout-method thread
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
 # The run on the oldest versions has what those versions can change: arithmetic of NumPy and SciPy,

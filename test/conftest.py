@@ -20,6 +20,8 @@ MAY_BE_MISSING = {
 """What CI cannot have, by words of the skip's reason. Anything else that a test skips for, an
 oracle above all, makes it fail where IMU_SIM_CI is set, as .ci/run does."""
 _REAL_PROCESSES = (Path("test/nodes"), Path("test/commands/test_demo.py"))
+_LAST_WAITING = 0.7
+"""The part of all files after which none with real nodes begins."""
 
 
 def pytest_configure() -> None:
@@ -32,13 +34,24 @@ def pytest_configure() -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Put tests with real nodes first: they mostly wait, beside the rest."""
+    """Spread files with real nodes, which mostly wait, among those that compute.
 
-    def waits(item: pytest.Item) -> bool:
+    Files go to the processes one by one in this order: all the time some wait and some compute.
+    The last part only computes, and in each kind the files with most tests come first, so that the
+    processes end together.
+    """
+    kinds: dict[bool, dict[Path, list[pytest.Item]]] = {True: {}, False: {}}
+    for item in items:
         path = item.path.relative_to(config.rootpath)
-        return any(path.is_relative_to(place) for place in _REAL_PROCESSES)
-
-    items.sort(key=lambda item: not waits(item))
+        waits = any(path.is_relative_to(place) for place in _REAL_PROCESSES)
+        kinds[waits].setdefault(path, []).append(item)
+    placed: list[tuple[float, list[pytest.Item]]] = []
+    for waits, files in kinds.items():
+        share = _LAST_WAITING if waits else 1.0
+        ordered = sorted(files.values(), key=len, reverse=True)
+        placed += [((k + 0.5) / len(ordered) * share, tests) for k, tests in enumerate(ordered)]
+    placed.sort(key=lambda entry: entry[0])
+    items[:] = [item for _, tests in placed for item in tests]
 
 
 @pytest.fixture(autouse=True)

@@ -312,7 +312,9 @@ def test_a_program_does_not_outlive_its_campaign(plan_file, start, tmp_path, num
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_campaign_ended_within_its_first_program_resumes(plan_file, start, tmp_path, number):
+def test_a_campaign_ended_within_its_first_program_resumes(
+    plan_file, start, campaign, tmp_path, number
+):
     """Nothing but the plan and the folder of the run that was cut off are there."""
     begun, folder = tmp_path / "begun", tmp_path / "out"
     command = f'{{python}} -c \'import time; open("{begun}", "w"); time.sleep(600)\''
@@ -322,10 +324,10 @@ def test_a_campaign_ended_within_its_first_program_resumes(plan_file, start, tmp
     process.send_signal(number)
     assert process.communicate()[1].endswith("continue with --resume\n")
     path = plan_file(seeds=1, estimators={"a": {"command": "false"}})
-    process = start(path, "-o", folder, "--workers", 1, "--no-report")
-    assert "continue with --resume, start over with --force" in process.communicate()[1]
-    process = start(path, "-o", folder, "--workers", 1, "--no-report", "--resume", "--json")
-    assert '"failed": 1' in process.communicate()[0].replace('":1', '": 1')
+    status, _, (line,) = campaign(path, "-o", folder)
+    assert status == 2
+    assert "continue with --resume, start over with --force" in line
+    assert campaign(path, "-o", folder, "--resume")[1]["failed"] == 1
 
 
 def test_threads_of_one_worker_do_not_end_each_others_programs(plan_file, tmp_path):

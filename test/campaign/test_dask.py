@@ -159,7 +159,7 @@ main()
 
 
 def test_workers_that_cannot_run_anything_are_told_before_the_first_run(
-    plan_file, start, cluster, tmp_path
+    plan_file, campaign, cluster, tmp_path, monkeypatch
 ):
     """None at all, one without the package, one with another version, one without the program."""
     address, _, _ = cluster(0)
@@ -173,27 +173,28 @@ def test_workers_that_cannot_run_anything_are_told_before_the_first_run(
     program.write_text("#!/bin/sh\nprintf '1 0 0 0 0 0 0 1\\n2 1 0 0 0 0 0 1\\n' > $1\n")
     program.chmod(0o755)
     path = plan_file(seeds=1, align="none", estimators={"a": {"command": "my_program {estimate}"}})
-    here = {**os.environ, "PATH": f"{programs}:{os.environ['PATH']}"}
+    elsewhere = os.environ["PATH"]
 
     def complaint(*worker, **environment):
         process = worker and subprocess.Popen(
             [sys.executable, *map(str, worker), *map(str, options)],
-            env={**os.environ, **environment},
+            env={**os.environ, "PATH": elsewhere, **environment},
             cwd=tmp_path,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
         folder = tmp_path / f"out_{len(worker)}_{len(environment)}"
         timeout = 300 if worker else 1
-        more = ("--scheduler", address, "--worker-timeout", timeout, "--quiet", "--no-report")
-        found = start(path, "-o", folder, *more, env=here).communicate(timeout=500)[1]
+        more = ("--scheduler", address, "--worker-timeout", timeout, "--quiet")
+        found = "\n".join(campaign(path, "-o", folder, *more)[2])
         if process:
             process.kill()
             process.wait()
         assert not folder.exists() or found == ""
         return found
 
-    assert complaint().endswith(f"{address}: no worker has joined within 1 s\n")
+    monkeypatch.setenv("PATH", f"{programs}:{elsewhere}")  # of this process, not of the workers
+    assert complaint().endswith(f"{address}: no worker has joined within 1 s")
     packages = sysconfig.get_path("purelib")
     assert "imu_sim_ros is not installed there" in complaint("-S", "-c", WITHOUT, packages)
     worker = ("-m", "distributed.cli.dask_worker")
