@@ -88,6 +88,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.jobs.flight import Truth as Truth
     from imu_sim_ros.jobs.generate import Generated as Generated
     from imu_sim_ros.jobs.generate import generate as generate
+    from imu_sim_ros.jobs.measured import ReadingsEvaluation as ReadingsEvaluation
     from imu_sim_ros.jobs.preintegrate import preintegrate as preintegrate
     from imu_sim_ros.jobs.readings import Odometry as Odometry
     from imu_sim_ros.jobs.readings import Readings as Readings
@@ -131,6 +132,7 @@ _HOMES = {
     "jobs.generate": ["Generated", "generate"],
     "jobs.dead_reckon": ["Track", "dead_reckon"],
     "jobs.evaluate": ["Evaluation", "evaluate"],
+    "jobs.measured": ["ReadingsEvaluation"],
     "jobs.preintegrate": ["preintegrate"],
     "jobs.readings": [
         *("Odometry", "Readings", "read_imu", "read_odometry"),

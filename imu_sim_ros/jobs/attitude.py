@@ -12,9 +12,16 @@ import numpy as np
 
 from imu_sim_ros.arguments import array, refuse, stamps
 from imu_sim_ros.navigation.association import common_rows, interpolate_poses
-from imu_sim_ros.navigation.evaluation import attitude_errors, tilt_and_heading
+from imu_sim_ros.navigation.evaluation import (
+    anees_band,
+    attitude_errors,
+    invertible,
+    nees,
+    statistics,
+    tilt_and_heading,
+)
 from imu_sim_ros.poses import PoseSequence
-from imu_sim_ros.rotation import normalise
+from imu_sim_ros.rotation import multiply, normalise
 from imu_sim_ros.types import Array, Times
 
 _NAMES = ("q_wb", "q_wi", "values")
@@ -33,6 +40,12 @@ class AttitudeEvaluation:
     """(m,) angles between the estimated and the true vertical [rad]."""
     heading: Array
     """(m,) errors of the heading [rad]."""
+    without_truth: int = 0
+    """Attitudes that are left out: the truth has none at their times."""
+    nees: dict[str, Any] | None = None
+    """Over the samples that state a covariance: ``mean``, ``inside_band`` and what is expected."""
+    no_nees: str | None = None
+    """Why there is no NEES."""
 
     def __repr__(self) -> str:
         return (
@@ -55,6 +68,49 @@ class AttitudeEvaluation:
         """Root mean square of the heading errors [rad]."""
         return float(np.sqrt(np.mean(np.square(self.heading))))
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return all errors in plain types, as ``evaluate --json`` prints them."""
+        return {
+            "kind": "orientation",
+            **counts(self.t_ns, self.without_truth),
+            "attitude_error_rad": statistics(np.linalg.norm(self.attitude, axis=1))._asdict(),
+            "tilt_error_rad": statistics(self.tilt)._asdict(),
+            "heading_error_rad": statistics(np.abs(self.heading))._asdict(),
+            "mean_heading_error_rad": float(np.mean(self.heading)),
+            "rms_attitude_vector_rad": np.sqrt(np.mean(self.attitude**2, axis=0)).tolist(),
+            "nees": self.nees,
+            "no_nees": self.no_nees,
+        }
+
+
+def counts(t_ns: Times, without_truth: int) -> dict[str, Any]:
+    """Return the number of samples that are compared and left out, and the time they span."""
+    return {
+        "samples": len(t_ns),
+        "samples_without_truth": without_truth,
+        "duration_s": float(t_ns[-1] - t_ns[0]) * 1e-9,
+    }
+
+
+def stated_consistency(
+    errors: Array, covariance: Array
+) -> tuple[dict[str, Any] | None, str | None]:
+    """Return the NEES of errors (n, k) by their covariances (n, k, k), or why there is none."""
+    stated = invertible(covariance)
+    if not stated.any():
+        return None, "the messages state no covariance"
+    freedom = errors.shape[1]
+    values = nees(errors[stated], covariance[stated])
+    band = anees_band(freedom, 1)
+    found = {
+        "samples": int(np.count_nonzero(stated)),
+        "expected": freedom,
+        "mean": float(values.mean()),
+        "band_95": list(band),
+        "inside_band": float(np.mean((values >= band.low) & (values <= band.high))),
+    }
+    return found, None
+
 
 def has_attitude_alone(estimate: object) -> bool:
     """Return whether an object has attitudes in time and no positions."""
@@ -76,6 +132,29 @@ def evaluate_attitude(estimate: Any, truth: PoseSequence, max_gap: float) -> Att
     given = array(f"estimate.{name}", getattr(estimate, name), (len(t_ns), 4))
     if (np.linalg.norm(given, axis=1) < 0.5).any():
         refuse(f"estimate.{name}", getattr(estimate, name), "unit quaternions (w, x, y, z)")
+    return compared_attitudes(t_ns, given, truth, max_gap)
+
+
+def compared_attitudes(
+    t_ns: Times,
+    given: Array,
+    truth: PoseSequence,
+    max_gap: float,
+    q_bi: Array | None = None,
+    covariance: Array | None = None,
+) -> AttitudeEvaluation:
+    """Compare attitudes (n, 4) at times (n,) with the truth of a body.
+
+    :param max_gap: the truth is not interpolated across longer gaps [s].
+    :param q_bi: (4,) attitude of the sensor on the body; None: that of the body.
+    :param covariance: (n, 3, 3) of each attitude, about the world's axes [rad^2].
+    :raises InputError: if both do not overlap in time.
+    """
     rows = common_rows(t_ns, truth.t_ns, max_gap)
     q, true = normalise(given[rows]), interpolate_poses(truth, t_ns[rows]).q_wb
-    return AttitudeEvaluation(t_ns[rows], attitude_errors(q, true), *tilt_and_heading(q, true))
+    if q_bi is not None:
+        true = multiply(true, q_bi[None])
+    errors = attitude_errors(q, true)
+    found = (None, None) if covariance is None else stated_consistency(errors, covariance[rows])
+    angles = tilt_and_heading(q, true)
+    return AttitudeEvaluation(t_ns[rows], errors, *angles, len(t_ns) - len(rows), *found)

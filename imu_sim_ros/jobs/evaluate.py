@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol, overload
@@ -15,7 +15,9 @@ import numpy as np
 from imu_sim_ros.arguments import array, number, one_of, refuse, switch, text
 from imu_sim_ros.arguments import path as checked_path
 from imu_sim_ros.arguments import topic as checked_topic
+from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.attitude import AttitudeEvaluation, evaluate_attitude, has_attitude_alone
+from imu_sim_ros.jobs.measured import ReadingsEvaluation, evaluate_measured, sensor_of
 from imu_sim_ros.jobs.output import saved
 from imu_sim_ros.jobs.readings import BAG_OR_FILE, HasPoses, checked_poses
 from imu_sim_ros.jobs.reprojection import reprojection
@@ -227,6 +229,21 @@ class HasAttitude(Protocol):
 
 
 @overload
+def evaluate(  # the topic decides what it is
+    estimate: str | Path,
+    truth: HasPoses | str | Path,
+    *,
+    estimate_topic: str,
+    align: str = ...,
+    max_gap: float = ...,
+    truth_topic: str | None = ...,
+    time_offset: bool = ...,
+    tracks: str | Path | None = ...,
+    imu: str | Path | None = ...,
+) -> Any: ...
+
+
+@overload
 def evaluate(  # type: ignore[overload-overlap]  # what has positions is compared as a path
     estimate: HasPoses | str | Path,
     truth: HasPoses | str | Path,
@@ -264,7 +281,8 @@ def evaluate(
     truth_topic: str | None = None,
     time_offset: bool = False,
     tracks: str | Path | None = None,
-) -> Evaluation | AttitudeEvaluation:
+    imu: str | Path | None = None,
+) -> Evaluation | AttitudeEvaluation | ReadingsEvaluation:
     """Compare a trajectory, or attitudes alone, with the truth at the estimate's times.
 
     :param estimate: a track, odometry, or anything with ``t_ns``, ``position`` and ``q_wb``; a
@@ -274,13 +292,16 @@ def evaluate(
     :param truth: a path, or an object with ``t_ns``, ``position`` and ``q_wb``.
     :param align: align the estimate with the truth first: none, yaw, se3 or sim3.
     :param max_gap: the truth is not interpolated across longer gaps [s].
-    :param estimate_topic: of a bag with several trajectories.
+    :param estimate_topic: of a bag with several trajectories; or that of an orientation
+        (``imu/data``), a magnetic field or a pressure.
     :param truth_topic: likewise; None: ``ground_truth/odom`` if the bag has it.
     :param time_offset: find the time offset of the estimate from the motion (up to 1 s) and remove
         it before comparing.
     :param tracks: a folder of ``generate --format tracks``: the reprojection error of its landmarks
         as seen from the estimate.
-    :returns: an :class:`Evaluation`, for attitudes alone an :class:`AttitudeEvaluation`.
+    :param imu: sensor of a recorded orientation, for its mounting; None: aligned with the body.
+    :returns: an :class:`Evaluation`, for attitudes alone an :class:`AttitudeEvaluation`, for the
+        readings of other sensors a :class:`ReadingsEvaluation`.
     :raises InputError: if they do not overlap in time, or a path cannot be read.
 
     >>> import imu_sim_ros as ims
@@ -295,16 +316,52 @@ def evaluate(
     one_of("align", align, ALIGNMENTS)
     switch("time_offset", time_offset)
     folder = None if tracks is None else checked_path("tracks", tracks, "the path of a folder")
+    chosen = None if align == "none" else align
+    unfit = {"align": chosen, "tracks": tracks, "time_offset": time_offset or None}
+    table = _table(estimate, estimate_topic)
+    if table is not None:
+        _refuse_all(unfit, f"omitted: {estimate_topic} is no trajectory")
+        recording = (truth, truth_topic)
+        return _measured(table, (estimate, str(estimate_topic)), recording, max_gap, imu)
+    _refuse_all({"imu": imu}, "omitted: it is about recorded orientations")
     if has_attitude_alone(estimate):
-        unfit = {"align": align if align != "none" else None, "tracks": tracks}
-        for name, given in {**unfit, "time_offset": time_offset or None}.items():
-            if given is not None:
-                refuse(name, given, "omitted: attitudes alone have no positions")
+        _refuse_all(unfit, "omitted: attitudes alone have no positions")
         true = _track("truth", truth, truth_topic)
         return evaluate_attitude(estimate, true.poses, max_gap)
     true = _track("truth", truth, truth_topic)
-    own = _track("estimate", estimate, estimate_topic)
-    return compared(own, true, align, max_gap, time_offset, folder)
+    track = _track("estimate", estimate, estimate_topic)
+    return compared(track, true, align, max_gap, time_offset, folder)
+
+
+def _table(estimate: object, topic: str | None) -> Table | None:
+    """Return the table of a path's topic; None: the estimate is a trajectory."""
+    if not isinstance(estimate, str | Path) or topic is None:
+        return None
+    place = checked_path("estimate", estimate, BAG_OR_FILE)
+    return sensor_of(place, checked_topic("estimate_topic", topic, True))
+
+
+def _measured(
+    table: Table,
+    estimate: tuple[str | Path, str],
+    truth: tuple[object, str | None],
+    max_gap: float,
+    imu: str | Path | None,
+) -> AttitudeEvaluation | ReadingsEvaluation:
+    """Compare what a sensor has measured with the truth of a recording."""
+    if not table.of_readings:
+        _refuse_all({"imu": imu}, "omitted: it is about orientations")
+    recording = checked_path("truth", truth[0], "the path of a recording")
+    topic = checked_topic("truth_topic", truth[1])
+    own = (Path(estimate[0]), estimate[1])
+    return evaluate_measured(table, own, (recording, topic), max_gap, imu)
+
+
+def _refuse_all(given: Mapping[str, object], allowed: str) -> None:
+    """Refuse each argument that is there."""
+    for name, value in given.items():
+        if value is not None:
+            refuse(name, value, allowed)
 
 
 def compared(

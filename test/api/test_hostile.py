@@ -221,6 +221,7 @@ RESULTS = {
         "Flight",
         "Generated",
         "Noise",
+        "ReadingsEvaluation",
         "Track",
     ),
     *("MagneticReadings", "Orientations", "Preintegration", "PressureReadings", "Samples"),

@@ -44,6 +44,7 @@ PUBLIC = [
     "Preintegration",
     "PressureReadings",
     "Readings",
+    "ReadingsEvaluation",
     "Samples",
     "Track",
     "TriadCalibration",

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import imu_sim_ros as ims
 from imu_sim_ros import rotation
 from imu_sim_ros.commands import convert_bag, generate
 from imu_sim_ros.commands.evaluate import main
@@ -69,6 +70,30 @@ def test_an_orientation_is_as_wrong_as_it_says(recording: Path, capsys: Any) -> 
     assert abs(found["mean_heading_error_rad"]) < 4.0 * HEADING / math.sqrt(n)
     assert found["nees"]["mean"] == pytest.approx(3.0, abs=4.0 * math.sqrt(6.0 / n))
     assert found["nees"]["inside_band"] == pytest.approx(0.95, abs=4.0 * 0.218 / math.sqrt(n))
+
+
+@pytest.mark.parametrize("topic", ["imu/data", "imu/mag", "imu/pressure"])
+def test_python_finds_the_same(recording: Path, capsys: Any, topic: str) -> None:
+    found = result(capsys, recording, recording, "--estimate-topic", topic)
+    same = ims.evaluate(recording, recording, estimate_topic=topic).to_dict()
+    assert json.loads(json.dumps(same)) == {
+        key: value for key, value in found.items() if key not in ("estimate", "truth", "topic")
+    }
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        ({"align": "yaw"}, "align = 'yaw': must be omitted: imu/mag is no trajectory"),
+        ({"imu": "mti3"}, "imu = 'mti3': must be omitted: it is about orientations"),
+    ],
+)
+def test_python_refuses_what_has_no_meaning(
+    recording: Path, arguments: dict[str, Any], line: str
+) -> None:
+    with pytest.raises(ims.ConfigurationError) as caught:
+        ims.evaluate(recording, recording, estimate_topic="imu/mag", **arguments)
+    assert list(caught.value.problems) == [line]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,160 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The recorded orientation, magnetic field or pressure of a board against its truth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from imu_sim_ros import rotation
+from imu_sim_ros.bags import sensor_tables
+from imu_sim_ros.bags.read import open_bag
+from imu_sim_ros.bags.sensor_tables import TableRows, read_table
+from imu_sim_ros.bags.text.reader import is_text
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs.rows import Skipped
+from imu_sim_ros.inputs.tables import Table
+from imu_sim_ros.jobs.attitude import (
+    AttitudeEvaluation,
+    compared_attitudes,
+    counts,
+    stated_consistency,
+)
+from imu_sim_ros.jobs.tracks import read_track, truth_topic
+from imu_sim_ros.navigation.association import common_rows, interpolate_vectors
+from imu_sim_ros.sensors import known_tables
+from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.types import Array, Times
+
+
+@dataclass(frozen=True, repr=False)
+class ReadingsEvaluation:
+    """The errors of an auxiliary sensor's readings, at the m times that the truth has, too."""
+
+    kind: str
+    """The sensor's table: ``mag``, ``pressure``."""
+    unit: str
+    """Of the errors."""
+    t_ns: Times
+    """(m,) [ns]."""
+    error: Array
+    """(m, k) reading minus ideal reading."""
+    error_without_bias: Array | None
+    """(m, k) and minus the true bias; None if the recording does not have it."""
+    without_truth: int
+    """Readings that are left out: the truth has none at their times."""
+    nees: dict[str, Any] | None
+    """Over the samples that state a covariance: ``mean``, ``inside_band`` and what is expected."""
+    no_nees: str | None
+    """Why there is no NEES."""
+
+    def __repr__(self) -> str:
+        rms = np.array2string(np.sqrt(np.mean(self.error**2, axis=0)), precision=3)
+        return f"<ReadingsEvaluation of {len(self.t_ns)} {self.kind}: {rms} {self.unit} rms>"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return all errors in plain types, as ``evaluate --json`` prints them."""
+        free = self.error_without_bias
+        return {
+            "kind": self.kind,
+            **counts(self.t_ns, self.without_truth),
+            "unit": self.unit,
+            "error": _moments(self.error),
+            "error_without_bias": None if free is None else _moments(free),
+            "nees": self.nees,
+            "no_nees": self.no_nees,
+        }
+
+
+def sensor_of(path: Path, topic: str | None) -> Table | None:
+    """Return the table of a sensor that a topic of a bag, or a table of a folder, belongs to.
+
+    None: a trajectory.
+    """
+    return None if topic is None else sensor_tables.table_of(path, topic, known_tables())
+
+
+def evaluate_measured(
+    table: Table,
+    estimate: tuple[Path, str],
+    truth: tuple[Path, str | None],
+    max_gap: float,
+    imu: str | Path | None = None,
+    skipped: Callable[[Path], Skipped | None] = lambda _: None,
+) -> AttitudeEvaluation | ReadingsEvaluation:
+    """Compare what a sensor has measured with its truth.
+
+    :param table: from :func:`sensor_of`.
+    :param estimate: a recording and its topic.
+    :param truth: likewise; None: the topic next to that of the readings.
+    :param max_gap: the truth is not interpolated across longer gaps [s].
+    :param imu: name or file of the IMU with the orientation, for its mounting; None: aligned.
+    :param skipped: what receives the number of bad rows of a file; None: they are errors.
+    :raises InputError: for what cannot be read or has no truth.
+    """
+    path, topic = estimate
+    measured = read_table(path, table, topic, skipped(path))
+    where = f"{path}, {topic}"
+    if table.of_readings and not len(measured.t_ns):
+        raise InputError(f"{where}: no message has an orientation: orientation_covariance[0] is -1")
+    if len(measured.t_ns) < 2:
+        raise InputError(f"{where}: {len(measured.t_ns)} values; two or more are needed")
+    if table.of_readings:
+        chosen = truth_topic(*truth)
+        poses = read_track(truth[0], chosen, skipped=skipped(truth[0])).poses
+        attitudes = (measured.t_ns, measured.values, poses, max_gap)
+        return compared_attitudes(*attitudes, _mounting(imu), measured.covariance)
+    truths = sensor_tables.truths_of(table, topic)
+    return _readings(table, measured, truths, truth, max_gap, skipped(truth[0]))
+
+
+def _mounting(imu: str | Path | None) -> Array:
+    """Return q_bi of the sensor that is named."""
+    layer = {} if imu is None else {"imu.preset": str(imu)}
+    mounting = load_simulation(layer).imu.mounting
+    return rotation.from_matrix(np.reshape(mounting, (3, 3)))
+
+
+def _readings(
+    table: Table,
+    measured: TableRows,
+    truths: sensor_tables.Truths,
+    truth: tuple[Path, str | None],
+    max_gap: float,
+    skipped: Skipped | None,
+) -> ReadingsEvaluation:
+    """Compare readings with the ideal ones of a recording and, if it has them, their biases."""
+    path, topic = truth[0], truth[1] or truths.ideal
+    if is_text(path):
+        raise InputError(f"{path}: has no {topic}; a bag that has it is needed")
+    ideal = read_table(path, table, topic, skipped)
+    rows = common_rows(measured.t_ns, ideal.t_ns, max_gap)
+    t_ns = measured.t_ns[rows]
+    errors = measured.values[rows] - interpolate_vectors(ideal.t_ns, ideal.values, t_ns)
+    with open_bag(path) as bag:
+        biased = any(info.name.lstrip("/") == truths.bias.lstrip("/") for info in bag.topics)
+    without_bias = found = None
+    why: str | None = f"the covariance is that of white noise, and there is no {truths.bias}"
+    if biased:
+        bias_t_ns, bias = sensor_tables.read_bias(path, table, truths.bias)
+        without_bias = errors - interpolate_vectors(bias_t_ns, bias, t_ns)
+        found, why = stated_consistency(without_bias, measured.covariance[rows])
+    left_out = len(measured.t_ns) - len(rows)
+    unit = table.quantity.unit
+    return ReadingsEvaluation(table.name, unit, t_ns, errors, without_bias, left_out, found, why)
+
+
+def _moments(errors: Array) -> dict[str, list[float]]:
+    moments = {
+        "mean": errors.mean(axis=0),
+        "std": errors.std(axis=0),
+        "rms": np.sqrt(np.mean(errors**2, axis=0)),
+        "max": np.abs(errors).max(axis=0),
+    }
+    return {name: values.tolist() for name, values in moments.items()}
