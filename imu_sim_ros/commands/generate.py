@@ -15,14 +15,16 @@ from imu_sim_ros.commands.inputs import PoseReader, add_skip_bad_rows
 from imu_sim_ros.commands.outputs import outputs
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets.camera_outputs import FORMATS
+from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.jobs.generate import GenerateOptions, Setup, camera_layer, write
 from imu_sim_ros.jobs.output import Form, Watcher
 from imu_sim_ros.machine import cores
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors import CARRIED, catalogue
-from imu_sim_ros.simulation.parameters import carried_names
+from imu_sim_ros.simulation.parameters import carried_names, load_simulation
 from imu_sim_ros.simulation.playback import of_the_node
 from imu_sim_ros.simulation.topics import types
+from imu_sim_ros.trajectory.parameters import TourParameters, TrajectoryParameters
 
 EXAMPLES: Final = """
   generate -o a.bag --imu-only --trajectory static --duration 4h --topic imu/data_raw=/imu
@@ -73,6 +75,12 @@ def parser() -> program.Parser:
     lists = result.add_argument_group("lists (print and exit)")
     for option, (folder, words) in _LISTS.items():
         lists.add_argument(option, action=_List, nargs=0, const=folder, help=words)
+    lists.add_argument(
+        "--list-tour",
+        action=_Tour,
+        metavar="PLACE[:SEED]",
+        help="the waypoints of a tour through a place, as a parameter file for --trajectory",
+    )
     return result
 
 
@@ -105,6 +113,43 @@ class _List(argparse.Action):
         tables = {"imus": catalogue.table, "sensors": catalogue.carried_table}
         print(tables[folder]() if folder in tables else catalogue.listing(folder))
         parser.exit()
+
+
+class _Tour(argparse.Action):
+    """Prints the waypoints of a tour, and exits."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, _namespace: object, value: Any, *_rest: object
+    ) -> None:
+        """Print them."""
+        place, _, seed = str(value).partition(":")
+        given: dict[str, object] = {"trajectory.type": "tour", "trajectory.place": place}
+        given["trajectory.place_seed"] = int(seed) if seed.isdigit() else seed or 0
+        try:
+            print(_tour(load_simulation(given).trajectory), end="")
+        except ImuSimError as error:
+            parser.error("; ".join(error.problems))
+        parser.exit()
+
+
+def _tour(parameters: TrajectoryParameters) -> str:
+    """Return the waypoints of a tour as the text of a parameter file."""
+    from imu_sim_ros.places.catalogue import usual  # with SciPy
+    from imu_sim_ros.trajectory.tour import waypoint_parameters
+
+    assert isinstance(parameters, TourParameters)
+    low, high = usual(parameters.place, parameters.place_size)
+    size, center = (high - low).tolist(), (0.5 * (low + high)).tolist()
+    comment = (
+        f"The waypoints of a tour through a place; cameras see it with\n"
+        f"--scene {parameters.place} --set scene.seed={parameters.place_seed} "
+        f"--set scene.size={_list(size)} --set scene.center={_list(center)}"
+    )
+    return files.text(waypoint_parameters(parameters), comment=comment)
+
+
+def _list(values: Iterable[float]) -> str:
+    return "[" + ",".join(f"{value:g}" for value in values) + "]"
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.places.catalogue import build, usual
 from imu_sim_ros.places.place import Site
 from imu_sim_ros.places.tour import Waypoints as List
@@ -38,6 +39,27 @@ def waypoints(parameters: TourParameters) -> WaypointsParameters:
     site = Site(low, high, np.zeros((0, 3)), parameters.place_seed)
     best = planned(build(parameters.place, site), lambda some: _flown(_as(some, parameters)))
     return _as(best, parameters)
+
+
+def waypoint_parameters(parameters: TourParameters) -> dict[str, Value]:
+    """Return the flight as parameters by dotted name, which a parameter file of it holds.
+
+    :raises ConfigurationError: for a place without a way through it.
+
+    >>> from imu_sim_ros.trajectory.parameters import TourParameters
+    >>> small = TourParameters(place="corridor", place_size=(14.0, 2.4, 2.6))
+    >>> sorted(waypoint_parameters(small))[-2:]
+    ['trajectory.speed_limit', 'trajectory.type']
+    """
+    found = waypoints(parameters)
+    return {
+        "trajectory.type": found.type,
+        "trajectory.positions": found.positions,
+        "trajectory.headings": found.headings,
+        "trajectory.speed_limit": found.speed_limit,
+        "trajectory.acceleration_limit": found.acceleration_limit,
+        "trajectory.heading_rate_limit": found.heading_rate_limit,
+    }
 
 
 def _as(some: List, parameters: TourParameters) -> WaypointsParameters:

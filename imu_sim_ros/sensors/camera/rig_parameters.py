@@ -14,12 +14,18 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.names import unknown
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import choice, entries, texts
 from imu_sim_ros.parameters.sections import build, section, section_names, variant
 from imu_sim_ros.places.mesh_file import is_mesh
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
-from imu_sim_ros.sensors.camera.scene_parameters import SceneParameters, find_scene
+from imu_sim_ros.sensors.camera.scene_parameters import (
+    TYPES,
+    SceneParameters,
+    find_scene,
+    known_scenes,
+)
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.timebase import exact_rate
 
@@ -176,11 +182,15 @@ def rig_problems(rig: RigParameters, simulation: EnvironmentParameters) -> Itera
 
 
 def scene_layer(name_or_file: str, node: str = "simulator") -> dict[str, object]:
-    """Return what ``--scene`` stands for: a name in config/scenes, a kind, or a file."""
+    """Return what ``--scene`` stands for: a name in config/scenes, a kind, or a file.
+
+    :raises ConfigurationError: for a name that is none of them.
+    """
     if name_or_file in files.names("scenes"):
         return {"scene.type": name_or_file}
     if "/" not in name_or_file and "." not in name_or_file:
-        find_scene(name_or_file)
+        if name_or_file not in TYPES:
+            raise ConfigurationError(unknown("scene", name_or_file, known_scenes()))
         return {"scene.type": name_or_file}
     path = files.find("scenes", name_or_file)
     if path.suffix.lower() in (".yaml", ".yml"):

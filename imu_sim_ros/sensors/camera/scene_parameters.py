@@ -349,12 +349,16 @@ TYPES: dict[str, type[SceneParameters]] = {
 }
 
 
+def known_scenes() -> list[str]:
+    """Return all kinds of scenes, and the names of the others in config/scenes."""
+    return [*TYPES, *(each for each in names("scenes") if each not in TYPES)]
+
+
 def find_scene(name: str) -> type[SceneParameters]:
     """Return the section of a scene type.
 
     :raises ConfigurationError: for a type that does not exist.
     """
     if name not in TYPES:
-        known = [*TYPES, *(each for each in names("scenes") if each not in TYPES)]
-        raise ConfigurationError(f"scene.type = {name!r}: {suggestion(name, known)}")
+        raise ConfigurationError(f"scene.type = {name!r}: {suggestion(name, known_scenes())}")
     return TYPES[name]

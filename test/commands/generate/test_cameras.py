@@ -14,6 +14,9 @@ from imu_sim_ros.jobs import generate as job
 from imu_sim_ros.parameters import files
 from imu_sim_ros.poses import read_poses
 from imu_sim_ros.sensors.camera.rig_parameters import load_rig, split_rig
+from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.trajectory.parameters import TourParameters
+from imu_sim_ros.trajectory.tour import waypoint_parameters
 
 STEREO = [
     "--camera",
@@ -144,7 +147,7 @@ def test_the_files_of_vio_data_simulation(tmp_path):
         ("--format tracks --camera nothing", "unknown camera 'nothing'; neither a file nor one of"),
         ("--format tracks --scene house", "there is no camera"),
         ("--format tracks --camera euroc_cam0 --rate 30", "must divide the IMU's rate, 30 Hz"),
-        ("--format tracks --camera euroc_cam0 --scene nope", "scene.type = 'nope'"),
+        ("--format tracks --camera euroc_cam0 --scene nope", "unknown scene 'nope'"),
         (
             "--format tracks --camera euroc_cam0 --scene no.ply",
             "unknown scene 'no.ply'; neither a file",
@@ -192,3 +195,18 @@ def test_cameras_of_the_command_line_are_above_those_of_a_file(tmp_path, capsys)
         assert generate.main(["-o", str(tmp_path / name), *words, *more]) == 0
         found.append(set(np.load(tmp_path / name / "tracks.npz")["camera"]))
     assert found == [{0, 1}, {0}]
+
+
+def test_a_tour_is_listed_as_a_parameter_file(capsys, tmp_path):
+    """What is printed flies the same way as the tour."""
+    with pytest.raises(SystemExit) as ended:
+        generate.main(["--list-tour", "corridor:2"])
+    assert ended.value.code == 0
+    (tmp_path / "tour.yaml").write_text(capsys.readouterr().out)
+    values = files.load(tmp_path / "tour.yaml")
+    expected = waypoint_parameters(TourParameters(place="corridor", place_seed=2))
+    assert load_simulation(values).trajectory == load_simulation(expected).trajectory
+    with pytest.raises(SystemExit) as ended:
+        generate.main(["--list-tour", "corido"])
+    assert ended.value.code == 2
+    assert "did you mean corridor?" in capsys.readouterr().err
