@@ -14,6 +14,7 @@ import pytest
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
+from imu_sim_ros.sensors.camera.images.exposure import exposed
 from imu_sim_ros.sensors.camera.images.files import png
 from imu_sim_ros.sensors.camera.images.imager import Imager
 from imu_sim_ros.sensors.camera.images.renderer import look_up
@@ -291,6 +292,48 @@ def test_the_exposure_changes_blur_and_brightness(make_rig):
         make_rig(camera__exposure_change=0.5)
     with pytest.raises(ConfigurationError, match=r"exposure_change up to 0\.054 s"):
         make_rig(camera__exposure_change=0.8, camera__exposure_time=0.03)
+
+
+def test_automatic_exposure_follows_the_mean_with_a_lag_and_a_limit(make_rig):
+    values = {"camera__auto_exposure": 60.0, "camera__auto_exposure_lag": 0.0}
+    _, plain = make_imager(make_rig, camera__read_noise=0.0)
+    _, quick = make_imager(make_rig, camera__read_noise=0.0, **values)
+    automatic = quick._automatic
+    means = np.array([plain.image(k).mean() for k in range(0, 40, 2)])  # each 0.1 s
+    metered = [automatic._mean(0.1 * k) for k in range(20)]
+    # The meter's pixels are 4 x 4 larger and it looks at coarser levels.
+    assert np.abs(metered - means).max() < 5.0
+    for k in (4, 11):
+        assert automatic.factor(0.1 * k) == pytest.approx(60.0 / metered[k - 1], rel=1e-5)
+    assert quick.image(22).mean() == pytest.approx(60.0, abs=8.0)
+    _, limited = make_imager(make_rig, **{**values, "camera__auto_exposure_limit": 1.2})
+    assert limited._automatic.factor(1.0) == pytest.approx(1.0 / 1.2, rel=1e-5)
+    _, slow = make_imager(make_rig, **{**values, "camera__auto_exposure_lag": 0.5})
+    logarithms = np.log(60.0 / np.array([metered[max(k, 0)] for k in range(10 - 1, -16, -1)]))
+    weights = np.exp(-0.2 * np.arange(25.0))
+    expected = np.exp((logarithms[:25] * weights).sum() / weights.sum())
+    assert slow._automatic.factor(1.0) == pytest.approx(expected, rel=1e-4)
+    # Whatever was asked before, in whatever order.
+    _, again = make_imager(make_rig, **{**values, "camera__auto_exposure_lag": 0.5})
+    assert np.array_equal(again.image(31), slow.image(31))
+
+
+def test_automatic_exposure_multiplies_noise_and_leaves_white_white(make_rig):
+    bright = {"camera__auto_exposure": 250.0, "camera__auto_exposure_limit": 3.0}
+    noise = {"camera__read_noise": 2.0, "camera__shot_noise": 4.0}
+    _, noisy = make_imager(make_rig, **bright, **noise)
+    _, clean = make_imager(make_rig, **bright, camera__read_noise=0.0)
+    factor = noisy._automatic.factor(0.5)
+    assert 1.5 < factor <= 3.0
+    level = clean.image(10).astype(float)
+    error = noisy.image(10) - level
+    middle = (level > 40.0) & (level < 180.0)
+    expected = (factor * 2.0) ** 2 + factor * 16.0 / 255.0 * level[middle] + 1.0 / 12.0 * 2.0
+    n = int(middle.sum())
+    # The variance of n squares of normal numbers is 2 / n of its square: five deviations.
+    assert (error[middle] ** 2 / expected).mean() == pytest.approx(1.0, abs=5.0 * (2.0 / n) ** 0.5)
+    # Saturated windows stay so in a darker image; what is below white gets the factor alone.
+    assert exposed(np.array([20.0, 200.0, 255.0], np.float32), 0.5).tolist() == [10.0, 100.0, 255.0]
 
 
 def traced(rig, t, pixel):

@@ -132,6 +132,27 @@ class ImageParameters:
     gain_period: float = number(
         10.0, "period of that change", unit="s", minimum=0.0, above_minimum=True, maximum=LONGEST
     )
+    auto_exposure: float = number(
+        0.0,
+        "grey value to which automatic exposure brings the mean of an image, by a factor of all "
+        "grey values; noise is multiplied with dark images; 0: off",
+        unit="grey value",
+        minimum=0.0,
+        maximum=255.0,
+    )
+    auto_exposure_lag: float = number(
+        0.5,
+        "time after which that factor has followed a change but for 1/e",
+        unit="s",
+        minimum=0.0,
+        maximum=10.0,
+    )
+    auto_exposure_limit: float = number(
+        4.0,
+        "largest factor by which it makes images brighter or darker",
+        minimum=1.0,
+        maximum=100.0,
+    )
     vignetting: float = number(
         0.0,
         "darkening at the farthest corner; grows with the square of the distance",

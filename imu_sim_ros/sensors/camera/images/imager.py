@@ -11,10 +11,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.sensors.camera.images.exposure import AutoExposure, exposed, meter_model
 from imu_sim_ros.sensors.camera.images.mesh_look import Look
 from imu_sim_ros.sensors.camera.images.mesh_renderer import MeshRenderer
 from imu_sim_ros.sensors.camera.images.renderer import Renderer, opencv
 from imu_sim_ros.sensors.camera.images.texture import Atlas, atlas
+from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.scene_parameters import MeshParameters, SceneParameters
 from imu_sim_ros.sensors.camera.view import View
@@ -47,8 +49,10 @@ class Imager:
         self._colours = atlas.image.shape[2:]
         self._vignette = _vignette(view, len(self._colours))
 
-    def _renderer_of(self, scale: int, trilinear: bool = False) -> Renderer | MeshRenderer:
-        model, scene = self.view.model, self._scene
+    def _renderer_of(
+        self, scale: int, trilinear: bool = False, model: CameraModel | None = None
+    ) -> Renderer | MeshRenderer:
+        model, scene = model or self.view.model, self._scene
         if isinstance(self.atlas, Look):
             assert scene.caster is not None
             return MeshRenderer(model, scene.caster, self.atlas, scale, trilinear)
@@ -63,37 +67,47 @@ class Imager:
         seconds = self._seconds(content)
         gain = p.gain * _wave(p.gain_change, p.gain_period, seconds)
         gain *= _wave(p.exposure_change, p.exposure_period, seconds)
-        plain = gain == 1.0 and self._vignette is None
+        automatic = self._automatic.factor(seconds) if p.auto_exposure > 0.0 else 1.0
+        plain = gain == 1.0 and automatic == 1.0 and self._vignette is None
         if plain and not noisy:
             rounded: Bytes = ((total + count // 2) // count).astype(np.uint8)
             return rounded
         level = total.astype(np.float32)
         if not plain or count > 1:
             level *= np.float32(gain / count)
+        if automatic != 1.0:
+            level = exposed(level, automatic)
         if self._vignette is not None:
             level *= self._vignette
         cv2 = opencv()
         # The sum in float32, then the nearest of 0 to 255; of two the even one.
-        noise = self._noise(content, level) if noisy else np.zeros_like(level)
+        noise = self._noise(content, level, automatic) if noisy else np.zeros_like(level)
         grey: Bytes = cv2.add(level, noise, dtype=cv2.CV_8U)
         return grey
 
-    def _noise(self, number: int, level: Single) -> Single:
+    def _noise(self, number: int, level: Single, factor: float) -> Single:
         """Return the errors of grey values (h, w), or of each colour (h, w, 3).
 
         Read noise has one deviation; that of shot noise goes with the root of the value.
+
+        :param factor: of automatic exposure, which multiplies the noise of a dark image as well.
         """
         p = self.view.parameters
         stream = self.view.stream("image_noise", number)
         places = stream.integers(0, 1 << 16, level.shape, dtype=np.uint16)
-        if p.shot_noise == 0.0:
+        if p.shot_noise == 0.0 and factor == 1.0:
             return self._read_noise.take(places)
         noise = normal_quantiles().take(places)
-        variance = level * np.float32(p.shot_noise**2 / _FULL)
-        variance += np.float32(p.read_noise**2)
+        variance = level * np.float32(factor * p.shot_noise**2 / _FULL)
+        variance += np.float32((factor * p.read_noise) ** 2)
         noise *= np.sqrt(variance, out=variance)
         np.clip(noise, -_FAR, _FAR, out=noise)
         return noise
+
+    @cached_property
+    def _automatic(self) -> AutoExposure:
+        small = meter_model(self.view.parameters)
+        return AutoExposure(self.view, self._renderer_of(1, model=small), self._trajectory)
 
     @cached_property
     def _read_noise(self) -> Single:
