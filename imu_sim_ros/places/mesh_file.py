@@ -3,23 +3,26 @@
 
 """Triangles with their colours, read from a file by trimesh, and what is wrong with them."""
 
-import hashlib
+import gc
 import io
 import json
 import logging
+import re
 import struct
 import warnings
+from base64 import b64decode
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, NamedTuple
-from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.errors import InputError, MissingDependencyError, system_error
 from imu_sim_ros.inputs.rows import open_regular
+from imu_sim_ros.places.mesh_textures import Textures, examine
+from imu_sim_ros.places.neighbours import Neighbours
 from imu_sim_ros.types import Array
 
 Bytes = NDArray[np.uint8]
@@ -27,16 +30,17 @@ Numbers = NDArray[np.int32]
 Single = NDArray[np.float32]
 
 SUFFIXES: Final = (".glb", ".gltf", ".obj", ".ply", ".stl")
-MOST_TRIANGLES: Final = 2_000_000
-"""Each needs some 300 bytes of memory."""
-_LARGEST: Final = 1 << 29
-"""[bytes] of a file."""
+MOST_TRIANGLES: Final = 800_000
+"""Each needs some 300 bytes of memory; the limits keep a process below 500 MB."""
+MOST_VERTICES: Final = 1_200_000
+LARGEST: Final = 100 << 20
+"""[bytes] of a file, and of what it names."""
+_LARGEST_TEXT: Final = {".ply": 20 << 20, ".stl": 40 << 20, ".obj": 50 << 20}
+"""[bytes] of files of text, of which the loader makes that much more."""
 _UNREADABLE: Final = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_texture_basisu")
 """Extensions of glTF that trimesh does not read by itself."""
 _PART: Final = 100_000
 """Triangles that are looked at at once."""
-_TEXT: Final = (".mtl", ".bin")
-"""Neighbours of a mesh that are no pictures."""
 _FARTHEST: Final = 1e15
 """Of any coordinate, so that its square is a number."""
 _LEAST_AREA: Final = 1e-15
@@ -98,19 +102,32 @@ def read_mesh(path: str | Path) -> Mesh:
     content = _content(path)
     if path.suffix.lower() in (".glb", ".gltf"):
         _check_gltf(path, content)
-    parts = [_Part.of(path, *part) for part in _loaded(path, content)]
-    parts = [part for part in parts if len(part.faces)]
-    if not parts:
+    loaded = [(place, part) for place, part in _loaded(path, content) if len(part.faces)]
+    del content
+    if not loaded:
         points = path.suffix.lower() in (".obj", ".ply")
         hint = "; of points alone scene.type file makes landmarks" if points else ", or is cut off"
         raise InputError(f"{path}: has no faces{hint}")
-    count = sum(len(part.faces) for part in parts)
-    if count > MOST_TRIANGLES:
+    _check_count(path, sum(len(part.faces) for _, part in loaded))
+    _check_count(path, sum(len(part.vertices) for _, part in loaded), "vertices", MOST_VERTICES)
+    images = [image for _, part in loaded if (image := _image(part)) is not None]
+    textures = Textures(path, images, sum(len(part.faces) for _, part in loaded))
+    parts = []
+    while loaded:  # the loader's own copies go one by one
+        place, part = loaded.pop(0)
+        parts.append(_Part.of(path, place, part, textures))
+        del part
+    gc.collect()  # its parts refer to each other
+    return _without_slivers(path, _joined(parts, textures.decoded()))
+
+
+def _check_count(path: Path, count: int, what: str = "triangles", most: int | None = None) -> None:
+    most = MOST_TRIANGLES if most is None else most
+    if count > most:
         raise InputError(
-            f"{path}: has {count:,} triangles; at most {MOST_TRIANGLES:,}: simplify it, "
-            "as MeshLab or Blender do"
+            f"{path}: has {count:,} {what}; at most {most:,}: simplify (decimate) it, as MeshLab "
+            "and Blender do"
         )
-    return _without_slivers(path, _joined(parts))
 
 
 def is_mesh(path: str | Path) -> bool:
@@ -130,14 +147,38 @@ def is_mesh(path: str | Path) -> bool:
 def _content(path: Path) -> bytes:
     try:
         with open_regular(path) as file:
-            content = file.read(_LARGEST + 1)
+            content = file.read(LARGEST + 1)
     except OSError as error:
         raise system_error(path, error) from None
-    if len(content) > _LARGEST:
-        raise InputError(f"{path}: is larger than {_LARGEST >> 20} MB: simplify the mesh")
     if not content:
         raise InputError(f"{path}: is empty")
+    suffix, most, hint = path.suffix.lower(), LARGEST, ""
+    if _is_text(suffix, content):
+        most, hint = _LARGEST_TEXT[suffix], ", as text: write it as a binary file (GLB, PLY), or"
+    if len(content) > most:
+        raise InputError(
+            f"{path}: is larger than {most >> 20} MB{hint or ':'} simplify (decimate) the mesh"
+        )
+    _check_count(path, _announced(suffix, content))
     return content
+
+
+def _is_text(suffix: str, content: bytes) -> bool:
+    if suffix == ".ply":
+        return b"format ascii" in content[:200]
+    if suffix == ".stl":
+        return content[:5] == b"solid" and b"facet" in content[:1000]
+    return suffix == ".obj"
+
+
+def _announced(suffix: str, content: bytes) -> int:
+    """Return how many triangles a file says it has, before anything makes room for them."""
+    if suffix == ".ply":
+        found = re.search(rb"element face (\d{1,18})\s", content[:65536])
+        return int(found[1]) if found else 0
+    if suffix == ".stl" and len(content) >= 84 and not _is_text(suffix, content):
+        return int.from_bytes(content[80:84], "little")
+    return content.count(b"\nf ") if suffix == ".obj" else 0
 
 
 def _check_gltf(path: Path, content: bytes) -> None:
@@ -150,32 +191,31 @@ def _check_gltf(path: Path, content: bytes) -> None:
         tree = json.loads(text)
         needed = tree.get("extensionsRequired", [])
         views, images = tree.get("bufferViews", []), tree.get("images", [])
+        numbers = [
+            0 if "bufferView" in each else each["count"] for each in tree.get("accessors", [])
+        ]
         inside = [views[image["bufferView"]] for image in images if "bufferView" in image]
         starts = [end + 8 + view.get("byteOffset", 0) for view in inside]
         pictures = [
             content[start : start + view["byteLength"]]
             for start, view in zip(starts, inside, strict=True)
         ]
-    except (ValueError, AttributeError, KeyError, IndexError, TypeError, struct.error):
+        pictures = pictures if end else []
+        uris = [image["uri"] for image in images if "uri" in image]
+        pictures += [b64decode(uri.partition(",")[2]) for uri in uris if uri.startswith("data:")]
+    except ValueError as error:
+        words = " ".join(str(error).split())[:100]
+        raise InputError(
+            f"{path}: cannot be read as {path.suffix[1:].upper()}: damaged or cut off ({words})"
+        ) from None
+    except (AttributeError, KeyError, IndexError, TypeError, struct.error):
         return  # trimesh will say so
     for name in needed:
         if name in _UNREADABLE:
             raise InputError(f"{path}: is compressed by {name}: export it without compression")
-    for picture in pictures if end else ():
-        if not _is_picture(picture):
-            raise InputError(f"{path}: a texture cannot be read: it is damaged, or of another kind")
-
-
-def _is_picture(content: bytes) -> bool:
-    """Tell whether Pillow knows what kind of picture something is."""
-    _trimesh()
-    import PIL.Image
-
-    try:
-        with _quiet(), PIL.Image.open(io.BytesIO(content)):
-            return True
-    except Exception:  # whatever makes it stumble
-        return False
+    _check_count(path, sum(numbers) // 3)
+    for picture in pictures:
+        examine(picture, f"{path}: a texture")
 
 
 def _trimesh() -> Any:
@@ -215,23 +255,10 @@ def _loaded(path: Path, content: bytes) -> list[tuple[Array, Any]]:
     :raises InputError: for what trimesh cannot read, or files next to it that are missing.
     """
     trimesh = _trimesh()
-    lost: list[str] = []
     kind = path.suffix.lower()[1:]
-
-    def neighbour(name: str) -> bytes:
-        """Return a file next to it: a material, a texture."""
-        for each in (name, unquote(name), *name.split()[-1:]):
-            place = path.parent / each.strip().replace("\\", "/")
-            if place.is_file():
-                found = place.read_bytes()
-                if place.suffix.lower() not in _TEXT and not _is_picture(found):
-                    lost.append(f"{path}: the texture {name} is no picture")
-                return found
-        lost.append(f"{path}: needs {name}, which is not there")
-        raise OSError(name)
-
+    neighbours = Neighbours(path, LARGEST - len(content))
     resolver = trimesh.resolvers.FilePathResolver(str(path))
-    resolver.get = neighbour
+    resolver.get = neighbours.read
     with _quiet():
         try:
             scene = trimesh.load(
@@ -249,14 +276,14 @@ def _loaded(path: Path, content: bytes) -> list[tuple[Array, Any]]:
         except MemoryError:
             raise
         except Exception as error:  # whatever a file makes it stumble over
-            if not lost:
+            if not neighbours.lost:
                 words = " ".join(str(error).split())[:100]
                 reason = f" ({words})" if words and not isinstance(error, ImportError) else ""
                 raise InputError(
                     f"{path}: cannot be read as {kind.upper()}: damaged or cut off{reason}"
                 ) from None
-    if lost:
-        raise InputError(lost)
+    if neighbours.lost:
+        raise InputError(neighbours.lost)
     return parts
 
 
@@ -266,17 +293,18 @@ class _Part(NamedTuple):
     vertices: Array
     faces: Numbers
     places: Single
-    image: Bytes | None
+    texture: int
+    """-1: none."""
     colours: Bytes
     painted: bool
 
     @classmethod
-    def of(cls, path: Path, place: Array, part: Any) -> "_Part":
+    def of(cls, path: Path, place: Array, part: Any, textures: Textures) -> "_Part":
         """Take a part to its place.
 
         :raises InputError: for numbers that are none.
         """
-        vertices = np.asarray(part.vertices, np.float64)
+        vertices = np.array(part.vertices, np.float64)
         numbers = np.asarray(part.faces).reshape(-1, 3)
         if len(numbers) and (numbers.min() < 0 or numbers.max() >= len(vertices)):
             raise InputError(f"{path}: a face refers to a vertex that is not there")
@@ -290,25 +318,28 @@ class _Part(NamedTuple):
             raise InputError(
                 f"{path}: vertex {bad[0] + 1} is at ({shown}), not a finite place{more}"
             )
-        vertices = np.where(used[:, None], vertices, 0.0)
-        vertices = vertices @ place[:3, :3].T + place[:3, 3]
-        places, image, colours, painted = _look(path, part, faces)
+        vertices[~used] = 0.0
+        if not np.array_equal(place, np.eye(4)):
+            vertices = vertices @ place[:3, :3].T
+            vertices += place[:3, 3]
+        image = _image(part)
+        places, colours, painted = _look(path, part, faces, image)
         if np.linalg.det(place[:3, :3]) < 0.0:  # a mirror
             faces, places, colours = faces[:, ::-1], places[:, ::-1], colours[:, ::-1]
-        return cls(vertices, faces, places, image, colours, painted)
+        number = -1 if image is None else textures.number(image)
+        return cls(vertices, faces, places, number, colours, painted)
 
 
-def _look(path: Path, part: Any, faces: Numbers) -> tuple[Single, Bytes | None, Bytes, bool]:
-    """Return u and v, texture and colours of the corners, and whether it is painted."""
+def _look(path: Path, part: Any, faces: Numbers, image: Any) -> tuple[Single, Bytes, bool]:
+    """Return u and v and colours of the corners, and whether it is painted."""
     visual = part.visual
     count = len(faces)
     # What is the same everywhere takes no memory.
     places: Single = np.broadcast_to(np.zeros(2, np.float32), (count, 3, 2))
     colours: Bytes = np.broadcast_to(np.full(3, 200, np.uint8), (count, 3, 3))
-    image: Bytes | None = None
     with _quiet():
         if visual.kind == "texture":
-            image, colour = _material(path, getattr(visual, "material", None))
+            colour = _factor(getattr(visual, "material", None), image)
             colours = np.broadcast_to(colour, (count, 3, 3))
             uv = getattr(visual, "uv", None)
             if image is not None and (uv is None or len(uv) != len(part.vertices)):
@@ -321,14 +352,14 @@ def _look(path: Path, part: Any, faces: Numbers) -> tuple[Single, Bytes | None, 
             if own is not None and len(own) == len(part.vertices):
                 own = _bytes(own)[faces][..., :3].astype(np.uint16)
                 colours = ((own * colours + 127) // 255).astype(np.uint8)
-                return places, image, colours, True
-            return places, image, colours, image is not None
+                return places, colours, True
+            return places, colours, image is not None
         if visual.kind == "vertex":
-            return places, None, _bytes(visual.vertex_colors)[faces][..., :3], True
+            return places, _bytes(visual.vertex_colors)[faces][..., :3], True
         if visual.kind == "face":
             own = _bytes(visual.face_colors)[:, None, :3]
-            return places, None, np.broadcast_to(own, (count, 3, 3)), True
-    return places, None, colours, False
+            return places, np.broadcast_to(own, (count, 3, 3)), True
+    return places, colours, False
 
 
 def _bytes(colours: Any) -> Bytes:
@@ -340,44 +371,33 @@ def _bytes(colours: Any) -> Bytes:
     return values.astype(np.uint8)
 
 
-def _material(path: Path, material: Any) -> tuple[Bytes | None, Bytes]:
-    """Return a material's texture and the colour (3,) by which it is multiplied, in sRGB."""
+def _image(part: Any) -> Any:
+    """Return the texture of one of trimesh's meshes, as Pillow's image, or None."""
+    if part.visual.kind != "texture":
+        return None
+    material = getattr(part.visual, "material", None)
     image = getattr(material, "baseColorTexture", None)
+    return getattr(material, "image", None) if image is None else image
+
+
+def _factor(material: Any, image: Any) -> Bytes:
+    """Return the colour (3,) by which a material's texture is multiplied, in sRGB."""
     factor = getattr(material, "baseColorFactor", None)
-    white = np.full(3, 255, np.uint8)
-    if image is None:
-        image = getattr(material, "image", None)
     if factor is not None:
         linear = np.asarray(_bytes(factor)[:3], np.float64) / 255.0  # glTF 2.0, 3.9.2
         encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-        white = np.rint(255.0 * encoded).astype(np.uint8)
-    elif image is None and getattr(material, "diffuse", None) is not None:
-        white = _bytes(material.diffuse)[:3]
-    if image is None:
-        return None, white
-    try:
-        pixels = np.asarray(image.convert("RGB"), np.uint8)
-    except Exception as error:  # whatever a file makes Pillow stumble over
-        raise InputError(f"{path}: a texture cannot be read ({error})") from None
-    return pixels, white
+        return np.rint(255.0 * encoded).astype(np.uint8)
+    if image is None and getattr(material, "diffuse", None) is not None:
+        return _bytes(material.diffuse)[:3]
+    return np.full(3, 255, np.uint8)
 
 
-def _joined(parts: Sequence[_Part]) -> Mesh:
-    """Return all parts as one; parts with the same texture share it."""
-    textures: list[Bytes] = []
-    numbers: list[Numbers] = []
-    known: dict[bytes, int] = {}
-    for part in parts:
-        number = -1
-        if part.image is not None:
-            key = hashlib.sha256(part.image.tobytes()).digest() + repr(part.image.shape).encode()
-            number = known.setdefault(key, len(textures))
-            if number == len(textures):
-                textures.append(part.image)
-        numbers.append(np.full(len(part.faces), number, np.int32))
+def _joined(parts: Sequence[_Part], textures: tuple[Bytes, ...]) -> Mesh:
+    """Return all parts as one."""
+    numbers = [np.full(len(part.faces), part.texture, np.int32) for part in parts]
     if len(parts) == 1:
         vertices, faces, places, _, colours, painted = parts[0]
-        return Mesh(vertices, faces, places, numbers[0], tuple(textures), colours, painted)
+        return Mesh(vertices, faces, places, numbers[0], textures, colours, painted)
     starts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])]).astype(np.int32)
     count = sum(len(part.faces) for part in parts)
     nowhere: Single = np.broadcast_to(np.zeros(2, np.float32), (count, 3, 2))
@@ -386,7 +406,7 @@ def _joined(parts: Sequence[_Part]) -> Mesh:
         np.concatenate([part.faces + start for part, start in zip(parts, starts, strict=True)]),
         np.concatenate([part.places for part in parts]) if textures else nowhere,
         np.concatenate(numbers),
-        tuple(textures),
+        textures,
         np.concatenate([part.colours for part in parts]),
         any(part.painted for part in parts),
     )

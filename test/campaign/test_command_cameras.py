@@ -140,3 +140,49 @@ sys.exit(1)
         return row
 
     return one
+
+
+@pytest.mark.parametrize("axis", [False, True])
+def test_images_of_a_mesh_that_a_plan_names(plan_file, tmp_path, axis):
+    """Fixed or as an axis; the images are those that generate writes."""
+    trimesh = pytest.importorskip("trimesh")
+    pytest.importorskip("embreex")
+    for name, size in (("low", 6.0), ("high", 9.0)):
+        trimesh.creation.box((14.0, 14.0, size)).export(tmp_path / f"{name}.stl")
+    program = tmp_path / "program.py"
+    program.write_text("import shutil, sys; shutil.copytree(sys.argv[1], sys.argv[2])")
+    small = {
+        "duration": 0.2,
+        "camera.width": 40,
+        "camera.height": 30,
+        "camera.intrinsics": [25.0, 25.0, 19.5, 14.5],
+    }
+    command = f"{sys.executable} {program} {{dataset}} {tmp_path}/kept_{{seed}}"
+    meshes = [str(tmp_path / f"{name}.stl") for name in ("low", "high")]
+    fixed = {} if axis else {"scene.mesh": meshes[0]}
+    plan = load_plan(
+        plan_file(
+            parameters={**CAMERA, **small, **fixed, "scene.type": "mesh"},
+            **({"grid": {"scene.mesh": meshes}} if axis else {}),
+            estimators={"a": {"command": command, "dataset": "euroc"}},
+        )
+    )
+    images = []
+    for cell, name in zip(plan.cells(), ("low", "high") if axis else ("low",), strict=True):
+        (row,) = CellRuns(plan, cell).rows([3], ["a"], tmp_path / "out")
+        assert row["status"] == "failed: no estimate was written"
+        words = (
+            f"-o {tmp_path}/{name} --format euroc --rate 200 --duration 0.2s --imu adis16448 "
+            f"--seed 3 --trajectory figure_eight --camera euroc_cam0 --scene {tmp_path}/{name}.stl "
+            "--set camera.body_axes=flu --set camera.max_features=20 --set camera.width=40 "
+            "--set camera.height=30 --set camera.intrinsics=[25,25,19.5,14.5] --quiet"
+        )
+        assert generate.main(words.split()) == 0
+        (kept,) = tmp_path.glob("kept_*")
+        made = sorted((tmp_path / name).rglob("cam0/data/*.png"))
+        same = [next(kept.rglob(f"cam0/data/{image.name}")) for image in made]
+        assert [p.read_bytes() for p in same] == [p.read_bytes() for p in made]
+        images.append([p.read_bytes() for p in made])
+        kept.rename(tmp_path / f"done_{name}")
+    assert len(images[0]) == 4
+    assert not axis or images[0] != images[1]

@@ -161,6 +161,27 @@ def test_a_parameter_that_names_a_file(tmp_path, capsys, name, obstacle):
     assert "named.yaml" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("obstacle", OBSTACLES)
+@pytest.mark.parametrize("name", ["scene.obj", "scene.mtl", "scene.png", "scene.bin"])
+def test_a_mesh_and_the_files_that_it_names(tmp_path, capsys, name, obstacle):
+    for library in ("trimesh", "embreex", "PIL"):
+        pytest.importorskip(library)
+    (tmp_path / "scene.mtl").write_text("newmtl m\nmap_Kd scene.png\n")
+    (tmp_path / "scene.obj").write_text(
+        "mtllib scene.mtl\nusemtl m\nv 0 0 0\nv 1 0 1\nv 1 1 1\nvt 0 0\nvt 1 0\nvt 1 1\n"
+        "f 1/1 2/2 3/3\n"
+    )
+    (tmp_path / "scene.gltf").write_text(
+        '{"asset": {"version": "2.0"}, "buffers": [{"uri": "scene.bin", "byteLength": 36}]}'
+    )
+    put(tmp_path / name, obstacle)
+    mesh = tmp_path / ("scene.gltf" if name == "scene.bin" else "scene.obj")
+    words = [*CAMERA, "--set", "scene.type=mesh", "--set", f"scene.mesh={mesh}"]
+    assert generate.main([*words, "-o", str(tmp_path / "x.mcap")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert name in line
+
+
 def test_only_what_does_not_exist_is_absent(tmp_path):
     assert not is_present(tmp_path / "x" / "y" / "z.yaml")
     assert names_in(tmp_path / "x") == []

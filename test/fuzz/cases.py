@@ -4,6 +4,7 @@
 """Hostile inputs of the commands: damaged bags, files and arguments, drawn from a case number."""
 
 import contextlib
+import json
 import random
 import shutil
 import sqlite3
@@ -245,7 +246,8 @@ def _camera_names() -> list[str]:
     from imu_sim_ros.sensors.camera.rig_parameters import load_rig
 
     names = flatten(load_rig({"cameras": ["cam0"]}))
-    return [*names, *(n.removeprefix("cam0.") for n in names), "scene.type", "scene.file", "imus"]
+    return [*names, *(n.removeprefix("cam0.") for n in names), "imus",
+            *("scene.type", "scene.file", "scene.mesh")]  # fmt: skip
 
 
 def _cameras(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[str]]:
@@ -277,6 +279,48 @@ def _cameras(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[s
     return "generate", processes.fit(result)
 
 
+def _mesh(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[str]]:
+    """Return generate in a mesh that is damaged, or names files that are none."""
+    folder = place / "mesh"
+    folder.mkdir()
+    triangle = "v 0 0 0\nv 1 0 1\nv 1 1 1\nvt 0 0\nvt 1 0\nvt 1 1\nusemtl m\nf 1/1 2/2 3/3\n"
+    away = ["x.png", "../../sound/poses.txt", "/etc/passwd", "/dev/zero", "http://x.invalid/a.png"]
+    named = dice.choice([*away, *WORDS])
+    view = {"bufferView": 0, "componentType": 5126, "count": dice.choice([3, 0, -1, 10**12]),
+            "type": dice.choice(["VEC3", "SCALAR", "x"])}  # fmt: skip
+    tree = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, **dice.choice([{}, {"children": [0]}, {"scale": [0, 0, 1]}])}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [view],
+        "bufferViews": [{"buffer": 0, "byteLength": dice.choice([36, 1 << 40])}],
+        "buffers": [{"uri": named, "byteLength": 36}],
+        "images": [{"uri": named}],
+    }
+    for _ in range(dice.choice([0, 0, 1])):
+        tree[dice.choice(list(tree))] = dice.choice([[], {}, None, -1, "x", [[[]]]])
+    names = {
+        "m.obj": f"mtllib {dice.choice(['m.mtl', named])}\n{triangle}",
+        "m.mtl": f"newmtl m\nmap_Kd {named}\n",
+        "m.gltf": json.dumps(tree),
+        "m.ply": "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+        "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
+    }
+    for name, text in names.items():
+        content = bytearray(text.encode(errors="replace"))
+        for _ in range(dice.choice([0, 0, 1, 5])):
+            content[dice.randrange(len(content))] = dice.randrange(256)
+        (folder / name).write_bytes(content[: dice.choice([None, None, dice.randrange(200)])])
+    if dice.random() < 0.3:
+        folders.obstacle(dice, folder / dice.choice(["x.png", "m.mtl", "m.obj", "m.ply"]))
+    result = ["-o", "o", "--format", "tracks", "--duration", "0.1s", "--camera", "euroc_cam0"]
+    mesh = folder / dice.choice(["m.obj", "m.gltf", "m.ply"])
+    return "generate", [*result, "--set", "scene.type=mesh", "--set", f"scene.mesh={mesh}"]
+
+
 MAKERS: Final = {
     "named": folders.named,
     "images": folders.images,
@@ -287,4 +331,5 @@ MAKERS: Final = {
     "arguments": _arguments,
     "poses": _poses,
     "cameras": _cameras,
+    "mesh": _mesh,
 }

@@ -5,13 +5,14 @@
 
 import json
 import struct
+import subprocess
 import sys
 
 import numpy as np
 import pytest
 
 from imu_sim_ros.errors import InputError, MissingDependencyError
-from imu_sim_ros.places import mesh_file
+from imu_sim_ros.places import mesh_file, mesh_textures
 from imu_sim_ros.places.mesh import (
     UPS,
     MeshCaster,
@@ -26,8 +27,9 @@ from imu_sim_ros.places.mesh_file import Mesh, areas, is_mesh, read_mesh
 
 trimesh = pytest.importorskip("trimesh")
 pytest.importorskip("embreex")
+Image = pytest.importorskip("PIL.Image")
 
-from meshes import checkerboard, met, quads, textured  # noqa: E402 - after trimesh
+from meshes import checkerboard, met, picture, quads, textured  # noqa: E402 - after trimesh
 
 FAR = np.array([1000.0, -500.0, 20.0])
 BOX = trimesh.creation.box((2.0, 4.0, 6.0))
@@ -269,7 +271,9 @@ def test_textures_that_cannot_be_had_get_a_line(tmp_path, capfd):
     (tmp_path / "a.glb").write_bytes(content[:at] + b"XXXX" + content[at + 4 :])
     (tmp_path / "b.glb").write_bytes(content[: at + 99] + bytes(4000) + content[at + 4099 :])
     for name in ("a", "b"):
-        with pytest.raises(InputError, match=rf"{name}.glb: a texture cannot be read"):
+        with pytest.raises(
+            InputError, match=rf"{name}.glb: a texture (is no picture|cannot be read)"
+        ):
             read_mesh(tmp_path / f"{name}.glb")
     (tmp_path / "m.mtl").write_text(material.format(r"sub\a%20b.png"))
     (tmp_path / "sub").mkdir()
@@ -282,12 +286,94 @@ def test_textures_that_cannot_be_had_get_a_line(tmp_path, capfd):
 def test_what_is_too_large_is_refused(tmp_path, monkeypatch):
     BOX.export(tmp_path / "box.ply")
     monkeypatch.setattr(mesh_file, "MOST_TRIANGLES", 11)
-    with pytest.raises(InputError, match=r"box.ply: has 12 triangles; at most 11: simplify"):
+    with pytest.raises(
+        InputError, match=r"box.ply: has 12 triangles; at most 11: simplify .decimate."
+    ):
         read_mesh(tmp_path / "box.ply")
     with (tmp_path / "huge.ply").open("wb") as file:
-        file.truncate((1 << 29) + 1)
-    with pytest.raises(InputError, match=r"huge.ply: is larger than 512 MB"):
+        file.truncate(mesh_file.LARGEST + 1)
+    with pytest.raises(InputError, match=r"huge.ply: is larger than 100 MB: simplify"):
         read_mesh(tmp_path / "huge.ply")
+
+
+@pytest.mark.parametrize("name", ["../{}", "{folder}/{}", "sub/../../{}", "file://{folder}/{}"])
+def test_nothing_outside_of_the_folder_is_read(tmp_path, name):
+    """Neither a texture, nor a material, nor a buffer; a file of that name next to it is taken."""
+    mesh = tmp_path / "mesh"
+    mesh.mkdir()
+    red, green = (picture(np.full((4, 4, 3), c)) for c in ([255, 0, 0], [0, 255, 0]))
+    red.save(tmp_path / "t.png")
+    (tmp_path / "b.bin").write_bytes(bytes(36))
+    texture, buffer = (name.format(each, folder=tmp_path) for each in ("t.png", "b.bin"))
+    (mesh / "m.mtl").write_text(f"newmtl m\nmap_Kd {texture}\n")
+    (mesh / "x.obj").write_text(f"mtllib m.mtl\n{TRIANGLE}usemtl m\nf 1/1 2/2 3/3\n")
+    (mesh / "x.gltf").write_text(
+        json.dumps({"asset": {"version": "2.0"}, "buffers": [{"uri": buffer, "byteLength": 36}]})
+    )
+    for kind in ("obj", "gltf"):
+        with pytest.raises(InputError, match="is outside of its folder: put it next to the mesh$"):
+            read_mesh(mesh / f"x.{kind}")
+    green.save(mesh / "t.png")
+    assert read_mesh(mesh / "x.obj").textures[0][0, 0].tolist() == [0, 255, 0]
+
+
+def test_large_textures_are_halved_and_held_once(tmp_path, monkeypatch):
+    """Three bodies share a picture of 64 x 32 texels; a third of that is allowed, half a side."""
+    stream = np.random.default_rng(3)
+    pixels = stream.integers(0, 255, (32, 64, 3), np.uint8)
+    material = trimesh.visual.material.PBRMaterial(baseColorTexture=picture(pixels))
+    scene = trimesh.Scene()
+    for k in range(3):
+        body = trimesh.creation.box((1, 1, 1)).apply_translation((3 * k, 0, 0))
+        body.visual = trimesh.visual.TextureVisuals(uv=body.vertices[:, :2], material=material)
+        scene.add_geometry(body)
+    scene.export(tmp_path / "x.glb")
+    (texture,) = read_mesh(tmp_path / "x.glb").textures
+    assert np.array_equal(texture, pixels)
+    monkeypatch.setattr(mesh_textures, "MOST_TEXELS", 32 * 36 + 700)
+    (texture,) = read_mesh(tmp_path / "x.glb").textures
+    means = pixels.reshape(16, 2, 32, 2, 3).mean(axis=(1, 3))
+    assert np.abs(texture - means).max() <= 0.5
+    monkeypatch.setattr(mesh_textures, "LARGEST", 2000)
+    with pytest.raises(InputError, match=r"a texture is too large: 64 x 32 texels; at most"):
+        read_mesh(tmp_path / "x.glb")
+
+
+def test_a_file_that_promises_too_much_is_not_believed(tmp_path):
+    """Before the loader makes room for it."""
+    tree = {"accessors": [{"componentType": 5126, "count": 10**12, "type": "VEC3"}]}
+    (tmp_path / "x.glb").write_bytes(gltf(**tree))
+    (tmp_path / "x.ply").write_text(PLY + FACE.replace("face 1", "face 99999999") + "0 0 0\n")
+    (tmp_path / "x.stl").write_bytes(bytes(80) + b"\xff\xff\xff\xff" + bytes(50))
+    for kind in ("glb", "ply", "stl"):
+        with pytest.raises(InputError, match=r"has [\d,]+ triangles; at most 800,000: simplify"):
+            read_mesh(tmp_path / f"x.{kind}")
+    with (tmp_path / "x.obj").open("wb") as file:
+        file.truncate((50 << 20) + 1)
+    with pytest.raises(InputError, match="is larger than 50 MB, as text: write it as a binary"):
+        read_mesh(tmp_path / "x.obj")
+
+
+MEMORY = """
+import sys
+from imu_sim_ros.places.mesh_file import read_mesh
+from imu_sim_ros.sensors.camera.images.mesh_look import Look
+mesh = read_mesh(sys.argv[1])
+look = Look(mesh, mesh.vertices.mean(axis=0), colour=True, sun=False)
+print(next(line for line in open("/proc/self/status") if "VmHWM" in line).split()[1])
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Linux counts the peak")
+def test_the_largest_texture_fits_into_the_memory(tmp_path):
+    """8192 x 8192 in colour, before Python's and NumPy's 90 MB: below 500 MB."""
+    image = Image.new("RGB", (8192, 8192), (200, 100, 50))
+    image.save(tmp_path / "t.jpg")
+    (tmp_path / "m.mtl").write_text("newmtl m\nmap_Kd t.jpg\n")
+    (tmp_path / "x.obj").write_text(f"mtllib m.mtl\n{TRIANGLE}usemtl m\nf 1/1 2/2 3/3\n")
+    words = [sys.executable, "-c", MEMORY, str(tmp_path / "x.obj")]
+    kilobytes = int(subprocess.run(words, check=True, capture_output=True).stdout)
+    assert 100e3 < kilobytes < 500e3
 
 
 @pytest.mark.parametrize("library", ["trimesh", "PIL", "embreex.rtcore_scene"])

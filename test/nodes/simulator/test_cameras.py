@@ -118,6 +118,42 @@ def test_frames_are_those_of_a_file_bit_for_bit(start, listener, offline, factor
     assert shown == {"landmarks": points.width, "surfaces": 8, "cameras": 16}
 
 
+def test_frames_in_a_mesh_are_those_of_a_file_bit_for_bit(start, listener, tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    pytest.importorskip("embreex")
+    room = trimesh.creation.box((14.0, 14.0, 6.0)).subdivide().subdivide()
+    room.invert()
+    colours = 128.0 + 100.0 * np.sin(2.0 * room.vertices)
+    room.visual.vertex_colors = colours.astype(np.uint8)
+    room.export(tmp_path / "room.ply")
+    scene = {"scene.type": "mesh", "scene.mesh": str(tmp_path / "room.ply"), "duration": 1.0}
+    values = RIG | scene | {"camera.row_time": 1e-4, "camera.exposure_time": 0.01}
+    path = tmp_path / "a.mcap"
+    words = ["-o", str(path), "--quiet", "--trajectory", "figure_eight", *as_arguments(values)]
+    assert generate.main(words) == 0
+    listen_to_all(listener)
+    node = start(
+        "simulator",
+        *("--trajectory", "figure_eight"),
+        **dotted(values),
+        wait_for_subscribers=1,
+        wait_for_truth_subscribers=1,
+        real_time_factor=1.0,
+    )
+    assert listener.wait_for_end(node) == 0, node.output
+    topics = ("/cam0/image_raw", "/cam1/image_raw", "/cam1/depth/image_raw")
+    found: dict[str, list[bytes]] = {topic: [] for topic in (*topics, "/feature_tracker/feature")}
+    with AnyReader([path]) as reader:
+        for connection, _, raw in reader.messages():
+            found.get(connection.topic, []).append(bytes(raw))
+    for topic, payloads in found.items():
+        assert len(payloads) > 10, topic
+        assert stamps(listener.raw[topic]) == stamps(payloads), topic
+        assert unpadded(listener.raw[topic], payloads) == payloads, topic
+    pixels = np.frombuffer(found["/cam0/image_raw"][5][-94 * 60 :], np.uint8)
+    assert pixels.std() > 5.0
+
+
 def test_a_paused_simulator_holds_its_frames_and_a_reset_begins_again(start, listener, offline):
     from sensor_msgs.msg import Image
     from std_srvs.srv import SetBool, Trigger

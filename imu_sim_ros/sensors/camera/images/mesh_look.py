@@ -3,14 +3,13 @@
 
 """What the triangles of a mesh look like: functions of the place on each, and its textures."""
 
-import math
 from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.places.mesh_file import Bytes, Mesh, normals
+from imu_sim_ros.places.mesh_file import Bytes, Mesh, Numbers, normals
 from imu_sim_ros.places.paint import grey
 from imu_sim_ros.sensors.camera.images.texture import Atlas, assembled
 from imu_sim_ros.types import Array
@@ -18,9 +17,6 @@ from imu_sim_ros.types import Array
 Single = NDArray[np.float32]
 Integers = NDArray[np.int64]
 
-_MOST_TEXELS: Final = 36_000_000
-_LONGEST: Final = 8000
-"""Side of a texture [texels]; larger ones are halved."""
 _WHITE: Final = np.full((4, 4, 3), 255, np.uint8)
 _PART: Final = 100_000
 """Triangles that are looked at at once."""
@@ -45,7 +41,7 @@ class Look:
         :param sun: shade it by the angle to a sun; else its colours are as they are.
         """
         self.atlas = _atlas(mesh, colour)
-        self.texture: Integers = mesh.texture.astype(np.int64) + 1
+        self.texture: Numbers = mesh.texture + np.int32(1)
         """(m,) number of each triangle's texture in the atlas."""
         self.textured = bool(mesh.textures)
         colours = mesh.colours if colour else grey(mesh.colours)[..., None]
@@ -76,38 +72,14 @@ class Look:
 
 
 def _atlas(mesh: Mesh, colour: bool) -> Atlas:
-    """Return white, and the textures with their first row at the bottom, at most so large."""
+    """Return white, and the textures with their first row at the bottom."""
     textures = [_WHITE, *mesh.textures]
-    area = sum(each.shape[0] * each.shape[1] for each in textures)
-    halvings = max(0, math.ceil(0.5 * math.log2(area / _MOST_TEXELS)))
-    steps = []
-    for each in textures:
-        side = max(each.shape[:2])
-        own = max(0, math.ceil(math.log2(side / _LONGEST)))
-        steps.append(2 ** min(max(own, halvings), int(math.log2(max(1, min(each.shape[:2]))))))
 
     def texture(m: int) -> Bytes:
-        rows = _smaller(textures[m], steps[m])[::-1]
+        rows = textures[m][::-1]
         return np.ascontiguousarray(rows if colour else grey(rows))
 
-    shapes = [
-        (each.shape[0] // step, each.shape[1] // step)
-        for each, step in zip(textures, steps, strict=True)
-    ]
-    return assembled(shapes, texture, colour, repeat=True)
-
-
-def _smaller(texture: Bytes, step: int) -> Bytes:
-    """Return the means of squares of texels."""
-    if step == 1:
-        return texture
-    rows, columns = texture.shape[0] // step, texture.shape[1] // step
-    result = np.empty((rows, columns, 3), np.uint8)
-    for row in range(rows):
-        part = texture[row * step : (row + 1) * step, : columns * step].astype(np.uint32)
-        means = part.reshape(step, columns, step, 3).sum(axis=(0, 2))
-        result[row] = (means + step * step // 2) // (step * step)
-    return result
+    return assembled([each.shape[:2] for each in textures], texture, colour, repeat=True)
 
 
 class _Gradient:

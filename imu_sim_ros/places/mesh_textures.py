@@ -1,0 +1,124 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Textures of a mesh: their size is known before anything decodes them, and each is held once."""
+
+import io
+import math
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.errors import InputError
+
+Bytes = NDArray[np.uint8]
+
+LARGEST: Final = 1 << 26
+"""Texels of a texture in a file, 8192 x 8192; while it is decoded each takes four bytes."""
+_AT_MOST: Final = f"at most {LARGEST:,} texels, as of 8192 x 8192: make it smaller"
+MOST_TEXELS: Final = 36_000_000
+"""Of all textures as they are held, for a mesh of few triangles."""
+_OF_A_TRIANGLE: Final = 32
+"""Texels that need as much memory as a triangle."""
+_LONGEST: Final = 8000
+"""Side of a texture [texels] that is not halved."""
+
+
+def examine(content: bytes, what: str) -> None:
+    """Look at the beginning of a picture; Pillow refuses the largest, and trimesh keeps it quiet.
+
+    :param what: first words of the error.
+    :raises InputError: for what Pillow does not know, or is too large.
+    """
+    import PIL.Image
+
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            with PIL.Image.open(io.BytesIO(content)) as image:
+                size = image.size
+    except PIL.Image.DecompressionBombError as error:
+        raise InputError(f"{what} is too large: {error}; {_AT_MOST}") from None
+    except MemoryError:
+        raise
+    except Exception:  # whatever makes it stumble
+        raise InputError(f"{what} is no picture") from None
+    _check_size(size, what)
+
+
+def _check_size(size: tuple[int, int], what: str) -> None:
+    if size[0] * size[1] > LARGEST:
+        raise InputError(f"{what} is too large: {size[0]} x {size[1]} texels; {_AT_MOST}")
+
+
+class Textures:
+    """The distinct textures of a mesh's parts."""
+
+    def __init__(self, path: Path, images: Sequence[Any], triangles: int) -> None:
+        """Look at the sizes of Pillow's images, of which the same one may come several times.
+
+        :raises InputError: for one that is too large.
+        """
+        self._path = path
+        self._images = list({id(image): image for image in images}.values())
+        self._numbers = {id(image): n for n, image in enumerate(self._images)}
+        sizes = [image.size for image in self._images]
+        for size in sizes:
+            _check_size(size, f"{path}: a texture")
+        self._steps = _steps(sizes, max(0, MOST_TEXELS - _OF_A_TRIANGLE * triangles))
+
+    def number(self, image: Any) -> int:
+        """Return which of :meth:`decoded` an image is."""
+        return self._numbers[id(image)]
+
+    def decoded(self) -> tuple[Bytes, ...]:
+        """Return all in red, green and blue (h, w, 3), halved as often as needed; frees images.
+
+        :raises InputError: for one that is damaged.
+        """
+        return tuple(map(self._decoded, self._images, self._steps))
+
+    def _decoded(self, image: Any, step: int) -> Bytes:
+        """Return the means of squares of texels; a band at a time, as Pillow's copies are large."""
+        width, height = image.size[0] // step, image.size[1] // step
+        result = np.empty((height, width, 3), np.uint8)
+        rows = max(1, (1 << 20) // (width * step * step))
+        try:
+            for first in range(0, height, rows):
+                last = min(height, first + rows)
+                band = image.crop((0, first * step, width * step, last * step)).convert("RGB")
+                result[first:last] = _means(np.asarray(band, np.uint8), step)
+            image.close()
+        except MemoryError:
+            raise
+        except Exception as error:  # whatever a file makes Pillow stumble over
+            raise InputError(f"{self._path}: a texture cannot be read ({error})") from None
+        return result
+
+
+def _steps(sizes: Sequence[tuple[int, int]], most: int) -> list[int]:
+    """Return by which power of two each texture is made smaller."""
+    area = sum(width * height for width, height in sizes)
+    halvings = math.ceil(0.5 * math.log2(area / max(most, 1))) if area else 0
+    steps = []
+    for size in sizes:
+        own = math.ceil(math.log2(max(size) / _LONGEST))
+        steps.append(2 ** min(max(own, halvings, 0), int(math.log2(min(size)))))
+    return steps
+
+
+def _means(band: Bytes, step: int) -> Bytes:
+    """Return the rounded means of squares of texels."""
+    if step == 1:
+        return band
+    rows, columns = band.shape[0] // step, band.shape[1] // step
+    result = np.empty((rows, columns, 3), np.uint8)
+    for row in range(rows):
+        part = band[row * step : (row + 1) * step].astype(np.uint32)
+        means = part.reshape(step, columns, step, 3).sum(axis=(0, 2))
+        result[row] = (means + step * step // 2) // (step * step)
+    return result

@@ -1,0 +1,84 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Files that a mesh's file names: materials, textures, buffers; only those in its own folder."""
+
+from pathlib import Path, PurePosixPath
+from typing import Final
+from urllib.parse import unquote
+
+from imu_sim_ros.errors import ImuSimError, InputError, system_error
+from imu_sim_ros.inputs.rows import is_present, open_regular
+from imu_sim_ros.places.mesh_textures import examine
+
+_NO_PICTURES: Final = (".mtl", ".bin")
+_SHOWN: Final = 100
+"""Characters of a name."""
+
+
+class Neighbours:
+    """Reads what a file names from its folder and below, as whoever wrote it is not trusted.
+
+    A name that leaves the folder, by ``..``, as an absolute path or as a URL, stands for the file
+    of that name next to the mesh. Links that lie in the folder are followed.
+    """
+
+    def __init__(self, path: Path, most: int) -> None:
+        """Read next to a file, in total at most so many bytes."""
+        self._path, self._left, self._most = path, most, most
+        self.lost: list[str] = []
+        """Lines about what could not be had."""
+
+    def read(self, name: str) -> bytes:
+        """Return a file's content.
+
+        :raises OSError: if it cannot be had; the reason is in :attr:`lost`.
+        """
+        try:
+            return self._read(name)
+        except ImuSimError as error:
+            self.lost += [line for line in error.problems if line not in self.lost]
+            raise OSError(name) from None
+
+    def _read(self, name: str) -> bytes:
+        shown = repr(name)[1:-1][:_SHOWN]
+        place = self._place(name)
+        if place is None:
+            outside = _leaves(name) or _leaves(unquote(name))
+            reason = "outside of its folder: put it next to the mesh" if outside else "not there"
+            raise InputError(f"{self._path}: needs {shown}, which is {reason}")
+        try:
+            with open_regular(place) as file:
+                content = file.read(self._left + 1)
+        except OSError as error:
+            raise system_error(place, error) from None
+        self._left -= len(content)
+        if self._left < 0:
+            raise InputError(
+                f"{self._path}: with what it names it is larger than {self._most >> 20} MB: "
+                "simplify the mesh, make its textures smaller"
+            )
+        if place.suffix.lower() not in _NO_PICTURES:
+            examine(content, f"{self._path}: the texture {shown}")
+        return content
+
+    def _place(self, name: str) -> Path | None:
+        """Return which file is meant; in OBJ options may be before its name."""
+        words = [name, unquote(name), *name.split()[-1:]]
+        inside = [_posix(word) for word in words if not _leaves(word)]
+        next_to_it = [PurePosixPath(_posix(word).name) for word in words]
+        folder = self._path.parent
+        places = [folder / each for each in (*inside, *next_to_it) if each.name not in ("", "..")]
+        return next(filter(is_present, places), None)
+
+
+def _posix(name: str) -> PurePosixPath:
+    return PurePosixPath(name.strip().replace("\\", "/"))
+
+
+def _leaves(name: str) -> bool:
+    """Tell whether a name is not one of a file in the same folder or below."""
+    place = _posix(name)
+    return (
+        place.is_absolute() or ".." in place.parts or any(":" in part for part in place.parts[:1])
+    )
