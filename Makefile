@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 #
-# make build | demo | demo-vio | test | test-all | lint | bench | same | fuzz | docs | reference | clean
+# make build | demo | demo-vio | test | test-all | test-kilted | lint | bench | same | fuzz | docs | reference | clean
 #
 # Nothing is needed but Python 3.10-3.13 with venv: ROS 2 Jazzy comes from wheels into .venv. On a
 # machine with ROS 2 Jazzy the package is an ordinary ament_python one: colcon build.
@@ -11,7 +11,7 @@ SHELL := /bin/bash
 .DEFAULT_GOAL := build
 .ONESHELL:
 .NOTPARALLEL:
-.PHONY: build demo demo-vio test test-all lint bench same fuzz docs reference clean test-floor
+.PHONY: build demo demo-vio test test-all lint bench same fuzz docs reference clean test-floor test-kilted
 
 PYTHON ?= python3
 TRAJECTORY ?= lecture
@@ -131,6 +131,19 @@ test-floor:
 	  echo "make: Python 3.13 has no numpy 1.26: the run on the oldest supported versions is left out"
 	fi
 
+# The tests with real nodes on the wheels of the next distribution.
+.venv-kilted/installed: .ci/requirements-kilted.txt
+	@echo "make: installing ROS 2 Kilted into .venv-kilted"
+	$(CLEAN) $(PYTHON) -m venv .venv-kilted
+	touch .venv-kilted/COLCON_IGNORE
+	$(CLEAN) .venv-kilted/bin/pip install -qq -r .ci/requirements-kilted.txt
+	echo "$$PWD" > "$$(.venv-kilted/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/imu_sim_ros.pth"
+	touch $@
+
+test-kilted: .venv-kilted/installed
+	@echo "make: the tests of the nodes, on ROS 2 Kilted"
+	$(CLEAN) $(ONE_THREAD) .venv-kilted/bin/$(PYTEST) -m "not slow" -p no:cacheprovider test/nodes
+
 lint: build .venv/test-installed
 	@$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -161,4 +174,4 @@ fuzz: build .venv/test-installed
 	@$(CLEAN) OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python test/fuzz/hostile.py $(COUNT) $(FIRST)
 
 clean:
-	rm -rf .venv .venv-floor build install log build.log demo_output demo_vio_output docs/_build
+	rm -rf .venv .venv-floor .venv-kilted build install log build.log demo_output demo_vio_output docs/_build

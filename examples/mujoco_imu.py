@@ -96,11 +96,12 @@ def draw(folder, t, ideal, gyro, accel, truth, track):
         axis.plot(t[some], read[some, 0], lw=0.6, label="with errors")
         axis.plot(t[some], true[some, 0], lw=1.0, label="MuJoCo")
         axis.set_ylabel(label)
-        axis.legend(loc="upper right")
     distance = np.linalg.norm(track.position - truth.position, axis=1)
     axes[2].plot(t[some], distance[some])
-    axes[2].set_ylabel("dead reckoning\noff by [m]")
+    axes[2].set_ylabel("position error of\ndead reckoning [m]")
     axes[2].set_xlabel("time [s]")
+    figure.suptitle("A pendulum in MuJoCo: ideal readings, and those of an ADIS16470")
+    axes[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     figure.savefig(folder / "mujoco_imu.png", dpi=110)
 
 

@@ -257,7 +257,7 @@ def draw(real: Series, simulated: Series, rate: float, name: str) -> Figure:
         label = f"{TRIADS[axis // 3]} {AXES[axis % 3]}"
         _spectrum(panels[axis], real[1], simulated[1], rate, axis, label)
         _series(panels[6 + axis], real, simulated, rate, axis, label)
-    panels[0].legend()
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="upper right", ncols=2)
     figure.suptitle(f"Digital twin of {name}: residuals after its constant errors")
     return figure
 
