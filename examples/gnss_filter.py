@@ -262,7 +262,10 @@ def draw(folder: Path, seeds: int) -> None:
             f"band {low:.2f} to {high:.2f}"
         )
     errors.set(
-        xlabel="time [s]", ylabel="position error [m]", yscale="log", title="error with an outage of 30 s"
+        xlabel="time [s]",
+        ylabel="position error [m]",
+        yscale="log",
+        title="error with an outage of 30 s",
     )
     nees.axhspan(low, high, color="tab:green", alpha=0.2, label="95 % of chi-square")
     nees.set(xlabel="time [s]", ylabel="mean NEES, 3 dof", ylim=(0.0, None), title="consistency")
