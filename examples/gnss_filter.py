@@ -253,7 +253,7 @@ def draw(folder: Path, seeds: int) -> None:
         )
         if factor == 1.0:
             errors.plot(t, rms, color=colour, label=f"RMS of {seeds} drives")
-            errors.plot(t, sigma, "--", color="tab:blue", label="stated by gtsam")
+            errors.plot(t, sigma, "--", color="tab:blue", label="as gtsam says")
         nees.plot(t, found.mean(axis=0), color=colour, label=f"stated covariance: {name}")
         end = int(np.searchsorted(t, sum(OUTAGE) - 1.5))  # the last second without a fix
         print(
@@ -262,16 +262,13 @@ def draw(folder: Path, seeds: int) -> None:
             f"band {low:.2f} to {high:.2f}"
         )
     errors.set(
-        xlabel="time [s]",
-        ylabel="position error [m]",
-        yscale="log",
-        title="error with an outage of 30 s",
+        xlabel="time [s]", ylabel="position error [m]", yscale="log", title="an outage of 30 s"
     )
     nees.axhspan(low, high, color="tab:green", alpha=0.2, label="95 % of chi-square")
     nees.set(xlabel="time [s]", ylabel="mean NEES, 3 dof", ylim=(0.0, None), title="consistency")
     for axes in (errors, nees):
         axes.axvspan(OUTAGE[0], sum(OUTAGE), color="grey", alpha=0.15)
-        axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(0.0, -0.15), ncols=3)
+        axes.legend(fontsize=8)
         axes.grid(alpha=0.3)
     figure.savefig(folder / "gnss_filter.png", dpi=100)
 
