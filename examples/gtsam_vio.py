@@ -59,7 +59,7 @@ class Estimator:
         self._preintegration = gtsam.PreintegratedCombinedMeasurements(
             gtsam_noise.imu_noise(parameters)
         )
-        self._cameras = [_Camera(camera) for camera in cameras]
+        self._cameras = [CameraFactors(camera) for camera in cameras]
         settings = gtsam.ISAM2Params()
         settings.setFactorization("QR")  # Cholesky stops with an indeterminate system
         settings.relinearizeSkip = 1
@@ -185,7 +185,7 @@ class Estimator:
         return point
 
 
-class _Camera:
+class CameraFactors:
     """A camera's model in gtsam's terms."""
 
     def __init__(self, camera: CameraParameters) -> None:
