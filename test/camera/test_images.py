@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small_camera import SMALL_CAMERA
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
@@ -22,14 +23,7 @@ from imu_sim_ros.sensors.camera.images.texture import LEVELS, atlas
 from imu_sim_ros.sensors.camera.scene_parameters import CloudParameters
 
 SMALL = {
-    "camera__width": 188,
-    "camera__height": 120,
-    "camera__intrinsics": [114.7, 114.3, 91.8, 62.1],
-    "camera__distortion_model": "radtan",
-    "camera__distortion": [-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05],
-    "camera__mounting": [0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0],
-    "camera__rate": 20.0,
-    "camera__read_noise": 0.0,
+    **SMALL_CAMERA,
     "scene__size": [5.0, 4.0, 2.6],
     "scene__center": [0.0, 0.0, 1.0],
     "scene__horizon": 10.0,

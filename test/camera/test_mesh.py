@@ -5,6 +5,7 @@
 
 import numpy as np
 import pytest
+from small_camera import SMALL_CAMERA
 
 from imu_sim_ros import rotation
 from imu_sim_ros.commands import generate
@@ -22,18 +23,7 @@ pytest.importorskip("embreex")
 
 from meshes import checkerboard, met, quads, room, textured  # noqa: E402 - after trimesh
 
-SMALL = {
-    "camera__width": 188,
-    "camera__height": 120,
-    "camera__intrinsics": [114.7, 114.3, 91.8, 62.1],
-    "camera__distortion_model": "radtan",
-    "camera__distortion": [-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05],
-    "camera__mounting": [0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0],
-    "camera__rate": 20.0,
-    "camera__read_noise": 0.0,
-    "scene__type": "mesh",
-    "scene__horizon": 10.0,
-}
+SMALL = {**SMALL_CAMERA, "scene__type": "mesh", "scene__horizon": 10.0}
 LENSES = {
     "radtan": {},
     "equidistant": {

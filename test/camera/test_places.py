@@ -7,6 +7,7 @@ import hashlib
 
 import numpy as np
 import pytest
+from small_camera import SMALL_CAMERA
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
@@ -28,17 +29,7 @@ from imu_sim_ros.trajectory.kinds import Waypoints
 from imu_sim_ros.trajectory.parameters import TourParameters
 from imu_sim_ros.trajectory.tour import tour, waypoints
 
-SMALL = {
-    "camera__width": 188,
-    "camera__height": 120,
-    "camera__intrinsics": [114.7, 114.3, 91.8, 62.1],
-    "camera__distortion_model": "radtan",
-    "camera__distortion": [-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05],
-    "camera__mounting": [0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0],
-    "camera__rate": 20.0,
-    "camera__read_noise": 0.0,
-    "scene__horizon": 10.0,
-}
+SMALL = {**SMALL_CAMERA, "scene__horizon": 10.0}
 TEXTURES = {}
 
 

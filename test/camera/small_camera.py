@@ -1,0 +1,15 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Parameters of a quarter of EuRoC's cam0, without noise: images of it take little time."""
+
+SMALL_CAMERA = {
+    "camera__width": 188,
+    "camera__height": 120,
+    "camera__intrinsics": [114.7, 114.3, 91.8, 62.1],
+    "camera__distortion_model": "radtan",
+    "camera__distortion": [-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05],
+    "camera__mounting": [0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0],
+    "camera__rate": 20.0,
+    "camera__read_noise": 0.0,
+}
