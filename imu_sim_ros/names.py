@@ -20,16 +20,22 @@ def suggestion(name: object, known: Iterable[str], otherwise: str | None = None)
     :param known: the names that exist.
     :param otherwise: said if none of them is near; None: ``must be one of`` all of them.
     """
+    known = list(known)
+    near = nearest(name, known)
+    every = f"must be one of {', '.join(known)}" if otherwise is None else otherwise
+    if near is None:
+        return every
+    hint = f"did you mean {near}?"
+    return f"{every}; {hint}" if otherwise is None and len(known) <= _MAX_LISTED else hint
+
+
+def nearest(name: object, known: Iterable[str]) -> str | None:
+    """Return the name most like another one; None: none is."""
     import difflib  # nobody needs it who types well
 
-    known = list(known)
-    lower = {each.lower(): each for each in reversed(known)}
+    lower = {each.lower(): each for each in reversed(list(known))}
     near = difflib.get_close_matches(str(name)[:_LONGEST].lower(), lower, n=1)
-    every = f"must be one of {', '.join(known)}" if otherwise is None else otherwise
-    if not near:
-        return every
-    hint = f"did you mean {lower[near[0]]}?"
-    return f"{every}; {hint}" if otherwise is None and len(known) <= _MAX_LISTED else hint
+    return lower[near[0]] if near else None
 
 
 def shown(value: object) -> str:

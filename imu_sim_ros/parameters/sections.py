@@ -121,7 +121,8 @@ def build(cls: type[_T], values: Mapping[str, object]) -> _T:
     """Return the section with the given values and the defaults of all others.
 
     A section may have ``passed_over()``: parameters by name that it has no use for. Their values,
-    and those of ROS' own parameters, are checked and left.
+    and those of ROS' own parameters, are checked and left. It may have ``elsewhere(name)``: the end
+    of the line about a name in a section that does not exist; None: the usual one.
 
     :param values: by dotted name, as :func:`imu_sim_ros.parameters.files.load` returns them.
     :raises ConfigurationError: with a line for every unknown name and every bad value.
@@ -131,7 +132,10 @@ def build(cls: type[_T], values: Mapping[str, object]) -> _T:
     unused = {**OF_EVERY_NODE, **getattr(cls, "passed_over", dict)()}
     unused = {name: parameter for name, parameter in unused.items() if name not in known}
     every = known.keys() | unused.keys()
-    problems += [unknown(n, known) for n in values if n not in every and not is_of_ros(n)]
+    elsewhere = getattr(cls, "elsewhere", None)
+    problems += [
+        unknown(n, known, elsewhere) for n in values if n not in every and not is_of_ros(n)
+    ]
     problems += bad_values(unused, values)
     parsed: dict[str, Value] = {}
     for name, parameter in known.items():
@@ -261,12 +265,18 @@ def section_names(parameter: str, names: Iterable[object], taken: Collection[str
     return result
 
 
-def unknown(name: str, known: Mapping[str, object]) -> str:
-    """Return the line for a name that does not exist, with the nearest one that does."""
-    usual = "see the parameter reference for all names"
+def unknown(
+    name: str, known: Mapping[str, object], elsewhere: Callable[[str], str | None] | None = None
+) -> str:
+    """Return the line for a name that does not exist, with the nearest one that does.
+
+    :param elsewhere: returns the hint for a name in a section that does not exist, or None.
+    """
     section, dot, _ = name.partition(".")
-    if dot and "sensors" in known and not any(each.startswith(f"{section}.") for each in known):
-        usual += f"; those of a sensor need its name in sensors, as in sensors: [{section}]"
-    alike = [each for each in known if "." in each] if dot else known
-    hint = suggestion(name, alike, usual)
+    hint = None
+    if dot and elsewhere is not None and not any(one.startswith(f"{section}.") for one in known):
+        hint = elsewhere(name)
+    if hint is None:
+        alike = [each for each in known if "." in each] if dot else known
+        hint = suggestion(name, alike, "see the parameter reference for all names")
     return f"{name}: unknown parameter; {hint}"

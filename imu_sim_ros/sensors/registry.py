@@ -93,6 +93,11 @@ def all_sensors() -> "tuple[list[Sensor], list[str]]":
     return found, problems
 
 
+def is_known(name: str) -> bool:
+    """Return whether there is a sensor of the body of this name; entry points are looked up."""
+    return name in CARRIED or name in _REGISTERED or name in _offered()
+
+
 def sections(names: Iterable[str]) -> dict[str, type]:
     """Return the sections of parameters of sensors of the body, by name.
 

@@ -11,17 +11,18 @@ from typing import Any, Final
 
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.names import nearest
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.parameters.included import names
 from imu_sim_ros.parameters.kinds import entries, texts
-from imu_sim_ros.parameters.sections import section, variant
+from imu_sim_ros.parameters.sections import parameters, section, variant
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.presets import barometer_layer, sensor_layer
 from imu_sim_ros.sensors.orientation.parameters import MODEL_ERRORS
 from imu_sim_ros.sensors.own_rate_parameters import LARGEST_JITTER_SIGMA
-from imu_sim_ros.sensors.registry import find_sensor, sections
+from imu_sim_ros.sensors.registry import find_sensor, is_known, sections
 from imu_sim_ros.timebase import exact_rate
 from imu_sim_ros.trajectory.parameters import (
     TrajectoryParameters,
@@ -91,6 +92,37 @@ class SimulationParameters(SampledParameters):
 
     trajectory: TrajectoryParameters = variant("type", "static", find_trajectory)
     imu: ImuParameters = section(ImuParameters)
+
+    @staticmethod
+    def elsewhere(name: str) -> str | None:
+        """Return where a parameter belongs whose section does not exist; None: that is not known.
+
+        The section may be that of a sensor or a camera that was not switched on. A camera's
+        parameter may be written as if ``cameras``, or the camera, were its section.
+        """
+        section, _, rest = name.partition(".")
+        if is_known(section):
+            return f"those of a sensor need its name in sensors, as in sensors: [{section}]"
+        if rest.startswith("camera."):
+            return f"there is no camera {section}; name it in cameras"
+        if section == "cameras":
+            camera, _, last = rest.replace(".camera.", ".").rpartition(".")
+            return _of_camera(camera, last)
+        return _of_camera(section, rest) if section.startswith("cam") else None
+
+
+def _of_camera(camera: str, name: str) -> str | None:
+    """Return a hint at the full name of a camera's parameter; None: none is alike.
+
+    :param camera: whose it is; empty: that of all cameras.
+    """
+    from imu_sim_ros.sensors.camera.parameters import CameraParameters  # most runs have none
+
+    near = nearest(name, parameters(CameraParameters))
+    if near is None:
+        return None
+    own = f"{camera}.camera.{near}, or " if camera else ""
+    return f"did you mean {own}camera.{near}{' for all cameras' if camera else ''}?"
 
 
 def carried_names(given: Mapping[str, object]) -> tuple[str, ...]:

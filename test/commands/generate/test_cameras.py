@@ -156,6 +156,20 @@ def test_the_files_of_vio_data_simulation(tmp_path):
             "--format vio_data_simulation --camera euroc_cam0 --camera euroc_cam1",
             "has room for one camera, not 2",
         ),
+        *(
+            (f"--camera euroc_cam0 --set {name}=2", f"{name}: unknown parameter; {hint}")
+            for name, hint in {
+                "cameras.cam1.supersampling": "did you mean cam1.camera.supersampling, or "
+                "camera.supersampling for all cameras?",
+                "cameras.cam0.camera.rat": "did you mean cam0.camera.rate, or camera.rate for all",
+                "cameras.supersampling": "did you mean camera.supersampling?",
+                "cam0.supersampling": "did you mean cam0.camera.supersampling, or",
+                "cam1.camera.supersampling": "there is no camera cam1; name it in cameras",
+                "cameras.cam0.gravity_of_mars": "see the parameter reference",
+                "gnss.rate": "those of a sensor need its name in sensors, as in sensors: [gnss]",
+                "imuu.jitter": "did you mean imu.jitter?",
+            }.items()
+        ),
     ],
 )
 def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, capsys, words, message):
