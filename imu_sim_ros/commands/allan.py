@@ -9,25 +9,24 @@ Allan curve; see imu_sim_ros.calibration.
 
 import argparse
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from imu_sim_ros import program
-from imu_sim_ros.bags.read import ImuMessages, imu_blocks, open_bag
-from imu_sim_ros.calibration.noise import noise_files, truth
-from imu_sim_ros.calibration.noise.analysis import MODELS, AllanResult, analyse
+from imu_sim_ros.bags.read import open_bag
+from imu_sim_ros.calibration.noise.analysis import MODELS, AllanResult
 from imu_sim_ros.calibration.noise.estimate import Estimate
 from imu_sim_ros.calibration.noise.terms import quantity
+from imu_sim_ros.calibration.noise.truth import Comparison, load_truth
 from imu_sim_ros.commands.inputs import add_skip_bad_rows, skipped_rows
 from imu_sim_ros.commands.outputs import add_force, outputs
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.jobs.allan import FILES, Noise, of_files, write_files
 
-_CONFIGURATIONS = ("kalibr_imu.yaml", "imu_utils.yaml", "imu_utils_continuous.yaml", "imu.yaml")
-_FILES = ("allan.csv", *_CONFIGURATIONS, "allan.png")
 _OPTIONAL = ("quantisation", "rate_ramp")
 EXAMPLES: Final = """
 allan rest.mcap -o allan
@@ -79,43 +78,38 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def allan(arguments: argparse.Namespace) -> None:
     """Analyse, write the files and print."""
+    if arguments.truth:
+        load_truth(arguments.truth)  # before the work begins
     written = outputs(arguments)
     folder = arguments.output or Path("allan")
-    staging = None if arguments.no_files else written.add_files(folder, _FILES)
+    staging = None if arguments.no_files else written.add_files(folder, FILES)
     with written:
-        result, comparisons = _analysed(arguments, staging)
+        found = _analysed(arguments)
+        comparisons = found.compare(arguments.truth) if arguments.truth else []
+        if staging is not None:
+            write_files(found, staging, arguments.topic or "/imu0")
     if staging is not None:
-        for name in set(_FILES) - _written(result):  # replaced by nothing: of an earlier record
+        for name in set(FILES) - set(found.files):  # replaced by nothing: of an earlier record
             (folder / name).unlink(missing_ok=True)
     if arguments.json:
-        program.print_json(_json(result, comparisons))
+        compared = {"truth": [one.to_dict() for one in comparisons]} if comparisons else {}
+        program.print_json({**found.to_dict(), **compared})
     elif not arguments.quiet:
-        files = [] if arguments.no_files else [folder / name for name in sorted(_written(result))]
-        _print(result, comparisons, files)
+        files = [] if arguments.no_files else [folder / name for name in found.files]
+        _print(found.result, comparisons, files)
 
 
-def _analysed(
-    arguments: argparse.Namespace, folder: Path | None
-) -> tuple[AllanResult, Sequence[truth.Comparison]]:
-    """Analyse, and write the files into a folder."""
-    true_imu = truth.load_truth(arguments.truth) if arguments.truth else None
+def _analysed(arguments: argparse.Namespace) -> Noise:
     count = sum(_count(bag, arguments.topic) for bag in arguments.bags)
     with program.progress("read", count, arguments.quiet or arguments.json) as advance:
-        result = analyse(
-            _blocks(arguments),
-            model=arguments.model,
-            force=arguments.skip_checks,
-            advance=advance,
+        return of_files(
+            arguments.bags,
+            arguments.model,
+            arguments.skip_checks,
+            arguments.topic,
+            lambda path: skipped_rows(arguments, "allan", path),
+            advance,
         )
-    comparisons = [] if true_imu is None else truth.compare(result, true_imu)
-    if folder is not None:
-        _write(result, folder, arguments)
-    return result, comparisons
-
-
-def _written(result: AllanResult) -> set[str]:
-    """Return the files that a result has: configurations need a number for every axis."""
-    return set(_FILES) - set(_CONFIGURATIONS if result.reasons else ())
 
 
 def _count(path: Path, topic: str | None) -> int:
@@ -133,69 +127,7 @@ def _count(path: Path, topic: str | None) -> int:
         return 0
 
 
-def _blocks(arguments: argparse.Namespace) -> Iterator[Iterator[ImuMessages]]:
-    for bag in arguments.bags:
-        yield imu_blocks(bag, arguments.topic, skipped=skipped_rows(arguments, "allan", bag))
-
-
-def _write(result: AllanResult, output: Path, arguments: argparse.Namespace) -> None:
-    """Write the files of ``_FILES``; no configurations if an axis is not analysed."""
-    from imu_sim_ros.plots import allan as picture
-
-    source = ", ".join(str(bag) for bag in arguments.bags)
-    noise_files.write_csv(result, output / "allan.csv")
-    picture.draw(result, output / "allan.png", ", ".join(bag.name for bag in arguments.bags))
-    if result.reasons:
-        return
-    noise_files.write_kalibr(result, output / "kalibr_imu.yaml", arguments.topic or "/imu0")
-    for name, continuous in (("imu_utils.yaml", False), ("imu_utils_continuous.yaml", True)):
-        noise_files.write_imu_utils(result, output / name, continuous=continuous)
-    noise_files.write_parameters(result, output / "imu.yaml", source)
-
-
-def _json(result: AllanResult, comparisons: Sequence[truth.Comparison]) -> Mapping[str, Any]:
-    timing = result.timing
-    values: dict[str, Any] = {
-        "rate_hz": timing.rate,
-        "duration_s": result.duration,
-        **{
-            name: {key: _json_term(result, k, key) for key in result.keys}
-            for k, name in enumerate(TRIADS)
-        },
-        "not_analysed": result.reasons,
-        "model": result.model,
-        "jitter_s": timing.jitter,
-        "lost": timing.lost,
-        "gaps": timing.gaps,
-        "warnings": list(result.warnings),
-    }
-    if comparisons:
-        values["truth"] = [
-            {
-                "triad": TRIADS[c.axis // 3],
-                "axis": "xyz"[c.axis % 3],
-                "parameter": c.key,
-                "truth": c.truth,
-                "covered": c.covered,
-            }
-            for c in comparisons
-        ]
-    return values
-
-
-def _json_term(result: AllanResult, triad: int, key: str) -> Mapping[str, Any]:
-    found = [result.estimate(3 * triad + k, key) for k in range(3)]
-    known = [result.noise[3 * triad + k] is not None for k in range(3)]
-    return {
-        "value": [e.value for e in found],
-        "low": [e.low if there else None for e, there in zip(found, known, strict=True)],
-        "high": [e.high if there else None for e, there in zip(found, known, strict=True)],
-    }
-
-
-def _print(
-    result: AllanResult, comparisons: Sequence[truth.Comparison], files: Sequence[Path]
-) -> None:
+def _print(result: AllanResult, comparisons: Sequence[Comparison], files: Sequence[Path]) -> None:
     timing = result.timing
     print(f"{result.record}, stamp jitter {timing.jitter * 1e3:.3g} ms, {timing.lost} samples lost")
     for warning in result.warnings:
@@ -213,7 +145,7 @@ def _print(
 
 
 def _print_triad(
-    result: AllanResult, triad: int, by_place: Mapping[tuple[int, str], truth.Comparison]
+    result: AllanResult, triad: int, by_place: Mapping[tuple[int, str], Comparison]
 ) -> None:
     """Print the terms of one sensor, each axis with its interval, then in data sheets' units."""
     header = ["", "axis", "value", "95 % interval", *(["truth", "covered"] if by_place else [])]
@@ -246,7 +178,7 @@ def _value_and_interval(found: Estimate, factor: float = 1.0) -> list[str]:
     return [f"{found.value * factor:.4g}", interval]
 
 
-def _truth_columns(comparison: truth.Comparison | None) -> list[str]:
+def _truth_columns(comparison: Comparison | None) -> list[str]:
     if comparison is None:
         return ["", ""]
     return [f"{comparison.truth:.4g}", "yes" if comparison.covered else "NO"]

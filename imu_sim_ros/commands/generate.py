@@ -17,7 +17,7 @@ from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets.camera_outputs import FORMATS
 from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.jobs.generate import GenerateOptions, Setup, camera_layer, write
-from imu_sim_ros.jobs.output import Form, Watcher
+from imu_sim_ros.jobs.output import Watcher
 from imu_sim_ros.machine import cores
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors import CARRIED, catalogue
@@ -160,17 +160,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def generate(arguments: argparse.Namespace) -> None:
     """Write the requested output."""
     setup = Setup.load(_layers(arguments))
-    bag_output.form(arguments)  # a line for each option that does not fit
+    form = bag_output.whole_form(arguments)
     written = outputs(arguments, setup.values().values())
-    form = Form(
-        arguments.format,
-        arguments.storage,
-        arguments.compression,
-        arguments.split_duration,
-        arguments.split_size,
-        [name for name in arguments.topics.split(",") if name],
-        dict(arguments.topic),
-    )
     options = GenerateOptions(arguments.imu_only, arguments.with_configs, arguments.jobs)
     reader = PoseReader(arguments, "generate")
     _report(

@@ -104,18 +104,15 @@ def add_errors_to_file(
     Every other message of a bag stays as it is, byte for byte.
 
     :param source: ROS 1 bag, ``.mcap``, rosbag2 folder, EuRoC folder or CSV file.
-    :param output: as for :func:`generate`.
     :param input_topic: the ideal readings, or odometry; by default the only sensor_msgs/Imu.
     :param topics: what is added; by default ``imu/data_raw`` and the true biases.
     :param without: topics of the source that are left out.
     :param format: a dataset in place of a bag: ``euroc``, ``csv``.
-    :param storage: of a bag, ``mcap``, ``sqlite3`` or ``ros1``; ``compression``: ``none``, ...
-    :param split_duration: [s] of one file, and ``split_size`` [bytes]; 0: all.
-    :param rename: another name in the bag for a topic.
     :param skip_bad_rows: leave out readings that are not finite or not possible.
-    :param force: replace what exists, but never the source.
 
-    The other arguments are those of :func:`add_errors`.
+    The other arguments that concern the output (``output``, ``storage``, ``compression``,
+    ``split_duration``, ``split_size``, ``rename``, ``force``) are those of :func:`generate`, all
+    others those of :func:`add_errors`.
 
     :returns: what was written: path, messages of each topic, what happened to the readings.
     :raises ConfigurationError: with a line for each problem with an argument or a parameter.

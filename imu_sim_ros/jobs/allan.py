@@ -5,17 +5,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imu_sim_ros import arguments
-from imu_sim_ros.calibration.noise import noise_files
+from imu_sim_ros.calibration.noise import noise_files, truth
 from imu_sim_ros.calibration.noise.analysis import MODELS, AllanResult, analyse
 from imu_sim_ros.calibration.noise.terms import quantity
+from imu_sim_ros.calibration.noise.truth import Comparison
 from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.output import checked_place, saved
@@ -23,6 +26,7 @@ from imu_sim_ros.jobs.readings import BAG_OR_FILE, Readings, name_of
 from imu_sim_ros.types import Array
 
 if TYPE_CHECKING:
+    from imu_sim_ros.inputs.rows import Skipped
     from imu_sim_ros.plots.style import Figure
 
 
@@ -39,6 +43,15 @@ class Estimated:
     axis that is not analysed."""
     unit: str
 
+    def to_dict(self) -> dict[str, list[float | None]]:
+        """Return value and interval of each axis; None if there is none."""
+        known = np.isfinite(self.high)
+        return {
+            "value": _or_none(self.value, np.isfinite(self.value)),
+            "low": _or_none(self.low, known),
+            "high": _or_none(self.high, known),
+        }
+
     def __repr__(self) -> str:
         axes = [
             _in_words(value, low, high)
@@ -46,6 +59,10 @@ class Estimated:
         ]
         named = (f"{axis} {words}" for axis, words in zip(AXES, axes, strict=True))
         return f"<Estimated {', '.join(named)} {self.unit}>"
+
+
+def _or_none(values: Array, known: NDArray[np.bool_]) -> list[float | None]:
+    return [float(v) if there else None for v, there in zip(values, known, strict=True)]
 
 
 def _in_words(value: float, low: float, high: float) -> str:
@@ -89,7 +106,9 @@ class Noise:
     warnings: tuple[str, ...]
     result: AllanResult
     name: str = ""
-    """Name of the sensor or the file, for titles."""
+    """Name of the sensor or the files, for titles."""
+    source: str = ""
+    """Paths of the files, for comments."""
 
     def __repr__(self) -> str:
         density = np.nanmean(self.gyroscope.noise_density.value)
@@ -105,10 +124,42 @@ class Noise:
 
         return pictures.figure(self.result, self.name)
 
-    def save(self, path: str | Path, topic: str = "/imu0", *, force: bool = False) -> Path:
-        """Write a file that takes these values; returns its path.
+    def to_dict(self) -> dict[str, Any]:
+        """Return rate, parameters, timing and warnings in plain types, as ``--json`` prints them.
 
-        :param path: ``.csv``: the Allan deviation; ``.yaml``: kalibr's imu.yaml.
+        A value that the data cannot distinguish from zero is None, as is all of an axis that is not
+        analysed.
+        """
+        timing = self.result.timing
+        triads = zip(TRIADS, (self.gyroscope, self.accelerometer), strict=True)
+        return {
+            "rate_hz": self.rate,
+            "duration_s": self.duration,
+            **{name: {key: one.to_dict() for key, one in t.all.items()} for name, t in triads},
+            "not_analysed": self.result.reasons,
+            "model": self.result.model,
+            "jitter_s": timing.jitter,
+            "lost": timing.lost,
+            "gaps": timing.gaps,
+            "warnings": list(self.warnings),
+        }
+
+    def compare(self, imu: str | Path) -> list[Comparison]:
+        """Return whether each interval contains the truth, for the sensor that was simulated.
+
+        :param imu: a name in config/imus or a parameter file.
+        :raises ConfigurationError: for a sensor that does not exist or does not fit.
+        """
+        path = arguments.path("imu", imu, "a name or the path of a file")
+        return truth.compare(self.result, truth.load_truth(str(path)))
+
+    def save(self, path: str | Path, topic: str = "/imu0", *, force: bool = False) -> Path:
+        """Write a file that takes these values, or a folder with all of them; returns its path.
+
+        :param path: ``.csv``: the Allan deviation; ``.png``: the picture of :meth:`plot`;
+            ``.yaml``: kalibr's imu.yaml; a name without suffix: a folder with these, both forms
+            of imu_utils, and the parameters of ``simulator``. There are no configurations in it if
+            an axis is not analysed.
         :param topic: of kalibr's file.
         :param force: replace what exists.
         :raises InputError: for a path that cannot be used or exists, and for kalibr's file where
@@ -117,15 +168,58 @@ class Noise:
         path = checked_place(path, force)
         arguments.text("topic", topic, "the name of a topic")
         with saved(path, force) as place:
-            if path.suffix == ".csv":
+            if not path.suffix:
+                place.mkdir()
+                write_files(self, place, topic)
+            elif path.suffix == ".csv":
                 noise_files.write_csv(self.result, place)
+            elif path.suffix == ".png":
+                _draw(self, place)
             else:
                 noise_files.write_kalibr(self.result, place, topic)
         return path
 
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Names of the files of a folder; configurations need a number for every axis."""
+        without = _CONFIGURATIONS if self.result.reasons else ()
+        return tuple(name for name in sorted(FILES) if name not in without)
+
+
+_CONFIGURATIONS: Final = (
+    "kalibr_imu.yaml",
+    "imu_utils.yaml",
+    "imu_utils_continuous.yaml",
+    "imu.yaml",
+)
+FILES: Final = ("allan.csv", *_CONFIGURATIONS, "allan.png")
+"""What an analysis writes to a folder."""
+
+
+def write_files(noise: Noise, folder: Path, topic: str) -> None:
+    """Write all that an analysis gives, :attr:`Noise.files`, to a folder that exists.
+
+    :param topic: of kalibr's file.
+    """
+    result = noise.result
+    noise_files.write_csv(result, folder / "allan.csv")
+    _draw(noise, folder / "allan.png")
+    if result.reasons:
+        return
+    noise_files.write_kalibr(result, folder / "kalibr_imu.yaml", topic)
+    for name, continuous in (("imu_utils.yaml", False), ("imu_utils_continuous.yaml", True)):
+        noise_files.write_imu_utils(result, folder / name, continuous=continuous)
+    noise_files.write_parameters(result, folder / "imu.yaml", noise.source or noise.name)
+
+
+def _draw(noise: Noise, path: Path) -> None:
+    from imu_sim_ros.plots import allan as pictures
+
+    pictures.draw(noise.result, path, noise.name)
+
 
 def allan(
-    source: Flight | Readings | str | Path,
+    source: Flight | Readings | str | Path | Sequence[str | Path],
     *,
     model: str = "standard",
     force: bool = False,
@@ -133,7 +227,8 @@ def allan(
 ) -> Noise:
     """Return the noise parameters of an IMU at rest, with confidence.
 
-    :param source: a flight, readings, or a file that :func:`imu_sim_ros.read_imu` reads.
+    :param source: a flight, readings, a file that :func:`imu_sim_ros.read_imu` reads, or several
+        files of one IMU, which are combined.
     :param model: ``standard`` (quantisation, white noise, flicker, walk, ramp as far as the data
         show them) or ``gauss_markov``.
     :param force: continue when a check of the data fails.
@@ -148,15 +243,39 @@ def allan(
     """
     arguments.one_of("model", model, MODELS)
     arguments.switch("force", force)
-    if isinstance(source, str | PathLike):  # piece by piece: these records are long
-        from imu_sim_ros.bags.read import imu_blocks
+    if isinstance(source, str | PathLike | Sequence):  # piece by piece: these records are long
+        given: Any = [source] if isinstance(source, str | PathLike) else source
+        paths = [arguments.path("source", one, BAG_OR_FILE) for one in given]
+        if not paths:
+            arguments.refuse("source", source, BAG_OR_FILE)
+        return of_files(paths, model, force, arguments.topic("topic", topic))
+    readings = readings_of("source", source, topic)
+    return _named(analyse([[readings]], model=model, force=force), readings.name)
 
-        path = arguments.path("source", source, BAG_OR_FILE)
-        name, blocks = name_of(path), imu_blocks(path, arguments.topic("topic", topic))
-        result = analyse([blocks], model=model, force=force)
-    else:
-        readings = readings_of("source", source, topic)
-        name, result = readings.name, analyse([[readings]], model=model, force=force)
+
+def of_files(
+    paths: Sequence[Path],
+    model: str = "standard",
+    force: bool = False,
+    topic: str | None = None,
+    skipped: Callable[[Path], Skipped | None] = lambda path: None,
+    advance: Callable[[int], None] = lambda count: None,
+) -> Noise:
+    """Return the noise parameters of an IMU from files of it at rest.
+
+    :param skipped: returns who receives how many bad rows of a file are skipped; None: they are
+        errors.
+    :param advance: called with the number of messages read.
+    :raises InputError: as for :func:`allan`.
+    """
+    from imu_sim_ros.bags.read import imu_blocks
+
+    blocks = (imu_blocks(path, topic, skipped=skipped(path)) for path in paths)
+    result = analyse(blocks, model=model, force=force, advance=advance)
+    return _named(result, ", ".join(map(name_of, paths)), ", ".join(map(str, paths)))
+
+
+def _named(result: AllanResult, name: str, source: str = "") -> Noise:
     gyroscope, accelerometer = (_triad(result, k) for k in range(2))
     return Noise(
         gyroscope,
@@ -167,6 +286,7 @@ def allan(
         result.warnings,
         result,
         name,
+        source,
     )
 
 

@@ -119,18 +119,14 @@ def convert(
     """Write a bag or dataset in another form, as the program ``convert_bag`` does.
 
     :param source: ROS 1 bag, ``.mcap``, rosbag2 folder, EuRoC folder, CSV or TUM file.
-    :param output: as for :func:`generate`.
     :param format: a dataset in place of a bag: ``euroc``, ``csv``, ``tum``.
-    :param storage: ``mcap``, ``sqlite3`` or ``ros1``; by default the one that the name implies.
-    :param compression: of chunks: ``none``, ``lz4``, ``zstd`` (mcap), ``bz2`` (ros1).
-    :param split_duration: [s] of one file; 0: all.
-    :param split_size: [bytes] of one file; 0: all.
     :param topics: those to convert; by default all.
-    :param rename: another name in the bag for a topic.
     :param images: messages for a folder's images: ``raw``, ``compressed``, ``both``, ``none``.
     :param recover: recover all complete messages of an interrupted or damaged bag.
     :param skip_bad_rows: leave out readings and poses that are not finite or not possible.
-    :param force: replace what exists, but never the source.
+
+    The other arguments are those of :func:`generate`.
+
     :returns: paths and numbers of messages of the output.
     :raises ConfigurationError: with a line for each invalid argument.
     :raises InputError: for a source that cannot be read, and an output that cannot be written.

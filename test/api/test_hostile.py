@@ -194,6 +194,7 @@ VALID = {
     "flight.save": (lambda w: w.place, []),
     "track.save": (lambda w: w.place, []),
     "noise.save": (lambda w: w.place, []),
+    "noise.compare": (lambda w: {"imu": "lecture"}, []),
     "calibration.save": (lambda w: w.place, []),
     "calibration.to_dict": (lambda w: {"imu": "perfect"}, []),
     "calibration.true_values": (lambda w: {"imu": "perfect"}, []),

@@ -67,6 +67,18 @@ def test_allan_is_the_commands_and_covers_the_truth(tmp_path, capsys):
                 np.testing.assert_allclose(getattr(found, side), told[triad][key][side], rtol=1e-9)
             values = [np.nan if v is None else v for v in told[triad][key]["value"]]
             np.testing.assert_allclose(found.value, values, rtol=1e-9)
+    assert told == ims.allan(bag).to_dict()
+    assert noise.save(tmp_path / "one.png").read_bytes()[:4] == b"\x89PNG"
+    assert allan([str(bag), str(bag), "-o", str(tmp_path / "two"), "--quiet"]) == 0
+    both = ims.allan([bag, bag])
+    assert both.duration == 2.0 * noise.duration
+    folder = both.save(tmp_path / "both")
+    assert sorted(file.name for file in folder.iterdir()) == list(both.files)
+    for name in set(both.files) - {"allan.png"}:
+        assert (folder / name).read_text() == (tmp_path / "two" / name).read_text()
+    # 18 intervals of 95 % that are not independent: half of them miss by a mistake only.
+    covered = [one.covered for one in noise.compare("adis16448")]
+    assert sum(covered) > len(covered) / 2
     kalibr = noise.save(tmp_path / "imu.yaml").read_text()
     assert "gyroscope_noise_density" in kalibr
     assert "rad/s/sqrt(Hz)" in repr(noise.gyroscope.noise_density)

@@ -3,7 +3,7 @@
 
 """Comparison of recovered and true parameters."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from imu_sim_ros.calibration.noise.analysis import AllanResult
 from imu_sim_ros.calibration.noise.estimate import Estimate
 from imu_sim_ros.calibration.noise.gauss_markov import CORRELATION_TIME, SIGMA
 from imu_sim_ros.calibration.noise.terms import QUANTISATION
-from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
@@ -27,6 +27,16 @@ class Comparison(NamedTuple):
     truth: float
     estimate: Estimate
     covered: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it in plain types, as ``--json`` prints it."""
+        return {
+            "triad": TRIADS[self.axis // 3],
+            "axis": AXES[self.axis % 3],
+            "parameter": self.key,
+            "truth": self.truth,
+            "covered": self.covered,
+        }
 
 
 def load_truth(path: str) -> ImuParameters:
