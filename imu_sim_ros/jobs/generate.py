@@ -176,10 +176,8 @@ def generate(
     :param cameras: names in config/cameras or parameter files: cam0, cam1, ... in this order.
     :param scene: scene of the cameras: a name in config/scenes, a parameter file, or points.
     :param format: a dataset in place of a bag: ``euroc``, ``csv``, ``tum``, ``tracks``, ...
-    :param storage: ``mcap``, ``sqlite3`` or ``ros1``; by default the one that the name implies.
-    :param compression: of chunks: ``none``, ``lz4``, ``zstd`` (mcap), ``bz2`` (ros1).
-    :param split_duration: [s] of one file; 0: all.
-    :param split_size: [bytes] of one file; 0: all.
+    :param storage: of a bag, ``mcap``, ``sqlite3`` or ``ros1``; ``compression``: ``none``, ...
+    :param split_duration: [s] of one file, and ``split_size`` [bytes]; 0: all.
     :param topics: by default the readings, ``ground_truth/odom`` and those of other sensors.
     :param imu_only: without the truth.
     :param rename: another name in the bag for a topic, ``{"imu/data_raw": "/imu0"}``.
