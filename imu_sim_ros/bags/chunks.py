@@ -4,7 +4,7 @@
 """Chunked containers: blocks of messages become chunks of records, built by NumPy, and back."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
@@ -12,18 +12,27 @@ from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 
+from imu_sim_ros.bags.merging import (
+    Indexed,
+    Records,
+    Rows,
+    joined_index,
+    merged,
+    parts,
+    repeated,
+    row_by_row,
+)
 from imu_sim_ros.bags.messages.blocks import (
     Payloads,
     RowTemplate,
     as_list,
     as_row_template,
-    side_by_side,
 )
 from imu_sim_ros.bags.messages.layouts import Bytes
 from imu_sim_ros.bags.messages.schemas import Schema
 from imu_sim_ros.bags.outputs import OutputFile
 from imu_sim_ros.bags.threads import Pipeline
-from imu_sim_ros.bags.writer import Block, Topic, Writer, simultaneous, tally, time_order
+from imu_sim_ros.bags.writer import Block, Topic, Writer, simultaneous, time_order
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.machine import cores
 from imu_sim_ros.types import Times
@@ -121,15 +130,6 @@ _SPARE_ROWS: Final = 8
 """Chunks of one emission differ by a row."""
 
 
-class Indexed(NamedTuple):
-    """The messages of one topic in a chunk."""
-
-    topic: Topic
-    t_ns: Times
-    offsets: Times
-    """Offsets of the records in the chunk."""
-
-
 class _Mark(NamedTuple):
     """The state of a file up to which it is complete."""
 
@@ -143,17 +143,9 @@ class _Buffer(NamedTuple):
     """Memory for the rows of a chunk, which have the bytes of a template but for columns."""
 
     template: bytes
-    offsets: list[int]
-    """Offsets of the columns; all other bytes of a row are the template's."""
+    places: tuple[Any, ...]
+    """Where the columns are; all other bytes of a row are the template's."""
     rows: Bytes
-
-
-class _Records(NamedTuple):
-    """n messages of one topic as records of equal size, in the order of time."""
-
-    topic: Topic
-    t_ns: Times
-    rows: RowTemplate
 
 
 class _Job(NamedTuple):
@@ -184,8 +176,8 @@ class ChunkWriter(Writer):
         """Where the file's end begins, once that is being written."""
         self._mark = _Mark(0, 0, [])
         self._buffers: list[_Buffer] = []
-        self._tables: dict[tuple[bytes, tuple[int, ...]], _Buffer] = {}
-        """By the template of their rows and the offsets of the columns."""
+        self._tables: dict[tuple[bytes, tuple[Any, ...]], _Buffer] = {}
+        """By the template of their rows and the places of the columns."""
         self._pipeline: Pipeline[_Job, tuple[_Job, Any]] | None = None
 
     @abstractmethod
@@ -331,10 +323,10 @@ class ChunkWriter(Writer):
             return
         self._emitting = True
         if simultaneous(blocks):
-            self._emit_rows(blocks)
+            table = row_by_row([self._as_records(block) for block in blocks])
+            self._emit_rows(table, max(1, round(table.rows.size / CHUNK_BYTES)))
         elif _mergeable(blocks):
-            for part in _parts([self._as_records(block) for block in blocks]):
-                self._emit_runs(part)
+            self._emit_ordered([self._as_records(block) for block in blocks])
         else:
             self._emit_merged(blocks)
         self._emitting = False
@@ -392,68 +384,70 @@ class ChunkWriter(Writer):
 
     def _buffer(self, table: RowTemplate) -> _Buffer:
         """Return memory for a chunk of some rows."""
-        template, offsets = table.template, [offset for offset, _ in table.columns]
+        kind = table.kind
         while self._buffers:
             buffer = self._buffers.pop()
-            if buffer[:2] == (template, offsets) and len(buffer.rows) >= len(table):
+            if buffer[:2] == kind and len(buffer.rows) >= len(table):
                 return buffer
-        rows = np.empty((len(table) + _SPARE_ROWS, len(template)), np.uint8)
-        rows[:] = np.frombuffer(template, np.uint8)
-        return _Buffer(template, offsets, rows)
+        rows = np.empty((len(table) + _SPARE_ROWS, table.shape[1]), np.uint8)
+        rows[:] = np.frombuffer(table.template, np.uint8)
+        return _Buffer(*kind, rows)
 
-    def _emit_rows(self, blocks: Sequence[Block]) -> None:
-        """Write blocks of different topics with the same times: one message of each in turn."""
-        t_ns = blocks[0].t_ns
-        row_bytes = sum(_bytes(block.payloads) for block in blocks) // len(t_ns)
-        parts = max(1, round(len(t_ns) * row_bytes / CHUNK_BYTES))
-        edges = np.linspace(0, len(t_ns), parts + 1).astype(int).tolist()
+    def _emit_rows(
+        self,
+        table: Rows,
+        chunks: int,
+        before: Sequence[Records] = (),
+        after: Sequence[Records] = (),
+    ) -> None:
+        """Write rows, and what precedes and follows them."""
+        count = len(table.rows)
+        edges = np.linspace(0, count, min(chunks, count) + 1).astype(int).tolist()
         for start, stop in pairwise(edges):
-            chunk = [
-                Block(topic, times[start:stop], payloads[start:stop])
-                for topic, times, payloads in blocks
-            ]
-            patterns = [
-                self._records(topic, topic.count, times, as_row_template(payloads))
-                for topic, times, payloads in chunk
-                if not isinstance(payloads, list)
-            ]
-            table = side_by_side(patterns)
-            buffer = self._buffer(table)
-            rows = buffer.rows[: len(table)]
-            table.fill(rows)
-            starts = np.arange(stop - start, dtype=np.int64) * table.shape[1]
-            first = np.cumsum([0, *(pattern.shape[1] for pattern in patterns[:-1])])
-            index = [
-                Indexed(block.topic, block.t_ns, starts + offset)
-                for block, offset in zip(chunk, first.tolist(), strict=True)
-            ]
-            tally(chunk)
-            self._hand_over(rows.reshape(-1), index, buffer)
+            cut = table.rows[start:stop]
+            buffer = self._buffer(cut)
+            rows = buffer.rows[: len(cut)]
+            cut.fill(rows)
+            content, index = rows.reshape(-1), table.index(start, stop)
+            first, last = before if start == 0 else (), after if stop == count else ()
+            if not (first or last):
+                self._count_and_hand_over(content, index, buffer)
+                continue
+            pieces = [merged(first, self._filled), (content, index), merged(last, self._filled)]
+            begins = np.cumsum([0, *(len(piece) for piece, _ in pieces[:-1])]).tolist()
+            self._count_and_hand_over(
+                np.concatenate([piece for piece, _ in pieces]),
+                joined_index([(at, own) for at, (_, own) in zip(begins, pieces, strict=True)]),
+            )
+            self._buffers.append(buffer)
 
-    def _as_records(self, block: Block) -> _Records:
+    def _emit_ordered(self, records: Sequence[Records]) -> None:
+        """Write records of different topics, each in order, with times of their own."""
+        found = repeated(records, CHUNK_BYTES // 2)
+        if found is not None:
+            chunks = -(-sum(one.rows.size for one in records) // CHUNK_BYTES)
+            self._emit_rows(found.periods, chunks, found.before, found.after)
+            return
+        for part in parts(records, CHUNK_BYTES):
+            self._count_and_hand_over(*merged(part, self._filled))
+
+    def _count_and_hand_over(
+        self, records: Bytes, index: Sequence[Indexed], buffer: _Buffer | None = None
+    ) -> None:
+        """Let a chunk be written whose messages are in order in each topic."""
+        for topic, t_ns, _ in index:
+            topic.add(len(t_ns), int(t_ns[0]), int(t_ns[-1]))
+        self._hand_over(records, index, buffer)
+
+    def _as_records(self, block: Block) -> Records:
         topic, t_ns, payloads = block
         assert not isinstance(payloads, list)
         made = self._records(topic, topic.count, t_ns, as_row_template(payloads))
-        return _Records(topic, t_ns, made)
-
-    def _emit_runs(self, blocks: Sequence[_Records]) -> None:
-        """Write a chunk of blocks of different topics, each in order, with times of their own."""
-        times, made = [block.t_ns for block in blocks], [block.rows for block in blocks]
-        counts, order = [len(one) for one in times], time_order(times)
-        sizes = np.repeat([rows.shape[1] for rows in made], counts)[order]
-        offsets = np.empty(len(order), np.int64)
-        offsets[order] = np.cumsum(sizes) - sizes
-        own = np.split(offsets, np.cumsum(counts[:-1]))
-        index = [
-            Indexed(topic, t_ns, found) for (topic, t_ns, _), found in zip(blocks, own, strict=True)
-        ]
-        for topic, t_ns, _ in blocks:
-            topic.add(len(t_ns), int(t_ns[0]), int(t_ns[-1]))
-        self._hand_over(np.frombuffer(_joined(times, made, self._filled), np.uint8), index)
+        return Records(topic, t_ns, made)
 
     def _filled(self, table: RowTemplate) -> Bytes:
         """Return the rows of a table, in memory that the next one of its kind takes again."""
-        kind = table.template, tuple(offset for offset, _ in table.columns)
+        kind = table.kind
         kept = self._tables.get(kind)
         if kept is None or len(kept.rows) < len(table):
             kept = self._tables[kind] = self._buffer(table)
@@ -510,58 +504,6 @@ def _mergeable(blocks: Sequence[Block]) -> bool:
         and not any(isinstance(block.payloads, list) for block in blocks)
         and all(bool(np.all(block.t_ns[1:] >= block.t_ns[:-1])) for block in blocks)
     )
-
-
-def _parts(blocks: Sequence[_Records]) -> Iterator[list[_Records]]:
-    """Yield blocks in pieces of time that are a chunk each."""
-    longest = max((block.t_ns for block in blocks), key=len)
-    parts = -(-sum(block.rows.size for block in blocks) // CHUNK_BYTES)
-    inner = np.linspace(0, len(longest), parts + 1).astype(int)[1:-1]
-    edges = [np.searchsorted(block.t_ns, longest[inner]).tolist() for block in blocks]
-    cuts = [pairwise([0, *own, len(block.t_ns)]) for own, block in zip(edges, blocks, strict=True)]
-    for spans in zip(*cuts, strict=True):
-        cut = [
-            _Records(topic, t_ns[start:stop], rows[start:stop])
-            for (topic, t_ns, rows), (start, stop) in zip(blocks, spans, strict=True)
-            if stop > start
-        ]
-        if cut:
-            yield cut
-
-
-def _joined(
-    times: Sequence[Times], records: Sequence[RowTemplate], filled: Callable[[RowTemplate], Bytes]
-) -> bytes:
-    """Return records by time; of equal ones, those of the first table first.
-
-    Neighbours with the same times are joined row by row. What then follows each other from the
-    same table is copied at once: an IMU's rows between two fixes.
-
-    :param filled: returns the rows of a table.
-    """
-    tables: list[tuple[Times, list[RowTemplate]]] = []
-    for t_ns, pattern in zip(times, records, strict=True):
-        if tables and _increases(t_ns) and np.array_equal(tables[-1][0], t_ns):
-            tables[-1][1].append(pattern)
-        else:
-            tables.append((t_ns, [pattern]))
-    rows = [filled(side_by_side(patterns)) for _, patterns in tables]
-    order, counts = time_order([t_ns for t_ns, _ in tables]), [len(one) for one in rows]
-    owner = np.repeat(np.arange(len(rows)), counts)[order]
-    row = order - np.repeat(np.cumsum([0, *counts[:-1]]), counts)[order]
-    starts = np.flatnonzero(np.concatenate([[True], owner[1:] != owner[:-1]]))
-    first, last = row[starts].tolist(), row[np.append(starts[1:], len(owner)) - 1].tolist()
-    content = [memoryview(one.reshape(-1).data) for one in rows]
-    widths = [one.shape[1] for one in rows]
-    return b"".join(
-        content[k][begin * widths[k] : (end + 1) * widths[k]]
-        for k, begin, end in zip(owner[starts].tolist(), first, last, strict=True)
-    )
-
-
-def _increases(t_ns: Times) -> bool:
-    """Return whether no two times are equal: rows of equal times would mix."""
-    return bool(np.all(t_ns[1:] > t_ns[:-1]))
 
 
 def _bytes(payloads: Payloads | RowTemplate) -> int:

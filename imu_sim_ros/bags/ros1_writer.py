@@ -11,7 +11,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.bags.chunks import ChunkWriter, Indexed
+from imu_sim_ros.bags.chunks import ChunkWriter
+from imu_sim_ros.bags.merging import Indexed
 from imu_sim_ros.bags.messages.blocks import Column, RowTemplate, side_by_side
 from imu_sim_ros.bags.messages.encode import divided
 from imu_sim_ros.bags.messages.layouts import Bytes

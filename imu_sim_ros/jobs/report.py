@@ -163,7 +163,7 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
 
     def read(source: Path, topic: str | None, name: str) -> Estimate:
         track = read_track(source, topic, True, sources.reader, sources.skipped(source))
-        return Estimate(name, track.poses, track.pose_covariance)
+        return Estimate(name, track.poses, track.pose_covariance, track.frame_id)
 
     truth, estimates, more = None, [], []
     named = truth_topic(path, sources.truth_topic)

@@ -32,6 +32,8 @@ class RecordedTrack(NamedTuple):
     """(n, 6, 6) position, rotation about the world's axes."""
     twist_covariance: Array | None = None
     """(n, 6, 6) velocity and angular rate, in the body."""
+    frame_id: str = ""
+    """Of the poses; empty: unknown."""
 
 
 def odometry_topics(path: Path) -> list[str]:
@@ -91,15 +93,17 @@ def _odometry(
     skipped: Skipped | None,
 ) -> RecordedTrack:
     parts: list[tuple[Array | NDArray[np.int64], ...]] = []
+    frame_id = ""
     for block in odometry_blocks(path, topic, skipped=skipped):
         velocity = rotate(block.q_wb, block.velocity_b)
         matrices = (block.pose_covariance, block.twist_covariance) if covariance else ()
+        frame_id = frame_id or block.frame_id
         parts.append((block.t_ns, block.position, block.q_wb, velocity, *matrices))
     if not parts:
         raise InputError(f"{path}: 0 poses; a trajectory needs two or more")
     t_ns, position, q_wb, velocity, *joined = map(np.concatenate, zip(*parts, strict=True))
     poses = PoseSequence(t_ns.astype(np.int64), position, q_wb, name=_name(path, topic))
-    return RecordedTrack(poses, velocity, *joined)
+    return RecordedTrack(poses, velocity, *joined, frame_id=frame_id)
 
 
 def _name(path: Path, topic: str | None) -> str:

@@ -17,7 +17,13 @@ from imu_sim_ros.bags.text.reader import imu_names, is_text
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.navigation.association import common_rows, interpolate_poses
-from imu_sim_ros.navigation.evaluation import absolute_errors, anees_band, invertible, nees
+from imu_sim_ros.navigation.evaluation import (
+    absolute_errors,
+    anees_band,
+    gauge_at_first,
+    invertible,
+    nees,
+)
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.reports.page import Item, Section, table
 from imu_sim_ros.reports.streams import Stream, analyse, bias_series, extremes, topic_items
@@ -29,6 +35,10 @@ _TURN_DEG: Final = 300.0
 _SIGMAS: Final = 3.0
 _LEAST_NEES: Final = 1e-3
 """Below which a picture does not follow it: of a body at rest it may be any small number."""
+_MOVED: Final = (
+    "in a frame of its own, not that of the truth; moved, and turned about z, so that its first "
+    "pose is that of the truth, and compared from there on"
+)
 _NOT_MEASURED: Final = 1e5
 """Variance above which a number is none: odometry of wheels states 1e6 of its height."""
 
@@ -40,6 +50,8 @@ class Estimate(NamedTuple):
     poses: PoseSequence
     pose_covariance: Array | None = None
     """(n, 6, 6) position, rotation about the world's axes."""
+    frame_id: str = ""
+    """Of the poses; empty: that of the truth."""
 
 
 def bag_sections(
@@ -176,19 +188,48 @@ def _intervals(stream: Stream, link: str) -> Item:
 def motion(
     path: Path, truth: Estimate | None, estimates: Sequence[Estimate], title: str = "motion"
 ) -> Section:
-    """Return the section of a truth and estimates of it, which are in one frame."""
+    """Return the section of a truth and estimates of it.
+
+    An estimate in another frame, such as that of odometry, begins at the truth.
+    """
+    placed = [one if truth is None else _placed(one, truth) for one in estimates]
+    moved = [one.name for one, given in zip(placed, estimates, strict=True) if one is not given]
+    estimates = placed
     tracks = [one for one in (truth, *estimates) if one is not None]
     series = []
     for k, one in enumerate(tracks):
         x, y, z = one.poses.position[extremes(one.poses.position)].T
         series.append({"name": one.name, "colour": k, "x": x, "y": y, "z": z})
     items: list[Item] = [{"kind": "path", "title": "Path", "series": series}]
+    if truth is not None and moved:
+        items.insert(0, {"kind": "text", "text": f"{', '.join(moved)}: {_MOVED}"})
     first_ns = min(int(one.poses.t_ns[0]) for one in tracks)
     items.append({"kind": "plots", "items": _orientation(tracks, first_ns, f"{path} {title}")})
     if truth is not None:
         for number, estimate in enumerate(estimates):
             items += _errors(estimate, truth, f"{path} {title} {number}")
     return Section(f"{path.name}: {title}", items)
+
+
+def _placed(estimate: Estimate, truth: Estimate) -> Estimate:
+    """Return an estimate in the truth's frame: as it is, or moved to the truth at its first pose.
+
+    Moved and turned about z; without the poses that the truth does not cover.
+    """
+    if not (estimate.frame_id and truth.frame_id) or estimate.frame_id == truth.frame_id:
+        return estimate
+    try:
+        rows = common_rows(estimate.poses.t_ns, truth.poses.t_ns)
+    except InputError:  # said where they are compared
+        return estimate
+    at_ns, position, q_wb = (values[rows] for values in estimate.poses[:3])
+    poses = PoseSequence(at_ns, position, q_wb)
+    first = gauge_at_first(poses, interpolate_poses(truth.poses, at_ns))
+    covariance = estimate.pose_covariance
+    if covariance is not None:
+        turn = np.kron(np.eye(2), first.r)
+        covariance = turn @ covariance[rows] @ turn.T
+    return Estimate(estimate.name, first.apply(poses), covariance, truth.frame_id)
 
 
 def _orientation(tracks: Sequence[Estimate], first_ns: int, link: str) -> list[Item]:

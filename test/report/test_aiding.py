@@ -95,3 +95,22 @@ def test_without_a_truth_the_stated_deviation_is_drawn(tmp_path):
     bag = flight.save(tmp_path / "drive.mcap", topics=["imu/data_raw", "gps/fix"])
     items = sections(bag, tmp_path)["drive.mcap: /gps/fix"]
     assert list(plots(items)) == ["/gps/fix: stated deviation"]
+
+
+def test_odometry_without_a_truth_of_its_own_begins_at_the_body(tmp_path):
+    """Its frame is not the world's: this drive begins elsewhere, heading north."""
+    route = {"type": "drive", "positions": [30.0, -20.0, 30.0, 40.0, -10.0, 40.0]}
+    given = {**DRIVE, "sensors": ["wheels"], "trajectory": route, "duration": 20}
+    flight = ims.simulate(**{key: value for key, value in given.items() if key != "gnss"})
+    bag = flight.save(tmp_path / "drive.mcap", topics=["ground_truth/odom", "wheel/odom"])
+    items = sections(bag, tmp_path)["drive.mcap: motion"]
+    assert "/wheel/odom: in a frame of its own" in words(items)
+    wheels = flight.wheels
+    error = np.linalg.norm(wheels.true_pose[:, :2] - wheels.pose[:, :2], axis=1)
+    assert error.max() > 0.1
+    assert f"{np.sqrt(np.mean(error**2)):.3g}" in words(items)
+    (lines,) = [item["series"] for item in items if item["kind"] == "path"]
+    assert [(line["x"][0], line["y"][0]) for line in lines] == [(30.0, -20.0)] * 2
+    # The axes of the stated errors turn with it: going north, x is across the way.
+    band = plots(items)["/wheel/odom: position error x"]["series"][0]
+    assert band["name"] == "3 sigma"

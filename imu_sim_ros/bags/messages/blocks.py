@@ -21,7 +21,9 @@ class Column(NamedTuple):
     offset: int
     """Offsets at which they begin in a row [bytes]."""
     values: NDArray[Any]
-    """(n,) or (n, m), little-endian."""
+    """(n,) or (n, m), little-endian; with steps (n, ...) or (n, ..., m)."""
+    steps: tuple[int, ...] = ()
+    """Where numbers recur within a row: the distances in bytes, of the outer repetition first."""
 
 
 class RowTemplate:
@@ -51,26 +53,30 @@ class RowTemplate:
         """Bytes of all rows."""
         return self.count * len(self.template)
 
+    @property
+    def kind(self) -> tuple[bytes, tuple[Any, ...]]:
+        """What rows have in common that take turns in the same memory: template, places."""
+        places = tuple(
+            (offset, steps, values.shape[1:], values.dtype.itemsize)
+            for offset, values, steps in self.columns
+        )
+        return self.template, places
+
     def __len__(self) -> int:
         return self.count
 
     def __getitem__(self, rows: slice) -> "RowTemplate":
         """Return some consecutive rows."""
         start, stop, _ = rows.indices(self.count)
-        columns = [Column(offset, values[start:stop]) for offset, values in self.columns]
+        columns = [Column(at, values[start:stop], steps) for at, values, steps in self.columns]
         return RowTemplate(self.template, columns, max(stop - start, 0))
 
     def fill(self, rows: Bytes) -> None:
         """Write the columns into contiguous rows (n, size) that have the template's bytes."""
         stride = rows.shape[1]
-        for offset, values in self.columns:
-            place: NDArray[Any] = np.ndarray(
-                values.shape,
-                values.dtype,
-                rows,
-                offset,
-                (stride, values.itemsize)[: values.ndim],
-            )
+        for offset, values, steps in self.columns:
+            strides = (stride, *steps, values.itemsize)[: values.ndim]
+            place: NDArray[Any] = np.ndarray(values.shape, values.dtype, rows, offset, strides)
             place[...] = values
 
     def array(self) -> Bytes:
@@ -88,7 +94,7 @@ def side_by_side(patterns: Sequence[RowTemplate]) -> RowTemplate:
         return patterns[0]
     template, columns = b"", []
     for pattern in patterns:
-        columns += [Column(len(template) + offset, values) for offset, values in pattern.columns]
+        columns += [Column(len(template) + at, *rest) for at, *rest in pattern.columns]
         template += pattern.template
     return RowTemplate(template, columns, len(patterns[0]))
 

@@ -27,7 +27,8 @@ def test_the_twin_of_a_bag_is_written_printed_and_flown_again(bag, tmp_path, cap
     truth = ["--truth", str(bag), "--truth-topic", "/ground_truth/odom"]
     folder = tmp_path / "twin"
     assert main([str(bag), *truth, "-o", str(folder), "--fit", "11s"]) == 0
-    out = capsys.readouterr().out
+    out, err = capsys.readouterr()
+    assert "not fitted" not in err  # it has neither receiver nor wheels
     for words in ("lever_arm x", "White floor", "dead-reckoned for 5 s", "a classifier tells"):
         assert words in out
     assert (folder / "twin.png").read_bytes().startswith(b"\x89PNG")
@@ -48,6 +49,16 @@ def test_json_is_one_object_with_every_number(bag, capsys):
     assert np.abs(z).max() < 4.0
     assert found["check"] is None
     assert found["rate_hz"] == 50.0
+
+
+def test_what_aids_the_imu_is_named_and_not_fitted(tmp_path, capsys):
+    sensors = {"sensors": ["gnss", "wheels"], "gnss": {"preset": "zed_f9p"}}
+    flight = ims.simulate(imu="adis16448", trajectory="drive", duration=30, rate=50, **sensors)
+    bag = flight.save(tmp_path / "drive.mcap")
+    given = [str(bag), "--truth", str(bag), "--truth-topic", "/ground_truth/odom", "--no-files"]
+    assert main(given) == 0
+    said = capsys.readouterr().err
+    assert "twin: /gps/fix, /wheel/odom, /joint_states: not fitted; the twin is that of" in said
 
 
 @pytest.mark.parametrize(
