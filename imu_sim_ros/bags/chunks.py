@@ -408,7 +408,7 @@ class ChunkWriter(Writer):
             buffer = self._buffer(cut)
             rows = buffer.rows[: len(cut)]
             cut.fill(rows)
-            content, index = rows.reshape(-1), table.index(start, stop)
+            content, index = rows.reshape(-1), table.indexed(start, stop)
             first, last = before if start == 0 else (), after if stop == count else ()
             if not (first or last):
                 self._count_and_hand_over(content, index, buffer)

@@ -61,7 +61,7 @@ class Rows(NamedTuple):
     rows: RowTemplate
     members: list[_Member]
 
-    def index(self, start: int, stop: int) -> list[Indexed]:
+    def indexed(self, start: int, stop: int) -> list[Indexed]:
         """Return what is in some consecutive rows; the offsets count from the first of them."""
         begins = np.arange(stop - start, dtype=np.int64)[:, None] * self.rows.shape[1]
         return [

@@ -222,8 +222,8 @@ def _placed(estimate: Estimate, truth: Estimate) -> Estimate:
         rows = common_rows(estimate.poses.t_ns, truth.poses.t_ns)
     except InputError:  # said where they are compared
         return estimate
-    at_ns, position, q_wb = (values[rows] for values in estimate.poses[:3])
-    poses = PoseSequence(at_ns, position, q_wb)
+    at_ns = estimate.poses.t_ns[rows]
+    poses = PoseSequence(at_ns, estimate.poses.position[rows], estimate.poses.q_wb[rows])
     first = gauge_at_first(poses, interpolate_poses(truth.poses, at_ns))
     covariance = estimate.pose_covariance
     if covariance is not None:

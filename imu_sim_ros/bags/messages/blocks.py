@@ -94,7 +94,7 @@ def side_by_side(patterns: Sequence[RowTemplate]) -> RowTemplate:
         return patterns[0]
     template, columns = b"", []
     for pattern in patterns:
-        columns += [Column(len(template) + at, *rest) for at, *rest in pattern.columns]
+        columns += [Column(len(template) + at, x, steps) for at, x, steps in pattern.columns]
         template += pattern.template
     return RowTemplate(template, columns, len(patterns[0]))
 

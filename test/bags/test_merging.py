@@ -1,0 +1,70 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Records of several rates in the order of time, with a pattern that repeats and without."""
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from imu_sim_ros.bags import merging
+from imu_sim_ros.bags.mcap_writer import McapWriter
+from imu_sim_ros.bags.writer import Block
+
+RNG = np.random.default_rng(3)
+
+
+def times(rate, offset_ns, jitter_ns, seconds=40):
+    t_ns = np.rint(np.arange(seconds * rate) * 1e9 / rate).astype(np.int64) + offset_ns
+    return np.sort(t_ns + RNG.integers(0, jitter_ns + 1, len(t_ns)))
+
+
+# (rate, latency [ns], jitter [ns], size) of each topic, and whether a pattern repeats.
+CASES = {
+    "wheels": ([(200, 0, 0, 350), (200, 0, 0, 700), (50, 0, 0, 40), (50, 0, 0, 7)], True),
+    "three rates": ([(200, 0, 0, 350), (10, 0, 0, 90), (50, 0, 0, 40)], True),
+    "no multiple": ([(200, 0, 0, 350), (15, 0, 0, 90)], True),
+    "late": ([(200, 3_000_000, 0, 350), (200, 0, 0, 700), (10, 150_000_000, 0, 90)], True),
+    "slow": ([(200, 0, 0, 350), (1, 0, 0, 90)], True),
+    "jitter": ([(200, 0, 0, 350), (50, 0, 9_000_000, 90)], False),
+    "one message": ([(200, 0, 0, 350), (0.025, 0, 0, 90)], False),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_messages_are_in_the_order_of_time_and_whole(name, tmp_path, monkeypatch):
+    """In two emissions; of equal times, the first topic's is first. Index and file agree."""
+    rows, repeats = CASES[name]
+    found = []
+
+    def spy(records, largest):
+        found.append(merging.repeated(records, largest))
+        return found[-1]
+
+    monkeypatch.setattr("imu_sim_ros.bags.chunks.repeated", spy)
+    expected = []
+    with McapWriter(tmp_path / "a.mcap") as writer:
+        topics = [writer.add_topic(f"/t{k}", "sensor_msgs/msg/Imu") for k in range(len(rows))]
+        whole = [times(*row[:3]) for row in rows]
+        for late in (False, True):
+            blocks = []
+            for topic, t_ns, (*_, size) in zip(topics, whole, rows, strict=True):
+                own = t_ns[(t_ns >= 17_313_000_000) == late]
+                blocks.append(Block(topic, own, RNG.integers(0, 256, (len(own), size), np.uint8)))
+            flat = [(int(t), b.topic.name, bytes(row)) for b in blocks
+                    for t, row in zip(b.t_ns, b.payloads, strict=True)]  # fmt: skip
+            expected += sorted(flat, key=lambda one: one[0])
+            writer.write_blocks(blocks)
+            writer.flush()
+    assert [one is not None for one in found] == [repeats] * len(found)
+    assert found
+    with (tmp_path / "a.mcap").open("rb") as file:
+        read = list(make_reader(file, validate_crcs=True).iter_messages(log_time_order=False))
+    assert [(m.log_time, c.topic, m.data) for _, c, m in read] == expected
+    counts = {topic.name: 0 for topic in topics}
+    for _, channel, message in read:
+        assert message.sequence == counts[channel.topic]
+        counts[channel.topic] += 1
+    with (tmp_path / "a.mcap").open("rb") as file:  # by the index
+        one = [m.data for _, _, m in make_reader(file).iter_messages(topics=["/t1"])]
+    assert one == [data for _, topic, data in expected if topic == "/t1"]
