@@ -103,7 +103,8 @@ def _odometry(
         raise InputError(f"{path}: 0 poses; a trajectory needs two or more")
     t_ns, position, q_wb, velocity, *joined = map(np.concatenate, zip(*parts, strict=True))
     poses = PoseSequence(t_ns.astype(np.int64), position, q_wb, name=_name(path, topic))
-    return RecordedTrack(poses, velocity, *joined, frame_id=frame_id)
+    pose_covariance, twist_covariance = joined or (None, None)
+    return RecordedTrack(poses, velocity, pose_covariance, twist_covariance, frame_id)
 
 
 def _name(path: Path, topic: str | None) -> str:
