@@ -13,12 +13,15 @@ import numpy as np
 
 from imu_sim_ros.bags.writer import Block, Topic
 from imu_sim_ros.conventions import (
+    BODIES_TOPIC,
     COMPRESSED_TOPIC,
     DEPTH_TOPIC,
     FEATURES_TOPIC,
     IMAGE_TOPIC,
     LANDMARKS_TOPIC,
+    MASK_TOPIC,
 )
+from imu_sim_ros.datasets.bodies import BodyMessages
 from imu_sim_ros.datasets.features import (
     LATCHED,
     CameraMessages,
@@ -44,6 +47,8 @@ class _Waiting:
         self.frames: list[tuple[str, int, Future[dict[str, bytes]]]] = []
         """Camera, stamp [ns], messages by topic."""
         self.features: list[tuple[int, bytes]] = []
+        self.bodies: list[tuple[str, int, bytes]] = []
+        """Topic, time [ns], message."""
 
 
 class CameraBag:
@@ -86,6 +91,8 @@ class CameraBag:
             layout = rig.parameters.features.layout
             self._features = FeatureStream(rig, layout, world_frame, encoding)
             self._blind = CameraProgress(rig, next(iter(rig.views)))
+        self._bodies = BodyMessages(rig, world_frame, encoding)
+        self._with_bodies = CameraProgress(rig, self._bodies.view.name)
         self._pool = ThreadPoolExecutor(max(1, jobs), thread_name_prefix="images")
         self._waiting: deque[_Waiting] = deque()
         self._begun = False
@@ -95,7 +102,7 @@ class CameraBag:
         return [n for n in self._rig.views if any(t.startswith(f"{n}/") for t in self._topics)]
 
     def _wants_images(self, name: str) -> bool:
-        topics = (IMAGE_TOPIC, COMPRESSED_TOPIC, DEPTH_TOPIC)
+        topics = (IMAGE_TOPIC, COMPRESSED_TOPIC, DEPTH_TOPIC, MASK_TOPIC)
         return any(f"{name}/{topic}" in self._topics for topic in topics)
 
     @property
@@ -133,6 +140,7 @@ class CameraBag:
                     waiting.frames.append((camera.name, t_ns, made))
                 camera.position += count
         self._track(waiting, end)
+        self._look_at_bodies(waiting, end)
 
     def _track(self, waiting: _Waiting, end: int) -> None:
         """Request the features of the frames before a time."""
@@ -142,6 +150,19 @@ class CameraBag:
             waiting.features += [(m.t_ns, m.payload) for m in self._features.next(count)]
             self._blind.position += count
 
+    def _look_at_bodies(self, waiting: _Waiting, end: int) -> None:
+        """Add where bodies are at the frames before a time."""
+        progress = self._with_bodies
+        while any(topic.startswith(BODIES_TOPIC) for topic in self._topics) and (
+            count := progress.until(end)
+        ):
+            frames = progress.view.frames(progress.position, count)
+            for k in np.flatnonzero(frames.delivered).tolist():
+                t_ns = int(frames.true_t_ns[k])
+                made = self._bodies.messages(int(frames.number[k]))
+                waiting.bodies += [(t, t_ns, each) for t, each in made.items() if t in self._topics]
+            progress.position += count
+
     def _put(self, waiting: _Waiting) -> None:
         """Write a block with its frames."""
         blocks = [*self._latched(waiting.blocks), *self.bag.messages(waiting.blocks)]
@@ -150,13 +171,17 @@ class CameraBag:
             clouds = [payload for _, payload in waiting.features]
             blocks.append(Block(self._topics[FEATURES_TOPIC], times, clouds))
         found: dict[Topic, tuple[list[int], list[bytes]]] = {}
-        for camera, t_ns, made in waiting.frames:
-            for below, payload in made.result().items():
-                topic = self._topics.get(f"{camera}/{below}")
-                if topic is not None:
-                    stamps, payloads = found.setdefault(topic, ([], []))
-                    stamps.append(t_ns)
-                    payloads.append(payload)
+        made = [
+            (f"{camera}/{below}", t_ns, payload)
+            for camera, t_ns, messages in waiting.frames
+            for below, payload in messages.result().items()
+        ]
+        for name, t_ns, payload in (*made, *waiting.bodies):
+            topic = self._topics.get(name)
+            if topic is not None:
+                stamps, payloads = found.setdefault(topic, ([], []))
+                stamps.append(t_ns)
+                payloads.append(payload)
         blocks += [Block(t, np.array(stamps), rows) for t, (stamps, rows) in found.items()]
         self.bag.writer.write_blocks(blocks)
 

@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.bags.messages.encode import ODOMETRY
 from imu_sim_ros.bags.messages.encode_cameras import (
     CAMERA_INFO,
     COMPRESSED_IMAGE,
@@ -24,12 +25,14 @@ from imu_sim_ros.bags.messages.encode_cameras import (
 )
 from imu_sim_ros.bags.messages.schemas import Qos
 from imu_sim_ros.conventions import (
+    BODIES_TOPIC,
     CAMERA_INFO_TOPIC,
     COMPRESSED_TOPIC,
     DEPTH_TOPIC,
     FEATURES_TOPIC,
     IMAGE_TOPIC,
     LANDMARKS_TOPIC,
+    MASK_TOPIC,
 )
 from imu_sim_ros.datasets.topics import resolved
 from imu_sim_ros.sensors.camera.images.files import png
@@ -40,6 +43,7 @@ from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.rig import Rig
 from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
 from imu_sim_ros.sensors.camera.scene import Scene
+from imu_sim_ros.sensors.camera.scene_parameters import body_names
 from imu_sim_ros.sensors.camera.tracker import Tracker, Tracks
 from imu_sim_ros.sensors.camera.view import View
 from imu_sim_ros.types import Array
@@ -48,6 +52,8 @@ CHANNELS: Final = {
     "mono": ("id", "u", "v", "velocity_x", "velocity_y"),
     "fusion": ("id", "camera_id", "u", "v", "velocity_x", "velocity_y", "gx", "gy", "gz"),
 }
+BODY_CHANNEL: Final = "body"
+"""The last one in scenes in which something moves: the id of the body; 0: at rest."""
 _EXACT_IDS: Final = 1 << 24
 
 
@@ -70,12 +76,12 @@ class _Observed(NamedTuple):
     place: Array
     """(n, 2) normalised."""
     landmark: NDArray[np.int64]
+    body: NDArray[np.int64]
 
     def at(self, rows: NDArray[np.bool_]) -> "_Observed":
         """Return some of the features."""
-        return _Observed(
-            self.t_ns, self.id[rows], self.uv[rows], self.place[rows], self.landmark[rows]
-        )
+        uv, place = self.uv[rows], self.place[rows]
+        return _Observed(self.t_ns, self.id[rows], uv, place, self.landmark[rows], self.body[rows])
 
 
 class _Ids:
@@ -115,11 +121,11 @@ class FeatureStream:
         time = (first.parameters.rate, first.parameters.phase)
         together = [v for v in others if (v.parameters.rate, v.parameters.phase) == time]
         self._trackers: list[Tracker] = [rig.tracker(v.name) for v in (first, *together)]
-        self._landmarks = rig.scene.landmarks
-        self._layout = layout
-        self._encoder = PointCloudEncoder(world_frame, CHANNELS[layout], encoding)
+        self._layout, self._moving = layout, rig.scene.crowd is not None
+        channels = (*CHANNELS[layout], *[BODY_CHANNEL] * self._moving)
+        self._encoder = PointCloudEncoder(world_frame, channels, encoding)
         self._before: list[_Observed | None] = [None] * len(self._trackers)
-        self._ids = _Ids(len(self._landmarks))
+        self._ids = _Ids(self._trackers[0].landmarks)
         self.position = 0
 
     def next(self, count: int) -> list[FeatureMessage]:
@@ -148,23 +154,29 @@ class FeatureStream:
                 self._before[camera] = now
             if not withheld:
                 ids = self._ids.next([seen for _, seen, _ in sending])
-                rows = [self._rows(*part, i) for part, i in zip(sending, ids, strict=True)]
+                true_t_ns = int(frames.true_t_ns[k])
+                rows = [
+                    self._rows(*part, i, true_t_ns) for part, i in zip(sending, ids, strict=True)
+                ]
                 values = np.concatenate(rows)
                 payload = self._encoder.encode(int(frames.t_ns[k]), values[:, :3], values[:, 3:])
                 yield FeatureMessage(
                     int(frames.number[k]), int(frames.t_ns[k]), int(frames.release_t_ns[k]), payload
                 )
 
-    def _rows(self, camera: int, seen: _Observed, speed: Array, ids: NDArray[np.int64]) -> Array:
+    def _rows(
+        self, camera: int, seen: _Observed, speed: Array, ids: NDArray[np.int64], true_t_ns: int
+    ) -> Array:
         """Return points and channels (n, 3 + m)."""
         points = np.column_stack([seen.place, np.ones(len(ids))])
+        body = [seen.body] * self._moving
         if self._layout == "mono":
             cameras = len(self._trackers)
             identity = (ids % (_EXACT_IDS // cameras)) * cameras + camera
-            return np.column_stack([points, identity, seen.uv, speed])
-        truth = self._landmarks[seen.landmark]
+            return np.column_stack([points, identity, seen.uv, speed, *body])
+        truth = self._trackers[camera].places(seen.landmark, true_t_ns)
         which = np.full(len(ids), float(camera))
-        return np.column_stack([points, ids % _EXACT_IDS, which, seen.uv, speed, truth])
+        return np.column_stack([points, ids % _EXACT_IDS, which, seen.uv, speed, truth, *body])
 
 
 def _normalised(tracker: Tracker, tracks: Tracks) -> Array:
@@ -181,7 +193,8 @@ def _frame(tracks: Tracks, place: Array, k: int) -> _Observed:
     rows = np.flatnonzero(np.isfinite(place[part, 0])) + part.start
     rows = rows[np.argsort(tracks.id[rows], kind="stable")]
     t_ns = int(tracks.frames.t_ns[k])
-    return _Observed(t_ns, tracks.id[rows], tracks.uv[rows], place[rows], tracks.landmark[rows])
+    columns = (tracks.id, tracks.uv, place, tracks.landmark, tracks.body)
+    return _Observed(t_ns, *(column[rows] for column in columns))
 
 
 def _speed(now: _Observed, before: _Observed | None) -> tuple[Array, NDArray[np.bool_]]:
@@ -202,11 +215,14 @@ _DISTORTIONS: Final = {"none": "plumb_bob", "radtan": "plumb_bob", "equidistant"
 def camera_topics(rig: RigParameters) -> dict[str, str]:
     """Return the type of each topic that a rig has, by name."""
     found: dict[str, str] = {}
+    bodies = body_names(rig.scene)
     for name, camera in rig.each().items():
-        found.update({f"{name}/{topic}": kind for topic, kind in _kinds(camera).items()})
+        kinds = _kinds(camera, bool(bodies))
+        found.update({f"{name}/{topic}": kind for topic, kind in kinds.items()})
     if rig.features.layout != "none":
         found[FEATURES_TOPIC] = POINT_CLOUD
     found[LANDMARKS_TOPIC] = POINT_CLOUD2
+    found.update({f"{BODIES_TOPIC}/{name}": ODOMETRY for name in bodies})
     return found
 
 
@@ -220,7 +236,11 @@ def image_topic(camera: str, names: Mapping[str, str]) -> str:
     return resolved(names.get(key, key))
 
 
-def _kinds(camera: CameraParameters) -> dict[str, str]:
+def _kinds(camera: CameraParameters, moving: bool) -> dict[str, str]:
+    """Return the type of each topic below a camera's name.
+
+    :param moving: whether something moves in the scene.
+    """
     kinds = {}
     if camera.images in ("raw", "both"):
         kinds[IMAGE_TOPIC] = IMAGE
@@ -228,6 +248,8 @@ def _kinds(camera: CameraParameters) -> dict[str, str]:
         kinds[COMPRESSED_TOPIC] = COMPRESSED_IMAGE
     if camera.depth:
         kinds[DEPTH_TOPIC] = IMAGE
+        if moving:
+            kinds[MASK_TOPIC] = IMAGE
     kinds[CAMERA_INFO_TOPIC] = CAMERA_INFO
     return kinds
 
@@ -241,16 +263,18 @@ class CameraMessages:
         :param imager: None: no images.
         """
         p = view.parameters
-        kinds = _kinds(p)
+        kinds = _kinds(p, imager is not None and imager.moving)
         self._imager = imager
         self._info = CameraInfoEncoder(frame_id, info_of_camera(p), encoding)
-        self._raw = self._png = self._depth = None
+        self._raw = self._png = self._depth = self._mask = None
         if IMAGE_TOPIC in kinds:
             self._raw = ImageEncoder(frame_id, p.height, p.width, p.encoding, encoding)
         if COMPRESSED_TOPIC in kinds:
             self._png = CompressedImageEncoder(frame_id, p.encoding, encoding)
         if DEPTH_TOPIC in kinds:
             self._depth = ImageEncoder(frame_id, p.height, p.width, "32FC1", encoding)
+        if MASK_TOPIC in kinds:
+            self._mask = ImageEncoder(frame_id, p.height, p.width, "mono8", encoding)
 
     def messages(self, number: int, t_ns: int) -> dict[str, bytes]:
         """Return the messages of a frame with a stamp, by topic below the camera's name."""
@@ -264,7 +288,10 @@ class CameraMessages:
             if self._png is not None:
                 found[COMPRESSED_TOPIC] = self._png.encode(t_ns, png(image))
         if self._depth is not None:
-            found[DEPTH_TOPIC] = self._depth.encode(t_ns, self._imager.depth(number))
+            depth, mask = self._imager.depth_and_mask(number)
+            found[DEPTH_TOPIC] = self._depth.encode(t_ns, depth)
+            if self._mask is not None and mask is not None:
+                found[MASK_TOPIC] = self._mask.encode(t_ns, mask)
         return found
 
 
@@ -303,6 +330,6 @@ def info_of_camera(camera: CameraParameters) -> CameraInfo:
 
 
 def landmarks(scene: Scene, world_frame: str, t_ns: int, encoding: str = "cdr") -> bytes:
-    """Return all landmarks with their ids as sensor_msgs/PointCloud2."""
+    """Return all landmarks at rest with their ids as sensor_msgs/PointCloud2."""
     numbers = {"id": np.arange(len(scene.landmarks))}
     return PointCloud2Encoder(world_frame, encoding).encode(t_ns, scene.landmarks, numbers)

@@ -3,9 +3,10 @@
 
 """Images of cameras as PNG files: EuRoC/ASL folders, and those of kalibr_bagcreater.
 
-``euroc``: ``cam0/data/<stamp>.png``, ``cam0/data.csv``, ``cam0/sensor.yaml``, and ``cam0/depth``
-if depth is asked for. ``csv``: ``cam0/<stamp>.png`` next to imu0.csv, as kalibr_bagcreater takes
-it. Threads make the images; OpenCV and NumPy let them run side by side.
+``euroc``: ``cam0/data/<stamp>.png``, ``cam0/data.csv``, ``cam0/sensor.yaml``, and ``cam0/depth``,
+with bodies that move also ``cam0/mask``, if depth is asked for. ``csv``: ``cam0/<stamp>.png`` next
+to imu0.csv, as kalibr_bagcreater takes it. Threads make the images; OpenCV and NumPy let them run
+side by side.
 """
 
 from collections import deque
@@ -20,6 +21,8 @@ from numpy.typing import NDArray
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.bags.writer import amount
 from imu_sim_ros.conventions import IMAGE_TOPIC
+from imu_sim_ros.datasets.bodies import add_tables
+from imu_sim_ros.datasets.columns import Tables
 from imu_sim_ros.datasets.tracks import CameraProgress
 from imu_sim_ros.errors import InputError, system_error
 from imu_sim_ros.sensors.camera.images.files import png
@@ -31,6 +34,7 @@ from imu_sim_ros.sensors.camera.rig import Rig
 
 EUROC_HEADER: Final = "#timestamp [ns],filename"
 DEPTH_FOLDER: Final = "depth"
+MASK_FOLDER: Final = "mask"
 _AHEAD: Final = 4
 """Images in progress for each thread."""
 LATEST_NS: Final = 2**63 - 1
@@ -59,6 +63,8 @@ class ImageFolders:
         self._imagers = list(made.values())
         self._frames: list[list[tuple[int, int]]] = [[] for _ in self.cameras]
         self._folder, self._tables, self._deep = folder, form != "csv", form == "tum_vi"
+        self._further = (DEPTH_FOLDER, MASK_FOLDER) if rig.scene.crowd else (DEPTH_FOLDER,)
+        """Folders of the truth of each pixel, where it is wanted."""
         self._pool = ThreadPoolExecutor(jobs, thread_name_prefix="images")
         self._waiting: deque[Future[None]] = deque()
         self._most = _AHEAD * jobs
@@ -66,7 +72,7 @@ class ImageFolders:
             place = self._place(camera.name)
             folders = [place]
             if self._has_depth(camera):
-                folders.append(place.parent / DEPTH_FOLDER)
+                folders += [place.parent / name for name in self._further]
             for made_folder in folders:
                 try:
                     made_folder.mkdir(parents=True)
@@ -75,6 +81,8 @@ class ImageFolders:
             if form == "euroc":
                 text = _sensor_yaml(camera.view.parameters, comment)
                 (place.parent / "sensor.yaml").write_text(text, encoding="utf-8")
+        with Tables() as tables:
+            add_tables(tables, folder, rig)
 
     @property
     def counts(self) -> dict[str, int]:
@@ -121,8 +129,10 @@ class ImageFolders:
         image: NDArray[Any] = self._imagers[camera].image(number)
         write_png(path, in_16_bits(image) if self._deep and image.ndim == 2 else image)
         if self._has_depth(self.cameras[camera]):
-            depth = self._imagers[camera].depth(number)
-            write_png(path.parents[1] / DEPTH_FOLDER / path.name, millimetres(depth))
+            depth, mask = self._imagers[camera].depth_and_mask(number)
+            for folder, each in ((DEPTH_FOLDER, millimetres(depth)), (MASK_FOLDER, mask)):
+                if each is not None:
+                    write_png(path.parents[1] / folder / path.name, each)
 
     def _place(self, name: str) -> Path:
         return self._folder / name / "data" if self._tables else self._folder / name
@@ -160,7 +170,8 @@ class ImageFolders:
                     kept.append((n, t_ns))
                     continue
                 path.unlink(missing_ok=True)
-                (path.parents[1] / DEPTH_FOLDER / path.name).unlink(missing_ok=True)
+                for folder in self._further:
+                    (path.parents[1] / folder / path.name).unlink(missing_ok=True)
             self._frames[number] = kept
 
     def _file(self, camera: CameraProgress, t_ns: int) -> Path:

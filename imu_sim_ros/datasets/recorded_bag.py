@@ -27,7 +27,13 @@ from imu_sim_ros.bags.messages.encode_cameras import (
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.read import decoded_messages
 from imu_sim_ros.bags.reader import Bag
-from imu_sim_ros.conventions import COMPRESSED_TOPIC, DEPTH_TOPIC, IMAGE_TOPIC, TF_STATIC_TOPIC
+from imu_sim_ros.conventions import (
+    COMPRESSED_TOPIC,
+    DEPTH_TOPIC,
+    IMAGE_TOPIC,
+    MASK_TOPIC,
+    TF_STATIC_TOPIC,
+)
 from imu_sim_ros.datasets.images import DEPTH_FOLDER, image_name, millimetres, write_table
 from imu_sim_ros.datasets.recorded import Description, OneSize, as_png, image_size, sensor_yaml
 from imu_sim_ros.errors import InputError, naming, system_error
@@ -78,7 +84,8 @@ def recorded_cameras(topics: Sequence[TopicInfo]) -> list[RecordedCamera]:
     """
     found: dict[str, dict[str, TopicInfo]] = {}
     for topic in sorted(topics, key=lambda topic: (topic.type == COMPRESSED_IMAGE, topic.name)):
-        if topic.type in (IMAGE, COMPRESSED_IMAGE):
+        mask = topic.name.endswith(f"/{MASK_TOPIC}")
+        if topic.type in (IMAGE, COMPRESSED_IMAGE) and not mask:
             kind = "depth" if topic.name.endswith(f"/{DEPTH_TOPIC}") else "images"
             found.setdefault(_base(topic.name), {}).setdefault(kind, topic)
     bases = sorted(found)

@@ -9,6 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.datasets.bodies import add_tables
 from imu_sim_ros.datasets.columns import Column, Tables
 from imu_sim_ros.errors import ImuSimError, InputError, system_error
 from imu_sim_ros.inputs.rows import open_regular
@@ -22,6 +23,8 @@ from imu_sim_ros.sensors.camera.tracker import Lines, Tracker, Tracks
 from imu_sim_ros.types import Array
 
 TRACKS_HEADER: Final = "t_ns,camera,id,u,v,u_true,v_true,depth"
+BODY_COLUMN: Final = ",body"
+"""In scenes in which something moves; 0: at rest."""
 LINES_HEADER: Final = "t_ns,camera,id,u1,v1,u2,v2,u1_true,v1_true,u2_true,v2_true"
 LANDMARKS_HEADER: Final = "id,x,y,z"
 BLOCK: Final = 64
@@ -61,7 +64,9 @@ class TrackFiles:
         self.rig = rig
         self.cameras = [CameraProgress(rig, name) for name in rig.views]
         self._tables = Tables()
-        self.tracks = self._tables.csv(folder / "tracks.csv", TRACKS_HEADER)
+        self._moving = rig.scene.crowd is not None
+        header = TRACKS_HEADER + BODY_COLUMN * self._moving
+        self.tracks = self._tables.csv(folder / "tracks.csv", header)
         self._arrays = self._tables.npz(folder / "tracks.npz")
         self.lines = None
         if len(rig.scene.lines):
@@ -69,6 +74,7 @@ class TrackFiles:
         landmarks = self._tables.csv(folder / "landmarks.csv", LANDMARKS_HEADER)
         points = rig.scene.landmarks
         landmarks.write(np.arange(len(points)), points)
+        add_tables(self._tables, folder, rig)
         files.write(
             flatten(rig.parameters),
             folder / "cameras.yaml",
@@ -110,7 +116,8 @@ class TrackFiles:
         for number, (camera, count) in enumerate(zip(self.cameras, counts, strict=True)):
             found = camera.tracker.tracks(camera.position, count)
             camera.blindness.look(found, camera.view.t0_ns)
-            tracks.append(_track_columns(found, number))
+            columns = _track_columns(found, number)
+            tracks.append({**columns, "body": found.body} if self._moving else columns)
             if self.lines is not None:
                 seen = camera.tracker.lines(camera.position, count)
                 lines.append(_line_columns(found, seen, number))
@@ -119,7 +126,7 @@ class TrackFiles:
         self.tracks.write(
             rows["t_ns"],
             names[rows["camera"]],
-            *(rows[key] for key in ("id", "uv", "uv_true", "depth")),
+            *(rows[key] for key in ("id", "uv", "uv_true", "depth", *["body"] * self._moving)),
         )
         self._arrays.write(rows)
         if self.lines is not None:
@@ -181,7 +188,7 @@ _COLUMNS: Final[dict[str, tuple[str, int]]] = {
 
 
 class TrackFolder(NamedTuple):
-    """What ``generate --format tracks`` wrote: n features, in order of time."""
+    """What ``generate --format tracks`` wrote: n features of what is at rest, in order of time."""
 
     cameras: dict[str, CameraParameters]
     landmarks: Array
@@ -219,6 +226,7 @@ def _arrays(path: Path) -> dict[str, Any]:
     try:
         with open_regular(path) as file, np.load(file, allow_pickle=False) as archive:
             found = {name: archive[name] for name in _COLUMNS}
+            moves = archive["body"] != 0 if "body" in archive else np.zeros(0, np.bool_)
     except ImuSimError:
         raise
     except OSError as error:
@@ -232,4 +240,6 @@ def _arrays(path: Path) -> dict[str, Any]:
             raise InputError(f"{path}: {name}: {found[name].dtype} {found[name].shape}")
     if not np.isfinite(found["uv"]).all():
         raise InputError(f"{path}: uv: must be finite")
+    if len(moves) == count:
+        return {name: values[~moves] for name, values in found.items()}
     return found

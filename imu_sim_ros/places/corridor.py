@@ -3,13 +3,14 @@
 
 """A corridor: doors at equal distances on both sides, lamps in a row, and hardly anything else."""
 
+import math
 from typing import Final
 
 import numpy as np
 
 from imu_sim_ros.places.furniture import LAMP, plant
 from imu_sim_ros.places.light import Lighting
-from imu_sim_ros.places.place import Builder, Place, Site
+from imu_sim_ros.places.place import Builder, Hinge, Place, Site
 from imu_sim_ros.places.sheet import Print
 
 _PITCH: Final = 3.6
@@ -30,8 +31,10 @@ def corridor(site: Site) -> Place:
     length, height = float(high[along] - low[along]), float(high[2] - low[2])
     door = int(stream.integers(4))
     walls = ("-y", "+y") if along == 0 else ("-x", "+x")
-    for side in walls:
-        b.add_prints(sides[side], _doors(b, length, height, door))
+    for k, side in enumerate(walls):
+        moving = (site.doors + 1 - k) // 2
+        b.add_prints(sides[side], _doors(b, length, height, door, moving))
+        _hang(b, sides[side], moving, min(2.1, height - 0.2), door)
     for side in ("-x", "+x") if along == 0 else ("-y", "+y"):
         width = float(high[1 - along] - low[1 - along])
         fits = min(1.8, width - 0.2), min(2.15, height - 0.2)
@@ -49,16 +52,20 @@ def corridor(site: Site) -> Place:
     stops = np.tile(middle, (4, 1))
     stops[:, along] = low[along] + np.array([0.03, 0.35, 0.7, 0.97]) * length
     stops[:, 2] = low[2] + min(1.5, 0.55 * height)
-    return Place(tuple(b.faces), Lighting(tuple(b.lamps)), low, high, stops)
+    return Place(tuple(b.faces), Lighting(tuple(b.lamps)), low, high, stops, tuple(b.hinges))
 
 
-def _doors(b: Builder, length: float, height: float, door: int) -> list[Print]:
-    """Return a wall's doors, the same each, their plates, and what hangs between a few."""
+def _doors(b: Builder, length: float, height: float, door: int, moving: int) -> list[Print]:
+    """Return a wall's doors, the same each, their plates, and what hangs between a few.
+
+    :param moving: how many of them move: every second one.
+    """
     prints = [Print("strip", 0, 0, length, 0.09)]
     prints.append(Print("band", 0, 0.95, length, 0.12))
     for k in range(int((length - 1.0) / _PITCH)):
         left = 1.2 + k * _PITCH
-        prints.append(Print("door", left, 0, _DOOR, min(2.1, height - 0.2), door))
+        kind = "opening" if k % 2 and k // 2 < moving else "door"
+        prints.append(Print(kind, left, 0, _DOOR, min(2.1, height - 0.2), door))
         prints.append(Print("label", left + _DOOR + 0.12, 1.5, 0.2, 0.12, b.number()))
         if b.decor.random() < b.rich(0.3):
             kind, w, h = (("poster", 0.6, 0.85), ("notices", 1.0, 0.8))[int(b.decor.integers(2))]
@@ -66,6 +73,22 @@ def _doors(b: Builder, length: float, height: float, door: int) -> list[Print]:
         elif b.decor.random() < 0.25:
             prints.append(Print("outlet", left + _DOOR + 1.1, 0.3, 0.16, 0.08))
     return prints
+
+
+def _hang(b: Builder, wall: int, moving: int, height: float, door: int) -> None:
+    """Hang the doors of a wall that move."""
+    origin, across, up = b.faces[wall].rectangle
+    length = float(np.sqrt((across * across).sum()))
+    ahead = across / length
+    inwards = np.cross(ahead, up) / float(np.sqrt((up * up).sum()))
+    for k in range(1, int((length - 1.0) / _PITCH), 2):
+        if k // 2 < moving:
+            x, y, z = (origin + (1.2 + k * _PITCH + 0.03) * ahead + 0.03 * inwards).tolist()
+            heading = math.atan2(float(ahead[1]), float(ahead[0]))
+            width = _DOOR - 0.06
+            b.hinges.append(
+                Hinge((x, y, z), heading, -1.2, width, height - 0.03, door, usually_open=False)
+            )
 
 
 def _lamps(b: Builder, along: int) -> None:

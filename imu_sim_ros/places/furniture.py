@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.places.light import Lamp, Lighting
-from imu_sim_ros.places.place import Builder, turned
+from imu_sim_ros.places.place import Builder, Hinge, turned
 from imu_sim_ros.places.sheet import Print
 
 Stream = np.random.Generator
@@ -146,12 +146,16 @@ def bookcase(b: Builder, low: Place3, high: Place3, front: str) -> None:
 def door_leaf(
     b: Builder, hinge: Place3, width: float, height: float, angle: float, number: int
 ) -> None:
-    """Add an open door.
+    """Add an open door, or the hinge of one that moves.
 
     :param hinge: foot of its hinge; closed it lies along x [m].
     :param angle: by which it is open [rad].
     """
     x, y, z = hinge
+    if len(b.hinges) < b.site.doors:
+        foot = (x + 0.03, y + 0.03, z)
+        b.hinges.append(Hinge(foot, 0.0, angle, width, height, number, usually_open=True))
+        return
     direction = turned(angle) @ np.array([1.0, 0.0, 0.0])
     middle = np.array([x, y, z]) + 0.5 * width * direction + np.array([0, 0, 0.5 * height + 0.01])
     half = np.array([0.5 * width, 0.02, 0.5 * height])

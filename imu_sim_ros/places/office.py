@@ -26,6 +26,8 @@ _LEAST: Final = 7.0
 """Depth of an office that has some [m]."""
 _DOOR: Final = 1.0
 """Width of an opening [m]."""
+_OPEN: Final = 1.45
+"""Angle of an open door [rad]."""
 _WALL: Final = 0.1
 _LINTEL: Final = 2.1
 _HEIGHT: Final = 1.35
@@ -63,7 +65,14 @@ def office(site: Site) -> Place:
         low, high = (x - 0.5, y0 + 0.01, z0), (x + 0.5, y0 + 0.13, z0 + 0.6)
         if b.free(low, high):
             b.box(low, high, "paint:f0f0ec", {"+y": [Print("grille", 0.02, 0.03, 0.96, 0.54, 0)]})
-    return Place(tuple(b.faces), lit(b), site.low, site.high, np.array([*west, *stops, *east]))
+    return Place(
+        tuple(b.faces),
+        lit(b),
+        site.low,
+        site.high,
+        np.array([*west, *stops, *east]),
+        tuple(b.hinges),
+    )
 
 
 def _closed_rooms(b: Builder, y: float, stream: np.random.Generator) -> list[list[float]]:
@@ -129,7 +138,7 @@ def _front(b: Builder, ends: tuple[float, float], y: float, opening: float) -> N
     low, high = (opening, y, z0 + _LINTEL), (opening + _DOOR, y + _WALL, z1)
     sign = [Print("label", 0.35, 0.06, 0.3, 0.16, b.number())] if z1 - z0 - _LINTEL > 0.3 else []
     b.box(low, high, "plaster", {"-y": sign}, leave="top,-x,+x")
-    door_leaf(b, (opening, y + _WALL, z0), _DOOR - 0.06, _LINTEL - 0.03, 1.45, b.number())
+    door_leaf(b, (opening, y + _WALL, z0), _DOOR - 0.06, _LINTEL - 0.03, _OPEN, b.number())
 
 
 def _desks(

@@ -26,7 +26,7 @@ from imu_sim_ros.random_streams import generator_at
 Bytes = NDArray[np.uint8]
 _Value = TypeVar("_Value", np.uint8, np.int8)
 
-_MIDDLE: Final = {"day": 0.55, "lamps": 0.5, "dim": 0.16}
+MIDDLE: Final = {"day": 0.55, "lamps": 0.5, "dim": 0.16}
 """Irradiance that half of a place's surfaces exceed, by its light; at 1 white is white."""
 _ROWS: Final = 256
 """Rows of a texture that are lit at once."""
@@ -50,7 +50,7 @@ class Painter:
         albedo = np.array([_linear(face.material) for face in self.place.faces], np.float32)
         sky = self.place.sky
         maps = bake(self._surfaces, albedo, sky, self.place.lighting, self.place.detail)
-        exposed = _exposed(maps, sky, self._areas(), _MIDDLE[self._site.light])
+        exposed = _exposed(maps, sky, self._areas(), MIDDLE[self._site.light])
         return [factors(values) for values in exposed]
 
     def _areas(self) -> NDArray[np.float64]:

@@ -39,6 +39,22 @@ class Face(NamedTuple):
     """It is seen in its own colour, whatever the light."""
 
 
+class Hinge(NamedTuple):
+    """What a door that moves hangs on."""
+
+    foot: Vector
+    """p_w of its foot [m]."""
+    heading: float
+    """Direction of the closed leaf [rad]."""
+    swing: float
+    """Angle of the open leaf from there [rad]."""
+    width: float
+    height: float
+    number: int
+    """Of the picture on the leaf."""
+    usually_open: bool
+
+
 class Place(NamedTuple):
     """All of a place."""
 
@@ -50,6 +66,8 @@ class Place(NamedTuple):
     """(3,) opposite corner [m]."""
     route: Array
     """(n, 3) places that a tour passes, as far from everything as it can be [m]."""
+    hinges: tuple[Hinge, ...] = ()
+    """Of the doors that move."""
 
     def surfaces(self) -> Surfaces:
         """Return all rectangles."""
@@ -80,6 +98,8 @@ class Site:
     seed: int = 0
     texture: str = "plain"
     light: str = "day"
+    doors: int = 0
+    """How many of its doors move, at most: their leaves are no part of it."""
 
     def stream(self, what: str) -> np.random.Generator:
         """Return a random stream of one purpose."""
@@ -94,6 +114,7 @@ class Builder:
         self.faces: list[Face] = []
         self.lamps: list[Lamp] = []
         self.windows: list[Rectangle] = []
+        self.hinges: list[Hinge] = []
         self.decor = site.stream("decor")
         """Random stream of what is only seen: another texture leaves every body in place."""
         self._count = 0

@@ -147,6 +147,13 @@ def _door(s: Sheet) -> None:
     s.text(0.5 * s.width - 0.085, 1.575, 0.5 * s.width + 0.085, 0.035, INK)
 
 
+def _opening(s: Sheet) -> None:
+    """Draw a frame, and what is dark behind it."""
+    s.all((38, 36, 34))
+    s.fill(0, 0, s.width, 0.25 * s.height, (62, 58, 52))
+    s.frame(0.06, (216, 214, 208))
+
+
 _HAZE: Final = np.array([236, 242, 250], np.float32)
 _BLUE: Final = np.array([178, 208, 245], np.float32)
 
@@ -302,6 +309,7 @@ PRINTS: Final[dict[str, Callable[[Sheet], None]]] = {
     "grid": _grid,
     "band": _band,
     "doors": _doors,
+    "opening": _opening,
     "keyboard": _keyboard,
     "grille": _grille,
 }

@@ -89,7 +89,9 @@ def _way(place: Place, surfaces: Surfaces) -> Array:
         level = points + np.array([0.0, 0.0, dz])
         free = np.minimum(free, clearance(_near(surfaces, height + dz), level) + 0.1)
     stops = [_nearest_free(points, free, stop) for stop in place.route]
-    _, before = dijkstra(_graph(free, shape), indices=stops, return_predecessors=True)
+    _, before = dijkstra(
+        graph(free, shape, CLEARANCE + 0.1), indices=stops, return_predecessors=True
+    )
     way, here = [stops[0]], 0
     for k in (*range(1, len(stops)), 0):
         part = [stops[k]]
@@ -112,12 +114,17 @@ def _near(surfaces: Surfaces, height: float) -> Surfaces:
     return surfaces.some((low < height + _REACH) & (high > height - _REACH))
 
 
-def _graph(free: Array, shape: tuple[int, int]) -> Any:
-    """Return the costs of steps between neighbouring cells that are far enough from everything."""
+def graph(free: Array, shape: tuple[int, int], least: float) -> Any:
+    """Return the costs of steps between neighbouring cells that are far enough from everything.
+
+    :param free: (n,) distance of each cell from the nearest thing [m].
+    :param shape: rows and columns of the cells.
+    :param least: distance at which a cell is far enough [m].
+    """
     from scipy.sparse import coo_matrix
 
     number = np.arange(shape[0] * shape[1]).reshape(shape)
-    open_cells = (free > CLEARANCE + 0.1).reshape(shape)
+    open_cells = (free > least).reshape(shape)
     cost = (1.0 + 3.0 * np.maximum(0.0, 1.0 - free / _FEAR)).reshape(shape)
     rows, columns, values = [], [], []
     for di, dj in ((0, 1), (1, 0), (1, 1), (1, -1)):
@@ -128,8 +135,8 @@ def _graph(free: Array, shape: tuple[int, int]) -> Any:
         columns.append(number[b][both])
         values.append((math.hypot(di, dj) * 0.5 * (cost[a] + cost[b]))[both])
     ends = np.concatenate(rows), np.concatenate(columns)
-    graph = coo_matrix((np.concatenate(values), ends), shape=(number.size, number.size))
-    return (graph + graph.T).tocsr()
+    one_way = coo_matrix((np.concatenate(values), ends), shape=(number.size, number.size))
+    return (one_way + one_way.T).tocsr()
 
 
 def _nearest_free(points: Array, free: Array, stop: Array) -> int:

@@ -27,6 +27,7 @@ from rclpy.serialization import serialize_message
 from imu_sim_ros.bags.messages.encode_cameras import Stamped
 from imu_sim_ros.bags.read import read_poses
 from imu_sim_ros.conventions import FEATURES_TOPIC, LANDMARKS_TOPIC, MARKERS_TOPIC
+from imu_sim_ros.datasets.bodies import BodyMessages
 from imu_sim_ros.datasets.features import (
     CameraMessages,
     FeatureStream,
@@ -142,6 +143,7 @@ class CameraNode:
         maker = imagers(self._rig, [self.name]).get(self.name)
         frame = parameters.frame(self.name)
         self._camera = CameraMessages(self._view, frame, maker, "cdr")
+        self._bodies = BodyMessages(self._rig, parameters.world_frame)
         self._features: FeatureStream | None = None
         self.frames = Frames(self._make, self._lost)
 
@@ -180,6 +182,8 @@ class CameraNode:
         made = {f"{self.name}/{k}": v for k, v in self._camera.messages(number, t_ns).items()}
         if FEATURES_TOPIC in self._names:
             made.update(self._tracked(number))
+        bodies = self._bodies.messages(number).items()
+        made.update({topic: payload for topic, payload in bodies if topic in self._names})
         return made
 
     def _tracked(self, number: int) -> dict[str, bytes]:

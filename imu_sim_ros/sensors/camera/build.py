@@ -12,11 +12,13 @@ import numpy as np
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.places.bodies import Crowd
 from imu_sim_ros.places.catalogue import around
 from imu_sim_ros.places.catalogue import build as build_place
 from imu_sim_ros.places.geometry import Surfaces, hidden, joined, surfaces
 from imu_sim_ros.places.paint import Painter
-from imu_sim_ros.places.place import Site
+from imu_sim_ros.places.place import Place, Site
+from imu_sim_ros.places.walks import Passage, moving
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.camera.mesh_scene import mesh_scene
 from imu_sim_ros.sensors.camera.scene import Scene, read_points
@@ -69,7 +71,7 @@ def build_scene(
         case RoomParameters():
             return _room(parameters, _path(views, trajectory, span))
         case PlaceParameters():
-            return _place(parameters, _path(views, trajectory, span))
+            return _place(parameters, _passage(views, trajectory, span))
         case HouseParameters():
             return _house(parameters)
         case CloudParameters():
@@ -136,8 +138,13 @@ def check_path(
 
 def _path(views: Sequence[View], trajectory: Trajectory, duration: float) -> Array:
     """Return places (n, 3) of all cameras along the path."""
+    return np.concatenate(_passage(views, trajectory, duration).places)
+
+
+def _passage(views: Sequence[View], trajectory: Trajectory, duration: float) -> Passage:
     t = np.linspace(0.0, duration, _LOOKS)
-    return np.concatenate([view.poses(trajectory, t).position for view in views])
+    places = np.stack([view.poses(trajectory, t).position for view in views])
+    return Passage(t, places, duration >= trajectory.duration)
 
 
 def _room(p: RoomParameters, path: Array) -> Scene:
@@ -158,20 +165,37 @@ def _room(p: RoomParameters, path: Array) -> Scene:
     return Scene(landmarks, normals, np.zeros((0, 2, 3)), everything, extent)
 
 
-def _place(p: PlaceParameters, path: Array) -> Scene:
+def _place(p: PlaceParameters, passage: Passage) -> Scene:
+    path = np.concatenate(passage.places)
     if any(p.size):
         size, center = np.asarray(p.size), np.asarray(p.center)
         low, high = center - 0.5 * size, center + 0.5 * size
     else:
         low, high = around(p.type, path)
     keep = np.zeros((0, 3)) if any(p.size) else path  # a place of a given size is as it is
-    site = Site(low, high, keep, p.seed, p.texture, p.light)
+    site = Site(low, high, keep, p.seed, p.texture, p.light, p.bodies.doors)
     place = build_place(p.type, site)
     everything = place.surfaces()
     landmarks, normals = _scattered(everything.some(~place.sky), p.landmarks, p.seed)
     extent = float(np.linalg.norm(high - low))
     lines = np.zeros((0, 2, 3))
-    return Scene(landmarks, normals, lines, everything, extent, Painter(place, site))
+    crowd = _crowd(p, place, site, passage)
+    painter = Painter(place, site)
+    return Scene(landmarks, normals, lines, everything, extent, painter, crowd=crowd)
+
+
+def _crowd(p: PlaceParameters, place: Place, site: Site, passage: Passage) -> Crowd | None:
+    """Return what moves in a place."""
+    own = p.bodies
+    counts = {"person": own.people, "cart": own.carts, "door": own.doors}
+    if not any(counts.values()):
+        return None
+    bodies = moving(place, site, counts, own.speed, passage)
+    points = [
+        _scattered(body.surfaces(), own.landmarks, p.seed + k)
+        for k, body in enumerate(bodies, start=1)
+    ]
+    return Crowd(bodies, site, points)
 
 
 def _shown(place: Array) -> str:

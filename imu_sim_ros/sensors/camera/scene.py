@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.errors import InputError, system_error
 from imu_sim_ros.inputs.rows import open_regular
+from imu_sim_ros.places.bodies import Crowd
 from imu_sim_ros.places.geometry import NO_SURFACES, Surfaces, hidden
 from imu_sim_ros.places.mesh import MeshCaster
 from imu_sim_ros.places.mesh_file import Mesh
@@ -19,7 +20,7 @@ from imu_sim_ros.types import Array
 
 
 class Scene(NamedTuple):
-    """A scene at rest in the world."""
+    """A scene at rest in the world, and the bodies that move in it."""
 
     landmarks: Array
     """(n, 3) p_w [m]; a landmark's id is its row."""
@@ -36,6 +37,8 @@ class Scene(NamedTuple):
     """Triangles instead of rectangles, in the world."""
     caster: MeshCaster | None = None
     """Of the mesh."""
+    crowd: Crowd | None = None
+    """What moves; None: nothing."""
 
     def hidden(self, eye: Array, points: Array) -> NDArray[np.bool_]:
         """Tell which landmarks (n, 3) are behind something, each seen from its eye (n, 3)."""

@@ -22,11 +22,13 @@ from imu_sim_ros.parameters.kinds import (
     text,
     vector,
 )
+from imu_sim_ros.parameters.sections import section
 from imu_sim_ros.places.catalogue import size_problems
 from imu_sim_ros.places.mesh import ANCHORS, UPS
 from imu_sim_ros.places.place import LIGHTS, TEXTURES
 from imu_sim_ros.sensors.imu.parameters import rotation_problems
 
+MOST_BODIES = 100
 TYPE_TEXT = "kind of scene, or the name of a file in config/scenes"
 LOOKS = ("auto", "unlit", "sun")
 
@@ -269,6 +271,30 @@ class MeshParameters(PathSceneParameters):
 
 
 @dataclass(frozen=True)
+class BodiesParameters:
+    """What moves in a place, on courses of its own that keep off things and cameras."""
+
+    people: int = integer(0, "people who walk, stop and turn", minimum=0, maximum=50)
+    carts: int = integer(0, "carts that drive themselves", minimum=0, maximum=50)
+    doors: int = integer(0, "doors that open and close: office, corridor", minimum=0, maximum=50)
+    speed: float = number(
+        1.2, "of people; carts have 0.8 of it", unit="m/s", minimum=0.05, maximum=3.0
+    )
+    landmarks: int = integer(60, "points on each body", minimum=0, maximum=10_000)
+
+    def names(self) -> list[str]:
+        """Return the names of all bodies; the first has the id 1."""
+        counts = (("door", self.doors), ("cart", self.carts), ("person", self.people))
+        return [f"{kind}_{k + 1}" for kind, count in counts for k in range(count)]
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield whether there are more than a mask has values."""
+        count = len(self.names())
+        if count > MOST_BODIES:
+            yield f"{prefix}people = {self.people}: {count} bodies in all; at most {MOST_BODIES}"
+
+
+@dataclass(frozen=True)
 class PlaceParameters(PathSceneParameters):
     """What all places have: materials, light, and things that leave the path free."""
 
@@ -291,6 +317,7 @@ class PlaceParameters(PathSceneParameters):
         "day: through windows, or from the sun; lamps: at night; dim: few lamps, or clouds",
     )
     landmarks: int = integer(2000, "points on the surfaces", minimum=1, maximum=1_000_000)
+    bodies: BodiesParameters = section(BodiesParameters)
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield whether only some sides are given, or too little for the place."""
@@ -347,6 +374,11 @@ TYPES: dict[str, type[SceneParameters]] = {
     "machine_hall": MachineHallParameters,
     "street": StreetParameters,
 }
+
+
+def body_names(scene: SceneParameters) -> list[str]:
+    """Return the names of what moves in a scene; the first has the id 1."""
+    return scene.bodies.names() if isinstance(scene, PlaceParameters) else []
 
 
 def known_scenes() -> list[str]:

@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.places.bodies import Body
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.view import Frames, Poses, View, in_camera
@@ -48,6 +49,8 @@ class Tracks(NamedTuple):
     """(n,) z of the landmark in the camera's frame [m]."""
     wrong: Mask
     """(n,) an outlier, or the pixel of another feature."""
+    body: Rows
+    """(n,) on which body that moves it is: 1, 2, ...; 0: on what is at rest."""
 
 
 class Lines(NamedTuple):
@@ -77,11 +80,18 @@ class Tracker:
 
     def __init__(self, view: View, scene: Scene, trajectory: Trajectory) -> None:
         self.view, self.scene, self.trajectory = view, scene, trajectory
+        crowd = scene.crowd
+        self._bodies = crowd.each if crowd else ()
+        counts = [len(points) for points, _ in crowd.landmarks] if crowd else []
+        self._first = len(scene.landmarks) + np.cumsum([0, *counts])
+        """Number of the first landmark of each body."""
+        self.landmarks = int(self._first[-1])
+        """Number of all landmarks: those at rest, then those of each body."""
         stream = generator(view.seed, f"{view.name}.priority")
-        self._priority = stream.permutation(len(scene.landmarks))
+        self._priority = stream.permutation(self.landmarks)
         life = view.parameters.track_lifetime
         ages = generator(view.seed, f"{view.name}.lifetime")
-        self._age = ages.integers(0, max(life, 1), len(scene.landmarks))
+        self._age = ages.integers(0, max(life, 1), self.landmarks)
 
     def tracks(self, first: int, count: int) -> Tracks:
         """Return the features of frames ``first .. first + count - 1``; lost ones have none."""
@@ -97,7 +107,21 @@ class Tracker:
             seen.uv,
             seen.depth,
             wrong,
+            np.searchsorted(self._first, seen.landmark, side="right"),
         )
+
+    def places(self, landmark: Rows, t_ns: int) -> Array:
+        """Return where landmarks (n,) are in the world at a time [ns]: (n, 3)."""
+        at_rest = landmark < len(self.scene.landmarks)
+        result = self.scene.landmarks[np.where(at_rest, landmark, 0)]
+        body = np.searchsorted(self._first, landmark, side="right")
+        for number, one in enumerate(self._bodies, start=1):
+            rows = np.flatnonzero(body == number)
+            assert self.scene.crowd is not None
+            points, _ = self.scene.crowd.landmarks[number - 1]
+            t = np.full(len(rows), self.view.seconds(np.array([t_ns]))[0])
+            result[rows] = one.outside(t, points[landmark[rows] - self._first[number - 1]])
+        return result
 
     def counts(self, first: int, count: int) -> Rows:
         """Return how many landmarks (count,) each of some frames sees, before any cap.
@@ -135,14 +159,28 @@ class Tracker:
         return result
 
     def _visible(self, frames: Frames) -> _Observed:
-        return self._look(frames, self.scene.landmarks, self.scene.normals)
+        seen = self._look(frames, self.scene.landmarks, self.scene.normals)
+        if self.scene.crowd is None:
+            return seen
+        found = [seen]
+        each = zip(self._first, self._bodies, self.scene.crowd.landmarks, strict=False)
+        for first, body, (points, normals) in each:
+            of_body = self._look(frames, points, normals, body)
+            found.append(of_body._replace(landmark=of_body.landmark + first))
+        every = _Observed(*(np.concatenate(column) for column in zip(*found, strict=True)))
+        return _kept(every, np.lexsort((every.landmark, every.frame)))
 
-    def _look(self, frames: Frames, points: Array, normals: Array) -> _Observed:
-        """Return which points are seen in which frames, in as many steps as memory requires."""
+    def _look(
+        self, frames: Frames, points: Array, normals: Array, body: Body | None = None
+    ) -> _Observed:
+        """Return which points are seen in which frames, in as many steps as memory requires.
+
+        :param body: in whose axes the points are; None: in the world.
+        """
         delivered = np.flatnonzero(frames.delivered)
         step = max(1, _PAIRS // max(1, len(points)))
         parts = [
-            self._look_at_once(frames, delivered[k : k + step], points, normals)
+            self._look_at_once(frames, delivered[k : k + step], points, normals, body)
             for k in range(0, len(delivered), step)
         ]
         if not parts:
@@ -150,21 +188,28 @@ class Tracker:
             return _Observed(empty, empty, np.zeros((0, 2)), np.zeros(0))
         return _Observed(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
-    def _look_at_once(self, frames: Frames, rows: Rows, points: Array, normals: Array) -> _Observed:
+    def _poses(self, t: Array, body: Body | None) -> Poses:
+        """Return where the camera is at times t (n,) [s], in the world or in a body's axes."""
+        poses = self.view.poses(self.trajectory, t)
+        return poses if body is None else Poses(*body.sees(t, *poses))
+
+    def _look_at_once(
+        self, frames: Frames, rows: Rows, points: Array, normals: Array, body: Body | None
+    ) -> _Observed:
         p, model = self.view.parameters, self.view.model
         t = self.view.seconds(frames.true_t_ns[rows])
-        poses = self.view.poses(self.trajectory, t)
+        poses = self._poses(t, body)
         slack = _SLACK * model.height if p.row_time > 0.0 else 0.0
         frame, point, local = self._in_front(poses, points)
         uv, valid = model.project(local)
         seen = valid & model.inside(uv, p.border - slack)
         frame, point, uv, depth = frame[seen], point[seen], uv[seen], local[seen, 2]
-        eye = Poses(poses.position[frame], poses.q_wc[frame])
+        eye, t = Poses(poses.position[frame], poses.q_wc[frame]), t[frame]
         if slack:
-            eye, uv, depth, seen = self._through_rolling_shutter(t[frame], points[point], uv)
-            eye = Poses(eye.position[seen], eye.q_wc[seen])
+            eye, t, uv, depth, seen = self._through_rolling_shutter(t, points[point], uv, body)
+            eye, t = Poses(eye.position[seen], eye.q_wc[seen]), t[seen]
             frame, point, uv, depth = frame[seen], point[seen], uv[seen], depth[seen]
-        shown = self._shown(eye.position, points[point], normals[point])
+        shown = self._shown(t, eye.position, points[point], normals[point], body)
         return _Observed(rows[frame[shown]], point[shown], uv[shown], depth[shown])
 
     def _in_front(self, poses: Poses, points: Array) -> tuple[Rows, Rows, Array]:
@@ -178,9 +223,9 @@ class Tracker:
         return near // count, near % count, local[near]
 
     def _through_rolling_shutter(
-        self, t: Array, points: Array, uv: Array
-    ) -> tuple[Poses, Array, Array, Mask]:
-        """Return poses, pixels and depths at the time at which each pixel's row is exposed.
+        self, t: Array, points: Array, uv: Array, body: Body | None
+    ) -> tuple[Poses, Array, Array, Array, Mask]:
+        """Return poses, times, pixels and depths when each pixel's row is exposed.
 
         The row decides the time, and the time the row: ``t = t_frame + row_time (v - (h - 1) / 2)``
         is iterated, which converges as fast as rows move slower in the image than the shutter.
@@ -188,19 +233,27 @@ class Tracker:
         p, model = self.view.parameters, self.view.model
         for _ in range(_SHUTTER_STEPS):
             shift = p.row_time * (uv[:, 1] - 0.5 * (model.height - 1))
-            poses = self.view.poses(self.trajectory, t + shift)
+            poses = self._poses(t + shift, body)
             local = in_camera(poses, points)
             uv, valid = model.project(local)
         depth = local[:, 2]
         seen = valid & model.inside(uv, p.border) & (depth > p.min_depth) & (depth < p.max_depth)
-        return poses, uv, depth, seen
+        return poses, t + shift, uv, depth, seen
 
-    def _shown(self, eye: Array, points: Array, normals: Array) -> Mask:
-        """Tell which points (n, 3) face the eye (n, 3) and are behind no surface."""
+    def _shown(
+        self, t: Array, eye: Array, points: Array, normals: Array, body: Body | None
+    ) -> Mask:
+        """Tell which points (n, 3) face the eye (n, 3) and are behind nothing at times t (n,)."""
         facing = (normals * (eye - points)).sum(axis=1)
         shown: Mask = (facing > 0.0) | ~normals.any(axis=1)
         rows = np.flatnonzero(shown)
-        shown[rows[self.scene.hidden(eye[rows], points[rows])]] = False
+        t, eye, points = t[rows], eye[rows], points[rows]
+        if body is not None:
+            eye, points = body.outside(t, eye), body.outside(t, points)
+        behind = self.scene.hidden(eye, points)
+        if self.scene.crowd is not None:
+            behind |= self.scene.crowd.hidden(t, eye, points)
+        shown[rows[behind]] = False
         return shown
 
     def _chosen(self, seen: _Observed) -> _Observed:
@@ -244,7 +297,7 @@ class Tracker:
         return uv, wrong
 
 
-def _kept(seen: _Observed, rows: Mask) -> _Observed:
+def _kept(seen: _Observed, rows: Mask | Rows) -> _Observed:
     return _Observed(seen.frame[rows], seen.landmark[rows], seen.uv[rows], seen.depth[rows])
 
 

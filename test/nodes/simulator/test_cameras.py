@@ -316,3 +316,62 @@ def test_a_recording_is_read_as_a_file_is(start, listener, offline, tmp_path, ca
         assert sensor["intrinsics"] == [57.3, 57.2, 45.9, 31.0]
         pose = np.reshape(sensor["T_BS"]["data"], (4, 4))
         assert np.allclose(pose[:3, 2], [1.0, 0.0, 0.0], atol=0.05)  # looks along x
+
+
+WALK = {
+    "cameras": "[cam0]",
+    "camera.preset": "euroc_cam0",
+    "camera.body_axes": "flu",
+    "camera.width": 94,
+    "camera.height": 60,
+    "camera.intrinsics": "[57.3, 57.2, 45.9, 31.0]",
+    "camera.depth": True,
+    "camera.time_offset": 0.01,
+    "trajectory.place_size": "[12.0, 4.0, 2.6]",
+    "scene.type": "corridor",
+    "scene.size": "[12.0, 4.0, 2.6]",
+    "scene.center": "[0.0, 0.0, 1.3]",
+    "scene.bodies.people": 1,
+    "scene.bodies.doors": 1,
+    "duration": 1.0,
+    "start_time": 1.0,
+    "seed": 4,
+}
+
+
+def test_bodies_that_move_are_those_of_a_file_bit_for_bit(start, listener, tmp_path):
+    from nav_msgs.msg import Odometry
+    from sensor_msgs.msg import Image, Imu, PointCloud
+
+    path = tmp_path / "a.mcap"
+    given = ["--trajectory", "tour", *as_arguments(WALK)]
+    assert generate.main(["-o", str(path), "--quiet", *given]) == 0
+    kinds = {
+        "/imu/data_raw": Imu,
+        "/ground_truth/odom": Odometry,
+        "/cam0/image_raw": Image,
+        "/cam0/depth/image_raw": Image,
+        "/cam0/mask/image_raw": Image,
+        "/feature_tracker/feature": PointCloud,
+        "/ground_truth/bodies/door_1": Odometry,
+        "/ground_truth/bodies/person_1": Odometry,
+    }
+    expected: dict[str, list[bytes]] = {}
+    with AnyReader([path]) as reader:
+        for connection, _, raw in reader.messages():
+            expected.setdefault(connection.topic, []).append(bytes(raw))
+    for topic, kind in kinds.items():
+        listener.listen(topic, kind)
+    node = start(
+        "simulator",
+        *("--trajectory", "tour"),
+        **dotted(WALK),
+        wait_for_subscribers=1,
+        wait_for_truth_subscribers=1,
+        real_time_factor=0.0,
+    )
+    assert listener.wait_for_end(node) == 0, node.output
+    for topic in kinds:
+        assert len(expected[topic]) >= 19
+        assert unpadded(listener.raw[topic], expected[topic]) == expected[topic], topic
+    assert any(any(mask[-94 * 60 :]) for mask in expected["/cam0/mask/image_raw"])

@@ -11,6 +11,7 @@ its time alone, whatever images were made before.
 """
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cached_property
 from typing import Final
@@ -18,14 +19,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.sensors.camera.images.mesh_renderer import MeshRenderer
-from imu_sim_ros.sensors.camera.images.renderer import Renderer
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.view import View
-from imu_sim_ros.trajectory.motion import Trajectory
+from imu_sim_ros.types import Array
 
 Single = NDArray[np.float32]
+Bytes = NDArray[np.uint8]
 
 _INTERVAL: Final = 0.1
 """Of the meter's readings [s]."""
@@ -40,9 +40,9 @@ _FULL: Final = np.float32(255.0)
 class AutoExposure:
     """The factor that one camera's automatic exposure applies to grey values, over time."""
 
-    def __init__(self, view: View, meter: Renderer | MeshRenderer, trajectory: Trajectory) -> None:
-        """Take a camera and what its meter sees, of :func:`meter_model`."""
-        self._view, self._meter, self._trajectory = view, meter, trajectory
+    def __init__(self, view: View, meter: Callable[[Array], Iterator[Bytes]]) -> None:
+        """Take a camera and what its meter, of :func:`meter_model`, sees at a time (1,) [s]."""
+        self._view, self._meter = view, meter
         self._wanted: dict[int, float] = {}
 
     def factor(self, seconds: float) -> float:
@@ -80,7 +80,7 @@ class AutoExposure:
         """Return the mean grey value of what the meter sees: an integer over another."""
         view, total, count = self._view, 0, 0
         t = np.array([min(seconds, view.duration)])
-        for _, picture in self._meter.pictures(view.poses(self._trajectory, t)):
+        for picture in self._meter(t):
             total += int(picture.sum(dtype=np.int64))
             count += picture.size
         return total / count

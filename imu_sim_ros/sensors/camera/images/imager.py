@@ -4,7 +4,7 @@
 """The images of one camera: pictures over the exposure, optics, noise, grey values."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cache, cached_property
 from typing import Final
 
@@ -19,7 +19,7 @@ from imu_sim_ros.sensors.camera.images.texture import Atlas, atlas
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.scene_parameters import MeshParameters, SceneParameters
-from imu_sim_ros.sensors.camera.view import View
+from imu_sim_ros.sensors.camera.view import Poses, View
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.types import Array
 
@@ -56,7 +56,7 @@ class Imager:
         if isinstance(self.atlas, Look):
             assert scene.caster is not None
             return MeshRenderer(model, scene.caster, self.atlas, scale, trilinear)
-        return Renderer(model, scene.surfaces, self.atlas, scale, trilinear)
+        return Renderer(model, scene.surfaces, self.atlas, scale, trilinear, scene.crowd)
 
     def image(self, number: int) -> Bytes:
         """Return frame ``number``: grey values (h, w), or red, green and blue (h, w, 3)."""
@@ -107,7 +107,12 @@ class Imager:
     @cached_property
     def _automatic(self) -> AutoExposure:
         small = meter_model(self.view.parameters)
-        return AutoExposure(self.view, self._renderer_of(1, model=small), self._trajectory)
+        meter = self._renderer_of(1, model=small)
+
+        def seen(t: Array) -> Iterator[Bytes]:
+            return (picture for _, picture in meter.pictures(*self._poses(t)))
+
+        return AutoExposure(self.view, seen)
 
     @cached_property
     def _read_noise(self) -> Single:
@@ -119,10 +124,34 @@ class Imager:
 
         0 if nothing is seen. A frame that repeats another has its depth, too.
         """
+        return self._centres.depth(*self._seen_from(number))
+
+    @property
+    def moving(self) -> bool:
+        """Whether something moves in the scene."""
+        return self._scene.crowd is not None
+
+    def depth_and_mask(self, number: int) -> tuple[NDArray[np.float32], Bytes | None]:
+        """Return :meth:`depth`, and which body is there (h, w): 1, 2, ...; 0: none that moves.
+
+        No mask if nothing moves in the scene.
+        """
+        if not self.moving:
+            return self.depth(number), None
+        assert isinstance(self._centres, Renderer)  # nothing moves in a mesh
+        return self._centres.depth_and_mask(*self._seen_from(number))
+
+    def _seen_from(self, number: int) -> tuple[Poses, list[Poses]]:
+        """Return the poses of the pixels' centres in the middle of the exposure."""
         t = np.array([self._seconds(self._content(number))])
-        renderer = self._centres
-        times = self._row_times(t, renderer.rows)
-        return renderer.depth(self.view.poses(self._trajectory, times))
+        return self._poses(self._row_times(t, self._centres.rows))
+
+    def _poses(self, t: Array) -> tuple[Poses, list[Poses]]:
+        """Return where the camera is at times t (n,) [s], and the same in the axes of each body."""
+        poses = self.view.poses(self._trajectory, t)
+        crowd = self._scene.crowd
+        each = crowd.each if crowd else ()
+        return poses, [Poses(*body.sees(t, *poses)) for body in each]
 
     @property
     def vignette(self) -> Single:
@@ -167,8 +196,8 @@ class Imager:
         total = np.zeros((p.height, p.width, *self._colours), kind)
         for k in range(pictures):
             t = middle + exposure * ((k + 0.5) / pictures - 0.5)
-            poses = self.view.poses(self._trajectory, self._row_times(t, self._renderer.rows))
-            for rows, picture in self._renderer.pictures(poses):
+            poses, bodies = self._poses(self._row_times(t, self._renderer.rows))
+            for rows, picture in self._renderer.pictures(poses, bodies):
                 for row, column in np.ndindex(n, n):
                     total[rows] += picture[row::n, column::n]
         return total, count
@@ -199,7 +228,7 @@ def imagers(
 
 def _textures(scene: Scene, parameters: SceneParameters, colour: bool) -> Atlas | Look:
     if scene.mesh is None or scene.caster is None or not isinstance(parameters, MeshParameters):
-        return atlas(scene.surfaces, parameters, colour, scene.painter)
+        return atlas(scene.surfaces, parameters, colour, scene.painter, scene.crowd)
     sun = parameters.light == "sun" or (parameters.light == "auto" and not scene.mesh.painted)
     return Look(scene.mesh, scene.caster.middle, colour, sun)
 

@@ -3,7 +3,7 @@
 
 """Pictures of a mesh: each pixel's ray meets the nearest triangle."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -66,9 +66,12 @@ class MeshRenderer:
         """Row of the image of each row of rays."""
         self._pitches: dict[int, NDArray[np.float16]] = {}
 
-    def pictures(self, poses: Poses) -> Iterator[tuple[slice, Bytes]]:
+    def pictures(
+        self, poses: Poses, _bodies: Sequence[Poses] = ()
+    ) -> Iterator[tuple[slice, Bytes]]:
         """Yield what one pose sees, or one pose for each row of rays, a band at a time.
 
+        :param _bodies: none moves in a mesh.
         :returns: rows of the image, and the values (h, w[, 3]) of all their rays.
         """
         scale = self._rays.scale
@@ -79,7 +82,7 @@ class MeshRenderer:
             pitch = self._pitches[number].astype(np.float32)
             yield image, self._painted(seen, pitch, (rays.shape[1], rays.shape[2]))
 
-    def depth(self, poses: Poses) -> Single:
+    def depth(self, poses: Poses, _bodies: Sequence[Poses] = ()) -> Single:
         """Return the distance along the axis (h, w) [m] of what each pixel sees; 0: nothing."""
         result = np.empty(self._rays.shape, np.float32)
         for _, rows, rays, seen in self._seen(poses):

@@ -91,6 +91,11 @@ class Corners(NamedTuple):
     rows: Integers
     """(a + 1,) their rows."""
 
+    def part(self, rows: slice, columns: slice) -> "Corners":
+        """Return those of some of the cells."""
+        down, right = (slice(each.start, each.stop + 1) for each in (rows, columns))
+        return Corners(self.rays[:, down, right], self.rows[down])
+
 
 class Probes(NamedTuple):
     """For each cell (a, b) of an image a pixel, and those on its right and below it."""

@@ -3,8 +3,9 @@
 
 """Pictures of textured rectangles: each pixel's ray meets the nearest surface."""
 
+import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import MissingDependencyError
+from imu_sim_ros.places.bodies import Crowd
 from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.sensors.camera.images.rays import (
     Corners,
@@ -151,6 +153,8 @@ class _Band(NamedTuple):
     """Column and row (2, h, w) in the atlas, of one level or of two."""
     share: NDArray[np.uint16] | None
     """(h, w) of the second level."""
+    number: NDArray[np.int32] | None = None
+    """(h, w) of the surface, if it is wanted; -1: nothing."""
 
 
 class Renderer:
@@ -163,36 +167,44 @@ class Renderer:
         atlas: Atlas,
         scale: int,
         trilinear: bool = False,
+        crowd: Crowd | None = None,
     ) -> None:
         """Set up the rays.
 
         :param scale: rays along each side of a pixel.
         :param trilinear: look at two mip levels.
+        :param crowd: bodies that move; their textures follow those of the surfaces.
         """
-        self._trilinear = trilinear
+        self._trilinear, self.crowd = trilinear, crowd
         self.surfaces, self.atlas = surfaces, atlas
+        self._first = [len(surfaces.origin)]
+        for where in crowd.surfaces if crowd else ():
+            self._first.append(self._first[-1] + len(where.origin))
         self._rays = PixelRays(model, scale)
         self.rows = self._rays.row_places
         """Row of the image of each row of rays."""
         self.bands = self._rays.bands
         self._corners_of_cells, self._probes = corners_and_probes(self._rays)
+        self._units, self._cell_angle = _units(self._corners_of_cells.rays)
         self._cone, self._longest_ray = self._cone_of_rays()
 
-    def pictures(self, poses: Poses) -> Iterator[tuple[slice, Bytes]]:
+    def pictures(self, poses: Poses, bodies: Sequence[Poses] = ()) -> Iterator[tuple[slice, Bytes]]:
         """Yield what one pose sees, or one pose for each row of rays, a band at a time.
 
+        :param bodies: the same poses in the axes of each body.
         :returns: rows of the image, and the values (h, w[, 3]) of all their rays.
         """
-        for rows, maps in self.maps(poses):
+        for rows, maps in self.maps(poses, bodies):
             yield rows, look_up(self.atlas.image, maps)
 
-    def maps(self, poses: Poses) -> Iterator[tuple[slice, Maps]]:
+    def maps(self, poses: Poses, bodies: Sequence[Poses] = ()) -> Iterator[tuple[slice, Maps]]:
         """Yield the look-up for one pose, or one pose for each row of rays, a band at a time.
 
+        :param bodies: as for :meth:`pictures`.
         :returns: rows of the image, and the maps (h, w) of all their rays.
         """
         cv2 = opencv()
-        visible = self._visible(poses)
+        visible = self._with_bodies(self._visible(poses), bodies)
         scale = self._rays.scale
         for number, band in enumerate(self.bands):
             rows = self._rays.rows(band)
@@ -203,21 +215,32 @@ class Renderer:
             image = slice(rows.start // scale, rows.stop // scale)
             yield image, fine._replace(coarse=coarse[0] if coarse else None, share=drawn.share)
 
-    def depth(self, poses: Poses) -> Single:
+    def depth(self, poses: Poses, bodies: Sequence[Poses] = ()) -> Single:
         """Return the distance along the axis (h, w) [m] of what each pixel sees; 0: nothing."""
-        visible = self._visible(poses)
-        parts = []
-        for number, band in enumerate(self.bands):
-            rays = self._rays.of_band(number)
-            nearest = self._drawn(visible, band, rays).nearest
-            safe = np.where(nearest > 0.0, nearest, np.float32(1.0))
-            parts.append(np.where(nearest > 0.0, rays[2] / safe, np.float32(0.0)))
-        return np.concatenate(parts)
+        visible = self._with_bodies(self._visible(poses), bodies)
+        bands = enumerate(self.bands)
+        return np.concatenate(
+            [_depth(self._drawn(visible, band, self._rays.of_band(k))) for k, band in bands]
+        )
+
+    def depth_and_mask(self, poses: Poses, bodies: Sequence[Poses]) -> tuple[Single, Bytes]:
+        """Return :meth:`depth`, and which body each pixel sees (h, w): 1, 2, ...; 0: none.
+
+        :param bodies: as for :meth:`pictures`.
+        """
+        visible = self._with_bodies(self._visible(poses), bodies)
+        depth, numbers = [], []
+        for k, band in enumerate(self.bands):
+            number = np.full(self._rays.of_band(k).shape[1:], -1, np.int32)
+            depth.append(_depth(self._drawn(visible, band, self._rays.of_band(k), number)))
+            numbers.append(number)
+        mask = np.searchsorted(self._first, np.concatenate(numbers), side="right")
+        return np.concatenate(depth), mask.astype(np.uint8)
 
     def _visible(self, poses: Poses) -> _Visible:
         """Return the surfaces that may be in the image, and where."""
         position, r_wc = rounded(poses)
-        facing = self._facing(position)
+        facing = _facing(self.surfaces, position)
         # A surface is not seen where all its corners lie beyond one side of the cone of all rays.
         if len(position) == 1 and self._cone is not None:
             corners = self._corners(facing) - position[0]
@@ -234,6 +257,69 @@ class Renderer:
             largest = self._longest_ray * (1.0 + _BEHIND) / np.maximum(distance, 1e-9)
         places = {m: (rows, columns) for m, rows, columns in regions(cells)}
         return _Visible(planes, cells, facing, largest, places, {})
+
+    def _with_bodies(self, rest: _Visible, bodies: Sequence[Poses]) -> _Visible:
+        """Return what may be in the image with the bodies that may, the nearest first if known."""
+        found = [
+            seen for k, poses in enumerate(bodies) if (seen := self._of_body(k, poses)) is not None
+        ]
+        if not found:
+            return rest
+        every = [*found, rest]
+        largest = np.concatenate([seen.largest for seen in every])
+        order = np.arange(len(largest))
+        if (rest.largest[1:] <= rest.largest[:-1]).all():  # the rest begins with the nearest, too
+            order = np.argsort(-largest, kind="stable")
+        cells, numbers = (
+            np.concatenate([getattr(seen, name) for seen in every])[order]
+            for name in ("cells", "numbers")
+        )
+        planes = Planes(
+            np.concatenate([seen.planes.vectors for seen in every])[order],
+            np.concatenate([seen.planes.start for seen in every])[order],
+        )
+        places = {m: (rows, columns) for m, rows, columns in regions(cells)}
+        return _Visible(planes, cells, numbers, largest[order], places, {})
+
+    def _of_body(self, number: int, poses: Poses) -> _Visible | None:
+        """Return what may be seen of a body; None: it is not in the image."""
+        assert self.crowd is not None
+        where, (middle, radius) = self.crowd.surfaces[number], self.crowd.balls[number]
+        position, r_wc = rounded(poses)
+        region = self._region(((middle - position)[:, :, None] * r_wc).sum(axis=1), radius)
+        if region is None:
+            return None
+        facing = _facing(where, position)
+        planes = Planes.of(where, facing, position, r_wc)
+        a, b = (length - 1 for length in self._units.shape[1:])
+        cells = np.zeros((len(facing), a, b), np.bool_)
+        cells[:, region[0], region[1]] = covered(planes, self._corners_of_cells.part(*region))
+        largest = np.full(len(facing), np.inf)
+        if len(position) == 1:
+            distance = distances(where, facing, position[0])
+            largest = self._longest_ray * (1.0 + _BEHIND) / np.maximum(distance, 1e-9)
+        return _Visible(planes, cells, facing + self._first[number], largest, {}, {})
+
+    def _region(self, middle: Array, radius: float) -> tuple[slice, slice] | None:
+        """Return rows and columns of the cells in which a ball may be seen; None: in none.
+
+        :param middle: (n, 3) in the camera's frame, for one pose or for one each row of rays.
+        """
+        rows = self._corners_of_cells.rows if len(middle) > 1 else np.zeros(1, np.int64)
+        x, y, z = middle[rows].T[..., None]
+        away = np.sqrt(x * x + y * y + z * z)
+        sine = np.minimum(radius / np.maximum(away, 1e-9), 1.0)
+        near = np.minimum(np.arcsin(sine) + self._cell_angle, math.pi)
+        along = self._units[0] * x + self._units[1] * y + self._units[2] * z
+        seen = (along >= away * np.cos(near)) | (away <= radius)
+        if not seen.any():
+            return None
+        ranges = []
+        for axis, length in ((1, seen.shape[0] - 1), (0, seen.shape[1] - 1)):
+            places = np.flatnonzero(seen.any(axis=axis))
+            first = max(int(places[0]) - 1, 0)
+            ranges.append(slice(min(first, length - 1), min(int(places[-1]) + 1, length)))
+        return ranges[0], ranges[1]
 
     def _nearest_first(self, numbers: Integers, eye: Array) -> Integers:
         """Return surfaces by their distance: who comes first hides who comes later."""
@@ -278,23 +364,24 @@ class Renderer:
         o, a, b = (part[surfaces] for part in self.surfaces[:3])
         return np.stack([o, o + a, o + b, o + a + b], axis=1)
 
-    def _facing(self, position: Array) -> NDArray[np.int64]:
-        """Return the surfaces whose front is seen from one of some places (n, 3)."""
-        s = self.surfaces
-        offset = position[:, None] - s.origin
-        front = ((offset * s.normal).sum(axis=2) > 0.0).any(axis=0)
-        return np.flatnonzero(front | (np.array(s.texture) == "plane"))
-
-    def _drawn(self, visible: _Visible, band: slice, rays: Single) -> _Band:
+    def _drawn(
+        self,
+        visible: _Visible,
+        band: slice,
+        rays: Single,
+        number: NDArray[np.int32] | None = None,
+    ) -> _Band:
         """Return what a band of cells sees.
 
         :param rays: (3, h, w) of the band.
+        :param number: (h, w) that gets the number of the surface that each ray meets.
         """
         shape = rays.shape[1:]
         count = 1 + self._trilinear
         background = [np.ones((2, *shape), np.float32) for _ in range(count)]  # the atlas' corner
         share = np.zeros(shape, np.uint16) if self._trilinear else None
-        drawn = _Band(band.start, rays, np.zeros(shape, np.float32), background, share)
+        nearest = np.zeros(shape, np.float32)
+        drawn = _Band(band.start, rays, nearest, background, share, number)
         for m, cells, columns in regions(visible.cells[:, band]):
             self._draw(visible, m, cells, columns, drawn)
         return drawn
@@ -320,6 +407,8 @@ class Renderer:
         if not shown.any():
             return
         np.copyto(nearest, inverse, where=shown)
+        if drawn.number is not None:
+            drawn.number[here][shown] = visible.numbers[m]
         of_image = slice(drawn.first + cells.start, drawn.first + cells.stop)
         found = self._levels(visible, m).part(of_image, across)
         if found.share is not None and drawn.share is not None:
@@ -333,6 +422,32 @@ def rounded(poses: Poses) -> tuple[Array, Array]:
     position = np.round(poses.position * _GRID) / _GRID
     r_wc = np.round(rotation.to_matrix(poses.q_wc) * _GRID) / _GRID
     return position, r_wc
+
+
+def _depth(drawn: _Band) -> Single:
+    """Return the distance along the axis (h, w) [m] of what a band sees; 0: nothing."""
+    nearest = drawn.nearest
+    safe = np.where(nearest > 0.0, nearest, np.float32(1.0))
+    return np.where(nearest > 0.0, drawn.rays[2] / safe, np.float32(0.0))
+
+
+def _facing(s: Surfaces, position: Array) -> Integers:
+    """Return the surfaces whose front is seen from one of some places (n, 3)."""
+    offset = position[:, None] - s.origin
+    front = ((offset * s.normal).sum(axis=2) > 0.0).any(axis=0)
+    return np.flatnonzero(front | (np.array(s.texture) == "plane"))
+
+
+def _units(rays: Single) -> tuple[Single, float]:
+    """Return unit vectors along rays (3, a, b), and the largest angle across a cell [rad]."""
+    length = np.sqrt((rays * rays).sum(axis=0))
+    units = rays / np.maximum(length, np.float32(1e-9))
+    across = (units[:, :-1, :-1] * units[:, 1:, 1:]).sum(axis=0)
+    other = (units[:, :-1, 1:] * units[:, 1:, :-1]).sum(axis=0)
+    seen = (length[:-1, :-1] > 0) & (length[1:, 1:] > 0) & (length[:-1, 1:] > 0)
+    least = np.minimum(across, other)[seen]
+    angle = math.acos(max(-1.0, min(1.0, float(least.min())))) if least.size else math.pi
+    return units, angle + 1e-3
 
 
 def distances(surfaces: Surfaces, numbers: Integers, eye: Array) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.places.bodies import Crowd
 from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.places.paint import Painter
 from imu_sim_ros.random_streams import generator_at
@@ -30,6 +31,8 @@ MOST_TEXELS: Final = 24_000_000
 MOST_TEXELS_OF_PLACES: Final = 36_000_000
 SMALLEST_TEXEL: Final = 0.0025
 """Smallest size of a texel of a wall [m]."""
+_TEXEL_OF_BODIES: Final = 0.004
+"""Size of a texel of a body [m]."""
 LEVELS: Final = 8
 BACKGROUND: Final = 110
 """Grey value of the background."""
@@ -67,11 +70,13 @@ def atlas(
     parameters: SceneParameters,
     colour: bool = False,
     painter: Painter | None = None,
+    crowd: Crowd | None = None,
 ) -> Atlas:
-    """Return the textures of all surfaces with their mip levels.
+    """Return the textures of all surfaces, and behind them those of bodies, with their mip levels.
 
     :param colour: in colour; targets stay black and white.
     :param painter: of a place.
+    :param crowd: bodies that move in it.
     :raises ConfigurationError: for a scene without surfaces.
     """
     if not len(surfaces.origin):
@@ -80,7 +85,7 @@ def atlas(
             "of; room, planes, places, aprilgrid and checkerboard have surfaces"
         )
     if painter is not None:
-        return _of_place(surfaces, painter, colour)
+        return _of_place(surfaces, painter, colour, crowd)
     shapes = [_shape(surfaces, m, parameters) for m in range(len(surfaces.origin))]
 
     def texture(m: int) -> Bytes:
@@ -90,37 +95,55 @@ def atlas(
     return assembled(shapes, texture, colour)
 
 
-def _of_place(surfaces: Surfaces, painter: Painter, colour: bool) -> Atlas:
+def _of_place(surfaces: Surfaces, painter: Painter, colour: bool, crowd: Crowd | None) -> Atlas:
     """Return the textures of a place; all have texels of one size, but for a factor of each."""
-    sides = surfaces.sides
     detail = painter.place.detail
-    area = float((sides.prod(axis=1) * detail * detail).sum())
+    area = float((surfaces.sides.prod(axis=1) * detail * detail).sum())
     texels = np.maximum(SMALLEST_TEXEL, math.sqrt(area / MOST_TEXELS_OF_PLACES)) / detail
-    shapes = [
+    shapes = _in_texels(surfaces.sides, texels)
+    count = len(shapes)
+    bodies: list[tuple[int, int]] = []
+    if crowd is not None:
+        sides = np.concatenate([each.sides for each in crowd.surfaces])
+        bodies = _in_texels(sides, np.full(len(sides), _TEXEL_OF_BODIES))
+
+    def texture(m: int) -> Bytes:
+        if m < count or crowd is None:
+            return painter.texture(m, *shapes[m], float(texels[m]), colour)
+        return crowd.painter.texture(m - count, *bodies[m - count], _TEXEL_OF_BODIES, colour)
+
+    return assembled(shapes, texture, colour, bodies)
+
+
+def _in_texels(sides: Array, texels: Array) -> list[tuple[int, int]]:
+    """Return rows and columns of rectangles of some width and height (m, 2)."""
+    return [
         (
             min(max(1, round(height / texel)), _WIDTH - 8),
             min(max(1, round(width / texel)), _WIDTH - 8),
         )
         for (width, height), texel in zip(sides.tolist(), texels.tolist(), strict=True)
     ]
-    return assembled(
-        shapes, lambda m: painter.texture(m, *shapes[m], float(texels[m]), colour), colour
-    )
 
 
 def assembled(
     shapes: Sequence[tuple[int, int]],
     texture: Callable[[int], Bytes],
     colour: bool,
+    further: Sequence[tuple[int, int]] = (),
     repeat: bool = False,
 ) -> Atlas:
     """Return textures of some rows and columns, each made when it is put into its place.
 
+    :param further: shapes that come after the others, and move none of them.
     :param repeat: beyond an edge lies the opposite one, not the edge itself.
     """
-    of_levels = [shape for height, width in shapes for shape in _shapes_of_levels(height, width)]
-    corners, height = _packed([(rows + 2 * _EDGE, cols + 2 * _EDGE) for rows, cols in of_levels])
-    width = max(_WIDTH, *(columns + 2 * _EDGE for _, columns in of_levels))
+    corners, height, width = _places(shapes)
+    if further:
+        more, more_height, more_width = _places(further)
+        corners += [(row + height, column) for row, column in more]
+        height, width = height + more_height, max(width, more_width)
+        shapes = [*shapes, *further]
     image = np.zeros((height, width, *(3,) * colour), np.uint8)
     image[:_BLANK, :_BLANK] = BACKGROUND
     around = [(_EDGE, _EDGE), (_EDGE, _EDGE), *[(0, 0)] * colour]
@@ -133,6 +156,13 @@ def assembled(
     size = np.array(shapes, dtype=np.float32).reshape(-1, 2)[:, ::-1]
     place = np.array(corners, dtype=np.float32).reshape(len(shapes), LEVELS, 2)[..., ::-1]
     return Atlas(image, size, place + np.float32(_EDGE))
+
+
+def _places(shapes: Sequence[tuple[int, int]]) -> tuple[list[tuple[int, int]], int, int]:
+    """Return row and column of all levels of textures, and height and width of them all."""
+    of_levels = [shape for height, width in shapes for shape in _shapes_of_levels(height, width)]
+    corners, height = _packed([(rows + 2 * _EDGE, cols + 2 * _EDGE) for rows, cols in of_levels])
+    return corners, height, max(_WIDTH, *(columns + 2 * _EDGE for _, columns in of_levels))
 
 
 _BLANK: Final = 4

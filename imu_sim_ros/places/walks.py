@@ -1,0 +1,504 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The courses of bodies in a place: from stop to stop along its free floor, and back.
+
+All courses of a scene have one period, so that bodies which do not meet within it never do. They
+keep off the cameras: of a path that ends, at the times at which it is there; of one without an end,
+always.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.places.bodies import HEIGHT, RADIUS, STEP, Body, Course, faces
+from imu_sim_ros.places.geometry import Surfaces
+from imu_sim_ros.places.place import CLEARANCE, Hinge, Place, Site
+from imu_sim_ros.places.tour import graph
+from imu_sim_ros.random_streams import generator_at
+from imu_sim_ros.types import Array
+
+PERIOD: Final = 60.0
+"""Of all courses [s]."""
+_KNOTS: Final = round(PERIOD / STEP)
+_CELL: Final = 0.1
+"""Edge of a cell of the floor, in large places twice as much [m]."""
+_LARGE: Final = 200.0
+"""Area of a large place [m^2]."""
+_REACH: Final = 1.5
+"""Distance from which a thing is of no interest [m]."""
+_ROOM: Final = 0.06
+"""By which a planned way is farther from things than it must be [m]."""
+_STOPS: Final = 24
+"""Places at which a body may stop: half of them anywhere, half next to things."""
+_BESIDE: Final = 0.15
+"""How much farther from things than it must be a place next to them is [m]."""
+_SETS: Final = 4
+"""Sets of stops that are tried, one after the other."""
+_TRIES: Final = 3
+"""Courses that are drawn from one home."""
+_SLACK: Final = 0.04
+"""By which a planned course is farther from what moves than it must be [m]."""
+_TURNING: Final = 4
+"""Knots for which a body turns before it goes on."""
+_PAUSE: Final = (4, 16)
+"""Knots of a pause, at least and at most."""
+_APART: Final = 0.1
+"""Bodies keep this far from each other [m]."""
+_LOOKS: Final = 1200
+"""Times in a period at which bodies are compared."""
+_DOOR_TRIES: Final = 40
+_ANGLES: Final = 12
+_GAIT: Final = {"person": 1.0, "cart": 0.8}
+"""Speed of each kind, of that of people."""
+
+
+class Passage(NamedTuple):
+    """The cameras' path."""
+
+    times: Array
+    """(n,) [s]."""
+    places: Array
+    """(k, n, 3) of each of k cameras [m]."""
+    ends: bool
+    """False: it goes on after the last time."""
+
+
+class _Floor(NamedTuple):
+    """Cells of the floor."""
+
+    places: Array
+    """(n, 2) middles [m]."""
+    free: Array
+    """(n,) distance from the nearest thing [m]."""
+    shape: tuple[int, int]
+    cell: float
+
+    def number(self, places: Array) -> NDArray[np.int64]:
+        """Return the cell of each of places (n, 2), which are on the floor."""
+        i, j = np.floor((places - self.places[0]) / self.cell + 0.5).astype(np.int64).T
+        i, j = (np.clip(k, 0, n - 1) for k, n in zip((i, j), self.shape, strict=True))
+        return np.asarray(i * self.shape[1] + j)
+
+    def at(self, places: Array) -> Array:
+        """Return how far places (n, 2) on it are from the nearest thing, at least [m]."""
+        return self.free[self.number(places)] - self.cell * math.sqrt(0.5)
+
+
+def moving(
+    place: Place, site: Site, counts: dict[str, int], speed: float, passage: Passage
+) -> tuple[Body, ...]:
+    """Return the bodies of a place: doors, carts, then people.
+
+    :param counts: of each kind.
+    :param speed: of people who walk [m/s].
+    :raises ConfigurationError: where so many have no room.
+    """
+    found: list[Body] = []
+    for number, hinge in enumerate(place.hinges[: counts["door"]], start=1):
+        course = _door(hinge, number, site, passage)
+        look = faces("door", number, site, hinge)
+        found.append(Body(f"door_{number}", "door", look, course, hinge.foot[2]))
+    if len(found) < counts["door"]:
+        raise ConfigurationError(
+            f"scene.bodies.doors = {counts['door']}: this place has {len(found)} doors that can "
+            "move; an office and a corridor have some"
+        )
+    for kind in ("cart", "person"):
+        walkers: list[_Walkers] = []
+        for number in range(1, counts[kind] + 1):
+            for k in range(_SETS):
+                if k == len(walkers):
+                    walkers.append(_Walkers(place, site, kind, speed, passage, k))
+                way = walkers[k].course(number, found)
+                if way is not None:
+                    break
+            if way is None:
+                name = {"cart": "carts", "person": "people"}[kind]
+                raise ConfigurationError(
+                    f"scene.bodies.{name} = {counts[kind]}: only {number - 1} find a way that "
+                    "keeps off things, each other and the cameras; fewer, another scene.seed, a "
+                    "larger place or another scene.bodies.speed"
+                )
+            low = float(place.low[2])
+            found.append(Body(f"{kind}_{number}", kind, faces(kind, number, site), way, low))
+    return tuple(found)
+
+
+class _Walkers:
+    """Who walks on the floor of a place, of one kind.
+
+    Stops and times, a knot apart, are the nodes of a graph: from each a body may wait, or walk to
+    another stop where nothing is in its way at those times. Back from the end of the period it is
+    known which nodes lead home, so that a course is drawn that does.
+    """
+
+    def __init__(
+        self,
+        place: Place,
+        site: Site,
+        kind: str,
+        speed: float,
+        passage: Passage,
+        number: int,
+    ) -> None:
+        """Draw stops.
+
+        :param number: of the set of stops: each is another one.
+        """
+        from scipy.sparse.csgraph import dijkstra
+
+        self._kind, self._site, self._passage = kind, site, passage
+        self._radius, self._pace = RADIUS[kind], speed * _GAIT[kind]
+        top = float(place.low[2]) + HEIGHT[kind]
+        self._floor = _floor(place, top, passage if not passage.ends else None)
+        self._near = passage.places[..., 2] < top + CLEARANCE
+        stream = generator_at(site.seed, f"bodies.stops.{kind}", number)
+        least = self._radius + _ROOM + self._floor.cell * math.sqrt(0.5)
+        ways = graph(self._floor.free, self._floor.shape, least)
+        self._stops = _stops(self._floor.free, least, ways, stream)
+        if len(self._stops) < 2:
+            return
+        _, self._before = dijkstra(ways, indices=self._stops, return_predecessors=True)
+        count = len(self._stops)
+        self._legs = [[self._way(a, b) for b in range(count)] for a in range(count)]
+        self._lengths = np.array([[len(leg) for leg in legs] for legs in self._legs])
+        places = np.concatenate([leg for legs in self._legs for leg in legs])
+        self._cells, index = np.unique(self._floor.number(places), return_inverse=True)
+        ends = np.cumsum(self._lengths.ravel())[:-1]
+        self._along = np.split(index.ravel(), ends)
+        """Which of the cells each leg passes, knot by knot."""
+        self._at = np.searchsorted(self._cells, self._stops)
+        self._clear = self._clear_of_cameras()
+        """(knots, cells) whether each is off the cameras and all bodies that are known."""
+        self._known = 0
+
+    def _clear_of_cameras(self) -> NDArray[np.bool_]:
+        """Tell at which knots each cell (knots, cells) is off the cameras, now and a period on."""
+        result = np.ones((_KNOTS, len(self._cells)), np.bool_)
+        if not self._passage.ends:
+            return result
+        from scipy.spatial import cKDTree
+
+        middles = self._floor.places[self._cells]
+        reach = self._radius + CLEARANCE + _SLACK
+        phase = np.tile(self._passage.times % PERIOD, len(self._near))[self._near.ravel()]
+        there = self._passage.places.reshape(-1, 3)[self._near.ravel()][:, :2]
+        order = np.argsort(phase, kind="stable")
+        phase, there = phase[order], there[order]
+        for k in range(_KNOTS):
+            # A knot moves a body for two steps before and after it.
+            ends = ((k - 2) * STEP, (k + 2) * STEP)
+            parts = [
+                there[slice(*np.searchsorted(phase, [end + shift for end in ends]))]
+                for shift in (-PERIOD, 0.0, PERIOD)
+            ]
+            seen = np.unique(np.round(np.concatenate(parts), 2), axis=0)
+            if len(seen):
+                away, _ = cKDTree(seen).query(middles, distance_upper_bound=reach)
+                result[k] = ~np.isfinite(away)
+        return result
+
+    def _keep_off(self, others: Sequence[Body]) -> None:
+        """Mark at which knots each cell is not off other bodies."""
+        middles = self._floor.places[self._cells]
+        shifts: Array = np.arange(-4.0, 5.0) * (0.5 * STEP)
+        for other in others:
+            if other.kind == "door":  # all that it sweeps is no floor
+                continue
+            reach = self._radius + RADIUS[other.kind] + _APART + _SLACK
+            for k in range(_KNOTS):
+                there = other.course.at(k * STEP + shifts)[:, :2]
+                away = np.hypot(*(middles[None] - there[:, None]).transpose(2, 0, 1))
+                self._clear[k] &= away.min(axis=0) > reach
+
+    def course(self, number: int, others: Sequence[Body]) -> Course | None:
+        """Return a course that keeps off the bodies that are there; None: none was found.
+
+        :param others: those of the last call, and after them what is there since.
+        """
+        if len(self._stops) < 2:
+            return None
+        stream = generator_at(self._site.seed, f"bodies.course.{self._kind}", number)
+        self._keep_off(others[self._known :])
+        self._known = len(others)
+        go = self._possible_legs(self._clear)
+        stay = self._clear[:, self._at]
+        for home in stream.permutation(len(self._stops)).tolist():
+            homewards = self._homewards(home, go, stay)
+            for _ in range(_TRIES if homewards[0, home] else 0):
+                course = self._drawn(home, go, stay, homewards, stream)
+                if course is not None and self._possible(course, others):
+                    return course
+        return None
+
+    def _possible_legs(self, clear: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Tell which legs (stops, stops, knots) may begin at which knots."""
+        count = len(self._stops)
+        result = np.zeros((count * count, _KNOTS), np.bool_)
+        knots = np.arange(_KNOTS)[:, None]
+        for k, cells in enumerate(self._along):
+            if 0 < len(cells) <= _KNOTS // 2:
+                at = (knots + 1 + np.arange(len(cells))) % _KNOTS
+                result[k] = clear[at, cells].all(axis=1)
+        return result.reshape(count, count, _KNOTS)
+
+    def _homewards(
+        self, home: int, go: NDArray[np.bool_], stay: NDArray[np.bool_]
+    ) -> NDArray[np.bool_]:
+        """Tell from which stops (knots + 1, stops) a body can be home when the period is over."""
+        count = len(self._stops)
+        result = np.zeros((_KNOTS + 2, count), np.bool_)
+        result[_KNOTS, home] = stay[0, home]
+        stops = np.arange(count)
+        for k in range(_KNOTS - 1, -1, -1):
+            arrival = np.minimum(k + self._lengths, _KNOTS + 1)
+            leads = (go[:, :, k] & result[arrival, stops[None, :]]).any(axis=1)
+            result[k] = leads | (stay[(k + 1) % _KNOTS] & result[k + 1])
+        return result
+
+    def _drawn(
+        self,
+        home: int,
+        go: NDArray[np.bool_],
+        stay: NDArray[np.bool_],
+        homewards: NDArray[np.bool_],
+        stream: np.random.Generator,
+    ) -> Course | None:
+        """Return a course from a stop to others and back; None: it would stand all the time."""
+        here, stops = home, np.arange(len(self._stops))
+        line: list[Array] = []
+        pause = int(stream.integers(*_PAUSE))
+        while len(line) < _KNOTS:
+            k = len(line)
+            arrival = np.minimum(k + self._lengths[here], _KNOTS + 1)
+            options = np.flatnonzero(go[here, :, k] & homewards[arrival, stops])
+            waits = stay[(k + 1) % _KNOTS, here] and homewards[k + 1, here]
+            if waits and (pause > 0 or not len(options)):
+                line.append(self._floor.places[self._stops[here]])
+                pause -= 1
+                continue
+            following = int(options[stream.integers(len(options))])
+            line += list(self._legs[here][following])
+            here, pause = following, int(stream.integers(*_PAUSE))
+        places = np.roll(np.array(line), 1, axis=0)  # the last knot is the first one's place
+        if not np.ptp(places, axis=0).any():
+            return None
+        headings, turns = _headings(places)
+        controls = np.asarray(np.round(np.column_stack([places, headings]), 6), np.float64)
+        return Course(controls, turns)
+
+    def _way(self, start: int, end: int) -> Array:
+        """Return places (n, 2) a knot apart between two stops, without the first."""
+        part = [int(self._stops[end])]
+        while part[-1] != self._stops[start]:
+            part.append(int(self._before[start][part[-1]]))
+        line = self._floor.places[part[::-1]]
+        if len(line) < 2:
+            return np.zeros((0, 2))
+        padded = np.pad(line, ((2, 2), (0, 0)), mode="edge")
+        smooth = np.stack([np.convolve(padded[:, k], np.full(5, 0.2), "valid") for k in (0, 1)], 1)
+        smooth[0], smooth[-1] = line[0], line[-1]
+        lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(smooth, axis=0).T))])
+        count = max(1, math.ceil(float(lengths[-1]) / (self._pace * STEP)))
+        at = np.linspace(0.0, lengths[-1], count + 1)[1:]
+        return np.stack([np.interp(at, lengths, smooth[:, k]) for k in (0, 1)], axis=1)
+
+    def _possible(self, course: Course, others: Sequence[Body]) -> bool:
+        t: Array = np.arange(_LOOKS, dtype=np.float64) * (PERIOD / _LOOKS)
+        place = course.at(t)[:, :2]
+        if (self._floor.at(place) < self._radius).any():
+            return False
+        for other in others:
+            if (_between(other, t, place) < self._radius + _APART).any():
+                return False
+        return not self._passage.ends or self._off_the_cameras(course)
+
+    def _off_the_cameras(self, course: Course) -> bool:
+        there = course.at(self._passage.times)[:, :2]
+        for near, places in zip(self._near, self._passage.places, strict=True):
+            away = np.hypot(*(places[:, :2] - there).T)
+            moved = np.hypot(*np.diff(places[:, :2], axis=0, append=places[-1:, :2]).T)
+            if (near & (away - moved < self._radius + CLEARANCE)).any():
+                return False
+        return True
+
+
+def _between(other: Body, t: Array, places: Array) -> Array:
+    """Return how far places (n, 2) are from a body at times t (n,), at least [m]."""
+    own = other.course.at(t)
+    offset = places - own[:, :2]
+    if other.kind != "door":
+        return np.asarray(np.hypot(*offset.T) - RADIUS[other.kind])
+    return _from_leaf(offset, own[:, 2], float(other.surfaces().sides.max(axis=0)[0]))
+
+
+def _from_leaf(offset: Array, heading: Array, width: float) -> Array:
+    """Return how far offsets (n, 2) from a hinge are from the leaf [m]."""
+    ahead = np.column_stack([np.cos(heading), np.sin(heading)])
+    along = np.clip((offset * ahead).sum(axis=1), 0.0, width)
+    return np.asarray(np.hypot(*(offset - along[:, None] * ahead).T) - 0.03)
+
+
+def _stops(
+    free: Array, least: float, ways: object, stream: np.random.Generator
+) -> NDArray[np.int64]:
+    """Return numbers of cells that can be reached from each other: of the largest such part."""
+    from scipy.sparse.csgraph import connected_components
+
+    _, part = connected_components(ways, directed=False)
+    open_cells = free > least
+    sizes = np.bincount(part[open_cells], minlength=1)
+    cells = np.flatnonzero(open_cells & (part == int(np.argmax(sizes))))
+    if not len(cells):
+        return cells
+    edge = cells[free[cells] < least + _BESIDE]
+    some = [each[stream.integers(0, len(each), _STOPS // 2)] for each in (cells, edge) if len(each)]
+    return np.unique(np.concatenate(some))
+
+
+def _headings(line: Array) -> tuple[Array, int]:
+    """Return the heading (n,) of a body at each knot of a closed line, and its whole turns.
+
+    It looks where it goes, and turns at the end of a pause.
+    """
+    steps = np.roll(line, -1, axis=0) - np.roll(line, 1, axis=0)
+    goes = np.hypot(*steps.T) > 1e-3
+    start = int(np.argmax(goes))
+    order = (np.arange(len(line)) + start) % len(line)
+    heading, last = np.zeros(len(line)), 0.0
+    for k, number in enumerate(order.tolist()):
+        if goes[number]:
+            ahead = math.atan2(steps[number, 1], steps[number, 0])
+            last = ahead if k == 0 else last + _wrapped(ahead - last)
+        heading[k] = last
+    back = heading[0] + 2.0 * math.pi * round((last - heading[0]) / (2.0 * math.pi))
+    turns = round((back - heading[0]) / (2.0 * math.pi))
+    full = np.concatenate([heading, heading + 2.0 * math.pi * turns])
+    # The mean over the next knots: a body begins to turn before it goes on.
+    kernel = np.full(2 * _TURNING + 1, 1.0 / (2 * _TURNING + 1))
+    around = np.concatenate([heading[-_TURNING:] - 2.0 * math.pi * turns, full])
+    smooth = np.convolve(around, kernel, "valid")[: len(line)]
+    result = np.empty(len(line))
+    wraps = np.where(order < start, 2.0 * math.pi * turns, 0.0)
+    result[order] = smooth - wraps
+    return result, turns
+
+
+def _wrapped(angle: float) -> float:
+    return (angle + math.pi) % (2.0 * math.pi) - math.pi
+
+
+def _floor(place: Place, top: float, keep_off: Passage | None) -> _Floor:
+    """Return the cells of the floor, and how far each is from whatever is above it up to a height.
+
+    :param keep_off: a path that counts as a thing.
+    """
+    width, depth = (place.high - place.low)[:2].tolist()
+    cell = _CELL if width * depth < _LARGE else 2.0 * _CELL
+    shape = max(1, int(width / cell)), max(1, int(depth / cell))
+    x, y = ((np.arange(n) + 0.5) * cell + low for n, low in zip(shape, place.low[:2], strict=True))
+    grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1)
+    edge = np.minimum(grid - place.low[:2], place.high[:2] - grid).min(axis=2)
+    free = np.minimum(edge, _REACH)
+    bottom = float(place.low[2]) + 0.03
+    for corners in _shadows(place.surfaces(), bottom, top):
+        _put(free, grid, corners)
+    for hinge in place.hinges:
+        for angle in np.linspace(0.0, hinge.swing, _ANGLES):
+            heading = hinge.heading + float(angle)
+            foot = np.array(hinge.foot[:2])
+            end = foot + hinge.width * np.array([math.cos(heading), math.sin(heading)])
+            _put(free, grid, np.array([foot, end, end, foot]))
+    if keep_off is not None:
+        from scipy.spatial import cKDTree
+
+        near = keep_off.places[keep_off.places[..., 2] < top + CLEARANCE][:, :2]
+        if len(near):
+            away, _ = cKDTree(near).query(grid.reshape(-1, 2))
+            free = np.minimum(free, away.reshape(shape) - CLEARANCE)
+    return _Floor(grid.reshape(-1, 2), free.ravel(), shape, cell)
+
+
+def _shadows(where: Surfaces, bottom: float, top: float) -> list[Array]:
+    """Return what the rectangles between two heights cover of the floor: corners (4, 2) of each."""
+    o, a, b = where[:3]
+    corners = np.stack([o, o + a, o + a + b, o + b], axis=1)
+    high, low = corners[..., 2].max(axis=1), corners[..., 2].min(axis=1)
+    return list(corners[(high > bottom) & (low < top)][..., :2])
+
+
+def _put(free: Array, grid: Array, corners: Array) -> None:
+    """Bring cells (a, b) nearer to what lies between corners (4, 2), a convex figure."""
+    low, high = corners.min(axis=0) - _REACH, corners.max(axis=0) + _REACH
+    rows = slice(*np.searchsorted(grid[:, 0, 0], (low[0], high[0])))
+    columns = slice(*np.searchsorted(grid[0, :, 1], (low[1], high[1])))
+    part = grid[rows, columns]
+    if not part.size:
+        return
+    best = np.full(part.shape[:2], np.inf)
+    inside = np.ones((2, *part.shape[:2]), np.bool_)
+    for k in range(4):
+        start, side = corners[k], corners[(k + 1) % 4] - corners[k]
+        offset = part - start
+        square = float(side @ side)
+        share = np.clip((offset @ side) / square, 0.0, 1.0) if square > 0.0 else 0.0
+        rest = offset - np.multiply.outer(share, side) if square > 0.0 else offset
+        np.minimum(best, np.hypot(rest[..., 0], rest[..., 1]), out=best)
+        turn = side[0] * offset[..., 1] - side[1] * offset[..., 0]
+        inside[0] &= turn > 0.0
+        inside[1] &= turn < 0.0
+    best[inside[0] | inside[1]] = 0.0
+    np.minimum(free[rows, columns], best, out=free[rows, columns])
+
+
+def _door(hinge: Hinge, number: int, site: Site, passage: Passage) -> Course:
+    """Return the course of a door: now and then it opens and closes, unless a camera is near."""
+    stream = generator_at(site.seed, "bodies.course.door", number)
+    usual = 1.0 if hinge.usually_open else 0.0
+    shares = [np.full(_KNOTS, usual)]
+    for _ in range(_DOOR_TRIES):
+        share = np.full(_KNOTS, usual)
+        at = int(stream.integers(4, 30))
+        while at < _KNOTS - 60:
+            moves, stays = int(stream.integers(6, 12)), int(stream.integers(8, 24))
+            ramp = np.linspace(usual, 1.0 - usual, moves)
+            share[at : at + moves] = ramp
+            share[at + moves : at + moves + stays] = 1.0 - usual
+            share[at + moves + stays : at + 2 * moves + stays] = ramp[::-1]
+            at += 2 * moves + stays + int(stream.integers(20, 60))
+        shares.insert(-1, np.roll(share, int(stream.integers(_KNOTS))))
+    for share in shares:
+        heading = hinge.heading + hinge.swing * share
+        foot = np.broadcast_to(np.array(hinge.foot[:2]), (_KNOTS, 2))
+        course = Course(np.round(np.column_stack([foot, heading]), 6))
+        if _swings_free(course, hinge, passage):
+            return course
+    return course  # it stays as it is
+
+
+def _swings_free(course: Course, hinge: Hinge, passage: Passage) -> bool:
+    top = hinge.foot[2] + hinge.height + CLEARANCE
+    headings = course.at(passage.times)[:, 2]
+    if not passage.ends:
+        headings = np.array([hinge.heading + hinge.swing * k / _ANGLES for k in range(_ANGLES + 1)])
+    for places in passage.places:
+        offset = places[:, :2] - np.array(hinge.foot[:2])
+        near = (places[:, 2] < top) & (np.hypot(*offset.T) < hinge.width + CLEARANCE + _REACH)
+        if not near.any():
+            continue
+        if passage.ends:
+            away = _from_leaf(offset[near], headings[near], hinge.width)
+        else:
+            each = [
+                _from_leaf(offset[near], np.full(int(near.sum()), h), hinge.width) for h in headings
+            ]
+            away = np.min(each, axis=0)
+        if (away < CLEARANCE).any():
+            return False
+    return True

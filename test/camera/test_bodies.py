@@ -1,0 +1,392 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Bodies that move before a camera: poses, masks, landmarks and files, held against images."""
+
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+
+import imu_sim_ros as ims
+from imu_sim_ros import rotation
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.places.bodies import HEIGHT, RADIUS, STEP, Body, Course, Crowd, faces
+from imu_sim_ros.places.geometry import Caster
+from imu_sim_ros.places.place import CLEARANCE, Builder, Site
+from imu_sim_ros.places.sheet import Print
+from imu_sim_ros.places.tour import clearance
+from imu_sim_ros.places.walks import PERIOD
+from imu_sim_ros.sensors.camera.images.files import decoded
+from imu_sim_ros.sensors.camera.images.imager import imagers
+from imu_sim_ros.sensors.camera.tracker import Tracker
+from imu_sim_ros.sensors.camera.view import Poses, in_camera
+
+SMALL = {
+    "camera__width": 188,
+    "camera__height": 120,
+    "camera__intrinsics": [114.7, 114.3, 91.8, 62.1],
+    "camera__mounting": [0.0, 0.0, 1.0, -1.0, 0.0, 0.0, 0.0, -1.0, 0.0],
+    "camera__rate": 20.0,
+    "camera__read_noise": 0.0,
+}
+TOUR = {
+    **SMALL,
+    "trajectory__place": "corridor",
+    "trajectory__place_size": [16.0, 5.0, 2.6],
+    "scene__type": "corridor",
+    "scene__size": [16.0, 5.0, 2.6],
+    "scene__center": [0.0, 0.0, 1.3],
+    "scene__bodies__people": 3,
+    "scene__bodies__carts": 1,
+    "scene__bodies__doors": 2,
+}
+ROLLING = {"camera__row_time": 1e-4}
+
+
+@pytest.fixture(name="hall", scope="module")
+def hall_fixture():
+    from test.camera.conftest import make_rig
+
+    return make_rig("tour", duration=90.0, **TOUR)
+
+
+def imager_of(rig, scene=None):
+    scene = rig.scene if scene is None else scene
+    return imagers(rig.views, scene, rig.parameters.scene, rig.trajectory)["cam0"]
+
+
+def frames_with(imager, total, count):
+    """Return frames in which bodies are, spread over the flight."""
+    seen = [k for k in range(0, total, 20) if imager.depth_and_mask(k)[1].any()]
+    return seen[:: max(1, len(seen) // count)][:count]
+
+
+def in_world(body, t):
+    """Return a body's rectangles in the world at one time."""
+    own, state = body.surfaces(), body.state(np.array([t]))
+    turn = rotation.to_matrix(state.q_wb)[0]
+    o, a, b = (part @ turn.T for part in own[:3])
+    return own._replace(origin=o + state.position[0], across=a, up=b)
+
+
+def test_courses_keep_off_things_cameras_and_each_other(hall):
+    """At 2,000 times of the flight, by the distance from every rectangle, not by any grid."""
+    bodies = hall.scene.crowd.each
+    assert [body.name for body in bodies] == [
+        "door_1", "door_2", "cart_1", "person_1", "person_2", "person_3"
+    ]  # fmt: skip
+    t = np.linspace(0.0, hall.trajectory.duration, 2000)
+    eye = hall.views["cam0"].poses(hall.trajectory, t).position
+    places = {body.name: body.state(t).position for body in bodies}
+    surfaces = hall.scene.surfaces
+    above = np.max([surfaces.origin[:, 2], (surfaces.origin + surfaces.up)[:, 2]], axis=0)
+    things = surfaces.some(above + surfaces.across[:, 2] > 0.03)  # all but the floor
+    for body in bodies[2:]:
+        radius, place = RADIUS[body.kind], places[body.name]
+        for height in (0.15, 0.45, 0.75, 1.0):
+            away = clearance(things, place + np.array([0.0, 0.0, height]))
+            assert away.min() > radius
+        near = eye[:, 2] < HEIGHT[body.kind] + CLEARANCE  # it may fly above
+        assert np.hypot(*(eye - place)[near, :2].T).min(initial=9.0) > radius + CLEARANCE
+        for other in bodies[2:]:
+            if other.name != body.name:
+                apart = np.hypot(*(places[other.name] - place)[:, :2].T)
+                assert apart.min() > radius + RADIUS[other.kind]
+
+
+def test_velocities_are_the_derivatives_of_poses_and_people_walk_as_told(hall):
+    t = np.linspace(1.0, 119.0, 4001)
+    step = 1e-4
+    for body in hall.scene.crowd.each:
+        state, before, after = (body.state(t + shift) for shift in (0.0, -step, step))
+        # A spline's third derivative is at most 8 / STEP^3 times its knots' differences of 0.3 m:
+        # central differences are wrong by less than 150 / 6 step^2 = 3e-7.
+        slope = (after.position - before.position) / (2.0 * step)
+        assert np.abs(slope - state.velocity).max() < 1e-6
+        turned = rotation.multiply(rotation.conjugate(before.q_wb), after.q_wb)
+        assert np.abs(rotation.log(turned)[:, 2] / (2.0 * step) - state.heading_rate).max() < 1e-5
+        speed = np.hypot(*state.velocity[:, :2].T)
+        pace = {"person": 1.2, "cart": 0.96, "door": 0.0}[body.kind]
+        assert speed.max() <= pace + 1e-9
+        if body.kind != "door":
+            assert (speed < 1e-6).any()  # it stops
+            assert speed.max() > 0.8 * pace
+        again = body.state(t + PERIOD)
+        assert np.abs(again.position - state.position).max() < 1e-9
+
+
+def test_the_same_seed_moves_alike_whatever_the_duration(make_rig, hall):
+    short = make_rig("tour", duration=3.0, **TOUR)
+    other = make_rig("tour", duration=3.0, **{**TOUR, "scene__seed": 1})
+    for first, second in zip(hall.scene.crowd.each, short.scene.crowd.each, strict=True):
+        assert np.array_equal(first.course.controls, second.course.controls)
+    assert not np.array_equal(
+        other.scene.crowd.each[-1].course.controls, short.scene.crowd.each[-1].course.controls
+    )
+
+
+@pytest.mark.parametrize("shutter", [{}, ROLLING])
+def test_depth_and_image_differ_from_those_without_bodies_where_the_mask_says(make_rig, shutter):
+    """Bit for bit: a body changes no pixel beyond its mask, and is nearer in each pixel of it."""
+    rig = make_rig("tour", duration=90.0, **{**TOUR, **shutter})
+    empty = rig.scene._replace(crowd=None)
+    imager, without = imager_of(rig), imager_of(rig, empty)
+    seen = set()
+    for k in frames_with(imager, rig.views["cam0"].total, 6):
+        depth, mask = imager.depth_and_mask(k)
+        before = without.depth(k)
+        assert np.array_equal(depth != before, mask > 0)
+        assert (depth[mask > 0] < before[mask > 0])[before[mask > 0] > 0].all()
+        differ = imager.image(k) != without.image(k)
+        assert not differ[mask == 0].any()
+        assert differ[mask > 0].mean() > 0.8
+        seen |= set(np.unique(mask).tolist())
+        assert np.array_equal(imager.depth(k), depth)
+    assert len(seen) >= 4
+
+
+def test_depth_of_bodies_is_that_of_their_poses_at_the_time_of_each_row(make_rig):
+    """By rays in float64 that meet each body's rectangles in the world at the row's time."""
+    rig = make_rig("tour", duration=90.0, **{**TOUR, **ROLLING})
+    imager, view = imager_of(rig), rig.views["cam0"]
+    stream, checked, good = np.random.default_rng(5), 0, 0
+    for k in frames_with(imager, view.total, 8):
+        depth, mask = imager.depth_and_mask(k)
+        rows, columns = np.nonzero(mask)
+        for at in stream.integers(0, len(rows), 25):
+            v, u = rows[at], columns[at]
+            t = time_of_row(view, k, v)
+            pose = view.poses(rig.trajectory, np.array([t]))
+            ray = view.model.unproject([(float(u), float(v))]).direction[0]
+            way = rotation.rotate(pose.q_wc[0], ray)
+            where = in_world(rig.scene.crowd.each[mask[v, u] - 1], t)
+            expected = nearest_front(where, pose.position[0], way) * ray[2]
+            good += abs(depth[v, u] - expected) < 1e-4 * max(1.0, expected / 5.0)
+            checked += 1
+    assert checked == 200
+    assert good >= 0.97 * checked  # at an edge the other side may win
+
+
+def nearest_front(surfaces, eye, ray):
+    """Return where, in lengths of the ray, it meets the front of a rectangle first."""
+    o, a, b = surfaces[:3]
+    n = np.cross(a, b)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = (n * (o - eye)).sum(axis=1) / (n @ ray)
+    at = eye + t[:, None] * ray - o
+    s, r = ((at * side).sum(axis=1) / (side * side).sum(axis=1) for side in (a, b))
+    hit = (n @ ray < 0.0) & (t > 0.0) & (s >= 0.0) & (s <= 1.0) & (r >= 0.0) & (r <= 1.0)
+    return t[hit].min(initial=np.inf)
+
+
+@pytest.mark.parametrize("row_time", [0.0, 4e-5])
+def test_corners_printed_on_a_moving_body_are_where_its_pose_puts_them(make_rig, row_time):
+    """OpenCV's refinement finds them, while the body moves during the read-out."""
+    cv2 = pytest.importorskip("cv2")
+    rig = make_rig("static", duration=10.0, scene__type="corridor",
+                   scene__size=[14.0, 4.0, 2.6], scene__center=[0.0, 0.0, 0.6],
+                   **{**SMALL, "camera__width": 752, "camera__height": 480,
+                      "camera__intrinsics": [458.65, 457.3, 367.2, 248.4],
+                      "camera__supersampling": 4, "camera__row_time": row_time})  # fmt: skip
+    site = Site(np.zeros(3), np.ones(3), np.zeros((0, 3)))
+    builder = Builder(site)
+    builder.face((0.0, 0.6, 0.2), (0.0, -1.2, 0.0), (0.0, 0.0, 1.0), "paint:f0f0f0",
+                 [Print("grid", 0.0, 0.0, 1.2, 1.0)])  # fmt: skip
+    t = np.arange(160) * STEP
+    path = np.column_stack([2.6 + 0.3 * np.sin(t), 0.5 * np.sin(1.7 * t), 0.2 * np.sin(2.3 * t)])
+    board = Body("board", "cart", tuple(builder.faces), Course(path), -0.7)
+    crowd = Crowd([board], site, [(np.zeros((0, 3)), np.zeros((0, 3)))])
+    imager, view = imager_of(rig, rig.scene._replace(crowd=crowd)), rig.views["cam0"]
+    inner = np.array(
+        [(0.0, 0.6 - 0.1 * j, 0.2 + 0.1 * i) for i in range(2, 9) for j in range(2, 11)]
+    )
+    errors, moved = [], []
+    for k in range(20, 180, 20):
+        time = np.full(len(inner), view.seconds(view.frames(k, 1).true_t_ns)[0])
+        late = np.zeros(len(inner))
+        first = None
+        for _ in range(12):
+            local = in_camera(
+                view.poses(rig.trajectory, time + late), board.outside(time + late, inner)
+            )
+            uv, valid = view.model.project(local)
+            first = uv if first is None else first
+            late = row_time * (uv[:, 1] - 239.5)
+        moved.append(np.abs(uv - first).max())
+        uv = uv[valid & view.model.inside(uv, 15.0)]
+        stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-5)
+        start = uv.astype(np.float32).reshape(-1, 1, 2)
+        found = cv2.cornerSubPix(imager.image(k), start, (4, 4), (-1, -1), stop)
+        errors.append(found[:, 0] - uv)
+    errors = np.concatenate(errors)
+    assert len(errors) > 250
+    # As on walls: below 0.1 px, of which the refinement's own share is most.
+    assert np.sqrt((errors**2).mean()) < 0.12
+    assert np.abs(errors.mean(axis=0)).max() < 0.03
+    assert (max(moved) > 0.3) == (row_time > 0.0)
+
+
+@pytest.mark.parametrize("shutter", [{}, ROLLING])
+def test_landmarks_on_bodies_are_tracked_and_bodies_hide_what_is_behind(make_rig, shutter):
+    values = {**TOUR, **shutter, "camera__max_features": 0, "scene__bodies__landmarks": 150}
+    rig = make_rig("tour", duration=20.0, **values)
+    tracks = next(rig.tracks("cam0", 400))
+    blocks = list(rig.tracks("cam0", 137))
+    for name in ("uv", "uv_true", "id", "body", "depth"):
+        whole = np.concatenate([getattr(block, name) for block in blocks])
+        assert np.array_equal(getattr(tracks, name), whole)
+    assert len(np.unique(tracks.body)) >= 4
+    at_rest = tracks.landmark < len(rig.scene.landmarks)
+    assert np.array_equal(tracks.body == 0, at_rest)
+    without = Tracker(rig.views["cam0"], rig.scene._replace(crowd=None), rig.trajectory)
+    there = without.tracks(0, 400)
+    imager, good, count, checked = imager_of(rig), 0, 0, [0, 0]
+    for k in range(0, 400, 40):
+        _, mask = imager.depth_and_mask(k)
+        seen = tracks.frame == k
+        for row in np.flatnonzero(seen & (tracks.body > 0)):
+            good += (around(mask, tracks.uv_true[row]) == tracks.body[row]).any()
+            count += 1
+        # A landmark at rest is tracked unless its ray meets a body: a pixel may be wider than the
+        # gap between two legs, or than the edge of a door.
+        at_rest = set(tracks.landmark[seen & (tracks.body == 0)].tolist())
+        for row in np.flatnonzero(there.frame == k):
+            gone = there.landmark[row] not in at_rest
+            if gone or around(mask, there.uv_true[row]).any():
+                landmark = rig.scene.landmarks[there.landmark[row]]
+                assert behind_a_body(rig, k, there.uv_true[row], landmark) == gone
+                checked[gone] += 1
+    assert count > 30
+    assert good == count
+    assert min(checked) > 20
+
+
+def around(image, uv):
+    """Return the pixel at a place and those around it."""
+    u, v = np.rint(uv).astype(int)
+    return image[max(v - 1, 0) : v + 2, max(u - 1, 0) : u + 2]
+
+
+def behind_a_body(rig, number, uv, point):
+    """Tell whether the ray from the camera to a point meets a body, when its row is exposed."""
+    view = rig.views["cam0"]
+    t = time_of_row(view, number, uv[1])
+    eye = view.poses(rig.trajectory, np.array([t])).position[0]
+    bodies = rig.scene.crowd.each
+    return min(nearest_front(in_world(body, t), eye, point - eye) for body in bodies) < 1.0
+
+
+def time_of_row(view, number, row):
+    """Return when a row of a frame is exposed [s]."""
+    middle = view.seconds(view.frames(number, 1).true_t_ns)[0]
+    return middle + view.parameters.row_time * (row - 0.5 * (view.model.height - 1))
+
+
+@pytest.mark.parametrize("kind", ["person", "cart"])
+def test_a_body_is_closed(kind):
+    """From wherever above the floor, the first face that a ray meets shows its front."""
+    site = Site(np.zeros(3), np.ones(3), np.zeros((0, 3)))
+    own = Body(kind, kind, faces(kind, 1, site), Course(np.zeros((4, 3))), 0.0).surfaces()
+    stream = np.random.default_rng(1)
+    angle = stream.uniform(0.0, 2.0 * np.pi, 40_000)
+    eye = np.column_stack(
+        [2.0 * np.cos(angle), 2.0 * np.sin(angle), stream.uniform(0.0, 2.6, len(angle))]
+    )
+    ways = stream.uniform((-0.5, -0.35, 0.0), (0.5, 0.35, 1.8), eye.shape) - eye
+    hits = Caster(own).cast(eye, ways)
+    met = (hits.surface >= 0) & ((eye + hits.distance[:, None] * ways)[:, 2] > 0.0)
+    assert np.count_nonzero(met) > 10_000
+    assert ((own.normal[hits.surface] * ways).sum(axis=1)[met] < 0.0).all()
+
+
+def test_wrong_numbers_of_bodies_are_refused(make_rig):
+    here = {k: v for k, v in TOUR.items() if not k.startswith("trajectory__")}
+    street = {"scene__type": "street", "scene__size": [60.0, 16.0, 12.0]}
+    with pytest.raises(ConfigurationError, match="this place has 0 doors that can move"):
+        make_rig("figure_eight", **{**here, **street, "scene__center": [0.0, 0.0, 6.0]})
+    with pytest.raises(ConfigurationError, match="105 bodies in all; at most 100"):
+        make_rig("tour", **{**TOUR, "scene__bodies__people": 50, "scene__bodies__carts": 50,
+                            "scene__bodies__doors": 5})  # fmt: skip
+    narrow = {"trajectory__place_size": [14.0, 2.4, 2.6], "scene__size": [14.0, 2.4, 2.6]}
+    carts = {"scene__bodies__people": 0, "scene__bodies__carts": 2, "scene__bodies__doors": 0}
+    with pytest.raises(ConfigurationError, match="scene.bodies.carts = 2: only 1 find a way"):
+        make_rig("tour", **{**TOUR, **narrow, **carts})
+
+
+GIVEN = {
+    "imu": "adis16448",
+    "trajectory": "tour",
+    "duration": 1,
+    "seed": 1,
+    "cameras": ["euroc_cam0"],
+    "scene": "corridor",
+    **{k.replace("__", "."): v for k, v in SMALL.items() if k != "camera__mounting"},
+    "camera.body_axes": "flu",
+    "camera.depth": True,
+    "camera.time_offset": -0.005,
+    "trajectory.place_size": [16.0, 5.0, 2.6],
+    "scene.size": [16.0, 5.0, 2.6],
+    "scene.center": [0.0, 0.0, 1.3],
+    "scene.bodies.people": 2,
+    "scene.bodies.doors": 1,
+}
+
+
+def test_folders_hold_masks_poses_and_the_bodies_of_tracks(tmp_path):
+    ims.generate(tmp_path / "mav0", format="euroc", **GIVEN)
+    folder = tmp_path / "mav0" / "cam0"
+    names = [sorted(path.name for path in (folder / kind).iterdir()) for kind in ("data", "mask")]
+    assert names[0] == names[1] == sorted(path.name for path in (folder / "depth").iterdir())
+    masks = [decoded((folder / "mask" / name).read_bytes()) for name in names[1]]
+    assert all(mask.dtype == np.uint8 and mask.shape == (120, 188) for mask in masks)
+    assert max(mask.max() for mask in masks) <= 3
+    table = np.genfromtxt(tmp_path / "mav0" / "bodies.csv", delimiter=",", names=True, dtype=None,
+                          encoding="utf-8")  # fmt: skip
+    assert list(table["name"][:3]) == ["door_1", "person_1", "person_2"]
+    person = table[table["body"] == 2]
+    assert np.diff(person["t_ns"]).tolist() == [10_000_000] * 100
+    slope = np.diff(person["x"]) / 0.01
+    middle = 0.5 * (person["vx"][1:] + person["vx"][:-1])
+    assert np.abs(slope - middle).max() < 2e-3  # of a spline over 10 ms: 40 m/s^3 dt^2 / 12
+
+    ims.generate(tmp_path / "tracks", format="tracks", **GIVEN)
+    header, *rows = (tmp_path / "tracks" / "tracks.csv").read_text().splitlines()
+    assert header.endswith(",depth,body")
+    with np.load(tmp_path / "tracks" / "tracks.npz") as arrays:
+        assert [int(row.rpartition(",")[2]) for row in rows] == arrays["body"].tolist()
+    points = (tmp_path / "tracks" / "body_landmarks.csv").read_text().splitlines()
+    assert points[0] == "id,body,x,y,z"
+    assert points[1].startswith("2000,1,")
+    assert len(points) == 1 + 3 * 60
+
+
+def test_bags_hold_masks_and_odometry_of_bodies(tmp_path):
+    ims.generate(tmp_path / "flight.mcap", **GIVEN)
+    ims.generate(tmp_path / "mav0", format="euroc", **GIVEN)
+    found = {}
+    with AnyReader([tmp_path / "flight.mcap"]) as bag:
+        for connection, t_ns, data in bag.messages():
+            message = bag.deserialize(data, connection.msgtype)
+            found.setdefault(connection.topic, []).append((t_ns, message))
+    masks = found["/cam0/mask/image_raw"]
+    assert len(masks) == len(found["/cam0/image_raw"]) == 20
+    for t_ns, message in masks:
+        file = tmp_path / "mav0/cam0/mask" / f"{t_ns:019d}.png"
+        assert message.encoding == "mono8"
+        assert bytes(message.data) == decoded(file.read_bytes()).tobytes()
+    table = np.genfromtxt(tmp_path / "mav0/bodies.csv", delimiter=",", names=True, dtype=None,
+                          encoding="utf-8")  # fmt: skip
+    for number, name in enumerate(("door_1", "person_1", "person_2"), start=1):
+        poses = found[f"/ground_truth/bodies/{name}"]
+        rows = {row["t_ns"]: row for row in table[table["body"] == number]}
+        assert len(poses) == 20
+        for t_ns, message in poses:  # true times: the camera's stamps are 5 ms later
+            row, at = rows[t_ns], message.pose.pose.position
+            assert message.child_frame_id == name
+            assert (at.x, at.y, at.z) == (row["x"], row["y"], row["z"])
+            state = Poses(np.zeros((1, 3)), np.array([[row[k] for k in ("qw", "qx", "qy", "qz")]]))
+            world = rotation.rotate(state.q_wc, np.array([[message.twist.twist.linear.x,
+                                    message.twist.twist.linear.y, 0.0]]))  # fmt: skip
+            assert world[0, 0] == pytest.approx(row["vx"], abs=1e-12)
+    channels = [channel.name for channel in found["/feature_tracker/feature"][0][1].channels]
+    assert channels[-1] == "body"
