@@ -21,7 +21,6 @@ from imu_sim_ros.sensors.gravity import earth_fixed, east_north_up
 from imu_sim_ros.types import Array, Times
 
 _TRUTH: Final = "ground_truth/"
-_BODY: Final = "ground_truth/fix"
 _DIRECTIONS: Final = ("east", "north", "up")
 _INSIDE: Final = (1.0, 2.0, 3.0)
 """Stated standard deviations, of whose shares a page tells."""

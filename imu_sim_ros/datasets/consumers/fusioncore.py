@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.datasets.consumers.aiding import SPEED, Aiding
 from imu_sim_ros.datasets.consumers.rig import real
 from imu_sim_ros.datasets.consumers.values import comment
@@ -71,10 +72,7 @@ def _remarks(body: Aiding) -> list[str]:
 def _of_imu(body: Aiding) -> list[str]:
     values, parameters = body.values, body.parameters
     per_sample = math.sqrt(values.rate)
-    gyro, accel = (
-        real(per_sample * values.one(f"{triad}_noise_density"))
-        for triad in ("gyroscope", "accelerometer")
-    )
+    gyro, accel = (real(per_sample * values.one(f"{triad}_noise_density")) for triad in TRIADS)
     odom = body.wheels.odom_frame if body.wheels is not None else "odom"
     return [
         f"base_frame: {parameters.body_frame}",
