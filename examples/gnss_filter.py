@@ -265,7 +265,8 @@ def draw(folder: Path, seeds: int) -> None:
         xlabel="time [s]", ylabel="position error [m]", yscale="log", title="an outage of 30 s"
     )
     nees.axhspan(low, high, color="tab:green", alpha=0.2, label="95 % of chi-square")
-    nees.set(xlabel="time [s]", ylabel="mean NEES, 3 dof", ylim=(0.0, None), title="consistency")
+    nees.set(xlabel="time [s]", ylabel="mean NEES, 3 dof", title="consistency")
+    nees.set_ylim(0.0, 1.3 * nees.get_ylim()[1])  # room for the legend
     for axes in (errors, nees):
         axes.axvspan(OUTAGE[0], sum(OUTAGE), color="grey", alpha=0.15)
         axes.legend(fontsize=8)
