@@ -63,12 +63,18 @@ class NodeProcess:
     """A node in a process of its own."""
 
     def __init__(
-        self, name: str, arguments: list[str], domain: int, log: Path, installed: str = ""
+        self,
+        name: str,
+        arguments: list[str],
+        domain: int,
+        log: Path,
+        installed: str = "",
+        as_module: bool = False,
     ) -> None:
         executable = Path(sys.executable).with_name(name)
         start = (
             [str(executable)]
-            if executable.exists()
+            if executable.exists() and not as_module
             else [sys.executable, "-m", f"imu_sim_ros.nodes.{name}.node"]
         )
         environment = {
@@ -104,7 +110,7 @@ class NodeProcess:
 def start(domains: tuple[int, int], tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
     """Start nodes: ``start("simulator", rate=100, ...)``; they end with the test.
 
-    ``installed`` is a folder with packages of other people.
+    ``installed`` is a folder with packages of other people; ``as_module``: by ``python -m``.
     """
     started: list[NodeProcess] = []
 
@@ -113,6 +119,7 @@ def start(domains: tuple[int, int], tmp_path: Path) -> Iterator[Callable[..., No
         *arguments: str,
         domain: int | None = None,
         installed: Any = "",
+        as_module: bool = False,
         **parameters: Any,
     ) -> Any:
         words = [*arguments, "--ros-args"] if "--ros-args" not in arguments else [*arguments]
@@ -120,7 +127,8 @@ def start(domains: tuple[int, int], tmp_path: Path) -> Iterator[Callable[..., No
             shown = str(value).lower() if isinstance(value, bool) else str(value)
             words += ["-p", f"{key.replace('__', '.')}:={shown}"]
         log = tmp_path / f"node{len(started)}.log"
-        started.append(NodeProcess(name, words, domain or domains[0], log, str(installed)))
+        place = domain or domains[0]
+        started.append(NodeProcess(name, words, place, log, str(installed), as_module))
         return started[-1]
 
     yield run

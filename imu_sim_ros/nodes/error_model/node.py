@@ -24,7 +24,7 @@ from imu_sim_ros import conventions
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.nodes import messages as decode
 from imu_sim_ros.nodes import publishing as sensor_description
-from imu_sim_ros.nodes import run
+from imu_sim_ros.nodes import run, signals
 from imu_sim_ros.nodes.error_model.diagnostics import PERIOD, ErrorModelReport
 from imu_sim_ros.nodes.error_model.output import DEPTH, Outputs, wanted
 from imu_sim_ros.nodes.matched_inputs import MatchedInputs
@@ -241,4 +241,5 @@ def main() -> int:
 
 
 if __name__ == "__main__":
+    signals.watch(last=True)
     sys.exit(main())

@@ -34,7 +34,7 @@ from imu_sim_ros.navigation.parameters import (
     outside_covariance,
 )
 from imu_sim_ros.nodes import messages as decode
-from imu_sim_ros.nodes import run
+from imu_sim_ros.nodes import run, signals
 from imu_sim_ros.nodes.integrator.diagnostics import (
     ErrorAt,
     Estimate,
@@ -256,4 +256,5 @@ def main() -> int:
 
 
 if __name__ == "__main__":
+    signals.watch(last=True)
     sys.exit(main())

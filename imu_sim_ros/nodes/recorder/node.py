@@ -19,7 +19,7 @@ from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.bags.writer import Writer
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.json_text import as_json
-from imu_sim_ros.nodes import run
+from imu_sim_ros.nodes import run, signals
 from imu_sim_ros.nodes.messages import definition, message_class, stamp_offset, type_hash
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.raw_subscription import (
@@ -318,4 +318,5 @@ def main() -> int:
 
 
 if __name__ == "__main__":
+    signals.watch(last=True)
     sys.exit(main())

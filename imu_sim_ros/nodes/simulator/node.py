@@ -31,7 +31,7 @@ from imu_sim_ros.bags.messages.encode import CLOCK, ClockEncoder
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.errors import ConfigurationError, InputError, MissingDependencyError
 from imu_sim_ros.nodes import publishing as sensor_description
-from imu_sim_ros.nodes import run
+from imu_sim_ros.nodes import run, signals
 from imu_sim_ros.nodes.messages import message_class
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import Counter, check_overrides, create
@@ -437,4 +437,5 @@ def main() -> int:
 
 
 if __name__ == "__main__":
+    signals.watch(last=True)
     sys.exit(main())

@@ -54,9 +54,12 @@ def test_signals_end_it_with_status_0(
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_while_the_process_ends_changes_nothing(start: Any, number: int) -> None:
+@pytest.mark.parametrize("as_module", [False, True], ids=["program", "python -m"])
+def test_a_signal_while_the_process_ends_changes_nothing(
+    start: Any, number: int, as_module: bool
+) -> None:
     """Launch sends SIGINT to every node when the first has ended, also to one that ends itself."""
-    node = start("simulator", duration=0.1)
+    node = start("simulator", as_module=as_module, duration=0.1)
     end = time.monotonic() + 60.0
     while node.process.poll() is None and time.monotonic() < end:
         if "messages on ground_truth/odom" in node.output:  # the last thing that it prints
