@@ -275,7 +275,7 @@ def _loaded(path: Path, content: bytes) -> list[tuple[Array, Any]]:
                     parts.append((np.array(place, np.float64), scene.geometry[name]))
         except MemoryError:
             raise
-        except Exception as error:  # whatever a file makes it stumble over
+        except Exception as error:  # damaged files raise errors of many classes in its readers
             if not neighbours.lost:
                 words = " ".join(str(error).split())[:100]
                 reason = f" ({words})" if words and not isinstance(error, ImportError) else ""

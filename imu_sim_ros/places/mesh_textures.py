@@ -32,7 +32,7 @@ def examine(content: bytes, what: str) -> None:
     """Look at the beginning of a picture; Pillow refuses the largest, and trimesh keeps it quiet.
 
     :param what: first words of the error.
-    :raises InputError: for what Pillow does not know, or is too large.
+    :raises InputError: for what is no picture, or too large a one.
     """
     import PIL.Image
 
@@ -45,7 +45,7 @@ def examine(content: bytes, what: str) -> None:
         raise InputError(f"{what} is too large: {error}; {_AT_MOST}") from None
     except MemoryError:
         raise
-    except Exception:  # whatever makes it stumble
+    except Exception:  # damaged pictures raise errors of many classes in Pillow's readers
         raise InputError(f"{what} is no picture") from None
     _check_size(size, what)
 

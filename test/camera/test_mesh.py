@@ -5,6 +5,7 @@
 
 import numpy as np
 import pytest
+from corner_judge import WIDE_CAMERA, judged
 from small_camera import SMALL_CAMERA
 
 from imu_sim_ros import rotation
@@ -146,39 +147,15 @@ def test_landmarks_are_on_what_the_path_sees(make_rig, tmp_path):
 @pytest.mark.parametrize("trilinear", [False, True])
 def test_corners_of_a_printed_checkerboard_are_unbiased(make_rig, tmp_path, trilinear):
     """OpenCV's refinement is the judge; the texture's texels divide the squares."""
-    cv2 = pytest.importorskip("cv2")
     board = quads([[4.0, 4.0, 0.0], [0.0, -4.0, 0.0], [0.0, 0.0, 3.0]])
     textured(*board, checkerboard(20, 15, 64)).export(tmp_path / "board.glb")
     mesh = read_mesh(tmp_path / "board.glb")
-    wide = {"camera__width": 752, "camera__height": 480,
-            "camera__intrinsics": [458.65, 457.3, 367.2, 248.4]}  # fmt: skip
-    view = make_rig("figure_eight", **{**SMALL, **wide, "scene__type": "room"}).views["cam0"]
+    view = make_rig("figure_eight", **{**SMALL, **WIDE_CAMERA, "scene__type": "room"}).views["cam0"]
     caster = MeshCaster(mesh)
     look = Look(mesh, caster.middle, colour=False, sun=False)
     renderer = MeshRenderer(view.model, caster, look, 4, trilinear)
     inner = np.array([(4.0, 4.0 - 0.2 * j, 0.2 * i) for i in range(1, 15) for j in range(1, 20)])
-    mounting = rotation.from_matrix(np.array(SMALL["camera__mounting"]).reshape(3, 3))
-    stream, errors = np.random.default_rng(3), []
-    for _ in range(6):
-        eye = np.array(
-            [stream.uniform(0.5, 1.5), stream.uniform(1.5, 2.5), stream.uniform(1.0, 2.0)]
-        )
-        turn = rotation.from_euler(stream.uniform(-0.12, 0.12, 3))
-        poses = Poses(eye[None], rotation.multiply(turn, mounting)[None])
-        total = np.zeros((480, 752), np.uint32)
-        for rows, picture in renderer.pictures(poses):
-            for a, b in np.ndindex(4, 4):
-                total[rows] += picture[a::4, b::4]
-        image = np.rint(total / 16.0).astype(np.uint8)
-        n = len(inner)
-        local = in_camera(Poses(np.tile(eye, (n, 1)), np.tile(poses.q_wc, (n, 1))), inner)
-        uv, valid = view.model.project(local)
-        uv = uv[valid & view.model.inside(uv, 15.0)]
-        stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-5)
-        start = uv.astype(np.float32).reshape(-1, 1, 2)
-        found = cv2.cornerSubPix(image, start, (5, 5), (-1, -1), stop)
-        errors.append(found[:, 0] - uv)
-    errors = np.concatenate(errors)
+    errors, _ = judged(renderer, view, inner, (0.5, 1.5, 1.0), (1.5, 2.5, 2.0))
     assert len(errors) > 400
     assert np.abs(errors.mean(axis=0)).max() < 0.01
     assert np.sqrt((errors**2).mean()) < 0.1

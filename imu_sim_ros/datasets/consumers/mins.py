@@ -51,18 +51,21 @@ def _section(name: str, values: dict[str, str]) -> str:
 
 def _system() -> str:
     head = comment(
-        ["path_bag: give it as the parameter sys_path_bag of the node; bag_durr: -1 is all of it."]
+        [
+            "path_bag: give it as parameter sys_path_bag of the node. bag_durr: -1 is all of it.",
+            "mins_output is made where MINS is started.",
+        ]
     )
     return head + _section(
         "sys",
         {
             "verbosity": "2",
             "save_timing": "false",
-            "path_timing": '"/tmp/mins_timing.txt"',
+            "path_timing": '"mins_output/timing.txt"',
             "save_state": "false",
-            "path_state": '"/tmp/mins_state/"',
+            "path_state": '"mins_output/state/"',
             "save_trajectory": "true",
-            "path_trajectory": '"/tmp/mins_trajectory.txt"',
+            "path_trajectory": '"mins_output/trajectory.txt"',
             "save_prints": "false",
             "exp_id": "0",
             "path_bag": '""',

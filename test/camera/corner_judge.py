@@ -1,0 +1,49 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""How far corners of a printed grid are from where they should be; OpenCV's refinement judges."""
+
+import numpy as np
+import pytest
+from small_camera import SMALL_CAMERA
+
+from imu_sim_ros import rotation
+from imu_sim_ros.sensors.camera.view import Poses, in_camera
+
+WIDE_CAMERA = {
+    **SMALL_CAMERA,
+    "camera__width": 752,
+    "camera__height": 480,
+    "camera__intrinsics": [458.65, 457.3, 367.2, 248.4],
+}
+_RAYS = 4
+"""Along each side of a pixel."""
+
+
+def judged(renderer, view, corners, low, high):
+    """Return errors of corners (n, 2) [pixels] in six images from a box, and the images.
+
+    :param renderer: with four rays along each side of a pixel.
+    :param corners: (m, 3) in the world, ahead along x.
+    """
+    cv2 = pytest.importorskip("cv2")
+    mounting = rotation.from_matrix(np.array(SMALL_CAMERA["camera__mounting"]).reshape(3, 3))
+    stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-5)
+    stream, errors, images = np.random.default_rng(3), [], []
+    for _ in range(6):
+        eye = stream.uniform(low, high)
+        turn = rotation.from_euler(stream.uniform(-0.12, 0.12, 3))
+        poses = Poses(eye[None], rotation.multiply(turn, mounting)[None])
+        total = np.zeros((480, 752), np.uint32)
+        for rows, picture in renderer.pictures(poses):
+            for a, b in np.ndindex(_RAYS, _RAYS):
+                total[rows] += picture[a::_RAYS, b::_RAYS]
+        image = np.rint(total / _RAYS**2).astype(np.uint8)
+        many = Poses(*(np.repeat(part, len(corners), axis=0) for part in poses))
+        uv, valid = view.model.project(in_camera(many, corners))
+        uv = uv[valid & view.model.inside(uv, 15.0)]
+        start = uv.astype(np.float32).reshape(-1, 1, 2)
+        found = cv2.cornerSubPix(image, start, (5, 5), (-1, -1), stop)
+        errors.append(found[:, 0] - uv)
+        images.append(image)
+    return np.concatenate(errors), images
