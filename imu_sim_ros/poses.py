@@ -203,7 +203,7 @@ def read_poses(
 
     :param topic: must be None; for readers that know bags as well.
     :param skip_bad_rows: skip bad rows and count them.
-    :param covariance: read the covariances too, where every row has them.
+    :param covariance: read the covariances too, if every row has them.
     :raises InputError: with the lines of all that is wrong, whatever it is.
     """
     path = Path(path)

@@ -210,7 +210,7 @@ def progress(
     """Show a bar with speed and time left on a terminal; yields ``advance(count, text)``.
 
     On a narrow terminal the text is cut off, the numbers never. Nothing is shown, and nothing
-    imported, where standard error is not a terminal.
+    imported, if standard error is not a terminal.
 
     :param done: how much of the total was there before; speed and time left are those of the rest.
     """

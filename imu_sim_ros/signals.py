@@ -5,11 +5,11 @@
 
 Before a command's work begins there is nothing to clean up: the process ends at once. During the
 work a signal raises :class:`Interrupted` wherever the program is, so that ``with`` and ``finally``
-do what they are there for; where a step must not be broken off, :func:`collected` keeps the signal
+do what they are there for; if a step must not be broken off, :func:`collected` keeps the signal
 until it is over.
 
-Python runs a handler between any two instructions, also where an exception does harm: in the first
-instruction of ``__exit__``, which would leave a lock of :mod:`threading` taken for ever, or in a
+Python runs a handler between any two instructions, and at some an exception does harm: the first
+one of ``__exit__``, which would leave a lock of :mod:`threading` taken for ever, or in a
 finaliser, which would swallow it. There the signal comes again a few milliseconds later.
 """
 

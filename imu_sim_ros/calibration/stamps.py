@@ -88,7 +88,7 @@ class SampleClock:
         return self._among_jitter(steps)
 
     def _among_jitter(self, steps: Array) -> NDArray[np.int64]:
-        """Return the missing samples where stamps jitter: lasting shifts against the count."""
+        """Return the missing samples if stamps jitter: lasting shifts against the count."""
         spread = 1.4826 * float(np.median(np.abs(steps - 1.0))) / np.sqrt(2.0)
         if spread > _NUMBERED:
             late = steps > 1.5 + 8.0 * np.sqrt(2.0) * spread

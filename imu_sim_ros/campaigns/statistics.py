@@ -172,7 +172,7 @@ class Shift(NamedTuple):
     """By how much paired differences lie from zero."""
 
     centre: Interval
-    """Hodges and Lehmann's, with its 95 % interval; an end is None if it is infinite or where
+    """Hodges and Lehmann's, with its 95 % interval; an end is None if it is infinite or if
     too few pairs support it."""
     sign: int
     """Sign of the centre, which may be infinite."""

@@ -22,7 +22,7 @@ _BLOCK: Final = 4096
 
 
 def add_tables(tables: Tables, folder: Path, rig: Rig) -> None:
-    """Write ``bodies.csv`` and ``body_landmarks.csv`` where something moves in a rig's scene.
+    """Write ``bodies.csv`` and ``body_landmarks.csv`` if something moves in a rig's scene.
 
     The first has each body's pose in the world, its velocity there and its angular rate at true
     times, 100 times a second; the second the landmarks on it, in its own axes.

@@ -64,7 +64,7 @@ class ImageFolders:
         self._frames: list[list[tuple[int, int]]] = [[] for _ in self.cameras]
         self._folder, self._tables, self._deep = folder, form != "csv", form == "tum_vi"
         self._further = (DEPTH_FOLDER, MASK_FOLDER) if rig.scene.crowd else (DEPTH_FOLDER,)
-        """Folders of the truth of each pixel, where it is wanted."""
+        """Folders of the truth of each pixel, if it is wanted."""
         self._pool = ThreadPoolExecutor(jobs, thread_name_prefix="images")
         self._waiting: deque[Future[None]] = deque()
         self._most = _AHEAD * jobs

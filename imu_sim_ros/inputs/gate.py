@@ -111,7 +111,7 @@ class Verdict:
         return bad.problems
 
     def complain(self, name: str) -> None:
-        """Raise where a row may not pass.
+        """Raise if a row may not pass.
 
         :raises InputError: with the problems.
         """
@@ -140,7 +140,7 @@ def poses(t_ns: Times, position: Array, q_wb: Array) -> Verdict:
 
 
 def disorder(name: str | Path, t_ns: Times) -> list[str]:
-    """Return a line where stamps do not increase strictly, none if they do.
+    """Return a line if stamps do not increase strictly, none if they do.
 
     :param name: of what has the stamps.
     :param t_ns: (n,) [ns].

@@ -203,7 +203,7 @@ class BadRows:
             shown.append((number, words))
 
     def give_up(self) -> None:
-        """Raise where very many rows are wrong, and most: the file is something else.
+        """Raise if very many rows are wrong, and most: the file is something else.
 
         Looking at each of ten million rows would take minutes.
 
@@ -220,7 +220,7 @@ class BadRows:
         return f"{self._item} {number}: {words}"
 
     def complain(self) -> None:
-        """Raise where something is wrong.
+        """Raise if something is wrong.
 
         :raises InputError: with the first of every class, in the order of the source.
         """

@@ -70,7 +70,7 @@ def add_errors(
     :param t_ns: (n,) stamps [ns].
     :param gyro: (n, 3) ideal angular rates [rad/s].
     :param accel: (n, 3) ideal specific forces [m/s^2].
-    :param orientation: (n, 4) q_wb, unit quaternions (w, x, y, z); needed where gravity is missing.
+    :param orientation: (n, 4) q_wb, unit quaternions (w, x, y, z); needed if gravity is missing.
     :param imu: as in :func:`simulate`; ``model.sdf`` too.
     :param rate: samples per second [Hz]; by default that of the stamps.
     :param seed: of all random streams.
@@ -155,7 +155,7 @@ class ErrorModel:
         :param t_ns: stamp, or (n,) stamps [ns].
         :param gyro: (3,) or (n, 3) ideal angular rates [rad/s].
         :param accel: (3,) or (n, 3) ideal specific forces [m/s^2].
-        :param orientation: (4,) or (n, 4) q_wb (w, x, y, z); needed where gravity is missing.
+        :param orientation: (4,) or (n, 4) q_wb (w, x, y, z); needed if gravity is missing.
         :raises InputError: for readings that are not finite or not possible; none of them counts.
         """
         if type(t_ns) is int and orientation is None:

@@ -247,7 +247,7 @@ class BagErrors:
 
 
 def _orientation(numbers: Mapping[str, Array]) -> Array | None:
-    """Return q_wb (4, n) of messages; None where one of them states none."""
+    """Return q_wb (4, n) of messages; None if one of them states none."""
     stated = np.linalg.norm(numbers["orientation"], axis=1)
     there = (numbers["orientation_covariance"][:, 0] >= 0.0) & (np.abs(stated - 1.0) < 1e-3)
     return inside_order(numbers["orientation"]).T / stated if there.all() else None

@@ -162,7 +162,7 @@ class Noise:
             an axis is not analysed.
         :param topic: of kalibr's file.
         :param force: replace what exists.
-        :raises InputError: for a path that cannot be used or exists, and for kalibr's file where
+        :raises InputError: for a path that cannot be used or exists, and for kalibr's file if
             an axis is not analysed.
         """
         path = checked_place(path, force)

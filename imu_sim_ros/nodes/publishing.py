@@ -36,7 +36,7 @@ _LONGEST_NS: Final = 10_000_000
 class PollTimer:
     """Decides how long to wait before the next look.
 
-    :param period: between looks where arrivals are irregular; if they are regular, how long a
+    :param period: between looks if arrivals are irregular; if they are regular, how long a
         message may wait for others [s].
     """
 

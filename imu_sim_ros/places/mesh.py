@@ -92,7 +92,7 @@ class MeshCaster:
     def __init__(self, mesh: Mesh) -> None:
         """Take a mesh in the world.
 
-        :raises MissingDependencyError: where embreex is not installed.
+        :raises MissingDependencyError: if embreex is not installed.
         """
         try:
             from embreex.mesh_construction import TriangleMesh

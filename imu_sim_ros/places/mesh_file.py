@@ -94,7 +94,7 @@ def read_mesh(path: str | Path) -> Mesh:
     Parts that the file places several times are there as often.
 
     :raises InputError: for a file that cannot be used, with the reason.
-    :raises MissingDependencyError: where trimesh is not installed.
+    :raises MissingDependencyError: if trimesh is not installed.
     """
     path = Path(path)
     if path.suffix.lower() not in SUFFIXES:
@@ -221,7 +221,7 @@ def _check_gltf(path: Path, content: bytes) -> None:
 def _trimesh() -> Any:
     """Return trimesh's module.
 
-    :raises MissingDependencyError: where it is not installed.
+    :raises MissingDependencyError: if it is not installed.
     """
     try:
         import PIL.Image  # noqa: F401 - trimesh reads textures with it, and leaves them out without

@@ -97,7 +97,7 @@ def moving(
 
     :param counts: of each kind.
     :param speed: of people who walk [m/s].
-    :raises ConfigurationError: where so many have no room.
+    :raises ConfigurationError: if so many have no room.
     """
     found: list[Body] = []
     for number, hinge in enumerate(place.hinges[: counts["door"]], start=1):
@@ -134,7 +134,7 @@ class _Walkers:
     """Who walks on the floor of a place, of one kind.
 
     Stops and times, a knot apart, are the nodes of a graph: from each a body may wait, or walk to
-    another stop where nothing is in its way at those times. Back from the end of the period it is
+    another stop if nothing is in its way at those times. Back from the end of the period it is
     known which nodes lead home, so that a course is drawn that does.
     """
 

@@ -98,7 +98,7 @@ def small_ticks(axes: Axes) -> None:
     """Draw the small ticks of logarithmic axes, with faint lines at them, all as one line each.
 
     Each of matplotlib's own is several objects: a hundred of them take longer than all the rest of
-    a picture. The axes keep their own where these have labels, below a decade. Call it last: the
+    a picture. The axes keep their own if these have labels, below a decade. Call it last: the
     ticks are those of the limits at this moment.
     """
     vertical, across = axes.get_xaxis_transform(), axes.get_yaxis_transform()

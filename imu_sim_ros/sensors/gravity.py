@@ -57,7 +57,7 @@ def gravity_vector(environment: EnvironmentParameters) -> Array:
 
 
 def earth_rate_vector(environment: EnvironmentParameters) -> Array:
-    """Return the Earth's rotation omega_ie in the world frame, ENU (3,) [rad/s]; 0 where off."""
+    """Return the Earth's rotation omega_ie in the world frame, ENU (3,) [rad/s]; 0 if off."""
     if not environment.earth_rotation:
         return np.zeros(3)
     latitude = math.radians(environment.latitude_deg)

@@ -132,7 +132,7 @@ class Transport:
         return times
 
     def release_one(self, t_ns: int) -> int:
-        """Return when the next message leaves where no fault is, :meth:`release` in integers."""
+        """Return when the next message leaves if no fault is, :meth:`release` in integers."""
         due = t_ns + self._latency_ns
         if self._latency_jitter_ns:
             extra = self._stream("latency").standard_exponential() * self._latency_jitter_ns

@@ -131,7 +131,7 @@ class Simulation:
         )
 
     def _of_route(self) -> list[str]:
-        """Return a line where the world's origin on the Earth is not that of a route."""
+        """Return a line if the world's origin on the Earth is not that of a route."""
         if not isinstance(self.parameters.trajectory, DriveParameters):
             return []
         from imu_sim_ros.trajectory.drive import route_in

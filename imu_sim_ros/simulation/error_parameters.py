@@ -78,7 +78,7 @@ class InputParameters:
     restart: str = choice(
         "same_seed",
         ("same_seed", "next_seed"),
-        "with which seed the errors begin again where stamps jump back by more than a second",
+        "with which seed the errors begin again if stamps jump back by more than a second",
     )
     check: bool = flag(
         True,
@@ -132,7 +132,7 @@ class ErrorModelParameters(SampledParameters):
             if not given or exact_rate(given) != inside:
                 yield (
                     f"{prefix}input.rate = {given:g}: must be {float(inside):g} Hz, the rate "
-                    f"inside the sensor, where {prefix}imu.sampling is oversampled"
+                    f"inside the sensor, if {prefix}imu.sampling is oversampled"
                 )
 
     @staticmethod

@@ -168,7 +168,7 @@ class DriveParameters(TrajectoryParameters):
         timed = self.times or self.use_times
         for name, given in (("stops", self.stops), ("laps", self.laps), ("speeds", self.speeds)):
             if timed and given:
-                yield f"{prefix}{name}: must be left out where times are given"
+                yield f"{prefix}{name}: must be left out if times are given"
         if timed and self.deviation:
             yield f"{prefix}deviation = {self.deviation:g}: must be 0 if times are given"
 

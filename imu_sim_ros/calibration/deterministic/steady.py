@@ -115,7 +115,7 @@ def find_steady(
     """Return the stretches in which the readings are as quiet as they get.
 
     Windows of half a second, or of 25 readings, whose variance is near the record's floor on every
-    axis are joined where their means agree; the first and the last window of a stretch are dropped.
+    axis are joined if their means agree; the first and the last window of a stretch are dropped.
 
     :param shortest: of a stretch, with its margins [s].
     :param rotating: look at the gyroscope alone: on a tilted table gravity turns in the body.

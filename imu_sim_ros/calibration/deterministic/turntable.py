@@ -91,7 +91,7 @@ def calibrate_turntable(steady: Steady, rate: Array, gravity: float) -> Turntabl
 
 
 def specific_force(steady: Steady, gravity: float) -> Array:
-    """Return (m, 3) the mean specific force: exact where an axis points up, else as read."""
+    """Return (m, 3) the mean specific force: exact if an axis points up, else as read."""
     faces, aligned = nearest_faces(steady.accel)
     return np.where(aligned[:, None], gravity * face_vectors(faces), steady.accel)
 

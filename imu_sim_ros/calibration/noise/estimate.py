@@ -35,7 +35,7 @@ PRICES: Final = {WALK.key: 2.71, FLICKER.key: 4.6, RAMP: 10.0}
 
 2.71 is the likelihood-ratio test of a walk against none at 1 % (the boundary at zero halves
 chi-square(1); Self and Liang 1987). Flicker must convince twice as strongly as a walk would. A
-trend and the walk's first coefficient are nearly the same thing, so a trend is believed only where
+trend and the walk's first coefficient are nearly the same thing, so a trend is believed only if
 it leaves no doubt.
 """
 KEYS: Final = (*(term.key for term in TERMS), RAMP)
@@ -44,7 +44,7 @@ _NOT_FLICKER: Final = {WHITE.key: 3.0 * 0.032, QUANTISATION.key: 1.5}
 """What flicker may lack that these terms stand for, over its density at the highest frequency."""
 _FLICKER_ITSELF: Final = 0.003
 """Share of B that is in doubt: half of the 0.6 % by which the simulator's density departs from 1/f
-up to a tenth of the rate. Only where flicker prevails up to there is B known as well as that."""
+up to a tenth of the rate. Only if flicker prevails up to there is B known as well as that."""
 _MARGIN: Final = 0.02
 """Share of an interval that a value keeps from its ends."""
 
@@ -52,7 +52,7 @@ _MARGIN: Final = 0.02
 class Estimate(NamedTuple):
     """One parameter of one axis; ``value`` is None if the data do not show it.
 
-    ``low`` is 0 if zero cannot be excluded, or where another term can stand for this one.
+    ``low`` is 0 if zero cannot be excluded, or if another term can stand for this one.
     """
 
     value: float | None
@@ -121,7 +121,7 @@ def _with_flicker(
 
     The simulator's is 1/f within 3.2 %, and no sensor's is exact: what it departs by at a third of
     the highest frequency may pass for white noise. Behind a low-pass that rounding hides there is
-    no flicker, and quantisation takes its place. That matters where flicker prevails up to there
+    no flicker, and quantisation takes its place. That matters if flicker prevails up to there
     alone; below white noise it is nothing.
     """
     top = int(np.argmax(spectrum.frequency))

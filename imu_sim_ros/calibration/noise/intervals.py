@@ -118,7 +118,7 @@ def _component_ends(problem: _Problem) -> _Ends:
 def _slope_ends(problem: _Problem) -> _Ends:
     """Return the ends of the slope.
 
-    What the slope is measured against is known from few coefficients where a walk prevails, so that
+    What the slope is measured against is known from few coefficients if a walk prevails, so that
     it has Student's distribution: with nu degrees of freedom the drop at the quantile t is
     ``(nu + 1) / 2 ln(1 + t^2 / nu)``.
     """

@@ -131,7 +131,7 @@ class _Spectrum:
     def at(self, n: int) -> Array:
         """Return (axes, n) the variances of the coefficients of a stretch of n samples.
 
-        Their averages; where those are of few coefficients, white noise, flicker and walk fitted
+        Their averages; if those are of few coefficients, white noise, flicker and walk fitted
         there and up to ``_NEAR`` times as far. The mean has the variance of the slowest cosine.
         """
         used = self.counts > 0

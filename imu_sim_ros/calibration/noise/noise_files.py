@@ -43,7 +43,7 @@ def write_csv(result: AllanResult, path: Path) -> None:
 def _one_for_three(result: AllanResult, triad: int, key: str) -> tuple[float, bool]:
     """Return a value for a triad, and whether it is an upper bound.
 
-    The root mean square of the axes, for a filter with one value for three; where an axis
+    The root mean square of the axes, for a filter with one value for three; if an axis
     has a bound only, the largest bound, for a density of zero is not allowed there.
     """
     found = [result.estimate(3 * triad + k, key) for k in range(3)]
@@ -171,7 +171,7 @@ def _sign(result: AllanResult, axis: int) -> float:
 
 
 def _complete_process(values: dict[str, Value], prefix: str) -> None:
-    """Keep a process only on axes where both of its parameters are known."""
+    """Keep a process only on axes if both of its parameters are known."""
     sigma, time = values.get(prefix + SIGMA), values.get(prefix + CORRELATION_TIME)
     if not isinstance(sigma, tuple) or not isinstance(time, tuple):
         values.pop(prefix + SIGMA, None)

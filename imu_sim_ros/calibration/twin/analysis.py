@@ -59,7 +59,7 @@ class Analysis(NamedTuple):
 
 
 def constant_errors(recording: Recording, truth: Truth, start: Errors) -> Fit:
-    """Return the constant errors, and how the truth's clock wanders where it does."""
+    """Return the constant errors, and how the truth's clock wanders if it does."""
     found = fit(recording, truth, start)
     course = clock.wander(recording.stamps, found.residuals, found.slope, recording.rate)
     if course.any():

@@ -18,7 +18,7 @@ noise are left out.
 
 Standard errors are those of the "sandwich" ``A^-1 B A^-1`` (White 1980): A the weighted normal
 matrix, B the sum of the outer products of each sample's part of the gradient, all six axes
-together. They hold where the noise grows with the motion, and where its axes belong together. The
+together. They hold if the noise grows with the motion, and if its axes belong together. The
 residuals in B are those before the parameters took their share, bin by bin. None is smaller than
 ``A^-1`` gives, and a tenth of what the correction moved is added: so well is the noise known.
 
@@ -201,7 +201,7 @@ class _Sums:
                 yield int(bins[first]), axis, c[first:last, axis], j[first:last, axis]
 
     def shown(self, prior: Array) -> Array:
-        """Return 1 for bins (bins, 6) that show the motion, and 0 where it is mostly noise."""
+        """Return 1 for bins (bins, 6) that show the motion, and 0 if it is mostly noise."""
         total, noise = (
             np.einsum("kaii,i->ka", matrix, prior**2) for matrix in (self.matrix, self.noise_matrix)
         )

@@ -5,7 +5,7 @@
 
 Differences of eighth order contain no motion any more, only what poses scatter by. If a truth
 jumps now and then, its usual noise is that of most seconds. Poses of text
-are rounded, which is no white noise: where a coordinate moves by less than a step from pose to
+are rounded, which is no white noise: if a coordinate moves by less than a step from pose to
 pose, its error is constant for a while. So a step is looked for in the digits, and rounding is
 drawn by rounding a smooth path that is shifted by a part of a step.
 """
@@ -54,7 +54,7 @@ def scatter(poses: Poses) -> tuple[Array, Array]:
     """Return times (m,) and what poses scatter by at their highest frequencies (m, 6).
 
     Divided differences of eighth order, over the factor by which they enlarge white noise: attitude
-    [rad] and position [m], both in the body's axes. 0 where these differences are mostly motion.
+    [rad] and position [m], both in the body's axes. 0 if these differences are mostly motion.
     """
     if len(poses.t) < _POSES:
         return np.zeros(0), np.zeros((0, 6))

@@ -153,7 +153,7 @@ class White(NamedTuple):
     density: Array
     """(6,)"""
     low: Array
-    """(6,) ends of the 95 % intervals; 0 where vibration hides the floor, which is at most high."""
+    """(6,) ends of the 95 % intervals; 0 if vibration hides the floor, which is at most high."""
     high: Array
     floor: NDArray[np.bool_]
     """(m, 6) bands in which there is nothing else."""
@@ -260,7 +260,7 @@ def quietest(readings: Array, rate: float) -> Array:
 
 
 def lowered(white: White, most: Array) -> White:
-    """Return a floor that, where vibration hides it, is nowhere above a density (6,)."""
+    """Return a floor that, if vibration hides it, is nowhere above a density (6,)."""
     density = np.where(white.low > 0.0, white.density, np.minimum(white.density, most))
     share = np.divide(density, white.density, out=np.ones(6), where=white.density > 0.0)
     return white._replace(density=density, high=white.high * share)

@@ -55,7 +55,7 @@ def _remarks(body: Aiding) -> list[str]:
     if body.gnss is not None:
         remarks += [
             "The reference is the origin of the simulated world, Earth-fixed: its output is in the "
-            "world's coordinates, east along x, north along y, where the world is flat. It drops "
+            "world's coordinates, east along x, north along y, if the world is flat. It drops "
             f"fixes farther than {_FARTHEST:g} km from there, and takes no standard deviation "
             "below 2 cm horizontally and 5 cm vertically.",
             "It takes velocities from nav_msgs/Odometry, which gps/velocity is not: that topic is "

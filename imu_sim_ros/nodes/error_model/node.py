@@ -127,7 +127,7 @@ class ErrorModelNode(ConfiguredNode):
     def _given(self, topic: str, taken: list[Taken]) -> Given | None:
         """Return the readings in messages but those that were simply the next: published at once.
 
-        None where there are no others.
+        None if there are no others.
         """
         if self._odometry is not None:
             given = self._of_odometry(self._odometry, topic, taken)
@@ -223,7 +223,7 @@ class ErrorModelNode(ConfiguredNode):
 
 
 def _given(readings: list[Reading], oriented: bool) -> Given:
-    """Return readings as arrays; their orientations where each has one, and it is of use."""
+    """Return readings as arrays; their orientations if each has one, and it is of use."""
     q_wb = None
     if oriented and all(orientation is not None for _, orientation in readings):
         q_wb = np.array([orientation for _, orientation in readings], np.float64).T

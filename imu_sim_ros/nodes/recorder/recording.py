@@ -134,7 +134,7 @@ class DurationLimit:
     def reached(self, elapsed: float, now: float) -> bool:
         """Return whether every topic that is still active has reached the limit.
 
-        :param elapsed: since the first message, on the clock of the node [s]. Decides where stamps
+        :param elapsed: since the first message, on the clock of the node [s]. Decides if stamps
             do not advance, or nothing arrives any more.
         """
         if not self._length_ns:

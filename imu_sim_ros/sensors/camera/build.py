@@ -65,7 +65,7 @@ def build_scene(
     :param views: the cameras that see it; a cloud is generated for them, a room encloses them all.
     :param span: of the trajectory that the scene is made for, :func:`scene_span` [s].
     :raises InputError: for a file of points or triangles that cannot be used.
-    :raises MissingDependencyError: for a mesh, where trimesh or embreex is not installed.
+    :raises MissingDependencyError: for a mesh, if trimesh or embreex is not installed.
     """
     match parameters:
         case RoomParameters():

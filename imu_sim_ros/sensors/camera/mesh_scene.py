@@ -50,7 +50,7 @@ def mesh_scene(p: MeshParameters, path: Array) -> Scene:
 
     :param path: (n, 3) places of all cameras [m].
     :raises InputError: for a file that cannot be used.
-    :raises MissingDependencyError: where trimesh or embreex is not installed.
+    :raises MissingDependencyError: if trimesh or embreex is not installed.
     """
     file = Path(p.mesh)
     mesh = read_mesh(file)

@@ -69,7 +69,7 @@ class GaussMarkovBank(ChunkedProcess):
         :param dt: time between two samples [s].
         """
         super().__init__(streams, CHUNK)
-        # Axes are (axis, process, chunk, row), behind columns where there are any.
+        # Axes are (axis, process, chunk, row), behind columns if there are any.
         exponent = (-dt / correlation_times)[:, :, None, None]
         self._drive = np.sqrt(-np.expm1(2.0 * exponent))
         self._phi = np.exp(exponent)

@@ -232,7 +232,7 @@ class _Group:
 
     @property
     def rows(self) -> slice | NDArray[np.intp]:
-        """The axes, as a slice where they are neighbours: rows are then filtered in place."""
+        """The axes, as a slice if they are neighbours: rows are then filtered in place."""
         first, last = int(self.axes[0]), int(self.axes[-1])
         neighbours = last - first + 1 == len(self.axes)
         return slice(first, last + 1) if neighbours else self.axes

@@ -55,7 +55,7 @@ class GnssReadings(CarriedReadings):
     satellites: NDArray[np.int64]
     """(n,) in use."""
     used: NDArray[np.int64]
-    """(n,) bit ``prn - 1`` is set for each of them; 0 where `gnss.sky` is constant."""
+    """(n,) bit ``prn - 1`` is set for each of them; 0 if `gnss.sky` is constant."""
     hdop: Array
     """(n,) dilution of precision, horizontal; 99.99 without a fix."""
     vdop: Array

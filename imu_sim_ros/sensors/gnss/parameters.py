@@ -205,9 +205,7 @@ class GnssParameters(CarriedParameters):
         minimum=0.1,
         maximum=99.9,
     )
-    satellites: int = integer(
-        12, "satellites in use where `sky` is constant", minimum=4, maximum=60
-    )
+    satellites: int = integer(12, "satellites in use if `sky` is constant", minimum=4, maximum=60)
 
     ephemeris: str = text(
         "",
@@ -244,7 +242,7 @@ class GnssParameters(CarriedParameters):
             if not 0.0 <= box[6] <= 90.0:
                 yield f"{prefix}mask_boxes: elevation {box[6]:g}: must be between 0 and 90 deg"
         if self.mask_boxes and self.sky == "constant":
-            yield f"{prefix}mask_boxes: must be empty where {prefix}sky is constant"
+            yield f"{prefix}mask_boxes: must be empty if {prefix}sky is constant"
         if self.sky == "constant" and (self.ephemeris or self.raw.rinex):
             name = "ephemeris" if self.ephemeris else "raw.rinex"
             yield f"{prefix}{name}: must not be given where {prefix}sky is constant"

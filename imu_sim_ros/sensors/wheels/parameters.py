@@ -224,7 +224,7 @@ class WheelsParameters(CarriedParameters):
             if not 0.0 <= box[6] <= 100.0:
                 yield f"{prefix}patch_boxes: slip {box[6]:g}: must be between 0 and 100"
         if any(self.lever_arm) and not self.frame:
-            yield f"{prefix}frame: must be named where {prefix}lever_arm is not 0"
+            yield f"{prefix}frame: must be named if {prefix}lever_arm is not 0"
         if bool(self.patch_rate) != bool(self.patch_slip):
             yield (
                 f"{prefix}patch_rate = {self.patch_rate:g} and {prefix}patch_slip = "

@@ -75,7 +75,7 @@ class StatedCovariance:
         slope = (1.0 + np.tan(steered) ** 2) / p.wheelbase
         of_steering = p.steering_noise**2 + p.steering_offset_sigma**2
         result[:, 0, 2] = result[:, 2, 0] = curvature * variance
-        # The variance of the speed is what is left where the vehicle stands.
+        # The variance of the speed is what is left if the vehicle stands.
         turning = (speed**2 + variance) * slope**2 * of_steering
         result[:, 2, 2] = curvature**2 * variance + turning
 
