@@ -270,16 +270,22 @@ class Processes(Executor):
             self._idle.append(pool)
 
     def close(self) -> None:
-        """End the workers at once, with the programs that they run."""
+        """End the workers at once, with the programs that they run.
+
+        The threads that wait for them end too. One that is left to the interpreter's end may close
+        its pipe while ``concurrent.futures`` writes into it there (Python 3.11: OSError).
+        """
         pools = list(self._pools)
         processes = [one for pool in pools for one in (pool._processes or {}).values()]
-        for pool in pools:
-            pool.shutdown(wait=False, cancel_futures=True)
         for process in processes:
             with contextlib.suppress(OSError, ValueError):
                 process.terminate()
         for process in processes:
-            process.join(2.0)
+            with contextlib.suppress(OSError, ValueError):
+                process.join(2.0)
+                process.kill()
+        for pool in pools:
+            pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _begin() -> None:

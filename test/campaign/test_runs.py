@@ -364,6 +364,16 @@ def test_a_worker_loads_numpy_and_yaml_and_no_other_library(plan_file):
     assert environment["OMP_NUM_THREADS"] == "1"
 
 
+def test_workers_that_are_ended_leave_no_thread_to_the_end_of_the_interpreter():
+    """Such a thread closes its pipe while the interpreter's end writes into it: OSError."""
+    before = set(threading.enumerate())
+    executor = engine.Processes()
+    futures = [executor.submit(time.sleep, 600) for _ in range(4)]
+    executor.close()
+    assert set(threading.enumerate()) == before
+    assert all(future.done() for future in futures)
+
+
 def test_a_worker_that_dies_is_blamed_on_the_run_that_killed_it(plan_file, campaign, tmp_path):
     """The program of one seed kills its worker: that run fails, all others are done."""
     path = plan_file(
