@@ -335,10 +335,11 @@ def _kill_children(others: set[int]) -> None:
 
 def _children(pid: int | str = "self") -> set[int]:
     """Return the child processes of one; none if the system does not list them."""
-    found: set[int] = set()
-    for task in Path(f"/proc/{pid}/task").glob("*"):
-        with contextlib.suppress(OSError):
-            found.update(map(int, (task / "children").read_text().split()))
+    tasks, found = Path(f"/proc/{pid}/task"), set[int]()
+    with contextlib.suppress(OSError):  # it may end at any moment, and each of its threads
+        for task in os.listdir(tasks):
+            with contextlib.suppress(OSError):
+                found.update(map(int, (tasks / task / "children").read_text().split()))
     return found
 
 

@@ -7,6 +7,7 @@ import contextlib
 import os
 import shlex
 import signal
+import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -232,6 +233,16 @@ def test_memory_of_a_program_that_a_script_starts(run):
     row = run(f"import subprocess, sys\nsubprocess.run([sys.executable, '-c', {inner!r}])")
     assert held.nbytes == 600_000_000
     assert 95.0 < row["peak_memory_mb"] < 250.0
+
+
+def test_programs_that_end_while_their_memory_is_looked_at_are_no_error():
+    """Their folder in /proc goes between two calls of the system, once in some thousand looks."""
+    script = ["bash", "-c", "for i in {1..500}; do /bin/true; done"]
+    with subprocess.Popen(script) as process:
+        memory = command._PeakMemory()
+        while process.poll() is None:
+            memory.look(process.pid)
+    assert process.returncode == 0
 
 
 def test_a_program_that_ignores_sigterm_ends_at_its_timeout(run):
