@@ -32,6 +32,8 @@ _LENGTH: Final = 7.0
 """Length of such a wave, about [m]."""
 _LOOKS: Final = 4000
 """Places along a flight whose distance from everything is checked."""
+_CORNERS: Final = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0))
+"""Of a rectangle, in shares of its two sides."""
 
 
 class Waypoints(NamedTuple):
@@ -43,15 +45,27 @@ class Waypoints(NamedTuple):
     """(n,) yaw along the way, not wrapped [rad]."""
 
 
-def clearance(surfaces: Surfaces, points: Array) -> Array:
-    """Return the distance (n,) of points (n, 3) from the nearest of all rectangles [m]."""
-    result = np.full(len(points), np.inf)
-    for o, a, b in zip(*surfaces[:3], strict=True):
-        offset = points - o
+def clearance(surfaces: Surfaces, points: Array, reach: float = math.inf) -> Array:
+    """Return the distance (n,) of points (n, 3) from the nearest of all rectangles [m].
+
+    :param reach: distance beyond which rectangles may be left out; inf for points without others.
+    """
+    order = np.argsort(points[:, 0], kind="stable")
+    ordered, result = points[order], np.full(len(points), np.inf)
+    corners = [surfaces.origin + i * surfaces.across + j * surfaces.up for i, j in _CORNERS]
+    low, high = np.min(corners, axis=0) - reach, np.max(corners, axis=0) + reach
+    begin = np.searchsorted(ordered[:, 0], low[:, 0])
+    end = np.searchsorted(ordered[:, 0], high[:, 0], side="right")
+    for k, (o, a, b) in enumerate(zip(*surfaces[:3], strict=True)):
+        y = ordered[begin[k] : end[k], 1]
+        near = begin[k] + np.flatnonzero((y >= low[k, 1]) & (y <= high[k, 1]))
+        offset = ordered[near] - o
         s, r = ((offset @ side / (side @ side)).clip(0.0, 1.0)[:, None] for side in (a, b))
         rest = offset - s * a - r * b
-        np.minimum(result, np.sqrt((rest * rest).sum(axis=1)), out=result)
-    return result
+        result[near] = np.minimum(result[near], np.sqrt((rest * rest).sum(axis=1)))
+    back = np.empty_like(result)
+    back[order] = result
+    return back
 
 
 def tour(place: Place, fly: Callable[[Waypoints], Callable[[int], Array]]) -> Waypoints:
@@ -65,7 +79,7 @@ def tour(place: Place, fly: Callable[[Waypoints], Callable[[int], Array]]) -> Wa
     for step, smooth in _STEPS:
         for wave in (_WAVE, 0.0):
             waypoints = _thinned(way, step, smooth, wave)
-            if clearance(surfaces, fly(waypoints)(_LOOKS)).min() > CLEARANCE:
+            if clearance(surfaces, fly(waypoints)(_LOOKS), _REACH).min() > CLEARANCE:
                 return waypoints
     raise ConfigurationError(
         f"trajectory.type = 'tour': no flight stays {CLEARANCE:g} m from everything here; another "
@@ -84,10 +98,10 @@ def _way(place: Place, surfaces: Surfaces) -> Array:
     x, y = ((np.arange(n) + 0.5) * cell + low for n, low in zip(shape, place.low[:2], strict=True))
     grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
     points = np.column_stack([grid, np.full(len(grid), height)])
-    free = clearance(_near(surfaces, height), points)
+    free = clearance(_near(surfaces, height), points, _REACH)
     for dz in (-0.35, 0.35):  # what is just above or below counts as well
         level = points + np.array([0.0, 0.0, dz])
-        free = np.minimum(free, clearance(_near(surfaces, height + dz), level) + 0.1)
+        free = np.minimum(free, clearance(_near(surfaces, height + dz), level, _REACH) + 0.1)
     stops = [_nearest_free(points, free, stop) for stop in place.route]
     _, before = dijkstra(
         graph(free, shape, CLEARANCE + 0.1), indices=stops, return_predecessors=True
