@@ -6,11 +6,11 @@
 import argparse
 import os
 import re
-import shutil
 import sys
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any, Final, NoReturn
 
 from imu_sim_ros import __version__, signals, timebase
@@ -19,7 +19,7 @@ from imu_sim_ros.errors import ConfigurationError, explain
 from imu_sim_ros.json_text import as_json
 from imu_sim_ros.names import unknown
 from imu_sim_ros.parameters import files
-from imu_sim_ros.trajectory.parameters import trajectory_layer
+from imu_sim_ros.text_tables import TextTable, print_lines
 
 
 def open_standard_streams() -> None:
@@ -53,58 +53,57 @@ def assignment(words: str) -> tuple[str, object]:
         raise argparse.ArgumentTypeError(f"{name}: {error}") from None
 
 
+_KINDS: Final[dict[str, Callable[[str], object]]] = {
+    **dict.fromkeys(("FILE", "DIR", "PATH", "BAG"), Path),
+    "TIME": duration,
+    "N": int,
+    "HZ": float,
+}
+"""What the values of options are, by their metavariable; text if it is none of these."""
+
+JSON_AND_QUIET: Final = {
+    "--json": "print the result as a JSON object",
+    "--quiet": "print nothing but errors",
+}
+
+
+def add_options(parser: Any, options: Mapping[str, Any]) -> None:
+    """Add arguments to a parser or a group of it.
+
+    :param options: by names and metavariable, ``-o --output FILE``, which a switch does not have:
+        the help, or all keywords of ``add_argument`` that do not follow from the metavariable.
+    """
+    for option, given in options.items():
+        words = option.split()
+        names = [word for word in words if word.startswith("-")] or words[:1]
+        keywords: dict[str, Any] = {}
+        if len(names) < len(words):
+            keywords = {"metavar": words[-1], "type": _KINDS.get(words[-1], str)}
+        elif isinstance(given, str):
+            keywords = {"action": "store_true"}
+        keywords |= {"help": given} if isinstance(given, str) else given
+        parser.add_argument(*names, **keywords)
+
+
+_PARAMETERS: Final = {
+    "--params-file FILE": {
+        "type": str,
+        "action": "append",
+        "default": [],
+        "help": "ROS 2 parameter file or kalibr imu.yaml; repeatable",
+    },
+    "--set KEY=VALUE": {
+        "type": assignment,
+        "action": "append",
+        "default": [],
+        "help": "set one parameter, e.g. imu.gyroscope_bias=[0.01,0,0]; repeatable",
+    },
+}
+
+
 def add_parameter_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that set parameters: files and single values."""
-    group = parser.add_argument_group("parameters (later ones win)")
-    group.add_argument(
-        "--params-file",
-        metavar="FILE",
-        action="append",
-        default=[],
-        help="ROS 2 parameter file or kalibr imu.yaml; repeatable",
-    )
-    group.add_argument(
-        "--set",
-        metavar="KEY=VALUE",
-        type=assignment,
-        action="append",
-        default=[],
-        help="set one parameter, e.g. imu.gyroscope_bias=[0.01,0,0]; repeatable",
-    )
-
-
-def add_simulation_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments that choose what is simulated."""
-    add_parameter_arguments(parser)
-    group = parser.add_argument_group("simulation")
-    group.add_argument(
-        "--imu",
-        metavar="NAME|FILE",
-        help="sensor: a preset (see generate --list-imus) or a file",
-    )
-    group.add_argument(
-        "--trajectory",
-        metavar="NAME|FILE",
-        help="motion: a preset (see generate --list-trajectories), a parameter file, or recorded "
-        "poses in TUM or EuRoC format",
-    )
-    group.add_argument(
-        "--robust",
-        action="store_true",
-        help="repair recorded poses: drop outliers, close jumps, smooth arrival stamps "
-        "(trajectory.robust)",
-    )
-    group.add_argument("--rate", metavar="HZ", type=float, help="sampling rate")
-    group.add_argument(
-        "--duration", metavar="TIME", type=duration, help="length of the run (20s, 10min, 4h)"
-    )
-    group.add_argument("--seed", metavar="N", type=int, help="seed of all random streams")
-
-
-def add_output_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add ``--json`` and ``--quiet``."""
-    parser.add_argument("--json", action="store_true", help="print the result as a JSON object")
-    parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    add_options(parser.add_argument_group("parameters (later ones win)"), _PARAMETERS)
 
 
 def parameter_layers(arguments: argparse.Namespace, node: str) -> list[Mapping[str, object]]:
@@ -121,20 +120,10 @@ def parameter_layers(arguments: argparse.Namespace, node: str) -> list[Mapping[s
     return [*layers, dict(arguments.set)]
 
 
-def simulation_layers(arguments: argparse.Namespace) -> list[Mapping[str, object]]:
-    """Return the layers of a simulation: short arguments are above the files, below ``--set``."""
-    short: dict[str, object] = {}
-    if arguments.imu is not None:
-        short["imu.preset"] = arguments.imu
-    if arguments.trajectory is not None:
-        short.update(trajectory_layer(arguments.trajectory))
-    if arguments.robust:
-        short["trajectory.robust"] = True
-    for name in ("rate", "duration", "seed"):
-        if getattr(arguments, name) is not None:
-            short[name] = getattr(arguments, name)
-    layers = parameter_layers(arguments, "simulator")
-    return [*layers[:-1], short, layers[-1]]
+def given(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
+    """Return the arguments of these names that are given."""
+    values = vars(arguments)
+    return {name: values[name] for name in names if values[name] is not None}
 
 
 _UNKNOWN_TIME: Final = "-:--:--"
@@ -149,58 +138,16 @@ def print_json(result: Mapping[str, Any] | Sequence[Any]) -> None:
     print(as_json(result))
 
 
-def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> None:
-    """Print an aligned table: the first column to the left, the others to the right.
-
-    On a terminal too narrow for it the columns move together; if that is not enough, each row
-    becomes a block with a line for each column: no number is ever cut.
-    """
-    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
-    needed = sum(widths) + 3 * len(widths)
-    if sys.stdout.isatty() and needed > (terminal := shutil.get_terminal_size().columns):
-        close = sum(widths) + 2 * (len(widths) - 1) <= terminal
-        print("\n".join((_close if close else stacked)(header, rows, title)))
-        return
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(box=box.SIMPLE_HEAD)
-    for k, name in enumerate(header):
-        table.add_column(name, justify="right" if k else "left", no_wrap=True)
-    for row in rows:
-        table.add_row(*row)
-    # A pipe has no width: every row stays on one line. Units stand in brackets, which are markup to
-    # rich.
-    width = None if sys.stdout.isatty() else max(160, needed + 4)
-    console = Console(width=width, highlight=False, markup=False)
-    with console.capture() as captured:
-        console.print(table)
-    lines = [line.rstrip() for line in captured.get().splitlines()]
-    # A title may be longer than its table is wide; the table's own would be wrapped.
-    print("\n".join([title, *lines] if title else lines))
-
-
-def _close(header: Sequence[str], rows: Sequence[Sequence[str]], title: str) -> list[str]:
-    """Return a table as lines, two spaces between its columns."""
-    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
-    lines = [title] if title else []
-    for row in (header, ["\N{BOX DRAWINGS LIGHT HORIZONTAL}" * width for width in widths], *rows):
-        first, *others = row
-        cells = [f"{cell:>{width}}" for cell, width in zip(others, widths[1:], strict=True)]
-        lines.append("  ".join([f"{first:{widths[0]}}", *cells]))
-    return lines
-
-
-def stacked(header: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> list[str]:
-    """Return a table as lines: a block for each row, a line for each further column."""
-    width = max((len(name) for name in header[1:]), default=0)
-    lines = [title] if title else []
-    for row in rows:
-        lines.append(f"{header[0]}: {row[0]}" if header[0] else row[0])
-        pairs = zip(header[1:], row[1:], strict=True)
-        lines += [f"  {name:{width}}  {value}" for name, value in pairs]
-    return lines
+def print_result(
+    arguments: argparse.Namespace,
+    result: Mapping[str, Any] | Sequence[Any],
+    lines: Iterable[str | TextTable],
+) -> None:
+    """Print a result as ``--json`` and ``--quiet`` ask for it: as JSON, not at all, or as text."""
+    if arguments.json:
+        print_json(result)
+    elif not arguments.quiet:
+        print_lines(lines)
 
 
 @contextmanager
@@ -318,10 +265,18 @@ class Parser(argparse.ArgumentParser):
     never the name of a file.
     """
 
-    def __init__(self, prog: str | None = None, *, examples: str = "", **options: Any) -> None:
+    def __init__(
+        self,
+        prog: str | None = None,
+        *,
+        examples: str = "",
+        arguments: Mapping[str, Any] | None = None,
+        **options: Any,
+    ) -> None:
         """Set up the parser.
 
         :param examples: command lines, one a line; the help ends with them.
+        :param arguments: added by :func:`add_options`.
         """
         if examples:
             lines = "".join(f"\n  {_called(line)}" for line in examples.strip().splitlines())
@@ -343,6 +298,7 @@ class Parser(argparse.ArgumentParser):
             version=f"imu_sim_ros {__version__}",
             help="print the package's version and exit",
         )
+        add_options(self, arguments or {})
 
     def format_help(self) -> str:
         """Return the help, whose usage is that of ``imu_sim PROGRAM``."""
@@ -446,11 +402,16 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {_shortened(message)} (--help lists the arguments)\n")
 
 
-def examples_of(examples: str, command: str) -> str:
-    """Return the example lines of one subcommand, such as ``calibrate turntable``."""
-    return "\n".join(
-        line for line in examples.splitlines() if f"{line.strip()} ".startswith(command)
-    )
+def add_subcommand(
+    actions: Any, command: str, text: str, examples: str, arguments: Mapping[str, Any]
+) -> Any:
+    """Add the parser of a subcommand such as ``calibrate turntable``; returns it.
+
+    :param examples: lines, of which those of the subcommand are taken.
+    """
+    own = [line for line in examples.splitlines() if f"{line.strip()} ".startswith(f"{command} ")]
+    words: dict[str, Any] = {"examples": "\n".join(own), "arguments": arguments}
+    return actions.add_parser(command.split()[-1], help=text, description=text, **words)
 
 
 def main(

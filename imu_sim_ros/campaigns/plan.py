@@ -62,7 +62,6 @@ if TYPE_CHECKING:
 
 Estimator = DeadReckonEstimator | CommandEstimator | CalibrationEstimator
 
-SUFFIX: Final = (".yaml", ".yml")
 _KEYS: Final = (
     *("parameters", "grid", "seeds", "faults", "estimators"),
     *("rpe", "metrics", "require", "tolerance"),
@@ -97,6 +96,14 @@ class Plan:
     """Differences that do not matter."""
     folder: Path = Path()
     """Absolute path of the folder with the plan and the programs next to it."""
+
+    def described(self) -> str:
+        """Return its name and the number of its runs."""
+        counts = {"cell": cell_count(self.axes), "seed": len(self.seeds)}
+        counts["estimator"] = len(self.estimators)
+        factors = " x ".join(f"{n} {word}{'s' * (n != 1)}" for word, n in counts.items())
+        runs = f"{self.run_count:,} run{'s' * (self.run_count != 1)}"
+        return f"{self.options.name}: {factors} = {runs}"
 
     @property
     def metrics(self) -> tuple[str, ...]:

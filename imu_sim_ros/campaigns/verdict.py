@@ -109,13 +109,17 @@ class Contest:
     effects: list[Effect]
     """All pairs, or the first with each other one if there are more than 30 members."""
 
+    @property
+    def place(self) -> str:
+        """``where`` in words."""
+        return ", ".join(f"{name}={value}" for name, value in self.where.items()) or "all"
+
     def line(self, metric: str) -> str:
         """Return the result in a line."""
-        where = ", ".join(f"{name}={value}" for name, value in self.where.items())
         best = f"best {self.factor}: {self.best}, "
         if self.best is None:
             best = f"best {self.factor} {EQUAL if self.lead.verdict == EQUAL else UNDECIDED}; "
-        return f"{where or 'all'}: {best}{self.lead.line(metric, self.best is None)}"
+        return f"{self.place}: {best}{self.lead.line(metric, self.best is None)}"
 
 
 class Failure(NamedTuple):

@@ -4,15 +4,12 @@
 """``add_errors``: another simulator's ideal readings in, those of a chosen sensor out."""
 
 import argparse
-import sys
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Any, Final
+from functools import partial
+from typing import Final
 
 from imu_sim_ros import program
 from imu_sim_ros.commands import bag_output
-from imu_sim_ros.commands.inputs import add_skip_bad_rows
-from imu_sim_ros.commands.outputs import outputs
+from imu_sim_ros.commands.common import SKIP_BAD_ROWS, outputs
 from imu_sim_ros.jobs.add_errors_bag import OFFERED, USUAL
 from imu_sim_ros.jobs.add_errors_files import FORMATS, ErrorOptions, write
 from imu_sim_ros.simulation.error_parameters import NODE
@@ -25,47 +22,34 @@ EXAMPLES: Final = """
 """
 
 
+_SENSOR: Final = {
+    "--imu NAME|FILE": "sensor: a preset (see generate --list-imus) or a file, model.sdf too",
+    "--rate HZ": "readings per second (those of the input)",
+    "--seed N": "seed of all random streams",
+}
+_TOPICS: Final = {
+    "--input-topic NAME": "the ideal readings (the only sensor_msgs/Imu), or odometry",
+    "--topics NAME,...": {
+        "default": "",
+        "help": f"what is added ({','.join(USUAL)}), of {', '.join(OFFERED)}",
+    },
+    "--without NAME,...": {"default": "", "help": "topics of the input that are left out"},
+}
+
+
 def parser() -> program.Parser:
     """Return the command's arguments."""
-    result = program.Parser(prog="add_errors", description=__doc__, examples=EXAMPLES)
-    result.add_argument(
-        "input", type=Path, help="ROS 1 bag, .mcap, rosbag2 folder, EuRoC folder or CSV file"
+    arguments = bag_output.INPUT
+    result = program.Parser(
+        "add_errors", description=__doc__, examples=EXAMPLES, arguments=arguments
     )
     bag_output.add_arguments(result, FORMATS)
-    group = result.add_argument_group("sensor")
-    group.add_argument(
-        "--imu",
-        metavar="NAME|FILE",
-        help="sensor: a preset (see generate --list-imus) or a file, model.sdf too",
-    )
-    group.add_argument(
-        "--rate", metavar="HZ", type=float, help="readings per second (those of the input)"
-    )
-    group.add_argument("--seed", metavar="N", type=int, help="seed of all random streams")
-    group = result.add_argument_group("topics")
-    group.add_argument(
-        "--input-topic",
-        metavar="NAME",
-        help="the ideal readings (the only sensor_msgs/Imu), or odometry",
-    )
-    group.add_argument(
-        "--topics",
-        metavar="NAME,...",
-        default="",
-        help=f"what is added ({','.join(USUAL)}), of {', '.join(OFFERED)}",
-    )
-    group.add_argument(
-        "--without", metavar="NAME,...", default="", help="topics of the input that are left out"
-    )
-    add_skip_bad_rows(result)
+    program.add_options(result.add_argument_group("sensor"), _SENSOR)
+    program.add_options(result.add_argument_group("topics"), _TOPICS)
+    program.add_options(result, SKIP_BAD_ROWS)
     program.add_parameter_arguments(result)
-    program.add_output_arguments(result)
+    program.add_options(result, program.JSON_AND_QUIET)
     return result
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit status."""
-    return program.main(parser, add_errors, argv)
 
 
 def add_errors(arguments: argparse.Namespace) -> None:
@@ -75,7 +59,12 @@ def add_errors(arguments: argparse.Namespace) -> None:
     watcher = bag_output.watcher(arguments, "add_errors", "add_errors: warning: ")
     form, written = bag_output.whole_form(arguments), outputs(arguments, layers.values())
     made = write(arguments.input, arguments.output, form, options, layers, written, watcher)
-    _report(made.to_dict(), arguments)
+    result = made.to_dict()
+    kinds = ("missing", "pauses", "restarts", "repeated", "backward")
+    notes = "".join(f", {result[kind]:,} {kind}" for kind in kinds if result[kind])
+    speed = bag_output.time_and_speed(result["readings"], made.wall_s, "readings")
+    line = f"{made.output}: {bag_output.counts(made.messages)}{notes}; {speed}"
+    program.print_result(arguments, result, [line])
 
 
 def _layers(arguments: argparse.Namespace) -> dict[str, object]:
@@ -86,28 +75,7 @@ def _layers(arguments: argparse.Namespace) -> dict[str, object]:
         result |= layer
     if arguments.imu is not None:
         result["imu.preset"] = arguments.imu
-    for name in ("rate", "seed"):
-        if getattr(arguments, name) is not None:
-            result[name] = getattr(arguments, name)
-    return {**result, **own}
+    return {**result, **program.given(arguments, "rate", "seed"), **own}
 
 
-def _report(result: dict[str, Any], arguments: argparse.Namespace) -> None:
-    if arguments.json:
-        program.print_json(result)
-        return
-    if arguments.quiet:
-        return
-    counts = ", ".join(f"{count:,} {name}" for name, count in result["messages"].items())
-    notes = "".join(
-        f", {result[name]:,} {name}"
-        for name in ("missing", "pauses", "restarts", "repeated", "backward")
-        if result[name]
-    )
-    speed = result["readings"] / result["wall_s"]
-    shown = f"{speed / 1e3:,.0f} k" if speed >= 1e4 else f"{speed:,.0f}"
-    print(f"{result['output']}: {counts}{notes}; {result['wall_s']:.2f} s ({shown} readings/s)")
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+main = partial(program.main, parser, add_errors)

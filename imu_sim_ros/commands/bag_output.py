@@ -6,15 +6,14 @@
 import argparse
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros import program
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.bags.write import COMPRESSIONS, STORAGES, dataset_form
-from imu_sim_ros.commands.inputs import refused_messages
-from imu_sim_ros.commands.outputs import add_force
+from imu_sim_ros.commands.common import DISCARD_PARTIAL, FORCE, refused_messages
 from imu_sim_ros.jobs.output import Form
 
 if TYPE_CHECKING:
@@ -24,51 +23,46 @@ _LONGEST_SIZE: Final = 20
 _SIZE_UNITS: Final = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
 
 
+INPUT: Final = {
+    "input": {
+        "type": Path,
+        "help": "ROS 1 bag, .mcap, rosbag2 folder, EuRoC folder or CSV file",
+    }
+}
+
+
 def add_arguments(group: Any, formats: Sequence[str] = text_writer.FORMATS) -> None:
     """Add what chooses the output's place, form and names to a parser or a group of it.
 
     :param formats: of datasets.
     """
-    group.add_argument(
-        "-o",
-        "--output",
-        required=True,
-        type=Path,
-        metavar="PATH",
-        help="NAME.bag: ROS 1; NAME.mcap: one MCAP file; NAME.csv, NAME.tum: text; "
-        "another name: a rosbag2 folder",
-    )
-    group.add_argument("--format", choices=formats, help="write a dataset instead of a bag")
-    group.add_argument("--storage", choices=STORAGES, help="bag storage (default: mcap)")
-    group.add_argument(
-        "--compression",
-        choices=sorted({name for names in COMPRESSIONS.values() for name in names}),
-        help="compression of chunks (default: none). "
-        + "; ".join(f"{storage}: {', '.join(names)}" for storage, names in COMPRESSIONS.items()),
-    )
-    group.add_argument(
-        "--split-duration",
-        metavar="TIME",
-        type=program.duration,
-        default=0.0,
-        help="start a new file after TIME",
-    )
-    group.add_argument(
-        "--split-size",
-        metavar="SIZE",
-        type=size,
-        default=0,
-        help="start a new file after SIZE (500M, 2G)",
-    )
-    group.add_argument(
-        "--topic",
-        metavar="NAME=NEW",
-        type=renaming,
-        action="append",
-        default=[],
-        help="rename a topic in the bag, e.g. imu/data_raw=/imu0; repeatable",
-    )
-    add_force(group, parts=True)
+    compressions = "; ".join(f"{one}: {', '.join(names)}" for one, names in COMPRESSIONS.items())
+    options = {
+        "-o --output PATH": {
+            "required": True,
+            "help": "NAME.bag: ROS 1; NAME.mcap: one MCAP file; NAME.csv, NAME.tum: text; "
+            "another name: a rosbag2 folder",
+        },
+        "--format": {"choices": formats, "help": "write a dataset instead of a bag"},
+        "--storage": {"choices": STORAGES, "help": "bag storage (default: mcap)"},
+        "--compression": {
+            "choices": sorted({name for names in COMPRESSIONS.values() for name in names}),
+            "help": f"compression of chunks (default: none). {compressions}",
+        },
+        "--split-duration TIME": {"default": 0.0, "help": "start a new file after TIME"},
+        "--split-size SIZE": {
+            "type": size,
+            "default": 0,
+            "help": "start a new file after SIZE (500M, 2G)",
+        },
+        "--topic NAME=NEW": {
+            "type": renaming,
+            "action": "append",
+            "default": [],
+            "help": "rename a topic in the bag, e.g. imu/data_raw=/imu0; repeatable",
+        },
+    }
+    program.add_options(group, {**options, **FORCE, **DISCARD_PARTIAL})
 
 
 def form(arguments: argparse.Namespace) -> str | None:
@@ -118,6 +112,18 @@ def watcher(arguments: argparse.Namespace, name: str, warning: str) -> "Conversi
         skipped=skipped,
         warned=warned,
     )
+
+
+def counts(messages: Mapping[str, int]) -> str:
+    """Return numbers of messages by topic in words."""
+    return ", ".join(f"{count:,} {name}" for name, count in messages.items())
+
+
+def time_and_speed(count: int, wall_s: float, what: str) -> str:
+    """Return ``2.50 s (80 k messages/s)``."""
+    speed = count / wall_s
+    shown = f"{speed / 1e3:,.0f} k" if speed >= 1e4 else f"{speed:,.0f}"
+    return f"{wall_s:.2f} s ({shown} {what}/s)"
 
 
 def size(words: str) -> int:

@@ -7,8 +7,10 @@ Writes a parameter file for the simulator, a correction for the integrator, and 
 """
 
 import argparse
+import inspect
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,17 +18,9 @@ import numpy as np
 
 from imu_sim_ros import program
 from imu_sim_ros.calibration.deterministic.positions import FIXTURES
-from imu_sim_ros.commands import tables
-from imu_sim_ros.commands.inputs import add_skip_bad_rows
-from imu_sim_ros.commands.outputs import add_force, outputs
-from imu_sim_ros.conventions import GRAVITY
-from imu_sim_ros.jobs.calibrate import (
-    Calibration,
-    calibrate_magnetometer,
-    calibrate_six_position,
-    calibrate_temperature,
-    calibrate_turntable,
-)
+from imu_sim_ros.commands.common import COMMON, GRAVITY_OPTION, outputs
+from imu_sim_ros.commands.tables import calibration_lines
+from imu_sim_ros.jobs import calibrate as jobs
 from imu_sim_ros.types import Array
 
 EXAMPLES: Final = """
@@ -40,90 +34,6 @@ calibrate magnetometer tumble.bag --field 4.92e-5 --truth tumble_truth.yaml
 """
 
 
-def parser() -> program.Parser:
-    """Return the command's arguments."""
-    result = program.Parser(prog="calibrate", description=__doc__, examples=EXAMPLES)
-    kinds = result.add_subparsers(dest="kind", required=True, metavar="RUN")
-    six = _kind(kinds, "six_position", "accelerometer: rests with each axis up and down")
-    six.add_argument(
-        "--simple", action="store_true", help="bias and scale only, without misalignment"
-    )
-    six.add_argument(
-        "--fixture",
-        choices=FIXTURES,
-        default=FIXTURES[0],
-        help="exact: each axis pointed up and down; norm: ten rests or more in any positions, the "
-        "norm of gravity is fitted and S is upper triangular; auto (default): chosen by a test of "
-        "the residuals",
-    )
-    table = _kind(kinds, "turntable", "gyroscope: known rates about each axis, both directions")
-    _add_rates(table)
-    table.add_argument(
-        "--accelerometer",
-        metavar="FILE",
-        type=Path,
-        help="correction.yaml of a six-position run: on a tilted table the force is taken "
-        "as measured",
-    )
-    temperature = _kind(kinds, "temperature", "both triads over temperature: soak or ramp")
-    _add_rates(temperature)
-    temperature.add_argument(
-        "--temperature-topic",
-        metavar="TOPIC",
-        help="sensor_msgs/Temperature topic, if the bag has several",
-    )
-    temperature.add_argument(
-        "--reference", metavar="DEGC", type=float, default=25.0, help="T0 (default: 25)"
-    )
-    magnetometer = _kind(kinds, "magnetometer", "hard and soft iron: rotations in all directions")
-    magnetometer.add_argument(
-        "--field",
-        metavar="T",
-        type=float,
-        help="strength of the Earth's field [T]; without it the soft iron has the determinant 1",
-    )
-    return result
-
-
-def _kind(kinds: Any, name: str, text: str) -> argparse.ArgumentParser:
-    """Return the parser of one kind of run, with what all have in common."""
-    examples = program.examples_of(EXAMPLES, f"calibrate {name} ")
-    result: argparse.ArgumentParser = kinds.add_parser(
-        name, help=text, description=text, examples=examples
-    )
-    result.add_argument("bag", metavar="BAG", type=Path, help="bag, EuRoC folder or CSV file")
-    result.add_argument("--topic", help="sensor_msgs/Imu topic, if the bag has several")
-    result.add_argument(
-        "--gravity", type=float, default=-GRAVITY[2], help="local gravity [m/s^2] (%(default)s)"
-    )
-    result.add_argument(
-        "-o", "--output", type=Path, metavar="DIR", help="folder for the files (default: RUN)"
-    )
-    result.add_argument(
-        "--truth", metavar="NAME|FILE", help="compare with the parameters that generated the bag"
-    )
-    result.add_argument("--no-files", action="store_true", help="write no files, print only")
-    add_skip_bad_rows(result)
-    add_force(result)
-    program.add_output_arguments(result)
-    return result
-
-
-def _add_rates(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_mutually_exclusive_group()
-    group.add_argument(
-        "--rates", metavar="R,R,...", type=_numbers, help="the table's rates [rad/s], without sign"
-    )
-    group.add_argument(
-        "--rates-deg", metavar="R,R,...", type=_numbers, help="the same in degrees per second"
-    )
-    parser.add_argument(
-        "--truth-topic",
-        metavar="TOPIC",
-        help="Odometry topic to take the rates from if none are given",
-    )
-
-
 def _numbers(words: str) -> Array:
     try:
         values = np.array([abs(float(word)) for word in words.split(",")])
@@ -134,9 +44,84 @@ def _numbers(words: str) -> Array:
     return values
 
 
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit status."""
-    return program.main(parser, calibrate, argv)
+_FIRST: Final = {
+    "bag BAG": "bag, EuRoC folder or CSV file",
+    "--topic TOPIC": "sensor_msgs/Imu topic, if the bag has several",
+    **GRAVITY_OPTION,
+    "-o --output DIR": "folder for the files (default: RUN)",
+    "--truth NAME|FILE": "compare with the parameters that generated the bag",
+    "--no-files": "write no files, print only",
+    **COMMON,
+}
+_RATES: Final = {
+    "--rates R,R,...": {"type": _numbers, "help": "the table's rates [rad/s], without sign"},
+    "--rates-deg R,R,...": {
+        "dest": "rates",
+        "type": lambda words: np.radians(_numbers(words)),
+        "help": "the same in degrees per second",
+    },
+}
+_TRUE_RATES: Final = {
+    "--truth-topic TOPIC": "Odometry topic to take the rates from if none are given"
+}
+_RUNS: Final[dict[str, tuple[Callable[..., jobs.Calibration], str, dict[str, Any]]]] = {
+    "six_position": (
+        jobs.calibrate_six_position,
+        "accelerometer: rests with each axis up and down",
+        {
+            "--simple": "bias and scale only, without misalignment",
+            "--fixture": {
+                "choices": FIXTURES,
+                "default": FIXTURES[0],
+                "help": "exact: each axis pointed up and down; norm: ten rests or more in any "
+                "positions, the norm of gravity is fitted and S is upper triangular; auto "
+                "(default): chosen by a test of the residuals",
+            },
+        },
+    ),
+    "turntable": (
+        jobs.calibrate_turntable,
+        "gyroscope: known rates about each axis, both directions",
+        {
+            **_TRUE_RATES,
+            "--accelerometer FILE": "correction.yaml of a six-position run: on a tilted table the "
+            "force is taken as measured",
+        },
+    ),
+    "temperature": (
+        jobs.calibrate_temperature,
+        "both triads over temperature: soak or ramp",
+        {
+            **_TRUE_RATES,
+            "--temperature-topic TOPIC": "sensor_msgs/Temperature topic, if the bag has several",
+            "--reference DEGC": {"type": float, "default": 25.0, "help": "T0 (default: 25)"},
+        },
+    ),
+    "magnetometer": (
+        jobs.calibrate_magnetometer,
+        "hard and soft iron: rotations in all directions",
+        {
+            "--field T": {
+                "dest": "strength",
+                "type": float,
+                "help": "strength of the Earth's field [T]; without it the soft iron has the "
+                "determinant 1",
+            }
+        },
+    ),
+}
+
+
+def parser() -> program.Parser:
+    """Return the command's arguments."""
+    result = program.Parser("calibrate", description=__doc__, examples=EXAMPLES)
+    kinds = result.add_subparsers(dest="kind", required=True, metavar="RUN")
+    for name, (_, text, own) in _RUNS.items():
+        run = program.add_subcommand(kinds, f"calibrate {name}", text, EXAMPLES, _FIRST)
+        if "--truth-topic TOPIC" in own:
+            program.add_options(run.add_mutually_exclusive_group(), _RATES)
+        program.add_options(run, own)
+    return result
 
 
 def calibrate(arguments: argparse.Namespace) -> None:
@@ -145,77 +130,19 @@ def calibrate(arguments: argparse.Namespace) -> None:
     folder = arguments.output or Path(arguments.kind)
     names = ["imu.yaml", "correction.yaml", f"{arguments.kind}.png"]
     staging = None if arguments.no_files else written.add_files(folder, names)
+    job = _RUNS[arguments.kind][0]
+    own = inspect.signature(job).parameters.keys() & vars(arguments).keys()
     with written:
-        found = _JOBS[arguments.kind](arguments)
+        found = job(arguments.bag, **program.given(arguments, *own))
         for line in found.warnings:
             print(f"calibrate: {line}", file=sys.stderr)
         true = found.true_values(arguments.truth) if arguments.truth else {}
         if staging is not None:
             for name in names:
                 found.save(staging / name, for_simulator=name == "imu.yaml")
-    if arguments.json:
-        program.print_json(found.to_dict(arguments.truth))
-    elif not arguments.quiet:
-        files = [] if arguments.no_files else [folder / name for name in names]
-        tables.print_all(found.parameters, found.facts, true, files)
+    files = [] if arguments.no_files else [folder / name for name in names]
+    lines = calibration_lines(found.parameters, found.facts, true, files)
+    program.print_result(arguments, found.to_dict(arguments.truth), lines)
 
 
-def _six_position(arguments: argparse.Namespace) -> Calibration:
-    return calibrate_six_position(
-        arguments.bag,
-        simple=arguments.simple,
-        fixture=arguments.fixture,
-        gravity=arguments.gravity,
-        **_common(arguments),
-    )
-
-
-def _turntable(arguments: argparse.Namespace) -> Calibration:
-    return calibrate_turntable(
-        arguments.bag,
-        accelerometer=arguments.accelerometer,
-        truth_topic=arguments.truth_topic,
-        rates=_rates(arguments),
-        gravity=arguments.gravity,
-        **_common(arguments),
-    )
-
-
-def _temperature(arguments: argparse.Namespace) -> Calibration:
-    return calibrate_temperature(
-        arguments.bag,
-        reference=arguments.reference,
-        temperature_topic=arguments.temperature_topic,
-        truth_topic=arguments.truth_topic,
-        rates=_rates(arguments),
-        gravity=arguments.gravity,
-        **_common(arguments),
-    )
-
-
-def _magnetometer(arguments: argparse.Namespace) -> Calibration:
-    return calibrate_magnetometer(arguments.bag, strength=arguments.field, **_common(arguments))
-
-
-def _common(arguments: argparse.Namespace) -> dict[str, Any]:
-    return {"topic": arguments.topic, "skip_bad_rows": arguments.skip_bad_rows}
-
-
-def _rates(arguments: argparse.Namespace) -> Array | None:
-    """Return the table's rates [rad/s]; None: those of the truth in the bag."""
-    if arguments.rates_deg is not None:
-        return np.radians(arguments.rates_deg)
-    rates: Array | None = arguments.rates
-    return rates
-
-
-_JOBS: Final[dict[str, Callable[[argparse.Namespace], Calibration]]] = {
-    "six_position": _six_position,
-    "turntable": _turntable,
-    "temperature": _temperature,
-    "magnetometer": _magnetometer,
-}
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+main = partial(program.main, parser, calibrate)

@@ -27,8 +27,6 @@ from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.trajectory.parameters import TYPES, TrajectoryParameters
 
-_PREFIX = "trajectory."
-
 _PARTS = (*TRIADS, *AUXILIARY)
 """First words of the parameters of a board's sensors, below ``imu.``."""
 _INTRODUCTION = """\
@@ -44,30 +42,32 @@ numbers, row by row. Parameters marked with * take a new value while the node ru
 fixed when it starts. An unknown name or a value out of range is an error, and all errors are
 reported together.
 """
-_SIMULATOR = """\
+_NODES = {
+    "Simulation": """\
 Node `simulator`, command `generate`. `imu.preset` names a file in `config/imus` ({imus}) or any
 parameter file; `trajectory.type` a file in `config/trajectories` ({trajectories}) or one of the
 kinds below.
-"""
-_CAMERAS = """\
+""",
+    "Cameras": """\
 Cameras of `simulator` and `generate`. `cameras` names them (`--camera` does so as well); `camera.*`
 holds for all, `NAME.camera.*` for one. `camera.preset` names a file in `config/cameras`
 ({cameras}) or any parameter file, and `scene.type` a file in `config/scenes` ({scenes}) or one of
 the kinds below.
-"""
-_INTEGRATOR = """\
+""",
+    "Integrator": """\
 Node `integrator`. What a parameter file says below `imu.` for the simulator, and the integrator has
 no use for, is ignored, so that both can be given the same file.
-"""
-_ERROR_MODEL = """\
+""",
+    "Error model": """\
 Node and Python's `ErrorModel`, command `add_errors`. `imu.*`, `inject.*`, `temperature.*` and the
 general parameters are those of the simulation; what concerns a trajectory is passed over, so that
 both can be given the same file.
-"""
-_RECORDER = """\
+""",
+    "Recorder": """\
 Node `recorder`. Arguments without `--` are topics, `-o` stands for `--output`, and durations may
 have a unit (`20s`, `10min`, `4h`).
-"""
+""",
+}
 
 
 def reference() -> str:
@@ -77,41 +77,53 @@ def reference() -> str:
 
 def _lines() -> Iterator[str]:
     yield _INTRODUCTION
-    yield "## Simulation\n"
-    yield _SIMULATOR.format(
-        imus=", ".join(files.names("imus")), trajectories=", ".join(files.names("trajectories"))
-    )
+    yield from _node("Simulation")
     simulator = parameters(SimulatorParameters)
-    own = {name: p for name, p in simulator.items() if not name.startswith(_PREFIX)}
+    own = {name: p for name, p in simulator.items() if not name.startswith("trajectory.")}
     for heading, rows in _groups(own).items():
         yield f"### {heading}\n"
         yield from _table(rows)
-    shared = {_PREFIX + name: p for name, p in parameters(TrajectoryParameters).items()}
-    yield "### Every trajectory\n"
-    yield from _table(shared)
-    for kind, section in TYPES.items():
-        yield f"### trajectory.type: {kind}\n"
-        yield f"{_summary(section)}\n"
-        own = {_PREFIX + name: p for name, p in parameters(section).items()}
-        yield from _table({name: p for name, p in own.items() if name not in shared})
-    yield from _cameras()
+    yield from _kinds("trajectory", TrajectoryParameters, TYPES)
+    yield from _node("Cameras")
+    known = parameters(RigParameters)
+    of_rig = {name: known[name] for name in ("cameras", "features.layout")}
+    yield from _table({**of_rig, **_below("camera", CameraParameters)})
+    yield from _kinds("scene", SceneParameters, SCENES)
     for name in CARRIED:
         sensor = find_sensor(name)
         yield f"## Sensor {name}\n"
         yield f"Used if `sensors` contains `{sensor.name}`: {sensor.text}.\n"
-        own = parameters(sensor.section)
-        yield from _table({f"{name}.{key}": parameter for key, parameter in own.items()})
-    yield "## Integrator\n"
-    yield _INTEGRATOR
-    yield from _table(parameters(IntegratorParameters))
-    yield "## Error model\n"
-    yield _ERROR_MODEL
+        yield from _table(_below(name, sensor.section))
+    yield from _node("Integrator", parameters(IntegratorParameters))
     names = ("input.", "odometry", "publish.")
-    own = {n: p for n, p in parameters(ErrorNodeParameters).items() if n.startswith(names)}
-    yield from _table(own)
-    yield "## Recorder\n"
-    yield _RECORDER
-    yield from _table(parameters(RecorderParameters))
+    every = parameters(ErrorNodeParameters).items()
+    yield from _node("Error model", {name: p for name, p in every if name.startswith(names)})
+    yield from _node("Recorder", parameters(RecorderParameters))
+
+
+def _node(heading: str, rows: Mapping[str, Parameter] | None = None) -> Iterator[str]:
+    """Yield the beginning of a part, and its table if it has only one."""
+    folders = ("imus", "trajectories", "cameras", "scenes")
+    yield f"## {heading}\n"
+    yield _NODES[heading].format(**{name: ", ".join(files.names(name)) for name in folders})
+    if rows is not None:
+        yield from _table(rows)
+
+
+def _below(prefix: str, section: type) -> dict[str, Parameter]:
+    return {f"{prefix}.{name}": parameter for name, parameter in parameters(section).items()}
+
+
+def _kinds(name: str, shared: type, kinds: Mapping[str, type]) -> Iterator[str]:
+    """Yield the parameters of every kind of a thing, and then each kind's own."""
+    of_all = _below(name, shared)
+    yield f"### Every {name}\n"
+    yield from _table(of_all)
+    for kind, section in kinds.items():
+        yield f"### {name}.type: {kind}\n"
+        yield f"{(section.__doc__ or '').strip().split(chr(10))[0]}\n"
+        own = _below(name, section)
+        yield from _table({key: own[key] for key in own if key not in of_all})
 
 
 def _groups(rows: Mapping[str, Parameter]) -> dict[str, dict[str, Parameter]]:
@@ -128,30 +140,6 @@ def _groups(rows: Mapping[str, Parameter]) -> dict[str, dict[str, Parameter]]:
             heading = f"IMU: {first if first in _PARTS else 'mounting, sampling and timing'}"
         found.setdefault(heading, {})[name] = parameter
     return found
-
-
-def _cameras() -> Iterator[str]:
-    yield "## Cameras\n"
-    yield _CAMERAS.format(
-        cameras=", ".join(files.names("cameras")), scenes=", ".join(files.names("scenes"))
-    )
-    known = parameters(RigParameters)
-    own = {f"camera.{name}": p for name, p in parameters(CameraParameters).items()}
-    yield from _table(
-        {"cameras": known["cameras"], "features.layout": known["features.layout"], **own}
-    )
-    shared = {f"scene.{name}": p for name, p in parameters(SceneParameters).items()}
-    yield "### Every scene\n"
-    yield from _table(shared)
-    for kind, section in SCENES.items():
-        yield f"### scene.type: {kind}\n"
-        yield f"{_summary(section)}\n"
-        own = {f"scene.{name}": p for name, p in parameters(section).items()}
-        yield from _table({name: p for name, p in own.items() if name not in shared})
-
-
-def _summary(section: type) -> str:
-    return (section.__doc__ or "").strip().split("\n")[0]
 
 
 def _table(rows: Mapping[str, Parameter]) -> Iterator[str]:

@@ -5,15 +5,14 @@
 
 import argparse
 import shlex
-import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 from imu_sim_ros import program
 from imu_sim_ros.bags.outputs import named
-from imu_sim_ros.commands.inputs import PoseReader, add_skip_bad_rows, skipped_rows
-from imu_sim_ros.commands.outputs import add_force, outputs
+from imu_sim_ros.commands.common import COMMON, PoseReader, outputs, skipped_rows
 from imu_sim_ros.errors import InputError
 
 EXAMPLES: Final = """
@@ -25,49 +24,30 @@ report monday tuesday -o both.html --metric final_position_error_m
 """
 
 
+_ARGUMENTS: Final = {
+    "inputs INPUT": {
+        "nargs": "+",
+        "type": Path,
+        "help": "folder of a campaign, bag, EuRoC folder; a file of poses (TUM, EuRoC) after a bag "
+        "is an estimate of its motion",
+    },
+    "-o --output FILE": "the page; default: report.html in the first campaign, else NAME.html",
+    "--title TITLE": "title of the page",
+    "--metric NAME": {"default": "", "help": "metric of a campaign to show first"},
+    "--baseline PATH": {
+        "action": "append",
+        "default": [],
+        "help": "folder, results.csv or results.parquet of an earlier campaign; several, each "
+        "after a --baseline of its own and the oldest first, make a trend",
+    },
+    "--truth-topic TOPIC": "topic of the truth, if a bag has several",
+    **COMMON,
+}
+
+
 def parser() -> program.Parser:
     """Return the command's arguments."""
-    result = program.Parser(prog="report", description=__doc__, examples=EXAMPLES)
-    result.add_argument(
-        "inputs",
-        metavar="INPUT",
-        nargs="+",
-        type=Path,
-        help="folder of a campaign, bag, EuRoC folder; a file of poses (TUM, EuRoC) after a bag "
-        "is an estimate of its motion",
-    )
-    result.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        metavar="FILE",
-        help="the page; default: report.html in the first campaign, else NAME.html",
-    )
-    result.add_argument("--title", help="title of the page")
-    result.add_argument(
-        "--metric", default="", metavar="NAME", help="metric of a campaign to show first"
-    )
-    result.add_argument(
-        "--baseline",
-        action="append",
-        default=[],
-        type=Path,
-        metavar="PATH",
-        help="folder, results.csv or results.parquet of an earlier campaign; several, each after a "
-        "--baseline of its own and the oldest first, make a trend",
-    )
-    result.add_argument(
-        "--truth-topic", metavar="TOPIC", help="topic of the truth, if a bag has several"
-    )
-    add_skip_bad_rows(result)
-    add_force(result)
-    program.add_output_arguments(result)
-    return result
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit status."""
-    return program.main(parser, run, argv)
+    return program.Parser("report", description=__doc__, examples=EXAMPLES, arguments=_ARGUMENTS)
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -133,5 +113,4 @@ def _made_by(arguments: argparse.Namespace) -> str:
     return f"imu_sim_ros {__version__}: {shlex.join(words)}"
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+main = partial(program.main, parser, run)

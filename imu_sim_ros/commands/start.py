@@ -6,6 +6,7 @@
 import importlib
 import os
 import sys
+from functools import partial
 from typing import Final
 
 from imu_sim_ros import signals, startup
@@ -41,64 +42,18 @@ def _run(name: str) -> int:
     return status
 
 
-def generate() -> int:
-    """Run the command; returns its exit status."""
-    return _run("generate")
-
-
-def add_errors() -> int:
-    """Run the command; returns its exit status."""
-    return _run("add_errors")
-
-
-def dead_reckon() -> int:
-    """Run the command; returns its exit status."""
-    return _run("dead_reckon")
-
-
-def allan() -> int:
-    """Run the command; returns its exit status."""
-    return _run("allan")
-
-
-def calibrate() -> int:
-    """Run the command; returns its exit status."""
-    return _run("calibrate")
-
-
-def twin() -> int:
-    """Run the command; returns its exit status."""
-    return _run("twin")
-
-
-def convert_bag() -> int:
-    """Run the command; returns its exit status."""
-    return _run("convert_bag")
-
-
-def evaluate() -> int:
-    """Run the command; returns its exit status."""
-    return _run("evaluate")
-
-
-def campaign() -> int:
-    """Run the command; returns its exit status."""
-    return _run("campaign")
-
-
-def report() -> int:
-    """Run the command; returns its exit status."""
-    return _run("report")
-
-
-def view() -> int:
-    """Run the command; returns its exit status."""
-    return _run("view")
-
-
-def control() -> int:
-    """Run the command; returns its exit status."""
-    return _run("control")
+generate = partial(_run, "generate")
+add_errors = partial(_run, "add_errors")
+dead_reckon = partial(_run, "dead_reckon")
+allan = partial(_run, "allan")
+calibrate = partial(_run, "calibrate")
+twin = partial(_run, "twin")
+convert_bag = partial(_run, "convert_bag")
+evaluate = partial(_run, "evaluate")
+campaign = partial(_run, "campaign")
+report = partial(_run, "report")
+view = partial(_run, "view")
+control = partial(_run, "control")
 
 
 def _completed() -> str | None:

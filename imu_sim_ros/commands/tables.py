@@ -1,21 +1,27 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Tables that several commands print: calibrations, consistency of covariances."""
+"""Calibrations as text: deterministic errors, and twins."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from imu_sim_ros import program
 from imu_sim_ros.calibration.deterministic import correction
-from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.sensors import auxiliary_sensors
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.types import Array
+
+if TYPE_CHECKING:
+    from imu_sim_ros.calibration.twin.analysis import Analysis
+    from imu_sim_ros.calibration.twin.intensity import Lines
+    from imu_sim_ros.jobs.twin import Twin
+    from imu_sim_ros.jobs.twin_check import Check
 
 _DIGITS = 1e-12  # of a noise-free result, relative
 _UNITS = {
@@ -27,28 +33,31 @@ _UNITS = {
     "gyroscope_temperature_scale": "1/K^k",
     "accelerometer_temperature_scale": "1/K^k",
     "reference_temperature": "degC",
+    "mounting": "rad",
+    "truth_curvature": "s^2",
+    "truth_turn": "rad",
 }
 
 
-def print_all(
+def calibration_lines(
     values: correction.Parameters,
     facts: dict[str, Any],
     true: dict[str, Array],
     files: Sequence[Path],
-) -> None:
-    """Print a calibration's facts, parameters and files."""
+) -> Iterator[str | TextTable]:
+    """Yield a calibration's facts, parameters and files."""
     for name, fact in facts.items():
-        print(f"{name}: {_shown(fact)}")
+        yield f"{name}: {_shown(fact)}"
     sensors = (*TRIADS, *(sensor.name for sensor in auxiliary_sensors()), "reference")
     for triad in sensors:
         own = {name: found for name, found in values.items() if name.startswith(triad)}
-        _print_group(triad, own, true)
-    for path in files:
-        print(path)
+        if own:
+            yield _group(triad, own, true)
+    yield from map(str, files)
 
 
-def _print_group(triad: str, values: correction.Parameters, true: dict[str, Array]) -> None:
-    """Print the parameters of one sensor, or of both; off: by how many standard errors."""
+def _group(triad: str, values: correction.Parameters, true: dict[str, Array]) -> TextTable:
+    """Return the parameters of one sensor, or of both; off: by how many standard errors."""
     header = ["", "value", "sigma", "unit", *(["truth", "off"] if true else [])]
     rows = []
     for name, found in values.items():
@@ -63,8 +72,7 @@ def _print_group(triad: str, values: correction.Parameters, true: dict[str, Arra
             if true:
                 row += _deviation(found.value[k], found.sigma[k], true[name][k])
             rows.append(row)
-    if rows:
-        program.print_table(header, rows, f"{triad.capitalize()}; sigma: standard error")
+    return TextTable(header, rows, f"{triad.capitalize()}; sigma: standard error")
 
 
 def _unit(name: str) -> str:
@@ -99,17 +107,103 @@ def _deviation(value: float, sigma: float, truth: float) -> list[str]:
     return [f"{truth:.6g}", shown]
 
 
-def show(result: dict[str, Any]) -> None:
-    """Print the table of the NEES."""
-    low, high = result["band_95"]
+_SIX: Final = [f"{triad}{axis}" for triad in "ga" for axis in AXES]
+
+
+def twin_lines(found: "Twin") -> Iterator[str | TextTable]:
+    """Yield all that was found of a twin."""
+    rows = []
+    for name, calibrated in found.errors.items():
+        for label, value, sigma in zip(
+            _labels(len(calibrated.value)), calibrated.value, calibrated.sigma, strict=True
+        ):
+            if sigma != 0.0:
+                mark = "no" if f"{name} {label}" in found.undetermined else ""
+                numbers = ["not given", ""] if np.isnan(value) else [f"{value:.6g}", f"{sigma:.2g}"]
+                rows.append([f"{name} {label}".strip(), *numbers, _unit(name), mark])
+    yield TextTable(
+        ["", "value", "sigma", "unit", "determined"],
+        rows,
+        "Constant errors; sigma: standard error; mounting: rotation vector of R_ib",
+    )
+    noise = found.source.noise
+    if noise.there:
+        angle, distance = 1e3 * noise.deviation
+        yield (
+            f"the poses scatter by {distance:.3g} mm and {angle:.3g} mrad; their motion stands out "
+            f"of that up to {found.source.cutoff:.3g} Hz, the cut-off"
+        )
+    if found.clock_wander > 0.0:
+        yield (
+            f"the truth's clock wanders by {1e3 * found.clock_wander:.2f} ms RMS around offset "
+            "and skew; that is taken out and not simulated"
+        )
+    yield _white_floor(found.analysis)
+    if len(found.analysis.lines.frequency):
+        yield _spectral_lines(found.analysis.lines)
+    yield from _intensity(found.analysis)
+    if found.check is not None:
+        yield from _check_lines(found.check)
+
+
+def _white_floor(found: "Analysis") -> TextTable:
+    white = found.white
+    rows = []
+    for k, (triad, axis) in enumerate((t, a) for t in TRIADS for a in AXES):
+        hidden = white.low[k] == 0.0
+        value = f"< {white.high[k]:.3g}" if hidden else f"{white.density[k]:.4g}"
+        interval = "" if hidden else f"{white.low[k]:.4g} .. {white.high[k]:.4g}"
+        rows.append([f"{triad} {axis}", value, interval])
+    title = f"White floor; {len(found.vibration.low)} bands of vibration above it"
+    return TextTable(["[unit/sqrt(Hz)]", "value", "95 % interval"], rows, title)
+
+
+def _spectral_lines(lines: "Lines") -> TextTable:
+    sizes = zip(lines.amplitude, lines.amplitude_sigma, strict=True)
     rows = [
-        [name]
-        + [f"{result[name][key]:.3g}" for key in ("mean", "final")]
-        + [f"{100.0 * result[name]['inside_band']:.0f} %"]
-        for name in ("position", "attitude", "velocity")
-        if result[name] is not None
+        [f"{f:.4f}", f"{s:.2g}", *(f"{a:.3g} +- {e:.1g}" for a, e in zip(*size, strict=True))]
+        for f, s, size in zip(lines.frequency, lines.frequency_sigma, sizes, strict=True)
     ]
-    title = f"NEES, 3 expected; 95 % of the time between {low:.3g} and {high:.3g}"
-    if result["gauge"] is not None:
-        title += "; yaw and position fixed at the first pose"
-    program.print_table(["of", "mean", "final", "inside"], rows, title)
+    title = "Lines: amplitudes [rad/s, m/s^2]"
+    return TextTable(["line [Hz]", "sigma", *_SIX], rows, title)
+
+
+def _intensity(found: "Analysis") -> Iterator[TextTable]:
+    exponents, edges = found.exponents, found.range_edges
+    rows = []
+    for k in range(len(edges) - 1):
+        for triad, name in enumerate(TRIADS):
+            if exponents.value[k, triad].any():
+                values = zip(exponents.value[k, triad], exponents.sigma[k, triad], strict=True)
+                rows.append(
+                    [f"{edges[k]:g}-{edges[k + 1]:g} Hz {name}"]
+                    + [f"{v:.2f} +- {s:.2f}" if v else "" for v, s in values]
+                )
+    if rows:
+        title = "Intensity follows the motion: exponents"
+        yield TextTable(["", "rate", "acceleration", "speed"], rows, title)
+
+
+def _check_lines(check: "Check") -> Iterator[str | TextTable]:
+    from imu_sim_ros.calibration.twin.comparison import BANDS
+
+    rows = [
+        [f"{low:g}-{high:g} Hz"]
+        + ["" if np.isnan(v) else f"{round(v, 1) + 0.0:+.1f}" for v in values]
+        for (low, high), values in zip(BANDS, check.decibels, strict=True)
+    ]
+    title = f"Twin over real sensor on the {check.seconds:.1f} s it has not seen [dB]"
+    yield TextTable(["density", *_SIX], rows, title)
+    drift = zip((1, 2, 5), check.real_drift, check.simulated_drift, strict=True)
+    for seconds, real, simulated in drift:
+        yield (
+            f"dead-reckoned for {seconds} s: median error {simulated:.3g} m, the real sensor's "
+            f"{real:.3g} m ({100.0 * (simulated / real - 1.0):+.0f} %)"
+        )
+    louder = ", ".join(f"{20.0 * np.log10(r):+.1f}" for r in check.truth_noise)
+    yield (f"noise of the truth itself on this part over that of the fitted one: {louder} dB")
+    twin, real = 100.0 * check.told_apart, 100.0 * check.real_told_apart
+    yield (
+        f"a classifier tells windows of twin and real sensor apart in {twin:.0f} %, of the real "
+        f"sensor on both parts in {real:.0f} % (50 %: it cannot)"
+    )

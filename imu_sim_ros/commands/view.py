@@ -7,8 +7,7 @@ Needs rerun: ``pip install imu_sim_ros[view]``.
 """
 
 import argparse
-import sys
-from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,7 +18,7 @@ from imu_sim_ros.bags.messages.encode import IMU, VECTOR3_STAMPED
 from imu_sim_ros.bags.messages.encode_cameras import COMPRESSED_IMAGE, IMAGE
 from imu_sim_ros.bags.read import open_bag, read_imu, vector_blocks
 from imu_sim_ros.bags.text.reader import is_text
-from imu_sim_ros.commands.outputs import add_force, outputs
+from imu_sim_ros.commands.common import FORCE, outputs
 from imu_sim_ros.conventions import LANDMARKS_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.jobs.recorded import read_cloud, read_images
@@ -33,36 +32,25 @@ view MH_01/mav0 --save MH_01.rrd
 """
 
 
+_ARGUMENTS: Final = {
+    "flight FLIGHT": {"type": Path, "help": "bag or EuRoC folder"},
+    "estimates ESTIMATE": {
+        "type": Path,
+        "nargs": "*",
+        "help": "estimated path: TUM or EuRoC text, or a bag",
+    },
+    "--truth-topic TOPIC": "topic of the truth, if several",
+    "--save FILE": "write a .rrd file and start no viewer",
+    "--no-images": "leave out images",
+    "--landmarks FILE": "landmarks.csv of generate --format tracks (default: those of the bag)",
+    **FORCE,
+    **program.JSON_AND_QUIET,
+}
+
+
 def parser() -> program.Parser:
     """Return the command's arguments."""
-    result = program.Parser(prog="view", description=__doc__, examples=EXAMPLES)
-    result.add_argument("flight", type=Path, metavar="FLIGHT", help="bag or EuRoC folder")
-    result.add_argument(
-        "estimates",
-        type=Path,
-        nargs="*",
-        metavar="ESTIMATE",
-        help="estimated path: TUM or EuRoC text, or a bag",
-    )
-    result.add_argument("--truth-topic", metavar="TOPIC", help="topic of the truth, if several")
-    result.add_argument(
-        "--save", type=Path, metavar="FILE", help="write a .rrd file and start no viewer"
-    )
-    result.add_argument("--no-images", action="store_true", help="leave out images")
-    result.add_argument(
-        "--landmarks",
-        type=Path,
-        metavar="FILE",
-        help="landmarks.csv of generate --format tracks (default: those of the bag)",
-    )
-    add_force(result)
-    program.add_output_arguments(result)
-    return result
-
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; returns its exit status."""
-    return program.main(parser, view, argv)
+    return program.Parser("view", description=__doc__, examples=EXAMPLES, arguments=_ARGUMENTS)
 
 
 def view(arguments: argparse.Namespace) -> None:
@@ -147,5 +135,4 @@ def _landmarks(flight: Path, path: Path | None) -> Any:
     return rows[:, 1:]
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+main = partial(program.main, parser, view)

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 from imu_sim_ros import arguments
 from imu_sim_ros.calibration.noise import noise_files, truth
 from imu_sim_ros.calibration.noise.analysis import MODELS, AllanResult, analyse
+from imu_sim_ros.calibration.noise.estimate import Estimate
 from imu_sim_ros.calibration.noise.terms import quantity
 from imu_sim_ros.calibration.noise.truth import Comparison
 from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.output import checked_place, saved
 from imu_sim_ros.jobs.readings import BAG_OR_FILE, Readings, name_of
+from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.types import Array
 
 if TYPE_CHECKING:
@@ -307,3 +309,70 @@ def _estimated(result: AllanResult, triad: int, key: str) -> Estimated:
     value = np.array([np.nan if axis.value is None else axis.value for axis in axes])
     low, high = np.array([axis.low for axis in axes]), np.array([axis.high for axis in axes])
     return Estimated(value, low, high, quantity(TRIADS[triad], key).unit)
+
+
+_OPTIONAL: Final = ("quantisation", "rate_ramp")
+
+
+def lines(
+    result: AllanResult, comparisons: Sequence[Comparison], files: Sequence[Path]
+) -> Iterator[str | TextTable]:
+    """Yield the text of an analysis.
+
+    :param comparisons: with the truth, from :meth:`Noise.compare`.
+    :param files: those that are written.
+    """
+    timing = result.timing
+    yield f"{result.record}, stamp jitter {timing.jitter * 1e3:.3g} ms, {timing.lost} samples lost"
+    for warning in result.warnings:
+        yield f"note: {warning}"
+    by_place = {(c.axis, c.key): c for c in comparisons}
+    for triad in range(len(TRIADS)):
+        yield from _triad_tables(result, triad, by_place)
+    if comparisons:
+        covered = sum(c.covered for c in comparisons)
+        yield f"{covered} of {len(comparisons)} intervals contain the truth"
+    for path in files:
+        yield str(path)
+    if files and result.reasons:
+        yield f"no configuration files: {', '.join(result.reasons)} not analysed"
+
+
+def _triad_tables(
+    result: AllanResult, triad: int, by_place: Mapping[tuple[int, str], Comparison]
+) -> Iterator[TextTable]:
+    """Yield the terms of one sensor, each axis with its interval, then in data sheets' units."""
+    header = ["", "axis", "value", "95 % interval", *(["truth", "covered"] if by_place else [])]
+    rows, names, field_rows = [], [], []
+    for key in result.keys:
+        axes = range(3 * triad, 3 * triad + 3)
+        found = [result.estimate(axis, key) for axis in axes]
+        known = any((axis, key) in by_place for axis in axes)
+        if key in _OPTIONAL and all(each.value is None for each in found) and not known:
+            continue
+        q = quantity(TRIADS[triad], key)
+        names.append(f"{q.symbol} {q.text}")
+        for axis, each in zip(axes, found, strict=True):
+            row = [f"{q.symbol} [{q.unit}]", "xyz"[axis % 3], *_value_and_interval(each)]
+            if by_place:
+                row += _truth_columns(by_place.get((axis, key)))
+            rows.append(row)
+        values = [_value_and_interval(each, q.field_factor)[0] for each in found]
+        field_rows.append([f"{q.symbol} [{q.field_unit}]", *values])
+    yield TextTable(header, rows, f"{TRIADS[triad].capitalize()}: {', '.join(names)}")
+    yield TextTable(["in data sheets' units", "x", "y", "z"], field_rows)
+
+
+def _value_and_interval(found: Estimate, factor: float = 1.0) -> list[str]:
+    if np.isinf(found.high):
+        return ["not analysed", ""]
+    if found.value is None:
+        return [f"< {found.high * factor:.3g}", ""]
+    interval = f"{found.low * factor:.4g} .. {found.high * factor:.4g}"
+    return [f"{found.value * factor:.4g}", interval]
+
+
+def _truth_columns(comparison: Comparison | None) -> list[str]:
+    if comparison is None:
+        return ["", ""]
+    return [f"{comparison.truth:.4g}", "yes" if comparison.covered else "NO"]

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +23,7 @@ from imu_sim_ros.navigation.evaluation import (
 )
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import multiply, normalise
+from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.types import Array, Times
 
 _NAMES = ("q_wb", "q_wi", "values")
@@ -90,6 +92,13 @@ def counts(t_ns: Times, without_truth: int) -> dict[str, Any]:
         "samples_without_truth": without_truth,
         "duration_s": float(t_ns[-1] - t_ns[0]) * 1e-9,
     }
+
+
+def statistics_table(rows: Iterable[tuple[str, Mapping[str, float]]]) -> TextTable:
+    """Return statistics of errors by name as a table."""
+    names = ("rmse", "mean", "median", "std", "min", "max")
+    cells = [[name, *(f"{values[key]:.3g}" for key in names)] for name, values in rows]
+    return TextTable(["error", *names], cells)
 
 
 def stated_consistency(

@@ -13,17 +13,23 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros import arguments
 from imu_sim_ros.campaigns import campaign as runs
 from imu_sim_ros.campaigns import engine as engines
+from imu_sim_ros.campaigns.cells import cell_count
 from imu_sim_ros.campaigns.metrics import SUCCESS, Tolerance, parse_tolerance
+from imu_sim_ros.campaigns.parameters import CommandEstimator
 from imu_sim_ros.campaigns.plan import Plan, check_plan, find_plan, load_plan
 from imu_sim_ros.campaigns.results import TABLE, Row, Store, read_results
-from imu_sim_ros.campaigns.verdict import Judgement, judge
+from imu_sim_ros.campaigns.statistics import power, quantile, seeds_needed
+from imu_sim_ros.campaigns.summary import Group, groups, slopes
+from imu_sim_ros.campaigns.verdict import Judgement, counts, judge
 from imu_sim_ros.errors import InputError, system_error
 from imu_sim_ros.jobs.report import report, write_campaign_page
+from imu_sim_ros.navigation.evaluation import anees_band
+from imu_sim_ros.text_tables import TextTable
 
 if TYPE_CHECKING:
     from imu_sim_ros.campaigns.engine import Engine
@@ -207,12 +213,13 @@ def campaign(
     return make(loaded, path, place, found_in, options)
 
 
-Watch = Callable[[Sequence[Row]], None]
+Advance = Callable[..., None]
+"""Receives how many more runs there are, and words about all of them."""
 
 
 @contextlib.contextmanager
-def _unwatched(there: int) -> Iterator[Watch]:
-    yield lambda rows: None
+def _no_progress(done: int) -> Iterator[Advance]:
+    yield lambda count, text: None
 
 
 def make(
@@ -221,12 +228,12 @@ def make(
     folder: Path,
     workers: Workers,
     options: Options,
-    watched: Callable[[int], contextlib.AbstractContextManager[Watch]] = _unwatched,
+    progress: Callable[[int], contextlib.AbstractContextManager[Advance]] = _no_progress,
 ) -> Campaign:
     """Make the runs of a plan that has been checked; arguments and result as for :func:`campaign`.
 
     :param path: of the plan's file.
-    :param watched: is given how many runs there are, and yields what receives those that come.
+    :param progress: is given how many runs there are, and yields what receives those that come.
     """
     started = time.perf_counter()
     earlier = None if options.baseline is None else read_results(options.baseline)
@@ -238,8 +245,17 @@ def make(
     ):
         store.keep_plan(path)
         before = min(sum(1 for _ in store.rows()), plan.run_count)
-        with watched(before) as watch:
-            outcome = runs.run(plan, store, engine, watch, options.retry_failed, options.batch)
+        tally = runs.Tally(plan, before)
+        with _explaining_interruption(folder), progress(before) as advance:
+            advance(0, tally.add([]))
+            outcome = runs.run(
+                plan,
+                store,
+                engine,
+                lambda rows: advance(len(rows), tally.add(rows)),
+                options.retry_failed,
+                options.batch,
+            )
         if options.report:
             # A metric that no run has cannot be drawn.
             there = metric == SUCCESS or any(row.get(metric) is not None for row in outcome.rows)
@@ -252,6 +268,15 @@ def make(
 
 
 @contextlib.contextmanager
+def _explaining_interruption(folder: Path) -> Iterator[None]:
+    try:
+        yield
+    except KeyboardInterrupt as stop:
+        stop.args = (f"{folder} has the runs made so far; continue with --resume",)
+        raise
+
+
+@contextlib.contextmanager
 def _explaining_full_disk(folder: Path) -> Iterator[None]:
     """Name the folder if the disk is full, because the system's error does not."""
     try:
@@ -260,3 +285,168 @@ def _explaining_full_disk(folder: Path) -> Iterator[None]:
         if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
             raise system_error(folder, error) from error
         raise
+
+
+def reasons(found: Judgement) -> list[str]:
+    """Return why runs failed if none is done, each reason once."""
+    counted: dict[str, int] = {}
+    for failure in found.failures:
+        counted[failure.reason] = counted.get(failure.reason, 0) + failure.runs
+    return [f"no run is done: {runs:,} x {reason}" for reason, runs in list(counted.items())[:10]]
+
+
+def expected_duration(plan: Plan, processes: int) -> str:
+    """Return how long a campaign takes, from its first run; of programs only their limit says."""
+    total, words = runs.seconds_of_all_runs(plan), "at"
+    if total is None:
+        limits = (e.timeout for e in plan.estimators.values() if isinstance(e, CommandEstimator))
+        total, words = plan.run_count * max(limits), "at up to"
+    one, hours = total / plan.run_count, total / max(processes, 1) / 3600.0
+    each = f"{one * 1e3:.2g} ms" if one < 1.0 else f"{one:.3g} s"
+    on = "1 process" if processes == 1 else f"{processes} processes"
+    return f"{words} {each} each about {max(hours, 0.1):,.1f} hours on {on}"
+
+
+class Power:
+    """The chance to find a difference with a plan's seeds, and the seeds it takes.
+
+    :param wanted: the difference, a share.
+    :param scatter: of the ratio of both results on the same seed.
+    :param tolerance: difference that does not matter.
+    :raises InputError: for what is no share, or out of range.
+    """
+
+    def __init__(
+        self, plan: Plan, wanted: Tolerance, scatter: Tolerance, tolerance: Tolerance
+    ) -> None:
+        shares = {"--power": wanted, "--scatter": scatter, "tolerance": tolerance}
+        problems = [
+            f"{name} {share}: must be a share such as 10 %"
+            for name, share in shares.items()
+            if not share.relative
+        ]
+        if not problems and wanted.value <= tolerance.value:
+            problems.append(f"--power {wanted}: must be above the tolerance, {tolerance}")
+        if scatter.value <= 0.0:
+            problems.append(f"--scatter {scatter}: must be above 0")
+        if problems:
+            raise InputError(problems)
+        self.wanted, self.scatter, self.tolerance = wanted, scatter, tolerance
+        self.seeds = len(plan.seeds)
+        self.comparisons = cell_count(plan.axes) * len(plan.estimators)
+        sizes = (wanted.value, scatter.value, tolerance.value, self.comparisons)
+        self.power = power(self.seeds, *sizes)
+        self.needed = {share: seeds_needed(share, *sizes) for share in (0.5, 0.8, 0.95)}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``--json`` prints."""
+        return {
+            "difference": self.wanted.value,
+            "scatter": self.scatter.value,
+            "tolerance": self.tolerance.value,
+            "comparisons": self.comparisons,
+            "seeds": self.seeds,
+            "power": self.power,
+            "seeds_needed": {f"{share:g}": seeds for share, seeds in self.needed.items()},
+        }
+
+    def lines(self) -> Iterator[str]:
+        """Yield it in words."""
+        yield (
+            f"A difference of {self.wanted} beyond a tolerance of {self.tolerance}, scatter "
+            f"{self.scatter}, {self.comparisons} comparison{'s' * (self.comparisons != 1)}: the "
+            f"plan's {self.seeds} seeds find it in {100.0 * self.power:.0f} % of campaigns"
+        )
+        for share, seeds in self.needed.items():
+            shown = "more than 100,000" if seeds is None else f"{seeds:,}"
+            yield f"{100.0 * share:.0f} %: {shown} seeds"
+
+
+_SHOWN: Final = 40
+"""Rows of a table."""
+
+
+def lines(made: Campaign) -> Iterator[str | TextTable]:
+    """Yield the text of a campaign's results."""
+    metric, found = made.judgement.metric, groups(made.runs, made.plan.grid_names)
+    rows = [_row(group, metric) for group in found[:_SHOWN]]
+    header = ["cell", "estimator", "done", "median", "95 % interval", "p95", "NEES (band)"]
+    yield TextTable(header, rows, f"{metric}, median with 95 % interval")
+    if len(found) > _SHOWN:
+        yield (f"{len(found) - _SHOWN} more in {made.folder / 'summary.csv'}")
+    yield from _difference_lines(made.judgement)
+    yield from _baseline_tables(made.judgement)
+    yield from _slope_tables(made.runs, found, metric)
+    for status, count in counts(made.runs).items():
+        if status != "done":
+            yield f"{count} runs {status}"
+    yield (
+        f"{made.folder}: {len(made.runs):,} runs, {made.new:,} of them new, in {made.wall_s:.1f} s"
+    )
+
+
+def _difference_lines(found: Judgement) -> Iterator[str | TextTable]:
+    """Yield who is best, and the effects of the headline's contests."""
+    for contest in found.headline[:_SHOWN]:
+        yield contest.line(found.metric)
+    rows = [
+        [contest.place, effect.a, effect.b, effect.size(), _number(effect.p), effect.verdict]
+        for contest in found.contests
+        for effect in contest.effects
+        if effect.significant
+    ]
+    if rows:
+        title = f"Significant differences ({len(rows)}; same seeds, Wilcoxon, Holm)"
+        yield TextTable(["of", "A", "B", "A than B", "p", "A is"], rows[:_SHOWN], title)
+    yield from sorted({e.note for c in found.contests for e in c.effects if e.note})
+
+
+def _baseline_tables(found: Judgement) -> Iterator[TextTable]:
+    """Yield how each group compares with the baseline, worse groups first."""
+    effects = sorted(found.baseline or [], key=lambda effect: effect.verdict != "worse")
+    rows = [[one.a, one.note or one.size(), _number(one.p), one.verdict] for one in effects]
+    if rows:
+        title = f"Against the baseline: {found.metric}"
+        header = ["cell; estimator", "than before", "p", "is"]
+        yield TextTable(header, rows[:_SHOWN], title)
+
+
+def _slope_tables(rows: Sequence[Row], found: Sequence[Group], metric: str) -> Iterator[TextTable]:
+    grid = found[0].grid if found else ()
+    slopes_of = [
+        [one.parameter, one.estimator, _number(slope.value), f"{slope.low:.3g} - {slope.high:.3g}"]
+        for one in slopes(rows, grid, metric)
+        if (slope := one.sensitivity.slope)
+    ]
+    if slopes_of:
+        header = ["parameter", "estimator", "slope", "95 % interval"]
+        title = f"Sensitivity: d log({metric}) / d log(parameter)"
+        yield TextTable(header, slopes_of, title)
+
+
+def _row(group: Group, metric: str) -> list[str]:
+    values = group.values(metric)  # none of success, whose interval is in summary.csv
+    median, p95 = quantile(values, 0.5), quantile(values, 0.95)
+    ends = [_number(end) for end in (median.low, median.high)]
+    return [
+        group.cell,
+        group.estimator,
+        f"{group.done} of {len(group.rows)}",
+        _number(median.value),
+        " - ".join(ends),
+        _number(p95.value),
+        _consistency(group),
+    ]
+
+
+def _consistency(group: Group) -> str:
+    """Return the mean NEES with the band that it lies in if the covariance is right."""
+    nees = group.values("nees_position")
+    if not len(nees):
+        return "not valid" if group.not_valid("nees_position") else "-"
+    low, high = anees_band(3, len(nees))
+    return f"{nees.mean():.3g} ({low:.2f} - {high:.2f})"
+
+
+def _number(value: float | None) -> str:
+    return "?" if value is None else f"{value:.4g}"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from os import PathLike
@@ -43,6 +43,7 @@ from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.rotation import to_euler
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
+from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.timebase import span
 from imu_sim_ros.types import Array, Times
 
@@ -145,10 +146,19 @@ class Track:
 
 def plot_tracks(shown: Sequence[Track]) -> Figure:
     """Return a matplotlib figure of several ways to integrate the same readings."""
+    first = shown[0]
+    sensor, _, motion = first.name.partition(" on ")
+    source = f"IMU {sensor}, trajectory {motion}" if motion else first.name
+    title = f"{source}: dead reckoning" if source else "Dead reckoning"
+    title += "" if first.truth is None else " against the truth"
+    return plot_named_tracks({f"{one.method}, {one.attitude_update}": one for one in shown}, title)
+
+
+def plot_named_tracks(shown: Mapping[str, Track], title: str) -> Figure:
+    """Return a matplotlib figure of tracks with the truth of the first."""
     from imu_sim_ros.plots import navigation as pictures
 
-    names = [f"{track.method}, {track.attitude_update}" for track in shown]
-    drifts = {name: track.drift() for name, track in zip(names, shown, strict=True)}
+    drifts = {name: track.drift() for name, track in shown.items()}
     errors = {
         kind: {
             name: ((d.t_ns - d.t_ns[0]) * 1e-9, np.linalg.norm(getattr(d, kind), axis=1))
@@ -157,16 +167,13 @@ def plot_tracks(shown: Sequence[Track]) -> Figure:
         }
         for kind in ("position", "attitude")
     }
-    first = shown[0]
-    sensor, _, motion = first.name.partition(" on ")
-    source = f"IMU {sensor}, trajectory {motion}" if motion else first.name
-    title = f"{source}: dead reckoning" if source else "Dead reckoning"
+    truth = next(iter(shown.values())).truth
     return pictures.trajectories(
-        {name: track.position for name, track in zip(names, shown, strict=True)},
-        None if first.truth is None else first.truth.position,
+        {name: track.position for name, track in shown.items()},
+        None if truth is None else truth.position,
         errors["position"],
         errors["attitude"],
-        title + ("" if first.truth is None else " against the truth"),
+        title,
     )
 
 
@@ -450,3 +457,26 @@ def _covariance(given: object, track: Track, start: InitialCondition) -> Array:
 
 def _plain(values: Mapping[str, Any]) -> dict[str, object]:
     return {n: v.tolist() if hasattr(v, "tolist") else v for n, v in values.items()}
+
+
+def lines(summaries: Sequence[Mapping[str, Any]]) -> Iterator[str | TextTable]:
+    """Yield the text of tracks of one recording: their dictionaries in a line and a table."""
+    first = summaries[0]
+    yield (
+        f"{first['samples']} readings, {first['duration_s']:.6g} s, "
+        f"{first['distance_m']:.6g} m travelled, initial state: {first['initial_state']}"
+    )
+    columns = {
+        "position [m]": "final_position_error_m",
+        "of path [%]": "final_position_error_percent",
+        "rms [m]": "rms_position_error_m",
+        "v [m/s]": "final_velocity_error_m_s",
+        "att. [rad]": "final_attitude_error_rad",
+    }
+    rows = [
+        [summary["method"], summary["attitude_update"]]
+        + ["-" if summary[key] is None else f"{summary[key]:.4g}" for key in columns.values()]
+        for summary in summaries
+    ]
+    title = "Final errors against the truth; rms: of the position over the run"
+    yield TextTable(["method", "attitude", *columns], rows, title)

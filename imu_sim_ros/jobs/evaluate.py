@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol, overload
@@ -16,10 +16,16 @@ from imu_sim_ros.arguments import array, number, one_of, refuse, switch, text
 from imu_sim_ros.arguments import path as checked_path
 from imu_sim_ros.arguments import topic as checked_topic
 from imu_sim_ros.inputs.tables import Table
-from imu_sim_ros.jobs.attitude import AttitudeEvaluation, evaluate_attitude, has_attitude_alone
+from imu_sim_ros.jobs.attitude import (
+    AttitudeEvaluation,
+    evaluate_attitude,
+    has_attitude_alone,
+    statistics_table,
+)
 from imu_sim_ros.jobs.measured import ReadingsEvaluation, evaluate_measured, sensor_of
 from imu_sim_ros.jobs.output import saved
 from imu_sim_ros.jobs.readings import BAG_OR_FILE, HasPoses, checked_poses
+from imu_sim_ros.jobs.reprojection import lines as reprojection_lines
 from imu_sim_ros.jobs.reprojection import reprojection
 from imu_sim_ros.jobs.tracks import RecordedTrack, read_track
 from imu_sim_ros.jobs.tracks import truth_topic as truth_topic_of
@@ -45,6 +51,7 @@ from imu_sim_ros.navigation.evaluation import (
 )
 from imu_sim_ros.poses import PoseSequence, write_tum
 from imu_sim_ros.rotation import rotate_inverse
+from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.types import Array, Times
 
 if TYPE_CHECKING:
@@ -452,3 +459,55 @@ def _track(name: str, given: Any, topic: str | None) -> RecordedTrack:
 
 def _rms(errors: Array) -> float:
     return float(np.sqrt(np.mean(np.sum(np.square(errors), axis=1))))
+
+
+def lines(result: Mapping[str, Any]) -> Iterator[str | TextTable]:
+    """Yield the text of an evaluation: its dictionary in lines and tables."""
+    yield (
+        f"{result['poses']} poses, {result['duration_s']:.6g} s, {result['distance_m']:.6g} m, "
+        f"alignment: {result['alignment']['kind']}"
+    )
+    if result["poses_without_truth"]:
+        yield f"{result['poses_without_truth']} poses skipped: no truth at their times"
+    if result["alignment"]["kind"] == "sim3":
+        yield f"scale of the estimate: {result['alignment']['scale']:.6g}"
+    if result["time_offset"] is not None:
+        yield (
+            f"time offset: {1e3 * result['time_offset']['value_s']:.2f} ms added to the estimate's "
+            f"stamps; ATE {result['time_offset']['ate_rmse_m_before']:.4g} m without, "
+            f"{result['ate_m']['rmse']:.4g} m with it"
+        )
+    rows = [("ATE position [m]", result["ate_m"]), ("attitude [rad]", result["attitude_error_rad"])]
+    if result["velocity_error_m_s"] is not None:
+        rows.append(("velocity [m/s]", result["velocity_error_m_s"]))
+    for entry in result["rpe"]:
+        over = f"RPE {entry['delta']:.3g} {entry['unit']}"
+        rows.append((f"{over} [m]", entry["translation_m"]))
+        rows.append((f"{over} [rad]", entry["rotation_rad"]))
+    yield statistics_table(rows)
+    if result["final_drift_percent"] is not None:
+        yield (
+            f"final drift: {result['final_position_error_m']:.4g} m, "
+            f"{result['final_drift_percent']:.4g} % of the distance"
+        )
+    if result["nees"] is None:
+        yield f"no NEES: {result['no_nees']}"
+    else:
+        yield _nees_table(result["nees"])
+    if result["reprojection"] is not None:
+        yield from reprojection_lines(result["reprojection"])
+
+
+def _nees_table(result: Mapping[str, Any]) -> TextTable:
+    low, high = result["band_95"]
+    rows = [
+        [name]
+        + [f"{result[name][key]:.3g}" for key in ("mean", "final")]
+        + [f"{100.0 * result[name]['inside_band']:.0f} %"]
+        for name in ("position", "attitude", "velocity")
+        if result[name] is not None
+    ]
+    title = f"NEES, 3 expected; 95 % of the time between {low:.3g} and {high:.3g}"
+    if result["gauge"] is not None:
+        title += "; yaw and position fixed at the first pose"
+    return TextTable(["of", "mean", "final", "inside"], rows, title)

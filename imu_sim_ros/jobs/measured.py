@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,11 +25,13 @@ from imu_sim_ros.jobs.attitude import (
     compared_attitudes,
     counts,
     stated_consistency,
+    statistics_table,
 )
 from imu_sim_ros.jobs.tracks import read_track, truth_topic
 from imu_sim_ros.navigation.association import common_rows, interpolate_vectors
 from imu_sim_ros.sensors import known_tables
 from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.types import Array, Times
 
 
@@ -158,3 +160,43 @@ def _moments(errors: Array) -> dict[str, list[float]]:
         "max": np.abs(errors).max(axis=0),
     }
     return {name: values.tolist() for name, values in moments.items()}
+
+
+def lines(result: Mapping[str, Any]) -> Iterator[str | TextTable]:
+    """Yield the text of an evaluation with its topic: its dictionary in lines and tables."""
+    yield f"{result['topic']}: {result['samples']} samples, {result['duration_s']:.6g} s"
+    if result["samples_without_truth"]:
+        yield f"{result['samples_without_truth']} samples skipped: no truth at their times"
+    if result["kind"] == "orientation":
+        kinds = ("attitude", "tilt", "heading")
+        errors = {kind: result[f"{kind}_error_rad"].items() for kind in kinds}
+        yield statistics_table(
+            (f"{kind} [deg]", {name: np.degrees(value) for name, value in values})
+            for kind, values in errors.items()
+        )
+        yield f"mean heading error: {np.degrees(result['mean_heading_error_rad']):.3g} deg"
+    else:
+        yield from _moments_tables(result)
+    if result["nees"] is None:
+        yield f"no NEES: {result['no_nees']}"
+        return
+    low, high = result["nees"]["band_95"]
+    yield (
+        f"NEES: {result['nees']['mean']:.3g}, {result['nees']['expected']} expected; "
+        f"{100.0 * result['nees']['inside_band']:.0f} % between {low:.3g} and {high:.3g}, "
+        "95 % expected"
+    )
+
+
+def _moments_tables(result: Mapping[str, Any]) -> Iterator[TextTable]:
+    names = ("mean", "std", "rms", "max")
+    titles = {"error": "reading minus truth", "error_without_bias": "and minus the true bias"}
+    for key, title in titles.items():
+        if result[key] is not None:
+            columns = np.array([result[key][name] for name in names]).T
+            axes = "xyz" if len(columns) > 1 else ("",)
+            rows = [
+                [f"{axis} [{result['unit']}]".strip(), *(f"{value:.3g}" for value in row)]
+                for axis, row in zip(axes, columns, strict=True)
+            ]
+            yield TextTable(["axis", *names], rows, title)

@@ -508,10 +508,3 @@ def _errors(found: Fit, given: NDArray[np.bool_]) -> dict[str, Calibrated]:
         "truth_curvature": of(errors.curvature, sigma[model.CURVATURE]),
         "truth_turn": of(errors.world, sigma[model.WORLD]),
     }
-
-
-def labels(count: int) -> list[str]:
-    """Return names of the components of a number, a vector or a matrix."""
-    if count == 9:
-        return list(MATRIX)
-    return list("xyz") if count == 3 else [""]

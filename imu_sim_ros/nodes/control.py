@@ -37,6 +37,18 @@ class Status(NamedTuple):
     values: Mapping[str, str]
     """Rates, lateness, counts, as in /diagnostics."""
 
+    def line(self) -> str:
+        """Return it in a line."""
+        values = self.values
+        rates = "  ".join(
+            f"{name.removesuffix(' rate [Hz]')} {value} Hz"
+            for name, value in values.items()
+            if name.endswith(" rate [Hz]")
+        )
+        late = "/".join(values.get(f"lateness {name} [us]", "-") for name in ("p50", "p99", "max"))
+        lost = f"{values['caught up samples']} caught up, {values['skipped samples']} skipped"
+        return f"{values['state']:<8} {rates}  late p50/p99/max {late} us  {lost}"
+
 
 class InjectedFault(NamedTuple):
     """A fault, as published on ``ground_truth/faults``."""
@@ -45,6 +57,15 @@ class InjectedFault(NamedTuple):
     """Stamp of the first sample that it hits."""
     values: Mapping[str, str]
     """kind, imu, triad, duration, value."""
+
+    def line(self) -> str:
+        """Return it in a line."""
+        values = self.values
+        triad = " ".join(filter(None, (values["imu"], values["triad"])))
+        return (
+            f"fault: {values['kind']} {triad} {values['value']} for "
+            f"{values['duration [s]']} s from stamp {self.t_ns * 1e-9:.9f} s"
+        ).replace("  ", " ")
 
 
 class Control:

@@ -4,6 +4,7 @@
 """Entry points of the nodes: signals are watched before anything slow is imported."""
 
 import sys
+from functools import partial
 
 from imu_sim_ros import startup
 from imu_sim_ros.nodes import signals
@@ -24,21 +25,7 @@ def _run(name: str) -> int:
     return int(node.main())
 
 
-def simulator() -> int:
-    """Run the simulator; returns its exit status."""
-    return _run("simulator")
-
-
-def integrator() -> int:
-    """Run the integrator; returns its exit status."""
-    return _run("integrator")
-
-
-def error_model() -> int:
-    """Run the error model; returns its exit status."""
-    return _run("error_model")
-
-
-def recorder() -> int:
-    """Run the recorder; returns its exit status."""
-    return _run("recorder")
+simulator = partial(_run, "simulator")
+integrator = partial(_run, "integrator")
+error_model = partial(_run, "error_model")
+recorder = partial(_run, "recorder")

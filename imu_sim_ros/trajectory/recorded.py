@@ -124,12 +124,6 @@ def recorded_in(trajectory: Trajectory) -> Recorded | None:
     return None
 
 
-def fit_report(trajectory: Trajectory) -> FitReport | None:
-    """Return the report of the recorded motion in a trajectory, if there is one."""
-    recorded = recorded_in(trajectory)
-    return recorded.report if recorded is not None else None
-
-
 def _check(poses: PoseSequence, parameters: PosesParameters) -> None:
     count = len(poses.t_ns)
     if count < _LEAST_POSES:

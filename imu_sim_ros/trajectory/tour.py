@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.places.catalogue import build, usual
 from imu_sim_ros.places.place import Site
@@ -60,6 +61,24 @@ def waypoint_parameters(parameters: TourParameters) -> dict[str, Value]:
         "trajectory.acceleration_limit": found.acceleration_limit,
         "trajectory.heading_rate_limit": found.heading_rate_limit,
     }
+
+
+def waypoints_file(parameters: TourParameters) -> str:
+    """Return the flight as the text of a parameter file, with the scene that cameras see.
+
+    :raises ConfigurationError: for a place without a way through it.
+    """
+    low, high = usual(parameters.place, parameters.place_size)
+    size, center = (
+        "[" + ",".join(f"{value:g}" for value in values) + "]"
+        for values in (high - low, 0.5 * (low + high))
+    )
+    comment = (
+        f"The waypoints of a tour through a place; cameras see it with\n"
+        f"--scene {parameters.place} --set scene.seed={parameters.place_seed} "
+        f"--set scene.size={size} --set scene.center={center}"
+    )
+    return files.text(waypoint_parameters(parameters), comment=comment)
 
 
 def _as(some: List, parameters: TourParameters) -> WaypointsParameters:

@@ -24,10 +24,10 @@ from imu_sim_ros.calibration.noise.estimate import AxisNoise, estimate
 from imu_sim_ros.calibration.noise.gauss_markov import estimate_gauss_markov
 from imu_sim_ros.calibration.noise.spectrum import SpectrumAccumulator
 from imu_sim_ros.calibration.noise.truth import compare
-from imu_sim_ros.program import print_table
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.text_tables import print_table
 
 HOUR = 3600.0
 SENSORS: dict[str, dict[str, object]] = {

@@ -23,9 +23,9 @@ from imu_sim_ros.calibration.deterministic.turntable import (
 )
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.state import Correction, NavigationState
-from imu_sim_ros.program import print_table
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
+from imu_sim_ros.text_tables import print_table
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 G = 9.81

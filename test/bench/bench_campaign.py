@@ -39,8 +39,8 @@ from imu_sim_ros.navigation.covariance import POSITION, initial_covariance, prop
 from imu_sim_ros.navigation.evaluation import nees
 from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.state import NavigationStates
-from imu_sim_ros.program import print_table
 from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.text_tables import print_table
 
 RATE, SECONDS, IMU = 200.0, 20.0, "mpu6000"
 LOOP = 100

@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 from imu_sim_ros.calibration.noise.deviation import usable_band
 from imu_sim_ros.calibration.noise.estimate import KEYS, Estimate, estimate
 from imu_sim_ros.calibration.noise.spectrum import Spectrum, SpectrumAccumulator
-from imu_sim_ros.program import print_table
 from imu_sim_ros.sensors.errors.flicker import FlickerNoise
+from imu_sim_ros.text_tables import print_table
 
 Array = NDArray[np.float64]
 

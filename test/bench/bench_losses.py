@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.noise.analysis import analyse
 from imu_sim_ros.calibration.noise.estimate import KEYS
-from imu_sim_ros.program import print_table
+from imu_sim_ros.text_tables import print_table
 
 Array = NDArray[np.float64]
 

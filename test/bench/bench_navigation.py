@@ -19,9 +19,9 @@ from imu_sim_ros.navigation.parameters import ATTITUDE_UPDATES, METHODS
 from imu_sim_ros.navigation.preintegration import StepReadings, preintegrate
 from imu_sim_ros.navigation.state import AT_REST, NavigationState, NavigationStates
 from imu_sim_ros.navigation.stepper import Stepper
-from imu_sim_ros.program import print_table
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.text_tables import print_table
 
 SAMPLES = 2_000_000
 STEPS = 40_000

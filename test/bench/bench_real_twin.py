@@ -15,7 +15,7 @@ import numpy as np
 
 import imu_sim_ros as ims
 from imu_sim_ros.calibration.twin.comparison import BANDS, features, told_apart
-from imu_sim_ros.program import print_table
+from imu_sim_ros.text_tables import print_table
 
 SHUFFLES = 5
 FROM = (1.0, 5.0, 20.0)

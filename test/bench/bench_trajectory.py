@@ -14,11 +14,11 @@ import numpy as np
 from imu_sim_ros import rotation
 from imu_sim_ros.parameters import files
 from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
-from imu_sim_ros.program import print_table
 from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.text_tables import print_table
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.trajectory.recorded import fit_report
+from imu_sim_ros.trajectory.recorded import recorded_in
 
 BLOCK = 8192
 RATE = 200.0
@@ -88,7 +88,7 @@ def fit_row(path: Path) -> list[str]:
     """Return one row of the table of fits."""
     reading = median_time(lambda: read_poses(path), 3)
     both = median_time(lambda: build(type="poses", file=str(path)), 3)
-    report = fit_report(build(type="poses", file=str(path)))
+    report = recorded_in(build(type="poses", file=str(path))).report
     return [
         path.name,
         f"{report.poses:,}",

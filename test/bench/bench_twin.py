@@ -19,8 +19,8 @@ from imu_sim_ros.calibration.twin import model
 from imu_sim_ros.calibration.twin.fit import PRIOR
 from imu_sim_ros.jobs.twin import NAMES
 from imu_sim_ros.poses import PoseSequence
-from imu_sim_ros.program import print_table
 from imu_sim_ros.rotation import exp, from_matrix, log, multiply, normalise, to_matrix
+from imu_sim_ros.text_tables import print_table
 
 FLIGHT = Path(__file__).parents[3] / "shared" / "data" / "euroc_V1_02_medium_groundtruth.csv"
 MOTIONS = {

@@ -20,7 +20,7 @@ from imu_sim_ros.commands import (
     generate,
     report,
 )
-from imu_sim_ros.commands.outputs import outputs
+from imu_sim_ros.commands.common import outputs
 from imu_sim_ros.commands.start import PROGRAMS
 from imu_sim_ros.errors import InputError
 

@@ -11,7 +11,7 @@ import sys
 
 import pytest
 
-from imu_sim_ros import program
+from imu_sim_ros import program, text_tables
 from imu_sim_ros import program as printing
 
 HEADER = ["axis", "noise density [rad/s/sqrt(Hz)]", "random walk [rad/s^2/sqrt(Hz)]", "B [rad/s]"]
@@ -23,7 +23,7 @@ ROWS = [[f"gyroscope {axis}", "0.0150012 +- 0.0000123", "5.123e-05", "< 1.5e-6"]
 def test_every_number_is_whole(columns, terminal, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", str(columns))
     monkeypatch.setattr(sys.stdout, "isatty", lambda: terminal, raising=False)
-    program.print_table(HEADER, ROWS, "Noise")
+    text_tables.print_table(HEADER, ROWS, "Noise")
     out = capsys.readouterr().out
     assert "\N{HORIZONTAL ELLIPSIS}" not in out
     for row in ROWS:
@@ -39,7 +39,7 @@ def test_columns_move_together_before_the_table_is_stacked(monkeypatch, capsys):
     assert 16 + 6 * (8 + 2) <= 80 < 16 + 6 * 8 + 7 * 3
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
-    program.print_table(header, rows, "Errors")
+    text_tables.print_table(header, rows, "Errors")
     title, names, _, first, second = capsys.readouterr().out.splitlines()
     assert title == "Errors"
     assert names.split() == header

@@ -3,7 +3,6 @@
 
 """Overlapping Allan deviation of records of any length, in bounded memory."""
 
-from collections.abc import Iterable
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -176,36 +175,6 @@ def cluster_sizes(samples: int, per_decade: int = 17) -> NDArray[np.int64]:
     step = 1 << np.maximum(np.log2(size).astype(np.int64) - 6, 0)
     size = (size + step // 2) // step * step
     return np.unique(size[size <= largest])
-
-
-def overlapping_deviation(y: Array, rate: float, sizes: Iterable[int]) -> Array:
-    """Return the overlapping Allan deviation of one gap-free record in memory.
-
-    ``avar(m) = sum_j (x_{j+2m} - 2 x_{j+m} + x_j)^2 / (2 (m dt)^2 (n - 2m + 1))`` with the phase
-    ``x_j = dt sum_{i<j} y_i`` (IEEE Std 952-1997 Annex C; Riley, NIST SP 1065, eq. 11).
-
-    :param y: (n,) or (n, axes) readings.
-    :param rate: samples per second [Hz].
-    :param sizes: cluster sizes, each at least 1 and at most n / 2.
-    :returns: (m,) or (m, axes).
-    """
-    columns = np.asarray(y, dtype=np.float64)
-    flat = columns.ndim == 1
-    phase = _phases(columns.reshape(len(columns), -1).T, rate)
-    rows = []
-    for m in sizes:
-        total, terms = _second_differences(phase, m)
-        rows.append(_deviation(total, m / rate, terms))
-    result = np.array(rows).reshape(-1, len(phase))
-    return result[:, 0] if flat else result
-
-
-def _phases(y: Array, rate: float) -> Array:
-    """Return (axes, n + 1) phases of (axes, n) readings."""
-    phase = np.zeros((len(y), y.shape[1] + 1))
-    np.cumsum(y, axis=1, out=phase[:, 1:])
-    phase /= rate
-    return phase
 
 
 def _deviation(total: Array, tau: float, terms: int) -> Array:

@@ -31,6 +31,7 @@ from imu_sim_ros.nodes.raw_subscription import (
 )
 from imu_sim_ros.nodes.recorder.recording import DurationLimit, Recording, Timestamps, Topic
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
+from imu_sim_ros.text_tables import print_table
 
 MEGABYTE = 1_000_000
 
@@ -228,7 +229,7 @@ class Recorder(ConfiguredNode):
                 "duplicates",
                 "out of order",
             )
-            program.print_table(header, rows, where)
+            print_table(header, rows, where)
         else:
             print(f"{where}: no message was recorded", flush=True)
         if recording.dropped:

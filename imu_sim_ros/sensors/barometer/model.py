@@ -27,7 +27,6 @@ EARTH_RADIUS: Final = 6356766.0
 """[m] of the geopotential height."""
 _GAS_CONSTANT: Final = 8.31432 / 0.0289644
 """[J/(kg K)] of dry air, with the constants of 1976."""
-_STANDARD_TEMPERATURE: Final = 288.15
 _ZERO_CELSIUS: Final = 273.15
 _BASES: Final = np.array([0.0, 11e3, 20e3, 32e3, 47e3, 51e3, 71e3, 84852.0])
 """[m] geopotential height where each layer begins; the first reaches below 0 as well."""

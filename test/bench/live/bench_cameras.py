@@ -23,7 +23,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from imu_sim_ros.program import print_table
+from imu_sim_ros.text_tables import print_table
 
 HERE = Path(__file__).resolve()
 FLIGHT = HERE.parents[4] / "shared" / "data" / "euroc_V1_02_medium_groundtruth.csv"

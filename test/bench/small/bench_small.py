@@ -24,8 +24,8 @@ from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors, noise_of
 from imu_sim_ros.navigation.preintegration import StepReadings, preintegrate
 from imu_sim_ros.navigation.state import AT_REST
-from imu_sim_ros.program import print_table
 from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.text_tables import print_table
 
 FLIGHT = Path(__file__).parents[3].parent / "shared/data/euroc_V1_02_medium_groundtruth.csv"
 STATIC = ["--trajectory", "static", "--imu", "lecture", "--rate", "200", "--imu-only"]

@@ -1,0 +1,139 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The arguments that choose what is simulated, as parameters."""
+
+import argparse
+import sys
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, Final
+
+from imu_sim_ros import program
+from imu_sim_ros.jobs.generate import camera_layer
+from imu_sim_ros.machine import cores
+from imu_sim_ros.parameters import files
+from imu_sim_ros.sensors import CARRIED
+from imu_sim_ros.simulation.parameters import carried_names
+from imu_sim_ros.simulation.playback import of_the_node
+from imu_sim_ros.trajectory.parameters import trajectory_layer
+
+_SIMULATION: Final = {
+    "--imu NAME|FILE": "sensor: a preset (see generate --list-imus) or a file",
+    "--trajectory NAME|FILE": "motion: a preset (see generate --list-trajectories), a parameter "
+    "file, or recorded poses in TUM or EuRoC format",
+    "--robust": "repair recorded poses: drop outliers, close jumps, smooth arrival stamps "
+    "(trajectory.robust)",
+    "--rate HZ": "sampling rate",
+    "--duration TIME": "length of the run (20s, 10min, 4h)",
+    "--seed N": "seed of all random streams",
+}
+_CAMERAS: Final = {
+    "--camera NAME|FILE": {
+        "action": "append",
+        "default": [],
+        "help": "camera: a preset (see --list-cameras) or a file; repeatable, named cam0, cam1, "
+        "... in order",
+    },
+    "--jobs N": {
+        "default": cores(),
+        "help": "number of threads that render images (default: one per processor)",
+    },
+    "--scene NAME|FILE": "scene: a preset (see --list-scenes), a parameter file, or points (CSV, "
+    "PLY)",
+}
+_RINEX: Final = {
+    "--rinex": "raw measurements of the receiver as RINEX, next to the output: NAME.obs, NAME.nav"
+}
+
+
+def add(parser: argparse.ArgumentParser) -> Any:
+    """Add the arguments; returns the group of the body's sensors."""
+    program.add_parameter_arguments(parser)
+    program.add_options(parser.add_argument_group("simulation"), _SIMULATION)
+    sensors = parser.add_argument_group("sensors of the body (--set sensors=[NAME,...])")
+    presets = {name: ", ".join(files.names(name)) for name in CARRIED}
+    program.add_options(
+        sensors,
+        {
+            f"--{name} NAME|FILE": f"{name}: a preset ({known}) or a file"
+            for name, known in presets.items()
+        },
+    )
+    program.add_options(sensors, _RINEX)
+    program.add_options(parser.add_argument_group("cameras"), _CAMERAS)
+    return sensors
+
+
+def layers(arguments: argparse.Namespace) -> dict[str, object]:
+    """Return all parameters by dotted name, and print warnings about unexpected effects."""
+    *in_files, last = program.parameter_layers(arguments, "simulator")
+    given: dict[str, object] = {}
+    for values in (*in_files, _short(arguments)):
+        given.update(values)
+    short = camera_layer(arguments.camera, arguments.scene)
+    _put_short(given, short, len(arguments.camera))
+    _put_sensors(given, arguments)
+    given.update(last)
+    if not (arguments.quiet or arguments.json):
+        for note in _notes(arguments, in_files, of_the_node(given)):
+            print(f"generate: note: {note}", file=sys.stderr)
+    return given
+
+
+def _short(arguments: argparse.Namespace) -> dict[str, object]:
+    """Return what short arguments say: above the files, below ``--set``."""
+    short: dict[str, object] = {}
+    if arguments.imu is not None:
+        short["imu.preset"] = arguments.imu
+    if arguments.trajectory is not None:
+        short.update(trajectory_layer(arguments.trajectory))
+    if arguments.robust:
+        short["trajectory.robust"] = True
+    return short | program.given(arguments, "rate", "duration", "seed")
+
+
+def _put_short(given: dict[str, object], short: Mapping[str, object], cameras: int) -> None:
+    """Put short arguments above the files'; with ``--camera`` their further cameras do not count.
+
+    :param cameras: how many ``--camera`` there are.
+    """
+    named = given.get("cameras")
+    if cameras and isinstance(named, list):
+        gone = set(map(str, named)) - {f"cam{k}" for k in range(cameras)}
+        for name in [name for name in given if name.partition(".")[0] in gone]:
+            del given[name]
+    given.update(short)
+
+
+def _put_sensors(given: dict[str, object], arguments: argparse.Namespace) -> None:
+    """Add sensors of the body that have an option of their own to those of the files."""
+    presets = program.given(arguments, *CARRIED)
+    used = [*presets, "gnss"] if arguments.rinex else presets
+    if used:
+        given["sensors"] = list(dict.fromkeys([*carried_names(given), *used]))
+    given.update({f"{name}.preset": preset for name, preset in presets.items()})
+    if arguments.rinex:
+        given["gnss.raw.rinex"] = True
+
+
+def _notes(
+    arguments: argparse.Namespace,
+    in_files: Iterable[Mapping[str, object]],
+    node: Iterable[str],
+) -> Iterator[str]:
+    """Yield a line for each allowed parameter with an unexpected effect.
+
+    :param in_files: the parameters that stand in files.
+    :param node: names of parameters that only a node has.
+    """
+    shown = dict.fromkeys(name.partition("./")[0] for name in node)  # one for all topics
+    if shown:
+        yield f"no effect in a file: {', '.join(shown)}"
+    every = dict.fromkeys(name for values in in_files for name in values)
+    above = [name for name in every if name.startswith("imu.") and name != "imu.preset"]
+    if arguments.imu is not None and above:
+        others = f" and {len(above) - 3} more" if len(above) > 3 else ""
+        yield (
+            f"--imu {arguments.imu} is the base of the parameter file; "
+            f"the values of the file take precedence: {', '.join(above[:3])}{others}"
+        )

@@ -1,0 +1,80 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Results as text: lines and tables that fit the terminal."""
+
+import shutil
+import sys
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+
+class TextTable(NamedTuple):
+    """A table of a result in words."""
+
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    title: str = ""
+
+
+def print_lines(lines: Iterable[str | TextTable]) -> None:
+    """Print lines and tables in their order."""
+    for line in lines:
+        if isinstance(line, TextTable):
+            print_table(*line)
+        else:
+            print(line)
+
+
+def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> None:
+    """Print an aligned table: the first column to the left, the others to the right.
+
+    On a terminal too narrow for it the columns move together; if that is not enough, each row
+    becomes a block with a line for each column: no number is ever cut.
+    """
+    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+    needed = sum(widths) + 3 * len(widths)
+    if sys.stdout.isatty() and needed > (terminal := shutil.get_terminal_size().columns):
+        close = sum(widths) + 2 * (len(widths) - 1) <= terminal
+        print("\n".join((_close if close else stacked)(header, rows, title)))
+        return
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD)
+    for k, name in enumerate(header):
+        table.add_column(name, justify="right" if k else "left", no_wrap=True)
+    for row in rows:
+        table.add_row(*row)
+    # A pipe has no width: every row stays on one line. Units stand in brackets, which are markup to
+    # rich.
+    width = None if sys.stdout.isatty() else max(160, needed + 4)
+    console = Console(width=width, highlight=False, markup=False)
+    with console.capture() as captured:
+        console.print(table)
+    lines = [line.rstrip() for line in captured.get().splitlines()]
+    # A title may be longer than its table is wide; the table's own would be wrapped.
+    print("\n".join([title, *lines] if title else lines))
+
+
+def _close(header: Sequence[str], rows: Sequence[Sequence[str]], title: str) -> list[str]:
+    """Return a table as lines, two spaces between its columns."""
+    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+    lines = [title] if title else []
+    for row in (header, ["\N{BOX DRAWINGS LIGHT HORIZONTAL}" * width for width in widths], *rows):
+        first, *others = row
+        cells = [f"{cell:>{width}}" for cell, width in zip(others, widths[1:], strict=True)]
+        lines.append("  ".join([f"{first:{widths[0]}}", *cells]))
+    return lines
+
+
+def stacked(header: Sequence[str], rows: Sequence[Sequence[str]], title: str = "") -> list[str]:
+    """Return a table as lines: a block for each row, a line for each further column."""
+    width = max((len(name) for name in header[1:]), default=0)
+    lines = [title] if title else []
+    for row in rows:
+        lines.append(f"{header[0]}: {row[0]}" if header[0] else row[0])
+        pairs = zip(header[1:], row[1:], strict=True)
+        lines += [f"  {name:{width}}  {value}" for name, value in pairs]
+    return lines
