@@ -120,7 +120,7 @@ def twin_lines(found: "Twin") -> Iterator[str | TextTable]:
             if sigma != 0.0:
                 mark = "no" if f"{name} {label}" in found.undetermined else ""
                 numbers = ["not given", ""] if np.isnan(value) else [f"{value:.6g}", f"{sigma:.2g}"]
-                rows.append([f"{name} {label}".strip(), *numbers, _unit(name), mark])
+                rows.append([f"{name} {label}".strip(), *numbers, _unit(name) or "1", mark])
     yield TextTable(
         ["", "value", "sigma", "unit", "determined"],
         rows,
