@@ -12,7 +12,7 @@ import pytest
 import imu_sim_ros as ims
 from imu_sim_ros.bags.read import read_imu
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
-from imu_sim_ros.commands import calibrate, dead_reckon, generate
+from imu_sim_ros.commands import calibrate, dead_reckon, generate, simulation_arguments
 from imu_sim_ros.jobs.generate import Setup
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build
@@ -136,7 +136,9 @@ def test_every_shipped_file_is_understood_by_node_and_command(path):
     if more:
         load_rig(of_rig)
     words = ["-o", "x", "--params-file", str(path), *(["--set", "cameras=[cam0]"] if more else [])]
-    setup = Setup.load(generate._layers(generate.parser().parse_args([*words, "--quiet"])))
+    setup = Setup.load(
+        simulation_arguments.layers(generate.parser().parse_args([*words, "--quiet"]))
+    )
     assert (setup.rig is not None) == bool(more)
 
 
