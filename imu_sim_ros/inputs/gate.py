@@ -157,7 +157,18 @@ def disorder(name: str | Path, t_ns: Times) -> list[str]:
 
 def is_reading(t_ns: int, gyro: Scalars, accel: Scalars) -> bool:
     """Return whether one reading may pass, in plain floats; arguments as for :func:`readings`."""
-    return FIRST_STAMP <= t_ns <= LAST_STAMP and within(gyro, RATE) and within(accel, FORCE)
+    x, y, z = gyro
+    u, v, w = accel
+    rate, force = RATE.largest, FORCE.largest
+    return (
+        FIRST_STAMP <= t_ns <= LAST_STAMP
+        and -rate <= x <= rate
+        and -rate <= y <= rate
+        and -rate <= z <= rate
+        and -force <= u <= force
+        and -force <= v <= force
+        and -force <= w <= force
+    )
 
 
 def is_pose(t_ns: int, position: Scalars, q_wb: Scalars) -> bool:

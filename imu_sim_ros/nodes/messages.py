@@ -183,11 +183,7 @@ def imu_reading(payload: bytes) -> ImuReading:
         reading that the gate refuses.
     """
     second, nanosecond, gx, gy, gz, ax, ay, az = _imu.numbers(payload)
-    t_ns = _stamp(second, nanosecond)
-    result = ImuReading(t_ns, (gx, gy, gz), (ax, ay, az))
-    if not gate.is_reading(*result):
-        raise _refused(t_ns, (gate.RATE, result.gyro), (gate.FORCE, result.accel))
-    return result
+    return _checked(second, nanosecond, (gx, gy, gz), (ax, ay, az))
 
 
 def ideal_reading(payload: bytes) -> tuple[ImuReading, Quaternion | None]:
@@ -197,10 +193,7 @@ def ideal_reading(payload: bytes) -> tuple[ImuReading, Quaternion | None]:
     """
     second, nanosecond, x, y, z, w, stated, *rest = _ideal.numbers(payload)
     gx, gy, gz, ax, ay, az = rest[-6:]
-    t_ns = _stamp(second, nanosecond)
-    result = ImuReading(t_ns, (gx, gy, gz), (ax, ay, az))
-    if not gate.is_reading(*result):
-        raise _refused(t_ns, (gate.RATE, result.gyro), (gate.FORCE, result.accel))
+    result = _checked(second, nanosecond, (gx, gy, gz), (ax, ay, az))
     if stated < 0.0 or not abs(w * w + x * x + y * y + z * z - 1.0) < _LENGTH:
         return result, None
     return result, normalise((w, x, y, z))
@@ -222,6 +215,13 @@ def truth(payload: bytes) -> Truth:
         raise _refused(t_ns, *pose, (gate.VELOCITY, velocity), (gate.RATE, rate))
     off = abs(w * w + x * x + y * y + z * z - 1.0) > _ROUNDING
     return Truth(t_ns, position, normalise(q_wb) if off else q_wb, velocity, rate)
+
+
+def _checked(second: int, nanosecond: int, gyro: Vector, accel: Vector) -> ImuReading:
+    t_ns = second * NANOSECONDS_PER_SECOND + nanosecond
+    if second < 0 or not gate.is_reading(t_ns, gyro, accel):
+        raise _refused(_stamp(second, nanosecond), (gate.RATE, gyro), (gate.FORCE, accel))
+    return ImuReading(t_ns, gyro, accel)
 
 
 def _stamp(second: int, nanosecond: int) -> int:

@@ -11,6 +11,7 @@ middleware's queue holds the messages meanwhile.
 import threading
 import time
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any, Final, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
@@ -50,6 +51,7 @@ class _OutsideTheExecutor(CallbackGroup):
 class _Source(NamedTuple):
     name: str
     subscription: Any
+    take: Callable[[], Taken | None]
 
 
 class RawSubscriptions:
@@ -97,7 +99,8 @@ class RawSubscriptions:
                 callback_group=self._group,
                 event_callbacks=_NO_WARNINGS,
             )
-            self._sources[name] = _Source(name, subscription)
+            take = partial(subscription.handle.take_message, subscription.msg_type, True)
+            self._sources[name] = _Source(name, subscription, take)
 
     def close(self) -> None:
         """Take the messages so far and end the thread."""
@@ -126,18 +129,13 @@ class RawSubscriptions:
         return leading
 
     def _pass_on(self, source: _Source) -> list[Taken]:
-        taken = self._take(source)
+        taken: list[Taken] = []
+        while len(taken) < DEPTH and (one := source.take()) is not None:
+            taken.append(one)
         if taken:
             self.first_at = self.first_at or time.monotonic()
             self._deliver(source.name, taken)
         return taken
-
-    def _take(self, source: _Source) -> list[Taken]:
-        take, message = source.subscription.handle.take_message, source.subscription.msg_type
-        result: list[Taken] = []
-        while len(result) < DEPTH and (taken := take(message, True)) is not None:
-            result.append(taken)
-        return result
 
 
 def _never(message: bytes) -> None:

@@ -131,14 +131,18 @@ class Transport:
             self._last_release_ns = int(times[-1])
         return times
 
-    def release_one(self, t_ns: int) -> int:
-        """Return when the next message leaves if no fault is, :meth:`release` in integers."""
+    def send_one(
+        self, first: int, t_ns: int, faults: FaultSchedule
+    ) -> tuple[int, NDArray[np.int64]]:
+        """Return :meth:`release` and :meth:`deliver` of the next message if no fault is."""
         due = t_ns + self._latency_ns
         if self._latency_jitter_ns:
             extra = self._stream("latency").standard_exponential() * self._latency_jitter_ns
             due += round(extra)
         self._last_release_ns = due = max(due, self._last_release_ns)
-        return due
+        if self._loses or self._burst_end > first:
+            return due, self.deliver(first, 1, faults)
+        return due, _ONE_ROW
 
     def deliver(self, first: int, count: int, faults: FaultSchedule) -> NDArray[np.int64]:
         """Return the rows of the next n messages that arrive, in order (m,)."""
@@ -155,12 +159,6 @@ class Transport:
             twice = self._stream("duplicate").random(count) < self._duplicate
             rows = np.repeat(rows, 1 + twice[rows])
         return rows
-
-    def deliver_one(self, first: int, faults: FaultSchedule) -> NDArray[np.int64]:
-        """Return what :meth:`deliver` returns of one message."""
-        if self._burst_end <= first and not (self._loses or faults.any):
-            return _ONE_ROW
-        return self.deliver(first, 1, faults)
 
     def _lose_in_bursts(self, first: int, lost: NDArray[np.bool_]) -> None:
         """Mark samples lost in bursts: from each start, for an exponentially distributed time."""

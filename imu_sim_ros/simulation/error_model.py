@@ -183,6 +183,11 @@ class ErrorModel:
                 self._look(_given(sample))
         return sample
 
+    def prepare(self) -> None:
+        """Do what the next reading does not have to wait for, after :meth:`read_one`."""
+        if self._imu is not None and self._pending is None and self.position % CHUNK == 0:
+            self._imu.prepare_one(self.position)
+
     def _in_order(self, given: Given) -> Iterator[Given]:
         """Yield stretches of readings whose stamps increase, restarting when they jump back."""
         t_ns, last = given.t_ns, self._last_ns
@@ -313,11 +318,12 @@ class ErrorModel:
         ratio = inside[0].shape[1] // count
         blocks, done = [], 0
         while done < count:
-            if self._pending is not None and self.position % CHUNK == 0:
+            at_once = self.position % CHUNK == 0 and not imu.is_prepared(self.position)
+            if self._pending is not None and at_once:
                 imu.configure(self._pending.imu)
                 self._pending = None
             left = count - done
-            step = left if self._pending is None else min(left, -self.position % CHUNK)
+            step = left if self._pending is None else min(left, CHUNK - self.position % CHUNK)
             rows, own = slice(done, done + step), slice(done * ratio, (done + step) * ratio)
             part = given.at(rows)
             blocks.append(

@@ -163,12 +163,12 @@ def encoder_of_one(topic: str, parameters: SampledParameters) -> EncodeOne:
         return lambda s, _: ideal.one(s.true_t_ns, s.ideal_gyro, s.ideal_accel)
     if topic == TEMPERATURE_TOPIC:
         thermometer = TemperatureEncoder(frame)
-        return lambda s, _: thermometer.one(s.true_t_ns, s.temperature.tolist())
+        return lambda s, _: thermometer.one(s.true_t_ns, (s.temperature,))
     vectors = Vector3StampedEncoder(frame)
     if topic == GYROSCOPE_BIAS_TOPIC:
-        return lambda s, _: vectors.one(s.true_t_ns, s.of_gyro.bias)
+        return lambda s, _: vectors.one(s.true_t_ns, s.of_gyro[:3])
     if topic == ACCELEROMETER_BIAS_TOPIC:
-        return lambda s, _: vectors.one(s.true_t_ns, s.of_accel.bias)
+        return lambda s, _: vectors.one(s.true_t_ns, s.of_accel[:3])
     raise ConfigurationError(f"topic {topic}: has no single messages")
 
 

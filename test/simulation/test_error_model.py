@@ -139,6 +139,7 @@ def read_singly(model: ErrorModel, given: Given) -> ImuBlock:
         sample = model.read_one(t_ns, gyro, accel)
         part = given.at(slice(k, k + 1))
         blocks += model.read(part) if sample is None else [sample.block()]
+        model.prepare()
     return joined(blocks)
 
 
@@ -293,6 +294,17 @@ def test_live_changes_and_faults_do_not_depend_on_the_blocks() -> None:
     assert_same(run([]), whole)
     jumps = np.flatnonzero(np.abs(np.diff(whole.gyro_bias[:, 0])) > 0.05) + 1
     assert jumps.tolist() == [128, 200, 300]  # the next multiple of 64; 1 s; 1.5 s
+
+
+def test_a_change_waits_for_the_end_of_a_chunk_that_is_prepared() -> None:
+    model = model_of({})
+    given = given_of(truth_of({}))
+    begin = read_singly(model, given.at(slice(0, 128)))  # 128 to 191 are prepared now
+    model.update(
+        load_error_model({"imu.preset": "perfect", "seed": 5, "imu.gyroscope_bias": [1.0, 0, 0]})
+    )
+    whole = joined([begin, *model.read(given.at(slice(128, None)))])
+    assert np.flatnonzero(whole.gyro_bias[:, 0]).tolist() == list(range(192, COUNT))
 
 
 def test_a_parameter_that_is_not_live_stays() -> None:

@@ -63,6 +63,7 @@ class ErrorModelNode(ConfiguredNode):
         self.model = ErrorModel(parameters, sensors, self._remark)
         self._oriented = self.model.uses_orientation
         self._odometry = Differentiator(parameters) if parameters.odometry else None
+        self._is_simple = not (self._oriented or parameters.odometry)
         self.outputs = Outputs(self, parameters, self.lifetime.fail)
         self._faults = create(
             self,
@@ -117,31 +118,42 @@ class ErrorModelNode(ConfiguredNode):
         """Add errors to messages, as they are delivered, and publish them."""
         self._received += len(taken)
         with self._lock:
+            rest = taken
             try:
-                given = self._given(topic, taken)
-                for block in self.model.read(given) if given else ():
+                if self._is_simple:
+                    rest = self._publish_next(topic, taken)
+                given = self._given(topic, rest) if rest else None
+                for block in self.model.read(given) if given and len(given.t_ns) else ():
                     self.outputs.publish(block, self.parameters)
             except InputError as error:
-                self._refuse(topic, error, len(taken))
+                self._refuse(topic, error, len(rest))
+            self.model.prepare()
 
-    def _given(self, topic: str, taken: list[Taken]) -> Given | None:
-        """Return the readings in messages but those that were simply the next: published at once.
+    def _publish_next(self, topic: str, taken: list[Taken]) -> list[Taken]:
+        """Publish the samples of readings that are simply the next; return the messages left.
 
-        None if there are no others.
+        Publishing wakes subscribers, which leave the processor's caches cold for the next reading:
+        it comes after all of them.
         """
-        if self._odometry is not None:
-            given = self._of_odometry(self._odometry, topic, taken)
-            return given if len(given.t_ns) else None
-        readings = [one for payload, _ in taken if (one := self._reading(topic, payload))]
-        done = 0
-        if not self._oriented:
-            for reading, _ in readings:
-                sample = self.model.read_one(*reading)
+        samples, done = [], 0
+        for payload, _ in taken:
+            try:
+                sample = self.model.read_one(*decode.imu_reading(payload))
                 if sample is None:
                     break
-                self.outputs.publish_one(sample, self.parameters)
-                done += 1
-        return _given(readings[done:], self._oriented) if readings[done:] else None
+                samples.append(sample)
+            except InputError as error:
+                self._refuse(topic, error)
+            done += 1
+        self.outputs.publish_singly(samples, self.parameters)
+        return taken[done:]
+
+    def _given(self, topic: str, taken: list[Taken]) -> Given:
+        """Return the readings in messages."""
+        if self._odometry is not None:
+            return self._of_odometry(self._odometry, topic, taken)
+        readings = [one for payload, _ in taken if (one := self._reading(topic, payload))]
+        return _given(readings, self._oriented)
 
     def _reading(self, topic: str, payload: bytes) -> Reading | None:
         try:

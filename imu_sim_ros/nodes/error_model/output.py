@@ -84,17 +84,22 @@ class Outputs:
             delays = (read.release_t_ns - read.true_t_ns)[read.delivered]
             self._delayed.send(counter.send, payloads, delays.tolist())
 
-    def publish_one(self, sample: ImuSample, parameters: ErrorNodeParameters) -> None:
-        """Publish the messages of one sample, the same bytes as of a block."""
+    def publish_singly(self, samples: Sequence[ImuSample], parameters: ErrorNodeParameters) -> None:
+        """Publish the messages of samples, the same bytes as of a block."""
         for topic, _, encode, counter in self._outputs:
             if encode is None:
                 continue
-            payload = encode(sample, parameters)
-            if topic != IMU_TOPIC:
-                counter.send(payload)
+            payloads: list[bytes] = []
+            delays: list[int] = []
+            for sample in samples:
+                count = len(sample.delivered) if topic == IMU_TOPIC else 1
+                payloads += [encode(sample, parameters)] * count
+                delays += [sample.release_t_ns - sample.true_t_ns] * count
+            if topic == IMU_TOPIC:
+                self._delayed.send(counter.send, payloads, delays)
                 continue
-            count, delay = len(sample.delivered), sample.release_t_ns - sample.true_t_ns
-            self._delayed.send(counter.send, [payload] * count, [delay] * count)
+            for payload in payloads:
+                counter.send(payload)
 
     def close(self) -> None:
         """Publish what is still waiting, and end the thread."""

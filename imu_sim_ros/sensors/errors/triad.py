@@ -33,16 +33,8 @@ class Reading(NamedTuple):
     scale: Array
 
 
-class AddedToOne(NamedTuple):
-    """What one reading of a triad gets: in plain floats, and as a block of one sample has it."""
-
-    scale: list[float] | None
-    bias: list[float]
-    noise: list[float]
-    scale_row: Array
-    """(1, 3); ones if there is no error of scale."""
-    bias_row: Array
-    """(1, 3)"""
+AddedToOne = list[float]
+"""What one reading of a triad gets: bias, scale and noise, x, y, z of each."""
 
 
 class Additions(NamedTuple):
@@ -58,10 +50,8 @@ class Additions(NamedTuple):
     def rows(self) -> list[AddedToOne]:
         """Return those of each reading."""
         scale = _ones(self.bias.shape[1]) if self.scale is None else self.scale
-        scales = [None] * self.bias.shape[1] if self.scale is None else scale.T.tolist()
-        floats = (scales, self.bias.T.tolist(), self.noise.T.tolist())
-        blocks = (np.array(values.T)[:, None] for values in (scale, self.bias))
-        return list(map(AddedToOne, *floats, *blocks))
+        rows: list[AddedToOne] = np.concatenate([self.bias, scale, self.noise]).T.tolist()
+        return rows
 
     def at(self, rows: slice) -> "Additions":
         """Return some consecutive ones."""
@@ -177,11 +167,9 @@ class Triad:
         The same bits as :meth:`read`. At blocks of one, calls of NumPy would take three quarters
         of the time: 60,000 steps of a simulator, a minute at 1 kHz, some two seconds.
         """
-        scale, bias, noise, _, _ = added
+        bx, by, bz, sx, sy, sz, nx, ny, nz = added
         x, y, z = self._response.one(ideal, force)
-        if scale is not None:
-            x, y, z = x * scale[0], y * scale[1], z * scale[2]
-        values = [x + bias[0] + noise[0], y + bias[1] + noise[1], z + bias[2] + noise[2]]
+        values = [x * sx + bx + nx, y * sy + by + ny, z * sz + bz + nz]
         self._digitiser.one(values)
         self._last = values
         return values

@@ -53,8 +53,8 @@ class ImuSample(NamedTuple):
     """[rad/s]"""
     accel: list[float]
     """[m/s^2]"""
-    temperature: Array
-    """(1,) [degC]."""
+    temperature: float
+    """[degC]"""
     ideal_gyro: Floats
     ideal_accel: Floats
     of_gyro: AddedToOne
@@ -71,13 +71,13 @@ class ImuSample(NamedTuple):
             self.delivered,
             np.array([self.gyro]),
             np.array([self.accel]),
-            self.temperature,
+            np.array([self.temperature]),
             np.array([self.ideal_gyro]),
             np.array([self.ideal_accel]),
-            self.of_gyro.bias_row,
-            self.of_accel.bias_row,
-            self.of_gyro.scale_row,
-            self.of_accel.scale_row,
+            np.array([self.of_gyro[:3]]),
+            np.array([self.of_accel[:3]]),
+            np.array([self.of_gyro[3:6]]),
+            np.array([self.of_accel[3:6]]),
             unknown_motion(1),
         )
 
@@ -220,13 +220,11 @@ class Imu:
         if precomputed is None or precomputed.end == first:
             precomputed = self._precomputed = self._precompute(first)
         of_gyro, of_accel, temperature = precomputed.rows[first - precomputed.first]
-        transport = self._transport
         return ImuSample(
             first,
             t_ns,
             self._clock.stamp_one(t_ns),
-            transport.release_one(t_ns),
-            transport.deliver_one(first, self._faults),
+            *self._transport.send_one(first, t_ns, self._faults),
             self._triads[0].one(gyro, accel, of_gyro),
             self._triads[1].one(accel, accel, of_accel),
             temperature,
@@ -235,6 +233,21 @@ class Imu:
             of_gyro,
             of_accel,
         )
+
+    def prepare_one(self, first: int) -> None:
+        """Do the work for sample ``first``, the next one, that needs no reading.
+
+        At the beginning of a chunk it takes as long as some ten samples.
+        """
+        precomputed = self._precomputed
+        if self._is_plain and precomputed is not None and precomputed.end == first:
+            self._precomputed = self._precompute(first)
+            self._precomputed.rows  # noqa: B018  # a cached property
+
+    def is_prepared(self, first: int) -> bool:
+        """Return whether noise and biases of sample ``first``, the next one, are there already."""
+        precomputed = self._precomputed
+        return precomputed is not None and precomputed.first <= first < precomputed.end
 
     def _block(
         self,
@@ -407,10 +420,10 @@ class _Precomputed:
     """Additions to the gyroscope and to the accelerometer."""
 
     @cached_property
-    def rows(self) -> list[tuple[AddedToOne, AddedToOne, Array]]:
-        """The same of each sample, and its temperature (1,)."""
+    def rows(self) -> list[tuple[AddedToOne, AddedToOne, float]]:
+        """The same of each sample."""
         gyro, accel = (one.rows() for one in self.additions)
-        return list(zip(gyro, accel, self.temperature.copy()[:, None], strict=True))
+        return list(zip(gyro, accel, self.temperature.tolist(), strict=True))
 
 
 class _Nowhere:
