@@ -3,8 +3,9 @@
 
 """A vehicle on the ground: its heading is that of its path, its pitch and roll the ground's.
 
-The body's x axis is the tangent of the path in space and its y axis lies in the ground, so that its
-velocity is along x alone. Suspension and road turn and shake the body on top of that.
+The body's x axis is the tangent of the path in space, or opposite to it where the vehicle backs up,
+and its y axis lies in the ground, so that its velocity is along x alone. Suspension and road turn
+and shake the body on top of that.
 """
 
 import math
@@ -16,7 +17,13 @@ import numpy as np
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.trajectory.bspline import DEGREE
 from imu_sim_ros.trajectory.drive_parameters import DriveParameters
-from imu_sim_ros.trajectory.ground import map_profile, plane_profile, read_height_map
+from imu_sim_ros.trajectory.ground import (
+    GradeProfile,
+    Ground,
+    PlaneProfile,
+    map_profile,
+    read_height_map,
+)
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.path import Path, UniformSpline, find_path
 from imu_sim_ros.trajectory.profile import Derivatives, attitude
@@ -43,13 +50,10 @@ class Drive:
         """
         p = parameters
         self.route, visits = _waypoints(p)
-        self.path = find_path(self.route.places, p.turning_radius, p.deviation, _PREFIX)
+        backward = np.array(p.speeds) < 0.0 if p.speeds else None
+        self.path = find_path(self.route.places, p.turning_radius, p.deviation, _PREFIX, backward)
         self.schedule = find_schedule(self.path, p, visits, _PREFIX)
-        if p.height_map:
-            ground = read_height_map(p.height_map)
-            self._ground = map_profile(ground, self.path.spline, p.track)
-        else:
-            self._ground = plane_profile(p.slope, self.path.spline)
+        self._ground = _ground(p, self.path, self.route.heights)
         self._suspension = _suspension(self.path, self.schedule, p)
         self._headings = self._unwrapped()
 
@@ -66,9 +70,10 @@ class Drive:
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
         (u,), (rate,), (change,) = self.schedule.sample(t, 2)
-        place, first, second, third = self.path.spline.sample(u, 3)
+        place, first, second, third = self.path.sample(u, 3)
         ground = self._ground.sample(u, 3)
         height, rise, curve, kink = (values[0] for values in ground)
+        facing = self.path.facing(u)
         p, v, a = np.empty((3, len(t), 3))
         for column, value, slope, bend in (
             *zip((0, 1), place, first, second, strict=True),
@@ -76,8 +81,8 @@ class Drive:
         ):
             p[:, column], v[:, column] = value, slope * rate
             a[:, column] = bend * rate**2 + slope * change
-        yaw = _yaw(first, second, third)
-        pitch = _pitch(first, second, third, (rise, curve, kink))
+        yaw = _yaw(facing * first, facing * second, facing * third)
+        pitch = _pitch(first, second, third, (facing * rise, facing * curve, facing * kink))
         roll = _roll(pitch, _across([values[1:] for values in ground[:3]], yaw))
         yaw = yaw._replace(value=self._continued(u, np.asarray(yaw.value)))
         roll, pitch, yaw = (_in_time(x, rate, change) for x in (roll, pitch, yaw))
@@ -97,7 +102,7 @@ class Drive:
     def _unwrapped(self) -> tuple[Array, Array]:
         """Return places along the path, and headings there that do not jump."""
         u = self.path.bends().u
-        first = self.path.spline.sample(u, 1)[1]
+        first = self.path.facing(u) * self.path.sample(u, 1)[1]
         return u, np.unwrap(np.arctan2(first[1], first[0]))
 
     def _continued(self, u: Array, yaw: Array) -> Array:
@@ -133,16 +138,20 @@ def _waypoints(p: DriveParameters) -> tuple[Route, Visits | None]:
         if p.use_times and times is None:
             raise ConfigurationError(f"{_PREFIX}use_times = true: {p.file} has no times")
     else:
-        route = Route(np.reshape(p.positions, (-1, 2)), None, None)
+        count = len(p.positions) // 2
+        heights = np.array(p.elevations) if p.elevations else np.full(count, np.nan)
+        route = Route(np.reshape(p.positions, (-1, 2)), None, None, heights)
         times = np.array(p.times) if p.times else None
-    places = route.places
+    places, heights = route.places, _elevations(p, route)
     if p.laps:
         places = np.vstack([*[places] * p.laps, places[:1]])
+        heights = np.concatenate([*[heights] * p.laps, heights[:1]])
     moves = np.linalg.norm(np.diff(places, axis=0), axis=1) > _SAME
     _check(p, places, moves, times)
     starts = np.flatnonzero(np.concatenate([[True], moves]))
+    route = route._replace(places=places[starts], heights=heights[starts])
     if times is None:
-        return route._replace(places=places[starts]), None
+        return route, None
     ends = np.append(starts[1:], len(places)) - 1
     visits = Visits(times[starts], times[ends])
     # At the ends there is rest before and after the drive, by other parameters.
@@ -151,7 +160,31 @@ def _waypoints(p: DriveParameters) -> tuple[Route, Visits | None]:
         raise ConfigurationError(
             f"{_PREFIX}times: waypoint 2 is waypoint 1: {_PREFIX}rest_before adds rest at the start"
         )
-    return route._replace(places=places[starts], times=times[starts]), visits
+    return route._replace(times=times[starts]), visits
+
+
+def _elevations(p: DriveParameters, route: Route) -> Array:
+    """Return z (n,) of the waypoints, nan for those of the ground."""
+    if p.elevations:
+        return route.heights
+    if not p.use_elevations:
+        return np.full(len(route.places), np.nan)
+    missing = np.flatnonzero(np.isnan(route.heights))
+    if len(missing):
+        raise ConfigurationError(
+            f"{_PREFIX}use_elevations = true: {p.file}: {len(missing)} of {len(route.heights)} "
+            f"points have no elevation, the first is point {missing[0] + 1}"
+        )
+    return route.heights - (route.heights[0] if route.origin else 0.0)
+
+
+def _ground(p: DriveParameters, path: Path, heights: Array) -> Ground:
+    """Return the ground below a path: of a map, of elevations (w,) of its waypoints, or a plane."""
+    if p.height_map:
+        return map_profile(read_height_map(p.height_map), path.splines[0], p.track)
+    if not np.isnan(heights[0]):
+        return GradeProfile(path, heights, p.elevation_smoothing)
+    return PlaneProfile(p.slope, path)
 
 
 def _check(p: DriveParameters, places: Array, moves: Array, times: Array | None) -> None:
@@ -206,7 +239,8 @@ def _suspension(path: Path, schedule: UniformSpline, p: DriveParameters) -> Unif
     w = 2.0 * math.pi * p.suspension_frequency
     transfer = ([w * w], [1.0, 2.0 * p.suspension_damping * w, w * w])
     ((numerator,), denominator, _) = cont2discrete(transfer, step, method="foh")
-    force = np.stack([p.suspension_roll * done.across, -p.suspension_pitch * done.along])
+    facing = path.facing(schedule.sample(np.clip(t, 0.0, schedule.length), 0)[0][0])
+    force = np.stack([p.suspension_roll * done.across, -p.suspension_pitch * done.along]) * facing
     return UniformSpline(lfilter(numerator, denominator, force, axis=1).T, step)
 
 

@@ -17,7 +17,7 @@ from imu_sim_ros.trajectory.common_parameters import (
 
 @dataclass(frozen=True)
 class DriveParameters(TrajectoryParameters):
-    """A vehicle that drives forward along a route on the ground, without side slip."""
+    """A vehicle that drives along a route on the ground, without side slip."""
 
     type: str = text("drive", TYPE_TEXT)
     positions: tuple[float, ...] = numbers(
@@ -44,6 +44,21 @@ class DriveParameters(TrajectoryParameters):
         "none: as fast as the limits allow",
         unit="s",
         minimum=0.0,
+    )
+    elevations: tuple[float, ...] = numbers(
+        (), "z of each waypoint of positions; none: the ground's", unit="m"
+    )
+    use_elevations: bool = flag(
+        False,
+        "the ground has the elevations of the file: GPX and KML, its column z, elevation or "
+        "altitude; on the Earth, z is 0 at the first point",
+    )
+    elevation_smoothing: float = number(
+        10.0,
+        "way over which elevations are averaged and a change of grade is spread",
+        unit="m",
+        minimum=0.01,
+        maximum=1e4,
     )
     stops: tuple[float, ...] = numbers(
         (),
@@ -73,10 +88,9 @@ class DriveParameters(TrajectoryParameters):
     )
     speeds: tuple[float, ...] = numbers(
         (),
-        "largest speed on the way to each waypoint but the first; none: speed_limit",
+        "largest speed on the way to each waypoint but the first, negative where the vehicle "
+        "backs up; none: speed_limit",
         unit="m/s",
-        minimum=0.0,
-        above_minimum=True,
     )
     acceleration_limit: float = number(
         1.5,
@@ -163,14 +177,32 @@ class DriveParameters(TrajectoryParameters):
         if self.file:
             if self.times:
                 yield f"{prefix}times: are for {prefix}positions; a file has its own, use_times"
+            if self.elevations:
+                yield f"{prefix}elevations: are for {prefix}positions; a file: use_elevations"
         else:
             yield from self._list_problems(prefix)
+        yield from self._ground_problems(prefix)
         timed = self.times or self.use_times
         for name, given in (("stops", self.stops), ("laps", self.laps), ("speeds", self.speeds)):
             if timed and given:
                 yield f"{prefix}{name}: must be left out if times are given"
         if timed and self.deviation:
             yield f"{prefix}deviation = {self.deviation:g}: must be 0 if times are given"
+
+    def _ground_problems(self, prefix: str) -> Iterator[str]:
+        name = "elevations" if self.elevations else "use_elevations"
+        of_route = bool(self.elevations) or self.use_elevations
+        if self.use_elevations and not self.file:
+            yield f"{prefix}use_elevations = true: needs {prefix}file"
+        if of_route and self.height_map:
+            yield f"{prefix}{name}: must be left out with {prefix}height_map, which has its own"
+        if of_route and any(self.slope):
+            yield f"{prefix}{name}: must be left out with {prefix}slope, which has its own"
+        if 0.0 in self.speeds:
+            yield f"{prefix}speeds: 0 m/s: must be above 0, or below to back up"
+        if any(speed < 0.0 for speed in self.speeds) and (of_route or self.height_map):
+            ground = "height_map" if self.height_map else name
+            yield f"{prefix}speeds: must be above 0 with {prefix}{ground}; it backs up on a plane"
 
     def _list_problems(self, prefix: str) -> Iterator[str]:
         count = len(self.positions) // 2
@@ -180,6 +212,11 @@ class DriveParameters(TrajectoryParameters):
             yield (
                 f"{prefix}times: {len(self.times)} entries; must be empty or one for each of the "
                 f"{count} waypoints"
+            )
+        if self.elevations and len(self.elevations) != count:
+            yield (
+                f"{prefix}elevations: {len(self.elevations)} entries; must be empty or one for "
+                f"each of the {count} waypoints"
             )
         if self.times and self.times[0] != 0.0:
             yield f"{prefix}times: waypoint 1 at {self.times[0]:g} s: must be at 0"

@@ -1,16 +1,17 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The ground below a path: a plane, or a map of heights as geographic programs write them."""
+"""The ground below a path: a plane, elevations of waypoints, or a map of heights."""
 
-from pathlib import Path
-from typing import Final
+from pathlib import Path as FilePath
+from typing import Final, Protocol
 
 import numpy as np
 
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import number_of, row_blocks, shortened
-from imu_sim_ros.trajectory.path import UniformSpline
+from imu_sim_ros.trajectory.bspline import DEGREE
+from imu_sim_ros.trajectory.path import Path, UniformSpline, joined_samples
 from imu_sim_ros.types import Array
 
 _MOST_CELLS: Final = 25_000_000
@@ -21,6 +22,9 @@ _OPTIONAL: Final = (
 )
 _LEAST_SEGMENTS: Final = 4
 _MOST_SEGMENTS: Final = 2_000_000
+_WAYS: Final = 4
+"""Nodes of the table of ways in a segment of a path."""
+_GAUSS: Final = 5
 
 
 class HeightMap:
@@ -66,7 +70,7 @@ def read_height_map(path: str) -> HeightMap:
     header: dict[str, float] = {}
     values: list[Array] = []
     count = 0
-    for block in row_blocks(Path(path), "an ESRI ASCII grid"):
+    for block in row_blocks(FilePath(path), "an ESRI ASCII grid"):
         for number, line in block:
             words = line.decode(errors="replace").split()
             if not values and words[0].lower() in (*_KEYS, *_OPTIONAL):
@@ -121,11 +125,93 @@ def _check_header(path: str, header: dict[str, float]) -> None:
         raise InputError(f"{path}: cellsize {cell:g}: must be from 0.001 to 1e6 m")
 
 
-def plane_profile(slope: tuple[float, ...], path: UniformSpline) -> UniformSpline:
-    """Return height and slopes of a plane through the world's origin, as :func:`map_profile`."""
-    rises = np.array(slope)
-    slopes = np.broadcast_to(rises, path.controls.shape)
-    return UniformSpline(np.column_stack([path.controls @ rises, slopes]), path.spacing)
+class Ground(Protocol):
+    """The ground below a path."""
+
+    def sample(self, u: Array, derivatives: int) -> list[Array]:
+        """Return height and slopes along x and y at u (n,), and derivatives by u, each (3, n)."""
+
+
+class PlaneProfile:
+    """The ground of a plane through the world's origin."""
+
+    def __init__(self, slope: tuple[float, ...], path: Path) -> None:
+        rises = np.array(slope)
+        self._joints = path.at[path.turns]
+        self._splines = [
+            UniformSpline(
+                np.column_stack([one.controls @ rises, np.broadcast_to(rises, one.controls.shape)]),
+                one.spacing,
+            )
+            for one in path.splines
+        ]
+
+    def sample(self, u: Array, derivatives: int) -> list[Array]:
+        """Return height and slopes; see :class:`Ground`."""
+        return joined_samples(self._splines, self._joints, u, derivatives)
+
+
+class GradeProfile:
+    """The ground of a path whose waypoints have elevations: level across, graded along.
+
+    The height is a uniform B-spline of the way s in the plane. Its control points are means of the
+    elevations, straight between waypoints, over one of its steps: an even grade stays exact, and a
+    change of grade is spread smoothly, as where a road is built.
+    """
+
+    def __init__(self, path: Path, heights: Array, smoothing: float) -> None:
+        """Take heights (w,) of the waypoints and the length of a step [m]."""
+        from scipy.interpolate import make_interp_spline
+
+        self._path = path
+        count = max(1, path.splines[0].segments * _WAYS)
+        self._step = float(path.length / count)
+        nodes: Array = np.arange(count + 1, dtype=np.float64) * self._step
+        self._ways = np.concatenate([[0.0], np.cumsum(self._between(nodes[:-1], self._step))])
+        s = self._way(path.at)
+        length = float(s[-1])
+        segments = min(max(1, round(length / smoothing)), _MOST_SEGMENTS)
+        spacing = length / segments
+        ends = s[[0, -1]] + [-4.0 * spacing, 4.0 * spacing]
+        grades = (np.diff(heights) / np.diff(s))[[0, -1]]
+        beyond = heights[[0, -1]] + grades * (ends - s[[0, -1]])
+        knots = np.concatenate([ends[:1], s, ends[1:]])
+        polygon = make_interp_spline(
+            knots, np.concatenate([beyond[:1], heights, beyond[1:]]), k=1
+        ).antiderivative()
+        at = (np.arange(segments + DEGREE) - 2.0) * spacing
+        means = (polygon(at + 0.5 * spacing) - polygon(at - 0.5 * spacing)) / spacing
+        self._heights = UniformSpline(means[:, None], spacing)
+
+    def sample(self, u: Array, derivatives: int) -> list[Array]:
+        """Return height and slopes; see :class:`Ground`. The slopes are those across: 0."""
+        _, first, second, third = self._path.sample(u, 3)
+        r = np.hypot(*first)
+        r1 = (first * second).sum(axis=0) / r
+        r2 = ((second * second + first * third).sum(axis=0) - r1 * r1) / r
+        (z,), (z1,), (z2,), (z3,) = self._heights.sample(self._way(u), 3)
+        values = (
+            *(z, z1 * r, z2 * r * r + z1 * r1),
+            z3 * r**3 + 3.0 * z2 * r * r1 + z1 * r2,
+        )
+        level = np.zeros_like(u)
+        return [np.stack([value, level, level]) for value in values[: derivatives + 1]]
+
+    def _way(self, u: Array) -> Array:
+        """Return the way (n,) [m] up to u (n,)."""
+        node = np.clip((u / self._step).astype(np.int64), 0, len(self._ways) - 2)
+        start = self._step * node.astype(np.float64)
+        way: Array = self._ways[node] + self._between(start, u - start)
+        return way
+
+    def _between(self, u: Array, length: Array | float) -> Array:
+        """Return the way (n,) from u to u + length, by Gauss and Legendre's rule."""
+        x, weights = np.polynomial.legendre.leggauss(_GAUSS)
+        half = 0.5 * np.broadcast_to(length, u.shape)
+        at = u + half * (1.0 + x[:, None])
+        speed = np.hypot(*self._path.sample(at.ravel(), 1)[1]).reshape(at.shape)
+        way: Array = half * (weights @ speed)
+        return way
 
 
 def map_profile(ground: HeightMap, path: UniformSpline, track: float) -> UniformSpline:

@@ -1,16 +1,19 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A path in the plane: straight between waypoints, rounded at them, C4 all the way.
+"""A path in the plane: straight between waypoints, rounded at them, C4 up to where it turns back.
 
 The path is a uniform B-spline of degree 5 whose control points lie on the polygon of the waypoints.
 Such a spline follows its control points without overshoot: it is exactly straight where six of them
 are in line, and its derivatives are bounded by their differences.
 """
 
+import math
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.trajectory.bspline import BASIS, DEGREE, ORDER
@@ -21,6 +24,10 @@ _SAMPLES: Final = 8
 _MOST_SEGMENTS: Final = 2_000_000
 _WIDTHS: Final = 2.0 ** np.arange(-2.0, 5.1, 0.25)
 """Lengths of a segment that are tried, over the smallest radius."""
+_OFF_LINE: Final = 1e-3
+"""By which a waypoint after turning back may be off the line, over its distance."""
+_ALIKE: Final = 1e-9
+"""[rad] between headings before and after turning back."""
 _CORRECTIONS: Final = 200
 _MISS: Final = 1e-9
 """[m] by which a path passes a waypoint that it goes through."""
@@ -83,46 +90,168 @@ class Bends(NamedTuple):
 class Path:
     """A path by its parameter u, the way along the polygon of its waypoints [m].
 
-    ``at`` (n,) are the waypoints' u.
+    ``at`` (n,) are the waypoints' u, ``turns`` the numbers of those at which a new spline begins,
+    in the opposite direction.
     """
 
-    def __init__(self, spline: UniformSpline, at: Array, length: float) -> None:
-        self.spline, self.at, self.length = spline, at, length
+    def __init__(
+        self,
+        splines: Sequence[UniformSpline],
+        at: Array,
+        turns: Sequence[int] = (),
+        starts_backward: bool = False,
+    ) -> None:
+        self.splines, self.at, self.turns = splines, at, list(turns)
+        self.length, self._turns_at = float(at[-1]), at[self.turns]
+        self._first = -1.0 if starts_backward else 1.0
+
+    def sample(self, u: Array, derivatives: int) -> list[Array]:
+        """Return the place and its derivatives by u (n,), each (2, n)."""
+        return joined_samples(self.splines, self._turns_at, u, derivatives)
+
+    def facing(self, u: Array) -> Array | float:
+        """Return 1 where the vehicle drives forward, -1 where it backs up, at u (n,)."""
+        if not self.turns:
+            return self._first
+        odd = np.searchsorted(self._turns_at, u, side="right") % 2
+        facing: Array = np.where(odd, -self._first, self._first)
+        return facing
 
     def bends(self, per_segment: int = _SAMPLES) -> Bends:
         """Return speed and curvature everywhere, a few places in each segment."""
-        count = self.spline.segments * per_segment
-        u: Array = np.arange(count + 1, dtype=np.float64) * (self.length / count)
-        _, first, second = self.spline.sample(u, 2)
+        ends = [*self._turns_at, self.length]
+        parts, start = [], 0.0
+        for spline, end in zip(self.splines, ends, strict=True):
+            count = spline.segments * per_segment
+            steps: Array = np.arange(count + 1, dtype=np.float64)
+            parts.append(start + steps[: count + (end == ends[-1])] * ((end - start) / count))
+            start = float(end)
+        u = np.concatenate(parts)
+        _, first, second = self.sample(u, 2)
         speed = np.hypot(*first)
         turning = first[0] * second[1] - first[1] * second[0]
         with np.errstate(divide="ignore", invalid="ignore"):
             curvature = turning / speed**3
         turned_back = np.zeros(len(u), dtype=bool)
         turned_back[1:] = (first[:, 1:] * first[:, :-1]).sum(axis=0) <= 0.0
+        turned_back[np.searchsorted(u, self._turns_at)] = False
         return Bends(u, speed, np.where(turned_back, np.inf, curvature))
 
 
-def find_path(places: Array, radius: float, deviation: float, prefix: str) -> Path:
+def joined_samples(
+    splines: Sequence[UniformSpline], joints: Array, u: Array, derivatives: int
+) -> list[Array]:
+    """Return what splines one after another, which meet at u ``joints``, are at u (n,)."""
+    if len(splines) == 1:
+        return splines[0].sample(u, derivatives)
+    which = np.searchsorted(joints, u, side="right")
+    starts = np.concatenate([[0.0], joints])
+    values = np.empty((derivatives + 1, splines[0].controls.shape[1], len(u)))
+    for k, spline in enumerate(splines):
+        here = which == k
+        values[:, :, here] = spline.sample(u[here] - starts[k], derivatives)
+    return list(values)
+
+
+def find_path(
+    places: Array,
+    radius: float,
+    deviation: float,
+    prefix: str,
+    backward: NDArray[np.bool_] | None = None,
+) -> Path:
     """Return a path that turns no tighter than a radius, with corners as short as that allows.
 
     :param places: (n, 2) waypoints [m]; none twice in a row.
     :param deviation: from a waypoint [m]; 0: the path goes through each.
     :param prefix: of the parameters, for messages.
+    :param backward: (n - 1,) whether the vehicle backs up on the way to the next waypoint; None:
+        nowhere.
     :raises ConfigurationError: if there is none, with the waypoint that is in the way.
     """
+    if backward is None:
+        backward = np.zeros(len(places) - 1, dtype=bool)
+    turns = (1 + np.flatnonzero(np.diff(backward))).tolist()
+    places = _straight_at_turns(places, turns, prefix)
+    ends = zip([0, *turns], [*turns, len(places) - 1], strict=True)
+    parts = [
+        _find_part(
+            *_guarded(places[a : b + 1], a in turns, b in turns), radius, deviation, prefix, a
+        )
+        for a, b in ends
+    ]
+    starts = np.cumsum([0.0, *(part.length for part in parts)])
+    at = np.concatenate([[0.0], *(a + part.at[1:] for a, part in zip(starts, parts, strict=False))])
+    path = Path([part.splines[0] for part in parts], at, turns, bool(backward[0]))
+    for k, before, after in zip(turns, parts, parts[1:], strict=False):
+        end, start = before.sample(before.at[-1:], 1), after.sample(after.at[:1], 1)
+        (x1,), (y1,), (x2,), (y2,) = *end[1], *start[1]
+        bend = abs(x1 * y2 - y1 * x2)
+        if not (bend < _ALIKE and np.abs(end[0] - start[0]).max() < _MISS):
+            raise ConfigurationError(
+                f"{prefix}speeds: the path is not straight at waypoint {k + 1}, where the vehicle "
+                f"turns back; move the waypoints next to it away, or reduce {prefix}turning_radius"
+            )
+    return path
+
+
+def _straight_at_turns(places: Array, turns: list[int], prefix: str) -> Array:
+    """Return places, those after a turn moved by the little that they are off the line there."""
+    moved = places.copy()
+    for k in turns:
+        come, go = moved[k] - moved[k - 1], moved[k + 1] - moved[k]
+        along = come / np.linalg.norm(come)
+        back = -float(go @ along)
+        off = np.linalg.norm(go + back * along)
+        if back <= 0.0 or off > _OFF_LINE * back:
+            angle = math.degrees(math.atan2(off, back))
+            x, y = places[k] - 0.5 * np.linalg.norm(go) * along
+            raise ConfigurationError(
+                f"{prefix}speeds: at waypoint {k + 1} the vehicle turns back, and the next one is "
+                f"{angle:.3g} deg off its heading: it must first go straight, for example to "
+                f"{x:.4f}, {y:.4f}"
+            )
+        moved[k + 1] = moved[k] - back * along
+    return moved
+
+
+def _guarded(places: Array, first: bool, last: bool) -> tuple[Array, NDArray[np.bool_]]:
+    """Return places with one more in the middle of the first or last leg, and which were there.
+
+    From there to the end a path is straight, however its corners are moved.
+    """
+    if len(places) == 2:
+        first = last = False
+    middle = 0.5 * (places[1:] + places[:-1])
+    parts = [places[:1], *[middle[:1]] * first, places[1:-1], *[middle[-1:]] * last, places[-1:]]
+    waypoint = np.ones(len(places) + first + last, dtype=bool)
+    waypoint[1] = not first
+    waypoint[-2] &= not last
+    return np.concatenate(parts), waypoint
+
+
+def _find_part(
+    places: Array,
+    waypoint: NDArray[np.bool_],
+    radius: float,
+    deviation: float,
+    prefix: str,
+    before: int,
+) -> Path:
+    """Return a path without turning back; ``before`` waypoints are before it, for messages."""
     steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
     at = np.concatenate([[0.0], np.cumsum(steps)])
+    longest = 1.5 * np.diff(at[waypoint]).min()
     best: tuple[float, str] = (0.0, "")
     for width in _WIDTHS * radius:
-        if not deviation and width > 1.5 * steps.min():
+        if not deviation and width > longest:
             break
         if at[-1] / width > _MOST_SEGMENTS:
             continue
-        path, miss = _rounded(places, at, width, deviation)
+        path, miss = _rounded(places, at, waypoint, width, deviation)
         if miss.max() > max(deviation, _MISS):
             far = int(np.argmax(miss))
-            reason = f"the path would pass {miss[far]:.2f} m from waypoint {far + 1}"
+            reason = f"the path would pass {miss[far]:.2f} m from waypoint {before + far + 1}"
             best = max(best, (0.0, reason)) if not best[1] else best
             if deviation:
                 break
@@ -132,9 +261,9 @@ def find_path(places: Array, radius: float, deviation: float, prefix: str) -> Pa
         found = 1.0 / max(abs(bends.curvature[sharpest]), 1e-12)
         if found >= radius:
             return path
-        near = int(np.argmin(np.abs(at - bends.u[sharpest])))
+        near = int(np.argmin(np.abs(path.at - bends.u[sharpest])))
         if found >= best[0]:
-            best = found, f"the path turns with {found:.3g} m near waypoint {near + 1}"
+            best = found, f"the path turns with {found:.3g} m near waypoint {before + near + 1}"
     raise ConfigurationError(
         f"{prefix}turning_radius = {radius:g}: {best[1] or 'the waypoints are too close'}; move "
         f"waypoints apart, allow a larger {prefix}deviation than {deviation:g} m, or reduce the "
@@ -142,7 +271,9 @@ def find_path(places: Array, radius: float, deviation: float, prefix: str) -> Pa
     )
 
 
-def _rounded(places: Array, at: Array, width: float, deviation: float) -> tuple[Path, Array]:
+def _rounded(
+    places: Array, at: Array, waypoint: NDArray[np.bool_], width: float, deviation: float
+) -> tuple[Path, Array]:
     """Return the path with segments of a length, and its distance from each waypoint (n,)."""
     segments = max(1, round(at[-1] / width))
     spacing = at[-1] / segments
@@ -150,12 +281,12 @@ def _rounded(places: Array, at: Array, width: float, deviation: float) -> tuple[
     corners = places
     for _ in range(_CORRECTIONS):
         spline = UniformSpline(_on_polygon(nodes, at, corners), spacing)
-        error = places - spline.sample(at, 0)[0].T
+        error = np.where(waypoint[:, None], places - spline.sample(at, 0)[0].T, 0.0)
         miss = np.linalg.norm(error, axis=1)
         if deviation or miss.max() <= _MISS or not np.isfinite(miss.max()) or miss.max() > 1e6:
             break
         corners = corners + error
-    return Path(spline, at, at[-1]), miss
+    return Path([spline], at[waypoint]), miss[waypoint]
 
 
 def _on_polygon(nodes: Array, at: Array, corners: Array) -> Array:

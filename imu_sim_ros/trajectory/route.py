@@ -29,10 +29,13 @@ from imu_sim_ros.types import Array
 
 _LATITUDES: Final = ("latitude", "lat", "latitude_deg")
 _LONGITUDES: Final = ("longitude", "lon", "lng", "long", "longitude_deg")
+_HEIGHTS: Final = ("z", "z_m", "up", "altitude", "alt", "elevation", "ele", "height")
 _TIMES: Final = ("t", "time", "time_s", "timestamp")
 _MOST_POINTS: Final = 1_000_000
 _FARTHEST: Final = 1e6
 """[m] from the origin; farther, a plane is no longer like the Earth."""
+_HIGHEST: Final = 1e5
+"""[m]"""
 _STEPS: Final = 4
 """Each puts a place closer to the plane by its distance over the Earth's radius."""
 
@@ -46,12 +49,25 @@ class Route(NamedTuple):
     """(n,) since the first point [s]; None: the file has none."""
     origin: tuple[float, float] | None
     """Latitude and longitude of the world's origin [deg]; None for a file in metres."""
+    heights: Array
+    """(n,) as the file has them [m], nan where it has none."""
+
+
+class _Row(NamedTuple):
+    """A point as a file writes it; latitude and longitude, or x and y."""
+
+    number: int
+    first: str
+    second: str
+    height: str
+    time: float
+    """[s]; nan: none."""
 
 
 class _Points(NamedTuple):
-    """What a file says: latitude and longitude, or x and y; times, with nan if there is none."""
+    """What a file says: latitude, longitude or x, y; times and heights, nan if there is none."""
 
-    rows: list[tuple[float, float, float]]
+    rows: list[tuple[float, float, float, float]]
     is_geographic: bool
 
 
@@ -77,7 +93,7 @@ def read_route(path: str | Path, origin: Sequence[float] = ()) -> Route:
     values = np.array(points.rows)
     times = None if np.isnan(values[:, 2]).any() else values[:, 2] - values[0, 2]
     if not points.is_geographic:
-        return Route(values[:, :2], times, None)
+        return Route(values[:, :2], times, None, values[:, 3])
     where = (float(origin[0]), float(origin[1])) if origin else (values[0, 0], values[0, 1])
     places = east_north(values[:, 0], values[:, 1], *where)
     far = np.linalg.norm(places, axis=1)
@@ -86,7 +102,7 @@ def read_route(path: str | Path, origin: Sequence[float] = ()) -> Route:
             f"{path}: point {np.argmax(far) + 1} is {far.max() * 1e-3:.0f} km from the origin "
             f"({where[0]:g}, {where[1]:g}); a flat world reaches {_FARTHEST * 1e-3:.0f} km"
         )
-    return Route(places, times, where)
+    return Route(places, times, where, values[:, 3])
 
 
 def east_north(latitude: Array, longitude: Array, origin: float, meridian: float) -> Array:
@@ -122,12 +138,10 @@ def east_north(latitude: Array, longitude: Array, origin: float, meridian: float
     return np.column_stack([east, north])
 
 
-def _checked(
-    rows: Iterator[tuple[int, str, str, float]], bad: BadRows, is_geographic: bool
-) -> _Points:
-    """Return points from their numbers, two words and times."""
-    points: list[tuple[float, float, float]] = []
-    for number, first, second, t in rows:
+def _checked(rows: Iterator[_Row], bad: BadRows, is_geographic: bool) -> _Points:
+    """Return the points of rows."""
+    points: list[tuple[float, float, float, float]] = []
+    for number, first, second, height, t in rows:
         if len(points) >= _MOST_POINTS:
             raise InputError(f"{bad.source}: more than {_MOST_POINTS} points")
         try:
@@ -145,14 +159,14 @@ def _checked(
         elif not is_geographic and max(map(abs, pair)) > _FARTHEST:
             bad.note(VALUES, number, f"{pair[0]:g}, {pair[1]:g}: must be within {_FARTHEST:g} m")
         else:
-            points.append((*pair, t))
+            points.append((*pair, t, _height(height)))
     return _Points(points, is_geographic)
 
 
 def _csv(path: Path, bad: BadRows) -> _Points:
     header: list[str] = []
-    rows: list[tuple[int, str, str, float]] = []
-    columns: tuple[int, int, int] | None = None
+    rows: list[_Row] = []
+    columns: tuple[int, int, int, int] | None = None
     geographic = False
     for block in row_blocks(path, "a route of comma-separated values"):
         for number, line in block:
@@ -164,14 +178,15 @@ def _csv(path: Path, bad: BadRows) -> _Points:
             if len(words) != len(header):
                 bad.note(COLUMNS, number, f"{len(words)} columns; must be {len(header)}")
                 continue
-            first, second, third = columns
+            first, second, up, time = columns
             t = math.nan
-            if third >= 0:
+            if time >= 0:
                 try:
-                    t = number_of(words[third])
+                    t = number_of(words[time])
                 except ValueError:
-                    bad.note(STAMPS, number, f"time {shortened(words[third])}: not a number [s]")
-            rows.append((number, words[first], words[second], t))
+                    bad.note(STAMPS, number, f"time {shortened(words[time])}: not a number [s]")
+            height = words[up] if up >= 0 else ""
+            rows.append(_Row(number, words[first], words[second], height, t))
         bad.rows, bad.good = bad.count, len(rows)
         bad.give_up()
     if columns is None:
@@ -179,26 +194,35 @@ def _csv(path: Path, bad: BadRows) -> _Points:
     return _checked(iter(rows), bad, geographic)
 
 
-def _columns(path: Path, header: list[str]) -> tuple[tuple[int, int, int], bool]:
-    """Return the places of both coordinates and of the time, -1 for none; whether on the Earth."""
+def _columns(path: Path, header: list[str]) -> tuple[tuple[int, int, int, int], bool]:
+    """Return the places of coordinates, height and time, -1 for none; whether on the Earth."""
 
     def place(names: Sequence[str]) -> int:
         return next((k for k, word in enumerate(header) if word in names), -1)
 
-    time = place(_TIMES)
+    up, time = place(_HEIGHTS), place(_TIMES)
     latitude, longitude = place(_LATITUDES), place(_LONGITUDES)
     if latitude >= 0 and longitude >= 0:
-        return (latitude, longitude, time), True
+        return (latitude, longitude, up, time), True
     x, y = place(("x", "x_m", "east")), place(("y", "y_m", "north"))
     if x >= 0 and y >= 0:
-        return (x, y, time), False
+        return (x, y, up, time), False
     raise InputError(
         f"{path}: the first line must name the columns, x and y or latitude and longitude; it is "
         f"{shortened(','.join(header))}"
     )
 
 
-def _gpx(path: str | Path, bad: BadRows) -> Iterator[tuple[int, str, str, float]]:
+def _height(word: str) -> float:
+    """Return a height [m]; nan for none, and for what is no number."""
+    try:
+        value = number_of(word.strip())
+    except ValueError:
+        return math.nan
+    return value if abs(value) <= _HIGHEST else math.nan
+
+
+def _gpx(path: str | Path, bad: BadRows) -> Iterator[_Row]:
     """Yield the points of all tracks, or else of all routes, or else all waypoints."""
     elements = list(parsed(path).every())
     for tag in ("trkpt", "rtept", "wpt"):
@@ -206,12 +230,15 @@ def _gpx(path: str | Path, bad: BadRows) -> Iterator[tuple[int, str, str, float]
         if points:
             break
     for number, point in enumerate(points, start=1):
-        stamp = next((one.text for one in point.children if _local(one) == "time"), "")
-        place = point.attributes
-        yield number, place.get("lat", ""), place.get("lon", ""), _seconds(stamp, number, bad)
+        stamp, height = (
+            next((one.text for one in point.children if _local(one) == tag), "")
+            for tag in ("time", "ele")
+        )
+        latitude, longitude = (point.attributes.get(name, "") for name in ("lat", "lon"))
+        yield _Row(number, latitude, longitude, height, _seconds(stamp, number, bad))
 
 
-def _kml(path: str | Path, bad: BadRows) -> Iterator[tuple[int, str, str, float]]:
+def _kml(path: str | Path, bad: BadRows) -> Iterator[_Row]:
     """Yield the points of the first line or track, or else all placemarks' points."""
     elements = list(parsed(path, LARGEST_TEXT).every())
     track = next((one for one in elements if _local(one) == "Track"), None)
@@ -219,15 +246,15 @@ def _kml(path: str | Path, bad: BadRows) -> Iterator[tuple[int, str, str, float]
         places = [one.text for one in track.children if _local(one) == "coord"]
         stamps = [one.text for one in track.children if _local(one) == "when"]
         for number, text in enumerate(places, start=1):
-            longitude, latitude, *_ = (*text.split(), "", "")
+            longitude, latitude, height, *_ = (*text.split(), "", "", "")
             stamp = stamps[number - 1] if len(stamps) == len(places) else ""
-            yield number, latitude, longitude, _seconds(stamp, number, bad)
+            yield _Row(number, latitude, longitude, height, _seconds(stamp, number, bad))
         return
     texts = _coordinates(elements, "LineString")[:1] or _coordinates(elements, "Point")
     words = [word for text in texts for word in text.split()]
     for number, word in enumerate(words, start=1):
-        longitude, latitude, *_ = (*word.split(","), "", "")
-        yield number, latitude, longitude, math.nan
+        longitude, latitude, height, *_ = (*word.split(","), "", "", "")
+        yield _Row(number, latitude, longitude, height, math.nan)
 
 
 def _coordinates(elements: list[Element], tag: str) -> list[str]:

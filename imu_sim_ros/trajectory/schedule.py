@@ -80,7 +80,7 @@ class Driven(NamedTuple):
 def driven(path: Path, schedule: UniformSpline, t: Array) -> Driven:
     """Return speeds and accelerations in the plane at times t (n,) [s]."""
     (u,), (rate,), (change,) = schedule.sample(t, 2)
-    _, first, second = path.spline.sample(u, 2)
+    _, first, second = path.sample(u, 2)
     size = np.hypot(*first)
     speed = size * rate
     turning = (first[0] * second[1] - first[1] * second[0]) / size**3
@@ -102,6 +102,8 @@ def find_schedule(
     step = p.smoothing_time / (2.0 * _KERNEL)
     stops = {int(k) - 1: wait for k, wait in np.reshape(p.stops, (-1, 2))}
     waits = np.array([stops.get(k, 0.0) for k in range(len(path.at))])
+    # Where it turns back it has to rest for a moment.
+    waits[path.turns] = np.maximum(waits[path.turns], step)
     speeds = np.array(p.speeds) if p.speeds else np.full(len(path.at) - 1, np.inf)
     aim = p
     for _ in range(_AIMS):
@@ -148,7 +150,7 @@ def _way(path: Path, p: DriveParameters) -> _Way:
     bends = path.bends()
     u = np.union1d(bends.u, path.at)
     middle = 0.5 * (u[:-1] + u[1:])
-    size, between = (np.hypot(*path.spline.sample(x, 1)[1]) for x in (u, middle))
+    size, between = (np.hypot(*path.sample(x, 1)[1]) for x in (u, middle))
     # Simpson's rule
     steps = np.diff(u) * (size[:-1] + 4.0 * between + size[1:]) / 6.0
     curvature = np.maximum(np.abs(np.interp(u, bends.u, bends.curvature)), 1e-12)

@@ -8,7 +8,9 @@ import pymap3d
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 from imu_sim_ros.trajectory.route import east_north, read_route
 
@@ -74,11 +76,14 @@ def test_each_form_gives_the_same_route(tmp_path, name, text, timed):
         np.testing.assert_allclose(route.times, [0.0, 70.0, 140.0, 210.0])
     else:
         assert route.times is None
+    height = {"a.gpx": 520.0, "b.kml": 520.0, "a.kml": 0.0}.get(name, np.nan)
+    np.testing.assert_array_equal(route.heights, [height] * 4)
 
 
 def test_metres_stay_as_they_are(tmp_path):
-    path = written(tmp_path, "route.csv", "t,x,y\n# a comment\n0,1.5,2\n30,100.0,2.5\n")
+    path = written(tmp_path, "route.csv", "t,x,y,z\n# a comment\n0,1.5,2,3\n30,100.0,2.5,\n")
     route = read_route(path)
+    np.testing.assert_array_equal(route.heights, [3.0, np.nan])
     np.testing.assert_array_equal(route.places, [[1.5, 2.0], [100.0, 2.5]])
     np.testing.assert_array_equal(route.times, [0.0, 30.0])
     assert route.origin is None
@@ -102,9 +107,23 @@ def test_fixes_are_on_the_route(tmp_path):
         assert np.hypot(north, east).min() < 0.06  # 5 m/s, a fix every 10 cm
 
 
+def test_elevations_of_a_file_are_above_its_first_point(tmp_path):
+    text = GPX
+    for k in range(4):
+        text = text.replace("<ele>520<", f"<ele>{521 + 2 * k}.0<", 1)
+    layer = {**trajectory_layer(str(written(tmp_path, "hill.gpx", text)))}
+    layer |= {"trajectory.use_elevations": True, "trajectory.rest_before": 1.0}
+    moving = build_trajectory(load_simulation(layer).trajectory)
+    ends = moving.sample(np.array([0.0, moving.duration])).position[:, 2]
+    np.testing.assert_allclose(ends, [0.0, 6.0], atol=1e-6)
+    text = text.replace("<ele>525.0</ele>", "<ele>high</ele>")
+    layer |= trajectory_layer(str(written(tmp_path, "gap.gpx", text)))
+    with pytest.raises(ConfigurationError, match="1 of 4 points have no elevation.* point 3"):
+        build_trajectory(load_simulation(layer).trajectory)
+
+
 def test_another_origin_is_warned_of(tmp_path, capsys):
     from imu_sim_ros.simulation.engine import Simulation
-    from imu_sim_ros.simulation.parameters import load_simulation
 
     path = written(tmp_path, "route.gpx", GPX)
     layer = trajectory_layer(str(path))

@@ -272,3 +272,95 @@ def test_a_hole_in_the_map_is_named(tmp_path):
     )
     (line,) = refused(InputError, height_map=str(path))
     assert "has no height at x 2" in line
+
+
+BACK = {
+    "positions": [0.0, 0.0, 20.0, 0.0, 20.0, 15.0, 20.0, 5.0, 30.0, 0.0, 40.0, -5.0, 20.0, 5.0],
+    "speeds": [3.0, 3.0, -1.0, -1.0, -1.0, 2.0],
+    "turning_radius": 1.0,
+}
+
+
+@pytest.mark.parametrize("deviation", [0.0, 1.0])
+def test_it_backs_up_without_a_jump(build, assert_exact_derivatives, deviation):
+    """Along its own x axis, at the speeds given, and derivatives hold across both turns."""
+    trajectory = build(type="drive", deviation=deviation, slope=[0.05, 0.02], **BACK)
+    t, m, velocity = body(trajectory)
+    assert np.abs(velocity[:, 1:]).max() < 1e-12
+    assert_exact_derivatives(trajectory, np.linspace(0.1, trajectory.duration - 0.1, 2000))
+    backing = velocity[:, 0] < -1e-3
+    assert np.sum(np.diff(backing.astype(int)) == 1) == 1
+    assert 0.97 < -velocity[:, 0].min() < 1.002  # the limit holds in the plane; sqrt(1 + 0.05^2)
+    heading = rotation.to_euler(m.q_wb)[:, 2]
+    first, last = t[backing][[0, -1]]
+    # It enters the second leg northwards, leaves it southwards still facing north, and turns.
+    assert heading[t < first][-1] == pytest.approx(np.pi / 2, abs=1e-6)
+    assert heading[t > last][0] == pytest.approx(np.arctan2(5.0, -10.0), abs=1e-6)
+    place = [m.position[t < first][-1], m.position[t > last][0]]
+    np.testing.assert_allclose(np.array(place)[:, :2], [[20.0, 15.0], [40.0, -5.0]], atol=1e-3)
+
+
+def test_the_nose_rises_with_the_acceleration_of_the_body(build):
+    """Also where that is to the back and the speed is, too: pitch is -k a but for the springs."""
+    springs = {"suspension_pitch": 0.01, "suspension_frequency": 5.0, "suspension_damping": 0.7}
+    _, m, velocity = body(build(type="drive", **BACK, **springs))
+    along = rotation.rotate_inverse(m.q_wb, m.acceleration)[:, 0]
+    backing = velocity[:, 0] < -1e-2
+    pitch = rotation.to_euler(m.q_wb)[backing, 1]
+    slope = (pitch @ along[backing]) / (along[backing] @ along[backing])
+    assert slope == pytest.approx(-0.01, rel=0.05)
+
+
+def test_wheels_turn_back_when_it_backs_up():
+    import imu_sim_ros as ims
+
+    clean = {"ticks": 0, "slip_noise": 0.0, "encoder_noise": 0.0}
+    straight = {"type": "drive", "positions": [0.0, 0.0, 20.0, 0.0, 5.0, 0.0], "speeds": [2.0, -1]}
+    flight = ims.simulate(trajectory=straight, rate=100.0, sensors=["wheels"], wheels=clean)
+    angle, pose = flight.wheels.angle, flight.wheels.pose
+    radius = 20.0 / angle.max()
+    np.testing.assert_allclose(angle[-1] * radius, 5.0, atol=1e-3)
+    np.testing.assert_allclose(pose[-1], [5.0, 0.0, 0.0], atol=1e-3)
+    assert flight.wheels.twist[:, 0].min() == pytest.approx(-1.0, abs=0.03)
+
+
+@pytest.mark.parametrize("grade", [0.1, -0.05])
+def test_an_even_grade_of_elevations_is_an_even_pitch(build, assert_exact_derivatives, grade):
+    """Elevations in proportion to the way: pitch is -atan(grade) everywhere, corners and all."""
+    bare = build(type="drive", deviation=3.0)
+    path = bare.path
+    u = np.linspace(0.0, path.length, 200_001)
+    speed = np.hypot(*path.sample(u, 1)[1])
+    way = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))]) * u[1]
+    heights = grade * np.interp(path.at, u, way)
+    trajectory = build(type="drive", deviation=3.0, elevations=heights.tolist())
+    _, m, velocity = body(trajectory)
+    angles = rotation.to_euler(m.q_wb)
+    np.testing.assert_allclose(angles[:, 1], -np.arctan(grade), atol=1e-7)
+    assert np.abs(angles[:, 0]).max() < 1e-12
+    assert np.abs(velocity[:, 1:]).max() < 1e-12
+    assert m.position[-1, 2] == pytest.approx(heights[-1], abs=1e-6)
+    assert_exact_derivatives(trajectory, np.linspace(0.5, trajectory.duration - 0.5, 500))
+
+
+def test_a_crest_is_spread_over_its_smoothing(build):
+    """0.3 h dg below a crest: half the mean distance of a kernel with variance (1/2 + 1/12) h^2."""
+    up = {"positions": [0.0, 0.0, 100.0, 0.0, 200.0, 0.0], "elevations": [0.0, 5.0, 0.0]}
+    for smoothing in (4.0, 10.0):
+        m = body(build(type="drive", elevation_smoothing=smoothing, **up))[1]
+        assert 5.0 - m.position[:, 2].max() == pytest.approx(0.03 * smoothing, rel=0.05)
+        np.testing.assert_allclose(m.position[[0, -1], 2], 0.0, atol=1e-9)
+
+
+def test_what_cannot_be_backed_up_is_named():
+    corner = [0.0, 0.0, 20.0, 0.0, 20.0, 15.0]
+    (line,) = refused(positions=corner, speeds=[1.0, -1.0])
+    assert "at waypoint 2 the vehicle turns back, and the next one is 90 deg off" in line
+    near = [0.0, 0.0, 20.0, 0.0, 20.0, 5.0, 20.0, 0.0]
+    (line,) = refused(positions=near, speeds=[1.0, 1.0, -1.0], turning_radius=2.0)
+    assert "the path is not straight at waypoint 3" in line
+    assert "0 m/s: must be above 0" in refused(positions=corner, speeds=[1.0, 0.0])[0]
+    lines = refused(speeds=[1.0, 1.0, -1.0], elevations=[0.0] * 4, slope=[0.1, 0.0])
+    assert "elevations: must be left out with trajectory.slope" in lines[0]
+    assert "speeds: must be above 0 with trajectory.elevations" in lines[1]
+    assert "elevations: 3 entries" in refused(elevations=[1.0, 2.0, 3.0])[0]
