@@ -190,7 +190,7 @@ class Odometer(CarriedSensor):
         """Return how much faster each wheel is on a patch (count, m)."""
         numbers = self._patches.next(count)
         ratio = np.zeros((count, len(self._patch)))
-        for k in np.unique(numbers[numbers > 0]):
+        for k in sorted(set(numbers[numbers > 0].tolist())):
             if k > self._patched:
                 share = np.array([one.random() for one in self._of_patch])
                 self._patch, self._patched = self._own_parameters.patch_slip * share, int(k)

@@ -31,7 +31,9 @@ def test_texts_and_digests_are_those_of_rosbags(name, encoding):
 
 
 def test_both_encodings_know_the_same_types():
-    assert set(MD5_SUMS) == {ros1_name(name) for name in RIHS01}
+    # Bags of ROS 1 have the joints' definition of rosbags, without comments.
+    others = set(RIHS01) - {"sensor_msgs/JointState"}
+    assert set(MD5_SUMS) == {ros1_name(name) for name in others}
 
 
 @pytest.mark.parametrize("encoding", ["cdr", "ros1"])
@@ -49,6 +51,7 @@ def test_writing_reads_no_definitions_of_other_types(tmp_path):
         "assert not any('typesys' in name for name in sys.modules); "
         "sys.exit(code)"
     )
-    for name in ("a.mcap", "a.bag"):
-        arguments = ["--duration", "0.1s", "--quiet", "-o", str(tmp_path / name)]
+    wheels = ["--wheels", "f1tenth", "--gnss", "phone"]
+    for name, own in (("a.mcap", wheels), ("a.bag", [])):
+        arguments = ["--duration", "0.1s", "--quiet", *own, "-o", str(tmp_path / name)]
         subprocess.run([sys.executable, "-c", program, *arguments], check=True)

@@ -69,6 +69,10 @@ FIELDS: Final[dict[str, str]] = {
         "geometry_msgs/Vector3 linear_acceleration\n"
         "float64[9] linear_acceleration_covariance\n"
     ),
+    "sensor_msgs/JointState": (
+        "std_msgs/Header header\nstring[] name\n"
+        "float64[] position\nfloat64[] velocity\nfloat64[] effort\n"
+    ),
     "sensor_msgs/MagneticField": (
         "std_msgs/Header header\n"
         "geometry_msgs/Vector3 magnetic_field\n"
@@ -169,6 +173,9 @@ RIHS01: Final[dict[str, str]] = {
         "RIHS01_d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47"
     ),
     "sensor_msgs/Imu": ("RIHS01_7d9a00ff131080897a5ec7e26e315954b8eae3353c3f995c55faf71574000b5b"),
+    "sensor_msgs/JointState": (
+        "RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e"
+    ),
     "sensor_msgs/MagneticField": (
         "RIHS01_e80f32f56a20486c9923008fc1a1db07bbb273cbbf6a5b3bfa00835ee00e4dff"
     ),
