@@ -175,7 +175,8 @@ class Target:
     """Describes the contents of a kept part."""
     companion_of: "Target | None" = None
     """An output of the same folder, in whose staging folder this one is written: a program that is
-    killed leaves one folder."""
+    killed leaves one folder. With ``kept`` it is complete before that one's first part, and kept
+    under the name of that part."""
 
     @property
     def staging(self) -> Path:
@@ -441,10 +442,10 @@ class Outputs:
         """Rename the complete parts of an interrupted run, and describe their contents."""
         lines = []
         companions = {target.path for target in self._targets if target.companion_of is not None}
-        for target in self._targets:
+        for target in self._staged:
             if not target.kept:
                 continue
-            names = []
+            names: list[str] = []
             for entry in sorted(target.staging.iterdir()):
                 if entry in companions or (entry.is_dir() and not any(entry.iterdir())):
                     continue
@@ -453,8 +454,25 @@ class Outputs:
                 names.append(str(place))
             if names:
                 more = f" and {len(names) - 1} more files" if len(names) > 1 else ""
-                lines.append(f"{names[0]}{more}: {target.described()}")
+                kept = self._keep_companions(target, Path(names[0]).name)
+                next_to_it = f", with {', '.join(kept)}" if kept else ""
+                lines.append(f"{names[0]}{more}: {target.described()}{next_to_it}")
         return lines
+
+    def _keep_companions(self, target: Target, part: str) -> list[str]:
+        """Rename an output's complete companions as they are named next to its part."""
+        kept = []
+        for one in self._targets:
+            if one.companion_of is not target or not one.kept or not one.path.exists():
+                continue
+            own, of = one.final.name, target.final
+            stem = of.name if own.startswith(of.name) else of.stem
+            place = one.final.with_name(
+                part.removesuffix(of.name.removeprefix(stem)) + own.removeprefix(stem)
+            )
+            one.path.rename(place)
+            kept.append(place.name)
+        return kept
 
     def _clear(self) -> None:
         """Remove the staging folders, and created parents that are empty."""

@@ -54,6 +54,7 @@ from imu_sim_ros.inputs.rows import is_present
 from imu_sim_ros.names import shown, suggestion
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
+from imu_sim_ros.places.neighbours import files_of
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 from imu_sim_ros.simulation.playback import has_cameras
 
@@ -180,7 +181,7 @@ class Plan:
             "version": imu_sim_ros.__version__,
             "parameters": values,
             "cameras": seen,
-            "files": _file_digests({**values, **seen}),
+            "files": file_digests({**values, **seen}),
             "faults": [(timed.at, repr(timed.fault)) for timed in self.faults],
             "estimator": flatten(self.estimators[estimator]),
             "align": self.alignment(estimator),
@@ -211,13 +212,17 @@ def _in_cell(cell: Cell) -> Iterator[None]:
         raise ConfigurationError([f"{where}{line}" for line in error.problems]) from None
 
 
-def _file_digests(values: Mapping[str, object]) -> dict[str, str]:
-    """Return the contents of the files of trajectory and scene, which may change under a name."""
+def file_digests(values: Mapping[str, object]) -> dict[str, str]:
+    """Return the contents of the files of trajectory and scene, which may change under a name.
+
+    A mesh's are those of its materials and textures, too.
+    """
     found = {}
     for name in _FILES:
         path = Path(str(values.get(name, "")))
         if str(values.get(name, "")) and path.is_file():
-            found[name] = hashlib.sha256(path.read_bytes()).hexdigest()
+            read = files_of(path) if name == "scene.mesh" else [path]
+            found[name] = ",".join(hashlib.sha256(one.read_bytes()).hexdigest() for one in read)
     return found
 
 

@@ -279,12 +279,14 @@ def write(
     truths: dict[Path, str] = {}
     if job.dataset not in _WITHOUT_READINGS and not path.parent.is_file():  # one line is enough
         truths = truth_files.new_truths(path, job.simulated)
-        for place in (*truths, *itertools.chain.from_iterable(job.companions.values())):
+        for place in truths:
+            written.add(place, companion_of=path, kept=True)
+        for place in itertools.chain.from_iterable(job.companions.values()):
             written.add(place, companion_of=path)
     with written:
-        result = job.run(written, pose_reader, trajectory)
         for place, text in truths.items():
             written.where(place).write_text(text, encoding="utf-8")
+        result = job.run(written, pose_reader, trajectory)
     return dataclasses.replace(result, wall_s=time.perf_counter() - started)
 
 

@@ -3,6 +3,7 @@
 
 """Files that a mesh's file names: materials, textures, buffers; only those in its own folder."""
 
+import re
 from pathlib import Path, PurePosixPath
 from typing import Final
 from urllib.parse import unquote
@@ -12,6 +13,11 @@ from imu_sim_ros.inputs.rows import is_present, open_regular
 from imu_sim_ros.places.mesh_textures import examine
 
 _NO_PICTURES: Final = (".mtl", ".bin")
+_KEYWORDS: Final = {
+    ".obj": ("mtllib",),
+    ".mtl": ("map_", "bump", "disp", "decal", "refl", "norm"),
+}
+"""How lines begin that name a file."""
 _SHOWN: Final = 100
 """Characters of a name."""
 
@@ -42,7 +48,7 @@ class Neighbours:
 
     def _read(self, name: str) -> bytes:
         shown = repr(name)[1:-1][:_SHOWN]
-        place = self._place(name)
+        place = self.place(name)
         if place is None:
             outside = _leaves(name) or _leaves(unquote(name))
             reason = "outside of its folder: put it next to the mesh" if outside else "not there"
@@ -62,7 +68,7 @@ class Neighbours:
             examine(content, f"{self._path}: the texture {shown}")
         return content
 
-    def _place(self, name: str) -> Path | None:
+    def place(self, name: str) -> Path | None:
         """Return which file is meant; in OBJ options may be before its name."""
         words = [name, unquote(name), *name.split()[-1:]]
         inside = [_posix(word) for word in words if not _leaves(word)]
@@ -70,6 +76,34 @@ class Neighbours:
         folder = self._path.parent
         places = [folder / each for each in (*inside, *next_to_it) if each.name not in ("", "..")]
         return next(filter(is_present, places), None)
+
+
+def files_of(path: Path) -> list[Path]:
+    """Return a mesh and the files next to it that it names, materials and textures, in order.
+
+    Only those that exist; the mesh is not checked.
+    """
+    neighbours, found, left = Neighbours(path, 0), [path], [path]
+    while left:
+        one = left.pop()
+        for name in _named(one):
+            place = neighbours.place(name)
+            if place is not None and place not in found:
+                found.append(place)
+                left.append(place)
+    return found
+
+
+def _named(path: Path) -> list[str]:
+    """Return the names that a text of glTF, OBJ or its materials has."""
+    kind = path.suffix.lower()
+    if kind not in (".gltf", *_KEYWORDS):
+        return []
+    text = path.read_text(encoding="utf-8", errors="replace")
+    if kind == ".gltf":
+        return [name for name in re.findall(r'"uri"\s*:\s*"([^"]+)"', text) if name[:5] != "data:"]
+    lines = (line.split(maxsplit=1) for line in text.splitlines())
+    return [words[1] for words in lines if len(words) == 2 and words[0].startswith(_KEYWORDS[kind])]
 
 
 def _posix(name: str) -> PurePosixPath:

@@ -56,7 +56,7 @@ def waypoint_parameters(parameters: TourParameters) -> dict[str, Value]:
     return {
         "trajectory.type": found.type,
         "trajectory.positions": found.positions,
-        "trajectory.headings": found.headings,
+        "trajectory.headings": tuple(heading + 0.0 for heading in found.headings),  # no -0.0
         "trajectory.speed_limit": found.speed_limit,
         "trajectory.acceleration_limit": found.acceleration_limit,
         "trajectory.heading_rate_limit": found.heading_rate_limit,

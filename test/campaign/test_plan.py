@@ -10,7 +10,14 @@ import pytest
 
 from imu_sim_ros.campaigns.cells import cell_count, cells, read_axes
 from imu_sim_ros.campaigns.gate import parse
-from imu_sim_ros.campaigns.plan import check_cells, check_plan, find_plan, load_plan, read_plan
+from imu_sim_ros.campaigns.plan import (
+    check_cells,
+    check_plan,
+    file_digests,
+    find_plan,
+    load_plan,
+    read_plan,
+)
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 
@@ -154,6 +161,24 @@ def test_requirements_are_read_with_filters():
     assert found.holds(0.1)
     assert not found.holds(0.11)
     assert not found.holds(None)
+
+
+@pytest.mark.parametrize("kind", ["obj", "gltf"])
+def test_the_digest_holds_a_mesh_with_materials_and_textures(tmp_path, kind):
+    texts = {
+        "a.obj": "mtllib m.mtl\nv 0 0 0\n",
+        "m.mtl": "newmtl m\nmap_Kd -s 1 1 1 wall.png\n",
+        "a.gltf": '{"images": [{"uri": "wall.png"}, {"uri": "data:,"}], "buffers": []}',
+        "wall.png": "one",
+    }
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+    values = {"scene.mesh": str(tmp_path / f"a.{kind}")}
+    first = file_digests(values)
+    (tmp_path / "unnamed.png").write_text("two")
+    assert file_digests(values) == first
+    (tmp_path / "wall.png").write_text("two")
+    assert file_digests(values) != first
 
 
 def test_the_digest_tells_what_changes_numbers_from_what_does_not(plan_file):

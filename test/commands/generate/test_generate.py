@@ -18,6 +18,7 @@ import yaml
 
 from imu_sim_ros.bags.read import open_bag, read_imu, read_odometry, read_poses
 from imu_sim_ros.commands.generate import main
+from imu_sim_ros.parameters import files
 from imu_sim_ros.rotation import rotate
 from imu_sim_ros.sensors.errors.noise import gyro_variance_discrete
 from imu_sim_ros.simulation.engine import Simulation
@@ -213,7 +214,10 @@ def test_a_stopped_run_keeps_a_whole_part(tmp_path, name, number):
     error = process.communicate(timeout=60)[1]
     assert process.returncode != 0
     part = (tmp_path / name).with_name(f"{Path(name).stem}.partial{Path(name).suffix}")
-    assert os.listdir(tmp_path) == [part.name]
+    truth = f"{Path(name).stem}.partial_truth.yaml"
+    assert sorted(os.listdir(tmp_path)) == sorted([part.name, truth])
+    assert error.rstrip().endswith(f", with {truth}")
+    load_simulation(files.load(tmp_path / truth))
     t_ns = read_imu(part).t_ns
     # Readings and truth; a file of readings has these only.
     count = len(t_ns) * (1 if name == "x.csv" else 2)
