@@ -208,7 +208,8 @@ def _straight_at_turns(places: Array, turns: list[int], prefix: str) -> Array:
             x, y = places[k] - 0.5 * np.linalg.norm(go) * along
             raise ConfigurationError(
                 f"{prefix}speeds: at waypoint {k + 1} the vehicle turns back, and the next one is "
-                f"{angle:.3g} deg off its heading: it must first go straight, for example to "
+                f"{angle:.3g} deg off the line on which it came: it must first go straight, for "
+                "example to "
                 f"{x:.4f}, {y:.4f}"
             )
         moved[k + 1] = moved[k] - back * along

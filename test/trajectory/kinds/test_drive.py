@@ -355,7 +355,7 @@ def test_a_crest_is_spread_over_its_smoothing(build):
 def test_what_cannot_be_backed_up_is_named():
     corner = [0.0, 0.0, 20.0, 0.0, 20.0, 15.0]
     (line,) = refused(positions=corner, speeds=[1.0, -1.0])
-    assert "at waypoint 2 the vehicle turns back, and the next one is 90 deg off" in line
+    assert "at waypoint 2 the vehicle turns back, and the next one is 90 deg off the line" in line
     near = [0.0, 0.0, 20.0, 0.0, 20.0, 5.0, 20.0, 0.0]
     (line,) = refused(positions=near, speeds=[1.0, 1.0, -1.0], turning_radius=2.0)
     assert "the path is not straight at waypoint 3" in line
