@@ -36,6 +36,7 @@ PRIOR_POSE = np.array([1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3])  # rad, m
 PRIOR_VELOCITY = 1e-3  # m/s
 LEAST_SIGHTS = 3
 LEAST_PARALLAX = np.radians(2.0)
+VAGUE = 3.0  # standard deviation of a landmark's prior, relative to its distance
 LARGEST_MISS = 10.0  # px, of a triangulated point in the frames that saw it
 
 
@@ -150,6 +151,10 @@ class Estimator:
             if point is None:
                 continue
             values.insert(L(identity), point)
+            # A factor says nothing while an iterate has its landmark behind the camera.
+            distance = np.linalg.norm(point - self._poses[sights[-1][0]].translation())
+            vague = gtsam.noiseModel.Isotropic.Sigma(3, VAGUE * float(distance))
+            graph.addPriorPoint3(L(identity), point, vague)
             for key, camera, pixel in sights:
                 graph.push_back(self._cameras[camera].factor(pixel, key, identity))
             self._known.add(identity)
