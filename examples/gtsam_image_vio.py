@@ -4,14 +4,16 @@
 r"""Visual-inertial odometry with gtsam on images: a corner tracker in front of gtsam_vio.py.
 
     generate -o hall/mav0 --format euroc --imu adis16448 --trajectory tour --duration 20s \
-        --camera euroc_cam0 --set camera.body_axes=flu --scene machine_hall --with-configs
+        --set trajectory.rest_before=2 --camera euroc_cam0 --set camera.body_axes=flu \
+        --scene machine_hall --with-configs
     python examples/gtsam_image_vio.py hall --configuration hall/mav0_configs/simulation.yaml
 
 FAST corners, spread over the image, are followed by OpenCV's pyramidal Lucas-Kanade, forth and
 back; those that do not return, or contradict the epipolar geometry of two frames, are dropped. The
-first pose and velocity are given. The summary tells how many corners were followed from frame to
-frame, and for how many frames those that were followed at all: that is what light and textures of a
-place change. Needs gtsam and opencv-python-headless.
+first pose and velocity are given, and the biases are taken from the rest. Without a rest, dead
+reckoning with unknown biases is metres off before corners have landmarks. The summary tells how
+many corners were followed from frame to frame, and for how many frames those that were followed at
+all: that is what light and textures of a place change. Needs gtsam and opencv-python-headless.
 """
 
 import argparse
