@@ -10,7 +10,7 @@ import functools
 import shutil
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,7 @@ from imu_sim_ros.jobs.output import Form, checked_form, checked_place, is_file
 from imu_sim_ros.names import unknown
 from imu_sim_ros.simulation.error_input import Given
 from imu_sim_ros.simulation.error_model import Counts, ErrorModel
-from imu_sim_ros.simulation.error_parameters import load_error_model, orientation_problems
+from imu_sim_ros.simulation.error_parameters import orientation_problems
 from imu_sim_ros.simulation.topics import delivered
 
 FORMATS = ("euroc", "csv")
@@ -161,7 +161,6 @@ def write(
     elif dataset not in FORMATS:
         raise InputError(f"{path}: {dataset} has no readings")
     job = _Job(source, path, form, options, layers, dataset, written, watcher)
-    load_error_model({"rate": 200.0, **layers})  # all that is wrong with them, before work begins
     written.add(path, kept=True)
     with written, tempfile.TemporaryDirectory(dir=written.where(path).parent) as folder:
         counts, messages = job.run(Path(folder))
@@ -196,6 +195,17 @@ class _Job:
             raise InputError(problems)
         self.added = USUAL if dataset else list(dict.fromkeys(names)) or USUAL
 
+    def _text_rate(self) -> float:
+        """Return the readings per second of a dataset [Hz]."""
+        for t_ns, _, _ in text_reader.imu_blocks(self.source, None, self._uncounted):
+            return rate_of(t_ns)
+        raise InputError(f"{self.source}: contains no readings")
+
+    @property
+    def _uncounted(self) -> Callable[[int], None] | None:
+        """What receives skipped rows that are counted elsewhere; None: they are errors."""
+        return self.watcher.skipped and (lambda _: None)
+
     def run(self, folder: Path) -> tuple[Counts, dict[str, int]]:
         """Write the output; return what happened, and the messages by topic.
 
@@ -203,6 +213,7 @@ class _Job:
         """
         staged = self.written.where(self.path)
         if text_reader.is_text(self.source):
+            with_rate(self.layers, self._text_rate)  # what is wrong with them, before work begins
             if self.dataset is not None:
                 return self._text(staged, folder, self.dataset)
             between = folder / "between.mcap"
@@ -264,11 +275,10 @@ class _Job:
     def _text(self, staged: Path, folder: Path, form: str) -> tuple[Counts, dict[str, int]]:
         """Convert a dataset with all that it has, and replace the readings."""
         self._convert(self.source, staged)
-        uncounted = self.watcher.skipped and (lambda _: None)  # they were counted just now
         model: ErrorModel | None = None
         place = folder / ("noisy.csv" if staged.is_file() else "noisy")
         with Dataset(place, form) as dataset:
-            for t_ns, gyro, accel in text_reader.imu_blocks(self.source, None, uncounted):
+            for t_ns, gyro, accel in text_reader.imu_blocks(self.source, None, self._uncounted):
                 if model is None:
                     parameters = with_rate(self.layers, functools.partial(rate_of, t_ns))
                     model = ErrorModel(parameters, remark=self.watcher.warn)

@@ -57,8 +57,13 @@ def files(imu: str, *options: str) -> float:
         source, target = Path(folder) / "ideal.mcap", Path(folder) / "noisy.mcap"
         words = ["--imu", "perfect", "--rate", "1000", "--duration", f"{READINGS / 1000}s"]
         generate.main(["-o", str(source), *words, "--imu-only", "--quiet"])
-        run = [str(source), "-o", str(target), "--imu", imu, "--force", "--quiet", *options]
-        return READINGS / best(lambda: add_errors.main(run), time.perf_counter)
+        run = [str(source), "-o", str(target), "--imu", imu, "--quiet", *options]
+        # Not the time in which the system frees the gigabyte of the file before.
+        found = []
+        for _ in range(3):
+            target.unlink(missing_ok=True)
+            found.append(best(lambda: add_errors.main(run), time.perf_counter, 1))
+        return READINGS / min(found)
 
 
 def main() -> None:

@@ -223,7 +223,7 @@ def test_bad_readings(folder: Path, tmp_path: Path, capsys) -> None:
         (["none.mcap"], "none.mcap: No such file"),
         (["IN", "--imu", "bmi08"], "bmi08"),
         (["IN", "--set", "input.axes=ned"], "input.axes"),
-        (["IN", "--set", "imu.sampling=averaged"], "needs input.rate above the rate"),
+        (["IN", "--set", "imu.sampling=averaged"], "needs input.rate above the rate, 100 Hz"),
         (["IN", "--topics", "imu/mag"], "imu/mag"),
         (["IN", "--without", "nothing"], "nothing"),
         (["IN", "--input-topic", "nothing"], "nothing"),
