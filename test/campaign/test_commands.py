@@ -290,7 +290,7 @@ time.sleep(600)
 
 def until(condition):
     """Wait until a condition holds; a minute is for a machine that is busy."""
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 300
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.01)

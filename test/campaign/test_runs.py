@@ -175,7 +175,7 @@ def test_kill_9_costs_the_runs_in_flight_only(plan_file, start, campaign, tmp_pa
     folder = tmp_path / "killed"
     process = start(path, "-o", folder, "--workers", 2, start_new_session=True)
     log = folder / "runs.jsonl"
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 300
     while not (log.exists() and log.stat().st_size) and time.monotonic() < deadline:
         time.sleep(0.01)
     os.killpg(process.pid, signal.SIGKILL)
@@ -196,11 +196,11 @@ def test_ctrl_c_ends_cleanly(plan_file, start, tmp_path):
     path = plan_file(seeds=5000)
     process = start(path, "-o", tmp_path / "out", "--workers", 2, start_new_session=True)
     log = tmp_path / "out" / "runs.jsonl"
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 300
     while not (log.exists() and log.stat().st_size) and time.monotonic() < deadline:
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
-    _, stderr = process.communicate(timeout=60)
+    _, stderr = process.communicate(timeout=300)
     assert process.returncode == 130
     assert "continue with --resume" in stderr
     assert "Traceback" not in stderr
@@ -235,7 +235,7 @@ def test_a_signal_interrupts_the_wait_for_a_run(plan_file, tmp_path, monkeypatch
 
 def process_group_is_empty(group):
     """Wait until no process of a group runs; one that has ended and waits for init does not."""
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + 300
     while time.monotonic() < deadline:
         states = subprocess.run(
             ["ps", "-o", "stat=", "-g", str(group)], capture_output=True, text=True, check=False
@@ -515,13 +515,13 @@ def test_a_disk_that_takes_no_more_is_told_in_a_line_and_costs_no_run(plan_file,
         resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
 
     process = start(path, "-o", folder, "--workers", 1, "--quiet", preexec_fn=limit)
-    _, stderr = process.communicate(timeout=120)
+    _, stderr = process.communicate(timeout=300)
     assert process.returncode == 1
     assert stderr.startswith(f"campaign: {folder}: ")
     assert stderr.endswith("File too large\n")
     assert stderr.count("\n") == 1
     process = start(path, "-o", folder, "--workers", 1, "--quiet", "--resume")
-    assert process.communicate(timeout=120) == ("", "")
+    assert process.communicate(timeout=300) == ("", "")
     assert len(table(folder)) == 3
 
 

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.ros
 
 def demo(*arguments):
     command = [sys.executable, "-m", "imu_sim_ros.commands.demo", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    return subprocess.run(command, capture_output=True, text=True, timeout=500, check=False)
 
 
 def test_all_messages_arrive_and_the_errors_are_the_known_ones(tmp_path):

@@ -34,7 +34,7 @@ def _shell(command, folder, **options):
         capture_output=True,
         text=True,
         check=False,
-        timeout=120,
+        timeout=300,
         **options,
     )
 

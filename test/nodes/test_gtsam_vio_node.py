@@ -72,7 +72,7 @@ def test_the_live_estimate_is_the_one_from_files(start, domains, tmp_path):
         wait_for_truth_subscribers=1,
     )
     try:
-        live = json.loads(node.communicate(timeout=120)[0])
+        live = json.loads(node.communicate(timeout=300)[0])
     finally:
         node.kill()
     assert simulator.status() == 0

@@ -55,7 +55,7 @@ def main() -> None:
         (node.create_publisher(message, topic, qos), rows)
         for message, topic, rows in (contents(name, options) for name in options["topics"])
     ]
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + 300
     while min(p.get_subscription_count() for p, _ in outputs) < options["wait"]:
         if time.monotonic() > deadline:
             sys.exit("no subscriber came")

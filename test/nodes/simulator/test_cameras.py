@@ -126,7 +126,7 @@ def test_frames_in_a_mesh_are_those_of_a_file_bit_for_bit(start, listener, tmp_p
     colours = 128.0 + 100.0 * np.sin(2.0 * room.vertices)
     room.visual.vertex_colors = colours.astype(np.uint8)
     room.export(tmp_path / "room.ply")
-    scene = {"scene.type": "mesh", "scene.mesh": str(tmp_path / "room.ply"), "duration": 1.0}
+    scene = {"scene.type": "mesh", "scene.mesh": str(tmp_path / "room.ply"), "duration": 0.6}
     values = RIG | scene | {"camera.row_time": 1e-4, "camera.exposure_time": 0.01}
     path = tmp_path / "a.mcap"
     words = ["-o", str(path), "--quiet", "--trajectory", "figure_eight", *as_arguments(values)]
@@ -147,7 +147,7 @@ def test_frames_in_a_mesh_are_those_of_a_file_bit_for_bit(start, listener, tmp_p
         for connection, _, raw in reader.messages():
             found.get(connection.topic, []).append(bytes(raw))
     for topic, payloads in found.items():
-        assert len(payloads) > 10, topic
+        assert len(payloads) > 5, topic
         assert stamps(listener.raw[topic]) == stamps(payloads), topic
         assert unpadded(listener.raw[topic], payloads) == payloads, topic
     pixels = np.frombuffer(found["/cam0/image_raw"][5][-94 * 60 :], np.uint8)
@@ -333,7 +333,7 @@ WALK = {
     "scene.center": "[0.0, 0.0, 1.3]",
     "scene.bodies.people": 1,
     "scene.bodies.doors": 1,
-    "duration": 1.0,
+    "duration": 0.6,
     "start_time": 1.0,
     "seed": 4,
 }
@@ -372,6 +372,6 @@ def test_bodies_that_move_are_those_of_a_file_bit_for_bit(start, listener, tmp_p
     )
     assert listener.wait_for_end(node) == 0, node.output
     for topic in kinds:
-        assert len(expected[topic]) >= 19
+        assert len(expected[topic]) >= 11
         assert unpadded(listener.raw[topic], expected[topic]) == expected[topic], topic
     assert any(any(mask[-94 * 60 :]) for mask in expected["/cam0/mask/image_raw"])
