@@ -32,7 +32,7 @@ from imu_sim_ros.bags.messages.layouts import Bytes
 from imu_sim_ros.bags.messages.schemas import Schema
 from imu_sim_ros.bags.outputs import OutputFile
 from imu_sim_ros.bags.threads import Pipeline
-from imu_sim_ros.bags.writer import Block, Topic, Writer, simultaneous, time_order
+from imu_sim_ros.bags.writer import BagTopic, Block, Writer, simultaneous, time_order
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.machine import cores
 from imu_sim_ros.types import Times
@@ -168,7 +168,7 @@ class ChunkWriter(Writer):
         self.file = OutputFile(path, renamed)
         self._pending: list[Block] = []
         self._pending_bytes = 0
-        self._raw: list[tuple[Topic, int, bytes]] = []
+        self._raw: list[tuple[BagTopic, int, bytes]] = []
         self._written: list[Any] = []
         """Index of every chunk, as the containers record it."""
         self._emitting = False
@@ -181,14 +181,16 @@ class ChunkWriter(Writer):
         self._pipeline: Pipeline[_Job, tuple[_Job, Any]] | None = None
 
     @abstractmethod
-    def _records(self, topic: Topic, first: int, t_ns: Times, payloads: RowTemplate) -> RowTemplate:
+    def _records(
+        self, topic: BagTopic, first: int, t_ns: Times, payloads: RowTemplate
+    ) -> RowTemplate:
         """Return messages of equal size as records.
 
         :param first: how many messages of the topic were written before.
         """
 
     @abstractmethod
-    def _record(self, topic: Topic, index: int, t_ns: int, payload: bytes) -> bytes:
+    def _record(self, topic: BagTopic, index: int, t_ns: int, payload: bytes) -> bytes:
         """Return one message as a record."""
 
     def _first_in_chunk(self) -> bytes:
@@ -217,7 +219,7 @@ class ChunkWriter(Writer):
         qos: Sequence[Any] | None = None,
         definition: Schema | None = None,
         keeps_seq: bool = False,
-    ) -> Topic:
+    ) -> BagTopic:
         """Return the handle of a new topic; its description follows the chunks so far."""
         self._wait()
         topic = super().add_topic(name, type_name, qos, definition, keeps_seq)
@@ -244,7 +246,7 @@ class ChunkWriter(Writer):
         if self._pending_bytes >= CHUNK_BYTES:
             self._emit_in_threads()
 
-    def write_raw(self, topic: Topic, t_ns: int, payload: bytes) -> None:
+    def write_raw(self, topic: BagTopic, t_ns: int, payload: bytes) -> None:
         """Write one message."""
         self._raw.append((topic, t_ns, payload))
         self._pending_bytes += len(payload)
@@ -306,7 +308,7 @@ class ChunkWriter(Writer):
 
     def _collect_raw(self) -> None:
         """Turn single messages into blocks, one for each topic."""
-        by_topic: dict[Topic, tuple[list[int], list[bytes]]] = {}
+        by_topic: dict[BagTopic, tuple[list[int], list[bytes]]] = {}
         for topic, t_ns, payload in self._raw:
             times, payloads = by_topic.setdefault(topic, ([], []))
             times.append(t_ns)
@@ -487,7 +489,7 @@ class ChunkWriter(Writer):
             start = stop
 
     def _record_list(
-        self, topic: Topic, first: int, t_ns: Times, payloads: Payloads | RowTemplate
+        self, topic: BagTopic, first: int, t_ns: Times, payloads: Payloads | RowTemplate
     ) -> list[bytes]:
         if isinstance(payloads, list):
             return [

@@ -30,7 +30,7 @@ from imu_sim_ros.bags.reader import Bag, errors_naming, missing
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.writer import Dataset, States
 from imu_sim_ros.bags.threads import prefetch
-from imu_sim_ros.bags.writer import Block, Topic, Writer
+from imu_sim_ros.bags.writer import BagTopic, Block, Writer
 from imu_sim_ros.conventions import (
     ACCELEROMETER_BIAS_TOPIC,
     BODY_FRAME,
@@ -92,7 +92,7 @@ def bag_to_bag(
     """
     with errors_naming(bag.path):
         translate = _translator(bag, writer, topics)
-    handles: dict[TopicInfo, Topic] = {}
+    handles: dict[TopicInfo, BagTopic] = {}
     keeps_seq = bag.encoding == "ros1"
     for info in topics:
         name = renamed.get(info.name, info.name)

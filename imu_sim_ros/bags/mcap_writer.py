@@ -20,7 +20,7 @@ from imu_sim_ros.bags.merging import Indexed
 from imu_sim_ros.bags.messages.blocks import Column, RowTemplate, side_by_side
 from imu_sim_ros.bags.messages.layouts import Bytes
 from imu_sim_ros.bags.messages.schemas import qos_text
-from imu_sim_ros.bags.writer import Topic
+from imu_sim_ros.bags.writer import BagTopic
 from imu_sim_ros.types import Times
 
 MAGIC: Final = b"\x89MCAP0\r\n"
@@ -107,7 +107,7 @@ class McapWriter(ChunkWriter):
         # The library's own identifier; mcap.writer has it and takes 15 ms to import.
         self.file.write(MAGIC, _packed(Header("ros2", f"mcap-python/{__version__}")))
 
-    def _register(self, topic: Topic) -> None:
+    def _register(self, topic: BagTopic) -> None:
         """Write schema and channel immediately, so that a truncated file can be read."""
         from mcap.records import Channel
         from mcap.records import Schema as SchemaRecord
@@ -139,7 +139,9 @@ class McapWriter(ChunkWriter):
         self._channels.append(channel)
         self.file.write(_packed(channel))
 
-    def _records(self, topic: Topic, first: int, t_ns: Times, payloads: RowTemplate) -> RowTemplate:
+    def _records(
+        self, topic: BagTopic, first: int, t_ns: Times, payloads: RowTemplate
+    ) -> RowTemplate:
         count, size = payloads.shape
         header = np.zeros(1, MESSAGE_HEADER)
         header["opcode"] = MESSAGE
@@ -152,7 +154,7 @@ class McapWriter(ChunkWriter):
         ]
         return side_by_side([RowTemplate(header.tobytes(), columns, count), payloads])
 
-    def _record(self, topic: Topic, index: int, t_ns: int, payload: bytes) -> bytes:
+    def _record(self, topic: BagTopic, index: int, t_ns: int, payload: bytes) -> bytes:
         length = MESSAGE_HEADER.itemsize - _RECORD_HEADER_BYTES + len(payload)
         sequence = index & 0xFFFFFFFF
         return (
@@ -271,7 +273,7 @@ class McapWriter(ChunkWriter):
         )
 
 
-def _message_index(topic: Topic, t_ns: Times, offsets: Times) -> bytes:
+def _message_index(topic: BagTopic, t_ns: Times, offsets: Times) -> bytes:
     entries = np.empty(len(t_ns), INDEX_ENTRY)
     entries["time"] = t_ns
     entries["offset"] = offsets

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.blocks import Column, RowTemplate, side_by_side
 from imu_sim_ros.bags.messages.layouts import Bytes
-from imu_sim_ros.bags.writer import Topic, time_order
+from imu_sim_ros.bags.writer import BagTopic, time_order
 from imu_sim_ros.types import Times
 
 _MOST_INTERVALS: Final = 5
@@ -27,7 +27,7 @@ _FEWEST_PERIODS: Final = 4
 class Indexed(NamedTuple):
     """The messages of one topic in a chunk."""
 
-    topic: Topic
+    topic: BagTopic
     t_ns: Times
     offsets: Times
     """Offsets of the records in the chunk."""
@@ -36,7 +36,7 @@ class Indexed(NamedTuple):
 class Records(NamedTuple):
     """n messages of one topic as records of equal size, in the order of time."""
 
-    topic: Topic
+    topic: BagTopic
     t_ns: Times
     rows: RowTemplate
 
@@ -48,7 +48,7 @@ class Records(NamedTuple):
 class _Member(NamedTuple):
     """The k records of one topic in each row."""
 
-    topic: Topic
+    topic: BagTopic
     t_ns: Times
     """(n k,)"""
     offsets: Times
@@ -294,7 +294,7 @@ def joined_index(parts_of_chunk: Sequence[tuple[int, Sequence[Indexed]]]) -> lis
 
     :param parts_of_chunk: where each part begins, and the messages in it.
     """
-    by_topic: dict[Topic, list[tuple[Times, NDArray[np.int64]]]] = {}
+    by_topic: dict[BagTopic, list[tuple[Times, NDArray[np.int64]]]] = {}
     for begin, index in parts_of_chunk:
         for topic, t_ns, offsets in index:
             by_topic.setdefault(topic, []).append((t_ns, offsets + begin))

@@ -17,7 +17,7 @@ from imu_sim_ros.bags.messages.blocks import Column, RowTemplate, side_by_side
 from imu_sim_ros.bags.messages.encode import divided
 from imu_sim_ros.bags.messages.layouts import Bytes
 from imu_sim_ros.bags.messages.schemas import ros1_name
-from imu_sim_ros.bags.writer import Topic
+from imu_sim_ros.bags.writer import BagTopic
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.types import Times
@@ -138,7 +138,7 @@ class Rosbag1Writer(ChunkWriter):
         super().__init__(path, compression, renamed)
         self._compress = compressor(compression)
         self._announced = 0
-        self._numbered: set[Topic] = set()
+        self._numbered: set[BagTopic] = set()
         self.file.write(MAGIC, self._bag_header(0))
 
     def _bag_header(self, index_position: int) -> bytes:
@@ -152,7 +152,7 @@ class Rosbag1Writer(ChunkWriter):
         padding = BAG_HEADER_BYTES - (len(header) - 4)
         return header + _u4(padding) + b" " * padding
 
-    def _register(self, topic: Topic) -> None:
+    def _register(self, topic: BagTopic) -> None:
         if not topic.schema.text:
             raise InputError(
                 f"{topic.name}: a ROS 1 bag needs the definition of {topic.type_name}, "
@@ -161,7 +161,7 @@ class Rosbag1Writer(ChunkWriter):
         if not topic.keeps_seq and _begins_with_header(topic.schema.text):
             self._numbered.add(topic)
 
-    def _connection(self, topic: Topic) -> bytes:
+    def _connection(self, topic: BagTopic) -> bytes:
         name = topic.name.encode()
         latched = bool(topic.qos) and all(qos.durability == "transient_local" for qos in topic.qos)
         details = fields(
@@ -174,7 +174,9 @@ class Rosbag1Writer(ChunkWriter):
         )
         return fields(conn=_u4(topic.index), op=_u1(OP_CONNECTION), topic=name) + details
 
-    def _records(self, topic: Topic, first: int, t_ns: Times, payloads: RowTemplate) -> RowTemplate:
+    def _records(
+        self, topic: BagTopic, first: int, t_ns: Times, payloads: RowTemplate
+    ) -> RowTemplate:
         count, size = payloads.shape
         header = np.frombuffer(bytearray(_HEADER), _HEADER_TYPE)
         header["connection"], header["length"] = topic.index, size
@@ -189,7 +191,7 @@ class Rosbag1Writer(ChunkWriter):
             payloads = RowTemplate(payloads.template, [*payloads.columns, seq], count)
         return side_by_side([RowTemplate(header.tobytes(), columns, count), payloads])
 
-    def _record(self, topic: Topic, index: int, t_ns: int, payload: bytes) -> bytes:
+    def _record(self, topic: BagTopic, index: int, t_ns: int, payload: bytes) -> bytes:
         header = fields(conn=_u4(topic.index), op=_u1(OP_MESSAGE), time=_time(t_ns))
         if topic in self._numbered and len(payload) >= _SEQ_BYTES:
             payload = _u4((topic.before + index) & 0xFFFFFFFF) + payload[_SEQ_BYTES:]

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from imu_sim_ros.bags.messages.schemas import qos_profiles
-from imu_sim_ros.bags.writer import Topic
+from imu_sim_ros.bags.writer import BagTopic
 
 FILE_NAME: Final = "metadata.yaml"
 VERSION: Final = 9
@@ -24,7 +24,7 @@ class Part(NamedTuple):
     messages: int
 
 
-def part(path: Path, topics: Sequence[Topic]) -> Part:
+def part(path: Path, topics: Sequence[BagTopic]) -> Part:
     """Return the metadata of one file."""
     filled = [topic for topic in topics if topic.count]
     start = min((topic.first_ns for topic in filled), default=_NO_START)
@@ -32,7 +32,7 @@ def part(path: Path, topics: Sequence[Topic]) -> Part:
     return Part(path.name, start, end - start, sum(topic.count for topic in filled))
 
 
-def document(storage: str, topics: Sequence[Topic], parts: Sequence[Part]) -> dict[str, Any]:
+def document(storage: str, topics: Sequence[BagTopic], parts: Sequence[Part]) -> dict[str, Any]:
     """Return the content of metadata.yaml below its root.
 
     :param storage: mcap or sqlite3.

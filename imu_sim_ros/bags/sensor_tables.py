@@ -18,7 +18,7 @@ from imu_sim_ros.bags.messages.decode import inside_order
 from imu_sim_ros.bags.messages.encode import ImuEncoder
 from imu_sim_ros.bags.read import decoded_blocks, open_bag, vector_blocks
 from imu_sim_ros.bags.text import reader as text_reader
-from imu_sim_ros.bags.writer import Block, Topic, Writer
+from imu_sim_ros.bags.writer import BagTopic, Block, Writer
 from imu_sim_ros.conventions import IMU_FRAME, IMU_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import Skipped, Warned
@@ -216,7 +216,7 @@ def streams_of_tables(
 
 
 def _blocks_of(
-    topic: Topic, messages: Iterator[tuple[Times, NDArray[np.uint8]]]
+    topic: BagTopic, messages: Iterator[tuple[Times, NDArray[np.uint8]]]
 ) -> Iterator[list[Block]]:
     for t_ns, payloads in messages:
         yield [Block(topic, t_ns, payloads)]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.bags import rosbag2_metadata as rosbag2_metadata
 from imu_sim_ros.bags.outputs import make_folder
-from imu_sim_ros.bags.writer import Block, Topic, Writer, tally, time_order
+from imu_sim_ros.bags.writer import BagTopic, Block, Writer, tally, time_order
 from imu_sim_ros.errors import InputError
 
 _NEVER: Final = 2**63 - 1
@@ -56,7 +56,7 @@ class PartsWriter(Writer):
         """The files of all parts."""
         return [file for part in self._parts for file in part.files]
 
-    def _register(self, topic: Topic) -> None:
+    def _register(self, topic: BagTopic) -> None:
         if not self._ended:
             _add(self._parts[-1], topic)
 
@@ -72,7 +72,7 @@ class PartsWriter(Writer):
                 self._end_part()
             blocks = later + past
 
-    def write_raw(self, topic: Topic, t_ns: int, payload: bytes) -> None:
+    def write_raw(self, topic: BagTopic, t_ns: int, payload: bytes) -> None:
         """Write one message."""
         if self._end_ns is not None and t_ns >= self._end_ns:
             self._end_part()
@@ -175,7 +175,7 @@ class PartsWriter(Writer):
         self._ended = True
 
 
-def _add(part: Writer, topic: Topic, before: int = 0) -> None:
+def _add(part: Writer, topic: BagTopic, before: int = 0) -> None:
     here = part.add_topic(topic.name, topic.type_name, topic.qos, topic.schema, topic.keeps_seq)
     here.before = before
 

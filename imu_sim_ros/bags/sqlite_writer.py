@@ -17,7 +17,7 @@ from imu_sim_ros.bags import rosbag2_metadata as rosbag2_metadata
 from imu_sim_ros.bags.messages.blocks import as_list, as_row_template, side_by_side
 from imu_sim_ros.bags.messages.schemas import qos_text
 from imu_sim_ros.bags.outputs import refuse_existing
-from imu_sim_ros.bags.writer import Block, Topic, Writer, simultaneous, tally, time_order
+from imu_sim_ros.bags.writer import BagTopic, Block, Writer, simultaneous, tally, time_order
 from imu_sim_ros.errors import MachineError
 
 SCHEMA_VERSION: Final = 4
@@ -82,7 +82,7 @@ class SqliteWriter(Writer):
         """Bytes of the messages so far, without the overhead of the database."""
         return self._bytes
 
-    def _register(self, topic: Topic) -> None:
+    def _register(self, topic: BagTopic) -> None:
         text, digest, language = topic.schema
         row = (
             topic.index + 1,
@@ -152,7 +152,7 @@ class SqliteWriter(Writer):
             tally([Block(topic, t_ns, payloads) for topic, _, payloads in blocks])
             self._count_bytes(len(t_ns) * sum(sizes))
 
-    def write_raw(self, topic: Topic, t_ns: int, payload: bytes) -> None:
+    def write_raw(self, topic: BagTopic, t_ns: int, payload: bytes) -> None:
         """Write one message."""
         self._raw.append((topic.index + 1, t_ns, payload))
         topic.add(1, t_ns, t_ns)

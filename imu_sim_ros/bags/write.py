@@ -10,11 +10,11 @@ from typing import Final
 from imu_sim_ros.bags.messages.schemas import Qos
 from imu_sim_ros.bags.outputs import refuse_existing
 from imu_sim_ros.bags.split import MAX_PARTS, PartsWriter, Rosbag2Writer
-from imu_sim_ros.bags.writer import Block, Topic, Writer
+from imu_sim_ros.bags.writer import BagTopic, Block, Writer
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.names import suggestion
 
-__all__ = ["COMPRESSIONS", "STORAGES", "Block", "Qos", "Topic", "Writer", "open_writer"]
+__all__ = ["COMPRESSIONS", "STORAGES", "BagTopic", "Block", "Qos", "Writer", "open_writer"]
 
 STORAGES: Final = ("mcap", "sqlite3", "ros1")
 COMPRESSIONS: Final[dict[str, tuple[str, ...]]] = {

@@ -19,7 +19,7 @@ from imu_sim_ros.types import Times
 
 
 @dataclass(eq=False)
-class Topic:
+class BagTopic:
     """A topic of a bag that is being written, and its contents so far."""
 
     index: int
@@ -45,7 +45,7 @@ class Topic:
 class Block(NamedTuple):
     """n messages of one topic."""
 
-    topic: Topic
+    topic: BagTopic
     t_ns: Times
     """(n,) record times."""
     payloads: Payloads | RowTemplate
@@ -60,7 +60,7 @@ class Writer(ABC):
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.topics: list[Topic] = []
+        self.topics: list[BagTopic] = []
 
     def add_topic(
         self,
@@ -69,7 +69,7 @@ class Writer(ABC):
         qos: Sequence[Any] | None = None,
         definition: Schema | None = None,
         keeps_seq: bool = False,
-    ) -> Topic:
+    ) -> BagTopic:
         """Return the handle of a new topic.
 
         :param name: with its slash, for instance /imu/data_raw.
@@ -83,12 +83,12 @@ class Writer(ABC):
         found = definition or schema(type_name, self.encoding)
         profiles = [Qos()] if qos is None else qos
         words = tuple(q if isinstance(q, Qos) else Qos.of(q) for q in profiles)
-        topic = Topic(len(self.topics), name, type_name, found, words, keeps_seq=keeps_seq)
+        topic = BagTopic(len(self.topics), name, type_name, found, words, keeps_seq=keeps_seq)
         self._register(topic)
         self.topics.append(topic)
         return topic
 
-    def write(self, topic: Topic, t_ns: Times, payloads: Payloads | RowTemplate) -> None:
+    def write(self, topic: BagTopic, t_ns: Times, payloads: Payloads | RowTemplate) -> None:
         """Write n messages with record times (n,)."""
         self.write_blocks([Block(topic, t_ns, payloads)])
 
@@ -97,7 +97,7 @@ class Writer(ABC):
         """Write the messages of several topics, ordered by record time among each other."""
 
     @abstractmethod
-    def write_raw(self, topic: Topic, t_ns: int, payload: bytes) -> None:
+    def write_raw(self, topic: BagTopic, t_ns: int, payload: bytes) -> None:
         """Write one message."""
 
     @abstractmethod
@@ -141,7 +141,7 @@ class Writer(ABC):
         return [self.path]
 
     @abstractmethod
-    def _register(self, topic: Topic) -> None:
+    def _register(self, topic: BagTopic) -> None:
         """Prepare a new topic."""
 
     def __enter__(self) -> "Writer":
@@ -156,7 +156,7 @@ class Writer(ABC):
             self.stop()
 
 
-def described(topics: Iterable[Topic]) -> str:
+def described(topics: Iterable[BagTopic]) -> str:
     """Return how much was written to the topics of a bag."""
     written = list(topics)
     last_ns = max((topic.last_ns for topic in written), default=-1)

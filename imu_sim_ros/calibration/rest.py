@@ -31,7 +31,7 @@ _MIN_WINDOWS: Final = 4
 """Number of stretches below which none of them can stand out."""
 
 
-class Motion(NamedTuple):
+class Movement(NamedTuple):
     """Seconds in which an axis was not at rest."""
 
     axis: int
@@ -52,7 +52,7 @@ class RestCheck:
         self._buffered = 0
         self._before: Array | None = None
         self._time = 0.0
-        self.moving: list[Motion] = []
+        self.moving: list[Movement] = []
         """Stretches of continued motion, or of a walk of such size; they are handed on."""
         self.step = np.zeros(6)
         """(6,) digital steps of the readings, if they are known."""
@@ -60,7 +60,7 @@ class RestCheck:
         """(6,) for each stretch: standard deviation of the means of a second, without a line."""
         self._variance = np.zeros(6)
         self._windows_seen = 0
-        self.disturbed: list[Motion] = []
+        self.disturbed: list[Movement] = []
         """Single disturbances; they are cut out."""
         self.seconds = 0.0
 
@@ -131,13 +131,13 @@ class RestCheck:
         moving = (spread > _SMALLEST_MOTION) & (spread**2 > _SLOW * white**2)
         self.spreads.append(spread)
         for axis in np.flatnonzero(moving):
-            self.moving.append(Motion(int(axis), begin, end, float(spread[axis])))
+            self.moving.append(Movement(int(axis), begin, end, float(spread[axis])))
 
     def noise(self) -> Array:
         """Return (6,) the standard deviation of the readings within a second."""
         return np.sqrt(self._variance / max(self._windows_seen, 1))
 
-    def sudden(self, motion: Motion) -> bool:
+    def sudden(self, motion: Movement) -> bool:
         """Return whether a motion is far larger than the axis' motion in the other stretches."""
         if len(self.spreads) < _MIN_WINDOWS:
             return False
@@ -178,7 +178,7 @@ class RestCheck:
             end = int(k + np.argmin(np.append(bad[k:], False)))
             size = max(float(jump[k:end, axis].max()), float(np.sqrt(variance[k:end, axis].max())))
             seconds = self._window / self._rate
-            self.disturbed.append(Motion(axis, begin + k * seconds, begin + end * seconds, size))
+            self.disturbed.append(Movement(axis, begin + k * seconds, begin + end * seconds, size))
         margin: NDArray[np.bool_] = np.convolve(bad, np.ones(3), mode="same") > 0.5
         return margin
 

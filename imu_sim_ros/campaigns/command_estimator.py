@@ -47,7 +47,7 @@ _ONE_AT_A_TIME: Final = threading.Lock()
 _ESTIMATE: Final = {"tum": "estimate.txt", "euroc": "estimate.csv", "bag": "estimate"}
 
 
-class Outcome(NamedTuple):
+class ProgramEnd(NamedTuple):
     """How a program ended."""
 
     status: int | None
@@ -142,7 +142,7 @@ def _words(
 
 def _run(
     words: Sequence[str], estimator: CommandEstimator, variables: dict[str, str], place: Path
-) -> Outcome:
+) -> ProgramEnd:
     """Run a program to its end and remove everything that it leaves running."""
     with _ONE_AT_A_TIME:
         return _run_alone(words, estimator, variables, place)
@@ -150,7 +150,7 @@ def _run(
 
 def _run_alone(
     words: Sequence[str], estimator: CommandEstimator, variables: dict[str, str], place: Path
-) -> Outcome:
+) -> ProgramEnd:
     others, worker = _children(), os.getpid()
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
     started, memory = time.monotonic(), _PeakMemory()
@@ -172,7 +172,7 @@ def _run_alone(
         status, reason, peak = _wait(process, estimator, place, started, memory)
     finally:
         _kill_all(process.pid, others)
-    return Outcome(status, reason, time.monotonic() - started, peak)
+    return ProgramEnd(status, reason, time.monotonic() - started, peak)
 
 
 def _environment(variables: dict[str, str], words: Sequence[str]) -> dict[str, str]:

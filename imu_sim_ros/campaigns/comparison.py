@@ -37,7 +37,7 @@ from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.types import Array
 
 
-class Estimate(NamedTuple):
+class EstimatedTrack(NamedTuple):
     """A trajectory with further data from its source."""
 
     poses: PoseSequence
@@ -47,19 +47,19 @@ class Estimate(NamedTuple):
     """(n, 3, 3) in the body."""
 
 
-def read_estimate(path: Path, topic: str | None) -> Estimate:
+def read_estimate(path: Path, topic: str | None) -> EstimatedTrack:
     """Read a file of poses (TUM, EuRoC), or a topic of a bag.
 
     :param topic: None: the only topic of Odometry, else of PoseStamped.
     :raises InputError: for what cannot be read or is not a trajectory.
     """
     if is_text(path) or not _has_odometry(path, topic):
-        found = Estimate(read_poses(path, topic, covariance=True))
+        found = EstimatedTrack(read_poses(path, topic, covariance=True))
     else:
         odometry = read_odometry(path, topic)
         pose, twist = odometry.pose_covariance, odometry.twist_covariance[:, :3, :3]
         poses = PoseSequence(odometry.t_ns, odometry.position, odometry.q_wb)
-        found = Estimate(
+        found = EstimatedTrack(
             poses._replace(covariance=pose if pose.any() else None),
             rotate(odometry.q_wb, odometry.velocity_b),
             twist if twist.any() else None,
@@ -78,7 +78,7 @@ def _has_odometry(path: Path, topic: str | None) -> bool:
 
 
 def estimate_metrics(
-    found: Estimate, block: ImuBlock, alignment: str, relative: tuple[Relative, ...]
+    found: EstimatedTrack, block: ImuBlock, alignment: str, relative: tuple[Relative, ...]
 ) -> Metrics:
     """Return the metrics of an estimate of the motion of a block of samples.
 
@@ -120,7 +120,7 @@ def _at_rows(poses: PoseSequence, rows: NDArray[np.intp]) -> PoseSequence:
 
 
 def _velocity_error(
-    found: Estimate, row: NDArray[np.intp], aligned: Alignment, block: ImuBlock
+    found: EstimatedTrack, row: NDArray[np.intp], aligned: Alignment, block: ImuBlock
 ) -> Array | None:
     """Return truth minus estimate (1, 3), in the world; None if there is no velocity."""
     if found.velocity is None:
@@ -132,7 +132,7 @@ def _velocity_error(
 
 
 def _consistency(
-    found: Estimate, row: NDArray[np.intp], truth: PoseSequence, velocity: Array | None
+    found: EstimatedTrack, row: NDArray[np.intp], truth: PoseSequence, velocity: Array | None
 ) -> Metrics:
     """Return the NEES of those parts of the last state that have a covariance.
 

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.campaigns.comparison import Estimate, estimate_metrics
+from imu_sim_ros.campaigns.comparison import EstimatedTrack, estimate_metrics
 from imu_sim_ros.campaigns.metrics import Metrics, pose_metrics
 from imu_sim_ros.campaigns.parameters import DeadReckonEstimator
 from imu_sim_ros.campaigns.simulated import SimulatedCell
@@ -68,7 +68,7 @@ class DeadReckoning:
         )
         estimate = PoseSequence(states.t_ns, states.position, states.q_wb)
         if not at_stamps:
-            found = Estimate(estimate, states.velocity)
+            found = EstimatedTrack(estimate, states.velocity)
             return estimate_metrics(found, block, alignment, plan.relative)
         velocity = states.velocity
         if alignment != "none":

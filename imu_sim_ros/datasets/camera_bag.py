@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.bags.writer import Block, Topic
+from imu_sim_ros.bags.writer import BagTopic, Block
 from imu_sim_ros.conventions import (
     BODIES_TOPIC,
     COMPRESSED_TOPIC,
@@ -68,7 +68,7 @@ class CameraBag:
         self.bag, self._rig, self._world_frame = bag, rig, world_frame
         self.block_size = max(1, round(_SPAN * bag.fastest))
         types = camera_topics(rig.parameters)
-        self._topics: dict[str, Topic] = {
+        self._topics: dict[str, BagTopic] = {
             key: bag.writer.add_topic(
                 resolved(name), types[key], [LATCHED] if key == LANDMARKS_TOPIC else None
             )
@@ -170,7 +170,7 @@ class CameraBag:
             times = np.array([t_ns for t_ns, _ in waiting.features])
             clouds = [payload for _, payload in waiting.features]
             blocks.append(Block(self._topics[FEATURES_TOPIC], times, clouds))
-        found: dict[Topic, tuple[list[int], list[bytes]]] = {}
+        found: dict[BagTopic, tuple[list[int], list[bytes]]] = {}
         made = [
             (f"{camera}/{below}", t_ns, payload)
             for camera, t_ns, messages in waiting.frames

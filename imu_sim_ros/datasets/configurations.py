@@ -15,7 +15,7 @@ from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.conventions import IMAGE_TOPIC, IMU_TOPIC
 from imu_sim_ros.datasets.consumers import kalibr
 from imu_sim_ros.datasets.consumers.folder import write_all
-from imu_sim_ros.datasets.consumers.rig import RigValues, Start, start_warnings
+from imu_sim_ros.datasets.consumers.rig import InitialMotion, RigValues, start_warnings
 from imu_sim_ros.datasets.consumers.values import ImuValues
 from imu_sim_ros.datasets.topics import resolved
 from imu_sim_ros.inputs.tables import Table
@@ -66,14 +66,14 @@ def write_configs(
     return warnings
 
 
-def _start(simulation: Simulation) -> Start:
+def _start(simulation: Simulation) -> InitialMotion:
     """Return the true motion at the start of a flight, every 10 ms."""
     length = min(simulation.position / simulation.parameters.rate, _START)
     t = np.arange(0.0, max(length, 2.0 * _EVERY), _EVERY)
     motion = simulation.trajectory.sample(np.minimum(t, simulation.trajectory.duration))
     force = motion.acceleration - np.asarray(simulation.parameters.gravity)
     speed = np.linalg.norm(motion.velocity, axis=1)
-    return Start(t, rotation.rotate_inverse(motion.q_wb, force), speed)
+    return InitialMotion(t, rotation.rotate_inverse(motion.q_wb, force), speed)
 
 
 def bagcreater_topics(imus: Iterable[str]) -> dict[str, str]:

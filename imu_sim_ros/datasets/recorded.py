@@ -234,7 +234,7 @@ _PNG_CHANNELS: Final = {0: 1, 2: 3, 3: 3, 4: 4, 6: 4}
 """Channels by PNG's colour type, as OpenCV decodes them: grey, colour, palette, with alpha."""
 
 
-class Frames(NamedTuple):
+class RecordedFrames(NamedTuple):
     """n images of a camera, in time order."""
 
     folder: Path
@@ -246,8 +246,8 @@ class FolderCamera(NamedTuple):
     """The files of one camera in a folder."""
 
     name: str
-    images: Frames
-    depth: Frames | None
+    images: RecordedFrames
+    depth: RecordedFrames | None
     described: Description
     text: str
     """Text of its sensor.yaml; empty if there is none."""
@@ -278,22 +278,22 @@ def folder_cameras(path: Path, skipped: Skipped | None = None) -> list[FolderCam
     return list(found.values())
 
 
-def _images(folder: Path, skipped: Skipped | None) -> Frames | None:
+def _images(folder: Path, skipped: Skipped | None) -> RecordedFrames | None:
     table = folder / "data.csv"
     return _tabled(table, skipped) if is_present(table) else _listed(folder)
 
 
-def _listed(folder: Path) -> Frames | None:
+def _listed(folder: Path) -> RecordedFrames | None:
     """Return the images of a folder that are named by their stamps [ns]; None without any."""
     found = filter(_IMAGE.fullmatch, names_in(folder))
     names = sorted(found, key=lambda name: int(name.partition(".")[0]))
     stamps = [int(name.partition(".")[0]) for name in names]
     if stamps and stamps[-1] >= 1 << 63:
         raise InputError(f"{folder / names[-1]}: not a stamp in nanoseconds")
-    return Frames(folder, np.array(stamps, dtype=np.int64), names) if names else None
+    return RecordedFrames(folder, np.array(stamps, dtype=np.int64), names) if names else None
 
 
-def _tabled(table: Path, skipped: Skipped | None) -> Frames:
+def _tabled(table: Path, skipped: Skipped | None) -> RecordedFrames:
     """Return the images that a data.csv lists, all of which exist."""
     folder = table.parent / "data"
     there = set(names_in(folder))
@@ -313,7 +313,7 @@ def _tabled(table: Path, skipped: Skipped | None) -> Frames:
         bad.complain()
     elif bad.rows:
         skipped(bad.rows)
-    return Frames(folder, np.array(stamps, dtype=np.int64), names)
+    return RecordedFrames(folder, np.array(stamps, dtype=np.int64), names)
 
 
 def _rows(table: Path) -> Iterator[tuple[int, list[str]]]:

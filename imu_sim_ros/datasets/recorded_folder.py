@@ -28,7 +28,7 @@ from imu_sim_ros.bags.messages.encode_cameras import (
     ImageEncoder,
 )
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE, TransformsEncoder
-from imu_sim_ros.bags.writer import Block, Topic, Writer
+from imu_sim_ros.bags.writer import BagTopic, Block, Writer
 from imu_sim_ros.conventions import (
     BODY_FRAME,
     CAMERA_INFO_TOPIC,
@@ -41,8 +41,8 @@ from imu_sim_ros.datasets.features import LATCHED
 from imu_sim_ros.datasets.images import DEPTH_FOLDER, image_name, write_table
 from imu_sim_ros.datasets.recorded import (
     FolderCamera,
-    Frames,
     OneSize,
+    RecordedFrames,
     as_png,
     as_sent,
     folder_cameras,
@@ -118,10 +118,10 @@ class FolderImages:
         writer: Writer,
         renamed: Mapping[str, str],
         camera: FolderCamera,
-        frames: Frames,
+        frames: RecordedFrames,
         keys: Sequence[str],
     ) -> Iterator[list[Block]]:
-        topics: dict[str, Topic] = {}
+        topics: dict[str, BagTopic] = {}
         for key in keys:
             name = f"/{camera.name}/{key}"
             topics[key] = writer.add_topic(renamed.get(name, name), _TYPES[key])
@@ -184,7 +184,7 @@ class FolderImages:
                 counts[f"/{camera.name}/{DEPTH_TOPIC}"] = len(camera.depth.t_ns)
         return counts
 
-    def _copy(self, frames: Frames, place: Path, advance: Callable[[int], object]) -> None:
+    def _copy(self, frames: RecordedFrames, place: Path, advance: Callable[[int], object]) -> None:
         try:
             place.mkdir(parents=True)
         except OSError as error:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags.text.writer import WITH_TABLES, Dataset, States
-from imu_sim_ros.bags.writer import Block, Topic, Writer, amount, described
+from imu_sim_ros.bags.writer import BagTopic, Block, Writer, amount, described
 from imu_sim_ros.conventions import (
     IMU_TOPIC,
     TRUTH_TOPIC,
@@ -58,7 +58,7 @@ def _tables(further: Iterable[str] = ()) -> dict[str, Sensor]:
 
 
 class _Output(NamedTuple):
-    topic: Topic
+    topic: BagTopic
     simulation: str
     parameters: SampledParameters
     encode: Encode

@@ -19,7 +19,7 @@ from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.rig import Blindness, Rig
 from imu_sim_ros.sensors.camera.rig_parameters import load_rig
 from imu_sim_ros.sensors.camera.scene import read_points
-from imu_sim_ros.sensors.camera.tracker import Lines, Tracker, Tracks
+from imu_sim_ros.sensors.camera.tracker import TrackedLines, Tracker, Tracks
 from imu_sim_ros.types import Array
 
 TRACKS_HEADER: Final = "t_ns,camera,id,u,v,u_true,v_true,depth"
@@ -159,7 +159,7 @@ def _track_columns(found: Tracks, number: int) -> dict[str, Column]:
     }
 
 
-def _line_columns(found: Tracks, seen: Lines, number: int) -> dict[str, Column]:
+def _line_columns(found: Tracks, seen: TrackedLines, number: int) -> dict[str, Column]:
     return {
         "t_ns": found.frames.t_ns[seen.frame],
         "true_t_ns": found.frames.true_t_ns[seen.frame],

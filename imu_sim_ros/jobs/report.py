@@ -23,7 +23,7 @@ from imu_sim_ros.reports.page import Section, html
 
 if TYPE_CHECKING:
     from imu_sim_ros.campaigns.metrics import Tolerance
-    from imu_sim_ros.reports.of_bag import Estimate
+    from imu_sim_ros.reports.of_bag import BagTrack
 
 _POSES: Final = (".txt", ".tum", ".csv")
 
@@ -159,11 +159,11 @@ def _is_poses(path: Path) -> bool:
 def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
     """Return the sections of a bag: its streams, its truth and the estimates of it."""
     from imu_sim_ros.reports.of_aiding import gnss_sections
-    from imu_sim_ros.reports.of_bag import Estimate, bag_sections, motion
+    from imu_sim_ros.reports.of_bag import BagTrack, bag_sections, motion
 
-    def read(source: Path, topic: str | None, name: str) -> Estimate:
+    def read(source: Path, topic: str | None, name: str) -> BagTrack:
         track = read_track(source, topic, True, sources.reader, sources.skipped(source))
-        return Estimate(name, track.poses, track.pose_covariance, track.frame_id)
+        return BagTrack(name, track.poses, track.pose_covariance, track.frame_id)
 
     truth, estimates, more = None, [], []
     named = truth_topic(path, sources.truth_topic)

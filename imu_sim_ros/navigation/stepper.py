@@ -94,7 +94,7 @@ integrated."""
 
 
 @dataclass
-class Counts:
+class StepperCounts:
     """Counts of gaps and other events in a stepper."""
 
     repeated: int = 0
@@ -153,7 +153,7 @@ class Stepper:
         :raises ConfigurationError: for an unknown method or attitude update.
         """
         check_method(method, attitude)
-        self.counts = Counts()
+        self.counts = StepperCounts()
         self._max_gap_ns = max_gap * 1e9
         self._gravity = _v3(gravity)
         self._earth_rate = _v3(earth_rate)

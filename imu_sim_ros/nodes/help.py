@@ -16,7 +16,7 @@ from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
 from imu_sim_ros.simulation.playback import SimulatorParameters
 
 
-class Program(NamedTuple):
+class NodeHelp(NamedTuple):
     """The help of a node."""
 
     text: str
@@ -26,7 +26,7 @@ class Program(NamedTuple):
 
 
 PROGRAMS: Final = {
-    "simulator": Program(
+    "simulator": NodeHelp(
         "Publish the readings of a simulated IMU together with the ground truth.",
         SimulatorParameters,
         (
@@ -35,7 +35,7 @@ PROGRAMS: Final = {
             "simulator --ros-args --params-file run.yaml -p seed:=7",
         ),
     ),
-    "integrator": Program(
+    "integrator": NodeHelp(
         """Integrate imu/data_raw and publish dead_reckoned/odom for every reading.
 
 On request, the node also publishes dead_reckoned/path, dead_reckoned/roll_pitch_yaw (degrees) and
@@ -49,7 +49,7 @@ initial_state.""",
             "integrator --method rk4 --path-rate 5 --ros-args -r imu/data_raw:=/imu0",
         ),
     ),
-    "error_model": Program(
+    "error_model": NodeHelp(
         """Adds a sensor's errors to the ideal readings of another simulator.
 
 Subscribes to imu/ideal (sensor_msgs/Imu), or with --odometry true to odom/ideal
@@ -64,7 +64,7 @@ The service ~/reset begins again with the next reading.""",
             "error_model --imu mpu6000 --input.axes frd --input.gravity missing",
         ),
     ),
-    "recorder": Program(
+    "recorder": NodeHelp(
         """Record topics into a bag: rosbag2 with MCAP or SQLite storage, or ROS 1.
 
 Arguments without -- are topics; without any, all topics are recorded. -o is --output (default: a

@@ -151,7 +151,7 @@ class ImuReading(NamedTuple):
     """[m/s^2]"""
 
 
-class Truth(NamedTuple):
+class OdometryFields(NamedTuple):
     """The fields of a nav_msgs/Odometry that the integrator uses."""
 
     t_ns: int
@@ -199,7 +199,7 @@ def ideal_reading(payload: bytes) -> tuple[ImuReading, Quaternion | None]:
     return result, normalise((w, x, y, z))
 
 
-def truth(payload: bytes) -> Truth:
+def truth(payload: bytes) -> OdometryFields:
     """Return the state in a nav_msgs/Odometry.
 
     :raises InputError: for bytes that are not such a message in little-endian CDR, and for a
@@ -214,7 +214,7 @@ def truth(payload: bytes) -> Truth:
         pose = (gate.POSITION, position), (gate.ORIENTATION, q_wb)
         raise _refused(t_ns, *pose, (gate.VELOCITY, velocity), (gate.RATE, rate))
     off = abs(w * w + x * x + y * y + z * z - 1.0) > _ROUNDING
-    return Truth(t_ns, position, normalise(q_wb) if off else q_wb, velocity, rate)
+    return OdometryFields(t_ns, position, normalise(q_wb) if off else q_wb, velocity, rate)
 
 
 def _checked(second: int, nanosecond: int, gyro: Vector, accel: Vector) -> ImuReading:

@@ -26,7 +26,7 @@ from imu_sim_ros.navigation.evaluation import (
 )
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.reports.page import Item, Section, table
-from imu_sim_ros.reports.streams import Stream, analyse, bias_series, extremes, topic_items
+from imu_sim_ros.reports.streams import StreamPlots, analyse, bias_series, extremes, topic_items
 from imu_sim_ros.types import Array
 
 _TRIADS: Final = (("Angular rate", "rad/s"), ("Specific force", "m/s^2"))
@@ -43,7 +43,7 @@ _NOT_MEASURED: Final = 1e5
 """Variance above which a number is none: odometry of wheels states 1e6 of its height."""
 
 
-class Estimate(NamedTuple):
+class BagTrack(NamedTuple):
     """A trajectory of a bag: the truth, or an estimate of it."""
 
     name: str
@@ -56,8 +56,8 @@ class Estimate(NamedTuple):
 
 def bag_sections(
     path: Path,
-    truth: Estimate | None,
-    estimates: Sequence[Estimate],
+    truth: BagTrack | None,
+    estimates: Sequence[BagTrack],
     skipped: Skipped | None = None,
 ) -> list[Section]:
     """Return the sections of a bag, a EuRoC folder or a file of readings.
@@ -106,7 +106,7 @@ def _imus(
     return [(name, sum(len(block.t_ns) for block in found)) for name, found in blocks]
 
 
-def _stream_items(name: str, stream: Stream, link: str) -> list[Item]:
+def _stream_items(name: str, stream: StreamPlots, link: str) -> list[Item]:
     rate = 1.0 / stream.interval_s
     words = (
         f"{name}: {stream.samples:,} readings in {stream.duration_s:.6g} s, {rate:.6g} Hz, "
@@ -140,7 +140,7 @@ def plot(title: str, x: str, y: str, series: list[Item], log: str = "", **more: 
     }
 
 
-def _readings(stream: Stream, triad: int, link: str) -> Item:
+def _readings(stream: StreamPlots, triad: int, link: str) -> Item:
     title, unit = _TRIADS[triad]
     series: list[Item] = []
     for k, axis in enumerate(_AXES):
@@ -151,7 +151,7 @@ def _readings(stream: Stream, triad: int, link: str) -> Item:
     return plot(title, "time [s]", f"[{unit}]", series, link=link, caption=caption)
 
 
-def _spectrum(stream: Stream, triad: int) -> Item:
+def _spectrum(stream: StreamPlots, triad: int) -> Item:
     title, unit = _TRIADS[triad]
     series = [
         {"name": axis, "colour": k, "x": stream.frequency, "y": stream.density[:, 3 * triad + k]}
@@ -162,7 +162,7 @@ def _spectrum(stream: Stream, triad: int) -> Item:
     return plot(f"{title}: spectrum", "frequency [Hz]", label, series, "xy", caption=caption)
 
 
-def _allan(stream: Stream, triad: int) -> Item:
+def _allan(stream: StreamPlots, triad: int) -> Item:
     title, unit = _TRIADS[triad]
     found, series = stream.deviation, []
     for k, axis in enumerate(_AXES):
@@ -176,7 +176,7 @@ def _allan(stream: Stream, triad: int) -> Item:
     )
 
 
-def _intervals(stream: Stream, link: str) -> Item:
+def _intervals(stream: StreamPlots, link: str) -> Item:
     line = {"name": "", "colour": 0, "x": stream.t_s, "y": 1e3 * stream.longest}
     series = [{**line, "low": 1e3 * stream.shortest, "high": 1e3 * stream.longest}]
     caption = "Shortest and longest interval of each part of the record."
@@ -186,7 +186,7 @@ def _intervals(stream: Stream, link: str) -> Item:
 
 
 def motion(
-    path: Path, truth: Estimate | None, estimates: Sequence[Estimate], title: str = "motion"
+    path: Path, truth: BagTrack | None, estimates: Sequence[BagTrack], title: str = "motion"
 ) -> Section:
     """Return the section of a truth and estimates of it.
 
@@ -211,7 +211,7 @@ def motion(
     return Section(f"{path.name}: {title}", items)
 
 
-def _placed(estimate: Estimate, truth: Estimate) -> Estimate:
+def _placed(estimate: BagTrack, truth: BagTrack) -> BagTrack:
     """Return an estimate in the truth's frame: as it is, or moved to the truth at its first pose.
 
     Moved and turned about z; without the poses that the truth does not cover.
@@ -229,10 +229,10 @@ def _placed(estimate: Estimate, truth: Estimate) -> Estimate:
     if covariance is not None:
         turn = np.kron(np.eye(2), first.r)
         covariance = turn @ covariance[rows] @ turn.T
-    return Estimate(estimate.name, first.apply(poses), covariance, truth.frame_id)
+    return BagTrack(estimate.name, first.apply(poses), covariance, truth.frame_id)
 
 
-def _orientation(tracks: Sequence[Estimate], first_ns: int, link: str) -> list[Item]:
+def _orientation(tracks: Sequence[BagTrack], first_ns: int, link: str) -> list[Item]:
     """Return roll, pitch and yaw of every trajectory over the time since the first pose."""
     drawn: list[list[Item]] = [[], [], []]
     for colour, one in enumerate(tracks):
@@ -253,7 +253,7 @@ def _orientation(tracks: Sequence[Estimate], first_ns: int, link: str) -> list[I
     ]
 
 
-def _errors(estimate: Estimate, truth: Estimate, link: str) -> list[Item]:
+def _errors(estimate: BagTrack, truth: BagTrack, link: str) -> list[Item]:
     """Return the error of an estimate over time, its band of 3 sigma, and its NEES.
 
     Numbers are of all poses; a picture has the extremes of each of its columns.

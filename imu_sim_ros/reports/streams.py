@@ -209,7 +209,7 @@ class Gap(NamedTuple):
     interval_s: float
 
 
-class Stream(NamedTuple):
+class StreamPlots(NamedTuple):
     """Data for the plots of a stream; axes are gyroscope x y z, accelerometer x y z."""
 
     samples: int
@@ -253,7 +253,7 @@ def extremes(values: Array, columns: int = PARTS) -> NDArray[np.intp]:
     return np.unique(np.concatenate([[0, len(table) - 1], *found]))
 
 
-def analyse(blocks: Iterable[ReadingsBlock], count: int) -> Stream | None:
+def analyse(blocks: Iterable[ReadingsBlock], count: int) -> StreamPlots | None:
     """Return the data for the plots of a stream; None with fewer than two readings.
 
     :param count: of the readings, about; it sets how many make a part.
@@ -336,13 +336,13 @@ class _Analysis:
         self._rows.append((times.mean(axis=1), parts.min(axis=1), parts.max(axis=1)))
         self._rest_t, self._rest = self._rest_t[whole:], self._rest[whole:]
 
-    def result(self) -> Stream:
+    def result(self) -> StreamPlots:
         self._reduce_last()
         t_s, low, high = (np.concatenate(column) for column in zip(*self._rows, strict=True))
         self._deviation.end_piece()
         self._spectrum.end_piece()
         frequency, density = self._spectrum.result()
-        return Stream(
+        return StreamPlots(
             self._samples,
             self._first,
             (self._last - self._first) * 1e-9,

@@ -64,7 +64,7 @@ def earth_rate_vector(environment: EnvironmentParameters) -> Array:
     return EARTH_RATE * np.array([0.0, math.cos(latitude), math.sin(latitude)])
 
 
-class Place(NamedTuple):
+class GeodeticPosition(NamedTuple):
     """Where a body is on the Earth; all (n,)."""
 
     latitude: Array
@@ -105,10 +105,10 @@ class CurvedEarth:
         self._east = (float(vertical[0]) + height) * math.cos(latitude)
         self._earth_rate = EARTH_RATE if environment.earth_rotation else 0.0
 
-    def place(self, position: Array) -> Place:
+    def place(self, position: Array) -> GeodeticPosition:
         """Return the places of positions (n, 3) in the world."""
         x, y, z = position.T
-        return Place(
+        return GeodeticPosition(
             self._latitude + y / self._north, self._longitude + x / self._east, self._height + z
         )
 
@@ -195,7 +195,7 @@ def geodetic(environment: EnvironmentParameters, position: Array) -> tuple[Array
     return np.degrees(latitude), turned, height
 
 
-def _from_tangent_plane(environment: EnvironmentParameters, position: Array) -> Place:
+def _from_tangent_plane(environment: EnvironmentParameters, position: Array) -> GeodeticPosition:
     """Return places on WGS84 of Cartesian coordinates east, north, up (n, 3)."""
     phi, lam = math.radians(environment.latitude_deg), math.radians(environment.longitude_deg)
     sine, cosine = math.sin(phi), math.cos(phi)
@@ -214,7 +214,7 @@ def _from_tangent_plane(environment: EnvironmentParameters, position: Array) -> 
         latitude = np.arctan2(z + ECCENTRICITY_SQUARED * n * s, across)
     s, c = np.sin(latitude), np.cos(latitude)
     w = np.sqrt(1.0 - ECCENTRICITY_SQUARED * s * s)
-    return Place(latitude, longitude, across * c + z * s - SEMI_MAJOR_AXIS * w)
+    return GeodeticPosition(latitude, longitude, across * c + z * s - SEMI_MAJOR_AXIS * w)
 
 
 def radii_of_curvature(latitude: Array) -> tuple[Array, Array]:

@@ -33,7 +33,7 @@ class _Lines(NamedTuple):
     phase: Array
 
 
-class Lines:
+class Sinusoids:
     """``sum A sin(w t + phase)`` on each of three axes, with integrals and derivative.
 
     Lines are added one after the other, in the same order for any number of times, so that a sum
@@ -120,11 +120,11 @@ class Vibration:
     def __init__(self, parameters: VibrationParameters) -> None:
         p = parameters
         shaking, turning = p.phase, p.angular_phase or p.phase
-        self.shift = Lines(
+        self.shift = Sinusoids(
             _tones(p, p.acceleration, shaking), _noise(p, p.noise_rms, SeedSequence(p.seed))
         )
         stream = SeedSequence(p.seed, spawn_key=(_TURNS,))
-        self.turn = Lines(
+        self.turn = Sinusoids(
             _tones(p, p.angular_rate, turning), _noise(p, p.angular_noise_rms, stream)
         )
 

@@ -83,8 +83,8 @@ def messages(dice: random.Random) -> tuple[str, list[str], list[str]]:
     from imu_sim_ros.errors import ImuSimError
     from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
     from imu_sim_ros.nodes import messages as decode
-    from imu_sim_ros.nodes.integrator.diagnostics import Estimate, TruthComparison
-    from imu_sim_ros.nodes.integrator.odometer import Odometer
+    from imu_sim_ros.nodes.integrator.diagnostics import IntegratedState, TruthComparison
+    from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator
     from imu_sim_ros.parameters.sections import build
 
     given = {
@@ -93,7 +93,7 @@ def messages(dice: random.Random) -> tuple[str, list[str], list[str]]:
         "covariance": dice.random() < 0.5,
     }
     parameters = build(IntegratorParameters, layer_integrator(given))
-    odometer = Odometer(parameters, lambda _: None, lambda: dice.random() < 0.1)
+    odometer = LiveIntegrator(parameters, lambda _: None, lambda: dice.random() < 0.1)
     comparison = TruthComparison()
     words = [f"{name}={value}" for name, value in given.items()]
     try:
@@ -111,7 +111,7 @@ def messages(dice: random.Random) -> tuple[str, list[str], list[str]]:
             except ImuSimError:
                 continue
             for row in rows:
-                estimate = Estimate(row.t_ns, row.position, row.q_wb)
+                estimate = IntegratedState(row.t_ns, row.position, row.q_wb)
                 errors += comparison.add_estimate(estimate)
             for row in [*rows, *errors]:
                 values = [np.ravel(part) for part in row if part is not None]

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.calibration import record as resolution
 from imu_sim_ros.calibration.noise.deviation import (
-    Band,
     Deviation,
     DeviationAccumulator,
+    UsableBand,
     explains_wander,
     usable_band,
 )
@@ -65,7 +65,7 @@ class AllanResult(NamedTuple):
     deviation: Deviation
     noise: tuple[AxisNoise | None, ...]
     """By axis; None for one that is not analysed."""
-    bands: tuple[Band | None, ...]
+    bands: tuple[UsableBand | None, ...]
     mean: Array
     """(6,) mean readings."""
     model: str
@@ -175,7 +175,7 @@ def _not_analysed(record: Record) -> dict[int, str]:
     }
 
 
-def _noise(spectrum: Spectrum, axis: int, band: Band, model: str) -> AxisNoise:
+def _noise(spectrum: Spectrum, axis: int, band: UsableBand, model: str) -> AxisNoise:
     rows = spectrum.rows(band.used)
     return estimate(rows, axis) if model == "standard" else estimate_gauss_markov(rows, axis)
 
@@ -363,7 +363,7 @@ def _warnings(record: Record, longest: float) -> Iterable[str]:
         )
 
 
-def _band_warnings(bands: Iterable[Band | None], rate: float) -> Iterable[str]:
+def _band_warnings(bands: Iterable[UsableBand | None], rate: float) -> Iterable[str]:
     for axis, band in enumerate(bands):
         if band is None:
             continue

@@ -34,7 +34,7 @@ _IMPROBABLE: Final = 1e-9
 """Probability of a row below which it is not noise of the fitted model."""
 
 
-class Band(NamedTuple):
+class UsableBand(NamedTuple):
     """Rows of a spectrum that are used for one axis."""
 
     used: NDArray[np.bool_]
@@ -45,7 +45,7 @@ class Band(NamedTuple):
     """Frequencies of narrow peaks that were left out [Hz]: vibration, mains, fans."""
 
 
-def usable_band(spectrum: Spectrum, axis: int) -> Band:
+def usable_band(spectrum: Spectrum, axis: int) -> UsableBand:
     """Find narrow peaks, and the frequency above which the sensor's own filter shapes the noise.
 
     A real sensor's low-pass filter ends the white noise below the Nyquist frequency, where most of
@@ -65,7 +65,7 @@ def usable_band(spectrum: Spectrum, axis: int) -> Band:
     if limit < nyquist:
         limit *= _MARGIN
     frequencies = tuple(float(f) for f in spectrum.frequency[peaks & (spectrum.frequency <= limit)])
-    return Band(~peaks & (spectrum.frequency <= limit), limit, frequencies)
+    return UsableBand(~peaks & (spectrum.frequency <= limit), limit, frequencies)
 
 
 def _peaks(

@@ -17,7 +17,7 @@ _HOUR: Final = 3600.0
 _MILLI_G: Final = 1e3 / STANDARD_GRAVITY
 
 
-class Quantity(NamedTuple):
+class QuantityFormat(NamedTuple):
     """How one parameter of one triad is shown."""
 
     symbol: str
@@ -56,10 +56,10 @@ _UNITS: Final = {
 KEYS: Final = tuple(_TEXTS)
 
 
-def quantity(triad: str, key: str) -> Quantity:
+def quantity(triad: str, key: str) -> QuantityFormat:
     """Return how a parameter of ``gyroscope`` or ``accelerometer`` is shown."""
     unit, field_unit, factor = _UNITS[(triad, key)]
-    return Quantity(*_TEXTS[key], unit, field_unit, float(factor))
+    return QuantityFormat(*_TEXTS[key], unit, field_unit, float(factor))
 
 
 FLICKER_FLOOR: Final = float(np.sqrt(2.0 * np.log(2.0) / np.pi))

@@ -167,7 +167,7 @@ _GRAVITY: Final = {"VINS-Mono": 1.0, "VINS-Fusion": 0.5}
 """How far the magnitude of gravity may be off, initial_aligment.cpp [m/s^2]."""
 
 
-class Start(NamedTuple):
+class InitialMotion(NamedTuple):
     """The true motion of an IMU at the start of a flight, at n times."""
 
     t: Array
@@ -178,7 +178,7 @@ class Start(NamedTuple):
     """(n,) [m/s]."""
 
 
-def start_warnings(values: ImuValues, start: Start) -> Iterator[str]:
+def start_warnings(values: ImuValues, start: InitialMotion) -> Iterator[str]:
     """Yield a line for each stack that will initialise badly, with its threshold and the source."""
     yield from _openvins(values, start)
     bias = values.axes("accelerometer_bias")
@@ -192,7 +192,7 @@ def start_warnings(values: ImuValues, start: Start) -> Iterator[str]:
             )
 
 
-def _openvins(values: ImuValues, start: Start) -> Iterator[str]:
+def _openvins(values: ImuValues, start: InitialMotion) -> Iterator[str]:
     rest, speed = _rest(values, start)
     if rest is None:
         yield (
@@ -212,7 +212,7 @@ def _openvins(values: ImuValues, start: Start) -> Iterator[str]:
         )
 
 
-def _rest(values: ImuValues, start: Start) -> tuple[float | None, str]:
+def _rest(values: ImuValues, start: InitialMotion) -> tuple[float | None, str]:
     """Return the end of a rest before a jerk [s]; None: why the accelerometer alone would err."""
     count = round(_WINDOW / (start.t[1] - start.t[0]))
     if len(start.t) < 2 * count:

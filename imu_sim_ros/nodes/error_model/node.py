@@ -163,7 +163,7 @@ class ErrorModelNode(ConfiguredNode):
             return None
 
     def _of_odometry(self, odometry: Differentiator, topic: str, taken: list[Taken]) -> Given:
-        states: list[decode.Truth] = []
+        states: list[decode.OdometryFields] = []
         for payload, _ in taken:
             try:
                 states.append(decode.truth(payload))

@@ -11,14 +11,14 @@ from typing import Any, NamedTuple, TypeVar
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 
-from imu_sim_ros.nodes.messages import Truth
+from imu_sim_ros.nodes.messages import OdometryFields
 from imu_sim_ros.rotation.scalars import Q4, V3, conjugate, multiply
 
 _KEPT = 20000
 _Item = TypeVar("_Item")
 
 
-class Estimate(NamedTuple):
+class IntegratedState(NamedTuple):
     """A dead-reckoned state."""
 
     t_ns: int
@@ -45,15 +45,15 @@ class TruthComparison:
         self.last: ErrorAt | None = None
         self.count = 0
         self._sum_of_squares = 0.0
-        self._estimates: dict[int, Estimate] = {}
-        self._truths: dict[int, Truth] = {}
+        self._estimates: dict[int, IntegratedState] = {}
+        self._truths: dict[int, OdometryFields] = {}
 
     @property
     def rms_position(self) -> float:
         """RMS position error so far [m]."""
         return math.sqrt(self._sum_of_squares / self.count) if self.count else 0.0
 
-    def add_estimate(self, estimate: Estimate) -> Iterator[ErrorAt]:
+    def add_estimate(self, estimate: IntegratedState) -> Iterator[ErrorAt]:
         """Take an estimate; yields its error if its truth is known already."""
         truth = self._truths.pop(estimate.t_ns, None)
         if truth is None:
@@ -61,7 +61,7 @@ class TruthComparison:
         else:
             yield self._compare(estimate, truth)
 
-    def add_truth(self, truth: Truth) -> Iterator[ErrorAt]:
+    def add_truth(self, truth: OdometryFields) -> Iterator[ErrorAt]:
         """Take a truth; yields the error of its estimate if that is known already."""
         estimate = self._estimates.pop(truth.t_ns, None)
         if estimate is None:
@@ -69,7 +69,7 @@ class TruthComparison:
         else:
             yield self._compare(estimate, truth)
 
-    def _compare(self, estimate: Estimate, truth: Truth) -> ErrorAt:
+    def _compare(self, estimate: IntegratedState, truth: OdometryFields) -> ErrorAt:
         x, y, z = (a - b for a, b in zip(estimate.position, truth.position, strict=True))
         error = ErrorAt(
             estimate.t_ns,

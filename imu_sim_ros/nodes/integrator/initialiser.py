@@ -19,7 +19,7 @@ from imu_sim_ros.navigation import initialisation
 from imu_sim_ros.navigation.initialisation import Initial
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import NavigationState
-from imu_sim_ros.nodes.messages import ImuReading, Truth
+from imu_sim_ros.nodes.messages import ImuReading, OdometryFields
 
 _KEPT = 20000
 """Number of readings and truths that may wait for each other: 2.5 s at 8 kHz."""
@@ -40,7 +40,7 @@ class Initialiser(Protocol):
     def add_reading(self, reading: ImuReading) -> Start | None:
         """Take a reading."""
 
-    def add_truth(self, truth: Truth) -> Start | None:
+    def add_truth(self, truth: OdometryFields) -> Start | None:
         """Take a true state."""
 
 
@@ -63,7 +63,7 @@ class _FromParameters:
     def add_reading(self, reading: ImuReading) -> Start | None:
         return Start(initialisation.from_parameters(self._parameters), [reading])
 
-    def add_truth(self, truth: Truth) -> Start | None:
+    def add_truth(self, truth: OdometryFields) -> Start | None:
         return None
 
 
@@ -78,7 +78,7 @@ class _FromTruth:
     def __init__(self, parameters: IntegratorParameters) -> None:
         self._parameters = parameters
         self._readings: deque[ImuReading] = deque(maxlen=_KEPT)
-        self._truths: deque[Truth] = deque(maxlen=_KEPT)
+        self._truths: deque[OdometryFields] = deque(maxlen=_KEPT)
 
     def add_reading(self, reading: ImuReading) -> Start | None:
         if self._readings and reading.t_ns <= self._readings[-1].t_ns:
@@ -86,7 +86,7 @@ class _FromTruth:
         self._readings.append(reading)
         return self._match()
 
-    def add_truth(self, truth: Truth) -> Start | None:
+    def add_truth(self, truth: OdometryFields) -> Start | None:
         if self._truths and truth.t_ns <= self._truths[-1].t_ns:
             self._truths.clear()
         self._truths.append(truth)
@@ -131,11 +131,11 @@ class _FromRest:
             self._readings = []
             return None
 
-    def add_truth(self, truth: Truth) -> Start | None:
+    def add_truth(self, truth: OdometryFields) -> Start | None:
         return None
 
 
-def _carried(truth: Truth, t_ns: int) -> NavigationState:
+def _carried(truth: OdometryFields, t_ns: int) -> NavigationState:
     """Return a true state, extrapolated to a later time with its velocity and rate."""
     h = (t_ns - truth.t_ns) * 1e-9
     velocity = rotation.rotate(truth.q_wb, truth.velocity_b)

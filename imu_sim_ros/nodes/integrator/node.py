@@ -37,12 +37,12 @@ from imu_sim_ros.nodes import messages as decode
 from imu_sim_ros.nodes import run, signals
 from imu_sim_ros.nodes.integrator.diagnostics import (
     ErrorAt,
-    Estimate,
+    IntegratedState,
     IntegratorDiagnostics,
     TruthComparison,
 )
-from imu_sim_ros.nodes.integrator.odometer import Odometer, PathPublisher, Row
-from imu_sim_ros.nodes.integrator.sensor import Sensor
+from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator, PathPublisher, Row
+from imu_sim_ros.nodes.integrator.sensor import SensorDescription
 from imu_sim_ros.nodes.matched_inputs import MatchedInputs
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import Counter
@@ -66,13 +66,13 @@ class Integrator(ConfiguredNode):
         super().__init__("integrator", IntegratorParameters, layer_integrator, **arguments)
         parameters: IntegratorParameters = self.parameters
         self._sources: frozenset[bytes] = frozenset()
-        self.odometer = Odometer(parameters, self._complain, self._is_new_source)
+        self.odometer = LiveIntegrator(parameters, self._complain, self._is_new_source)
         self.comparison = TruthComparison() if parameters.error else None
         self._lock = threading.Lock()
         """Integrate readings in the reader's thread; everything else runs in the executor's."""
         self._received = {IMU_TOPIC: 0, TRUTH_TOPIC: 0}
         self._add_publishers(parameters)
-        self.sensor = Sensor(self, self._adopt, self._integrate, self._lock)
+        self.sensor = SensorDescription(self, self._adopt, self._integrate, self._lock)
         if self.sensor.settled:
             self._tell_what_is_left_out()
         self.create_service(Trigger, "~/reset", self._reset)
@@ -177,7 +177,9 @@ class Integrator(ConfiguredNode):
         if left_out:
             self.get_logger().info(f"the covariance does not include {', '.join(left_out)}")
 
-    def _take_truth(self, truth: decode.Truth, rows: list[Row], errors: list[ErrorAt]) -> None:
+    def _take_truth(
+        self, truth: decode.OdometryFields, rows: list[Row], errors: list[ErrorAt]
+    ) -> None:
         rows += self.odometer.add_truth(truth)
         if self.comparison is not None:
             errors += self.comparison.add_truth(truth)
@@ -194,7 +196,7 @@ class Integrator(ConfiguredNode):
             for row in rows:
                 self._path.add(row)
         if self.comparison is not None:
-            estimates = [Estimate(row.t_ns, row.position, row.q_wb) for row in rows]
+            estimates = [IntegratedState(row.t_ns, row.position, row.q_wb) for row in rows]
             errors = [error for each in estimates for error in self.comparison.add_estimate(each)]
             if errors:
                 self._publish_errors(errors)

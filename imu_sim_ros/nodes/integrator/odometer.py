@@ -20,9 +20,9 @@ from imu_sim_ros.inputs import gate
 from imu_sim_ros.navigation.covariance import Covariance
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import correction_of
-from imu_sim_ros.navigation.stepper import Counts, Stepper
+from imu_sim_ros.navigation.stepper import Stepper, StepperCounts
 from imu_sim_ros.nodes.integrator.initialiser import Start, initialiser
-from imu_sim_ros.nodes.messages import ImuReading, Truth
+from imu_sim_ros.nodes.messages import ImuReading, OdometryFields
 from imu_sim_ros.rotation.scalars import M9, Q4, V3, to_matrix
 
 RESTART_NS = 1_000_000_000
@@ -52,10 +52,10 @@ class Totals:
     refused: int = 0
     """Messages that the gate did not pass, of readings and of the truth."""
     starts: int = 0
-    steps: Counts = field(default_factory=Counts)
+    steps: StepperCounts = field(default_factory=StepperCounts)
 
 
-class Odometer:
+class LiveIntegrator:
     """Starts as configured, integrates, and starts again when the source does.
 
     :param complain: receives a line for every irregular reading.
@@ -101,7 +101,7 @@ class Odometer:
         else:
             self._stepper.correction = correction_of(parameters)
 
-    def add_truth(self, truth: Truth) -> list[Row]:
+    def add_truth(self, truth: OdometryFields) -> list[Row]:
         """Take a true state; return the rows of readings that were waiting for it."""
         if self._stepper is None:
             return self._begin_at(self._initialiser.add_truth(truth))

@@ -25,7 +25,7 @@ _KEPT: Final = 20000
 """Number of messages that may wait: 2.5 s at 8 kHz."""
 
 
-class Sensor:
+class SensorDescription:
     """Holds messages back until the description of the sensor has arrived.
 
     If the noise is given, or no covariance is requested, nothing waits.

@@ -29,7 +29,7 @@ from imu_sim_ros.nodes.raw_subscription import (
     matching_qos,
     offered_qos,
 )
-from imu_sim_ros.nodes.recorder.recording import DurationLimit, Recording, Timestamps, Topic
+from imu_sim_ros.nodes.recorder.recording import DurationLimit, RecordedTopic, Recording, Timestamps
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
 from imu_sim_ros.text_tables import print_table
 
@@ -149,7 +149,7 @@ class Recorder(ConfiguredNode):
         offset = stamp_offset(message)
         if known is None:
             statistics = StampStatistics(round(self.parameters.max_gap * 1e9))
-            topic = Topic(
+            topic = RecordedTopic(
                 name,
                 types[0],
                 offered_qos(publishers),
@@ -264,7 +264,7 @@ def _left(files: Sequence[Path]) -> str:
     return "; ".join(words)
 
 
-def _row(topic: Topic) -> tuple[str, ...]:
+def _row(topic: RecordedTopic) -> tuple[str, ...]:
     seen = topic.statistics
     if not topic.stamped:  # times of reception tell nothing about the source
         return topic.name, str(seen.messages), f"{seen.rate:.2f}", "-", "-", "-", "-"

@@ -157,7 +157,7 @@ FLUSH_PERIOD = 0.5
 
 
 @dataclass
-class Topic:
+class RecordedTopic:
     """A recorded topic: its description in the bag, and statistics of its messages."""
 
     name: str
@@ -191,7 +191,7 @@ class Recording:
     def __init__(
         self, open_bag: Callable[[], Writer], fail: Fail, buffer_bytes: float = 512e6
     ) -> None:
-        self.topics: dict[str, Topic] = {}
+        self.topics: dict[str, RecordedTopic] = {}
         self.refused: dict[str, str] = {}
         """Topics that the bag cannot hold, and why."""
         self.failed = False
@@ -204,7 +204,7 @@ class Recording:
         self.size = 0
         """Bytes written, as of the last flush."""
         self._open_bag, self._fail, self._buffer_bytes = open_bag, fail, buffer_bytes
-        self._queue: queue.SimpleQueue[list[Message] | Topic | None] = queue.SimpleQueue()
+        self._queue: queue.SimpleQueue[list[Message] | RecordedTopic | None] = queue.SimpleQueue()
         self._queued_bytes = 0
         self._lock = threading.Lock()
         self._begun = threading.Event()
@@ -221,7 +221,7 @@ class Recording:
         topics = list(self.topics.values())
         return sum(topic.statistics.messages + len(topic.unseen) for topic in topics)
 
-    def add_topic(self, topic: Topic) -> None:
+    def add_topic(self, topic: RecordedTopic) -> None:
         """Add a topic; its messages may follow at once."""
         self._queue.put(topic)
 
@@ -280,7 +280,7 @@ class Recording:
             if item is None:
                 self._flush()
                 return
-            if isinstance(item, Topic):
+            if isinstance(item, RecordedTopic):
                 self._begin(item)
             else:
                 self._write(item)
@@ -288,7 +288,7 @@ class Recording:
                 self._flush()
                 due = time.monotonic() + FLUSH_PERIOD
 
-    def _begin(self, topic: Topic) -> None:
+    def _begin(self, topic: RecordedTopic) -> None:
         try:
             schema, topic.convert = recorded_type(
                 topic.type_name, topic.definition, topic.digest, self._bag.encoding

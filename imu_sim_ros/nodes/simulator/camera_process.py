@@ -61,7 +61,7 @@ _ACKNOWLEDGEMENT: Final = Duration(nanoseconds=2_000_000_000)
 _LATCHED: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-class Frames:
+class FrameQueue:
     """The messages of a camera's frames, made ahead in one thread and taken by another."""
 
     def __init__(self, make: Callable[[int], dict[str, bytes]], lost: Callable[[int], bool]):
@@ -145,7 +145,7 @@ class CameraNode:
         self._camera = CameraMessages(self._view, frame, maker, "cdr")
         self._bodies = BodyMessages(self._rig, parameters.world_frame)
         self._features: FeatureStream | None = None
-        self.frames = Frames(self._make, self._lost)
+        self.frames = FrameQueue(self._make, self._lost)
 
     def _publishers(self) -> Iterator[tuple[str, Counter]]:
         """Yield a publisher for each topic of this process."""

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 from imu_sim_ros import conventions
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.nodes.simulator.pacing import Pacer, Verdict
+from imu_sim_ros.nodes.simulator.pacing import Pacer, SampleAction
 from imu_sim_ros.nodes.simulator.publish_queue import Group, PublishQueue
 from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
 from imu_sim_ros.sensors import auxiliary_sensors, with_faults
@@ -234,13 +234,13 @@ class Engine:
 
     def _play(self, block: _Block) -> bool:
         """Publish a block; False if the run was interrupted."""
-        wait, go, unpaced = self.pacer.wait, Verdict.GO, self.pacer.speed == 0
+        wait, go, unpaced = self.pacer.wait, SampleAction.GO, self.pacer.speed == 0
         for time_ns, messages in block.groups:
             verdict = wait(time_ns)
             if verdict is go:
                 for send, payload in messages:
                     send(payload)
-            elif verdict is Verdict.INTERRUPTED:
+            elif verdict is SampleAction.INTERRUPTED:
                 return False
             if unpaced:
                 self._unacknowledged += 1

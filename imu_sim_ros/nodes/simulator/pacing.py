@@ -48,7 +48,7 @@ _LONG_NS: Final = 20_000_000
 _ON_TIME_NS: Final = 1_000_000
 
 
-class Verdict(enum.Enum):
+class SampleAction(enum.Enum):
     """What to do with a sample."""
 
     GO = enum.auto()
@@ -56,7 +56,7 @@ class Verdict(enum.Enum):
     INTERRUPTED = enum.auto()
 
 
-_GO: Final = Verdict.GO  # an enumeration's members are slow to look up
+_GO: Final = SampleAction.GO  # an enumeration's members are slow to look up
 
 
 class Stall(NamedTuple):
@@ -173,7 +173,7 @@ class Pacer:
         """The requested real-time factor; 0: samples pass as fast as they come."""
         return self._wanted[0]
 
-    def wait(self, sim_ns: int) -> Verdict:
+    def wait(self, sim_ns: int) -> SampleAction:
         """Wait until the sample at a simulated time is due."""
         if self._calm:
             # The usual case, a few thousand times a second; anything unusual takes the slow path.
@@ -189,7 +189,7 @@ class Pacer:
             self._calm = False
         return self._wait_watchfully(sim_ns)
 
-    def _wait_watchfully(self, sim_ns: int) -> Verdict:
+    def _wait_watchfully(self, sim_ns: int) -> SampleAction:
         while True:
             if self._attention.is_set():
                 verdict = self._attend(sim_ns)
@@ -206,7 +206,7 @@ class Pacer:
             else:
                 sleep(delay * 1e-9)
 
-    def _attend(self, sim_ns: int) -> Verdict | None:
+    def _attend(self, sim_ns: int) -> SampleAction | None:
         with self._condition:
             while self._paused and not self._steps and not self._interrupted:
                 self._idle = True
@@ -214,7 +214,7 @@ class Pacer:
                 self._condition.wait()
             self._idle = False
             if self._interrupted:
-                return Verdict.INTERRUPTED
+                return SampleAction.INTERRUPTED
             if self._paused:
                 self._steps -= 1
                 return _GO
@@ -240,7 +240,7 @@ class Pacer:
         after = int((sim_ns - first_sim_ns) / (self._speed * CATCH_UP_SPEED))
         return max(due, first_wall_ns + after)
 
-    def _due(self, sim_ns: int, now: int) -> Verdict:
+    def _due(self, sim_ns: int, now: int) -> SampleAction:
         late = now - self._due_ns(sim_ns)
         if late < _BURST_NS:
             self._burst = None
@@ -258,7 +258,7 @@ class Pacer:
         if stall.skipped:
             self._burst = None
             self.skipped += 1
-            return Verdict.SKIP
+            return SampleAction.SKIP
         self.caught_up += 1
         self.lateness_ns.append(late)
         return _GO
@@ -276,7 +276,7 @@ class RosClockPacer(Pacer):
         """Read the clock again."""
         self._attention.set()
 
-    def wait(self, sim_ns: int) -> Verdict:
+    def wait(self, sim_ns: int) -> SampleAction:
         """Wait until the clock reaches a time."""
         while True:
             if self._attention.is_set():
@@ -287,6 +287,6 @@ class RosClockPacer(Pacer):
             if late >= 0:
                 if late > STALL_NS and not self._catch_up:
                     self.skipped += 1
-                    return Verdict.SKIP
+                    return SampleAction.SKIP
                 return _GO
             self._attention.wait(_LONGEST_SLEEP)

@@ -53,7 +53,7 @@ class Tracks(NamedTuple):
     """(n,) on which body that moves it is: 1, 2, ...; 0: on what is at rest."""
 
 
-class Lines(NamedTuple):
+class TrackedLines(NamedTuple):
     """n lines in f frames of one camera; a line is seen if both of its ends are."""
 
     frame: Rows
@@ -132,7 +132,7 @@ class Tracker:
         seen = np.bincount(self._visible(frames).frame, minlength=count)
         return np.where(frames.delivered, seen, -1)
 
-    def lines(self, first: int, count: int) -> Lines:
+    def lines(self, first: int, count: int) -> TrackedLines:
         """Return the lines of frames ``first .. first + count - 1``."""
         frames = self.view.frames(first, count)
         ends = self.scene.lines.reshape(-1, 3)
@@ -148,7 +148,7 @@ class Tracker:
             rows = slice(*np.searchsorted(frame, [k, k + 1]))
             noise = self.view.stream("line_noise", int(frames.number[k]))
             measured[rows] += sigma * noise.standard_normal(true[rows].shape)
-        return Lines(frame, line, measured, true)
+        return TrackedLines(frame, line, measured, true)
 
     def _ids(self, index: Rows, landmark: Rows) -> Rows:
         """Return the tracks' ids: the landmark's, plus the number of landmarks for each life."""

@@ -8,8 +8,8 @@ import pytest
 
 from imu_sim_ros import rotation
 from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
-from imu_sim_ros.nodes.integrator.odometer import Odometer
-from imu_sim_ros.nodes.messages import ImuReading, Truth
+from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator
+from imu_sim_ros.nodes.messages import ImuReading, OdometryFields
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -31,11 +31,11 @@ def final_errors(seed: int) -> tuple[float, float]:
     motion = block.motion
     velocity_b = rotation.rotate_inverse(motion.q_wb, motion.velocity)
     values = {"initial_state": "truth", **sensor}
-    odometer = Odometer(
+    odometer = LiveIntegrator(
         build(IntegratorParameters, layer_integrator(values)), lambda _: None, lambda: False
     )
     first = (motion.position[0], motion.q_wb[0], velocity_b[0], motion.angular_velocity[0])
-    rows = list(odometer.add_truth(Truth(int(block.t_ns[0]), *map(tuple, first))))
+    rows = list(odometer.add_truth(OdometryFields(int(block.t_ns[0]), *map(tuple, first))))
     for t_ns, gyro, accel in zip(
         block.t_ns.tolist(), block.gyro.tolist(), block.accel.tolist(), strict=True
     ):

@@ -11,8 +11,8 @@ from imu_sim_ros.inputs import gate
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
 from imu_sim_ros.navigation.state import AT_REST
-from imu_sim_ros.nodes.integrator.odometer import Odometer, Row
-from imu_sim_ros.nodes.messages import ImuReading, Truth
+from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator, Row
+from imu_sim_ros.nodes.messages import ImuReading, OdometryFields
 from imu_sim_ros.parameters.sections import build
 
 STEP_NS = 5_000_000
@@ -27,7 +27,7 @@ class Harness:
         self.complaints: list[str] = []
         self.new_source = False
         parameters = build(IntegratorParameters, layer_integrator(values))
-        self.odometer = Odometer(parameters, self.complaints.append, lambda: self.new_source)
+        self.odometer = LiveIntegrator(parameters, self.complaints.append, lambda: self.new_source)
 
     def feed(self, readings: list[ImuReading]) -> list[Row]:
         return [row for reading in readings for row in self.odometer.add_reading(reading)]
@@ -37,8 +37,10 @@ def readings(count: int, first: int = 0, gyro=STILL, accel=LEVEL) -> list[ImuRea
     return [ImuReading(10**9 + (first + k) * STEP_NS, gyro, accel) for k in range(count)]
 
 
-def truth(k: float, x: float = 7.0, velocity=STILL) -> Truth:
-    return Truth(10**9 + round(k * STEP_NS), (x, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), velocity, STILL)
+def truth(k: float, x: float = 7.0, velocity=STILL) -> OdometryFields:
+    return OdometryFields(
+        10**9 + round(k * STEP_NS), (x, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), velocity, STILL
+    )
 
 
 def turning(count: int) -> list[ImuReading]:

@@ -19,7 +19,7 @@ from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.nodes import messages as message_types
 from imu_sim_ros.nodes.arguments import ros_arguments
 from imu_sim_ros.nodes.recorder.node import _left, plain_arguments
-from imu_sim_ros.nodes.recorder.recording import Message, Recording, Topic
+from imu_sim_ros.nodes.recorder.recording import Message, RecordedTopic, Recording
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
 
 pytestmark = pytest.mark.ros
@@ -99,9 +99,9 @@ def test_a_type_without_any_definition_fits_mcap_but_not_ros1():
         recorded_type(WHEEL, "", "", "ros1")
 
 
-def topic(name: str, type_name: str = "sensor_msgs/msg/Imu") -> Topic:
+def topic(name: str, type_name: str = "sensor_msgs/msg/Imu") -> RecordedTopic:
     text = message_types.definition(type_name) if type_name != WHEEL else ""
-    return Topic(name, type_name, (), text, "", True, StampStatistics())
+    return RecordedTopic(name, type_name, (), text, "", True, StampStatistics())
 
 
 def test_messages_beyond_the_buffer_are_dropped_and_counted(tmp_path):

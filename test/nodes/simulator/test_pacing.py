@@ -8,7 +8,7 @@ import time
 import numpy as np
 import pytest
 
-from imu_sim_ros.nodes.simulator.pacing import Pacer, Stall, Verdict
+from imu_sim_ros.nodes.simulator.pacing import Pacer, SampleAction, Stall
 
 SPACING_NS = 5_000_000
 
@@ -18,14 +18,14 @@ class Player:
 
     def __init__(self, pacer: Pacer) -> None:
         self.pacer = pacer
-        self.verdicts: list[Verdict] = []
+        self.verdicts: list[SampleAction] = []
         self.thread = threading.Thread(target=self.play)
 
     def play(self) -> None:
         self.pacer.interrupt(False)  # a run begins
         for k in itertools.count():
             self.verdicts.append(self.pacer.wait(k * SPACING_NS))
-            if self.verdicts[-1] is Verdict.INTERRUPTED:
+            if self.verdicts[-1] is SampleAction.INTERRUPTED:
                 return
 
     def __enter__(self) -> "Player":
@@ -52,20 +52,20 @@ def test_steps_that_are_asked_for_before_the_run_begins_are_not_lost(pacer: Pace
     with Player(pacer) as player:
         asking.join()
         assert passed == [3]
-        assert player.verdicts == [Verdict.GO] * 3
+        assert player.verdicts == [SampleAction.GO] * 3
 
 
 def test_steps_that_were_not_taken_in_time_never_are(pacer: Pacer) -> None:
     assert pacer.step(3, 0.1) == 0
     with Player(pacer) as player:
         assert pacer.step(2, 30.0) == 2
-        assert player.verdicts == [Verdict.GO] * 2
+        assert player.verdicts == [SampleAction.GO] * 2
 
 
 def test_an_interruption_ends_what_was_asked_for(pacer: Pacer) -> None:
     with Player(pacer) as player:
         assert pacer.step(2, 30.0) == 2
-    assert player.verdicts == [Verdict.GO] * 2 + [Verdict.INTERRUPTED]
+    assert player.verdicts == [SampleAction.GO] * 2 + [SampleAction.INTERRUPTED]
 
 
 @pytest.mark.parametrize("late", [0.03, 0.1])
@@ -79,7 +79,7 @@ def test_late_samples_follow_at_a_limited_speed(late: float) -> None:
     for k in range(100):
         if k == 10:
             time.sleep(late)
-        assert pacer.wait(k * spacing_ns) is Verdict.GO
+        assert pacer.wait(k * spacing_ns) is SampleAction.GO
         passed.append(time.monotonic_ns())
     due = begin + np.arange(100) * spacing_ns
     behind = np.array(passed) - due >= 4_000_000  # twice what may follow at once
@@ -99,7 +99,7 @@ def test_a_stall_that_lasts_to_the_end_of_a_run_is_reported(again: bool) -> None
     second = 1_000_000_000
     pacer.anchor(0, time.monotonic_ns() - 2 * second)
     for k in range(3):
-        assert pacer.wait(k * 1_000_000) is Verdict.GO
+        assert pacer.wait(k * 1_000_000) is SampleAction.GO
     assert not stalls
     if again:
         pacer.anchor(0, time.monotonic_ns())

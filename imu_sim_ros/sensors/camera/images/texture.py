@@ -372,7 +372,7 @@ _NEXT: Final = np.float32(4.0) ** np.arange(1, LEVELS - 1, dtype=np.float32)
 """Squares of the steps of levels, of which a pixel looks at two."""
 
 
-class Level(NamedTuple):
+class AtlasLevel(NamedTuple):
     """Where places s and r on a rectangle lie in the atlas: ``scale s + offset`` [texels]."""
 
     scale: Single
@@ -384,7 +384,7 @@ class Level(NamedTuple):
 class Levels(NamedTuple):
     """The level of each cell of a part of an image, or two of them, the finer first."""
 
-    each: list[Level]
+    each: list[AtlasLevel]
     share: Shares | None
     """(a, b) of the coarser of two."""
     corner: tuple[int, int]
@@ -397,7 +397,7 @@ class Levels(NamedTuple):
             slice(rows.start - top, rows.stop - top),
             slice(columns.start - left, columns.stop - left),
         )
-        each = [Level(*(values[:, at[0], at[1]] for values in level)) for level in self.each]
+        each = [AtlasLevel(*(values[:, at[0], at[1]] for values in level)) for level in self.each]
         share = None if self.share is None else self.share[at]
         return Levels(each, share, (rows.start, columns.start))
 
@@ -432,14 +432,14 @@ def _squares(places: Single) -> Single:
     return np.asarray(np.maximum(squares[0], squares[1]))
 
 
-def _level(level: Integers, atlas: Atlas, m: int) -> Level:
+def _level(level: Integers, atlas: Atlas, m: int) -> AtlasLevel:
     """Return a level (a, b) in each cell."""
     # Texel k of a level covers k to k + 1 in its own units; a look-up at k is its centre.
     corner = (atlas.place[m] - _HALF).T
-    return Level(atlas.size[m][:, None, None] * _FACTOR[level], corner[:, level])
+    return AtlasLevel(atlas.size[m][:, None, None] * _FACTOR[level], corner[:, level])
 
 
-def in_atlas(places: Single, level: Level) -> Single:
+def in_atlas(places: Single, level: AtlasLevel) -> Single:
     """Return where places s and r (2, h, w) in cells (2, a, b) lie in the atlas [texels]."""
     _, height, width = places.shape
     scale, offset = (cells.repeat(CELL, axis=2)[..., :width] for cells in level)
