@@ -337,7 +337,7 @@ def propagate(
     :param accel: (n, 3) corrected specific forces [m/s^2].
     :param noise: the IMU's errors.
     :param initial: (15, 15) covariance at the first row, or one such as
-        :func:`~imu_sim_ros.navigation.covariance_of_rest.after_rest` gives; None is no error.
+        :func:`~imu_sim_ros.navigation.initialisation.after_rest` gives; None is no error.
     :param at: the m rows to return, increasing; -1 is the last.
     :returns: (m, 15, 15) mean squares of the error, the second order included.
     """

@@ -24,6 +24,7 @@ from imu_sim_ros.rotation.arrays import (
     log,
     multiply,
     normalise,
+    rate_and_acceleration,
     right_jacobian,
     right_jacobian_inverse,
     rotate,
@@ -32,7 +33,6 @@ from imu_sim_ros.rotation.arrays import (
     to_euler,
     to_matrix,
 )
-from imu_sim_ros.rotation.derivatives import rate_and_acceleration
 from imu_sim_ros.types import Array
 
 __all__ = [

@@ -30,10 +30,9 @@ import numpy as np
 import imu_sim_ros as ims
 from imu_sim_ros.campaigns import campaign
 from imu_sim_ros.campaigns.plan import load_plan
-from imu_sim_ros.campaigns.reckoning import DeadReckoning
 from imu_sim_ros.campaigns.results import read_log, write_tables
 from imu_sim_ros.campaigns.run_files import write_dataset
-from imu_sim_ros.campaigns.runs import CellRuns
+from imu_sim_ros.campaigns.runs import CellRuns, DeadReckoning
 from imu_sim_ros.jobs.report import write_campaign_page
 from imu_sim_ros.navigation.covariance import POSITION, initial_covariance, propagate
 from imu_sim_ros.navigation.evaluation import nees

@@ -16,8 +16,8 @@ from imu_sim_ros.navigation.covariance import (
     initial_covariance,
     propagate,
 )
-from imu_sim_ros.navigation.covariance_of_rest import after_rest
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
+from imu_sim_ros.navigation.initialisation import after_rest
 from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors
 from imu_sim_ros.navigation.state import AT_REST, NavigationState
 
