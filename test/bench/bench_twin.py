@@ -19,7 +19,7 @@ from imu_sim_ros.calibration.twin import model
 from imu_sim_ros.calibration.twin.fit import PRIOR
 from imu_sim_ros.jobs.twin import NAMES
 from imu_sim_ros.poses import PoseSequence
-from imu_sim_ros.rotation import exp, from_matrix, log, multiply, normalise, to_matrix
+from imu_sim_ros.rotation import exp, from_matrix, log, multiply, normalise, rotate, to_matrix
 from imu_sim_ros.text_tables import print_table
 
 FLIGHT = Path(__file__).parents[3] / "shared" / "data" / "euroc_V1_02_medium_groundtruth.csv"
@@ -69,9 +69,17 @@ def sensor(seed: int) -> model.Errors:
 
 
 def spoiled(poses: PoseSequence, kind: str, seed: int) -> PoseSequence:
-    """Return poses with noise of so many millimetres and milliradians, or of so many decimals."""
+    """Return poses with noise of so many millimetres and milliradians, or of so many decimals.
+
+    Before rounding, the world gets another origin and heading: each seed has other digits, and so
+    another error of rounding.
+    """
     position, q_wb = poses.position, poses.q_wb
     if kind.startswith("d"):
+        rng = np.random.default_rng([seed, 2])
+        heading = exp(np.array([0.0, 0.0, rng.uniform(-np.pi, np.pi)]))
+        position = rotate(heading, position) + rng.uniform(-1.0, 1.0, 3)
+        q_wb = multiply(heading, q_wb)
         position, q_wb = (np.round(x, int(kind[1:])) for x in (position, q_wb))
     else:
         rng = np.random.default_rng([seed, 1])

@@ -51,8 +51,14 @@ as a smoothing of the truth: half of these 1.6 %."""
 _STEPS: Final = 8
 _WEIGHTINGS: Final = 2
 """Times that the densities are taken again in one step."""
-_WITH_NOISE: Final = 2
+_SHAPED: Final = 2
+"""Steps after which the shape of the densities within their bins is found again."""
+_WITH_NOISE: Final = 3
 """Steps in which what noise of the poses adds is found again; then it follows the parameters."""
+_NARROW: Final = 8
+"""Coefficients, of each draw, that give one density of the poses' noise."""
+_LEAST_REST: Final = 0.1
+"""Share of a density that is not noise of the poses, at least."""
 _CLOSE: Final = 1e-3
 """Step over standard error at which the fit stands."""
 _SETTLED: Final = 1.0
@@ -153,6 +159,7 @@ class _Sums:
             bins = np.minimum(1 + np.searchsorted(upper, f, side="right"), len(upper))
             bins[0] = 0
             self._bins.append(bins)
+        self._shape = [np.ones((len(bins), 6)) for bins in self._bins]
         self.clear()
         self.forget_noise()
 
@@ -170,10 +177,15 @@ class _Sums:
         """Forget what the noise of the poses adds to product and matrix, on average."""
         self.noise_product = np.zeros_like(self.product)
         self.noise_matrix = np.zeros_like(self.matrix)
+        self._noise = [np.zeros((len(bins), 6)) for bins in self._bins]
 
-    def bins_of(self, segment: int) -> NDArray[np.int64]:
-        """Return the bins (m,) of a segment's coefficients."""
-        return self._bins[segment]
+    def weights_of(self, segment: int, weight: Array) -> tuple[Array, Array]:
+        """Return weights (m, 6) of a segment's coefficients, and the share (m, 6) that is left.
+
+        :param weight: (bins, 6) over the shape of the densities.
+        """
+        bins = self._bins[segment]
+        return weight[bins] / self._shape[segment], self.left[bins]
 
     def add(self, segment: int, residuals: Array, jacobian: Array) -> None:
         """Add residuals (n, 6) and Jacobian (n, 6, 42) of a segment."""
@@ -185,6 +197,7 @@ class _Sums:
 
     def add_noise(self, segment: int, residuals: Array, jacobian: Array, share: float) -> None:
         """Add a share of the effect of the poses' noise on residuals and Jacobian."""
+        self._noise[segment] += share * _transformed(residuals, len(self._bins[segment])) ** 2
         for k, axis, values, columns in self._binned(segment, residuals, jacobian):
             self.noise_product[k, axis] += share * (columns.T @ values)
             self.noise_matrix[k, axis] += share * (columns.T @ columns)
@@ -194,11 +207,52 @@ class _Sums:
     ) -> Iterator[tuple[int, int, Array, Array]]:
         """Return the coefficients of each bin and axis: of residuals (m,) and Jacobian (m, 42)."""
         bins = self._bins[segment]
-        c, j = (_transformed(values, len(bins)) for values in (residuals, jacobian))
+        root = np.sqrt(self._shape[segment])
+        c = _transformed(residuals, len(bins)) / root
+        j = _transformed(jacobian, len(bins)) / root[:, :, None]
         starts = np.flatnonzero(np.diff(bins, prepend=-1))
         for first, last in pairwise([*starts.tolist(), len(bins)]):
             for axis in range(6):
                 yield int(bins[first]), axis, c[first:last, axis], j[first:last, axis]
+
+    def shape(self, density: Array) -> None:
+        """Take the noise of the poses as the shape of the densities within their bins.
+
+        It rises with the second power of the frequency in the rates' density, and with the fourth
+        in that of the accelerations; all else is alike in one bin.
+
+        :param density: (bins, 6) over the shape so far.
+        """
+        count = np.maximum(self.count, 1.0)[:, None]
+        noise = [_smooth(power) for power in self._noise]
+        whole, known = np.zeros((2, len(self.count), 6))
+        for bins, shape, own in zip(self._bins, self._shape, noise, strict=True):
+            np.add.at(whole, bins, shape / count[bins])
+            np.add.at(known, bins, own / count[bins])
+        whole *= density
+        rest = np.maximum(whole - known, _LEAST_REST * whole)
+        self._shape = [rest[bins] + own for bins, own in zip(self._bins, noise, strict=True)]
+
+    def unsure(self, weight: Array, inverse: Array) -> Array:
+        """Return what densities that are estimated add to standard errors (p,): a factor from 1 on.
+
+        Weights of n coefficients are wrong by sqrt(2 / n), which costs efficiency, and which the
+        inverse of the normal matrix hides once more (Kenward and Roger, "Small sample inference
+        for fixed effects from restricted maximum likelihood", Biometrics 53, 1997)::
+
+            inverse + 2 inverse sum_b (2 / n_b) (A_b - A_b inverse A_b) inverse
+
+        with the part A_b that each bin and axis has in the normal matrix.
+
+        :param weight: (bins, 6); inverse: (p, p) of the normal matrix.
+        """
+        parts = (weight[:, :, None, None] * self.matrix).reshape(-1, *inverse.shape)
+        freedom = (self.count[:, None] * self.left).reshape(-1)
+        known = 2.0 / np.maximum(freedom, 2.0)
+        part = parts @ inverse
+        lost = np.einsum("k,kij->ij", known, part - part @ part)
+        added = 2.0 * np.diag(inverse @ lost) / np.diag(inverse)
+        return np.asarray(np.sqrt(1.0 + np.maximum(added, 0.0)))
 
     def shown(self, prior: Array) -> Array:
         """Return 1 for bins (bins, 6) that show the motion, and 0 if it is mostly noise."""
@@ -269,6 +323,9 @@ def fit(
             density = sums.density(step, inverse, density)
         errors = errors.moved(_placed(step, free))
         sums.noise_product -= sums.noise_matrix @ step
+        if noisy and count < _SHAPED:
+            sums.shape(density)
+            density = np.ones_like(density)
         last = float(np.max(np.abs(step) / np.sqrt(np.diag(inverse))))
         if count > 1 and last < _CLOSE:
             break
@@ -334,13 +391,14 @@ def _summary(
             errors, motion_at, recording.stamps[rows], reference, wander[rows]
         )
         residuals[rows] = recording.readings[rows] - predicted
-        bins = sums.bins_of(k)
-        root = np.sqrt(weight[bins])
-        j = _transformed(jacobian[:, :, free], len(bins)) * root[:, :, None]
+        weights, left = sums.weights_of(k, weight)
+        root = np.sqrt(weights)
+        j = _transformed(jacobian[:, :, free], len(root)) * root[:, :, None]
         flat = j.reshape(-1, len(free))
         normal += flat.T @ flat
-        full = root / np.sqrt(sums.left[bins])
-        white = idct(_transformed(residuals[rows], len(bins)) * full, norm="ortho", axis=0)
+        white = idct(
+            _transformed(residuals[rows], len(root)) * (root / np.sqrt(left)), norm="ortho", axis=0
+        )
         parts = np.einsum("nai,na->ni", idct(j, norm="ortho", axis=0), white)
         parts -= parts.mean(axis=0)
         middle += parts.T @ parts
@@ -355,6 +413,7 @@ def _summary(
     sandwich = inverse @ middle @ inverse
     # A sandwich of few coefficients is known badly: never below what stationary noise would give.
     larger = np.sqrt(np.maximum(np.diag(inverse) / np.diag(sandwich), 1.0))
+    larger *= sums.unsure(weight, inverse)
     covariance[np.ix_(free, free)] = sandwich * np.outer(larger, larger)
     covariance[model.CURVATURE, model.CURVATURE] += sums.smoothing**2
     hanging = np.zeros(COUNT)
@@ -369,6 +428,16 @@ def _segments(pieces: tuple[slice, ...]) -> list[slice]:
         edges = np.linspace(piece.start, piece.stop, count + 1).astype(int).tolist()
         result += [slice(a, b) for a, b in pairwise(edges)]
     return result
+
+
+def _smooth(power: Array) -> Array:
+    """Return densities (m, 6) of powers (m, 6): means of neighbours, joined by straight lines."""
+    count = max(len(power) // _NARROW, 1)
+    edges = np.linspace(0, len(power), count + 1).astype(int)
+    means = np.add.reduceat(power, edges[:-1], axis=0) / np.diff(edges)[:, None]
+    middle = 0.5 * (edges[1:] + edges[:-1] - 1)
+    index = np.arange(len(power))
+    return np.column_stack([np.interp(index, middle, column) for column in means.T])
 
 
 def _transformed(values: Array, count: int) -> Array:
