@@ -446,12 +446,9 @@ def test_a_floor_is_not_below_what_rest_shows():
     assert not quietest(values, RATE).any()  # no second is quieter than the others
     values[300:] *= 5.0
     least = quietest(values, RATE)
-    # The median of three powers of the quietest of five seconds, with some 13 free squares each:
-    # the second of three is below 6.0 of 13 once in a hundred: 0.68 a density.
-    assert np.all((least > 0.68) & (least < 1.2))
-    turning = np.sin(2.0 * np.pi * 45.0 * np.arange(len(values)) / RATE)
-    # A rotor's line is in one band. Of the other two the larger: above 33 of 13 once in 300.
-    assert np.all(quietest(values + 20.0 * turning[:, None], RATE) < 1.6)
+    # The lower of two powers of the quietest of five seconds, with some 13 free squares each:
+    # chi-square 4.1 of 13 once in a hundred, 0.56 a density, and the mean at most.
+    assert np.all((least > 0.5) & (least < 1.0))
     bands = cross_spectra(0.3 * values[:300], [slice(0, 300)], RATE, band_edges(3.0, RATE))
     assert np.all(white_floor(bands, 1.0).density < 0.4)
     white = raised(white_floor(bands, 1.0), 3.0 * least)
