@@ -8,7 +8,7 @@ import pytest
 from small_camera import SMALL_CAMERA
 
 from imu_sim_ros import rotation
-from imu_sim_ros.sensors.camera.view import Poses, in_camera
+from imu_sim_ros.sensors.camera.view import Eyes, Poses, in_camera
 
 WIDE_CAMERA = {
     **SMALL_CAMERA,
@@ -35,7 +35,7 @@ def judged(renderer, view, corners, low, high):
         turn = rotation.from_euler(stream.uniform(-0.12, 0.12, 3))
         poses = Poses(eye[None], rotation.multiply(turn, mounting)[None])
         total = np.zeros((480, 752), np.uint32)
-        for rows, picture in renderer.pictures(poses):
+        for rows, picture in renderer.pictures(Eyes(poses)):
             for a, b in np.ndindex(_RAYS, _RAYS):
                 total[rows] += picture[a::_RAYS, b::_RAYS]
         image = np.rint(total / _RAYS**2).astype(np.uint8)

@@ -21,6 +21,7 @@ from imu_sim_ros.sensors.camera.images.imager import Imager
 from imu_sim_ros.sensors.camera.images.renderer import look_up
 from imu_sim_ros.sensors.camera.images.texture import LEVELS, atlas
 from imu_sim_ros.sensors.camera.scene_parameters import CloudParameters
+from imu_sim_ros.sensors.camera.view import Eyes
 
 SMALL = {
     **SMALL_CAMERA,
@@ -154,7 +155,7 @@ def test_the_look_up_is_integer_arithmetic(make_rig, case):
     view = rig.views["cam0"]
     times = imager._row_times(np.array([1.3]), imager._renderer.rows)
     image, rows = imager.atlas.image, []
-    for band, maps in imager._renderer.maps(view.poses(rig.trajectory, times)):
+    for band, maps in imager._renderer.maps(Eyes(view.poses(rig.trajectory, times))):
         assert np.array_equal(look_up(image, maps), plainly_looked_up(image, maps))
         rows += range(band.start, band.stop)
         if maps.share is not None:
@@ -194,7 +195,8 @@ def test_sixteen_rays_a_pixel_of_a_stereo_pair_fit_into_300_mb():
 def test_two_mip_levels_are_those_next_to_the_step_of_a_pixel(make_rig):
     """The share of the coarser one grows with the step: none at 2^k texels, all at 2^(k + 1)."""
     rig, imager = make_imager(make_rig, camera__mip_levels="trilinear")
-    [(_, maps)] = imager._renderer.maps(rig.views["cam0"].poses(rig.trajectory, np.array([1.0])))
+    eyes = Eyes(rig.views["cam0"].poses(rig.trajectory, np.array([1.0])))
+    [(_, maps)] = imager._renderer.maps(eyes)
     stream, checked = np.random.default_rng(5), 0
     for u, v in zip(stream.integers(0, 187, 150), stream.integers(0, 119, 150), strict=True):
         found = [
@@ -353,7 +355,8 @@ def traced(rig, t, pixel):
 def test_every_pixel_looks_at_the_nearest_surface(make_rig):
     rig, imager = make_imager(make_rig, scene__boxes=8)
     depth = imager.depth(20)
-    [(_, maps)] = imager._renderer.maps(rig.views["cam0"].poses(rig.trajectory, np.array([1.0])))
+    eyes = Eyes(rig.views["cam0"].poses(rig.trajectory, np.array([1.0])))
+    [(_, maps)] = imager._renderer.maps(eyes)
     x = maps.whole[..., 0] + (maps.part & 31) / 32.0
     y = maps.whole[..., 1] + (maps.part >> 5) / 32.0
     stream, checked, levels = np.random.default_rng(0), 0, set()

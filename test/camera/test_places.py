@@ -23,7 +23,7 @@ from imu_sim_ros.sensors.camera.images.imager import imagers
 from imu_sim_ros.sensors.camera.images.renderer import Renderer
 from imu_sim_ros.sensors.camera.images.texture import atlas
 from imu_sim_ros.sensors.camera.scene_parameters import CorridorParameters
-from imu_sim_ros.sensors.camera.view import Poses, in_camera
+from imu_sim_ros.sensors.camera.view import Eyes, Poses, in_camera
 from imu_sim_ros.simulation.cameras import build_rig
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.kinds import Waypoints
@@ -64,7 +64,7 @@ def test_depth_is_that_of_the_surfaces_equation(make_rig, kind):
     good = checked = 0
     for t in (0.5, 3.0, 6.0):
         poses = view.poses(rig.trajectory, np.array([t]))
-        depth = renderer.depth(poses)
+        depth = renderer.depth(Eyes(poses))
         for u, v in zip(stream.integers(0, 188, 60), stream.integers(0, 120, 60), strict=True):
             ray = view.model.unproject([(float(u), float(v))]).direction[0]
             way = rotation.rotate(poses.q_wc[0], ray)

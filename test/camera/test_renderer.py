@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
+from imu_sim_ros.sensors.camera.images.cells import Planes, within
 from imu_sim_ros.sensors.camera.images.rays import PixelRays
 from imu_sim_ros.sensors.camera.images.renderer import Renderer
-from imu_sim_ros.sensors.camera.images.texture import LEVELS, Atlas, Planes, within
+from imu_sim_ros.sensors.camera.images.texture import LEVELS, Atlas
+from imu_sim_ros.sensors.camera.view import Eyes
 
 CAMERA = {
     "camera__width": 188,
@@ -82,13 +84,14 @@ def test_no_rectangle_is_missed_however_thin(make_rig, lens):
             np.round(part * 2.0**30) / 2.0**30
             for part in (poses.position, rotation.to_matrix(poses.q_wc))
         )
-        planes = Planes.of(surfaces, np.arange(40), position, r_wc)
+        planes = Planes.of(surfaces, surfaces.normal, position, r_wc)
         nearest, seen = np.zeros((120, 188), np.float32), set()
         for m in range(40):
-            ahead, inverse, places = planes.meet(m, rays, slice(0, 120))
+            met = planes.meet(np.array([m]), rays.reshape(3, 1, -1), np.zeros((1, 1), np.int64))
+            ahead, inverse, places = (part.reshape(*part.shape[:-2], 120, 188) for part in met)
             shown = ahead & within(places) & (inverse > nearest)
             nearest[shown] = inverse[shown]
             seen |= {m} if shown.any() else set()
         depth = rays[2] / np.where(nearest > 0.0, nearest, np.inf)
         assert len(seen) > 8
-        assert np.array_equal(renderer.depth(poses), np.where(nearest > 0.0, depth, 0.0))
+        assert np.array_equal(renderer.depth(Eyes(poses)), np.where(nearest > 0.0, depth, 0.0))

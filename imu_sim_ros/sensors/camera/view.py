@@ -3,6 +3,7 @@
 
 """A camera on a body: when it takes frames, and where it is then."""
 
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -41,6 +42,14 @@ class Poses(NamedTuple):
     """(n, 3) p_wc [m]."""
     q_wc: Array
     """(n, 4)."""
+
+
+class Eyes(NamedTuple):
+    """Where a camera is at n times, in the world and in the axes of what moves there."""
+
+    world: Poses
+    bodies: Sequence[Poses] = ()
+    """Of each body."""
 
 
 class View:

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from imu_sim_ros.sensors.camera.images.exposure import AutoExposure, exposed, meter_model
 from imu_sim_ros.sensors.camera.images.mesh_look import Look
 from imu_sim_ros.sensors.camera.images.mesh_renderer import MeshRenderer
-from imu_sim_ros.sensors.camera.images.renderer import Renderer, opencv
+from imu_sim_ros.sensors.camera.images.renderer import PictureMaker, Renderer, opencv
 from imu_sim_ros.sensors.camera.images.texture import Atlas, atlas
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.scene_parameters import MeshParameters, SceneParameters
-from imu_sim_ros.sensors.camera.view import Poses, View
+from imu_sim_ros.sensors.camera.view import Eyes, Poses, View
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.types import Array
 
@@ -51,7 +51,7 @@ class Imager:
 
     def _renderer_of(
         self, scale: int, trilinear: bool = False, model: CameraModel | None = None
-    ) -> Renderer | MeshRenderer:
+    ) -> PictureMaker:
         model, scene = model or self.view.model, self._scene
         if isinstance(self.atlas, Look):
             assert scene.caster is not None
@@ -110,7 +110,7 @@ class Imager:
         meter = self._renderer_of(1, model=small)
 
         def seen(t: Array) -> Iterator[Bytes]:
-            return (picture for _, picture in meter.pictures(*self._poses(t)))
+            return (picture for _, picture in meter.pictures(self._eyes(t)))
 
         return AutoExposure(self.view, seen)
 
@@ -124,7 +124,7 @@ class Imager:
 
         0 if nothing is seen. A frame that repeats another has its depth, too.
         """
-        return self._centres.depth(*self._seen_from(number))
+        return self._centres.depth(self._seen_from(number))
 
     @property
     def moving(self) -> bool:
@@ -138,20 +138,19 @@ class Imager:
         """
         if not self.moving:
             return self.depth(number), None
-        assert isinstance(self._centres, Renderer)  # nothing moves in a mesh
-        return self._centres.depth_and_mask(*self._seen_from(number))
+        return self._centres.depth_and_mask(self._seen_from(number))
 
-    def _seen_from(self, number: int) -> tuple[Poses, list[Poses]]:
+    def _seen_from(self, number: int) -> Eyes:
         """Return the poses of the pixels' centres in the middle of the exposure."""
         t = np.array([self._seconds(self._content(number))])
-        return self._poses(self._row_times(t, self._centres.rows))
+        return self._eyes(self._row_times(t, self._centres.rows))
 
-    def _poses(self, t: Array) -> tuple[Poses, list[Poses]]:
-        """Return where the camera is at times t (n,) [s], and the same in the axes of each body."""
+    def _eyes(self, t: Array) -> Eyes:
+        """Return where the camera is at times t (n,) [s]."""
         poses = self.view.poses(self._trajectory, t)
         crowd = self._scene.crowd
         each = crowd.each if crowd else ()
-        return poses, [Poses(*body.sees(t, *poses)) for body in each]
+        return Eyes(poses, [Poses(*body.sees(t, *poses)) for body in each])
 
     @property
     def vignette(self) -> Single:
@@ -168,7 +167,7 @@ class Imager:
         return p.exposure_time * _wave(p.exposure_change, p.exposure_period, seconds)
 
     @cached_property
-    def _centres(self) -> Renderer | MeshRenderer:
+    def _centres(self) -> PictureMaker:
         """One ray for each pixel."""
         return self._renderer_of(1)
 
@@ -196,8 +195,8 @@ class Imager:
         total = np.zeros((p.height, p.width, *self._colours), kind)
         for k in range(pictures):
             t = middle + exposure * ((k + 0.5) / pictures - 0.5)
-            poses, bodies = self._poses(self._row_times(t, self._renderer.rows))
-            for rows, picture in self._renderer.pictures(poses, bodies):
+            eyes = self._eyes(self._row_times(t, self._renderer.rows))
+            for rows, picture in self._renderer.pictures(eyes):
                 for row, column in np.ndindex(n, n):
                     total[rows] += picture[row::n, column::n]
         return total, count

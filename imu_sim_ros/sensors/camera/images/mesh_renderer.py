@@ -3,7 +3,7 @@
 
 """Pictures of a mesh: each pixel's ray meets the nearest triangle."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.places.geometry import Floats
 from imu_sim_ros.places.mesh import MeshCaster
+from imu_sim_ros.sensors.camera.images.cells import SHARES
 from imu_sim_ros.sensors.camera.images.mesh_look import Look
 from imu_sim_ros.sensors.camera.images.rays import PixelRays
 from imu_sim_ros.sensors.camera.images.renderer import Maps, look_up, opencv, rounded
-from imu_sim_ros.sensors.camera.images.texture import BACKGROUND, LEVELS, SHARES
+from imu_sim_ros.sensors.camera.images.texture import BACKGROUND, BLANK, LEVELS
 from imu_sim_ros.sensors.camera.model import CameraModel
-from imu_sim_ros.sensors.camera.view import Poses
+from imu_sim_ros.sensors.camera.view import Eyes, Poses
 from imu_sim_ros.types import Array
 
 Single = NDArray[np.float32]
@@ -25,8 +26,6 @@ Integers = NDArray[np.int64]
 
 _GRAZING: Final = 1e-6
 """Least cosine between a ray and a normal that counts in a pixel's footprint."""
-_BLANK: Final = np.float32(1.0)
-"""Column and row of the background in the atlas."""
 
 
 class _Seen(NamedTuple):
@@ -66,29 +65,30 @@ class MeshRenderer:
         """Row of the image of each row of rays."""
         self._pitches: dict[int, NDArray[np.float16]] = {}
 
-    def pictures(
-        self, poses: Poses, _bodies: Sequence[Poses] = ()
-    ) -> Iterator[tuple[slice, Bytes]]:
+    def pictures(self, eyes: Eyes) -> Iterator[tuple[slice, Bytes]]:
         """Yield what one pose sees, or one pose for each row of rays, a band at a time.
 
-        :param _bodies: none moves in a mesh.
         :returns: rows of the image, and the values (h, w[, 3]) of all their rays.
         """
         scale = self._rays.scale
-        for number, rows, rays, seen in self._seen(poses):
+        for number, rows, rays, seen in self._seen(eyes.world):
             if number not in self._pitches:
                 self._pitches[number] = _pitch(rays).reshape(-1).astype(np.float16)
             image = slice(rows.start // scale, rows.stop // scale)
             pitch = self._pitches[number].astype(np.float32)
             yield image, self._painted(seen, pitch, (rays.shape[1], rays.shape[2]))
 
-    def depth(self, poses: Poses, _bodies: Sequence[Poses] = ()) -> Single:
+    def depth(self, eyes: Eyes) -> Single:
         """Return the distance along the axis (h, w) [m] of what each pixel sees; 0: nothing."""
         result = np.empty(self._rays.shape, np.float32)
-        for _, rows, rays, seen in self._seen(poses):
+        for _, rows, rays, seen in self._seen(eyes.world):
             distance = np.where(seen.nothing, 0.0, seen.distance)
             result[rows] = distance.reshape(rays.shape[1:]) * rays[2]
         return result
+
+    def depth_and_mask(self, eyes: Eyes) -> tuple[Single, Bytes]:
+        """Return :meth:`depth`, and 0 for each pixel: nothing moves in a mesh."""
+        return self.depth(eyes), np.zeros(self._rays.shape, np.uint8)
 
     def _seen(self, poses: Poses) -> Iterator[tuple[int, slice, Single, _Seen]]:
         """Yield each band's number, rows and rays (3, h, w), and what they meet first."""
@@ -173,7 +173,7 @@ class MeshRenderer:
                 texel *= places[k]
                 texel *= factor
                 texel += (look.atlas.place[..., k].reshape(-1) - np.float32(0.5)).take(row)
-                texel[seen.nothing] = _BLANK
+                texel[seen.nothing] = BLANK
                 at.append(texel.reshape(shape))
             found.append(Maps(*cv2.convertMaps(at[0], at[1], cv2.CV_16SC2)))
         if share is None:

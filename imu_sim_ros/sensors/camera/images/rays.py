@@ -5,17 +5,19 @@
 
 import math
 from functools import cached_property
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.sensors.camera.images.texture import CELL
 from imu_sim_ros.sensors.camera.model import CameraModel
 
 Single = NDArray[np.float32]
 Integers = NDArray[np.int64]
+_Value = TypeVar("_Value", bound=np.generic)
 
+CELL: Final = 8
+"""Pixels along which the mip level is constant, in both directions."""
 _BAND: Final = 64_000
 """Rays that are processed at once, about: their arrays stay in a processor's cache."""
 _KEPT: Final = 6_000_000
@@ -28,12 +30,13 @@ class PixelRays:
     A pixel without a direction has (0, 0, 0): it looks through nothing.
     """
 
-    def __init__(self, model: CameraModel, scale: int) -> None:
+    def __init__(self, model: CameraModel, scale: int, by_cells: bool = False) -> None:
         """Set up the rays of an image.
 
         :param scale: rays along each side of a pixel.
+        :param by_cells: those of a band come cell by cell, not row by row.
         """
-        self._model, self.scale = model, scale
+        self._model, self.scale, self._by_cells = model, scale, by_cells
         self.shape = self.height, self.width = model.height * scale, model.width * scale
         self.row_places = (np.arange(self.height) + 0.5) / scale - 0.5
         """Row of the image of each row of rays."""
@@ -51,36 +54,55 @@ class PixelRays:
         return in_cells(cells, self.height)
 
     def of_band(self, number: int) -> Single:
-        """Return the rays (3, rows, width) of a band."""
-        if self._kept is not None:
-            return self._kept[:, self.rows(self.bands[number])]
-        return self._found(number)
+        """Return the rays of a band: (3, rows, width), or (3, cells, CELL^2) by cells.
+
+        Of cells at the right and at the bottom, what lies beyond the image has (0, 0, 0).
+        """
+        return self._kept[number] if self._kept is not None else self._found(number)
 
     def at(self, *places: tuple[Integers, Integers]) -> list[Single]:
         """Return the rays (3, a, b) of rows (a,) in ascending order and columns (b,), of each."""
         parts: list[list[Single]] = [[] for _ in places]
         for number, band in enumerate(self.bands):
             rays, span = self.of_band(number), self.rows(band)
+            if self._by_cells:
+                rays = row_by_row(rays, self.width)
             for (rows, columns), found in zip(places, parts, strict=True):
                 inside = rows[(rows >= span.start) & (rows < span.stop)] - span.start
                 found.append(rays[:, inside[:, None], columns])
         return [np.concatenate(found, axis=1) for found in parts]
 
     @cached_property
-    def _kept(self) -> Single | None:
+    def _kept(self) -> list[Single] | None:
         if self.height * self.width > _KEPT:
             return None
-        result = np.empty((3, *self.shape), np.float32)
-        for number, band in enumerate(self.bands):
-            result[:, self.rows(band)] = self._found(number)
-        return result
+        return [self._found(number) for number in range(len(self.bands))]
 
     def _found(self, number: int) -> Single:
         rows = self.row_places[self.rows(self.bands[number])]
         grid = np.stack(np.meshgrid(self._columns, rows), axis=-1).reshape(-1, 2)
         rays = self._model.unproject(grid)
         direction = np.where(rays.valid[:, None], rays.direction, 0.0)
-        return direction.T.reshape(3, -1, self.width).astype(np.float32)
+        found: Single = direction.T.reshape(3, -1, self.width).astype(np.float32)
+        return cell_by_cell(found) if self._by_cells else found
+
+
+def cell_by_cell(values: Single) -> Single:
+    """Return the values of cells (..., cells, CELL^2) from those of pixels (..., h, w)."""
+    *more, height, width = values.shape
+    down, right = -height % CELL, -width % CELL
+    if down or right:
+        values = np.pad(values, [(0, 0)] * len(more) + [(0, down), (0, right)])
+    parts = values.reshape(*more, (height + down) // CELL, CELL, (width + right) // CELL, CELL)
+    return np.ascontiguousarray(parts.swapaxes(-3, -2)).reshape(*more, -1, CELL * CELL)
+
+
+def row_by_row(values: NDArray[_Value], width: int, height: int | None = None) -> NDArray[_Value]:
+    """Return the values of pixels (..., h, w) from those of cells (..., cells, CELL^2)."""
+    *more, count, _ = values.shape
+    across = -(-width // CELL)
+    parts = values.reshape(*more, count // across, across, CELL, CELL).swapaxes(-3, -2)
+    return parts.reshape(*more, -1, across * CELL)[..., :height, :width]
 
 
 class Corners(NamedTuple):
@@ -91,23 +113,14 @@ class Corners(NamedTuple):
     rows: Integers
     """(a + 1,) their rows."""
 
-    def part(self, rows: slice, columns: slice) -> "Corners":
-        """Return those of some of the cells."""
-        down, right = (slice(each.start, each.stop + 1) for each in (rows, columns))
-        return Corners(self.rays[:, down, right], self.rows[down])
-
 
 class Probes(NamedTuple):
-    """For each cell (a, b) of an image a pixel, and those on its right and below it."""
+    """For each cell of an image a pixel, and those on its right and below it."""
 
     rays: Single
-    """(3, 3, a, b): x, y, z of the pixel, of the one on its right, of the one below."""
+    """(3, cells, 3): x, y, z of the pixel, of the one on its right, of the one below."""
     rows: Integers
-    """(3, a) their rows."""
-
-    def part(self, rows: slice, columns: slice) -> "Probes":
-        """Return those of some of the cells."""
-        return Probes(self.rays[:, :, rows, columns], self.rows[:, rows])
+    """(cells, 3) their rows."""
 
 
 def corners_and_probes(rays: PixelRays) -> tuple[Corners, Probes]:
@@ -117,7 +130,8 @@ def corners_and_probes(rays: PixelRays) -> tuple[Corners, Probes]:
     i, j = (np.maximum(np.minimum(np.arange(0, n, CELL) + CELL // 2, n - 2), 0) for n in rays.shape)
     below, right = np.minimum(i + 1, height - 1), np.minimum(j + 1, width - 1)
     corners, *middle = rays.at((edges[0], edges[1]), (i, j), (i, right), (below, j))
-    probes = Probes(np.stack(middle, axis=1), np.stack([i, i, below]))
+    rows = np.stack([i, i, below], axis=1).repeat(len(j), axis=0)
+    probes = Probes(np.stack(middle, axis=-1).reshape(3, -1, 3), rows)
     return Corners(np.ascontiguousarray(corners), edges[0]), probes
 
 

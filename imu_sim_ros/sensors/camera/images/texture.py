@@ -5,7 +5,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from typing import Final, NamedTuple, TypeVar
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,6 +167,8 @@ def _places(shapes: Sequence[tuple[int, int]]) -> tuple[list[tuple[int, int]], i
 
 _BLANK: Final = 4
 """Edge of the corner that holds the background."""
+BLANK: Final = np.float32(1.0)
+"""Column and row of the background in the atlas."""
 
 
 def _packed(shapes: list[tuple[int, int]]) -> tuple[list[tuple[int, int]], int]:
@@ -291,166 +293,3 @@ def _checkerboard(p: CheckerboardParameters) -> Bytes:
     row, column = np.indices((p.rows + 1, p.columns + 1))
     squares = np.where((row + column) % 2, 255, 0).astype(np.uint8)
     return squares.repeat(_SQUARE, axis=0).repeat(_SQUARE, axis=1)
-
-
-Single = NDArray[np.float32]
-Mask = NDArray[np.bool_]
-
-_ONE = np.float32(1.0)
-_IN_FRONT = np.float32(1e-6)
-"""Least 1 / t of what is in front of the camera."""
-
-
-class Planes(NamedTuple):
-    """m rectangles in the camera's frame, for one pose (n = 1) or for one each row of rays."""
-
-    vectors: Single
-    """(m, 3, 3, n): n / (n (o - c)), a / a^2 and b / b^2, each with its x, y, z."""
-    start: Single
-    """(m, 2, n) s and r of the camera's own place."""
-
-    @classmethod
-    def of(cls, surfaces: Surfaces, numbers: Integers, position: Array, r_wc: Array) -> "Planes":
-        """Return some surfaces (m,) as poses (n, 3), (n, 3, 3) see them."""
-        o, a, b, normal = (
-            part[numbers, None]
-            for part in (surfaces.origin, surfaces.across, surfaces.up, surfaces.normal)
-        )
-        distance = ((o - position) * normal).sum(axis=2, keepdims=True)
-        safe = np.where(distance == 0.0, 1e-12, distance)
-        sides = [side / (side * side).sum(axis=2, keepdims=True) for side in (a, b)]
-        shape = (len(numbers), len(position), 3)
-        world = np.stack([np.broadcast_to(x, shape) for x in (normal / safe, *sides)], axis=1)
-        vectors = (world[..., None] * r_wc).sum(axis=3)
-        start = np.stack([((position - o) * side).sum(axis=2) for side in sides], axis=1)
-        return cls(vectors.swapaxes(2, 3).astype(np.float32), start.astype(np.float32))
-
-    def meet(self, m: int, rays: Single, rows: Integers | slice) -> tuple[Mask, Single, Single]:
-        """Return which rays (3, ..., w) have a plane before them, 1 / t, and s and r (2, ..., w).
-
-        :param m: number of the rectangle among these.
-        :param rows: (...) of the rays.
-        """
-        vectors, start = self.vectors[m], self.start[m]
-        if start.shape[1] == 1:
-            around = (1,) * (rays.ndim - 1)
-            vectors, start = vectors.reshape(3, 3, *around), start.reshape(2, *around)
-        else:
-            vectors, start = vectors[..., rows, None], start[..., rows, None]
-        dots = vectors[:, 0] * rays[0]
-        term = vectors[:, 1] * rays[1]
-        dots += term
-        dots += np.multiply(vectors[:, 2], rays[2], out=term)
-        inverse, places = dots[0], dots[1:]
-        in_front = inverse > _IN_FRONT
-        places *= _ONE / np.where(in_front, inverse, _ONE)
-        places += start
-        return in_front, inverse, places
-
-
-def within(places: Single) -> Mask:
-    """Tell which places (2, ...) lie on a rectangle."""
-    inside = places >= 0.0
-    inside &= places <= 1.0
-    inside[0] &= inside[1]
-    return np.asarray(inside[0])
-
-
-Shares = NDArray[np.uint16]
-_T = TypeVar("_T", bound=np.generic)
-
-CELL: Final = 8
-"""Pixels along which the mip level is constant, in both directions."""
-SHARES: Final = 256
-"""Steps of the share of the coarser of two levels."""
-_HALF: Final = np.float32(0.5)
-_FACTOR: Final = _HALF ** np.arange(LEVELS, dtype=np.float32)
-"""Size of a level, of the first one's."""
-_NEAREST: Final = np.float32(2.0) ** np.arange(1, 2 * LEVELS - 1, 2, dtype=np.float32)
-"""Squares of the steps between levels: those are sqrt(2) times 1, 2, 4, ..."""
-_NEXT: Final = np.float32(4.0) ** np.arange(1, LEVELS - 1, dtype=np.float32)
-"""Squares of the steps of levels, of which a pixel looks at two."""
-
-
-class AtlasLevel(NamedTuple):
-    """Where places s and r on a rectangle lie in the atlas: ``scale s + offset`` [texels]."""
-
-    scale: Single
-    """(2, a, b) in each cell."""
-    offset: Single
-    """(2, a, b)."""
-
-
-class Levels(NamedTuple):
-    """The level of each cell of a part of an image, or two of them, the finer first."""
-
-    each: list[AtlasLevel]
-    share: Shares | None
-    """(a, b) of the coarser of two."""
-    corner: tuple[int, int]
-    """Row and column of the part's first cell."""
-
-    def part(self, rows: slice, columns: slice) -> "Levels":
-        """Return those of some of the cells, by their rows and columns in the image."""
-        top, left = self.corner
-        at = (
-            slice(rows.start - top, rows.stop - top),
-            slice(columns.start - left, columns.stop - left),
-        )
-        each = [AtlasLevel(*(values[:, at[0], at[1]] for values in level)) for level in self.each]
-        share = None if self.share is None else self.share[at]
-        return Levels(each, share, (rows.start, columns.start))
-
-
-def levels(
-    places: Single, atlas: Atlas, m: int, trilinear: bool, corner: tuple[int, int]
-) -> Levels:
-    """Return the levels of cells (a, b).
-
-    :param places: (2, 3, a, b) s and r of their probes.
-    :param m: number of the rectangle's texture in the atlas.
-    :param corner: row and column of the first cell.
-    """
-    square = _squares(places * atlas.size[m][:, None, None, None])
-    if not trilinear:
-        return Levels([_level(np.searchsorted(_NEAREST, square), atlas, m)], None, corner)
-    level = np.searchsorted(_NEXT, square, side="right")
-    # Between 2^k and 2^(k + 1) the share goes from 0 to 1; a square root is exact everywhere.
-    excess = np.sqrt(square) * _FACTOR[level] - np.float32(1.0)
-    share = np.rint(np.clip(excess, 0.0, 1.0) * np.float32(SHARES)).astype(np.uint16)
-    return Levels([_level(k, atlas, m) for k in (level, level + 1)], share, corner)
-
-
-def _squares(places: Single) -> Single:
-    """Return the square of the step from one pixel to the next (a, b) [texels^2].
-
-    :param places: (2, 3, a, b) column and row of probes.
-    """
-    steps = places[:, 1:] - places[:, :1]
-    steps *= steps
-    squares = steps[0] + steps[1]
-    return np.asarray(np.maximum(squares[0], squares[1]))
-
-
-def _level(level: Integers, atlas: Atlas, m: int) -> AtlasLevel:
-    """Return a level (a, b) in each cell."""
-    # Texel k of a level covers k to k + 1 in its own units; a look-up at k is its centre.
-    corner = (atlas.place[m] - _HALF).T
-    return AtlasLevel(atlas.size[m][:, None, None] * _FACTOR[level], corner[:, level])
-
-
-def in_atlas(places: Single, level: AtlasLevel) -> Single:
-    """Return where places s and r (2, h, w) in cells (2, a, b) lie in the atlas [texels]."""
-    _, height, width = places.shape
-    scale, offset = (cells.repeat(CELL, axis=2)[..., :width] for cells in level)
-    if height % CELL:  # of the last cells a part
-        scale, offset = (rows.repeat(CELL, axis=1)[:, :height] for rows in (scale, offset))
-        return np.asarray(places * scale + offset)
-    texels = places.reshape(2, -1, CELL, width) * scale[:, :, None]
-    texels += offset[:, :, None]
-    return np.asarray(texels.reshape(places.shape))
-
-
-def in_pixels(cells: NDArray[_T], height: int, width: int) -> NDArray[_T]:
-    """Return what cells (..., a, b) have for each of their pixels (..., h, w)."""
-    return cells.repeat(CELL, axis=-1)[..., :width].repeat(CELL, axis=-2)[..., :height, :]

@@ -1,0 +1,327 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Which rectangles may be seen in which cell of an image, and where in the atlas they look there.
+
+A pair is a cell and a rectangle that may be seen in it. All pairs of an image are dealt with at
+once: what an image costs follows from its pixels, hardly from the number of its rectangles.
+"""
+
+from collections.abc import Iterator
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.places.geometry import Surfaces
+from imu_sim_ros.sensors.camera.images.rays import Corners
+from imu_sim_ros.sensors.camera.images.texture import LEVELS, Atlas
+from imu_sim_ros.types import Array
+
+Single = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+Integers = NDArray[np.int64]
+Shares = NDArray[np.uint16]
+
+_ONE = np.float32(1.0)
+_FIRST: Final = np.zeros(1, np.int64)
+_IN_FRONT = np.float32(1e-6)
+"""Least 1 / t of what is in front of the camera."""
+
+
+class Planes(NamedTuple):
+    """m rectangles in the camera's frame, for one pose (n = 1) or for one each row of rays."""
+
+    vectors: Single
+    """(m, n, 3, 3) of n / (n (o - c)), a / a^2 and b / b^2, the x, y, z."""
+    start: Single
+    """(m, n, 2) s and r of the camera's own place."""
+
+    @classmethod
+    def of(cls, surfaces: Surfaces, normals: Array, position: Array, r_wc: Array) -> "Planes":
+        """Return surfaces with their normals (m, 3) as poses (n, 3), (n, 3, 3) see them."""
+        o, a, b, normal = (
+            part[:, None] for part in (surfaces.origin, surfaces.across, surfaces.up, normals)
+        )
+        distance = ((o - position) * normal).sum(axis=2, keepdims=True)
+        safe = np.where(distance == 0.0, 1e-12, distance)
+        sides = [side / (side * side).sum(axis=2, keepdims=True) for side in (a, b)]
+        shape = (len(o), len(position), 3)
+        world = np.stack([np.broadcast_to(x, shape) for x in (normal / safe, *sides)], axis=2)
+        vectors = (world[..., None] * r_wc[:, None]).sum(axis=3)
+        start = np.stack([((position - o) * side).sum(axis=2) for side in sides], axis=2)
+        return cls(vectors.astype(np.float32), start.astype(np.float32))
+
+    def joined(self, others: "list[Planes]") -> "Planes":
+        """Return these and others."""
+        every = [self, *others]
+        return Planes(*(np.concatenate(parts) for parts in zip(*every, strict=True)))
+
+    def seen(self, which: Integers | slice, rows: Integers) -> tuple[Single, Single]:
+        """Return vectors (3, 3, p, k) and start (2, p, k) of some rectangles (p,).
+
+        :param rows: (p, k) or (k,) of the rays; k is 1 for one pose.
+        """
+        if self.start.shape[1] > 1 and not isinstance(which, slice):
+            which = which.reshape(-1, *(1,) * (rows.ndim - 1))
+        rows = rows if self.start.shape[1] > 1 else _FIRST
+        if self.start.shape[1] == 1 and not isinstance(which, slice):
+            vectors, start = self.vectors.take(which, axis=0), self.start.take(which, axis=0)
+        else:
+            vectors, start = self.vectors[which, rows], self.start[which, rows]
+        return vectors.transpose(2, 3, 0, 1), start.transpose(2, 0, 1)
+
+    def meet(self, which: Integers, rays: Single, rows: Integers) -> tuple[Mask, Single, Single]:
+        """Return which rays (3, p, k) have a plane before them, 1 / t, and s and r (2, p, k).
+
+        :param which: (p,) numbers of the rectangles among these.
+        :param rows: (p, k) of the rays.
+        """
+        vectors, start = self.seen(which, rows)
+        dots = _dots(vectors, rays)
+        inverse, places = dots[0], dots[1:]
+        in_front = inverse > _IN_FRONT
+        places *= _ONE / np.where(in_front, inverse, _ONE)
+        places += start
+        return in_front, inverse, places
+
+
+def _dots(vectors: Single, rays: Single) -> Single:
+    dots: Single = vectors[:, 0] * rays[0]
+    term = vectors[:, 1] * rays[1]
+    dots += term
+    dots += np.multiply(vectors[:, 2], rays[2], out=term)
+    return dots
+
+
+def within(places: Single) -> Mask:
+    """Tell which places (2, ...) lie on a rectangle."""
+    inside = places >= 0.0
+    inside &= places <= 1.0
+    inside[0] &= inside[1]
+    return np.asarray(inside[0])
+
+
+_TILE: Final = 4
+"""Cells along the edge of a tile, the first step of the search."""
+_CORNERS: Final = 15_000
+"""Corners of tiles, times rectangles, that are looked at once."""
+_PAIRS: Final = 400
+"""Pairs that are dealt with at once: the arrays of their rays stay in a processor's cache."""
+_BENT: Final = np.float32(0.125)
+"""Share of a cell by which the image of a straight line may bend within it."""
+
+
+class Pairs(NamedTuple):
+    """p pairs of a cell and a rectangle, by cell."""
+
+    cell: Integers
+    """(p,) number of the cell, row by row."""
+    which: Integers
+    """(p,) number of the rectangle; in a cell they ascend."""
+
+    def chunks(self, start: int, stop: int) -> Iterator[tuple[Integers, list[int]]]:
+        """Yield the pairs of some cells, a few at a time, in ranks: the first of each cell, ...
+
+        Those with the most pairs are first in each rank, so that all of a rank but the first belong
+        to the cells that are at the same places in the rank before.
+
+        :returns: numbers of the pairs (q,), and how many of them are of each rank.
+        """
+        begin, end = np.searchsorted(self.cell, [start, stop]).tolist()
+        first, counts = _runs(self.cell[begin:end])
+        order = np.argsort(-counts, kind="stable")
+        first, counts = first[order] + begin, counts[order]
+        sums, k = np.cumsum(counts), 0
+        while k < len(first):
+            most = _PAIRS + (int(sums[k - 1]) if k else 0)
+            stop = max(k + 1, int(np.searchsorted(sums, most, side="right")))
+            some, fewest = first[k:stop], -counts[k:stop]
+            sizes = np.searchsorted(fewest, -np.arange(-int(fewest[0])), side="left").tolist()
+            ranks = [some[:size] + rank for rank, size in enumerate(sizes)]
+            yield np.concatenate(ranks), sizes
+            k = stop
+
+
+def _runs(cell: Integers) -> tuple[Integers, Integers]:
+    """Return the first pair of each cell (c,), and their number.
+
+    :param cell: (p,) of each pair, ascending.
+    """
+    starts = np.ones(len(cell), np.bool_)
+    np.not_equal(cell[1:], cell[:-1], out=starts[1:])
+    first = np.flatnonzero(starts)
+    counts = np.empty(len(first), np.int64)
+    np.subtract(first[1:], first[:-1], out=counts[:-1])
+    counts[-1:] = len(cell) - first[-1:]
+    return first, counts
+
+
+class Grid:
+    """The cells of an image, and tiles of them."""
+
+    def __init__(self, corners: Corners, slack: float) -> None:
+        """Take the corners of all cells.
+
+        :param slack: by which, relatively, rays may be longer within a cell than at its corners.
+        """
+        self._slack = np.float32(slack)
+        self.rows, self.columns = (length - 1 for length in corners.rays.shape[1:])
+        edges = [np.arange(0, n + _TILE, _TILE).clip(max=n) for n in (self.rows, self.columns)]
+        self._coarse = corners.rays[:, edges[0][:, None], edges[1]]
+        self._coarse_rows = corners.rows[edges[0]]
+        inside = np.arange(_TILE + 1)
+        down, across = (
+            (edge[:-1, None] + inside).clip(max=n)
+            for edge, n in zip(edges, (self.rows, self.columns), strict=True)
+        )
+        count = (len(down), len(across), _TILE + 1, _TILE + 1)
+        rays = corners.rays[:, down[:, None, :, None], across[None, :, None, :]]
+        self._fine = np.ascontiguousarray(rays.reshape(3, -1, *count[2:]))
+        self._fine_rows = corners.rows[down].repeat(len(across), axis=0)
+        number = (edges[0][:-1, None] + inside[:-1])[:, None, :, None] * self.columns
+        column = (edges[1][:-1, None] + inside[:-1])[None, :, None, :]
+        beyond = (number >= self.rows * self.columns) | (column >= self.columns)
+        self._cells = np.where(beyond, -1, number + column).reshape(-1, _TILE, _TILE)
+
+    def pairs(self, planes: Planes) -> Pairs:
+        """Return which rectangles may be seen in which cells, but for those behind another."""
+        count = len(planes.start)
+        step = max(1, _CORNERS // self._coarse[0].size)
+        parts = [self._possible(planes, m, min(m + step, count)) for m in range(0, count, step)]
+        if not parts:
+            return Pairs(np.zeros(0, np.int64), np.zeros(0, np.int64))
+        cell, which, nearest, hiding = (
+            np.concatenate([part[k] for part in parts]) for k in range(4)
+        )
+        short = self.rows * self.columns <= 1 << 16  # integers of 16 bits are sorted by radix
+        order = np.argsort(cell.astype(np.uint16) if short else cell, kind="stable")
+        cell, nearest, hiding = cell[order], nearest[order], hiding[order]
+        first, counts = _runs(cell)
+        hidden = np.maximum.reduceat(hiding, first) if len(cell) else hiding
+        seen = nearest > hidden.repeat(counts)
+        return Pairs(cell[seen], which[order][seen])
+
+    def _possible(
+        self, planes: Planes, start: int, stop: int
+    ) -> tuple[Integers, Integers, Single, Single]:
+        """Return the cells in which some rectangles may be, and the rectangles' numbers (p,).
+
+        And the largest 1 / t of each there, and the one beyond which it hides everything.
+        """
+        vectors, places = planes.seen(slice(start, stop), self._coarse_rows)
+        edges = _edges(vectors[..., None], places[..., None], self._coarse[:, None])
+        tiles = _any_corner(edges[0] > 0.0)
+        for value in edges[1:]:
+            tiles &= _any_corner(value >= 0.0)
+        which, tile = np.nonzero(_with_neighbours(tiles).reshape(stop - start, -1))
+        vectors, places = planes.seen(which + start, self._fine_rows[tile])
+        edges = _edges(vectors[..., None], places[..., None], self._fine.take(tile, axis=1))
+        least, most = _over_cells(edges, np.minimum), _over_cells(edges, np.maximum)
+        bend = most - least
+        bend *= _BENT
+        bend[0] += self._slack * most[0]
+        most += bend
+        least -= bend
+        cell = self._cells.take(tile, axis=0)
+        possible = (most >= 0.0).all(axis=0)
+        possible &= cell >= 0
+        hides = (least[1:] > 0.0).all(axis=0)
+        hides &= least[0] > 2.0 * _IN_FRONT
+        hiding = np.where(hides, least[0], np.float32(-1.0))
+        which = np.broadcast_to(which[:, None, None] + start, cell.shape)
+        return cell[possible], which[possible], most[0][possible], hiding[possible]
+
+
+def _edges(vectors: Single, start: Single, rays: Single) -> Single:
+    """Return what is above 0 for rays that meet a rectangle (5, ...): 1 / t, and of each edge."""
+    n, s, r = _dots(vectors, rays)
+    result = np.empty((5, *n.shape), np.float32)
+    result[0] = n
+    for k, value in ((1, s), (3, r)):
+        value += start[k // 2] * n
+        result[k] = value
+        np.subtract(n, value, out=result[k + 1])
+    return result
+
+
+def _over_cells(values: Single, reduce: np.ufunc) -> Single:
+    """Return the least or the largest of the four corners (..., a + 1, b + 1) of cells."""
+    rows = reduce(values[..., :-1, :], values[..., 1:, :])
+    result: Single = reduce(rows[..., :-1], rows[..., 1:])
+    return result
+
+
+def _any_corner(holds: Mask) -> Mask:
+    """Return where any corner (m, a + 1, b + 1) of a cell fulfils a condition: (m, a, b)."""
+    rows = holds[:, :-1] | holds[:, 1:]
+    return np.asarray(rows[..., :-1] | rows[..., 1:])
+
+
+def _with_neighbours(cells: Mask) -> Mask:
+    """Return cells (m, a, b) and the eight around each."""
+    rows: Mask = cells.copy()
+    rows[:, 1:] |= cells[:, :-1]
+    rows[:, :-1] |= cells[:, 1:]
+    result: Mask = rows.copy()
+    result[..., 1:] |= rows[..., :-1]
+    result[..., :-1] |= rows[..., 1:]
+    return result
+
+
+SHARES: Final = 256
+"""Steps of the share of the coarser of two levels."""
+_HALF: Final = np.float32(0.5)
+_FACTOR: Final = _HALF ** np.arange(LEVELS, dtype=np.float32)
+"""Size of a level, of the first one's."""
+_NEAREST: Final = np.float32(2.0) ** np.arange(1, 2 * LEVELS - 1, 2, dtype=np.float32)
+"""Squares of the steps between levels: those are sqrt(2) times 1, 2, 4, ..."""
+_NEXT: Final = np.float32(4.0) ** np.arange(1, LEVELS - 1, dtype=np.float32)
+"""Squares of the steps of levels, of which a pixel looks at two."""
+
+
+class Levels(NamedTuple):
+    """Where places s and r of p pairs lie in the atlas: ``scale s + offset`` [texels].
+
+    In one level or in two, the finer first.
+    """
+
+    scale: list[Single]
+    """(2, p) each."""
+    offset: list[Single]
+    """(2, p) each."""
+    share: Shares | None
+    """(p,) of the coarser of two."""
+
+
+def levels(places: Single, atlas: Atlas, number: Integers, trilinear: bool) -> Levels:
+    """Return the levels of p pairs.
+
+    :param places: (2, p, 3) s and r of their probes.
+    :param number: (p,) of the rectangles' textures in the atlas.
+    """
+    size = atlas.size[number].T
+    square = _squares(places * size[..., None])
+    share = None
+    if trilinear:
+        level = np.searchsorted(_NEXT, square, side="right")
+        # Between 2^k and 2^(k + 1) the share goes from 0 to 1; a square root is exact everywhere.
+        excess = np.sqrt(square) * _FACTOR[level] - _ONE
+        share = np.rint(np.clip(excess, 0.0, 1.0) * np.float32(SHARES)).astype(np.uint16)
+        each = [level, level + 1]
+    else:
+        each = [np.searchsorted(_NEAREST, square)]
+    # Texel k of a level covers k to k + 1 in its own units; a look-up at k is its centre.
+    offset = [(atlas.place[number, level] - _HALF).T for level in each]
+    return Levels([size * _FACTOR[level] for level in each], offset, share)
+
+
+def _squares(places: Single) -> Single:
+    """Return the square of the step from one pixel to the next (p,) [texels^2].
+
+    :param places: (2, p, 3) column and row of probes.
+    """
+    steps = places[..., 1:] - places[..., :1]
+    steps *= steps
+    squares = steps[0] + steps[1]
+    return np.asarray(np.maximum(squares[:, 0], squares[:, 1]))
