@@ -24,7 +24,7 @@ from imu_sim_ros.commands import generate
 from imu_sim_ros.sensors import registry
 
 NAN = float("nan")
-PATIENCE = 20.0
+PATIENCE = 60.0
 """[s of processor time] A call that takes longer hangs."""
 
 

@@ -19,7 +19,7 @@ import pytest
 from imu_sim_ros.nodes.shared_memory import remove_torn_segments
 
 REPOSITORY = Path(__file__).parents[2]
-PATIENCE = 90.0
+PATIENCE = 300.0
 """[s] A loaded machine may take long; nothing that works takes as long as this."""
 QUEUE = 20000
 

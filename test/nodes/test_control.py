@@ -17,7 +17,7 @@ pytestmark = pytest.mark.ros
 
 REPOSITORY = Path(__file__).parents[2]
 IMU = "imu/data_raw"
-PATIENCE = 60.0
+PATIENCE = 300.0
 
 
 @pytest.fixture

@@ -34,7 +34,7 @@ def test_an_interrupted_stereo_dataset_has_as_many_images_of_both_cameras(tmp_pa
             assert process.poll() is None
             time.sleep(0.01)
         process.send_signal(signal.SIGINT)
-        error = process.communicate(timeout=120)[1]
+        error = process.communicate(timeout=300)[1]
     assert process.returncode == 130
     assert os.listdir(tmp_path) == ["x.partial"]
     folder = tmp_path / "x.partial" / place

@@ -17,7 +17,7 @@ import pytest
 
 REPOSITORY = Path(__file__).parents[3]
 FEED = Path(__file__).with_name("feed.py")
-PATIENCE = 90.0
+PATIENCE = 300.0
 """[s] A loaded machine may take long; nothing that works takes as long as this."""
 
 

@@ -131,7 +131,7 @@ def test_broken_messages_are_refused_counted_and_said_and_the_rest_is_integrated
 def test_reset_begins_again_at_the_initial_state(node, feed, catch, start):
     listener = catch("dead_reckoned/odom")
     integrator = node("integrator", "--initial_position", "[3.0, 0.0, 0.0]")
-    source = feed(count=1200, topics=["imu"], accel=ACCEL)
+    source = feed(count=2400, topics=["imu"], accel=ACCEL)
     source.wait_for("begin")
     time.sleep(1.0)
     assert start(str(CATCH), "--call", "integrator/reset").status() == 0
@@ -188,7 +188,7 @@ def test_with_the_simulator_the_error_is_that_of_the_method(node, catch):
         *["--wait_for_subscribers", "1", "--wait_for_truth_subscribers", "1"],
     )
     assert simulator.status() == 0, simulator.output
-    time.sleep(0.5)
+    time.sleep(2.0)
     assert integrator.end() == 0
     found = caught(listener)
     assert {topic: len(found[topic]) for topic in topics} == dict.fromkeys(topics, 3000)
