@@ -157,7 +157,7 @@ def _runs(cell: Integers) -> tuple[Integers, Integers]:
     return first, counts
 
 
-class Grid:
+class CellGrid:
     """The cells of an image, and tiles of them."""
 
     def __init__(self, corners: Corners, slack: float) -> None:

@@ -17,7 +17,7 @@ from imu_sim_ros.places.bodies import Crowd
 from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.sensors.camera.images.cells import (
     SHARES,
-    Grid,
+    CellGrid,
     Levels,
     Pairs,
     Planes,
@@ -128,7 +128,7 @@ class Renderer:
         self.bands = self._rays.bands
         corners, self._probes = corners_and_probes(self._rays)
         self._units, self._cell_angle = _units(corners.rays)
-        self._grid = Grid(corners, 1.0 - math.cos(self._cell_angle))
+        self._grid = CellGrid(corners, 1.0 - math.cos(self._cell_angle))
         self._corner_rows = corners.rows
         self._cone = self._cone_of_rays()
 
