@@ -35,7 +35,6 @@ from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulat
 PRIOR_POSE = np.array([1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3])  # rad, m
 PRIOR_VELOCITY = 1e-3  # m/s
 LEAST_SIGHTS = 3
-MOST_SIGHTS = 20  # of a landmark that waits, the latest; older ones cost time and carry drift
 LEAST_PARALLAX = np.radians(2.0)
 VAGUE = 3.0  # standard deviation of a landmark's prior, relative to its distance
 LARGEST_MISS = 10.0  # px, of a triangulated point in the frames that saw it
@@ -116,7 +115,6 @@ class Estimator:
             else:
                 sights = self._waiting.setdefault(identity, Landmark()).sights
                 sights.append((self.key, camera, pixel))
-                del sights[:-MOST_SIGHTS]
         self.isam.update(graph, values)
         self._read()
         self._admit(set(ids.tolist()))
