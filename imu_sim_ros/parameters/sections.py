@@ -50,14 +50,15 @@ def section(
     return dataclasses.field(default_factory=cls, metadata={"section": nested})
 
 
-def variant(key: str, default: str, find: Callable[[str], type]) -> Any:
+def variant(key: str, default: str, find: Callable[[str], type], kinds: Mapping[str, type]) -> Any:
     """Describe a nested section whose class depends on the text at ``key`` within it.
 
     :param find: returns the class for a string, or raises ConfigurationError with one line.
+    :param kinds: classes that :func:`build` names if a parameter of theirs is given to another.
     """
     return dataclasses.field(
         default_factory=lambda: find(default)(),
-        metadata={"variant": (key, default, find)},
+        metadata={"variant": (key, default, find), "kinds": kinds},
     )
 
 
@@ -134,7 +135,9 @@ def build(cls: type[_T], values: Mapping[str, object]) -> _T:
     every = known.keys() | unused.keys()
     elsewhere = getattr(cls, "elsewhere", None)
     problems += [
-        unknown(n, known, elsewhere) for n in values if n not in every and not is_of_ros(n)
+        _of_other_variants(cls, values, n) or unknown(n, known, elsewhere)
+        for n in values
+        if n not in every and not is_of_ros(n)
     ]
     problems += bad_values(unused, values)
     parsed: dict[str, Value] = {}
@@ -197,6 +200,24 @@ def _without_bad_variants(
             problems += error.problems
             values = {key: v for key, v in values.items() if not key.startswith(name + ".")}
     return values, problems
+
+
+def _of_other_variants(cls: type, values: Mapping[str, object], name: str) -> str | None:
+    """Return the line for a parameter that only other classes of its variant have; else None."""
+    for field in dataclasses.fields(cls):
+        below = f"{field.name}."
+        if "variant" not in field.metadata or not name.startswith(below):
+            continue
+        key, default, _ = field.metadata["variant"]
+        kinds: Mapping[str, type] = field.metadata["kinds"]
+        own = name.removeprefix(below)
+        having = [kind for kind, each in kinds.items() if own in parameters(each)]
+        chosen = values.get(below + key, default)
+        if having:
+            verb = "has" if len(having) == 1 else "have"
+            of = f"{below}{key} {chosen}"
+            return f"{name}: unknown parameter of {of}; {', '.join(having)} {verb} it"
+    return None
 
 
 def _construct(

@@ -25,6 +25,7 @@ from imu_sim_ros.sensors.own_rate_parameters import LARGEST_JITTER_SIGMA
 from imu_sim_ros.sensors.registry import find_sensor, is_known, sections
 from imu_sim_ros.timebase import exact_rate
 from imu_sim_ros.trajectory.parameters import (
+    TYPES,
     TrajectoryParameters,
     find_trajectory,
     trajectory_layer,
@@ -90,7 +91,7 @@ class SampledParameters(EnvironmentParameters):
 class SimulationParameters(SampledParameters):
     """Everything that decides the samples."""
 
-    trajectory: TrajectoryParameters = variant("type", "static", find_trajectory)
+    trajectory: TrajectoryParameters = variant("type", "static", find_trajectory, TYPES)
     imu: ImuParameters = section(ImuParameters)
 
     @staticmethod

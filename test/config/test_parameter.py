@@ -41,11 +41,13 @@ class Far:
     points: tuple[float, ...] = numbers((), "corners", group=3, unit="m")
 
 
+KINDS = {"near": Near, "far": Far}
+
+
 def find(name):
-    classes = {"near": Near, "far": Far}
-    if name not in classes:
+    if name not in KINDS:
         raise ConfigurationError(f"place.kind = {name!r}: must be one of near, far")
-    return classes[name]
+    return KINDS[name]
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ class Whole:
     turn: Matrix = matrix(IDENTITY_MATRIX, "rotation")
     topics: tuple[str, ...] = texts((), "topics")
     sensor: Sensor = section(Sensor)
-    place: Near = variant("kind", "near", find)
+    place: Near = variant("kind", "near", find, KINDS)
 
 
 def test_defaults_build_and_round_trip():
@@ -128,6 +130,7 @@ BAD = [
     ("place.reach", 0.0, "above 0 [m]"),
     ("nonsense", 1, "unknown parameter"),
     ("sensor.bais", 1, "did you mean sensor.bias?"),
+    ("place.points", [1.0], "unknown parameter of place.kind near; far has it"),
     ("place.kind", "nowhere", "one of near, far"),
 ]
 

@@ -64,7 +64,7 @@ class RigParameters:
         "names of the cameras on the body, each the namespace of its topics and the prefix of its "
         "own parameters (cam0.camera.rate, ...); none: no camera",
     )
-    scene: SceneParameters = variant("type", DEFAULT_SCENE, find_scene)
+    scene: SceneParameters = variant("type", DEFAULT_SCENE, find_scene, TYPES)
 
     features: FeatureParameters = section(FeatureParameters)
 
