@@ -25,7 +25,7 @@ from imu_sim_ros.parameters.sections import parameters, section
 from imu_sim_ros.sensors.imu.parameters import ImuParameters, rotation_problems
 from imu_sim_ros.sensors.imu.presets import barometer_layer, sensor_layer
 from imu_sim_ros.sensors.own_rate_parameters import LONGEST
-from imu_sim_ros.simulation.parameters import DEFAULT_IMU, SampledParameters, fitting
+from imu_sim_ros.simulation.parameters import DEFAULT_IMU, SampledParameters
 from imu_sim_ros.simulation.playback import InjectParameters, SimulatorParameters
 from imu_sim_ros.timebase import exact_rate
 
@@ -186,8 +186,7 @@ def layer_error_model(given: Mapping[str, object]) -> dict[str, object]:
     above = {"imu.preset": DEFAULT_IMU, **given}
     sensor = sensor_layer(str(above["imu.preset"]), NODE)
     layers = {**sensor, **barometer_layer(above, NODE), **above}
-    still = {name: value for name, value in layers.items() if not name.startswith("trajectory.")}
-    return fitting(still, set(given))
+    return {name: value for name, value in layers.items() if not name.startswith("trajectory.")}
 
 
 def load_error_model(

@@ -18,7 +18,7 @@ from imu_sim_ros.parameters.included import names
 from imu_sim_ros.parameters.kinds import entries, texts
 from imu_sim_ros.parameters.sections import parameters, section, variant
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.imu.parameters import USUAL_RATIO, ImuParameters
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.presets import barometer_layer, sensor_layer
 from imu_sim_ros.sensors.orientation.parameters import MODEL_ERRORS
 from imu_sim_ros.sensors.own_rate_parameters import LARGEST_JITTER_SIGMA
@@ -195,22 +195,17 @@ def load_simulation(*layers: Mapping[str, object], node: str = "simulator") -> S
 
 
 def layer_simulation(layers: Iterable[Mapping[str, object]], node: str) -> dict[str, object]:
-    """Return the layers as one, above the IMU preset and the trajectory file that they name."""
+    """Return the layers as one, above the IMU preset and the trajectory file that they name.
+
+    What an included preset says, and the choices of a user leave no place for, is left out; a
+    file of one's own is taken at its word.
+    """
     layers = list(layers)
     given = {name for values in layers for name in values}
-    return fitting(_layered(layers, node), given)
-
-
-def fitting(result: dict[str, object], given: set[str]) -> dict[str, object]:
-    """Return parameters without what an included preset says and the others have no place for.
-
-    A file of one's own is taken at its word.
-
-    :param given: names that the user set.
-    """
+    result = _layered(layers, node)
     if result.get("imu.preset", DEFAULT_IMU) not in names("imus"):
         return result
-    without_place = {*_errors_of_no_model(result), *_filters_above_the_rate(result)} - given
+    without_place = set(_errors_of_no_model(result)) - given
     return {name: value for name, value in result.items() if name not in without_place}
 
 
@@ -219,28 +214,6 @@ def _errors_of_no_model(values: Mapping[str, object]) -> list[str]:
     if values.get("imu.orientation_source") != "filter":
         return []
     return [f"imu.orientation_{name}" for name in MODEL_ERRORS]
-
-
-def _filters_above_the_rate(values: Mapping[str, object]) -> list[str]:
-    """Return the low-passes with a cut-off of half the rate or more.
-
-    A module that gives fewer readings than its low-pass has a place for filters once more, so that
-    white noise keeps its density.
-    """
-    rate = values.get("rate", SimulationParameters.rate)
-    if values.get("imu.sampling") == "oversampled":
-        internal = values.get("imu.internal_rate", 0.0)
-        rate = internal or (USUAL_RATIO * rate if isinstance(rate, int | float) else 0.0)
-    if not isinstance(rate, int | float):
-        return []  # which is an error, reported when the section is built
-    cutoffs = [f"imu.{triad}_bandwidth" for triad in TRIADS]
-    return [name for name in cutoffs if _largest(values.get(name)) >= 0.5 * rate]
-
-
-def _largest(value: object) -> float:
-    """Return the largest of the numbers of a value; 0 if it holds none."""
-    numbers = value if isinstance(value, list | tuple) else [value]
-    return max((float(one) for one in numbers if isinstance(one, int | float)), default=0.0)
 
 
 def _layered(layers: Iterable[Mapping[str, object]], node: str) -> dict[str, object]:

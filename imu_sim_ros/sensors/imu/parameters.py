@@ -213,7 +213,7 @@ class BoardVibrationParameters:
                 )
 
 
-USUAL_RATIO = 8
+_USUAL_RATIO = 8
 """Readings inside a sensor for each sample."""
 ORTHONORMAL_TOLERANCE = 1e-6
 
@@ -305,7 +305,7 @@ class BareImuParameters(TimingParameters, BoardParameters, TriadsParameters):
         if self.sampling != "oversampled":
             return Fraction(1)
         if self.internal_rate == 0.0:
-            return Fraction(USUAL_RATIO)
+            return Fraction(_USUAL_RATIO)
         return timebase.exact_rate(self.internal_rate) / timebase.exact_rate(rate)
 
     def problems(self, prefix: str) -> Iterator[str]:
