@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-# The linters are installed beside today's versions; the run on the oldest versions has none.
+# The linters are installed with today's versions; the run on the oldest versions has none.
 pytestmark = pytest.mark.ros
 
 ROOT = Path(__file__).parents[1]

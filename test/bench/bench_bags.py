@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Bags: generate into every form, beside rosbags' own loop and the raw speed of the disk; reading.
+"""Bags: generate into every form, against rosbags' own loop and the raw speed of the disk; reading.
 
 MESSAGES sets the number of messages of the main rows (default 2,880,000: 4 h at 200 Hz); LONG=1
 adds 24 h at 400 Hz. Every row is a process of its own; the peak memory is that of the process.

@@ -200,5 +200,5 @@ def test_workers_that_cannot_run_anything_are_told_before_the_first_run(
     worker = ("-m", "distributed.cli.dask_worker")
     assert "has imu_sim_ros 0.0.1; this is" in complaint(*worker, PYTHONPATH=str(fake.parent))
     assert "estimators.a.command: my_program: no such program" in complaint(*worker)
-    shutil.copy(program, path.parent / "my_program")  # beside the plan, which all machines see
+    shutil.copy(program, path.parent / "my_program")  # next to the plan, which all machines see
     assert complaint(*worker, LANG="C") == ""

@@ -238,12 +238,12 @@ TERMS = [
 
 
 def changed(name, parameter):
-    """Return a value that switches a term on, with what it needs beside it."""
+    """Return a value that switches a term on, with what it needs besides."""
     if name.startswith("vibration."):
         given = LINE if "line" in name else BAND
         return {f"imu.vibration.{key}": value for key, value in given.items()}
     triad = name.split("_")[0]
-    beside = {
+    needed = {
         "gauss_markov": {f"imu.{triad}_correlation_time": 10.0},
         "increment_resolution": {"imu.sampling": "averaged"},
         "dropout_burst_rate": {"imu.dropout_burst_duration": 0.1},
@@ -260,7 +260,7 @@ def changed(name, parameter):
     if name == "accelerometer_misalignment_sigma":  # Basalt's accelerometer is a lower triangle
         value = [0.0, 0.0, 0.03]
     result = {f"imu.{name}": value}
-    for key, more in beside.items():
+    for key, more in needed.items():
         result |= more if key in name else {}
     return result
 

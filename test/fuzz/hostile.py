@@ -129,7 +129,7 @@ class Inputs:
             self._live = None
 
     def changed(self) -> bool:
-        """Return whether anything is no longer as it was made; what is new beside it may be."""
+        """Return whether anything is no longer as it was made; what is new next to it may be."""
         now = self._digests()
         return any(now.get(name) != digest for name, digest in self.digests.items())
 

@@ -142,7 +142,7 @@ def _limit() -> None:
 
 
 def _start_of(program: str) -> list[str]:
-    """Return what starts a program: its executable, where it is installed beside Python."""
+    """Return what starts a program: its executable, installed next to Python."""
     executable = Path(sys.executable).with_name(program)
     module = f"imu_sim_ros.{'nodes' if program in NODES else 'commands'}.start"
     code = f"import sys; from {module} import {program}; sys.exit({program}())"

@@ -19,7 +19,7 @@ SECOND = 1_000_000_000
 
 @pytest.fixture(scope="module")
 def pair(record):
-    """Five intervals, preintegrated with biases beside those of the states, and their states."""
+    """Five intervals, preintegrated with other biases than the states have, and their states."""
     motion = record("excitation", 200.0, 2.0)
     edges = motion.t_ns[[0, 60, 140, 250, 330, 400]]
     pre = preintegrate(between(motion.t_ns, motion.gyro, motion.accel, edges), None, 1e-3, 1e-2)

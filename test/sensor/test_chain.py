@@ -154,7 +154,7 @@ def test_thermal_lag_solves_its_equation(interpolation: str) -> None:
 
 @pytest.mark.parametrize("order", [1, 2, 4])
 def test_low_pass_has_its_cut_off_and_slope(order: int) -> None:
-    """|H|^2 = 1/2 at the cut-off, and 1 / (1 + u^(2 n)) beside it."""
+    """|H|^2 = 1/2 at the cut-off, and 1 / (1 + u^(2 n)) elsewhere."""
     rate, cutoff = 200.0, 20.0
     for f in (5.0, 20.0, 40.0):
         roll = {"amplitude": [0.01], "angular_frequency": [2 * np.pi * f]}

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What holds for every sensor beside the IMU: those in the lists, and the one of the example."""
+"""What holds for every sensor but the IMU: those in the lists, and the one of the example."""
 
 import dataclasses
 import importlib.util

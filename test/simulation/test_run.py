@@ -199,7 +199,7 @@ def test_scipy_is_imported_for_a_low_pass_only() -> None:
 def test_memory_does_not_grow_with_the_run() -> None:
     """Fifty blocks of some 400 kB each, 20 MB if they were kept, raise the peak by less than 1 MB.
 
-    When the garbage collector runs decides what of one block is still there beside the next.
+    When the garbage collector runs decides what of one block is still there next to the next one.
     """
     run = perfect({**EVERY_TERM, "trajectory.type": "lecture"})
     run.next_block(2000)

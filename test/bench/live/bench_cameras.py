@@ -1,13 +1,13 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Cameras: a live stereo rig beside the IMU, and what images and tracks cost.
+"""Cameras: a live stereo rig with an IMU, and what images and tracks cost.
 
 ``--parts live``: the simulator publishes a 200 Hz IMU, the truth and two cameras of 752 x 480 at
 20 Hz; a subscriber of its own takes every topic, and in some rows a recorder too. Lost is what was
 published and did not arrive; the lateness is that of the publishing call behind its deadline, over
 all samples. ``--parts speed``: processor time of images, PNG and tracks, and wall time of a whole
-dataset along EuRoC's V1_02 where its ground truth is beside the checkout, else figure_eight.
+dataset along EuRoC's V1_02 if its ground truth is next to the checkout, else figure_eight.
 """
 
 import argparse

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Live publishing: rate, loss, lateness and CPU of the simulator, beside simpler publishers.
+"""Live publishing: rate, loss, lateness and CPU of the simulator and of simpler publishers.
 
 Every row is two processes: the publisher, and a subscriber that takes the bytes of both topics,
 reliable, without decoding. CPU is that of the whole publishing process, of one core, over

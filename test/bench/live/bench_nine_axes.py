@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the sensors beside the IMU cost live: processor time of the simulator with and without them.
+"""What sensors other than the IMU cost live: processor time of the simulator with and without them.
 
 All variants run at the same time, each with a subscriber to all of its topics in a domain of its
 own, so that whatever else the machine does slows all of them alike: the differences within a run

@@ -63,7 +63,7 @@ def main() -> None:
 def measure(
     node: str, label: str, output: str, options: list[str], rate: int, duration: float
 ) -> tuple[str, ...]:
-    """Run one node beside the simulator and return its row."""
+    """Run one node with the simulator and return its row."""
     with tempfile.TemporaryDirectory() as folder:
         bag = Path(folder) / output
         recording = node == "recorder"

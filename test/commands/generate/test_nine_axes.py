@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a nine-axis board reads beside its IMU, in every form that generate writes."""
+"""What a nine-axis board reads in addition to its IMU, in every form that generate writes."""
 
 from pathlib import Path
 from typing import Any

@@ -164,7 +164,7 @@ def test_tables_of_each_and_poses_of_the_body(place, bag):
 
 
 def test_cameras_follow_the_body_whatever_imus_it_carries(place):
-    """Tracks beside two IMUs are those beside one that the body's rate has."""
+    """Tracks with two IMUs are those with one that the body's rate has."""
     options = ["--format", "tracks", "--camera", "euroc_cam0", "--duration", "0.2s", "--quiet"]
     common = ["--set=rate=100", "--set=trajectory.type=figure_eight", "--seed", "11"]
     one, two = place / "one_tracks", place / "two_tracks"

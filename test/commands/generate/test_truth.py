@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The realised truth beside a bag, and one parameter file for node and command."""
+"""The realised truth next to a bag, and one parameter file for node and command."""
 
 import json
 from pathlib import Path
@@ -166,7 +166,7 @@ def test_the_integrators_and_recorders_files_serve_their_commands(tmp_path, caps
 
 
 def test_outputs_of_one_name_share_the_truth_of_one_unit(tmp_path, capsys):
-    """``x.bag`` beside ``x.mcap``: the same sensor and seed have one truth, which stays."""
+    """``x.bag`` next to ``x.mcap``: the same sensor and seed have one truth, which stays."""
     place = str(tmp_path / "x")
     assert generate.main(["--imu", "mpu6000", "-o", f"{place}.mcap", *SHORT]) == 0
     truth = tmp_path / "x_truth.yaml"

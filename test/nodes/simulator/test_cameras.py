@@ -279,7 +279,7 @@ def test_without_cameras_nothing_of_them_is_imported():
 
 
 def test_a_recording_is_read_as_a_file_is(start, listener, offline, tmp_path, capsys):
-    """Recorder beside the simulator: nothing is lost; dead_reckon and convert_bag read it."""
+    """With a recorder: nothing is lost; dead_reckon and convert_bag read it."""
     import json
 
     import yaml

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a nine-axis board reads beside its IMU, live: what the simulation gives, bit for bit."""
+"""What a nine-axis board reads live: what the simulation gives, bit for bit."""
 
 from typing import Any
 

@@ -125,7 +125,7 @@ def test_truth_beside_the_readings(start: Any, listener: Any) -> None:
 
 
 def test_increments_are_those_of_the_stream_in_whole_steps(start: Any, listener: Any) -> None:
-    """Delta angles and velocities of a counter of pulses, and the true ones, beside the rates."""
+    """Delta angles and velocities of a counter of pulses, and the true ones, next to the rates."""
     from geometry_msgs.msg import Vector3Stamped
 
     names = ("delta_angle", "delta_velocity")

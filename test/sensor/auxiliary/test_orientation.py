@@ -132,12 +132,14 @@ def test_samples_do_not_depend_on_the_block_size(named: dict[str, Any], size: in
 
 def test_the_filter_needs_no_topic_of_the_magnetometer_and_changes_nothing() -> None:
     alone = simulation(FILTER).next_block(400)
-    beside = simulation(FILTER, sensors=("orientation", "magnetic_field")).next_block(400)
+    together = simulation(FILTER, sensors=("orientation", "magnetic_field")).next_block(400)
     off = simulation(FILTER, sensors=()).next_block(400)
     assert "magnetic_field" not in alone.auxiliary
     assert alone.auxiliary["orientation"] is not None
-    assert beside.auxiliary["orientation"] is not None
-    assert np.array_equal(alone.auxiliary["orientation"].q_wi, beside.auxiliary["orientation"].q_wi)
+    assert together.auxiliary["orientation"] is not None
+    assert np.array_equal(
+        alone.auxiliary["orientation"].q_wi, together.auxiliary["orientation"].q_wi
+    )
     assert np.array_equal(alone.gyro, off.gyro)
 
 

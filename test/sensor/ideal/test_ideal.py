@@ -207,7 +207,7 @@ def test_normal_gravity_agrees_with_pyins() -> None:
     earth = pytest.importorskip("pyins.earth")
     for latitude in (-70.0, 0.0, 31.0, 48.0):
         for height in (0.0, 500.0, 5000.0):
-            # pyins takes 1 - 2 h / a: it leaves out flattening and centrifugal ratio beside 1,
+            # pyins takes 1 - 2 h / a: next to 1 it leaves out flattening and centrifugal ratio,
             # below 0.7 % of the height term, and the second order, below 0.1 % of it at 5 km.
             expected = float(earth.gravity(latitude, height))
             height_term = 2.0 * 9.83 * height / SEMI_MAJOR_AXIS

@@ -83,7 +83,7 @@ def test_all_derivatives_up_to_the_fourth_are_continuous(order):
                 rows += [fit.deriv(n)(0.0) / (sign * width) ** n for fit in fits]
             sides.append(np.array(rows))
         scale = np.max(np.abs(np.concatenate(sides)))
-        # The fifth derivative jumps; 1e-9 s beside the knot and the fits' rounding do not show.
+        # The fifth derivative jumps; 1e-9 s from the knot and the fits' rounding do not show.
         np.testing.assert_allclose(sides[0], sides[1], rtol=0, atol=2e-4 * scale)
 
 
