@@ -375,7 +375,9 @@ def test_noise_of_poses_is_taken_out_of_the_normal_equations():
     sigma = np.sqrt(np.sum(found.sigma[model.GYROSCOPE][::4] ** 2)) / 3.0
     assert gain[0] < 1.0 - 4.0 * sigma, gain
     assert abs(gain[1] - 1.0) < 3.0 * sigma, (gain, sigma)
-    assert found.hanging.max() > 2.0
+    # What was taken out is more than a standard error of each gain, though bands of much noise
+    # weigh little, and is said.
+    assert (found.hanging[model.GYROSCOPE][::4] > 1.0).all(), found.hanging
     assert not plain.hanging.any()
 
 

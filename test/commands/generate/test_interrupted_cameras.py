@@ -36,7 +36,7 @@ def test_an_interrupted_stereo_dataset_has_as_many_images_of_both_cameras(tmp_pa
         process.send_signal(signal.SIGINT)
         error = process.communicate(timeout=300)[1]
     assert process.returncode == 130
-    assert os.listdir(tmp_path) == ["x.partial"]
+    assert sorted(os.listdir(tmp_path)) == ["x.partial", "x.partial_truth.yaml"]
     folder = tmp_path / "x.partial" / place
     found = {name: sorted(os.listdir(folder / name / "data")) for name in ("cam0", "cam1")}
     assert found["cam0"] == found["cam1"]
