@@ -6,10 +6,12 @@
 ``python docs/contributing/write_presets.py > docs/reference/presets.md``
 """
 
+import re
 from collections.abc import Iterator
 
 import numpy as np
 
+from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors import catalogue
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.types import Array
@@ -31,7 +33,9 @@ unit. A number without a source is left out, so a dash does not mean that the se
 error. SI units; three values are x, y, z. Noise densities are two-sided: the variance of a sample
 is `density² rate`. White noise [rad/s/√Hz, m/s²/√Hz], random walk of the bias
 [rad/s²/√Hz, m/s³/√Hz], bias instability B [rad/s, m/s²], standard deviation of the turn-on bias
-[rad/s, m/s²].
+[rad/s, m/s²]. Bandwidth [Hz] of a fixed low-pass, which is simulated at rates above twice it; in
+brackets that for which the sheet states an RMS, a register that the driver of the chip sets, and
+that is not simulated by default.
 """
 _TERMS = {
     "white noise": "noise_density",
@@ -60,13 +64,14 @@ def _lines() -> Iterator[str]:
     entries = list(catalogue.catalogue())
     for triad in ("gyroscope", "accelerometer"):
         yield f"### {triad.capitalize()}\n"
-        yield f"| preset | grade | {' | '.join(_TERMS)} |"
-        yield "|---|---|" + "---|" * len(_TERMS)
+        yield f"| preset | grade | {' | '.join(_TERMS)} | bandwidth |"
+        yield "|---|---|" + "---|" * (len(_TERMS) + 1)
         ordered = sorted(entries, key=lambda entry: _order(entry, triad))
         for entry in ordered:
             imu = load_simulation({"imu.preset": entry.name}).imu.triad(triad)
             cells = [_number(np.asarray(getattr(imu, term))) for term in _TERMS.values()]
             grade = entry.grade.partition(" (")[0]
+            cells.append(_bandwidth(entry.name, triad))
             yield f"| `{entry.name}` | {grade} | {' | '.join(cells)} |"
         yield ""
     yield "### Makers and sources\n"
@@ -88,6 +93,14 @@ def _order(entry: catalogue.CatalogueEntry, triad: str) -> tuple[int, float]:
     density = load_simulation({"imu.preset": entry.name}).imu.triad(triad).noise_density
     grade = entry.grade.partition(" (")[0]
     return _GRADES.index(grade), -float(max(density))
+
+
+def _bandwidth(preset: str, triad: str) -> str:
+    """Return the low-pass of a preset, or that of its sheet's RMS in brackets."""
+    fixed = np.asarray(load_simulation({"imu.preset": preset}).imu.triad(triad).bandwidth)
+    text = files.find("imus", preset).read_text(encoding="utf-8")
+    stated = re.search(rf"rms in (\d+) Hz = .*\n +{triad}_", text)
+    return _number(fixed) if fixed.any() or not stated else f"({stated[1]})"
 
 
 def _number(values: Array) -> str:

@@ -9,6 +9,8 @@ from dataclasses import dataclass, make_dataclass
 from functools import cache
 from typing import Any, Final
 
+import numpy as np
+
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import nearest
@@ -64,10 +66,10 @@ class SampledParameters(EnvironmentParameters):
                     f"{prefix}imu.{triad}_bandwidth = {least:g}: must be 0 or at least "
                     f"{_LOWEST_CUTOFF * nyquist:g} Hz at this rate"
                 )
-            if cutoff >= nyquist:
+            if cutoff >= nyquist and self.imu.sampling == "oversampled":
                 yield (
-                    f"{prefix}imu.{triad}_bandwidth = {cutoff:g}: must be below half the "
-                    f"{'rate' if ratio == 1 else 'internal rate'}, {nyquist:g} Hz"
+                    f"{prefix}imu.{triad}_bandwidth = {cutoff:g}: must be below half the internal "
+                    f"rate, {nyquist:g} Hz; it is the filter before decimation"
                 )
         if self.imu.jitter * self.rate > LARGEST_JITTER_SIGMA:
             yield (
@@ -84,7 +86,24 @@ class SampledParameters(EnvironmentParameters):
 
     def warnings(self) -> list[str]:
         """Return a line for each allowed value that looks like a mistake."""
-        return list(self.imu.warnings("imu.", math.hypot(*self.gravity)))
+        return [
+            *self.imu.warnings("imu.", math.hypot(*self.gravity)),
+            *self._low_passes_without_effect(),
+        ]
+
+    def _low_passes_without_effect(self) -> Iterator[str]:
+        """Say which low-passes are too wide for the rate, except those of the preset itself."""
+        widest = {f"imu.{t}_bandwidth": max(self.imu.triad(t).bandwidth) for t in TRIADS}
+        without = {name: f for name, f in widest.items() if f >= 0.5 * self.rate}
+        if self.imu.sampling == "oversampled" or not without:
+            return
+        stated = sensor_layer(self.imu.preset)
+        for name, cutoff in without.items():
+            if cutoff != np.asarray(stated.get(name, 0.0), dtype=np.float64).max():
+                yield (
+                    f"{name} = {cutoff:g}: without effect, since it is not below half the rate, "
+                    f"{0.5 * self.rate:g} Hz; white noise keeps its density"
+                )
 
 
 @dataclass(frozen=True)

@@ -279,6 +279,13 @@ def test_every_simulated_term_is_in_the_file_or_named_in_it(tmp_path, name):
         assert {key for key in active if key in named} == active - expressed, file
 
 
+@pytest.mark.parametrize("rate", [200.0, 2000.0])
+def test_a_low_pass_is_named_at_rates_at_which_it_acts(tmp_path, rate):
+    loaded, _ = simulated(**{"imu.preset": "mti3", "rate": rate})
+    text = files(tmp_path / "c", loaded)["kalibr_imu_chain.yaml"]
+    assert ("gyroscope_bandwidth" in text) == (rate > 2.0 * 255.0)
+
+
 def test_a_sensor_that_mirrors_is_said_and_does_not_fail(tmp_path):
     loaded, _ = simulated(**{"imu.gyroscope_scale_misalignment": [-1.0, 0, 0, 0, 1, 0, 0, 0, 1]})
     found = files(tmp_path / "mirrored", loaded)

@@ -258,7 +258,10 @@ class TriadParameters:
         minimum=0.0,
     )
     bandwidth: Vector = vector(
-        0.0, "cut-off (-3 dB) of the {triad}'s low-pass; 0: none", unit="Hz", minimum=0.0
+        0.0,
+        "cut-off (-3 dB) of the {triad}'s low-pass; 0: none; without effect from half the rate on",
+        unit="Hz",
+        minimum=0.0,
     )
     range: Vector = vector(
         0.0, "largest {quantity} of the {triad}; 0: no limit", unit="{unit}", minimum=0.0, live=True
