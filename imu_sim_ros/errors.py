@@ -20,7 +20,7 @@ _MACHINE: Final = frozenset(
 
 
 class ImuSimError(Exception):
-    """Root of the package's own errors; ``problems`` has one line for each thing that is wrong."""
+    """Base class of the package's errors; ``problems`` has one line for each problem."""
 
     status = 2
     """Exit status of a program that ends with it."""
@@ -37,11 +37,11 @@ class ConfigurationError(ImuSimError, ValueError):
 
 
 class ArgumentTypeError(ConfigurationError, TypeError):
-    """An argument of another type than those that are taken."""
+    """An argument of the wrong type."""
 
 
 class InputError(ImuSimError):
-    """Input data or an output place that cannot be used: a bag, a trajectory file, a folder."""
+    """Input or output that cannot be used: a bag, a trajectory file, a folder."""
 
 
 class MachineError(ImuSimError):
@@ -51,7 +51,7 @@ class MachineError(ImuSimError):
 
 
 class MissingDependencyError(ImuSimError):
-    """An optional library that is wanted and not installed; the text says how to get it."""
+    """An optional library that is needed but not installed; the text says how to install it."""
 
 
 def system_error(path: str | Path, error: OSError) -> ImuSimError:

@@ -128,7 +128,7 @@ class _Poses(NamedTuple):
 class PoseSequence(_Poses):
     """Poses of one body over time.
 
-    They are checked when they are made, by ``_replace`` too: whoever receives some relies on it.
+    They are checked on creation, also by ``_replace``, so that functions can rely on them.
     """
 
     __slots__ = ()
@@ -169,7 +169,7 @@ class PoseSequence(_Poses):
 
     @classmethod
     def unchecked(cls, t_ns: NDArray[np.int64], position: Array, q_wb: Array, skipped: int) -> Self:
-        """Return poses as they were read, for what passes them on and says what is wrong."""
+        """Return poses as they were read, for callers that report problems themselves."""
         return super().__new__(cls, t_ns, position, q_wb, 0, skipped, None, None)
 
 

@@ -18,15 +18,20 @@ _INTRODUCTION = """\
 Written by `python docs/contributing/write_programs.py > docs/reference/programs.md`; a test
 checks that it is current.
 
-`imu_sim PROGRAM` calls every program; `imu_sim PROGRAM --help` prints what is below. In a ROS 2
-workspace `ros2 run imu_sim_ros PROGRAM` does the same, and `make build` puts each under its own
-name into `.venv/bin`.
+This page lists the arguments of every command. Run a program with `imu_sim PROGRAM` or, in a ROS 2
+workspace, with `ros2 run imu_sim_ros PROGRAM`; `make build` also installs each under its own name
+in `.venv/bin`. `imu_sim PROGRAM --help` prints the texts below. Every program also has `--version`
+and `--debug` (tracebacks).
 
-Outputs are complete when they appear under their name, and never overwritten without `--force`.
-Exit status: 0 done; 2 bad arguments, configuration or input, with one line for each problem on
-standard error; 1 anything else; 3 a campaign's gate is not met. `--json` prints one object on
-standard output and nothing else there. Every program has `--help`, `--version` and `--debug`
-(tracebacks).
+Outputs are complete when they appear under their name, and are never overwritten without `--force`.
+`--json` prints one object on standard output and nothing else there.
+
+| exit status | meaning |
+|---|---|
+| 0 | done |
+| 1 | any other failure |
+| 2 | bad arguments, configuration or input, with one line for each problem on standard error |
+| 3 | a campaign's gate is not met |
 """
 _NODES = """\
 Every parameter is an argument (`--rate 400`, `--imu.gyroscope_bias '[0.01, 0, 0]'`); all of them

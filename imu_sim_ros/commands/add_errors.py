@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``add_errors``: another simulator's ideal readings in, those of a chosen sensor out."""
+"""``add_errors``: add the errors of a chosen sensor to another simulator's ideal readings."""
 
 import argparse
 from functools import partial
@@ -23,17 +23,19 @@ EXAMPLES: Final = """
 
 
 _SENSOR: Final = {
-    "--imu NAME|FILE": "sensor: a preset (see generate --list-imus) or a file, model.sdf too",
-    "--rate HZ": "readings per second (those of the input)",
+    "--imu NAME|FILE": "sensor: a preset (see generate --list-imus), a parameter file, or a "
+    "Gazebo model (model.sdf)",
+    "--rate HZ": "sampling rate (default: that of the input)",
     "--seed N": "seed of all random streams",
 }
 _TOPICS: Final = {
-    "--input-topic NAME": "the ideal readings (the only sensor_msgs/Imu), or odometry",
+    "--input-topic NAME": "topic of the ideal readings, or of odometry (default: the only "
+    "sensor_msgs/Imu topic)",
     "--topics NAME,...": {
         "default": "",
-        "help": f"what is added ({','.join(USUAL)}), of {', '.join(OFFERED)}",
+        "help": f"topics to add (default: {','.join(USUAL)}); all: {', '.join(OFFERED)}",
     },
-    "--without NAME,...": {"default": "", "help": "topics of the input that are left out"},
+    "--without NAME,...": {"default": "", "help": "topics of the input to leave out"},
 }
 
 

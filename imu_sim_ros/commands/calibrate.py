@@ -46,66 +46,69 @@ def _numbers(words: str) -> Array:
 
 _FIRST: Final = {
     "bag BAG": "bag, EuRoC folder or CSV file",
-    "--topic TOPIC": "sensor_msgs/Imu topic, if the bag has several",
-    **GRAVITY_OPTION,
-    "-o --output DIR": "folder for the files (default: RUN)",
+    "--topic TOPIC": "topic of the readings, if the bag has several",
+    "-o --output DIR": "folder for the files (default: the name of the run)",
     "--truth NAME|FILE": "compare with the parameters that generated the bag",
     "--no-files": "write no files, print only",
     **COMMON,
 }
 _RATES: Final = {
-    "--rates R,R,...": {"type": _numbers, "help": "the table's rates [rad/s], without sign"},
+    "--rates R,R,...": {"type": _numbers, "help": "magnitudes of the table's rates [rad/s]"},
     "--rates-deg R,R,...": {
         "dest": "rates",
         "type": lambda words: np.radians(_numbers(words)),
-        "help": "the same in degrees per second",
+        "help": "the same [deg/s]",
     },
 }
+_REFERENCE: Final = "reference temperature T0 of the polynomials [degC] (default: 25)"
 _TRUE_RATES: Final = {
     "--truth-topic TOPIC": "Odometry topic to take the rates from if none are given"
 }
 _RUNS: Final[dict[str, tuple[Callable[..., jobs.Calibration], str, dict[str, Any]]]] = {
     "six_position": (
         jobs.calibrate_six_position,
-        "accelerometer: rests with each axis up and down",
+        "calibrate the accelerometer from rests with each axis up and down",
         {
+            **GRAVITY_OPTION,
             "--simple": "bias and scale only, without misalignment",
             "--fixture": {
                 "choices": FIXTURES,
                 "default": FIXTURES[0],
-                "help": "exact: each axis pointed up and down; norm: ten rests or more in any "
-                "positions, the norm of gravity is fitted and S is upper triangular; auto "
-                "(default): chosen by a test of the residuals",
+                "help": "exact: each axis points exactly up and down; norm: ten or more rests in "
+                "any positions, fits the norm of gravity with an upper triangular S; auto "
+                "(default): chooses by a test of the residuals",
             },
         },
     ),
     "turntable": (
         jobs.calibrate_turntable,
-        "gyroscope: known rates about each axis, both directions",
+        "calibrate the gyroscope from known rates about each axis in both directions",
         {
+            **GRAVITY_OPTION,
             **_TRUE_RATES,
-            "--accelerometer FILE": "correction.yaml of a six-position run: on a tilted table the "
-            "force is taken as measured",
+            "--accelerometer FILE": "correction.yaml of a six-position run, for a tilted table: "
+            "take the specific force from the accelerometer",
         },
     ),
     "temperature": (
         jobs.calibrate_temperature,
-        "both triads over temperature: soak or ramp",
+        "calibrate both triads over temperature, from a soak or a ramp",
         {
+            **GRAVITY_OPTION,
             **_TRUE_RATES,
             "--temperature-topic TOPIC": "sensor_msgs/Temperature topic, if the bag has several",
-            "--reference DEGC": {"type": float, "default": 25.0, "help": "T0 (default: 25)"},
+            "--reference DEGC": {"type": float, "default": 25.0, "help": _REFERENCE},
         },
     ),
     "magnetometer": (
         jobs.calibrate_magnetometer,
-        "hard and soft iron: rotations in all directions",
+        "find hard and soft iron of a magnetometer from rotations in all directions",
         {
             "--field T": {
                 "dest": "strength",
                 "type": float,
-                "help": "strength of the Earth's field [T]; without it the soft iron has the "
-                "determinant 1",
+                "help": "strength of the Earth's field [T]; without it, the soft iron is scaled "
+                "to determinant 1",
             }
         },
     ),

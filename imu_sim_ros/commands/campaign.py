@@ -33,8 +33,8 @@ _OPTIONS: Final = {
     "--retry-failed": "with --resume: repeat failed runs",
     "--workers N": {
         "default": cores(),
-        "help": "processes on this machine; default: one per core (%(default)s); 1 starts no "
-        "further one",
+        "help": "worker processes on this machine; default: one per core; 1 starts no worker "
+        "process",
     },
     "--scheduler ADDRESS": "run on a Dask cluster, tcp://host:8786",
     "--dask": "run on a local Dask cluster with its dashboard",
@@ -43,7 +43,7 @@ _OPTIONS: Final = {
         "default": 60.0,
         "help": "time to wait for the first worker of a scheduler; default: %(default)g s",
     },
-    "--batch N": "seeds in a task; default: 50 for built-in estimators, 1 for programs",
+    "--batch N": "seeds per task; default: 50 for built-in estimators, 1 for programs",
     "--baseline FILE": "results.csv or results.parquet of an earlier campaign: end with status "
     f"{GATE_FAILED} if results are significantly worse",
     "--metric NAME": {
@@ -58,9 +58,8 @@ _OPTIONS: Final = {
     "--power SHARE": "print the number of seeds needed to find a difference of this size, and exit",
     "--scatter SHARE": {
         "default": "20%",
-        "help": "for --power: scatter of the ratio of both results on the same seed (its "
-        "logarithm's standard deviation, 'scatter' of an earlier campaign's --json); default: "
-        "%(default)s",
+        "help": "for --power: standard deviation of the logarithm of the ratio of both results on "
+        "the same seed ('scatter' in the --json of an earlier campaign); default: %(default)s",
     },
     "--yes": f"confirm {MANY:,} runs or more",
     **program.JSON_AND_QUIET,

@@ -45,7 +45,7 @@ dead_reckon V1_02/mav0 --correction calibration/correction.yaml --json
 _ARGUMENTS: Final = {
     "bag BAG": "a bag of any format, or a EuRoC folder",
     "--imu-topic TOPIC": "topic of the readings, if the bag has several",
-    "--truth-topic TOPIC": f"default: {TRUTH_TOPIC}",
+    "--truth-topic TOPIC": f"topic of the truth (default: {TRUTH_TOPIC})",
     "--method": {
         "choices": METHODS,
         "help": "integration of position and velocity (default: midpoint)",
@@ -57,15 +57,14 @@ _ARGUMENTS: Final = {
     "--all": "run all methods with all attitude updates",
     "--initial-state": {
         "choices": INITIAL_STATES,
-        "help": "start at the truth (the default), at initial_* of the parameters, or level: roll "
-        "and pitch from gravity at rest, gyroscope bias from the mean of level_time; position and "
-        "yaw then come from the truth if there is one",
+        "help": "truth (default); parameters: initial_position and so on; level: roll, pitch and "
+        "gyroscope bias from level_time at rest, position and yaw from the truth if there is one",
     },
     "--correction FILE": "parameter file with known biases, scales and misalignments, as written "
     "by calibrate",
     "--skip TIME": {
         "default": 0.0,
-        "help": "skip the readings before this time, counted from the first",
+        "help": "skip the readings in this time after the first one",
     },
     "-o --output FILE": "write the trajectory: .csv with velocity, anything else in TUM format",
     "--plot FILE": "write a plot: paths, and error over time",

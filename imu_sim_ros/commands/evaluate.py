@@ -45,13 +45,13 @@ _POSES: Final = "TUM or EuRoC text, or a bag"
 _ARGUMENTS: Final = {
     "estimate ESTIMATE": {"type": Path, "help": _POSES},
     "truth TRUTH": {"type": Path, "help": f"{_POSES}; may be the same bag"},
-    "--estimate-topic TOPIC": "topic of the estimate, if several",
-    "--truth-topic TOPIC": "topic of the truth, if several",
+    "--estimate-topic TOPIC": "topic of the estimate, if the bag has several",
+    "--truth-topic TOPIC": "topic of the truth, if the bag has several",
     "--align": {
         "choices": ALIGNMENTS,
         "default": "none",
-        "help": "align the estimate with the truth first: in yaw and position (4 degrees of "
-        "freedom), a rigid motion, or with scale",
+        "help": "align the estimate with the truth first (default: none). yaw: heading and "
+        "position, 4 degrees of freedom; se3: a rigid motion; sim3: a rigid motion and scale",
     },
     "--rpe DELTA": {
         "type": _delta,

@@ -50,8 +50,9 @@ _OUTPUT: Final = {
         "help": f"topics to write (default: {IMU_TOPIC},{TRUTH_TOPIC}); all: {', '.join(types())}",
     },
     "--imu-only": "leave out the ground truth",
-    "--with-configs": "write configurations of IMU and cameras for kalibr, VINS, OpenVINS, "
-    "ORB_SLAM3, Basalt, imu_utils and allan_variance_ros, and all parameters, to OUTPUT_configs",
+    "--with-configs": "write all parameters and a configuration file for each supported stack "
+    "(kalibr, VINS, OpenVINS, ORB_SLAM3, Basalt, imu_utils, allan_variance_ros; with GNSS or "
+    "wheels also robot_localization, FusionCore and MINS) to OUTPUT_configs",
 }
 
 
@@ -103,14 +104,19 @@ def _list(folder: str, text: str) -> dict[str, Any]:
 
 
 _LISTS: Final = {
-    "--list-imus": _list("imus", "included sensors: grade, price class, maker and type"),
-    "--list-trajectories": _list("trajectories", "included motions"),
-    "--list-cameras": _list("cameras", "included cameras"),
-    "--list-scenes": _list("scenes", "included scenes"),
-    "--list-sensors": _list("sensors", "sensors of the body, those of other packages too"),
+    "--list-imus": _list("imus", "list the included IMUs: grade, price class, maker and type"),
+    "--list-trajectories": _list("trajectories", "list the included trajectories"),
+    "--list-cameras": _list("cameras", "list the included cameras"),
+    "--list-scenes": _list("scenes", "list the included scenes"),
+    "--list-sensors": _list(
+        "sensors",
+        "list the sensors of the body with their topics and parameters, including "
+        "those of other packages",
+    ),
     "--list-tour PLACE[:SEED]": {
         "action": _Tour,
-        "help": "the waypoints of a tour through a place, as a parameter file for --trajectory",
+        "help": "print the waypoints of a tour through a place, as a parameter file for "
+        "--trajectory",
     },
 }
 

@@ -16,8 +16,8 @@ _UNFIT: Final = ("align", "rpe", "time_offset", "tracks", "output", "plot")
 
 
 ARGUMENTS: Final = {
-    "--imu NAME|FILE": "sensor of an orientation, for its imu.mounting on the body (default: "
-    "aligned)",
+    "--imu NAME|FILE": "for an orientation: the sensor, whose imu.mounting applies (default: "
+    "aligned with the body)",
 }
 """Of these evaluations only."""
 

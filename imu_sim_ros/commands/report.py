@@ -28,17 +28,18 @@ _ARGUMENTS: Final = {
     "inputs INPUT": {
         "nargs": "+",
         "type": Path,
-        "help": "folder of a campaign, bag, EuRoC folder; a file of poses (TUM, EuRoC) after a bag "
+        "help": "campaign folder, bag or EuRoC folder; a file of poses (TUM, EuRoC) after a bag "
         "is an estimate of its motion",
     },
-    "-o --output FILE": "the page; default: report.html in the first campaign, else NAME.html",
+    "-o --output FILE": "HTML file to write; default: report.html in the first campaign's folder, "
+    "or NAME.html for a bag",
     "--title TITLE": "title of the page",
     "--metric NAME": {"default": "", "help": "metric of a campaign to show first"},
     "--baseline PATH": {
         "action": "append",
         "default": [],
-        "help": "folder, results.csv or results.parquet of an earlier campaign; several, each "
-        "after a --baseline of its own and the oldest first, make a trend",
+        "help": "folder, results.csv or results.parquet of an earlier campaign; repeatable, "
+        "oldest first, to show a trend",
     },
     "--truth-topic TOPIC": "topic of the truth, if a bag has several",
     **COMMON,

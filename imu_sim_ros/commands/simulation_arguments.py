@@ -18,9 +18,9 @@ from imu_sim_ros.simulation.playback import of_the_node
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 _SIMULATION: Final = {
-    "--imu NAME|FILE": "sensor: a preset (see generate --list-imus) or a file",
-    "--trajectory NAME|FILE": "motion: a preset (see generate --list-trajectories), a parameter "
-    "file, or recorded poses in TUM or EuRoC format",
+    "--imu NAME|FILE": "IMU: a preset (see --list-imus) or a file",
+    "--trajectory NAME|FILE": "motion: a preset (see --list-trajectories), a parameter file, a "
+    "route (GPX, KML), or recorded poses (TUM, EuRoC, bag)",
     "--robust": "repair recorded poses: drop outliers, close jumps, smooth arrival stamps "
     "(trajectory.robust)",
     "--rate HZ": "sampling rate",
@@ -38,11 +38,11 @@ _CAMERAS: Final = {
         "default": cores(),
         "help": "number of threads that render images (default: one per processor)",
     },
-    "--scene NAME|FILE": "scene: a preset (see --list-scenes), a parameter file, or points (CSV, "
-    "PLY)",
+    "--scene NAME|FILE": "scene: a preset (see --list-scenes), a parameter file, points (CSV, "
+    "PLY), or a mesh (GLB, glTF, OBJ, PLY, STL)",
 }
 _RINEX: Final = {
-    "--rinex": "raw measurements of the receiver as RINEX, next to the output: NAME.obs, NAME.nav"
+    "--rinex": "write raw GNSS measurements as RINEX next to the output: NAME.obs, NAME.nav"
 }
 
 
@@ -55,7 +55,7 @@ def add(parser: argparse.ArgumentParser) -> Any:
     program.add_options(
         sensors,
         {
-            f"--{name} NAME|FILE": f"{name}: a preset ({known}) or a file"
+            f"--{name} NAME|FILE": f"simulate {name}: a preset ({known}) or a file"
             for name, known in presets.items()
         },
     )

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``twin``: a sensor on its vehicle, from a recording in motion with a true trajectory."""
+"""``twin``: fit a simulated sensor to a recording in motion with a true trajectory."""
 
 import argparse
 import sys
@@ -45,11 +45,11 @@ _ARGUMENTS: Final = {
     **GRAVITY_OPTION,
     "--cutoff HZ": {
         "default": 12.0,
-        "help": "motion of the truth at higher frequencies counts as vibration (%(default)s)",
+        "help": "count motion at higher frequencies as vibration (default: %(default)s)",
     },
     "--max-offset TIME": {
         "default": 0.5,
-        "help": "largest offset between both clocks that is looked for (%(default)s s)",
+        "help": "largest offset between the two clocks to search for (default: %(default)s s)",
     },
     "-o --output DIR": {
         "default": Path("twin"),

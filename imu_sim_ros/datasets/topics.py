@@ -233,7 +233,7 @@ def usual_topics(further: Iterable[str], form: str | None, path: Path, imu_only:
 
     :param form: of a dataset, which has tables of readings; None: of a bag, which has all
         but those of packages that need not be installed.
-    :param imu_only: without the truth.
+    :param imu_only: leave out the truth.
     """
     if form is not None and (form not in WITH_TABLES or path.suffix.lower() == ".csv"):
         return []

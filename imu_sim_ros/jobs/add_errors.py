@@ -61,21 +61,21 @@ def add_errors(
     input: Mapping[str, Any] | None = None,
     **parameters: Any,
 ) -> Flight:
-    """Add a sensor's errors to ideal readings, those of another simulator for instance.
+    """Add a sensor's errors to ideal readings, such as those of another simulator.
 
-    The truth of the result holds the ideal readings and every true error; of the motion only what
-    is given is known, the rest is NaN. Remarks, on stamps and on what contradicts the declaration,
-    are warnings.
+    The truth of the result holds the ideal readings and every true error; those parts of the motion
+    that are not given are NaN. Problems with stamps, and readings that contradict the declaration,
+    cause warnings.
 
     :param t_ns: (n,) stamps [ns].
     :param gyro: (n, 3) ideal angular rates [rad/s].
     :param accel: (n, 3) ideal specific forces [m/s^2].
     :param orientation: (n, 4) q_wb, unit quaternions (w, x, y, z); needed if gravity is missing.
-    :param imu: as in :func:`simulate`; ``model.sdf`` too.
+    :param imu: as in :func:`simulate`, or a Gazebo model such as ``model.sdf``.
     :param rate: samples per second [Hz]; by default that of the stamps.
-    :param seed: of all random streams.
+    :param seed: seed of all random streams.
     :param params_file: a ROS 2 parameter file below all other arguments.
-    :param input: what the readings are, by name: ``{"gravity": "missing", "axes": "frd"}``.
+    :param input: declaration of the readings: ``{"gravity": "missing", "axes": "frd"}``.
     :param parameters: any other parameter by its ROS name.
     :returns: a :class:`Flight` with the readings of the sensor and their truth.
     :raises ConfigurationError: with a line for each problem.
@@ -106,8 +106,8 @@ def add_errors(
 class ErrorModel:
     """A sensor's errors on ideal readings that come one by one, or many at a time.
 
-    For use inside a simulator's step. In blocks of any size, of one as well, the samples are those
-    of :func:`add_errors`.
+    For use inside a simulator's step. With blocks of any size, the samples are those of
+    :func:`add_errors`.
 
     >>> import imu_sim_ros as ims
     >>> model = ims.ErrorModel(imu="bmi088", rate=1000, seed=1)
@@ -140,7 +140,7 @@ class ErrorModel:
 
     @property
     def counts(self) -> error_model.Counts:
-        """What happened to the readings so far: missing, repeated, restarts, ..."""
+        """Counts of irregular readings so far: missing, repeated, restarts, ..."""
         return self._model.counts
 
     def read(
@@ -186,7 +186,8 @@ class ErrorModel:
 
         They take effect with the next multiple of 64 samples.
 
-        :raises ConfigurationError: for others, and for bad values; nothing is changed then.
+        :raises ConfigurationError: for parameters that cannot change and for bad values; nothing
+            changes then.
         """
         changed = {**flatten(self.parameters), **flat_parameters("parameters", parameters)}
         self._model.update(build(type(self.parameters), changed))
@@ -200,13 +201,13 @@ class ErrorModel:
         duration: float = float("inf"),
         delay: float = 0.0,
     ) -> int:
-        """Let a fault begin; returns the index of the first sample that it hits.
+        """Start a fault; returns the index of the first affected sample.
 
         :param kind: ``bias_jump``, ``saturation``, ``stuck``, ``dropout`` or ``latency``.
-        :param triad: ``gyroscope`` or ``accelerometer``, for the first three.
-        :param value: strength in the unit of what it changes.
-        :param duration: [s].
-        :param delay: from the next sample [s].
+        :param triad: ``gyroscope`` or ``accelerometer``, for the first three kinds.
+        :param value: strength, in the unit of the affected quantity.
+        :param duration: length of the fault [s].
+        :param delay: time from the next sample to the fault [s].
         :raises ConfigurationError: with a line for each problem.
         """
         arguments.one_of("kind", kind, KINDS)
@@ -223,7 +224,7 @@ class ErrorModel:
         return self._model.inject(fault, float(delay))
 
     def reset(self) -> None:
-        """Begin again with the next reading, as if nothing had been."""
+        """Start again with the next reading, in the initial state."""
         self._model.reset()
 
     def __repr__(self) -> str:
@@ -241,6 +242,7 @@ def from_sdf(file: str | Path, sensor: str | None = None) -> dict[str, Any]:
     :param file: ``model.sdf``, a world, or a URDF with Gazebo's elements.
     :param sensor: name of the sensor or plugin, if the file has several.
     :returns: parameters by name, as accepted by ``imu=``.
+    :raises ConfigurationError: for an invalid argument.
     :raises InputError: for a file in another form, or without an IMU.
 
     >>> import imu_sim_ros as ims

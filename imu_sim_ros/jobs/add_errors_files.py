@@ -58,7 +58,7 @@ class ErrorsAdded:
     messages: dict[str, int]
     """Messages or rows by topic."""
     counts: Counts
-    """What happened to the readings: missing, pauses, restarts, ..."""
+    """Counts of irregular readings: missing, pauses, restarts, ..."""
     wall_s: float
     warnings: tuple[str, ...] = ()
     """What looks like a mistake in the input, a line each."""
@@ -104,9 +104,10 @@ def add_errors_to_file(
     Every other message of a bag stays as it is, byte for byte.
 
     :param source: ROS 1 bag, ``.mcap``, rosbag2 folder, EuRoC folder or CSV file.
-    :param input_topic: the ideal readings, or odometry; by default the only sensor_msgs/Imu.
-    :param topics: what is added; by default ``imu/data_raw`` and the true biases.
-    :param without: topics of the source that are left out.
+    :param input_topic: topic of the ideal readings, or of odometry; by default the only
+        sensor_msgs/Imu.
+    :param topics: topics to add; by default ``imu/data_raw`` and the true biases.
+    :param without: topics of the source to leave out.
     :param format: a dataset in place of a bag: ``euroc``, ``csv``.
     :param skip_bad_rows: leave out readings that are not finite or not possible.
 

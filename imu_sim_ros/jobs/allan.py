@@ -156,13 +156,13 @@ class Noise:
         return truth.compare(self.result, truth.load_truth(str(path)))
 
     def save(self, path: str | Path, topic: str = "/imu0", *, force: bool = False) -> Path:
-        """Write a file that takes these values, or a folder with all of them; returns its path.
+        """Write these values to a file, or to a folder with all files; returns its path.
 
         :param path: ``.csv``: the Allan deviation; ``.png``: the picture of :meth:`plot`;
-            ``.yaml``: kalibr's imu.yaml; a name without suffix: a folder with these, both forms
-            of imu_utils, and the parameters of ``simulator``. There are no configurations in it if
-            an axis is not analysed.
-        :param topic: of kalibr's file.
+            ``.yaml``: kalibr's imu.yaml; a name without suffix: a folder with these, both forms of
+            imu_utils, and the parameters of ``simulator``. Without a value for every axis, the
+            folder has no configuration files.
+        :param topic: topic of the readings in kalibr's file.
         :param force: replace what exists.
         :raises InputError: for a path that cannot be used or exists, and for kalibr's file if
             an axis is not analysed.
@@ -183,7 +183,7 @@ class Noise:
 
     @property
     def files(self) -> tuple[str, ...]:
-        """Names of the files of a folder; configurations need a number for every axis."""
+        """Names of the files that :meth:`save` writes into a folder."""
         without = _CONFIGURATIONS if self.result.reasons else ()
         return tuple(name for name in sorted(FILES) if name not in without)
 
@@ -201,7 +201,7 @@ FILES: Final = ("allan.csv", *_CONFIGURATIONS, "allan.png")
 def write_files(noise: Noise, folder: Path, topic: str) -> None:
     """Write all that an analysis gives, :attr:`Noise.files`, to a folder that exists.
 
-    :param topic: of kalibr's file.
+    :param topic: topic of the readings in kalibr's file.
     """
     result = noise.result
     noise_files.write_csv(result, folder / "allan.csv")
@@ -234,8 +234,9 @@ def allan(
     :param model: ``standard`` (quantisation, white noise, flicker, walk, ramp as far as the data
         show them) or ``gauss_markov``.
     :param force: continue when a check of the data fails.
-    :param topic: of a bag with several IMUs.
+    :param topic: topic of the readings, for a bag with several IMUs.
     :returns: a :class:`Noise`: densities with intervals for each triad and axis.
+    :raises ConfigurationError: for an invalid argument.
     :raises InputError: with a line for each check that fails.
 
     >>> import imu_sim_ros as ims

@@ -58,7 +58,7 @@ Source = Flight | Readings | str | Path
 
 
 class TriadCalibration(dict[str, Calibrated]):
-    """The calibrated parameters of one triad by name; each is an attribute as well."""
+    """The calibrated parameters of one triad by name; each is also an attribute."""
 
     def __getattr__(self, name: str) -> Calibrated:
         try:
@@ -305,15 +305,16 @@ def calibrate_six_position(
 ) -> Calibration:
     """Return the accelerometer's bias, scale and misalignment, and the gyroscope's bias.
 
-    :param readings: of a body that rests on each of its six faces.
-    :param gravity: magnitude at the place of the run [m/s^2].
+    :param readings: readings of a body that rests on each of its six faces.
+    :param gravity: magnitude of local gravity [m/s^2].
     :param simple: the lecture's eq. 6: bias and scale per axis only.
     :param fixture: ``exact``: each axis pointed exactly up and down; ``norm``: ten rests or more in
         any positions, the norm of gravity is fitted and S is upper triangular; ``auto``: chosen by
         a test of the residuals.
-    :param topic: of a bag with several IMUs.
+    :param topic: topic of the readings, for a bag with several IMUs.
     :param skip_bad_rows: leave out rows of a file that are not finite or not possible.
     :returns: a :class:`Calibration` with standard errors.
+    :raises ConfigurationError: for an invalid argument.
     :raises InputError: for a missing face, and a file that cannot be read.
 
     >>> import imu_sim_ros as ims
@@ -360,17 +361,18 @@ def calibrate_turntable(
 ) -> Calibration:
     """Return the gyroscope's bias, scale and misalignment, and its g-sensitivity if observable.
 
-    :param readings: of a body that is turned about each axis both ways, and rests.
-    :param rates: magnitudes that the table was set to [rad/s]; by default those of the truth, which
-        a flight has, and a bag with Odometry.
-    :param gravity: its magnitude [m/s^2].
-    :param accelerometer: a six-position calibration or its correction file: on a tilted table the
-        force is taken as measured.
-    :param topic: of a bag with several IMUs.
-    :param truth_topic: of a bag with several topics of Odometry.
+    :param readings: readings of a body that turns about each axis both ways, and rests.
+    :param rates: magnitudes that the table was set to [rad/s]; by default those of the truth in a
+        flight or in a bag with Odometry.
+    :param gravity: magnitude of local gravity [m/s^2].
+    :param accelerometer: a six-position calibration or its correction file, for a tilted table:
+        take the specific force from the accelerometer.
+    :param topic: topic of the readings, for a bag with several IMUs.
+    :param truth_topic: Odometry topic of the truth, for a bag with several.
     :param skip_bad_rows: leave out rows of a file that are not finite or not possible.
     :returns: a :class:`Calibration` with standard errors.
-    :raises InputError: for rates that are not known, and an axis that is not turned both ways.
+    :raises ConfigurationError: for an invalid argument.
+    :raises InputError: for unknown rates, and an axis that is not turned both ways.
 
     >>> import imu_sim_ros as ims
     >>> imu = {"preset": "perfect", "gyroscope_bias": [0.01, 0.0, -0.02]}
@@ -418,19 +420,20 @@ def calibrate_temperature(
 ) -> Calibration:
     """Return bias and scale over temperature of both triads.
 
-    :param readings: of a body at rest, or on a rate table, at several temperatures.
-    :param temperature: (n,) of the sensor at the readings [degC]; by default that of the flight, or
-        of the bag's topic of sensor_msgs/Temperature.
+    :param readings: readings of a body at rest, or on a rate table, at several temperatures.
+    :param temperature: (n,) temperatures of the sensor at the readings [degC]; by default those of
+        the flight, or of the bag's sensor_msgs/Temperature topic.
     :param rates: magnitudes that the table was set to [rad/s]; by default those of the truth;
-        without one the body is taken to rest.
+        without a truth, the body is taken to be at rest.
     :param reference: T0 of the polynomials [degC].
-    :param gravity: its magnitude [m/s^2].
-    :param topic: of a bag with several IMUs.
-    :param temperature_topic: of a bag with several.
-    :param truth_topic: of a bag with several topics of Odometry.
+    :param gravity: magnitude of local gravity [m/s^2].
+    :param topic: topic of the readings, for a bag with several IMUs.
+    :param temperature_topic: sensor_msgs/Temperature topic, for a bag with several.
+    :param truth_topic: Odometry topic of the truth, for a bag with several.
     :param skip_bad_rows: leave out rows of a file that are not finite or not possible.
     :returns: a :class:`Calibration` with standard errors.
-    :raises InputError: for temperatures that are unknown or hardly differ.
+    :raises ConfigurationError: for an invalid argument.
+    :raises InputError: for temperatures that are unknown or too close together.
 
     >>> import imu_sim_ros as ims
     >>> imu = {"preset": "perfect", "gyroscope_temperature_bias": [1e-4, 0.0, 0.0]}
@@ -470,14 +473,15 @@ def calibrate_magnetometer(
     topic: str | None = None,
     skip_bad_rows: bool = False,
 ) -> Calibration:
-    """Return hard and soft iron of a magnetometer that was turned all around.
+    """Return hard and soft iron of a magnetometer that was turned in all directions.
 
-    :param readings: of a flight with ``sensors=["magnetic_field"]``, of a bag, or (n, 3) [T].
-    :param strength: of the true field [T]; None: not known, the soft iron then has the
+    :param readings: a flight with ``sensors=["magnetic_field"]``, a bag, or an array (n, 3) [T].
+    :param strength: strength of the true field [T]; None: unknown, the soft iron then has the
         determinant 1.
-    :param topic: of a bag with several magnetometers.
+    :param topic: topic of the readings, for a bag with several magnetometers.
     :param skip_bad_rows: leave out rows of a file that are not finite or not possible.
     :returns: a :class:`Calibration` with standard errors.
+    :raises ConfigurationError: for an invalid argument.
     :raises InputError: for readings that do not determine an ellipsoid.
 
     >>> import imu_sim_ros as ims

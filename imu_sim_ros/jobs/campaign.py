@@ -133,7 +133,7 @@ class Campaign:
 
     @property
     def problems(self) -> list[str]:
-        """A line for each requirement that is not met and for all that is worse than before."""
+        """One line for each requirement that is not met and each result worse than the baseline."""
         return self.judgement.problems
 
     def to_dict(self) -> dict[str, Any]:

@@ -118,7 +118,7 @@ class Track:
         return result
 
     def drift(self) -> Drift | None:
-        """Return truth minus estimate at the times that both have; None without a truth.
+        """Return truth minus estimate at the common times; None without a truth.
 
         :raises InputError: if they do not overlap in time.
         """
@@ -189,7 +189,7 @@ def dead_reckon(
     covariance: bool = False,
     **parameters: Any,
 ) -> Track:
-    """Integrate readings to a trajectory.
+    """Integrate readings into a trajectory.
 
     :param readings: a flight, readings, or a file that :func:`imu_sim_ros.read_imu` reads.
     :param method: euler, midpoint or rk4.
@@ -197,15 +197,16 @@ def dead_reckon(
     :param initial: the state at the first reading, ``"truth"``, ``"level"`` (roll, pitch and the
         gyroscope's bias from a rest of ``level_time``; position and yaw from the truth if there is
         one), or ``"parameters"`` (``initial_position`` and so on). By default the truth.
-    :param imu_topic: of a bag with several.
-    :param truth_topic: of a bag, of type nav_msgs/Odometry; by default ``ground_truth/odom``.
-    :param skip: seconds from the first reading that are left out.
-    :param covariance: of the poses as well, of a flight from an exact start.
-    :param parameters: of the node integrator by their ROS names: ``gravity``, ``gyroscope_bias``,
-        ``accelerometer_scale_misalignment``, ``level_time``, ``max_gap``, ...
+    :param imu_topic: topic of the readings, for a bag with several.
+    :param truth_topic: nav_msgs/Odometry topic of the truth; by default ``ground_truth/odom``.
+    :param skip: time after the first reading to leave out [s].
+    :param covariance: also propagate the covariance of the poses; for a flight that starts at an
+        exact state.
+    :param parameters: parameters of the integrator node by their ROS names: ``gravity``,
+        ``gyroscope_bias``, ``accelerometer_scale_misalignment``, ``level_time``, ``max_gap``, ...
     :returns: a :class:`Track`: the states at the readings' times.
-    :raises ConfigurationError: with a line for every parameter that is wrong.
-    :raises InputError: for readings that cannot be integrated, or that have no truth to start at.
+    :raises ConfigurationError: with a line for each invalid parameter.
+    :raises InputError: for readings that cannot be integrated, or have no truth to start at.
 
     >>> import imu_sim_ros as ims
     >>> flight = ims.simulate(imu="perfect", trajectory="lecture", duration=20, rate=200)

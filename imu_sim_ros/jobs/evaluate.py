@@ -78,7 +78,7 @@ class TimeOffset(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Evaluation:
-    """The errors of an estimate, truth minus estimate, at the m times that both have."""
+    """The errors of an estimate, truth minus estimate, at the m common times."""
 
     t_ns: Times
     """(m,) [ns]."""
@@ -295,7 +295,7 @@ def evaluate(
     tracks: str | Path | None = None,
     imu: str | Path | None = None,
 ) -> Evaluation | AttitudeEvaluation | ReadingsEvaluation:
-    """Compare a trajectory, or attitudes alone, with the truth at the estimate's times.
+    """Compare a trajectory, or attitudes alone, with the truth at the stamps of the estimate.
 
     :param estimate: a track, odometry, or anything with ``t_ns``, ``position`` and ``q_wb``; a
         ``covariance`` (n, 6, 6) of position and attitude in the world's axes gives the NEES. Or the
@@ -304,16 +304,16 @@ def evaluate(
     :param truth: a path, or an object with ``t_ns``, ``position`` and ``q_wb``.
     :param align: align the estimate with the truth first: none, yaw, se3 or sim3.
     :param max_gap: the truth is not interpolated across longer gaps [s].
-    :param estimate_topic: of a bag with several trajectories; or that of an orientation
+    :param estimate_topic: topic of the estimate, for a bag with several; or that of an orientation
         (``imu/data``), a magnetic field or a pressure.
-    :param truth_topic: likewise; None: ``ground_truth/odom`` if the bag has it.
+    :param truth_topic: topic of the truth; None: ``ground_truth/odom`` if the bag has it.
     :param time_offset: find the time offset of the estimate from the motion (up to 1 s) and remove
         it before comparing.
-    :param tracks: a folder of ``generate --format tracks``: the reprojection error of its landmarks
-        as seen from the estimate.
+    :param tracks: a folder of ``generate --format tracks``, to add its reprojection error.
     :param imu: sensor of a recorded orientation, for its mounting; None: aligned with the body.
     :returns: an :class:`Evaluation`, for attitudes alone an :class:`AttitudeEvaluation`, for the
         readings of other sensors a :class:`ReadingsEvaluation`.
+    :raises ConfigurationError: for an invalid argument.
     :raises InputError: if they do not overlap in time, or a path cannot be read.
 
     >>> import imu_sim_ros as ims

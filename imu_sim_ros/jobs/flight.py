@@ -234,15 +234,14 @@ class Flight:
         """Write a bag or a dataset, the same as ``generate`` writes; returns its path.
 
         :param path: ``NAME.bag`` is a ROS 1 bag, ``NAME.mcap`` one MCAP file, ``NAME.csv`` a table,
-            anything else a rosbag2 folder. Parents are made.
+            anything else a rosbag2 folder. Parent folders are created.
         :param format: ``euroc`` or ``csv`` for a dataset.
-        :param topics: by default the readings and ``ground_truth/odom``, and those of the sensors
-            of the body.
-        :param imu_only: without the truth.
-        :param rename: another name in the bag for a topic, ``{"imu/data_raw": "/imu0"}``.
+        :param topics: by default the readings and ``ground_truth/odom``, and the topics of the
+            sensors of the body.
+        :param imu_only: leave out the truth.
+        :param rename: new names for topics, ``{"imu/data_raw": "/imu0"}``.
         :param force: replace what exists, but never the file of the trajectory.
-        :raises InputError: for a place that cannot be used, something that exists, and a topic that
-            does not.
+        :raises InputError: for a path that cannot be used or exists, and for an unknown topic.
 
         >>> import imu_sim_ros as ims
         >>> flight = ims.simulate(trajectory="figure_eight", duration=1)

@@ -169,18 +169,18 @@ def generate(
     force: bool = False,
     **parameters: Any,
 ) -> Generated:
-    """Write a bag or a dataset, the files of the program ``generate``, of any duration.
+    """Write a bag or a dataset of any duration, as the program ``generate`` does.
 
     :param output: ``NAME.bag`` is a ROS 1 bag, ``NAME.mcap`` one MCAP file, ``NAME.csv`` and
-        ``NAME.tum`` are tables, anything else a rosbag2 folder. Parents are made.
+        ``NAME.tum`` are tables, anything else a rosbag2 folder. Parent folders are created.
     :param cameras: names in config/cameras or parameter files: cam0, cam1, ... in this order.
     :param scene: scene of the cameras: a name in config/scenes, a parameter file, or points.
     :param format: a dataset in place of a bag: ``euroc``, ``csv``, ``tum``, ``tracks``, ...
-    :param storage: of a bag, ``mcap``, ``sqlite3`` or ``ros1``; ``compression``: ``none``, ...
-    :param split_duration: [s] of one file, and ``split_size`` [bytes]; 0: all.
+    :param storage: ``mcap``, ``sqlite3`` or ``ros1``; ``compression``: ``none``, ``lz4``, ...
+    :param split_duration: length of each file [s], and ``split_size``: its size [bytes]; 0: all.
     :param topics: by default the readings, ``ground_truth/odom`` and those of other sensors.
-    :param imu_only: without the truth.
-    :param rename: another name in the bag for a topic, ``{"imu/data_raw": "/imu0"}``.
+    :param imu_only: leave out the truth.
+    :param rename: new names for topics, ``{"imu/data_raw": "/imu0"}``.
     :param with_configs: write the configuration of each stack to OUTPUT_configs.
     :param jobs: threads that render images; by default one for each processor.
     :param force: replace what exists, but never a file that is read.

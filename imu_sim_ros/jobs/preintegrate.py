@@ -34,8 +34,8 @@ def preintegrate(
 
     ``alpha``, ``beta``, ``gamma`` are position, velocity and attitude in the frame of an interval's
     start, without gravity, with the Jacobian by the biases and the covariance (15, 15), ordered
-    alpha, theta, beta, accelerometer's bias, gyroscope's bias. The noise of a flight is known;
-    for other readings the covariance is zero.
+    alpha, theta, beta, accelerometer's bias, gyroscope's bias. For a flight, the noise is known;
+    for other readings, the covariance is zero.
 
     :param readings: a flight, readings, or a file that :func:`imu_sim_ros.read_imu` reads.
     :param edges_ns: (B + 1,) times of the frames [ns], increasing, within the stamps.
@@ -44,6 +44,7 @@ def preintegrate(
     :param accel_bias: likewise [m/s^2].
     :param method: euler or midpoint.
     :returns: a :class:`Preintegration` of all intervals.
+    :raises ConfigurationError: for an invalid argument.
     :raises InputError: for times outside the stamps.
 
     >>> import imu_sim_ros as ims

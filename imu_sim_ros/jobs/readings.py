@@ -155,8 +155,9 @@ def read_imu(path: str | Path, topic: str | None = None) -> Readings:
     """Return the IMU readings of a bag of any form, a EuRoC folder or a CSV file.
 
     :param path: the file or folder.
-    :param topic: of type sensor_msgs/Imu; needed if a bag has several.
+    :param topic: topic of type sensor_msgs/Imu; needed if a bag has several.
     :returns: the :class:`Readings` in the order of the file.
+    :raises ConfigurationError: for an invalid argument.
     :raises InputError: for a file that cannot be read, or has no readings.
 
     >>> import imu_sim_ros as ims
@@ -173,12 +174,13 @@ def read_imu(path: str | Path, topic: str | None = None) -> Readings:
 
 
 def read_odometry(path: str | Path, topic: str | None = None) -> Odometry:
-    """Return the odometry of a bag, its velocity turned into the world frame.
+    """Return the odometry of a bag, with velocities in the world frame.
 
     :param path: the file or folder.
-    :param topic: of type nav_msgs/Odometry, for instance ``ground_truth/odom``; needed if a bag
-        has several.
+    :param topic: topic of type nav_msgs/Odometry, for instance ``ground_truth/odom``; needed if a
+        bag has several.
     :returns: the :class:`Odometry`.
+    :raises ConfigurationError: for an invalid argument.
     :raises InputError: for a file that cannot be read, or has no odometry.
 
     >>> import imu_sim_ros as ims

@@ -44,8 +44,9 @@ def read_magnetometer(path: str | Path, topic: str | None = None) -> Samples:
     """Return the magnetic field in a bag or a EuRoC folder.
 
     :param path: the file or folder.
-    :param topic: of type sensor_msgs/MagneticField; None: ``imu/mag``, or the only one.
+    :param topic: topic of type sensor_msgs/MagneticField; None: ``imu/mag``, or the only one.
     :returns: stamps, fields (n, 3) [T] in the sensor's frame, and their covariances [T^2].
+    :raises ConfigurationError: for an invalid argument.
     :raises InputError: for a file that cannot be read, or has no magnetic field.
 
     >>> import imu_sim_ros as ims
@@ -61,8 +62,9 @@ def read_pressure(path: str | Path, topic: str | None = None) -> Samples:
     """Return the pressure in a bag or a EuRoC folder.
 
     :param path: the file or folder.
-    :param topic: of type sensor_msgs/FluidPressure; None: ``imu/pressure``, or the only one.
+    :param topic: topic of type sensor_msgs/FluidPressure; None: ``imu/pressure``, or the only one.
     :returns: stamps, pressures (n,) [Pa] and their variances (n,) [Pa^2].
+    :raises ConfigurationError: for an invalid argument.
     :raises InputError: for a file that cannot be read, or has no pressure.
 
     >>> import imu_sim_ros as ims
@@ -77,12 +79,13 @@ def read_pressure(path: str | Path, topic: str | None = None) -> Samples:
 
 
 def read_orientation(path: str | Path, topic: str | None = None) -> Samples:
-    """Return the orientation that a board states, of a bag or a EuRoC folder.
+    """Return the orientation that a board reports, from a bag or a EuRoC folder.
 
     :param path: the file or folder.
-    :param topic: of type sensor_msgs/Imu; None: ``imu/data``, or the only one.
+    :param topic: topic of type sensor_msgs/Imu; None: ``imu/data``, or the only one.
     :returns: stamps, quaternions q_wi (n, 4) (w, x, y, z), and covariances (n, 3, 3) [rad^2] of the
         error about the world's axes. Messages without an orientation are left out.
+    :raises ConfigurationError: for an invalid argument.
     :raises InputError: for a file that cannot be read, or has no orientation.
 
     >>> import imu_sim_ros as ims
@@ -116,9 +119,10 @@ def read_images(path: str | Path, topic: str | None = None) -> Iterator[tuple[in
     """Yield the images of a camera in a bag.
 
     :param path: the bag.
-    :param topic: of type sensor_msgs/Image or CompressedImage; needed if a bag has several.
+    :param topic: topic of type sensor_msgs/Image or CompressedImage; needed if a bag has several.
     :returns: an iterator over stamps [ns] and images: (h, w), or (h, w, 3) in red, green and blue;
         uint8, uint16 or float32 as recorded.
+    :raises ConfigurationError: for an invalid argument.
     :raises InputError: for a file that cannot be read or decoded, or has no images.
     :raises MissingDependencyError: without OpenCV, for compressed images.
 

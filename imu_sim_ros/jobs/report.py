@@ -64,6 +64,7 @@ def report(
     :param truth_topic: topic of the truth, for bags with several topics of Odometry.
     :param force: overwrite an existing page.
     :returns: the path of the page.
+    :raises ConfigurationError: for an invalid argument.
     :raises InputError: for inputs that cannot be read and an output that cannot be written, with a
         line for each.
 

@@ -55,24 +55,24 @@ def simulate(
     sensors: Collection[str] | None = None,
     **parameters: Any,
 ) -> Flight:
-    """Simulate an IMU on a moving body; the same samples as ``generate`` and the node give.
+    """Simulate an IMU on a moving body, with the same samples as ``generate`` and the node.
 
-    :param imu: a name in config/imus, a parameter file or kalibr's imu.yaml, or parameters by name:
-        of which ``preset`` names a file below them.
-    :param trajectory: a name in config/trajectories, a file of recorded poses, parameters by name:
-        of which ``type`` may name a file below them, or poses, which keep their stamps: a
-        :class:`PoseSequence`, or an array (n, 8) of time [s], x, y, z [m], quaternion w, x, y, z,
-        or (n, 7) with roll, pitch, yaw [rad]. Or a motion of your own: an object whose
-        ``sample(t)`` returns a :class:`Motion`, or a function that returns positions (n, 3) and
-        attitudes q_wb (n, 4), at times t (n,) [s] from the start; with a ``duration`` [s] if it
+    :param imu: a name in config/imus, a parameter file or kalibr's imu.yaml, or parameters by name,
+        with ``preset`` for the file that they modify.
+    :param trajectory: a name in config/trajectories, a file of recorded poses, or parameters by
+        name, with ``type`` for the kind or the file that they modify. Or poses, which keep their
+        stamps: a :class:`PoseSequence`, or an array (n, 8) of time [s], x, y, z [m], quaternion w,
+        x, y, z, or (n, 7) with roll, pitch, yaw [rad]. Or a motion of your own: an object whose
+        ``sample(t)`` returns a :class:`Motion`, or a function of times t (n,) [s] from the start
+        that returns positions (n, 3) [m] and attitudes q_wb (n, 4); with a ``duration`` [s] if it
         ends.
-    :param duration: [s], or words such as ``"2h"``; by default the trajectory's length.
+    :param duration: length [s], or a text such as ``"2h"``; by default the trajectory's length.
     :param rate: samples per second [Hz].
     :param seed: of all random streams.
     :param params_file: a ROS 2 parameter file below all other arguments.
     :param sensors: sensors in addition to the IMU: ``magnetic_field``, ``orientation``,
-        ``pressure``, or a sensor of the body by its name; by default what the file publishes
-        (``publish.magnetic_field``, ...) or names.
+        ``pressure``, or the name of a sensor of the body; by default those that the parameter file
+        publishes (``publish.magnetic_field``, ...) or names.
     :param parameters: any other parameter by its ROS name; sections are mappings:
         ``gravity=[0, 0, -9.8]``.
     :returns: a :class:`Flight`: readings, their truth and the parameters.

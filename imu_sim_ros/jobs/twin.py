@@ -213,7 +213,7 @@ class Twin:
         )
 
     def as_json(self) -> Any:
-        """Return all numbers by name, in plain types; null if one is not finite."""
+        """Return all numbers by name, in plain types; None for those that are not finite."""
         found, noise = self.analysis, self.source.noise
         white, bands, lines = found.white, found.bands, found.lines
         known = np.where(bands.freedom < _LEAST_FREEDOM, np.nan, bands.density)
@@ -257,14 +257,14 @@ class Twin:
 
     @property
     def clock_wander(self) -> float:
-        """RMS wander of the truth's clock around offset and skew [s]; 0: it is steady."""
+        """RMS wander of the truth's clock around offset and skew [s]; 0 for a steady clock."""
         return float(np.std(self.analysis.fit.wander))
 
     def save(self, path: str | Path, *, force: bool = False) -> Path:
         """Write the parameter file for ``simulator`` and ``generate``; returns its path.
 
         :param force: replace what exists.
-        :raises InputError: for a place that cannot be used, and one that is taken.
+        :raises InputError: for a path that cannot be used or exists.
         """
         with saved(path, force) as place:
             self.write(place)
@@ -273,7 +273,7 @@ class Twin:
     def write(self, path: Path) -> None:
         """Write the parameter file.
 
-        :raises ConfigurationError: for what is no path.
+        :raises ConfigurationError: for an argument that is not a path.
         """
         path = arguments.path("path", path, "the path of an output")
         name = Path(self.source.name).name
@@ -293,7 +293,7 @@ class Twin:
     def flown(self, seed: int = 0) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         """Return times (n,) and residuals (n, 6) of the real sensor, and those of the twin.
 
-        :raises ConfigurationError: for a seed that is none.
+        :raises ConfigurationError: for an invalid seed.
         """
         _check_seed(seed)
         if self.check is not None and seed == 0:
@@ -304,7 +304,7 @@ class Twin:
     def simulate(self, seed: int = 0) -> Flight:
         """Return the twin's flight along the truth.
 
-        :raises ConfigurationError: for a seed that is none.
+        :raises ConfigurationError: for an invalid seed.
         """
         _check_seed(seed)
         engine = simulation(self.source, self.parameters, seed)
@@ -326,19 +326,20 @@ def twin(
 
     The recording is compared with what a perfect IMU reads along a spline through the truth. Time
     offset and skew, mounting, lever arm, biases, scale and misalignment and g-sensitivity are found
-    by one weighted least squares, and with them how the truth is smoothed and aligned; what they
-    leave is described by lines, bands and a white floor on six axes, and by how they follow the
-    motion.
+    by one weighted least-squares fit, together with the smoothing and alignment of the truth. The
+    residual is described by lines, bands and a white floor on six axes, and by the dependence of
+    their intensity on the motion.
 
     :param recording: a flight, readings, or a file that :func:`imu_sim_ros.read_imu` reads.
-    :param truth: poses of the body, from motion capture for instance: arrays or a file.
+    :param truth: poses of the body, for instance from motion capture: arrays or a file.
     :param fit: use this much of the recording [s], and compare the twin with the rest.
-    :param gravity: its magnitude where the recording was made [m/s^2].
+    :param gravity: magnitude of local gravity [m/s^2].
     :param cutoff: motion at higher frequencies [Hz] counts as vibration.
-    :param max_offset: between the clocks of recording and truth that is looked for [s].
-    :param topic: of the readings in a bag that has several.
-    :param truth_topic: of the poses in a bag that has several.
+    :param max_offset: largest offset between the two clocks to search for [s].
+    :param topic: topic of the readings, for a bag with several.
+    :param truth_topic: topic of the poses, for a bag with several.
     :returns: a :class:`Twin`: errors with standard errors, spectra, parameters.
+    :raises ConfigurationError: for an invalid argument.
     :raises InputError: with a line for each reason why there is no twin.
 
     >>> import imu_sim_ros as ims

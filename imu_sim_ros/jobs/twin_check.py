@@ -88,7 +88,7 @@ class Check:
         )
 
     def as_json(self) -> Any:
-        """Return the numbers by name; null if there is none."""
+        """Return the numbers by name; None if there is none."""
         return plain(
             {
                 "seconds": self.seconds,

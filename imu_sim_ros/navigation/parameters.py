@@ -80,8 +80,8 @@ class IntegratorNoiseParameters:
 
     preset: str = text(
         DEFAULT_IMU,
-        "file in config/imus, or a path, with the noise parameters; if no imu.* is given, "
-        "the node uses those that the simulator publishes",
+        "file in config/imus, or a path, with the noise parameters; without any imu.*, the node "
+        "uses those that the simulator publishes",
     )
     gyroscope: TriadNoiseParameters = triad(TriadNoiseParameters, "gyroscope")
     accelerometer: TriadNoiseParameters = triad(TriadNoiseParameters, "accelerometer")

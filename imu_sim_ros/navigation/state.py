@@ -34,7 +34,7 @@ class _State(NamedTuple):
 
 
 class NavigationState(_State):
-    """The state at one time; it is checked when it is made."""
+    """The position, velocity and attitude of a body at one time; checked on creation."""
 
     __slots__ = ()
 

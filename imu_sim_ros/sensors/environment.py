@@ -52,7 +52,7 @@ class TemperatureParameters:
 
     power: float = number(
         0.0,
-        "power that the board dissipates from the start on: it warms itself",
+        "power that the board dissipates from the start on, which warms it up",
         unit="W",
         minimum=0.0,
         maximum=1000.0,
@@ -177,8 +177,8 @@ class EnvironmentParameters:
     )
     start_time: float = number(
         -1.0,
-        "stamp of the first sample; -1: the wall clock in a node; in a file the first pose's of a "
-        "recorded trajectory, else 1 s",
+        "stamp of the first sample; -1: in a node the wall clock, in a file the stamp of the "
+        "first pose of a recorded trajectory, or else 1 s",
         unit="s",
         minimum=-1.0,
         maximum=4294967295.0,
@@ -211,9 +211,9 @@ class EnvironmentParameters:
     )
     curved_earth: bool = flag(
         False,
-        "the trajectory follows the ellipsoid: x and y are lengths along it, z is height, the "
-        "attitude that relative to the local level; the readings include the transport rate, and "
-        "gravity varies with the place",
+        "the trajectory follows the ellipsoid: x and y are lengths along it, z is height, and "
+        "the attitude is relative to the local level; the readings include the transport rate, "
+        "and gravity varies with the position",
     )
     temperature: TemperatureParameters = section(TemperatureParameters)
     magnetic_field: MagneticFieldParameters = section(MagneticFieldParameters)

@@ -29,13 +29,13 @@ _REGISTERED: Final[dict[str, "Sensor"]] = {}
 
 
 def register_sensor(sensor: Any) -> None:
-    """Make a sensor of one's own known by its name: ``simulate(sensors=[NAME])`` reads it.
+    """Register a sensor of your own under its name, for ``simulate(sensors=[NAME])``.
 
-    The same name again replaces it.
+    A second sensor with the same name replaces the first.
 
-    :param sensor: a :class:`~imu_sim_ros.sensors.declaration.Sensor`; how one is declared, the
-        manual says (*A sensor of your own*).
-    :raises ConfigurationError: for something else, and a name that cannot be used, with a line for
+    :param sensor: a :class:`~imu_sim_ros.sensors.declaration.Sensor`; see *Simulate a sensor of
+        your own* in the manual.
+    :raises ConfigurationError: for anything else, or a name that cannot be used, with a line for
         each problem.
 
     >>> import imu_sim_ros as ims

@@ -38,9 +38,8 @@ class InputParameters:
 
     rate: float = number(
         0.0,
-        "readings that come in per second; 0: `rate`, each of them becomes one that goes out, with "
-        "its stamp; above `rate`: the sensor samples them with a clock of its own, as "
-        "imu.sampling says",
+        "rate of the input; 0: `rate`, each reading becomes one sample with its stamp; above "
+        "`rate`: the sensor samples the input with its own clock, according to imu.sampling",
         unit="Hz",
         minimum=0.0,
         maximum=1e6,
@@ -63,14 +62,14 @@ class InputParameters:
     place: str = choice(
         "imu",
         ("imu", "body"),
-        "imu: the input is that of the IMU's place and axes; body: that of the body's, and "
-        "imu.lever_arm, imu.mounting and imu.accelerometer_positions are applied to it, the "
-        "angular acceleration being the derivative of the rate",
+        "imu: readings at the position and in the axes of the IMU; body: those of the body, to "
+        "which imu.lever_arm, imu.mounting and imu.accelerometer_positions are applied, with the "
+        "derivative of the rate as angular acceleration",
     )
     longest_gap: float = number(
         10.0,
-        "a gap up to this is one of missing samples, during which biases go on; a longer one is a "
-        "pause, during which the sensor is off",
+        "gaps up to this are missing samples, during which biases go on; longer ones are pauses, "
+        "during which the sensor is off",
         unit="s",
         minimum=0.0,
         maximum=LONGEST,
@@ -78,16 +77,17 @@ class InputParameters:
     restart: str = choice(
         "same_seed",
         ("same_seed", "next_seed"),
-        "with which seed the errors begin again if stamps jump back by more than a second",
+        "seed with which the errors begin again after stamps have jumped back by more than a "
+        "second",
     )
     check: bool = flag(
         True,
-        "look at the first 2 s and say if rate, gravity or axes contradict what is declared",
+        "check the first 2 s and report rate, gravity or axes that contradict the declaration",
     )
     odometry_span: int = integer(
         1,
-        "messages of odometry on each side of the one whose acceleration is taken from the change "
-        "of velocity between them; readings are that many messages late",
+        "odometry messages on each side over which the velocity is differenced to get the "
+        "acceleration; readings are late by that many messages",
         minimum=1,
         maximum=100,
     )

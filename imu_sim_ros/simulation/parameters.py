@@ -38,7 +38,7 @@ DEFAULT_TRAJECTORY = "lecture"
 
 SENSORS: Final = (
     "names of further sensors of the body, each the prefix of its own parameters (NAME.rate, ...); "
-    "none: what the boards of the IMUs carry"
+    "none: only those on the boards of the IMUs"
 )
 _LOWEST_CUTOFF = 1e-6
 """Lowest cut-off as a fraction of half the rate; lower ones lose all digits."""

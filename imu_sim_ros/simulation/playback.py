@@ -65,7 +65,7 @@ class PublishParameters:
     biases: bool = flag(
         False,
         f"publish ground_truth/gyroscope_bias and ground_truth/accelerometer_bias, and "
-        f"{_biases()} of what is published",
+        f"{_biases()} if those sensors are published",
     )
     temperature: bool = flag(False, "publish imu/temperature")
     increments: bool = flag(
@@ -131,8 +131,8 @@ class InjectParameters:
     triad: str = choice(
         "gyroscope",
         (*TRIADS, *(one.name for one in auxiliary_sensors() if one.faults)),
-        "which triad a bias_jump, saturation or stuck affects; another sensor: any fault, of that "
-        "sensor alone",
+        "triad that a bias_jump, saturation or stuck affects; with another sensor, any fault "
+        "affects that sensor alone",
         live=True,
     )
     value: Vector = vector(
@@ -142,7 +142,7 @@ class InjectParameters:
         f"at most {LARGEST_LATENCY:g}",
         live=True,
     )
-    imu: str = text("", "which of `imus` is affected; empty: all", live=True)
+    imu: str = text("", "affected IMU, a name in `imus`; empty: all", live=True)
 
     def fault(self) -> Fault:
         """Return the fault.

@@ -93,7 +93,7 @@ class LeadInParameters:
         0.0, "rest before the jerk; 0: neither rest nor jerk", unit="s", minimum=0.0
     )
     jerk: Vector = vector(
-        (0.1, 0.1, 0.2), "how far the jerk goes, in the world, and comes back from", unit="m"
+        (0.1, 0.1, 0.2), "displacement of the jerk in the world, there and back", unit="m"
     )
     jerk_time: float = number(1.0, "length of the jerk", unit="s", minimum=0.05, maximum=100.0)
 

@@ -32,8 +32,8 @@ class DriveParameters(TrajectoryParameters):
     )
     origin: tuple[float, ...] = numbers(
         (),
-        "latitude and longitude of the world's origin, for a file that has such; empty: its first "
-        "point",
+        "latitude and longitude of the world's origin, for a file with latitudes and longitudes; "
+        "empty: its first point",
         unit="deg",
         group=2,
     )
@@ -46,16 +46,16 @@ class DriveParameters(TrajectoryParameters):
         minimum=0.0,
     )
     elevations: tuple[float, ...] = numbers(
-        (), "z of each waypoint of positions; none: the ground's", unit="m"
+        (), "z of each waypoint in positions; none: the height of the ground", unit="m"
     )
     use_elevations: bool = flag(
         False,
-        "the ground has the elevations of the file: GPX and KML, its column z, elevation or "
-        "altitude; on the Earth, z is 0 at the first point",
+        "take the elevations of the ground from the file: those of GPX or KML, or the column z, "
+        "elevation or altitude; with latitudes and longitudes, z is 0 at the first point",
     )
     elevation_smoothing: float = number(
         10.0,
-        "way over which elevations are averaged and a change of grade is spread",
+        "distance over which elevations are averaged and a change of grade is spread",
         unit="m",
         minimum=0.01,
         maximum=1e4,
@@ -69,7 +69,7 @@ class DriveParameters(TrajectoryParameters):
     )
     laps: int = integer(
         0,
-        "times around, from the last waypoint to the first again; 0: once from first to last",
+        "number of laps, from the last waypoint back to the first; 0: once from first to last",
         minimum=0,
         maximum=10_000,
     )
@@ -88,8 +88,8 @@ class DriveParameters(TrajectoryParameters):
     )
     speeds: tuple[float, ...] = numbers(
         (),
-        "largest speed on the way to each waypoint but the first, negative where the vehicle "
-        "backs up; none: speed_limit",
+        "largest speed on the way to each waypoint but the first, negative to back up; none: "
+        "speed_limit",
         unit="m/s",
     )
     acceleration_limit: float = number(
@@ -129,7 +129,7 @@ class DriveParameters(TrajectoryParameters):
     )
     track: float = number(
         1.5,
-        "width over which the slopes of a map are taken",
+        "width over which the cross slope of a height map is taken",
         unit="m",
         minimum=1e-3,
         maximum=100.0,
@@ -157,8 +157,8 @@ class DriveParameters(TrajectoryParameters):
     road: VibrationParameters = section(VibrationParameters)
     road_speed: float = number(
         10.0,
-        "speed at which `road.*` holds; its frequencies grow with the speed, its accelerations "
-        "with the square",
+        "speed at which `road.*` applies as given; frequencies grow with the speed, "
+        "accelerations with its square",
         unit="m/s",
         minimum=0.0,
         above_minimum=True,

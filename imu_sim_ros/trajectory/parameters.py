@@ -137,7 +137,7 @@ class FreeFallParameters(TrajectoryParameters):
     angular_velocity: Vector = vector((1.0, 2.0, 0.5), "constant rate in the body", unit="rad/s")
     gravity: Vector = vector(
         GRAVITY,
-        "its acceleration; that of the simulation for true free fall",
+        "acceleration of the fall; equal to the simulation's gravity for true free fall",
         unit="m/s^2",
     )
 
@@ -220,13 +220,15 @@ class TourParameters(TrajectoryParameters):
     """A flight through a place that touches nothing and ends where it began."""
 
     type: str = text("tour", TYPE_TEXT)
-    place: str = choice("office", tuple(KINDS), "the place; with cameras in a place, theirs")
+    place: str = choice(
+        "office", tuple(KINDS), "place to fly through; with cameras in a place, that place"
+    )
     place_seed: int = integer(
-        0, "its seed; with cameras in a place, scene.seed", minimum=0, maximum=2**63 - 1
+        0, "seed of the place; with cameras in a place, scene.seed", minimum=0, maximum=2**63 - 1
     )
     place_size: Vector = vector(
         ZERO_VECTOR,
-        "its length along x, y, z, around x = y = 0 on z = 0; 0: the place's usual size",
+        "size of the place along x, y, z, around x = y = 0 on z = 0; 0: its usual size",
         unit="m",
         minimum=0.0,
         maximum=500.0,
@@ -284,7 +286,9 @@ class TurntableParameters(SixPositionParameters):
         minimum=0.0,
         above_minimum=True,
     )
-    upside_down: bool = flag(True, "each axis down as well, to separate g-sensitivity from bias")
+    upside_down: bool = flag(
+        True, "also turn with each axis down, to separate g-sensitivity from bias"
+    )
     tilt: float = number(
         0.0, "tilt of the table's axis from the vertical, about the world's x", unit="rad"
     )

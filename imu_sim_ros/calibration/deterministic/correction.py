@@ -23,7 +23,7 @@ from imu_sim_ros.types import Array
 
 
 class Calibrated(NamedTuple):
-    """A parameter of the simulator with its standard errors, flat."""
+    """A parameter of the simulator with its standard errors, both flat arrays."""
 
     value: Array
     sigma: Array

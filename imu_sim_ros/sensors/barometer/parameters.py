@@ -85,7 +85,7 @@ class BarometerParameters(OwnRateParameters):
     )
     gust_rate: float = number(
         0.0,
-        "mean rate of steps of the pressure at the port, by wind, doors or fans",
+        "mean rate of pressure steps at the port, caused by wind, doors or fans",
         unit="1/s",
         minimum=0.0,
         maximum=1000.0,

@@ -84,7 +84,7 @@ class ImageParameters:
     encoding: str = choice("mono8", ENCODINGS, "pixel encoding: grey values or colours")
     depth: bool = flag(
         False,
-        "depth along the view without any error, too: NAME/depth/image_raw, 32FC1 in m; in EuRoC "
+        "also the depth along the view, without errors: NAME/depth/image_raw, 32FC1 in m; in EuRoC "
         "folders NAME/depth, PNG of 16 bits in mm; 0 if nothing is seen",
     )
     frame: str = text("", "frame of the messages; empty: NAME_optical_frame")
@@ -97,7 +97,8 @@ class ImageParameters:
     mip_levels: str = choice(
         "nearest",
         MIP_LEVELS,
-        "which levels of a texture a pixel looks at: the one that fits best, or both next to it",
+        "levels of a texture that a pixel samples: nearest: the one that fits best; trilinear: "
+        "the two next to it",
     )
     exposure_time: float = number(
         0.0,
@@ -142,7 +143,7 @@ class ImageParameters:
     )
     auto_exposure_lag: float = number(
         0.5,
-        "time after which that factor has followed a change but for 1/e",
+        "time constant with which that factor follows a change",
         unit="s",
         minimum=0.0,
         maximum=10.0,
@@ -205,7 +206,9 @@ class CameraModelParameters:
         "pinhole; unified: Mei's sphere, with xi; double_sphere: with xi and alpha",
     )
     distortion_model: str = choice(
-        "none", tuple(COUNTS), "behind the model; equidistant (Kannala-Brandt) with pinhole only"
+        "none",
+        tuple(COUNTS),
+        "distortion after the projection; equidistant (Kannala-Brandt) with pinhole only",
     )
     width: int = integer(640, "width of the image", unit="px", minimum=1, maximum=LARGEST_IMAGE)
     height: int = integer(480, "height of the image", unit="px", minimum=1, maximum=LARGEST_IMAGE)

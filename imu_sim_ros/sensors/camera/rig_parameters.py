@@ -50,8 +50,8 @@ class FeatureParameters:
     layout: str = choice(
         "mono",
         LAYOUTS,
-        "channels of its messages: mono: the five of VINS-Mono; fusion: the nine of VINS-Fusion; "
-        "none: no such topic",
+        "channels of feature_tracker/feature: mono: the five of VINS-Mono; fusion: the nine of "
+        "VINS-Fusion; none: do not publish it",
     )
 
 

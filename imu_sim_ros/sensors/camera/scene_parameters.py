@@ -47,7 +47,8 @@ class PathSceneParameters(SceneParameters):
 
     horizon: float = number(
         60.0,
-        "how much of a trajectory without end the scene is made for; of others it is all",
+        "length of an endless trajectory for which the scene is made; other trajectories count "
+        "in full",
         unit="s",
         minimum=0.1,
         maximum=1e4,

@@ -30,12 +30,15 @@ class RawParameters:
     frequencies: int = integer(2, "1: L1 C/A; 2: L2 P(Y) as well", minimum=1, maximum=2)
     code_sigma: float = number(
         0.3,
-        "standard deviation of a pseudorange at the zenith; over the sine of the elevation below",
+        "standard deviation of a pseudorange at the zenith; elsewhere divided by the sine of the "
+        "elevation",
         unit="m",
         minimum=0.0,
     )
     phase_sigma: float = number(0.002, "likewise of a carrier phase", unit="m", minimum=0.0)
-    rate_sigma: float = number(0.05, "likewise of a Dopplers' range rate", unit="m/s", minimum=0.0)
+    rate_sigma: float = number(
+        0.05, "likewise of the range rate from the Doppler", unit="m/s", minimum=0.0
+    )
     clock_offset: float = number(
         1e-4,
         "receiver's clock minus GPS time at the start",
@@ -44,18 +47,19 @@ class RawParameters:
         maximum=1e-2,
     )
     clock_drift: float = number(
-        1e-7, "its constant rate error", unit="s/s", minimum=-1e-4, maximum=1e-4
+        1e-7, "constant rate error of the receiver's clock", unit="s/s", minimum=-1e-4, maximum=1e-4
     )
     clock_random_walk: float = number(
         3e-10,
-        "its random walk; a crystal's with temperature compensation (h0 = 2e-19 s)",
+        "random walk of the receiver's clock; default: a temperature-compensated crystal (h0 = "
+        "2e-19 s)",
         unit="s/sqrt(s)",
         minimum=0.0,
     )
     ionosphere: bool = flag(True, "delay of the ionosphere by Klobuchar's model")
     klobuchar: tuple[float, ...] = numbers(
         (1.118e-8, -7.451e-9, -5.961e-8, 1.192e-7, 1.167e5, -2.294e5, -1.311e5, 1.049e6),
-        "its alpha 0 to 3 and beta 0 to 3, if the ephemeris file has none",
+        "alpha 0 to 3 and beta 0 to 3 of that model, if the ephemeris file has none",
         unit="s, s/semicircle, ...",
         group=8,
     )
@@ -85,7 +89,7 @@ class GnssParameters(CarriedParameters):
     )
     horizontal_sigma: tuple[float, ...] = numbers(
         (1.5, 0.6, 0.2, 0.01),
-        f"standard deviation of the error east, and of that north, {_EACH}",
+        f"standard deviation of the error east, and likewise north, {_EACH}",
         unit="m",
         minimum=0.0,
         group=4,
@@ -100,17 +104,21 @@ class GnssParameters(CarriedParameters):
     white_share: float = number(
         0.1,
         "share of white noise in the variance of these errors; the rest is a first-order "
-        "Gauss-Markov process, like what ionosphere and troposphere leave",
+        "Gauss-Markov process, like the residuals of ionosphere and troposphere",
         unit="1",
         minimum=0.0,
         maximum=1.0,
     )
     correlation_time: float = number(
-        200.0, "time constant of that process", unit="s", minimum=0.0, above_minimum=True
+        200.0,
+        "time constant of the Gauss-Markov process",
+        unit="s",
+        minimum=0.0,
+        above_minimum=True,
     )
     random_walk: float = number(
         0.0,
-        "random walk of the error on each axis; the stated covariance does not know it",
+        "random walk of the error on each axis; the stated covariance does not include it",
         unit="m/sqrt(s)",
         minimum=0.0,
     )
@@ -119,13 +127,13 @@ class GnssParameters(CarriedParameters):
     )
     multipath_sigma: float = number(
         0.0,
-        "standard deviation of a jump on each axis; the stated covariance does not know it",
+        "standard deviation of a jump on each axis; the stated covariance does not include it",
         unit="m",
         minimum=0.0,
     )
     multipath_duration: float = number(
         5.0,
-        "mean time after which a jump is gone (exponentially distributed)",
+        "mean duration of a jump (exponentially distributed)",
         unit="s",
         minimum=0.0,
         above_minimum=True,
@@ -136,8 +144,8 @@ class GnssParameters(CarriedParameters):
     )
     covariance_factor: float = number(
         1.0,
-        "stated covariance over the true one, of position and velocity; below 1 the receiver "
-        "claims to be better than it is",
+        "stated covariance over the true one, of position and velocity; below 1, the receiver is "
+        "overconfident",
         unit="1",
         minimum=0.0,
         above_minimum=True,
@@ -145,7 +153,7 @@ class GnssParameters(CarriedParameters):
     )
     outages: tuple[float, ...] = numbers(
         (),
-        "start and duration of each outage, since the IMU's first sample",
+        "start, from the IMU's first sample, and duration of each outage",
         unit="s, s",
         group=2,
         minimum=0.0,
@@ -157,11 +165,11 @@ class GnssParameters(CarriedParameters):
         group=6,
     )
     outage_rate: float = number(
-        0.0, "mean rate of further outages", unit="1/s", minimum=0.0, maximum=100.0
+        0.0, "mean rate of random outages", unit="1/s", minimum=0.0, maximum=100.0
     )
     outage_duration: float = number(
         10.0,
-        "mean duration of those (exponentially distributed)",
+        "mean duration of random outages (exponentially distributed)",
         unit="s",
         minimum=0.0,
         above_minimum=True,
@@ -169,14 +177,14 @@ class GnssParameters(CarriedParameters):
     )
     silent: bool = flag(
         True,
-        "no message in an outage; false: messages with STATUS_NO_FIX, the last known place and "
-        "unknown covariance",
+        "no message in an outage; false: messages with STATUS_NO_FIX, the last known position "
+        "and unknown covariance",
     )
     sky: str = choice(
         "satellites",
         ("satellites", "constant"),
         "satellites: 30 satellites like those of GPS, seen above the masks, dilute the precision; "
-        "constant: `satellites`, `hdop` and `vdop` hold all the time",
+        "constant: `satellites`, `hdop` and `vdop` apply all the time",
     )
     elevation_mask_deg: float = number(
         10.0,
@@ -194,14 +202,14 @@ class GnssParameters(CarriedParameters):
     )
     hdop: float = number(
         1.0,
-        "horizontal dilution of precision with which `horizontal_sigma` holds; at another one the "
-        "error is larger or smaller in proportion",
+        "horizontal dilution of precision at which `horizontal_sigma` applies; the error is "
+        "proportional to the dilution",
         minimum=0.1,
         maximum=99.9,
     )
     vdop: float = number(
         1.5,
-        "vertical dilution of precision with which `vertical_sigma` holds",
+        "vertical dilution of precision at which `vertical_sigma` applies",
         minimum=0.1,
         maximum=99.9,
     )
@@ -209,14 +217,14 @@ class GnssParameters(CarriedParameters):
 
     ephemeris: str = text(
         "",
-        "RINEX navigation file, version 2 or 3, with the GPS satellites of the sky; empty: 30 that "
-        "stand in for them",
+        "RINEX navigation file, version 2 or 3, with the GPS satellites of the sky; empty: a "
+        "generic constellation of 30",
     )
     raw: RawParameters = section(RawParameters)
     nmea: str = text(
         "",
-        "a node writes NMEA to a pseudo-terminal, as receivers do to a serial line: pty, or the "
-        "path of a symbolic link to it; empty: none",
+        "pseudo-terminal to which a node writes NMEA, like a receiver on a serial line: pty, or "
+        "the path of a symbolic link to create; empty: none",
     )
 
     def problems(self, prefix: str) -> Iterator[str]:

@@ -49,7 +49,7 @@ class BoardVibrationParameters:
 
     line_frequency: tuple[float, ...] = numbers(
         (),
-        "frequency of each sinusoid; those from half the rate on are left out",
+        "frequency of each sinusoid; those at or above half the rate are left out",
         unit="Hz",
         minimum=0.0,
         above_minimum=True,
@@ -73,7 +73,7 @@ class BoardVibrationParameters:
     )
     band_high: tuple[float, ...] = numbers(
         (),
-        "upper end of each band; what lies above half the rate is left out",
+        "upper end of each band; the part above half the rate is left out",
         unit="Hz",
         minimum=0.0,
         above_minimum=True,
@@ -96,16 +96,16 @@ class BoardVibrationParameters:
     )
     range_edges: tuple[float, ...] = numbers(
         (),
-        "frequencies that separate ranges; in each the intensity follows the motion in its own "
-        "way; none: one range",
+        "frequencies that separate ranges, in each of which the intensity depends on the motion "
+        "in its own way; none: one range",
         unit="Hz",
         minimum=0.0,
         above_minimum=True,
     )
     gyroscope_exponents: tuple[float, ...] = numbers(
         (),
-        "three exponents for each range, of the body's rate, acceleration and speed: the "
-        "gyroscope's vibration follows them to these powers; none: all 0",
+        "three exponents for each range: the powers of the body's rate, acceleration and speed "
+        "that the gyroscope's vibration follows; none: all 0",
         unit="1",
         group=3,
         minimum=-4.0,
@@ -131,8 +131,8 @@ class BoardVibrationParameters:
     )
     motion_ceiling: Vector = vector(
         0.0,
-        "rate, acceleration and speed over the reference above which the vibration grows no more; "
-        "0: it grows without limit",
+        "multiple of the reference above which rate, acceleration and speed no longer increase "
+        "the vibration; 0: no limit",
         unit="1",
         minimum=0.0,
     )
@@ -255,7 +255,7 @@ class BoardParameters:
     )
     shock_threshold: float = number(
         0.0,
-        "specific force above which a shock leaves a bias of shock_bias_sigma; 0: none does",
+        "specific force above which a shock leaves a bias of shock_bias_sigma; 0: no shocks",
         unit="m/s^2",
         minimum=0.0,
     )
@@ -276,8 +276,9 @@ class BareImuParameters(TimingParameters, BoardParameters, TriadsParameters):
     sampling: str = choice(
         "instantaneous",
         ("instantaneous", "averaged", "oversampled"),
-        "a reading is the value at its time, or the mean since the previous sample, or one of many "
-        "readings inside the sensor after the low-pass (aliasing and rectification as in reality)",
+        "instantaneous: the value at the sample's time; averaged: the mean since the previous "
+        "sample; oversampled: every m-th reading inside the sensor, after its low-pass (with "
+        "aliasing and rectification)",
     )
     internal_rate: float = number(
         0.0,

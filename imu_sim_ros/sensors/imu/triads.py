@@ -173,8 +173,8 @@ class TriadParameters:
     )
     g_squared_sensitivity: Matrix = matrix(
         ZERO_MATRIX,
-        "change of the {triad}'s reading per square of one m/s^2 along each axis "
-        "(vibration rectification); the accelerometer has `quadratic` for it",
+        "change of the {triad}'s reading per (m/s^2)^2 along each axis (vibration rectification); "
+        "for the accelerometer, set `quadratic`",
         unit="({unit})/(m/s^2)^2",
         live=True,
         turn_on_scale="multiplies",

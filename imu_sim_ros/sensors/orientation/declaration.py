@@ -59,7 +59,7 @@ class OrientationBlock(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Orientations(AuxiliaryReadings):
-    """The n orientations that a board states and delivers, and the truth of each."""
+    """The n orientations that a board reports and delivers, and the truth of each."""
 
     t_ns: Times
     """(n,) stamps [ns]."""

@@ -42,7 +42,11 @@ class OrientationParameters:
         maximum=1.0,
     )
     drift_time: float = number(
-        100.0, "model: its correlation time", unit="s", minimum=0.0, above_minimum=True
+        100.0,
+        "model: correlation time of the slow error",
+        unit="s",
+        minimum=0.0,
+        above_minimum=True,
     )
     noise: Vector = vector(
         0.0,
@@ -67,8 +71,8 @@ class OrientationParameters:
     )
     time_constant: float = number(
         20.0,
-        "filter: accelerometer and magnetic field are trusted for longer times, the gyroscope for "
-        "shorter ones",
+        "filter: time constant above which it follows accelerometer and magnetic field, and "
+        "below which it follows the gyroscope",
         unit="s",
         minimum=0.0,
         above_minimum=True,

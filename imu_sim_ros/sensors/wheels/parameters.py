@@ -41,9 +41,10 @@ class WheelsParameters(CarriedParameters):
     model: str = choice(
         "differential",
         tuple(JOINTS),
-        "two wheels, or two sides; two rear wheels and a steering angle; four mecanum wheels",
+        "differential: two wheels, or two sides; ackermann: two rear wheels and a steering "
+        "angle; omnidirectional: four mecanum wheels",
     )
-    joint_names: tuple[str, ...] = texts((), "names in joint_states; empty: usual ones")
+    joint_names: tuple[str, ...] = texts((), "names in joint_states; empty: default names")
     radius: float = number(
         0.1, "radius of the wheels that the odometry uses", unit="m", minimum=1e-3, maximum=100.0
     )
@@ -80,21 +81,22 @@ class WheelsParameters(CarriedParameters):
     )
     base_sigma_percent: float = number(
         0.0,
-        "standard deviation of track and wheelbase, by one factor, likewise",
+        "standard deviation of a common factor of track and wheelbase; the stated covariance "
+        "includes it",
         unit="%",
         minimum=0.0,
         maximum=20.0,
     )
     radius_temperature_coefficient: float = number(
         0.0,
-        "relative growth of the true radii with temperature; the odometry and the stated "
-        "covariance do not know it",
+        "relative growth of the true radii with temperature; odometry and stated covariance do "
+        "not include it",
         unit="1/K",
         minimum=-0.01,
         maximum=0.01,
     )
     reference_temperature: float = number(
-        25.0, "at which the true radii hold", unit="degC", minimum=-273.15
+        25.0, "temperature at which the true radii apply", unit="degC", minimum=-273.15
     )
     temperature_time_constant: float = number(
         0.0,
@@ -117,8 +119,8 @@ class WheelsParameters(CarriedParameters):
     )
     slip_noise: float = number(
         0.002,
-        "random slip of each wheel: standard deviation of the way after 1 m; it grows with the "
-        "root of the way",
+        "random slip of each wheel: standard deviation of the distance after 1 m; it grows with "
+        "the root of the distance",
         unit="sqrt(m)",
         minimum=0.0,
         maximum=10.0,
@@ -126,14 +128,14 @@ class WheelsParameters(CarriedParameters):
     turn_slip: float = number(
         0.0,
         "wheels turn the vehicle by 1 / (1 + this) of what they would without slip; the stated "
-        "covariance does not know it",
+        "covariance does not include it",
         unit="1",
         minimum=0.0,
         maximum=100.0,
     )
     patch_rate: float = number(
         0.0,
-        "mean rate of slippery patches, unknown to the stated covariance",
+        "mean rate of slippery patches; the stated covariance does not include them",
         unit="1/s",
         minimum=0.0,
         maximum=100.0,
@@ -148,7 +150,8 @@ class WheelsParameters(CarriedParameters):
     )
     patch_slip: float = number(
         0.0,
-        "largest slip on a patch: each wheel is faster by a share uniform from 0 to this",
+        "largest slip on a patch: each wheel turns faster by a share drawn uniformly from 0 to "
+        "this",
         unit="1",
         minimum=0.0,
         maximum=100.0,
@@ -156,13 +159,14 @@ class WheelsParameters(CarriedParameters):
     patch_boxes: tuple[float, ...] = numbers(
         (),
         "slippery boxes in the world: least x, y, z, largest x, y, z, and slip, of each; a wheel "
-        "that touches the ground inside is faster by this share, unknown to the stated covariance",
+        "that touches the ground inside turns faster by this share; the stated covariance does "
+        "not include it",
         unit="m, 1",
         group=7,
     )
     side_slip_sigma: float = number(
         0.05,
-        "stated standard deviation of the sideways speed 0 (not omnidirectional)",
+        "stated standard deviation of the sideways speed, which is 0 (not omnidirectional)",
         unit="m/s",
         minimum=0.0,
         above_minimum=True,
