@@ -96,8 +96,7 @@ class McapBag(ChunkedBag):
             )
             for index in summary.chunk_indexes
         ]
-        counts: dict[int, int] = statistics.channel_message_counts
-        return counts
+        return statistics.channel_message_counts
 
     def _scan(self) -> Mapping[int, int]:
         """Find all chunks and channels without an index, and count the messages."""

@@ -84,8 +84,7 @@ def compressor(compression: str) -> Callable[[bytes | memoryview], bytes | memor
                         _ZSTD_LEVEL, hash_log=_ZSTD_HASH_LOG, min_match=_ZSTD_MIN_MATCH
                     )
                 ).compress
-            compressed: bytes = own.compress(data)
-            return compressed
+            return own.compress(data)
 
         return zstd
     return lambda data: data
@@ -289,5 +288,4 @@ def _packed(record: Any) -> bytes:
 
     builder = RecordBuilder()
     record.write(builder)
-    data: bytes = builder.end()  # type: ignore[no-untyped-call]
-    return data
+    return builder.end()  # type: ignore[no-untyped-call]

@@ -273,8 +273,7 @@ def _block(topic: TopicInfo, data: Bytes, entries: NDArray[np.void]) -> MessageB
 def _numbers(data: Bytes, places: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the four-byte numbers at given offsets."""
     rows = gather(data, places, np.full(len(places), 4, dtype=np.int64))
-    numbers: NDArray[np.int64] = np.ascontiguousarray(rows).view("<u4")[:, 0].astype(np.int64)
-    return numbers
+    return np.ascontiguousarray(rows).view("<u4")[:, 0].astype(np.int64)
 
 
 def _scanned(data: bytes) -> dict[int, NDArray[np.void]]:

@@ -179,8 +179,7 @@ class RestCheck:
             size = max(float(jump[k:end, axis].max()), float(np.sqrt(variance[k:end, axis].max())))
             seconds = self._window / self._rate
             self.disturbed.append(Movement(axis, begin + k * seconds, begin + end * seconds, size))
-        margin: NDArray[np.bool_] = np.convolve(bad, np.ones(3), mode="same") > 0.5
-        return margin
+        return np.convolve(bad, np.ones(3), mode="same") > 0.5
 
     def _without(self, y: Array, bad: NDArray[np.bool_]) -> Iterator[Array | None]:
         if not bad.any():

@@ -127,8 +127,7 @@ def _velocity_error(
         return None
     at_ns = found.poses.t_ns[row]
     true = interpolate_vectors(block.true_t_ns, block.motion.velocity, at_ns)
-    error: Array = true - aligned.scale * found.velocity[row] @ aligned.r.T
-    return error
+    return true - aligned.scale * found.velocity[row] @ aligned.r.T
 
 
 def _consistency(

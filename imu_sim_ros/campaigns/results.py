@@ -337,8 +337,7 @@ def _read_parquet(path: Path) -> list[Row]:
         raise InputError(
             f"{path}: needs pyarrow: pip install pyarrow; or name the results.csv next to it"
         ) from None
-    rows: list[Row] = pyarrow.parquet.read_table(path).to_pylist()
-    return rows
+    return pyarrow.parquet.read_table(path).to_pylist()
 
 
 def _read_csv(path: Path) -> list[Row]:

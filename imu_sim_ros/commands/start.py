@@ -98,8 +98,7 @@ def imu_sim() -> int:
     if name in PROGRAMS:
         return _run(name)
     if name in NODES:
-        status: int = getattr(importlib.import_module("imu_sim_ros.nodes.start"), name)()
-        return status
+        return getattr(importlib.import_module("imu_sim_ros.nodes.start"), name)()
     from imu_sim_ros.names import unknown
 
     print(f"imu_sim: {unknown('program', name, PROGRAMS | NODES)}", file=sys.stderr)

@@ -221,8 +221,7 @@ def millimetres(depth: NDArray[np.float32]) -> NDArray[np.uint16]:
 
 def in_16_bits(image: NDArray[np.uint8]) -> NDArray[np.uint16]:
     """Return grey values (h, w) in 16 bits; what reads 8 of them gets the same values."""
-    deep: NDArray[np.uint16] = image.astype(np.uint16) * np.uint16(256)
-    return deep
+    return image.astype(np.uint16) * np.uint16(256)
 
 
 def write_png(path: Path, image: NDArray[Any]) -> None:

@@ -344,8 +344,7 @@ def with_rate(layers: Mapping[str, object], rate: Callable[[], float]) -> ErrorM
     :raises ConfigurationError: with a line for each problem.
     """
     given = "rate" in layers or layers.get("input.rate")
-    found: ErrorModelParameters = load_error_model(layers if given else {**layers, "rate": rate()})
-    return found
+    return load_error_model(layers if given else {**layers, "rate": rate()})
 
 
 def rate_of(t_ns: NDArray[np.int64]) -> float:

@@ -145,14 +145,13 @@ class Covariance:
         """Return the (n, n) covariance of the attitude with all errors of the gyroscope."""
         p, cross = self.matrix, self.slow.cross.take(self.slow.of_rate, axis=1)
         attitude, bias = p[ATTITUDE, ATTITUDE], p[ATTITUDE, GYRO_BIAS]
-        result: Array = np.block(
+        return np.block(
             [
                 [attitude, bias, cross[ATTITUDE]],
                 [bias.T, p[GYRO_BIAS, GYRO_BIAS], cross[GYRO_BIAS]],
                 [cross[ATTITUDE].T, cross[GYRO_BIAS].T, np.eye(cross.shape[1])],
             ]
         )
-        return result
 
     def step(
         self,

@@ -174,8 +174,7 @@ class _States:
     @property
     def attitude(self) -> Array:
         """The last attitude so far (4,)."""
-        last: Array = self._q[self._last]
-        return last
+        return self._q[self._last]
 
     def extend(self, h: Array, increment: Increments) -> None:
         """Append the states at the ends of intervals of lengths h (n,)."""

@@ -118,8 +118,7 @@ def _checking(yaml: Any) -> Any:
     """Return a safe loader that counts values and refuses names given twice."""
 
     def refused(words: str, mark: Any) -> Exception:
-        error: Exception = yaml.MarkedYAMLError(None, None, words, mark)
-        return error
+        return yaml.MarkedYAMLError(None, None, words, mark)
 
     class Checking(_loader(yaml)):  # type: ignore[misc]
         depth = aliases = values = 0

@@ -147,8 +147,7 @@ def _small(topic: TopicInfo, message: Any) -> NDArray[np.uint8]:
     if image.dtype != np.uint8:  # depths and deep grey values: their own range
         low, high = float(small.min()), float(small.max())
         small = (small - low) * (255.0 / max(high - low, 1e-9))
-    found: NDArray[np.uint8] = small.round().astype(np.uint8)
-    return found
+    return small.round().astype(np.uint8)
 
 
 def bias_series(path: Path, topics: Sequence[TopicInfo]) -> list[tuple[str, str, list[Item]]]:

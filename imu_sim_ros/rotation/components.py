@@ -110,8 +110,7 @@ def cross(a: Array, b: Array) -> Array:
 def transform(matrix: Array, v: Array) -> Array:
     """Return ``M @ v`` (3, n) of M (3, 3) and v (3, n); zeros and ones of M cost nothing."""
     if v.ndim == 2 and v.shape[1] <= _FEW:  # the same sums in two calls instead of twenty
-        few: Array = np.add.reduce(matrix[:, :, None] * v, 1, initial=0.0)
-        return few
+        return np.add.reduce(matrix[:, :, None] * v, 1, initial=0.0)
     rows = matrix.tolist()
     if rows == _IDENTITY:
         return np.add(v, 0.0, out=np.empty(v.shape))  # as the sums below: no negative zeros

@@ -130,8 +130,7 @@ def topic(
 
         def payloads(read: Any, rows: Any, _: ImuBlock, now: Any) -> "RowTemplate":
             t_ns = read.true_t_ns if truth else read.t_ns
-            result: RowTemplate = messages.pattern(t_ns[rows], *values(read, rows, now))
-            return result
+            return messages.pattern(t_ns[rows], *values(read, rows, now))
 
         return payloads
 

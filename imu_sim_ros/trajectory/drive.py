@@ -280,12 +280,10 @@ def _across(slopes: list[Array], yaw: Derivatives) -> Derivatives:
     c, s = np.cos(yaw.value), np.sin(yaw.value)
 
     def sideways(slope: Array) -> Array:
-        across: Array = slope[1] * c - slope[0] * s
-        return across
+        return slope[1] * c - slope[0] * s
 
     def ahead(slope: Array) -> Array:
-        along: Array = slope[0] * c + slope[1] * s
-        return along
+        return slope[0] * c + slope[1] * s
 
     value, first, second = slopes
     return Derivatives(

@@ -201,8 +201,7 @@ class GradeProfile:
         """Return the way (n,) [m] up to u (n,)."""
         node = np.clip((u / self._step).astype(np.int64), 0, len(self._ways) - 2)
         start = self._step * node.astype(np.float64)
-        way: Array = self._ways[node] + self._between(start, u - start)
-        return way
+        return self._ways[node] + self._between(start, u - start)
 
     def _between(self, u: Array, length: Array | float) -> Array:
         """Return the way (n,) from u to u + length, by Gauss and Legendre's rule."""
@@ -210,8 +209,7 @@ class GradeProfile:
         half = 0.5 * np.broadcast_to(length, u.shape)
         at = u + half * (1.0 + x[:, None])
         speed = np.hypot(*self._path.sample(at.ravel(), 1)[1]).reshape(at.shape)
-        way: Array = half * (weights @ speed)
-        return way
+        return half * (weights @ speed)
 
 
 def map_profile(ground: HeightMap, path: UniformSpline, track: float) -> UniformSpline:

@@ -114,8 +114,7 @@ class Path:
         if not self.turns:
             return self._first
         odd = np.searchsorted(self._turns_at, u, side="right") % 2
-        facing: Array = np.where(odd, -self._first, self._first)
-        return facing
+        return np.where(odd, -self._first, self._first)
 
     def bends(self, per_segment: int = _SAMPLES) -> Bends:
         """Return speed and curvature everywhere, a few places in each segment."""

@@ -214,8 +214,7 @@ def _at_times(way: _Way, square: Array, arrival: Array, departure: Array, t: Arr
     acceleration = np.diff(square) / (2.0 * np.diff(way.s))
     s = way.s[row] + passed * (np.sqrt(square[row]) + 0.5 * passed * acceleration[row])
     s = np.clip(s, way.s[row], way.s[row + 1])
-    found: Array = CubicHermiteSpline(way.s, way.u, way.slope)(s)
-    return found
+    return CubicHermiteSpline(way.s, way.u, way.slope)(s)
 
 
 def _timed(path: Path, p: DriveParameters, visits: Visits, prefix: str) -> UniformSpline:

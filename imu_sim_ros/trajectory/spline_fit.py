@@ -96,8 +96,7 @@ class LeastSquares:
                 right[i : i + c - 3] -= a * self._penalty[:, None] * bend
         from scipy.linalg import cho_solve_banded
 
-        points: Array = cho_solve_banded((self._factor, True), right)
-        return points
+        return cho_solve_banded((self._factor, True), right)
 
     def fitted(self, points: Array) -> Array:
         """Return the spline (n, 3) of control points (c, 3) at the times."""

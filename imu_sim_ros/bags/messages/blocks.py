@@ -143,5 +143,4 @@ def as_list(payloads: Payloads | RowTemplate) -> list[bytes]:
         return [payloads.template] * payloads.count
     table = payloads.array() if isinstance(payloads, RowTemplate) else payloads
     rows = np.ascontiguousarray(table)
-    result: list[bytes] = rows.view(f"V{rows.shape[1]}")[:, 0].tolist()
-    return result
+    return rows.view(f"V{rows.shape[1]}")[:, 0].tolist()

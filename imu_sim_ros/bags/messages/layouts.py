@@ -166,8 +166,7 @@ class Layout(NamedTuple):
 
     def view(self, payloads: Bytes) -> NDArray[np.void]:
         """Return payloads (n, size) as structured messages (n,), without a copy."""
-        fields: NDArray[np.void] = payloads.view(self.dtype)[:, 0]
-        return fields
+        return payloads.view(self.dtype)[:, 0]
 
 
 class Builder:

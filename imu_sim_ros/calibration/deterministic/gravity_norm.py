@@ -120,8 +120,7 @@ def _norm_sigma(inverse: Array, centred: Array, norms: Array, steady: Steady) ->
     """Return (m,) the standard errors of the norms by those of the readings."""
     slope = (centred @ inverse.T) @ inverse / norms[:, None]
     variance = np.sum(np.square(slope * steady.accel_sigma), axis=1)
-    sigma: Array = np.sqrt(np.maximum(variance, rounding_of(steady.accel) ** 2))
-    return sigma
+    return np.sqrt(np.maximum(variance, rounding_of(steady.accel) ** 2))
 
 
 def _summary(inverse: Array, bias: Array, steady: Steady, gravity: float) -> NormFit:

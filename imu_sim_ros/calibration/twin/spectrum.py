@@ -230,8 +230,7 @@ def _not_negative(matrix: Complex) -> Complex:
     """Return Hermitian matrices (m, 6, 6) without their negative eigenvalues."""
     values, vectors = np.linalg.eigh(matrix)
     adjoint = np.conj(np.swapaxes(vectors, 1, 2))
-    result: Complex = (vectors * np.maximum(values, 0.0)[:, None, :]) @ adjoint
-    return result
+    return (vectors * np.maximum(values, 0.0)[:, None, :]) @ adjoint
 
 
 def quietest(readings: Array, rate: float) -> Array:

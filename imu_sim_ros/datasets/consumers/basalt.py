@@ -112,10 +112,8 @@ def _static(values: ImuValues, triad: str, places: Any) -> list[float]:
     inverse = np.linalg.inv(values.response(triad))
     bias = inverse @ values.axes(f"{triad}_bias")
     correction = (inverse - np.eye(3))[places[0], places[1]]
-    result: list[float] = [*bias.tolist(), *correction.tolist()]
-    return result
+    return [*bias.tolist(), *correction.tolist()]
 
 
 def _above_zero(values: ImuValues, name: str) -> list[float]:
-    result: list[float] = np.maximum(values.filter_axes(name), SMALLEST).tolist()
-    return result
+    return np.maximum(values.filter_axes(name), SMALLEST).tolist()

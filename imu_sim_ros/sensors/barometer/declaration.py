@@ -65,8 +65,7 @@ class PressureReadings(AuxiliaryReadings):
 def variance_discrete(imu: ImuParameters) -> float:
     """Return the variance of one sample of the barometer [Pa^2]."""
     p = imu.barometer
-    variance: float = p.noise_density**2 * p.rate + p.resolution**2 / 12.0
-    return variance
+    return p.noise_density**2 * p.rate + p.resolution**2 / 12.0
 
 
 def _of_table(frame: str, encoding: str) -> Encode:

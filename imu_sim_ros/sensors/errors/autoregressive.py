@@ -40,8 +40,7 @@ class ChunkedProcess(ABC):
         left = self._left
         if count <= left.shape[1]:
             self._left = left[:, count:]
-            taken: Array = left[:, :count].copy()
-            return taken
+            return left[:, :count].copy()
         parts, done = [left], left.shape[1]
         while done < count:
             chunks = min(-((done - count) // self._length), max(1, _AT_ONCE // self._length))

@@ -149,5 +149,4 @@ class FlickerNoise(ChunkedProcess):
             after, before = ends[:, -len(decay) :], carried[:, -len(decay) :]
             np.multiply(decay, ends[:, : len(decay)], out=before)
             np.add(after, before, out=after)
-        last: Array = ends[:, -1].copy()
-        return last
+        return ends[:, -1].copy()

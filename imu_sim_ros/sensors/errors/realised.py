@@ -92,8 +92,7 @@ def realised_triad(parameters: TriadParameters, triad: str, seed: int) -> TriadP
     """Return the triad of a seed with nothing left to draw but the noise."""
     p = unit_of_seed(parameters, triad, seed)
     p = dataclasses.replace(p, **as_matrix(p.response()))
-    result: TriadParameters = with_turn_on(p, TurnOn(seed, triad, p))
-    return result
+    return with_turn_on(p, TurnOn(seed, triad, p))
 
 
 def as_matrix(response: Array) -> dict[str, Any]:

@@ -50,8 +50,7 @@ class Additions(NamedTuple):
     def rows(self) -> list[AddedToOne]:
         """Return those of each reading."""
         scale = _ones(self.bias.shape[1]) if self.scale is None else self.scale
-        rows: list[AddedToOne] = np.concatenate([self.bias, scale, self.noise]).T.tolist()
-        return rows
+        return np.concatenate([self.bias, scale, self.noise]).T.tolist()
 
     def at(self, rows: slice) -> "Additions":
         """Return some consecutive ones."""

@@ -132,8 +132,7 @@ class Receiver(CarriedSensor):
         p = self._own_parameters
         changes = np.reshape(p.mode_changes, (-1, 2))
         numbers = np.concatenate([[MODES.index(p.mode)], changes[:, 1] - 1.0]).astype(np.int64)
-        found: NDArray[np.int64] = numbers[np.searchsorted(changes[:, 0], t, side="right")]
-        return found
+        return numbers[np.searchsorted(changes[:, 0], t, side="right")]
 
     def _sigma(self, mode: NDArray[np.int64], seen: Geometry) -> Array:
         """Return the standard deviations (3, n) of the error that the geometry explains."""

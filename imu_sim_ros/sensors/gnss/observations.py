@@ -76,8 +76,7 @@ def klobuchar(
     period = np.maximum(np.polynomial.polynomial.polyval(phi, ion[4:]), 72000.0)
     x = 2.0 * np.pi * (local - 50400.0) / period
     day = amplitude * (1.0 + x * x * (-0.5 + x * x / 24.0))
-    result: Array = LIGHT * slant * (5e-9 + np.where(np.abs(x) < 1.57, day, 0.0))
-    return result
+    return LIGHT * slant * (5e-9 + np.where(np.abs(x) < 1.57, day, 0.0))
 
 
 def saastamoinen(latitude: Array, height: Array, elevation: Array, humidity: float = 0.7) -> Array:
@@ -95,8 +94,7 @@ def saastamoinen(latitude: Array, height: Array, elevation: Array, humidity: flo
     vapour = 6.108 * humidity * np.exp((17.15 * temperature - 4684.0) / (temperature - 38.45))
     dry = 0.0022768 * pressure / (1.0 - 0.00266 * np.cos(2.0 * latitude) - 0.00028 * h / 1e3)
     wet = 0.002277 * (1255.0 / temperature + 0.05) * vapour
-    result: Array = (dry + wet)[:, None] / np.sin(elevation)
-    return result
+    return (dry + wet)[:, None] / np.sin(elevation)
 
 
 class Antenna(NamedTuple):

@@ -73,8 +73,7 @@ def dilution(directions: Array, used: NDArray[np.bool_]) -> Array:
     sound = (used.sum(axis=-1) >= _LEAST) & (np.linalg.det(normal) > 1e-9)
     normal = np.where(sound[..., None, None], normal, np.eye(4))
     diagonal = np.diagonal(np.linalg.inv(normal), axis1=-2, axis2=-1)
-    found: Array = np.where(sound[..., None], np.sqrt(diagonal), np.inf)
-    return found
+    return np.where(sound[..., None], np.sqrt(diagonal), np.inf)
 
 
 class Sky:

@@ -128,8 +128,7 @@ class TemperatureHysteresis:
     def _s(self, temperature: Array | float) -> Array | float:
         """Return s since the last change of direction, the equation's solution."""
         gone = np.abs(temperature - self._turned_at) / self._span
-        result: Array | float = self._direction + (self._s_there - self._direction) * np.exp(-gone)
-        return result
+        return self._direction + (self._s_there - self._direction) * np.exp(-gone)
 
     def _monotone(self, temperature: Array) -> Iterator[tuple[slice, float]]:
         """Yield stretches without a change of direction: rows, +1 heating, -1 cooling."""

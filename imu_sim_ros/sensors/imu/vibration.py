@@ -27,8 +27,7 @@ _LONGEST: Final = 1 << 15
 def cross_spectra(parameters: BoardVibrationParameters) -> Complex:
     """Return the matrices (bands, 6, 6) of the bands' two-sided densities, squared."""
     density = np.reshape(parameters.band_density, (-1, _AXES))
-    result: Complex = density[:, :, None] * parameters.coherence() * density[:, None, :]
-    return result
+    return density[:, :, None] * parameters.coherence() * density[:, None, :]
 
 
 def root(matrices: Complex) -> Complex:
@@ -37,8 +36,7 @@ def root(matrices: Complex) -> Complex:
     Rounded coherence may belong to no process: negative eigenvalues are taken as zero.
     """
     values, vectors = np.linalg.eigh(matrices)
-    result: Complex = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
-    return result
+    return vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
 
 
 class BandNoise(ChunkedProcess):

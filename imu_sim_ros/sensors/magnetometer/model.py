@@ -116,8 +116,7 @@ def realised_magnetometer(parameters: MagnetometerParameters, seed: int) -> Magn
     drawn = TurnOn(seed, NAME, p.as_triad())
     r_im = rotation.to_matrix(rotation.exp(p.misalignment))
     gain = r_im @ np.diag(1.0 + drawn.scale) @ r_im.T
-    result: MagnetometerParameters = with_turn_on(p, drawn, gain)
-    return result
+    return with_turn_on(p, drawn, gain)
 
 
 class Magnetometer:
@@ -154,8 +153,7 @@ class Magnetometer:
 
     def calibration(self, unit: ImuParameters) -> tuple[Array, Array]:
         """Return M (3, 3) and b (3,) [T] of ``reading = M B + b`` for a realised board."""
-        result: tuple[Array, Array] = unit.magnetometer.response_and_bias()
-        return result
+        return unit.magnetometer.response_and_bias()
 
     def inject(self, fault: Fault, first: int) -> None:
         """Let a fault begin with the first sample not before the IMU's sample ``first``."""

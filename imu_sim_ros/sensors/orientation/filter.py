@@ -169,8 +169,7 @@ class OrientationFilter:
         east = components.cross(north, up)
         sine, cosine = self._declination
         r_wg = np.stack([cosine * east + sine * north, cosine * north - sine * east, up])
-        q_wg: Array = rotation.from_matrix(r_wg.transpose(2, 0, 1)).T
-        return q_wg
+        return rotation.from_matrix(r_wg.transpose(2, 0, 1)).T
 
 
 def _unit(v: Array) -> Array:

@@ -144,8 +144,7 @@ class StatedCovariance:
 
 def _squared(rows: Array) -> Array:
     """Return the six elements (n, 6) of the sum of r r^T over rows (n, k, 3)."""
-    total: Array = np.sum(rows[:, :, _UPPER[0]] * rows[:, :, _UPPER[1]], axis=1)
-    return total
+    return np.sum(rows[:, :, _UPPER[0]] * rows[:, :, _UPPER[1]], axis=1)
 
 
 def _moved(elements: Array, pose: Array) -> Array:
