@@ -21,7 +21,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from imu_sim_ros.conventions import FAULTS_TOPIC
 from imu_sim_ros.errors import InputError, MachineError
-from imu_sim_ros.nodes import run
+from imu_sim_ros.nodes import fast_dds
 
 _NODE: Final = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _TURN: Final = 0.05
@@ -85,7 +85,7 @@ class Control:
             )
         self._patience = patience
         with tempfile.TemporaryDirectory() as folder:
-            run.set_profile(Path(folder))
+            fast_dds.set_profile(Path(folder))
             rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
             self._node = rclpy.create_node("control", start_parameter_services=False)
         self._executor = SingleThreadedExecutor()

@@ -9,7 +9,7 @@ the same bytes.
 
 import functools
 from collections.abc import Callable, Iterable
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,31 +62,9 @@ from imu_sim_ros.sensors.registry import find_sensor
 from imu_sim_ros.simulation.parameters import SampledParameters, carried, carried_frames
 from imu_sim_ros.types import Times
 
-TYPES: Final[dict[str, str]] = {
-    IMU_TOPIC: IMU,
-    TRUTH_TOPIC: ODOMETRY,
-    TRUTH_FIX_TOPIC: NAV_SAT_FIX,
-    IDEAL_IMU_TOPIC: IMU,
-    GYROSCOPE_BIAS_TOPIC: VECTOR3_STAMPED,
-    ACCELEROMETER_BIAS_TOPIC: VECTOR3_STAMPED,
-    TEMPERATURE_TOPIC: TEMPERATURE,
-    DELTA_ANGLE_TOPIC: VECTOR3_STAMPED,
-    DELTA_VELOCITY_TOPIC: VECTOR3_STAMPED,
-    IDEAL_DELTA_ANGLE_TOPIC: VECTOR3_STAMPED,
-    IDEAL_DELTA_VELOCITY_TOPIC: VECTOR3_STAMPED,
-    **{topic.name: topic.type for sensor in auxiliary_sensors() for topic in sensor.topics},
-}
 OF_THE_BODY: Final = (TRUTH_TOPIC, TRUTH_FIX_TOPIC)
 """Topics that several IMUs on one body have in common."""
-
-
 TRANSFORMS, MOUNTINGS = TF_TOPIC.strip("/"), TF_STATIC_TOPIC.strip("/")
-OF_A_BAG: Final = {
-    TRANSFORMS: TF_MESSAGE,
-    MOUNTINGS: TF_MESSAGE,
-    TRUTH_POSE_TOPIC: POSE_STAMPED,
-}
-"""Topics of the body that a bag holds on request; the node has its own publishers of transforms."""
 
 
 class Messages(NamedTuple):
@@ -138,15 +116,24 @@ def encoder(topic: str, parameters: SampledParameters, encoding: str = "cdr") ->
     :param encoding: ``cdr`` or ``ros1``.
     :raises ConfigurationError: for increments of a sensor whose readings are not means.
     """
-    if topic in _MAKERS:
-        return _MAKERS[topic](parameters, encoding)
-    sensor, own = next(
+    own = _LIVE.get(topic) or _BAG.get(topic)
+    if own is not None:
+        return own.make(parameters, encoding)
+    sensor, of_body = next(
         (find_sensor(name), one)
         for name in carried(parameters)
         for one in topics_of(name)
         if one.name == topic
     )
-    return _of_a_sensor(sensor, own, parameters, encoding)
+    return _of_a_sensor(sensor, of_body, parameters, encoding)
+
+
+def is_published(topic: str, publish: Any) -> bool:
+    """Return whether a node publishes a topic, one of :data:`TYPES`.
+
+    :param publish: the section ``publish``.
+    """
+    return all(getattr(publish, flag) for flag in _LIVE[topic].flags)
 
 
 def encoder_of_one(topic: str, parameters: SampledParameters) -> EncodeOne:
@@ -306,26 +293,6 @@ def mountings(
     return encode
 
 
-def _ideal(parameters: SampledParameters, encoding: str) -> Encode:
-    readings = ImuEncoder(parameters.imu_frame, encoding)
-    return _at_true_times(lambda b: readings.pattern(b.true_t_ns, b.ideal_gyro, b.ideal_accel))
-
-
-def _gyroscope_bias(parameters: SampledParameters, encoding: str) -> Encode:
-    vectors = Vector3StampedEncoder(parameters.imu_frame, encoding)
-    return _at_true_times(lambda b: vectors.pattern(b.true_t_ns, b.gyro_bias))
-
-
-def _accelerometer_bias(parameters: SampledParameters, encoding: str) -> Encode:
-    vectors = Vector3StampedEncoder(parameters.imu_frame, encoding)
-    return _at_true_times(lambda b: vectors.pattern(b.true_t_ns, b.accel_bias))
-
-
-def _temperature(parameters: SampledParameters, encoding: str) -> Encode:
-    thermometer = TemperatureEncoder(parameters.imu_frame, encoding)
-    return _at_true_times(lambda b: thermometer.pattern(b.true_t_ns, b.temperature))
-
-
 def _of_a_sensor(
     sensor: Sensor, topic: Topic, parameters: SampledParameters, encoding: str
 ) -> Encode:
@@ -349,27 +316,8 @@ def _of_a_sensor(
     return encode
 
 
-def _delta_angle(parameters: SampledParameters, encoding: str) -> Encode:
-    return _increments(DELTA_ANGLE_TOPIC, lambda b: b.gyro, parameters, encoding)
-
-
-def _delta_velocity(parameters: SampledParameters, encoding: str) -> Encode:
-    return _increments(DELTA_VELOCITY_TOPIC, lambda b: b.accel, parameters, encoding)
-
-
-def _ideal_delta_angle(parameters: SampledParameters, encoding: str) -> Encode:
-    return _increments(IDEAL_DELTA_ANGLE_TOPIC, lambda b: b.ideal_gyro, parameters, encoding)
-
-
-def _ideal_delta_velocity(parameters: SampledParameters, encoding: str) -> Encode:
-    return _increments(IDEAL_DELTA_VELOCITY_TOPIC, lambda b: b.ideal_accel, parameters, encoding)
-
-
 def _increments(
-    topic: str,
-    means: Callable[[ImuBlock], NDArray[np.float64]],
-    parameters: SampledParameters,
-    encoding: str,
+    topic: str, means: str, truth: bool, parameters: SampledParameters, encoding: str
 ) -> Encode:
     """Return the source of increments: mean readings times the nominal interval."""
     if parameters.imu.sampling != "averaged":
@@ -378,13 +326,13 @@ def _increments(
         )
     vectors = Vector3StampedEncoder(parameters.imu_frame, encoding)
     interval = 1.0 / parameters.rate
-    if topic in (IDEAL_DELTA_ANGLE_TOPIC, IDEAL_DELTA_VELOCITY_TOPIC):
-        return _at_true_times(lambda b: vectors.pattern(b.true_t_ns, means(b) * interval))
+    if truth:
+        return _at_true_times(lambda b: vectors.pattern(b.true_t_ns, getattr(b, means) * interval))
 
     def encode(block: ImuBlock, _: SampledParameters) -> Messages:
         rows = block.delivered
         t_ns = block.t_ns[rows]
-        payloads = vectors.pattern(t_ns, means(block)[rows] * interval)
+        payloads = vectors.pattern(t_ns, getattr(block, means)[rows] * interval)
         return Messages(t_ns, block.release_t_ns[rows], payloads)
 
     return encode
@@ -394,24 +342,68 @@ def _at_true_times(payloads: Callable[[ImuBlock], RowTemplate]) -> Encode:
     return lambda block, _: Messages(block.true_t_ns, block.true_t_ns, payloads(block))
 
 
-_MAKERS: Final[dict[str, Callable[[SampledParameters, str], Encode]]] = {
-    IMU_TOPIC: _readings,
-    TRUTH_TOPIC: _truth,
-    TRUTH_FIX_TOPIC: _fix,
-    TRUTH_POSE_TOPIC: _pose,
-    TRANSFORMS: _transforms,
-    MOUNTINGS: lambda parameters, encoding: mountings([parameters], parameters, encoding),
-    IDEAL_IMU_TOPIC: _ideal,
-    GYROSCOPE_BIAS_TOPIC: _gyroscope_bias,
-    ACCELEROMETER_BIAS_TOPIC: _accelerometer_bias,
-    TEMPERATURE_TOPIC: _temperature,
-    DELTA_ANGLE_TOPIC: _delta_angle,
-    DELTA_VELOCITY_TOPIC: _delta_velocity,
-    IDEAL_DELTA_ANGLE_TOPIC: _ideal_delta_angle,
-    IDEAL_DELTA_VELOCITY_TOPIC: _ideal_delta_velocity,
+def _true(encoder: Any, *columns: str) -> "Make":
+    """Return what makes the encoder of columns of a block."""
+
+    def make(parameters: SampledParameters, encoding: str) -> Encode:
+        messages = encoder(parameters.imu_frame, encoding)
+        return _at_true_times(
+            lambda b: messages.pattern(b.true_t_ns, *(getattr(b, name) for name in columns))
+        )
+
+    return make
+
+
+Make = Callable[[SampledParameters, str], Encode]
+
+
+class _Topic(NamedTuple):
+    type: str
+    make: Make
+    """Makes the encoder, for parameters and an encoding."""
+    flags: tuple[str, ...] = ()
+    """The parameters ``publish.*`` that must all be true for a node to publish it."""
+
+
+_BAG: Final = {
+    TRANSFORMS: _Topic(TF_MESSAGE, _transforms),
+    MOUNTINGS: _Topic(TF_MESSAGE, lambda given, encoding: mountings([given], given, encoding)),
+    TRUTH_POSE_TOPIC: _Topic(POSE_STAMPED, _pose),
+}
+_ANGLE: Final = functools.partial(_increments, DELTA_ANGLE_TOPIC, "gyro", False)
+_VELOCITY: Final = functools.partial(_increments, DELTA_VELOCITY_TOPIC, "accel", False)
+_IDEAL_ANGLE: Final = functools.partial(_increments, IDEAL_DELTA_ANGLE_TOPIC, "ideal_gyro", True)
+_IDEAL_VELOCITY: Final = functools.partial(
+    _increments, IDEAL_DELTA_VELOCITY_TOPIC, "ideal_accel", True
+)
+_LIVE: Final = {
+    IMU_TOPIC: _Topic(IMU, _readings),
+    TRUTH_TOPIC: _Topic(ODOMETRY, _truth, ("ground_truth",)),
+    TRUTH_FIX_TOPIC: _Topic(NAV_SAT_FIX, _fix, ("ground_truth_fix",)),
+    IDEAL_IMU_TOPIC: _Topic(
+        IMU, _true(ImuEncoder, "ideal_gyro", "ideal_accel"), ("ground_truth_imu",)
+    ),
+    GYROSCOPE_BIAS_TOPIC: _Topic(
+        VECTOR3_STAMPED, _true(Vector3StampedEncoder, "gyro_bias"), ("biases",)
+    ),
+    ACCELEROMETER_BIAS_TOPIC: _Topic(
+        VECTOR3_STAMPED, _true(Vector3StampedEncoder, "accel_bias"), ("biases",)
+    ),
+    TEMPERATURE_TOPIC: _Topic(
+        TEMPERATURE, _true(TemperatureEncoder, "temperature"), ("temperature",)
+    ),
+    DELTA_ANGLE_TOPIC: _Topic(VECTOR3_STAMPED, _ANGLE, ("increments",)),
+    DELTA_VELOCITY_TOPIC: _Topic(VECTOR3_STAMPED, _VELOCITY, ("increments",)),
+    IDEAL_DELTA_ANGLE_TOPIC: _Topic(VECTOR3_STAMPED, _IDEAL_ANGLE, ("ground_truth_increments",)),
+    IDEAL_DELTA_VELOCITY_TOPIC: _Topic(
+        VECTOR3_STAMPED, _IDEAL_VELOCITY, ("ground_truth_increments",)
+    ),
     **{
-        topic.name: functools.partial(_of_a_sensor, sensor, topic)
+        topic.name: _Topic(topic.type, functools.partial(_of_a_sensor, sensor, topic), topic.flags)
         for sensor in auxiliary_sensors()
         for topic in sensor.topics
     },
 }
+TYPES: Final = {name: topic.type for name, topic in _LIVE.items()}
+OF_A_BAG: Final = {name: topic.type for name, topic in _BAG.items()}
+"""Topics of the body that a bag holds on request; the node has its own publishers of transforms."""

@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from imu_sim_ros.nodes.shared_memory import remove_torn_segments
+from imu_sim_ros.nodes.fast_dds import remove_torn_segments
 
 REPOSITORY = Path(__file__).parents[2]
 PATIENCE = 300.0

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from imu_sim_ros.nodes import run
+from imu_sim_ros.nodes import fast_dds
 
 NAMES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 
@@ -24,7 +24,7 @@ def test_the_profile_fits_the_middleware(tmp_path, monkeypatch, version, variabl
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path))
     for name in NAMES:
         monkeypatch.delenv(name, raising=False)
-    run.set_profile(tmp_path)
+    fast_dds.set_profile(tmp_path)
     assert [name in os.environ for name in NAMES] == [name == variable for name in NAMES]
     root = ElementTree.parse(os.environ[variable]).getroot()
     found = {one.tag.rpartition("}")[2] for one in root.iter()}
@@ -35,6 +35,6 @@ def test_the_profile_fits_the_middleware(tmp_path, monkeypatch, version, variabl
 
 def test_a_profile_of_the_user_is_kept(tmp_path, monkeypatch):
     monkeypatch.setenv(NAMES[1], "mine.xml")
-    run.set_profile(tmp_path)
+    fast_dds.set_profile(tmp_path)
     assert os.environ[NAMES[1]] == "mine.xml"
     assert not list(tmp_path.iterdir())

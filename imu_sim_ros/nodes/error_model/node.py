@@ -17,21 +17,17 @@ from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 from sensor_msgs.msg import Imu
-from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from imu_sim_ros import conventions
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.nodes import messages as decode
-from imu_sim_ros.nodes import publishing as sensor_description
-from imu_sim_ros.nodes import run, signals
-from imu_sim_ros.nodes.error_model.diagnostics import PERIOD, ErrorModelReport
+from imu_sim_ros.nodes import run, sensor_description, signals
+from imu_sim_ros.nodes.diagnostics import PERIOD, ErrorModelReport, fault_message
 from imu_sim_ros.nodes.error_model.output import DEPTH, Outputs, wanted
-from imu_sim_ros.nodes.matched_inputs import MatchedInputs
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import check_overrides, create
-from imu_sim_ros.nodes.raw_subscription import RawSubscriptions, Taken
-from imu_sim_ros.nodes.simulator.diagnostics import fault_message
+from imu_sim_ros.nodes.subscriptions import MatchedInputs, RawSubscriptions, Taken
 from imu_sim_ros.simulation.error_input import Differentiator, Given
 from imu_sim_ros.simulation.error_model import ErrorModel
 from imu_sim_ros.simulation.error_parameters import NODE, ErrorNodeParameters, layer_error_model
@@ -71,15 +67,10 @@ class ErrorModelNode(ConfiguredNode):
             conventions.FAULTS_TOPIC,
             QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL),
         )
-        self._description = create(
-            self,
-            sensor_description.TYPE,
-            sensor_description.topic(self),
-            sensor_description.QOS,
-        )
+        self._description = sensor_description.create_publisher(self)
         self._diagnostics = create(self, DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
         check_overrides(self)
-        self._describe(parameters)
+        sensor_description.publish(self._description, parameters)
         if parameters.inject.kind != "none":
             self._inject(parameters)
         hardware = f"simulated, {parameters.imu.preset}, seed {parameters.seed}"
@@ -204,7 +195,7 @@ class ErrorModelNode(ConfiguredNode):
         if any(not name.startswith("inject.") for name in self.changed):
             with self._lock:
                 self.model.update(new)
-            self._describe(new)
+            sensor_description.publish(self._description, new)
 
     def _inject(self, parameters: ErrorNodeParameters) -> None:
         fault = parameters.inject.fault()
@@ -214,9 +205,6 @@ class ErrorModelNode(ConfiguredNode):
         now = self.get_clock().now() if t_ns is None else Time(nanoseconds=t_ns)
         name = f"{self.get_name()}: fault"
         self._faults.publish(fault_message(name, fault, "", now.to_msg()))
-
-    def _describe(self, parameters: ErrorNodeParameters) -> None:
-        self._description.publish(String(data=sensor_description.encode(parameters)))
 
     def _reset(self, _: Any, response: Any) -> Any:
         with self._lock:

@@ -19,31 +19,34 @@ from imu_sim_ros.conventions import (
     IMU_TOPIC,
     TEMPERATURE_TOPIC,
 )
+from imu_sim_ros.nodes.lifetime import Fail, SupervisedThread
 from imu_sim_ros.nodes.publishing import Counter, create
-from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.imu.model import ImuSample
 from imu_sim_ros.sensors.orientation.declaration import TOPIC as ORIENTATION_TOPIC
 from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters, ErrorPublishParameters
-from imu_sim_ros.simulation.topics import TYPES, Encode, EncodeOne, encoder, encoder_of_one
+from imu_sim_ros.simulation.topics import (
+    TYPES,
+    Encode,
+    EncodeOne,
+    encoder,
+    encoder_of_one,
+    is_published,
+)
 
 DEPTH: Final = 4000
 """Messages kept for a reliable subscriber that has not acknowledged them: 4 s at 1 kHz."""
 _READINGS: Final = (IMU_TOPIC, ORIENTATION_TOPIC)
 """What the sensor's driver releases; the truth has no latency."""
+_TOPICS: Final = (
+    *_READINGS,
+    *(TEMPERATURE_TOPIC, IDEAL_IMU_TOPIC, GYROSCOPE_BIAS_TOPIC, ACCELEROMETER_BIAS_TOPIC),
+)
 
 
 def wanted(publish: ErrorPublishParameters) -> list[str]:
     """Return the topics that are published."""
-    flags = {
-        IMU_TOPIC: True,
-        ORIENTATION_TOPIC: publish.orientation,
-        TEMPERATURE_TOPIC: publish.temperature,
-        IDEAL_IMU_TOPIC: publish.ground_truth_imu,
-        GYROSCOPE_BIAS_TOPIC: publish.biases,
-        ACCELEROMETER_BIAS_TOPIC: publish.biases,
-    }
-    return [topic for topic, flag in flags.items() if flag]
+    return [topic for topic in _TOPICS if is_published(topic, publish)]
 
 
 class _Output(NamedTuple):

@@ -8,9 +8,10 @@ import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple, TypeVar
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
 
+from imu_sim_ros.nodes.diagnostics import PERIOD, diagnostics
 from imu_sim_ros.nodes.messages import OdometryFields
 from imu_sim_ros.rotation.scalars import Q4, V3, conjugate, multiply
 
@@ -97,9 +98,6 @@ def _rotation_vector(q: Q4) -> V3:
     return (scale * x, scale * y, scale * z)
 
 
-_PERIOD = 1.0
-
-
 class IntegratorDiagnostics:
     """Publishes counts and, if it is compared with the truth, the error."""
 
@@ -108,14 +106,9 @@ class IntegratorDiagnostics:
         self._before = (0, 0, 0)
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(_PERIOD, self._publish, clock=steady)
+        node.create_timer(PERIOD, self._publish, clock=steady)
 
     def _publish(self) -> None:
-        array = DiagnosticArray(status=[self._status()])
-        array.header.stamp = self._node.get_clock().now().to_msg()
-        self._publisher.publish(array)
-
-    def _status(self) -> DiagnosticStatus:
         odometer = self._node.odometer
         totals = odometer.totals
         counts = dataclasses.asdict(totals.steps)
@@ -135,20 +128,16 @@ class IntegratorDiagnostics:
             level, message = DiagnosticStatus.OK, "integrating"
         values = {
             "readings": totals.readings,
-            "readings per second": f"{new / _PERIOD:.1f}",
+            "readings per second": f"{new / PERIOD:.1f}",
             "refused messages": totals.refused,
             "starts": totals.starts,
             "imu.preset": self._node.parameters.imu.preset,
             **{name.replace("_", " "): count for name, count in counts.items()},
             **self._errors(),
         }
-        return DiagnosticStatus(
-            level=level,
-            name=f"{self._node.get_name()}: dead reckoning",
-            message=message,
-            hardware_id="imu",
-            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
-        )
+        stamp = self._node.get_clock().now().to_msg()
+        name = f"{self._node.get_name()}: dead reckoning"
+        self._publisher.publish(diagnostics(stamp, level, name, message, "imu", values))
 
     def _errors(self) -> dict[str, str]:
         comparison = self._node.comparison

@@ -42,11 +42,10 @@ from imu_sim_ros.nodes.integrator.diagnostics import (
     TruthComparison,
 )
 from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator, PathPublisher, Row
-from imu_sim_ros.nodes.integrator.sensor import SensorDescription
-from imu_sim_ros.nodes.matched_inputs import MatchedInputs
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import Counter
-from imu_sim_ros.nodes.raw_subscription import RawSubscriptions, Taken
+from imu_sim_ros.nodes.sensor_description import SensorDescription
+from imu_sim_ros.nodes.subscriptions import MatchedInputs, RawSubscriptions, Taken
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.rotation.scalars import to_euler
 

@@ -22,15 +22,20 @@ from imu_sim_ros.json_text import as_json
 from imu_sim_ros.nodes import run, signals
 from imu_sim_ros.nodes.messages import definition, message_class, stamp_offset, type_hash
 from imu_sim_ros.nodes.parameters import ConfiguredNode
-from imu_sim_ros.nodes.raw_subscription import (
+from imu_sim_ros.nodes.recorder.recording import (
+    DurationLimit,
+    RecordedTopic,
+    Recording,
+    StampStatistics,
+    Timestamps,
+)
+from imu_sim_ros.nodes.subscriptions import (
     RawSubscriptions,
     Taken,
     is_weaker,
     matching_qos,
     offered_qos,
 )
-from imu_sim_ros.nodes.recorder.recording import DurationLimit, RecordedTopic, Recording, Timestamps
-from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
 from imu_sim_ros.text_tables import print_table
 
 MEGABYTE = 1_000_000

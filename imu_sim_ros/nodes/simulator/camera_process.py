@@ -37,7 +37,7 @@ from imu_sim_ros.datasets.features import (
 )
 from imu_sim_ros.errors import explain
 from imu_sim_ros.json_text import as_json
-from imu_sim_ros.nodes import run
+from imu_sim_ros.nodes import fast_dds
 from imu_sim_ros.nodes.publishing import Counter, create
 from imu_sim_ros.nodes.simulator.cameras import MARKERS, TOKEN
 from imu_sim_ros.nodes.simulator.markers import markers
@@ -220,7 +220,7 @@ def main() -> int:
         if not line:
             return 0
         with tempfile.TemporaryDirectory() as folder:
-            run.set_profile(Path(folder))
+            fast_dds.set_profile(Path(folder))
             node = CameraNode(json.loads(line))
         _run(node, reports)
     except BrokenPipeError:

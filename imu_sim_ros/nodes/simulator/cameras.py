@@ -26,10 +26,10 @@ from imu_sim_ros.conventions import MARKERS_TOPIC
 from imu_sim_ros.datasets.features import camera_topics
 from imu_sim_ros.errors import ConfigurationError, MachineError
 from imu_sim_ros.json_text import as_json
-from imu_sim_ros.nodes import run
+from imu_sim_ros.nodes import fast_dds
+from imu_sim_ros.nodes.lifetime import Fail, SupervisedThread
 from imu_sim_ros.nodes.simulator.publish_queue import Piece
 from imu_sim_ros.nodes.simulator.transforms import Mount
-from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
@@ -88,7 +88,7 @@ class CameraProcess:
         self._sent = self._done = 0
         self._closing = self._overflow = False
         self._changed = threading.Condition()
-        environment = {**run.without_own_profile(os.environ), "OMP_NUM_THREADS": "1"}
+        environment = {**fast_dds.without_own_profile(os.environ), "OMP_NUM_THREADS": "1"}
         self._process = subprocess.Popen(
             [sys.executable, "-m", "imu_sim_ros.nodes.simulator.camera_process"],
             stdin=subprocess.PIPE,

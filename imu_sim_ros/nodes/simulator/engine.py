@@ -9,41 +9,13 @@ import time
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from imu_sim_ros import conventions
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.nodes.lifetime import Fail, SupervisedThread
 from imu_sim_ros.nodes.simulator.pacing import Pacer, SampleAction
 from imu_sim_ros.nodes.simulator.publish_queue import Group, PublishQueue
-from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
-from imu_sim_ros.sensors import auxiliary_sensors, with_faults
+from imu_sim_ros.sensors import with_faults
 from imu_sim_ros.sensors.faults import Fault
-from imu_sim_ros.simulation.playback import BODY, InjectParameters, PublishParameters
-
-
-def is_wanted(topic: str, imu: str, publish: PublishParameters) -> bool:
-    """Return whether a topic is published for an IMU (``BODY``: for the body of several)."""
-    if topic == conventions.TRUTH_TOPIC:
-        return publish.ground_truth and imu in ("", BODY)
-    if topic == conventions.TRUTH_FIX_TOPIC:
-        return publish.ground_truth_fix and imu in ("", BODY)
-    return (
-        imu != BODY
-        and {
-            conventions.IMU_TOPIC: True,
-            conventions.IDEAL_IMU_TOPIC: publish.ground_truth_imu,
-            conventions.GYROSCOPE_BIAS_TOPIC: publish.biases,
-            conventions.ACCELEROMETER_BIAS_TOPIC: publish.biases,
-            conventions.TEMPERATURE_TOPIC: publish.temperature,
-            conventions.DELTA_ANGLE_TOPIC: publish.increments,
-            conventions.DELTA_VELOCITY_TOPIC: publish.increments,
-            conventions.IDEAL_DELTA_ANGLE_TOPIC: publish.ground_truth_increments,
-            conventions.IDEAL_DELTA_VELOCITY_TOPIC: publish.ground_truth_increments,
-            **{
-                of_a_sensor.name: all(getattr(publish, flag) for flag in of_a_sensor.flags)
-                for sensor in auxiliary_sensors()
-                for of_a_sensor in sensor.topics
-            },
-        }[topic]
-    )
+from imu_sim_ros.simulation.playback import InjectParameters, PublishParameters
 
 
 def wanted_fault(wanted: InjectParameters, publish: PublishParameters) -> Fault:
@@ -140,10 +112,6 @@ class Engine:
         """Have a function change the queue before the next block is computed."""
         with self._lock:
             self._changes.append(change)
-
-    def set_speed(self, speed: float, catch_up: bool) -> None:
-        """Change the real-time factor, and what happens after a stall."""
-        self.pacer.configure(speed, catch_up)
 
     def reset(self) -> None:
         """Start again with the first sample."""

@@ -23,21 +23,19 @@ from rclpy.clock import Clock, ClockType, JumpThreshold
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
-from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
 from imu_sim_ros import conventions, timebase
 from imu_sim_ros.bags.messages.encode import CLOCK, ClockEncoder
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.errors import ConfigurationError, InputError, MissingDependencyError
-from imu_sim_ros.nodes import publishing as sensor_description
-from imu_sim_ros.nodes import run, signals
+from imu_sim_ros.nodes import run, sensor_description, signals
+from imu_sim_ros.nodes.diagnostics import Histogram, StreamReport, fault_message
 from imu_sim_ros.nodes.messages import message_class
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import Counter, check_overrides, create
 from imu_sim_ros.nodes.simulator import transforms as transforms
-from imu_sim_ros.nodes.simulator.diagnostics import Histogram, Report, fault_message
-from imu_sim_ros.nodes.simulator.engine import Engine, is_wanted, wanted_fault
+from imu_sim_ros.nodes.simulator.engine import Engine, wanted_fault
 from imu_sim_ros.nodes.simulator.pacing import Pacer, RosClockPacer, Settling, Stall
 from imu_sim_ros.nodes.simulator.publish_queue import (
     PublishQueue,
@@ -166,7 +164,12 @@ class Simulator(ConfiguredNode):
         publish = parameters.publish
         for name, simulated in simulations(parameters).items():
             further = tuple(carried(simulated))
-            chosen = [topic for topic in topics.TYPES if is_wanted(topic, name, publish)]
+            chosen = [
+                topic
+                for topic in topics.TYPES
+                if (name in ("", BODY) if topic in topics.OF_THE_BODY else name != BODY)
+                and topics.is_published(topic, publish)
+            ]
             offered = (topic for own in further for topic in topics.topics_of(own))
             chosen += [topic.name for topic in offered if self._can_publish(topic)]
             types, wanted = topics.types(further), topics.sensors_of(chosen, further)
@@ -186,13 +189,8 @@ class Simulator(ConfiguredNode):
             yield SimulationStream(simulation, outputs, name)
             truth = simulation
             if name != BODY:
-                described = create(
-                    self,
-                    sensor_description.TYPE,
-                    sensor_description.topic(self, prefix),
-                    sensor_description.QOS,
-                )
-                described.publish(String(data=sensor_description.encode(simulated)))
+                described = sensor_description.create_publisher(self, prefix)
+                sensor_description.publish(described, simulated)
                 self._descriptions[name] = described
         if publish.tf_rate:
             send = self._counted(conventions.TF_TOPIC, TF_MESSAGE, transforms.QOS)
@@ -283,7 +281,7 @@ class Simulator(ConfiguredNode):
         own = ReentrantCallbackGroup()
         self.create_service(Trigger, "~/step", self._on_step, callback_group=own)
         hardware = f"simulated, {self.parameters.imu.preset}, seed {self.parameters.seed}"
-        self._report = Report(f"{self.get_name()}: stream", hardware)
+        self._report = StreamReport(f"{self.get_name()}: stream", hardware)
         self._reported = time.monotonic()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1.0, self._diagnose, clock=steady)
@@ -351,12 +349,12 @@ class Simulator(ConfiguredNode):
             raise ConfigurationError("real_time_factor: must be 1 if use_sim_time is true")
         if "inject.kind" in self.changed and new.inject.kind != "none":
             self._inject(new)
-        self.engine.set_speed(new.real_time_factor, new.catch_up)
+        self.engine.pacer.configure(new.real_time_factor, new.catch_up)
         if any(name.partition(".")[0] not in _OF_THE_NODE for name in self.changed):
             parameters = simulations(new)
             self.engine.change(lambda queue: queue.update(parameters))
             for name, publisher in self._descriptions.items():
-                publisher.publish(String(data=sensor_description.encode(parameters[name])))
+                sensor_description.publish(publisher, parameters[name])
 
     def _inject(self, parameters: SimulatorParameters) -> None:
         wanted = parameters.inject

@@ -76,9 +76,9 @@ def relay(way: str) -> None:
     from rclpy.qos import QoSProfile
     from sensor_msgs.msg import Imu
 
+    from imu_sim_ros.nodes.fast_dds import set_profile
     from imu_sim_ros.nodes.publishing import Counter
-    from imu_sim_ros.nodes.raw_subscription import RawSubscriptions
-    from imu_sim_ros.nodes.run import set_profile
+    from imu_sim_ros.nodes.subscriptions import RawSubscriptions
 
     folder = tempfile.TemporaryDirectory()
     set_profile(Path(folder.name))
@@ -112,8 +112,8 @@ def listen(topics: list[str], file: Path) -> None:
     from rclpy.qos import QoSProfile
     from sensor_msgs.msg import Imu
 
-    from imu_sim_ros.nodes.raw_subscription import RawSubscriptions
-    from imu_sim_ros.nodes.run import set_profile
+    from imu_sim_ros.nodes.fast_dds import set_profile
+    from imu_sim_ros.nodes.subscriptions import RawSubscriptions
 
     folder = tempfile.TemporaryDirectory()
     set_profile(Path(folder.name))
@@ -148,7 +148,7 @@ def publish(rate: int, subscribers: int, seconds: float) -> None:
     from sensor_msgs.msg import Imu
 
     from imu_sim_ros.bags.messages.encode import ImuEncoder
-    from imu_sim_ros.nodes.run import set_profile
+    from imu_sim_ros.nodes.fast_dds import set_profile
 
     folder = tempfile.TemporaryDirectory()
     set_profile(Path(folder.name))

@@ -125,7 +125,7 @@ def loop(rate: float, duration: float) -> None:
     from rclpy.serialization import serialize_message
     from sensor_msgs.msg import Imu
 
-    from imu_sim_ros.nodes.run import set_profile
+    from imu_sim_ros.nodes.fast_dds import set_profile
 
     folder = tempfile.TemporaryDirectory()
     set_profile(Path(folder.name))

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from imu_sim_ros.nodes.shared_memory import FOLDER, remove_torn_segments
+from imu_sim_ros.nodes.fast_dds import FOLDER, remove_torn_segments
 
 LONG_AGO = time.time() - 60
 

@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros.nodes.publishing import PollTimer
+from imu_sim_ros.nodes.subscriptions import PollTimer
 
 PERIOD = 0.002
 OVERSLEPT_NS = 60_000

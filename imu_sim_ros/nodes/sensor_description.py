@@ -1,21 +1,30 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Which sensor the readings come from: integration waits until it is known, or for a time."""
+"""The description of a sensor next to its readings: published, and waited for."""
 
+import json
 import threading
 import time
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
-from imu_sim_ros.errors import ImuSimError
-from imu_sim_ros.nodes import publishing as sensor_description
+from imu_sim_ros.conventions import IMU_TOPIC, SENSOR_SUFFIX
+from imu_sim_ros.errors import ImuSimError, InputError
+from imu_sim_ros.json_text import as_json
 from imu_sim_ros.nodes.parameters import ConfiguredNode
-from imu_sim_ros.nodes.raw_subscription import Taken
+from imu_sim_ros.nodes.publishing import create
+from imu_sim_ros.nodes.subscriptions import Taken
+from imu_sim_ros.parameters.sections import flatten
+from imu_sim_ros.simulation.parameters import SampledParameters
 
+_QOS: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_PARAMETERS: Final = "ros__parameters"
 _PATIENCE: Final = 0.5
 """[s] Time after the first reading by which a published description arrives."""
 _LONGER_PATIENCE: Final = 5.0
@@ -23,6 +32,46 @@ _LONGER_PATIENCE: Final = 5.0
 _LOOK_PERIOD: Final = 0.05
 _KEPT: Final = 20000
 """Number of messages that may wait: 2.5 s at 8 kHz."""
+
+
+def topic(node: Node, prefix: str = "") -> str:
+    """Return the full name of the topic next to a node's readings, wherever these are remapped to.
+
+    :param prefix: namespace of an IMU of several, with its slash.
+    """
+    return node.resolve_topic_name(prefix + IMU_TOPIC) + SENSOR_SUFFIX
+
+
+def create_publisher(node: Node, prefix: str = "") -> Any:
+    """Return the publisher of a description.
+
+    :param prefix: as for :func:`topic`.
+    """
+    return create(node, String, topic(node, prefix), _QOS)
+
+
+def publish(publisher: Any, parameters: SampledParameters) -> None:
+    """Publish the description of the sensor of a simulation."""
+    publisher.publish(String(data=encode(parameters)))
+
+
+def encode(parameters: SampledParameters) -> str:
+    """Return the text that describes the sensor of a simulation."""
+    imu = flatten(parameters.imu)
+    return as_json({"/**": {_PARAMETERS: {"rate": parameters.rate, "imu": imu}}})
+
+
+def decode(text: str) -> dict[str, object]:
+    """Return the sensor's parameters by dotted name, ``imu.gyroscope_noise_density`` and so on.
+
+    :raises InputError: for a string of another form; the values are not checked.
+    """
+    try:
+        tree: Any = json.loads(text)
+        imu = tree["/**"][_PARAMETERS]["imu"]
+        return {f"imu.{name}": value for name, value in imu.items()}
+    except (ValueError, RecursionError, KeyError, TypeError, AttributeError):
+        raise InputError("a sensor description that is not a parameter file in JSON") from None
 
 
 class SensorDescription:
@@ -52,8 +101,8 @@ class SensorDescription:
         """Whether the source of the readings has described its sensor."""
         if self.settled:
             return
-        self.topic = sensor_description.topic(node)
-        node.create_subscription(String, self.topic, self._hear, sensor_description.QOS)
+        self.topic = topic(node)
+        node.create_subscription(String, self.topic, self._hear, _QOS)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = node.create_timer(_LOOK_PERIOD, self._look, clock=steady)
 
@@ -78,7 +127,7 @@ class SensorDescription:
 
     def _hear(self, message: Any) -> None:
         try:
-            self._adopt(sensor_description.decode(message.data))
+            self._adopt(decode(message.data))
         except ImuSimError as error:
             problems = "; ".join(error.problems)
             self._node.get_logger().warning(f"{self.topic} cannot be used: {problems}")

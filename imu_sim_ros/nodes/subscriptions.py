@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Subscriptions that one thread empties at its own pace, as bytes.
+"""Subscriptions to what publishers offer, which one thread empties at its own pace, as bytes.
 
 An executor wakes up for every message and builds a new wait set each time, some 70 us of Python; a
 thread that takes whatever has accumulated every few milliseconds needs a few microseconds. The
@@ -10,21 +10,39 @@ middleware's queue holds the messages meanwhile.
 
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any, Final, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
+from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from imu_sim_ros.bags.messages.schemas import Qos
-from imu_sim_ros.nodes.publishing import PollTimer
-from imu_sim_ros.nodes.supervised_thread import Fail, SupervisedThread
+from imu_sim_ros.nodes.lifetime import Fail, SupervisedThread
 
-DEPTH = 5000
+DEPTH: Final = 5000
 """Messages that wait in the middleware: 2.5 s at 2 kHz, while the machine does other things."""
+
+_MARGIN_NS: Final = 150_000
+"""A look comes this much after the message is due: the usual lateness of a publisher."""
+_TOLERANCE: Final = 0.25
+"""How far the mean interval of a look may be off, as a share of it."""
+_TRUSTED: Final = 5
+"""Number of looks with regular intervals from which on more are expected; a look with others
+takes as many away."""
+_MAX_TRUSTED: Final = 20
+_SMOOTHING: Final = 0.125
+_NEARLY: Final = 0.1
+"""A period counts as a multiple of the interval if at most this share of one is missing."""
+_LONGEST_NS: Final = 10_000_000
+"""No look is farther away than this: another topic may have something."""
+_MATCHING_PERIOD: Final = 0.02
+"""[s] How often publishers of the inputs are looked for until each has one."""
+_CHANGE_PERIOD: Final = 0.5
+"""[s] The same afterwards."""
 
 Taken = tuple[bytes, dict[str, int]]
 """A message's bytes, and its data from the middleware: ``received_timestamp`` and so on."""
@@ -48,6 +66,49 @@ class _OutsideTheExecutor(CallbackGroup):
         raise AssertionError("nothing of this group is ever executed")
 
 
+class PollTimer:
+    """Decides how long to wait before the next look.
+
+    :param period: between looks if arrivals are irregular; if they are regular, how long a
+        message may wait for others [s].
+    """
+
+    def __init__(self, period: float) -> None:
+        self._period_ns = period * 1e9
+        self._last_ns = 0
+        self._interval = 0.0
+        """Between arrivals, smoothed [ns]."""
+        self._trust = 0
+
+    def wait(self, count: int, last_ns: int, now_ns: int) -> float:
+        """Return how long to wait before the next look [s].
+
+        :param count: how many messages the latest look found.
+        :param last_ns: when the last of them arrived; does not matter if there is none.
+        :param now_ns: the time on the same clock.
+        """
+        passed = now_ns - last_ns
+        if not count or not (self._is_regular(last_ns, count) and 0 <= passed < _LONGEST_NS):
+            return self._period_ns * 1e-9
+        messages = 1 + int(self._period_ns / self._interval + _NEARLY)
+        delay = messages * self._interval + _MARGIN_NS - passed
+        return max(0.0, min(delay, _LONGEST_NS)) * 1e-9
+
+    def _is_regular(self, last_ns: int, count: int) -> bool:
+        """Take the latest arrivals; return whether more are to be expected like them."""
+        interval = (last_ns - self._last_ns) / count
+        self._last_ns = last_ns
+        off = interval - self._interval
+        if abs(off) <= _TOLERANCE * self._interval:
+            self._trust = min(self._trust + 1, _MAX_TRUSTED)
+            self._interval += _SMOOTHING * off
+            return self._trust >= _TRUSTED
+        self._trust = max(self._trust - _TRUSTED, 0)
+        if not self._trust:
+            self._interval = max(interval, 0.0)
+        return False
+
+
 class _Source(NamedTuple):
     name: str
     subscription: Any
@@ -61,7 +122,7 @@ class RawSubscriptions:
     :param fail: receives the error that this raised; no more messages are taken.
     :param period: between looks for messages [s].
     :param leading: a topic in step with which messages are looked for if they arrive regularly,
-        see :class:`~imu_sim_ros.nodes.publishing.PollTimer`; None: none.
+        see :class:`PollTimer`; None: none.
     """
 
     def __init__(
@@ -183,3 +244,45 @@ def is_weaker(new: QoSProfile, old: QoSProfile) -> bool:
     less_reliable = new.reliability == ReliabilityPolicy.BEST_EFFORT != old.reliability
     less_durable = new.durability == DurabilityPolicy.VOLATILE != old.durability
     return bool(less_reliable or less_durable)
+
+
+class MatchedInputs:
+    """Subscribes once a publisher is there, to what all publishers offer.
+
+    A request of more matches no publisher and makes each of them warn; one of less may lose
+    readings under load. So nothing is requested before a publisher is there.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        reader: RawSubscriptions,
+        inputs: Callable[[], Mapping[str, Any]],
+        depth: int,
+    ) -> None:
+        """Begin to look for publishers.
+
+        :param inputs: returns the topics with their message classes.
+        """
+        self._node, self._reader, self._inputs, self._depth = node, reader, inputs, depth
+        self._qos: dict[str, QoSProfile] = {}
+        # On the steady clock: with use_sim_time and a silent /clock, the node's own stops.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = node.create_timer(_MATCHING_PERIOD, self._match, clock=steady)
+
+    def _match(self) -> None:
+        inputs = self._inputs()
+        for topic, message in inputs.items():
+            publishers = self._node.get_publishers_info_by_topic(topic)
+            if not publishers:
+                continue
+            offered, requested = matching_qos(publishers, self._depth), self._qos.get(topic)
+            offered.durability = DurabilityPolicy.VOLATILE  # readings of the past are of no use
+            if requested is None or is_weaker(offered, requested):
+                if offered.reliability == ReliabilityPolicy.BEST_EFFORT:
+                    logger: Any = self._node.get_logger()
+                    logger.info(f"{topic} is offered as best effort; subscribing likewise")
+                self._qos[topic] = offered
+                self._reader.subscribe(topic, message, offered)
+        if len(self._qos) == len(inputs):
+            self._timer.timer_period_ns = round(_CHANGE_PERIOD * 1e9)

@@ -1,8 +1,9 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Status of the simulator: counts, lateness, faults."""
+"""Messages about a node: what it does, once per second, and injected faults."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -11,9 +12,32 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from imu_sim_ros.nodes.publishing import Counter
 from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.simulation.error_model import Counts
 
 LATE_US: Final = 500.0
 """A 99th percentile above this is a warning."""
+PERIOD: Final = 1.0
+"""[s]"""
+_IRREGULAR: Final = ("missing", "pauses", "restarts", "repeated", "backward")
+
+
+def diagnostics(
+    stamp: Any, level: bytes, name: str, words: str, hardware: str, values: Mapping[str, Any]
+) -> DiagnosticArray:
+    """Return a message with one status.
+
+    :param stamp: builtin_interfaces/Time.
+    """
+    status = DiagnosticStatus(
+        level=level,
+        name=name,
+        message=words,
+        hardware_id=hardware,
+        values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+    )
+    message = DiagnosticArray(status=[status])
+    message.header.stamp = stamp
+    return message
 
 
 class Histogram:
@@ -38,8 +62,8 @@ class Histogram:
         return float(self._edges[min(place, len(self._edges) - 1)]) * 1e-3
 
 
-class Report:
-    """Diagnostics of the time since the last message."""
+class StreamReport:
+    """Diagnostics of a simulator's stream since the last message."""
 
     def __init__(self, name: str, hardware: str) -> None:
         self._name, self._hardware = name, hardware
@@ -85,16 +109,52 @@ class Report:
         elif p99 > LATE_US:
             level, words = DiagnosticStatus.WARN, f"99 % of the samples are up to {p99:.0f} us late"
         self._late = dict(late)
-        return _array(stamp, self._status(level, words, values))
+        return diagnostics(stamp, level, self._name, words, self._hardware, values)
 
-    def _status(self, level: bytes, words: str, values: Mapping[str, str]) -> DiagnosticStatus:
-        return DiagnosticStatus(
-            level=level,
-            name=self._name,
-            message=words,
-            hardware_id=self._hardware,
-            values=[KeyValue(key=key, value=value) for key, value in values.items()],
-        )
+
+class ErrorModelReport:
+    """Diagnostics of an error model since the last message."""
+
+    def __init__(self, name: str, hardware: str) -> None:
+        self._name, self._hardware = name, hardware
+        self._before = Counts()
+        self._refused = 0
+
+    def message(
+        self,
+        stamp: Any,
+        counts: Counts,
+        refused: int,
+        remarks: Sequence[str],
+        counters: Sequence[Counter],
+    ) -> DiagnosticArray:
+        """Return the message.
+
+        :param stamp: builtin_interfaces/Time.
+        :param refused: messages so far that were no readings.
+        :param remarks: what contradicts the declaration of the input.
+        """
+        before, self._before = self._before, dataclasses.replace(counts)
+        new_refused, self._refused = refused - self._refused, refused
+        new = counts.readings - before.readings
+        irregular = [n for n in _IRREGULAR if getattr(counts, n) > getattr(before, n)]
+        if new_refused:
+            level, words = DiagnosticStatus.WARN, f"{new_refused} messages refused"
+        elif not new:
+            level, words = DiagnosticStatus.STALE, "no readings arrive"
+        elif irregular:
+            level, words = DiagnosticStatus.WARN, f"readings: {', '.join(irregular)}"
+        elif remarks:
+            level, words = DiagnosticStatus.WARN, remarks[0]
+        else:
+            level, words = DiagnosticStatus.OK, "running"
+        values = {
+            "readings per second": f"{new / PERIOD:.1f}",
+            "refused messages": refused,
+            **dataclasses.asdict(counts),
+            **{f"{one.topic} published": one.count for one in counters},
+        }
+        return diagnostics(stamp, level, self._name, words, self._hardware, values)
 
 
 def fault_message(name: str, fault: Fault, imu: str, stamp: Any) -> DiagnosticArray:
@@ -109,17 +169,4 @@ def fault_message(name: str, fault: Fault, imu: str, stamp: Any) -> DiagnosticAr
         "duration [s]": f"{fault.duration:.9g}",
         "value": " ".join(f"{value:.9g}" for value in fault.axis_values()),
     }
-    status = DiagnosticStatus(
-        level=DiagnosticStatus.ERROR,
-        name=name,
-        message=f"injected {fault.kind}",
-        hardware_id=imu,
-        values=[KeyValue(key=key, value=value) for key, value in values.items()],
-    )
-    return _array(stamp, status)
-
-
-def _array(stamp: Any, status: DiagnosticStatus) -> DiagnosticArray:
-    message = DiagnosticArray(status=[status])
-    message.header.stamp = stamp
-    return message
+    return diagnostics(stamp, DiagnosticStatus.ERROR, name, f"injected {fault.kind}", imu, values)
