@@ -25,7 +25,7 @@ from imu_sim_ros.campaigns.parameters import CalibrationEstimator
 from imu_sim_ros.campaigns.simulated import RunReadings, SimulatedCell
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.sensors.block import ImuBlock
-from imu_sim_ros.sensors.realised import realised_imu
+from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.simulation.parameters import SimulationParameters
 from imu_sim_ros.simulation.topics import delivered
 from imu_sim_ros.types import Array

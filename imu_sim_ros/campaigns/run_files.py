@@ -28,7 +28,7 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.block import ImuBlock
-from imu_sim_ros.sensors.realised import realised_imu
+from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import carried
 

@@ -20,7 +20,7 @@ from imu_sim_ros.datasets.consumers.values import ImuValues
 from imu_sim_ros.datasets.topics import resolved
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors import auxiliary_sensors
-from imu_sim_ros.sensors.realised import realised_imu
+from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.sensors.registry import find_sensor
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import SimulationParameters, carried

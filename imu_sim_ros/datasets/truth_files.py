@@ -15,7 +15,7 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import is_present
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
-from imu_sim_ros.sensors.realised import realised_imu
+from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.sensors.registry import find_sensor
 from imu_sim_ros.simulation.parameters import SimulationParameters, carried, load_simulation
 

@@ -1,17 +1,16 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A block of samples: what the IMU reports, and the truth of it."""
+"""Blocks of samples: what an IMU and the sensors with it report, and the truth of it."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
-import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.trajectory.motion import Motion
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Times
 
 
 class ImuBlock(NamedTuple):
@@ -22,13 +21,13 @@ class ImuBlock(NamedTuple):
 
     first: int
     """Index of the first sample."""
-    true_t_ns: NDArray[np.int64]
+    true_t_ns: Times
     """(n,) true times of the samples [ns]."""
-    t_ns: NDArray[np.int64]
+    t_ns: Times
     """(n,) the stamps of the messages, with the errors of the sensor's clock [ns]."""
-    release_t_ns: NDArray[np.int64]
+    release_t_ns: Times
     """(n,) when a message leaves the driver: true time and transport latency [ns]."""
-    delivered: NDArray[np.int64]
+    delivered: Times
     """(m,) rows that are delivered, in order: dropped ones are missing, duplicates occur twice."""
     gyro: Array
     """(n, 3) reading of the gyroscope [rad/s]."""
@@ -52,3 +51,28 @@ class ImuBlock(NamedTuple):
     """The body's motion at ``true_t_ns``."""
     auxiliary: Mapping[str, Any] = MappingProxyType({})
     """Samples of the board's auxiliary sensors by what they measure, on request."""
+
+
+class SensorBlock(NamedTuple):
+    """n samples of another sensor in the window of an IMU's block.
+
+    ``block.NAME`` is ``block.values["NAME"]``.
+    """
+
+    true_t_ns: Times
+    """(n,) true times [ns]."""
+    t_ns: Times
+    """(n,) the stamps of the messages, with the errors of its clock [ns]."""
+    release_t_ns: Times
+    """(n,) when a message leaves the driver [ns]."""
+    delivered: Times
+    """(m,) rows that are delivered, in order."""
+    values: Mapping[str, NDArray[Any]]
+    """(n,) or (n, m) by name: readings and their truth."""
+
+    def __getattr__(self, name: str) -> Any:
+        """Return one of the values."""
+        try:
+            return self.values[name]
+        except KeyError:
+            raise AttributeError(f"no {name} was measured") from None

@@ -5,13 +5,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
-from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.block import ImuBlock, SensorBlock
 from imu_sim_ros.sensors.declaration import AuxiliaryReadings
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.response import TemperatureProfile
@@ -20,28 +19,6 @@ from imu_sim_ros.sensors.own_rate import OwnRate
 from imu_sim_ros.sensors.own_rate_parameters import CarriedParameters
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.types import Array, Times
-
-
-class CarriedBlock(NamedTuple):
-    """n samples of a sensor of the body; ``block.NAME`` is ``block.values["NAME"]``."""
-
-    true_t_ns: Times
-    """(n,) true times [ns]."""
-    t_ns: Times
-    """(n,) the stamps of the messages, with the errors of the sensor's clock [ns]."""
-    release_t_ns: Times
-    """(n,) when a message leaves the driver [ns]."""
-    delivered: Times
-    """(m,) rows that are delivered, in order."""
-    values: Mapping[str, Array]
-    """(n,) or (n, m) by name: readings and their truth."""
-
-    def __getattr__(self, name: str) -> Any:
-        """Return one of the values."""
-        try:
-            return self.values[name]
-        except KeyError:
-            raise AttributeError(f"no {name} was measured") from None
 
 
 @dataclass(frozen=True, repr=False)
@@ -107,7 +84,7 @@ class CarriedSensor:
 
     def read(
         self, block: ImuBlock, trajectory: Trajectory, temperature: TemperatureProfile
-    ) -> CarriedBlock:
+    ) -> SensorBlock:
         """Return the samples that were not read yet and lie before the end of the IMU's block."""
         samples = self._own.next(block.first + len(block.true_t_ns), trajectory.duration)
         motion = self._own.motion(samples, block, trajectory)
@@ -118,7 +95,7 @@ class CarriedSensor:
         sent = self.sent(values)
         if sent is not None:
             delivered = delivered[sent[delivered]]
-        return CarriedBlock(samples.true_t_ns, t_ns, release_t_ns, delivered, values)
+        return SensorBlock(samples.true_t_ns, t_ns, release_t_ns, delivered, values)
 
     def _take_faults(self, first: int, values: dict[str, Array]) -> None:
         """Let faults change the readings."""

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros.inputs.tables import Table
-from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.block import ImuBlock, SensorBlock
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.sensors.faults import Fault
@@ -29,26 +29,6 @@ from imu_sim_ros.types import Times
 if TYPE_CHECKING:
     from imu_sim_ros.bags.messages.blocks import RowTemplate
     from imu_sim_ros.sensors.imu.parameters import ImuParameters
-
-
-class Samples(Protocol):
-    """n samples of a sensor in the window of an IMU's block; further arrays hold the values."""
-
-    @property
-    def true_t_ns(self) -> Times:
-        """(n,) true times [ns]."""
-
-    @property
-    def t_ns(self) -> Times:
-        """(n,) the stamps of the messages, with the errors of the board's clock [ns]."""
-
-    @property
-    def release_t_ns(self) -> Times:
-        """(n,) when a message leaves the driver [ns]."""
-
-    @property
-    def delivered(self) -> Times:
-        """(m,) rows that are delivered, in order."""
 
 
 class Model(Protocol):
@@ -65,7 +45,7 @@ class Model(Protocol):
 
     def read(
         self, block: ImuBlock, trajectory: Trajectory, temperature: TemperatureProfile
-    ) -> Samples:
+    ) -> SensorBlock:
         """Return the samples that were not read yet and lie before the end of the IMU's block."""
 
 
@@ -187,7 +167,7 @@ class Sensor:
     values: Callable[[Any], NDArray[np.float64]]
     """The numbers (n, columns) of the table, of all n samples."""
     readings: "type[AuxiliaryReadings]"
-    """What Python returns of a flight: a frozen dataclass of arrays of :class:`Samples`."""
+    """What Python returns of a flight: a frozen dataclass of arrays of the samples."""
     switches: Mapping[str, str] = field(default_factory=dict)
     """Those of its flags that are parameters ``publish.*`` of its own, with their texts."""
     needs: Callable[["ImuParameters"], tuple[str, ...]] = lambda imu: ()

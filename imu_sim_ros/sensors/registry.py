@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Sensors of the body by name: those in this package, and those of other packages.
+"""Sensors by name: those in this package and those of other packages, and those that a run has.
 
 Another package declares a :class:`~imu_sim_ros.sensors.declaration.Sensor` and either hands it to
 :func:`register_sensor`, or names it as an entry point of the group ``imu_sim_ros.sensors``. Entry
@@ -9,7 +9,7 @@ points are looked up only for a name that is not known otherwise, and for ``--he
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
@@ -21,7 +21,13 @@ from imu_sim_ros.sensors import AUXILIARY, CARRIED, auxiliary_sensors
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-    from imu_sim_ros.sensors.declaration import Sensor
+    from imu_sim_ros.sensors.block import ImuBlock
+    from imu_sim_ros.sensors.declaration import Model, Sensor
+    from imu_sim_ros.sensors.environment import EnvironmentParameters
+    from imu_sim_ros.sensors.errors.response import TemperatureProfile
+    from imu_sim_ros.sensors.faults import Fault
+    from imu_sim_ros.sensors.imu.parameters import ImuParameters
+    from imu_sim_ros.trajectory.motion import Trajectory
 
 ENTRY_POINTS: Final = "imu_sim_ros.sensors"
 _NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
@@ -164,3 +170,52 @@ def _checked(sensor: Any, what: str) -> "Sensor":
     if problems:
         raise ConfigurationError(problems)
     return sensor
+
+
+class Auxiliary:
+    """The auxiliary sensors of one board, and the sensors of the body."""
+
+    def __init__(
+        self,
+        imu: "ImuParameters",
+        environment: "EnvironmentParameters",
+        t0_ns: int,
+        wanted: Collection[str],
+        carried: Mapping[str, Any],
+    ) -> None:
+        """Set up the sensors that are wanted, and those that they need.
+
+        :param t0_ns: time of the IMU's sample 0 [ns].
+        :param wanted: what they measure.
+        :param carried: the parameters of sensors of the body, by name.
+        """
+        known = auxiliary_sensors()
+        needed = {name for one in known if one.quantity in wanted for name in one.needs(imu)}
+        self._wanted = wanted
+        self._models: dict[str, Model] = {}
+        for one in known:
+            if one.quantity in wanted or one.quantity in needed:
+                self._models[one.quantity] = one.model(imu, environment, t0_ns, self._models)
+        for name, own in carried.items():
+            if name in wanted:
+                made = find_sensor(name).model(own, environment, t0_ns, self._models)
+                self._models[name] = made
+
+    def configure(self, imu: "ImuParameters", carried: Mapping[str, Any]) -> None:
+        """Take new values of live parameters, from the next sample on."""
+        for name, model in self._models.items():
+            model.configure(carried.get(name, imu))
+
+    def inject(self, fault: "Fault", quantity: str, first: int) -> None:
+        """Let a fault of one of them begin at the time of the IMU's sample ``first``."""
+        if quantity in self._models:
+            self._models[quantity].inject(fault, first)
+
+    def add_to(
+        self, block: "ImuBlock", trajectory: "Trajectory", temperature: "TemperatureProfile"
+    ) -> "ImuBlock":
+        """Return a block of the IMU with the samples of the others in its window of time."""
+        read = {
+            name: model.read(block, trajectory, temperature) for name, model in self._models.items()
+        }
+        return block._replace(auxiliary={k: v for k, v in read.items() if k in self._wanted})

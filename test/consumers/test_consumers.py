@@ -13,8 +13,8 @@ import yaml
 from imu_sim_ros.datasets.consumers.folder import write_all
 from imu_sim_ros.datasets.consumers.values import ImuValues
 from imu_sim_ros.parameters.sections import flatten, parameters
+from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.realised import realised_imu
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import load_simulation
 

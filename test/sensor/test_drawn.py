@@ -10,9 +10,8 @@ import pytest
 
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.parameters.sections import build, flatten
-from imu_sim_ros.sensors.errors.realised import unit_of_seed
+from imu_sim_ros.sensors.errors.realised import realised_imu, unit_of_seed
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.realised import realised_imu
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import load_simulation
 

@@ -15,7 +15,6 @@ from scipy.integrate import trapezoid
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.random_streams import axis_generators, generator
-from imu_sim_ros.sensors.errors.autoregressive import CHUNK, GaussMarkovBank
 from imu_sim_ros.sensors.errors.flicker import CHUNK as FLICKER_CHUNK
 from imu_sim_ros.sensors.errors.flicker import FlickerFilter, FlickerNoise
 from imu_sim_ros.sensors.errors.noise import (
@@ -26,6 +25,7 @@ from imu_sim_ros.sensors.errors.noise import (
     Term,
     WhiteNoise,
 )
+from imu_sim_ros.sensors.errors.processes import CHUNK, GaussMarkovBank
 from imu_sim_ros.sensors.errors.response import TurnOn
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters

@@ -10,8 +10,8 @@ import pytest
 
 from imu_sim_ros.datasets.truth_files import _truth_text
 from imu_sim_ros.parameters.sections import flatten, parameters
+from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.realised import realised_imu
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import load_simulation
 

@@ -7,7 +7,7 @@ import hashlib
 
 import numpy as np
 
-from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.block import ImuBlock, SensorBlock
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -94,3 +94,23 @@ RANDOM_TERMS = {
     "flicker": {"imu.gyroscope_bias_instability": 0.01},
     "turn-on": {"imu.gyroscope_turn_on_bias_sigma": 0.01},
 }
+
+
+def read_all(run: Simulation, size: int, count: int, quantity: str) -> SensorBlock:
+    """All samples of a sensor, read in blocks; rows count from the first."""
+    parts, before = [], 0
+    for block in run.blocks(size, count):
+        read = block.auxiliary[quantity]
+        own = {"rows": read.rows + block.first} if "rows" in read.values else {}
+        values = {**read.values, **own}
+        parts.append(read._replace(delivered=read.delivered + before, values=values))
+        before += len(read.t_ns)
+    *times, values = zip(*parts, strict=True)
+    together = {name: np.concatenate([one[name] for one in values]) for name in values[0]}
+    return SensorBlock(*map(np.concatenate, times), together)
+
+
+def same_bytes(a: SensorBlock, b: SensorBlock) -> bool:
+    """Whether two hold the same samples."""
+    columns = ([*one[:-1], *(one.values[name] for name in a.values)] for one in (a, b))
+    return all(x.tobytes() == y.tobytes() for x, y in zip(*columns, strict=True))

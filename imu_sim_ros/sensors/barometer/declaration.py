@@ -6,10 +6,7 @@
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Final
 
 from imu_sim_ros.inputs.gate import PRESSURE
 from imu_sim_ros.inputs.tables import Encode, Table
@@ -25,25 +22,6 @@ _ENCODER: Final = "FluidPressureEncoder"
 TOPIC: Final = "imu/pressure"
 IDEAL_TOPIC: Final = "ground_truth/pressure"
 BIAS_TOPIC: Final = "ground_truth/barometer_bias"
-
-
-class PressureBlock(NamedTuple):
-    """n samples of a barometer, in the window of time of the IMU's block."""
-
-    true_t_ns: NDArray[np.int64]
-    """(n,) true times [ns]."""
-    t_ns: NDArray[np.int64]
-    """(n,) the stamps of the messages, with the errors of the board's clock [ns]."""
-    release_t_ns: NDArray[np.int64]
-    """(n,) when a message leaves the driver [ns]."""
-    delivered: NDArray[np.int64]
-    """(m,) rows that are delivered, in order."""
-    pressure: Array
-    """(n,) reading [Pa]."""
-    ideal_pressure: Array
-    """(n,) of the still air at the IMU's height [Pa]."""
-    bias: Array
-    """(n,) what is added to it, without white noise and rounding [Pa]."""
 
 
 @dataclass(frozen=True, repr=False)

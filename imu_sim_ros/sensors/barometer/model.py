@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.conventions import STANDARD_GRAVITY
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.rotation.components import rotate
-from imu_sim_ros.sensors.barometer.declaration import PressureBlock
-from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.block import ImuBlock, SensorBlock
 from imu_sim_ros.sensors.environment import AtmosphereParameters, EnvironmentParameters
 from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.sensors.errors.triad import Triad
@@ -136,7 +135,7 @@ class Barometer:
 
     def read(
         self, block: ImuBlock, trajectory: Trajectory, temperature: TemperatureProfile
-    ) -> PressureBlock:
+    ) -> SensorBlock:
         """Return the samples that were not read yet and lie before the end of the IMU's block."""
         samples = self._own.next(block.first + len(block.true_t_ns), trajectory.duration)
         position, q_wb, celsius = self._own.place(samples, block, trajectory, temperature)
@@ -150,10 +149,12 @@ class Barometer:
         made = self._triad.read(
             samples.first, values, np.zeros(values.shape), offset, self._own.faults
         )
-        return PressureBlock(
+        return SensorBlock(
             samples.true_t_ns,
             *self._own.stamp(samples),
-            np.clip(made.reading[0], *self._limits),
-            ideal,
-            made.bias[0] + gust,
+            {
+                "pressure": np.clip(made.reading[0], *self._limits),
+                "ideal_pressure": ideal,
+                "bias": made.bias[0] + gust,
+            },
         )

@@ -22,7 +22,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from imu_sim_ros.sensors.errors.autoregressive import ChunkedProcess
+from imu_sim_ros.sensors.errors.processes import ChunkedProcess
 from imu_sim_ros.types import Array
 
 LONGEST_TIME: Final = 1e4

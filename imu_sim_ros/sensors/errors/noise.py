@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from imu_sim_ros.parameters.kinds import Vector
 from imu_sim_ros.random_streams import axis_generators
 from imu_sim_ros.rotation.components import transform
-from imu_sim_ros.sensors.errors.autoregressive import GaussMarkovBank
 from imu_sim_ros.sensors.errors.flicker import FlickerNoise
+from imu_sim_ros.sensors.errors.processes import GaussMarkovBank
 from imu_sim_ros.sensors.errors.response import ConstantBias, noise_gain
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters

@@ -13,10 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.parameters.kinds import ZERO_VECTOR
 from imu_sim_ros.parameters.sections import parameters as declared
 from imu_sim_ros.random_streams import axis_generators
+from imu_sim_ros.sensors import auxiliary_sensors
 from imu_sim_ros.sensors.errors.response import TurnOn
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import NO_CROSS_AXIS, TriadParameters
 from imu_sim_ros.types import Array
 
@@ -93,6 +96,22 @@ def realised_triad(parameters: TriadParameters, triad: str, seed: int) -> TriadP
     p = unit_of_seed(parameters, triad, seed)
     p = dataclasses.replace(p, **as_matrix(p.response()))
     return with_turn_on(p, TurnOn(seed, triad, p))
+
+
+def realised_imu(imu: ImuParameters, seed: int) -> ImuParameters:
+    """Return the IMU of this seed with nothing left to draw but the noise.
+
+    Constants that differ from unit to unit are drawn. A turn-on bias is added to the constant one.
+    A turn-on scale s, drawn per axis, multiplies the whole response of its axis,
+    ``(1 + s + c) (S x + q x^2 + G f + H f^2)`` with the parts c of temperature and age: which
+    parameters it multiplies and which it divides, their declarations say (``turn_on_scale``).
+    Readings of the result differ from those of the seed by rounding only.
+    """
+    realised: dict[str, Any] = {
+        **{name: realised_triad(imu.triad(name), name, seed) for name in TRIADS},
+        **{one.name: one.realised(getattr(imu, one.name), seed) for one in auxiliary_sensors()},
+    }
+    return dataclasses.replace(imu, **realised)
 
 
 def as_matrix(response: Array) -> dict[str, Any]:

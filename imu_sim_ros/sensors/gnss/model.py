@@ -14,8 +14,7 @@ from imu_sim_ros import rotation
 from imu_sim_ros.random_streams import axis_generators
 from imu_sim_ros.sensors.carried import CarriedSensor
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.errors.autoregressive import GaussMarkovBank
-from imu_sim_ros.sensors.errors.events import Events
+from imu_sim_ros.sensors.errors.processes import Events, GaussMarkovBank
 from imu_sim_ros.sensors.gnss.observations import Observer
 from imu_sim_ros.sensors.gnss.parameters import MODES, GnssParameters
 from imu_sim_ros.sensors.gnss.sky import UNUSABLE, Geometry, Sky, constant

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.random_streams import generator, generator_at
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.gnss.broadcast import SATELLITES, Broadcast
 from imu_sim_ros.sensors.gnss.parameters import RawParameters
+from imu_sim_ros.sensors.gnss.rinex_files import SATELLITES, Broadcast
 from imu_sim_ros.sensors.gnss.satellites import (
     EARTH_RATE,
     LIGHT,

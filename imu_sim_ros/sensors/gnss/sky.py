@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.gnss.broadcast import SATELLITES, Broadcast
 from imu_sim_ros.sensors.gnss.parameters import GnssParameters
+from imu_sim_ros.sensors.gnss.rinex_files import SATELLITES, Broadcast
 from imu_sim_ros.sensors.gnss.satellites import gps_time, orbits
 from imu_sim_ros.sensors.gravity import earth_fixed, east_north_up, geodetic
 from imu_sim_ros.types import Array

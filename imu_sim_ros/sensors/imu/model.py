@@ -23,12 +23,12 @@ from imu_sim_ros.sensors.errors.triad import AddedToOne, Additions, Reading, Tri
 from imu_sim_ros.sensors.faults import Fault, FaultSchedule
 from imu_sim_ros.sensors.imu.ideal import IdealImu, Quadrature, quadrature
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.registry import Auxiliary
 from imu_sim_ros.sensors.timing import Clock, Transport
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.types import Array, Times
 
 if TYPE_CHECKING:
-    from imu_sim_ros.sensors.auxiliary import Auxiliary
     from imu_sim_ros.sensors.imu.vibration import BoardVibration
 
 
@@ -113,7 +113,7 @@ class Imu:
         self._faults = FaultSchedule(seed, 1.0 / rate)
         self._auxiliary = None
         if sensors:
-            self._auxiliary = _auxiliary(imu, environment, t0_ns, sensors, carried)
+            self._auxiliary = Auxiliary(imu, environment, t0_ns, sensors, carried)
         self._vibration = _vibration(imu, environment)
         self._precomputed: _Precomputed | None = None
         self.configure(imu, carried)
@@ -449,19 +449,6 @@ def unknown_motion(count: int) -> Motion:
 
 def _joined(readings: Iterable[Reading]) -> Reading:
     return Reading(*(np.concatenate(parts, axis=1) for parts in zip(*readings, strict=True)))
-
-
-def _auxiliary(
-    imu: ImuParameters,
-    environment: EnvironmentParameters,
-    t0_ns: int,
-    sensors: Collection[str],
-    carried: Mapping[str, Any],
-) -> "Auxiliary":
-    """Return the readings of other sensors than the IMU; most runs have none."""
-    from imu_sim_ros.sensors.auxiliary import Auxiliary
-
-    return Auxiliary(imu, environment, t0_ns, sensors, carried)
 
 
 def _vibration(imu: ImuParameters, environment: EnvironmentParameters) -> "BoardVibration | None":

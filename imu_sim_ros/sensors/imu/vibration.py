@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.conventions import TRIADS, Vector
 from imu_sim_ros.random_streams import axis_generators, generator
-from imu_sim_ros.sensors.errors.autoregressive import ChunkedProcess
+from imu_sim_ros.sensors.errors.processes import ChunkedProcess
 from imu_sim_ros.sensors.imu.parameters import BoardVibrationParameters
 from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array

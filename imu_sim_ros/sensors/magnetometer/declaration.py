@@ -5,10 +5,9 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.conventions import Vector
 from imu_sim_ros.inputs.gate import FIELD
@@ -24,25 +23,6 @@ BIAS_TYPE: Final = "geometry_msgs/msg/Vector3Stamped"
 TOPIC: Final = "imu/mag"
 IDEAL_TOPIC: Final = "ground_truth/mag"
 BIAS_TOPIC: Final = "ground_truth/magnetometer_bias"
-
-
-class MagneticBlock(NamedTuple):
-    """n samples of a magnetometer, in the window of time of the IMU's block."""
-
-    true_t_ns: NDArray[np.int64]
-    """(n,) true times [ns]."""
-    t_ns: NDArray[np.int64]
-    """(n,) the stamps of the messages, with the errors of the board's clock [ns]."""
-    release_t_ns: NDArray[np.int64]
-    """(n,) when a message leaves the driver [ns]."""
-    delivered: NDArray[np.int64]
-    """(m,) rows that are delivered, in order."""
-    field: Array
-    """(n, 3) reading [T]."""
-    ideal_field: Array
-    """(n, 3) field at the IMU in its own frame, without any error [T]."""
-    bias: Array
-    """(n, 3) what in the reading does not depend on the field, without white noise [T]."""
 
 
 @dataclass(frozen=True, repr=False)

@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
 from imu_sim_ros.rotation.components import rotate, rotate_inverse, transform
-from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.block import ImuBlock, SensorBlock
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.realised import with_constants, with_turn_on
 from imu_sim_ros.sensors.errors.response import TemperatureProfile, TurnOn
 from imu_sim_ros.sensors.errors.triad import Triad
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.magnetometer.declaration import MagneticBlock
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
 from imu_sim_ros.sensors.own_rate import OwnRate, Sampled, instantaneous
 from imu_sim_ros.trajectory.motion import Trajectory
@@ -140,7 +139,7 @@ class Magnetometer:
         self._coupling: Array = (self._r_mi @ np.array(unit.current_coupling))[:, None]
         self._current = np.reshape(unit.current_profile, (-1, 2)).T
         self._last: Sampled | None = None
-        self.latest: MagneticBlock | None = None
+        self.latest: SensorBlock | None = None
         """What was read last."""
         self._triad = Triad(NAME, instantaneous(imu), environment.seed, imu.magnetometer.rate)
         self.configure(imu)
@@ -166,7 +165,7 @@ class Magnetometer:
 
     def read(
         self, block: ImuBlock, trajectory: Trajectory, temperature: TemperatureProfile
-    ) -> MagneticBlock:
+    ) -> SensorBlock:
         """Return the samples that were not read yet and lie before the end of the IMU's block."""
         samples = self._own.next(block.first + len(block.true_t_ns), trajectory.duration)
         self._last = samples
@@ -180,13 +179,14 @@ class Magnetometer:
         made = self._triad.read(
             samples.first, along, np.zeros(along.shape), offset, self._own.faults
         )
-        stamped = self._own.stamp(samples)
-        self.latest = MagneticBlock(
+        self.latest = SensorBlock(
             samples.true_t_ns,
-            *stamped,
-            made.reading.T,
-            ideal.T,
-            (made.bias + made.scale * disturbance).T,
+            *self._own.stamp(samples),
+            {
+                "field": made.reading.T,
+                "ideal_field": ideal.T,
+                "bias": (made.bias + made.scale * disturbance).T,
+            },
         )
         return self.latest
 

@@ -5,10 +5,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.tables import Table
@@ -34,27 +31,6 @@ if TYPE_CHECKING:
 TYPE: Final = "sensor_msgs/msg/Imu"
 TOPIC: Final = "imu/data"
 """The readings again, with an orientation (REP-145)."""
-
-
-class OrientationBlock(NamedTuple):
-    """n orientations that a board states, at samples of the IMU's block."""
-
-    true_t_ns: NDArray[np.int64]
-    """(n,) true times [ns]."""
-    t_ns: NDArray[np.int64]
-    """(n,) the stamps of the messages [ns]."""
-    release_t_ns: NDArray[np.int64]
-    """(n,) when a message leaves the driver [ns]."""
-    delivered: NDArray[np.int64]
-    """(m,) rows that are delivered, in order."""
-    q_wi: Array
-    """(n, 4) orientation of the IMU in the world."""
-    variance: Array
-    """(n, 3) stated, of the error about the world's axes [rad^2]; 0: unknown."""
-    ideal_q_wi: Array
-    """(n, 4) the true one."""
-    rows: NDArray[np.int64]
-    """(n,) rows of the IMU's block that they belong to."""
 
 
 @dataclass(frozen=True, repr=False)

@@ -11,16 +11,15 @@ from numpy.typing import NDArray
 from imu_sim_ros import rotation, timebase
 from imu_sim_ros.random_streams import axis_generators
 from imu_sim_ros.rotation import components
-from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.block import ImuBlock, SensorBlock
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.errors.autoregressive import GaussMarkovBank
+from imu_sim_ros.sensors.errors.processes import GaussMarkovBank
+from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.orientation.declaration import OrientationBlock
 from imu_sim_ros.sensors.orientation.filter import OrientationFilter
 from imu_sim_ros.sensors.orientation.parameters import OrientationParameters
-from imu_sim_ros.sensors.realised import realised_imu
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.types import Array, Times
 
@@ -201,20 +200,22 @@ class Orientation:
 
     def read(
         self, block: ImuBlock, trajectory: Trajectory, temperature: TemperatureProfile
-    ) -> OrientationBlock:
+    ) -> SensorBlock:
         """Return the orientations of a block of the IMU, whose magnetic field has been read."""
         q_wb = np.ascontiguousarray(block.motion.q_wb.T)
         truth = components.multiply(q_wb, self._q_bi)
         q, variance = self._source.next(block, truth)
         rows = np.flatnonzero((block.first + np.arange(len(block.true_t_ns))) % self._every == 0)
         delivered = block.delivered[(block.first + block.delivered) % self._every == 0]
-        return OrientationBlock(
+        return SensorBlock(
             block.true_t_ns[rows],
             block.t_ns[rows],
             block.release_t_ns[rows],
             np.searchsorted(rows, delivered),
-            q.T[rows],
-            variance.T[rows],
-            truth.T[rows],
-            rows,
+            {
+                "q_wi": q.T[rows],
+                "variance": variance.T[rows],
+                "ideal_q_wi": truth.T[rows],
+                "rows": rows,
+            },
         )

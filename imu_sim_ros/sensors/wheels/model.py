@@ -19,7 +19,7 @@ from imu_sim_ros import rotation
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.carried import CarriedSensor
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.errors.events import Events
+from imu_sim_ros.sensors.errors.processes import Events
 from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.sensors.wheels.parameters import WheelsParameters
 from imu_sim_ros.sensors.wheels.uncertainty import StatedCovariance, applied

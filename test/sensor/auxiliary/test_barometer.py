@@ -5,6 +5,7 @@
 
 import itertools
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,10 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
+from simulation_runs import read_all, same_bytes
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters import files
-from imu_sim_ros.sensors.barometer.declaration import PressureBlock
 from imu_sim_ros.sensors.barometer.model import Atmosphere
 from imu_sim_ros.sensors.environment import AtmosphereParameters
 from imu_sim_ros.sensors.faults import Fault
@@ -47,14 +48,7 @@ def simulation(*named: dict[str, Any]) -> Simulation:
     return Simulation(load_simulation(values), sensors=("pressure",))
 
 
-def pressure(run: Simulation, size: int, count: int) -> PressureBlock:
-    parts, before = [], 0
-    for block in run.blocks(size, count):
-        read = block.auxiliary["pressure"]
-        assert read is not None
-        parts.append(read._replace(delivered=read.delivered + before))
-        before += len(read.t_ns)
-    return PressureBlock(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+pressure = partial(read_all, quantity="pressure")
 
 
 @pytest.mark.parametrize(
@@ -141,8 +135,7 @@ def test_the_reading_is_the_formula_at_the_imu_s_place() -> None:
 def test_samples_do_not_depend_on_the_block_size(size: int) -> None:
     count = 300 if size == 1 else 4000
     whole, pieces = (pressure(simulation(RANDOM), s, count) for s in (count, size))
-    for name, a, b in zip(PressureBlock._fields, whole, pieces, strict=True):
-        assert a.tobytes() == b.tobytes(), name
+    assert same_bytes(whole, pieces)
 
 
 def test_noise_and_gusts_have_the_stated_size() -> None:

@@ -5,16 +5,17 @@
 
 import dataclasses
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
+from simulation_runs import read_all, same_bytes
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensors.faults import Fault
-from imu_sim_ros.sensors.magnetometer.declaration import MagneticBlock
 from imu_sim_ros.sensors.magnetometer.model import MagneticField, realised_magnetometer
 from imu_sim_ros.simulation.engine import SimulatedBody, Simulation
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -61,15 +62,7 @@ def simulation(
     return Simulation(load_simulation(values), sensors=sensors)
 
 
-def magnetic(run: Simulation, size: int, count: int) -> MagneticBlock:
-    """All samples; ``delivered`` counts from the first."""
-    parts, before = [], 0
-    for block in run.blocks(size, count):
-        read = block.auxiliary["magnetic_field"]
-        assert read is not None
-        parts.append(read._replace(delivered=read.delivered + before))
-        before += len(read.t_ns)
-    return MagneticBlock(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+magnetic = partial(read_all, quantity="magnetic_field")
 
 
 def true_field(run: Simulation, t: np.ndarray) -> np.ndarray:
@@ -158,8 +151,7 @@ def test_samples_do_not_depend_on_the_block_size(size: int) -> None:
     count = 300 if size == 1 else 2000
     named = (DISTURBED, IRON, RANDOM, OWN_GRID)
     whole, pieces = (magnetic(simulation(*named), s, count) for s in (count, size))
-    for name, a, b in zip(MagneticBlock._fields, whole, pieces, strict=True):
-        assert a.tobytes() == b.tobytes(), name
+    assert same_bytes(whole, pieces)
     assert len(whole.delivered) < len(whole.t_ns)
 
 

@@ -4,18 +4,20 @@
 """The orientation that a board states: its stated errors, and a filter against other people's."""
 
 import math
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
+from simulation_runs import read_all, same_bytes
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters import files
-from imu_sim_ros.sensors.orientation.declaration import OrientationBlock
+from imu_sim_ros.sensors.block import SensorBlock
+from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.sensors.orientation.model import EXACT
-from imu_sim_ros.sensors.realised import realised_imu
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -50,21 +52,14 @@ def simulation(*named: dict[str, Any], sensors: tuple[str, ...] = ("orientation"
     return Simulation(load_simulation(values), sensors=sensors)
 
 
-def stated(run: Simulation, size: int, count: int) -> OrientationBlock:
-    parts, before = [], 0
-    for block in run.blocks(size, count):
-        read = block.auxiliary["orientation"]
-        assert read is not None
-        parts.append(read._replace(delivered=read.delivered + before, rows=read.rows + block.first))
-        before += len(read.t_ns)
-    return OrientationBlock(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+stated = partial(read_all, quantity="orientation")
 
 
 def as_rotation(q: np.ndarray) -> Rotation:
     return Rotation.from_quat(q[..., [1, 2, 3, 0]])
 
 
-def errors(read: OrientationBlock) -> np.ndarray:
+def errors(read: SensorBlock) -> np.ndarray:
     """Return rotation vectors about the world's axes (n, 3) [rad]."""
     truth = as_rotation(read.ideal_q_wi)
     error: np.ndarray = (as_rotation(read.q_wi) * truth.inv()).as_rotvec()
@@ -124,8 +119,7 @@ def test_samples_do_not_depend_on_the_block_size(named: dict[str, Any], size: in
     count = 300 if size == 1 else 1500
     more = {"imu.orientation_rate": 25.0, "imu.dropout_probability": 0.1}
     whole, pieces = (stated(simulation(named, more), s, count) for s in (count, size))
-    for name, a, b in zip(OrientationBlock._fields, whole, pieces, strict=True):
-        assert a.tobytes() == b.tobytes(), name
+    assert same_bytes(whole, pieces)
     assert len(whole.t_ns) == count // 4
     assert len(whole.delivered) < len(whole.t_ns)
 
