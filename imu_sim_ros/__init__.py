@@ -94,11 +94,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.jobs.readings import Readings as Readings
     from imu_sim_ros.jobs.readings import read_imu as read_imu
     from imu_sim_ros.jobs.readings import read_odometry as read_odometry
-    from imu_sim_ros.jobs.recorded import Samples as Samples
     from imu_sim_ros.jobs.recorded import read_images as read_images
-    from imu_sim_ros.jobs.recorded import read_magnetometer as read_magnetometer
-    from imu_sim_ros.jobs.recorded import read_orientation as read_orientation
-    from imu_sim_ros.jobs.recorded import read_pressure as read_pressure
     from imu_sim_ros.jobs.simulate import blocks as blocks
     from imu_sim_ros.jobs.simulate import simulate as simulate
     from imu_sim_ros.jobs.twin import Twin as Twin
@@ -108,8 +104,12 @@ if TYPE_CHECKING:
     from imu_sim_ros.navigation.state import NavigationState as NavigationState
     from imu_sim_ros.poses import PoseSequence as PoseSequence
     from imu_sim_ros.sensors.barometer.declaration import PressureReadings as PressureReadings
+    from imu_sim_ros.sensors.barometer.declaration import read_pressure as read_pressure
     from imu_sim_ros.sensors.magnetometer.declaration import MagneticReadings as MagneticReadings
+    from imu_sim_ros.sensors.magnetometer.declaration import read_magnetometer as read_magnetometer
     from imu_sim_ros.sensors.orientation.declaration import Orientations as Orientations
+    from imu_sim_ros.sensors.orientation.declaration import read_orientation as read_orientation
+    from imu_sim_ros.sensors.recorded import Samples as Samples
     from imu_sim_ros.sensors.registry import register_sensor as register_sensor
     from imu_sim_ros.trajectory.motion import Motion as Motion
 _HOMES = {
@@ -137,18 +137,17 @@ _HOMES = {
     "jobs.readings": [
         *("Odometry", "Readings", "read_imu", "read_odometry"),
     ],
-    "jobs.recorded": [
-        *("Samples", "read_images", "read_magnetometer", "read_orientation", "read_pressure"),
-    ],
+    "jobs.recorded": ["read_images"],
     "jobs.simulate": ["blocks", "simulate"],
     "jobs.twin": ["Twin", "twin"],
     "jobs.twin_check": ["Check"],
     "navigation.preintegration": ["Preintegration"],
     "navigation.state": ["NavigationState"],
     "poses": ["PoseSequence"],
-    "sensors.barometer.declaration": ["PressureReadings"],
-    "sensors.magnetometer.declaration": ["MagneticReadings"],
-    "sensors.orientation.declaration": ["Orientations"],
+    "sensors.barometer.declaration": ["PressureReadings", "read_pressure"],
+    "sensors.magnetometer.declaration": ["MagneticReadings", "read_magnetometer"],
+    "sensors.orientation.declaration": ["Orientations", "read_orientation"],
+    "sensors.recorded": ["Samples"],
     "sensors.registry": ["register_sensor"],
     "trajectory.motion": ["Motion"],
 }

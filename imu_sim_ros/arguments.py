@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.errors import ArgumentTypeError, ConfigurationError
 from imu_sim_ros.names import shown, suggestion
 
+BAG_OR_FILE: Final = "the path of a bag, a folder or a file"
 _LONGEST_PATH: Final = 4095
 _LONGEST_NAME: Final = 255
 """[bytes] What Linux takes, all of a path and one name in it."""
@@ -194,3 +195,8 @@ def stamps(name: str, value: Any) -> NDArray[np.int64]:
     if found.dtype.kind == "u" and (found > np.iinfo(np.int64).max).any():
         refuse(name, value, allowed)
     return found.astype(np.int64, copy=False)
+
+
+def name_of(path: Path) -> str:
+    """Return the name of a file or folder for titles, that of ``.`` too."""
+    return path.name or path.resolve().name or str(path)

@@ -152,6 +152,6 @@ def _bag(cell: SimulatedCell, path: Path, rig: "Rig | None", blocks: Iterator[Im
         from imu_sim_ros.datasets.features import camera_topics
 
         names = {name: name for name in camera_topics(rig.parameters)}
-        with CameraBag(target, rig, names, 1, target.world_frame) as bag:
+        with CameraBag(target, rig, names, 1) as bag:
             _write(bag, None, blocks)
     return path

@@ -9,7 +9,6 @@ Writes a parameter file for the simulator, a correction for the integrator, and 
 import argparse
 import inspect
 import sys
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -20,18 +19,10 @@ from imu_sim_ros import program
 from imu_sim_ros.calibration.deterministic.positions import FIXTURES
 from imu_sim_ros.commands.common import COMMON, GRAVITY_OPTION, outputs
 from imu_sim_ros.commands.tables import calibration_lines
-from imu_sim_ros.jobs import calibrate as jobs
+from imu_sim_ros.jobs.calibrate import RUNS
 from imu_sim_ros.types import Array
 
-EXAMPLES: Final = """
-calibrate six_position positions.bag -o calibration
-calibrate six_position positions.mcap --truth positions_truth.yaml --json
-calibrate turntable table.mcap --rates-deg 30,60,120
-calibrate turntable table.mcap --truth table_truth.yaml --no-files
-calibrate temperature soak.mcap --reference 25 --truth mpu6000
-calibrate temperature ramp.bag --temperature-topic /imu/temperature -o thermal
-calibrate magnetometer tumble.bag --field 4.92e-5 --truth tumble_truth.yaml
-"""
+EXAMPLES: Final = "\n".join(line for run in RUNS.values() for line in run.examples)
 
 
 def _numbers(words: str) -> Array:
@@ -61,69 +52,53 @@ _RATES: Final = {
     },
 }
 _REFERENCE: Final = "reference temperature T0 of the polynomials [degC] (default: 25)"
-_TRUE_RATES: Final = {
-    "--truth-topic TOPIC": "Odometry topic to take the rates from if none are given"
+_OWN: Final[dict[str, dict[str, Any]]] = {
+    "gravity": GRAVITY_OPTION,
+    "simple": {"--simple": "bias and scale only, without misalignment"},
+    "fixture": {
+        "--fixture": {
+            "choices": FIXTURES,
+            "default": FIXTURES[0],
+            "help": "exact: each axis points exactly up and down; norm: ten or more rests in "
+            "any positions, fits the norm of gravity with an upper triangular S; auto "
+            "(default): chooses by a test of the residuals",
+        }
+    },
+    "truth_topic": {
+        "--truth-topic TOPIC": "Odometry topic to take the rates from if none are given"
+    },
+    "accelerometer": {
+        "--accelerometer FILE": "correction.yaml of a six-position run, for a tilted table: "
+        "take the specific force from the accelerometer"
+    },
+    "temperature_topic": {
+        "--temperature-topic TOPIC": "sensor_msgs/Temperature topic, if the bag has several"
+    },
+    "reference": {"--reference DEGC": {"type": float, "default": 25.0, "help": _REFERENCE}},
+    "strength": {
+        "--field T": {
+            "dest": "strength",
+            "type": float,
+            "help": "strength of the Earth's field [T]; without it, the soft iron is scaled "
+            "to determinant 1",
+        }
+    },
 }
-_RUNS: Final[dict[str, tuple[Callable[..., jobs.Calibration], str, dict[str, Any]]]] = {
-    "six_position": (
-        jobs.calibrate_six_position,
-        "calibrate the accelerometer from rests with each axis up and down",
-        {
-            **GRAVITY_OPTION,
-            "--simple": "bias and scale only, without misalignment",
-            "--fixture": {
-                "choices": FIXTURES,
-                "default": FIXTURES[0],
-                "help": "exact: each axis points exactly up and down; norm: ten or more rests in "
-                "any positions, fits the norm of gravity with an upper triangular S; auto "
-                "(default): chooses by a test of the residuals",
-            },
-        },
-    ),
-    "turntable": (
-        jobs.calibrate_turntable,
-        "calibrate the gyroscope from known rates about each axis in both directions",
-        {
-            **GRAVITY_OPTION,
-            **_TRUE_RATES,
-            "--accelerometer FILE": "correction.yaml of a six-position run, for a tilted table: "
-            "take the specific force from the accelerometer",
-        },
-    ),
-    "temperature": (
-        jobs.calibrate_temperature,
-        "calibrate both triads over temperature, from a soak or a ramp",
-        {
-            **GRAVITY_OPTION,
-            **_TRUE_RATES,
-            "--temperature-topic TOPIC": "sensor_msgs/Temperature topic, if the bag has several",
-            "--reference DEGC": {"type": float, "default": 25.0, "help": _REFERENCE},
-        },
-    ),
-    "magnetometer": (
-        jobs.calibrate_magnetometer,
-        "find hard and soft iron of a magnetometer from rotations in all directions",
-        {
-            "--field T": {
-                "dest": "strength",
-                "type": float,
-                "help": "strength of the Earth's field [T]; without it, the soft iron is scaled "
-                "to determinant 1",
-            }
-        },
-    ),
-}
+"""Options of the jobs that have a parameter of this name."""
 
 
 def parser() -> program.Parser:
     """Return the command's arguments."""
     result = program.Parser("calibrate", description=__doc__, examples=EXAMPLES)
     kinds = result.add_subparsers(dest="kind", required=True, metavar="RUN")
-    for name, (_, text, own) in _RUNS.items():
-        run = program.add_subcommand(kinds, f"calibrate {name}", text, EXAMPLES, _FIRST)
-        if "--truth-topic TOPIC" in own:
-            program.add_options(run.add_mutually_exclusive_group(), _RATES)
-        program.add_options(run, own)
+    for name, run in RUNS.items():
+        own = program.add_subcommand(kinds, f"calibrate {name}", run.text, EXAMPLES, _FIRST)
+        parameters = inspect.signature(run.job).parameters
+        if "rates" in parameters:
+            program.add_options(own.add_mutually_exclusive_group(), _RATES)
+        for parameter, option in _OWN.items():
+            if parameter in parameters:
+                program.add_options(own, option)
     return result
 
 
@@ -133,7 +108,7 @@ def calibrate(arguments: argparse.Namespace) -> None:
     folder = arguments.output or Path(arguments.kind)
     names = ["imu.yaml", "correction.yaml", f"{arguments.kind}.png"]
     staging = None if arguments.no_files else written.add_files(folder, names)
-    job = _RUNS[arguments.kind][0]
+    job = RUNS[arguments.kind].job
     own = inspect.signature(job).parameters.keys() & vars(arguments).keys()
     with written:
         found = job(arguments.bag, **program.given(arguments, *own))

@@ -57,15 +57,13 @@ class CameraBag:
     Threads make the images of a block while the one before it is written.
     """
 
-    def __init__(
-        self, bag: BagTarget, rig: Rig, names: Mapping[str, str], jobs: int, world_frame: str
-    ) -> None:
+    def __init__(self, bag: BagTarget, rig: Rig, names: Mapping[str, str], jobs: int) -> None:
         """Make the cameras' topics.
 
         :param names: for each topic of the cameras that is written its name in the bag.
         :param jobs: threads.
         """
-        self.bag, self._rig, self._world_frame = bag, rig, world_frame
+        self.bag, self._rig = bag, rig
         self.block_size = max(1, round(_SPAN * bag.fastest))
         types = camera_topics(rig.parameters)
         self._topics: dict[str, BagTopic] = {
@@ -89,9 +87,9 @@ class CameraBag:
         self._features = self._blind = None
         if FEATURES_TOPIC in self._topics:
             layout = rig.parameters.features.layout
-            self._features = FeatureStream(rig, layout, world_frame, encoding)
+            self._features = FeatureStream(rig, layout, bag.world_frame, encoding)
             self._blind = CameraProgress(rig, next(iter(rig.views)))
-        self._bodies = BodyMessages(rig, world_frame, encoding)
+        self._bodies = BodyMessages(rig, bag.world_frame, encoding)
         self._with_bodies = CameraProgress(rig, self._bodies.view.name)
         self._pool = ThreadPoolExecutor(max(1, jobs), thread_name_prefix="images")
         self._waiting: deque[_Waiting] = deque()
@@ -192,7 +190,7 @@ class CameraBag:
         self._begun = True
         t_ns = int(blocks[self.bag.body].true_t_ns[0])
         encoding = self.bag.writer.encoding
-        cloud = landmarks(self._rig.scene, self._world_frame, t_ns, encoding)
+        cloud = landmarks(self._rig.scene, self.bag.world_frame, t_ns, encoding)
         return [Block(self._topics[LANDMARKS_TOPIC], np.array([t_ns]), [cloud])]
 
     def __enter__(self) -> "CameraBag":

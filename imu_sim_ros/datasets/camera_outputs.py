@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 from imu_sim_ros.bags.text import writer
 from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.conventions import TRUTH_TOPIC
-from imu_sim_ros.datasets.topics import BagTarget, DatasetTarget, body_of, imus_of
+from imu_sim_ros.datasets.topics import DatasetTarget, body_of, imus_of
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.simulation.parameters import SimulationParameters
@@ -113,25 +113,3 @@ def opened(
     for line in tracks.warnings():
         warn(line)
     combined.files = dataset.files
-
-
-@contextmanager
-def in_bag(bag: BagTarget, cameras: "Rig", names: Mapping[str, str], jobs: int) -> Iterator[Any]:
-    """Open what cameras see in a bag of readings.
-
-    :param names: of the cameras' topics.
-    :param jobs: threads that render images.
-    """
-    from imu_sim_ros.datasets.camera_bag import CameraBag
-
-    with CameraBag(bag, cameras, names, jobs, bag.world_frame) as target:
-        yield target
-
-
-@contextmanager
-def images(form: str, output: Path, cameras: "Rig", jobs: int, comment: str) -> Iterator[Any]:
-    """Open the images of a dataset's cameras; the folder exists."""
-    from imu_sim_ros.datasets.images import ImageFolders
-
-    with ImageFolders(output, cameras, form, jobs, comment) as frames:
-        yield frames

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import arguments
+from imu_sim_ros.arguments import BAG_OR_FILE, name_of
 from imu_sim_ros.calibration.noise import noise_files, truth
 from imu_sim_ros.calibration.noise.analysis import MODELS, AllanResult, analyse
 from imu_sim_ros.calibration.noise.estimate import Estimate
@@ -23,7 +24,7 @@ from imu_sim_ros.calibration.noise.truth import Comparison
 from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.output import checked_place, saved
-from imu_sim_ros.jobs.readings import BAG_OR_FILE, Readings, name_of
+from imu_sim_ros.jobs.readings import Readings
 from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.types import Array
 

@@ -12,13 +12,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from imu_sim_ros import arguments
-from imu_sim_ros.arguments import number
+from imu_sim_ros.arguments import BAG_OR_FILE, name_of, number
 from imu_sim_ros.bags import read as bags
 from imu_sim_ros.bags.sensor_tables import read_measured
 from imu_sim_ros.calibration.deterministic import correction
@@ -40,7 +40,7 @@ from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.output import saved
-from imu_sim_ros.jobs.readings import BAG_OR_FILE, Readings, name_of
+from imu_sim_ros.jobs.readings import Readings
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import correction_of
 from imu_sim_ros.parameters import files
@@ -543,3 +543,47 @@ def _corrected(imu: Readings, given: Calibration | str | Path) -> Readings:
 
 def _rms(values: Array) -> list[float]:
     return [float(x) for x in np.sqrt(np.mean(values**2, axis=0))]
+
+
+class Run(NamedTuple):
+    """A kind of calibration run."""
+
+    job: Callable[..., Calibration]
+    text: str
+    """What it does, for ``--help``."""
+    examples: tuple[str, ...]
+    """Lines of a shell."""
+
+
+RUNS: Final = {
+    "six_position": Run(
+        calibrate_six_position,
+        "calibrate the accelerometer from rests with each axis up and down",
+        (
+            "calibrate six_position positions.bag -o calibration",
+            "calibrate six_position positions.mcap --truth positions_truth.yaml --json",
+        ),
+    ),
+    "turntable": Run(
+        calibrate_turntable,
+        "calibrate the gyroscope from known rates about each axis in both directions",
+        (
+            "calibrate turntable table.mcap --rates-deg 30,60,120",
+            "calibrate turntable table.mcap --truth table_truth.yaml --no-files",
+        ),
+    ),
+    "temperature": Run(
+        calibrate_temperature,
+        "calibrate both triads over temperature, from a soak or a ramp",
+        (
+            "calibrate temperature soak.mcap --reference 25 --truth mpu6000",
+            "calibrate temperature ramp.bag --temperature-topic /imu/temperature -o thermal",
+        ),
+    ),
+    _MAGNETOMETER: Run(
+        calibrate_magnetometer,
+        "find hard and soft iron of a magnetometer from rotations in all directions",
+        ("calibrate magnetometer tumble.bag --field 4.92e-5 --truth tumble_truth.yaml",),
+    ),
+}
+"""By the name that the command takes."""

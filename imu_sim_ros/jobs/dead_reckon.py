@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.arguments import number, one_of, switch
+from imu_sim_ros.arguments import BAG_OR_FILE, name_of, number, one_of, switch
 from imu_sim_ros.arguments import path as checked_path
 from imu_sim_ros.arguments import topic as checked_topic
 from imu_sim_ros.conventions import GRAVITY
@@ -26,7 +26,7 @@ from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.jobs import tracks
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.output import saved
-from imu_sim_ros.jobs.readings import BAG_OR_FILE, Odometry, Readings, checked_poses, frame, name_of
+from imu_sim_ros.jobs.readings import Odometry, Readings, checked_poses, frame
 from imu_sim_ros.navigation import initialisation
 from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, initial_covariance, propagate
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon as integrate

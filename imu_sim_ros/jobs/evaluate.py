@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.arguments import array, number, one_of, refuse, switch, text
+from imu_sim_ros.arguments import BAG_OR_FILE, array, number, one_of, refuse, switch, text
 from imu_sim_ros.arguments import path as checked_path
 from imu_sim_ros.arguments import topic as checked_topic
 from imu_sim_ros.errors import InputError
@@ -26,7 +26,7 @@ from imu_sim_ros.jobs.attitude import (
 )
 from imu_sim_ros.jobs.measured import ReadingsEvaluation, evaluate_measured, sensor_of
 from imu_sim_ros.jobs.output import saved
-from imu_sim_ros.jobs.readings import BAG_OR_FILE, HasPoses, checked_poses
+from imu_sim_ros.jobs.readings import HasPoses, checked_poses
 from imu_sim_ros.jobs.tracks import RecordedTrack, read_track
 from imu_sim_ros.jobs.tracks import truth_topic as truth_topic_of
 from imu_sim_ros.navigation.association import (

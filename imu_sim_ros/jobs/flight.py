@@ -16,18 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import arguments
+from imu_sim_ros.arguments import BAG_OR_FILE
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.jobs.output import checked_place, renamed_topics, saved
-from imu_sim_ros.jobs.readings import (
-    BAG_OR_FILE,
-    Odometry,
-    Readings,
-    check_arrays,
-    frame,
-    joined,
-    read_imu,
-)
+from imu_sim_ros.jobs.readings import Odometry, Readings, check_arrays, frame, joined, read_imu
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors import auxiliary_sensors
 from imu_sim_ros.sensors.block import ImuBlock

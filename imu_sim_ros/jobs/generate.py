@@ -413,7 +413,9 @@ class _Job:
                 yield bag
                 return
             of_cameras = {name: new for name, new in self.names.items() if name not in known}
-            with camera_outputs.in_bag(bag, cameras, of_cameras, self.options.jobs) as target:
+            from imu_sim_ros.datasets.camera_bag import CameraBag
+
+            with CameraBag(bag, cameras, of_cameras, self.options.jobs) as target:
                 yield target
 
     @contextmanager
@@ -450,10 +452,10 @@ class _Job:
             if cameras is None:
                 yield target
             else:
+                from imu_sim_ros.datasets.images import ImageFolders
+
                 comment = f"simulated by imu_sim_ros, seed {self.body.seed}"
-                with camera_outputs.images(
-                    form, output, cameras, self.options.jobs, comment
-                ) as images:
+                with ImageFolders(output, cameras, form, self.options.jobs, comment) as images:
                     target = camera_outputs.CameraTarget(dataset, images, self.imus, self.further)
                     yield target
             if form == "euroc":

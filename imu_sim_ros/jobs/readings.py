@@ -8,13 +8,13 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import arguments
-from imu_sim_ros.arguments import array, refuse, stamps, words
+from imu_sim_ros.arguments import BAG_OR_FILE, array, name_of, refuse, stamps, words
 from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.names import suggestion
@@ -30,9 +30,6 @@ from imu_sim_ros.types import Array, Times
 if TYPE_CHECKING:
     from imu_sim_ros.bags.read import OdometryMessages
     from imu_sim_ros.plots.style import Figure
-
-
-BAG_OR_FILE: Final = "the path of a bag, a folder or a file"
 
 
 class HasPoses(Protocol):
@@ -194,11 +191,6 @@ def read_odometry(path: str | Path, topic: str | None = None) -> Odometry:
     topic = arguments.topic("topic", topic)
     found = read(path, topic if topic is None else "/" + topic.lstrip("/"))
     return Odometry.of_messages(found, name_of(path))
-
-
-def name_of(path: Path) -> str:
-    """Return the name of a file or folder for titles, that of ``.`` too."""
-    return path.name or path.resolve().name or str(path)
 
 
 def check_arrays(rows: Any, names: Sequence[str]) -> None:

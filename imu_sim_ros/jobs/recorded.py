@@ -1,12 +1,11 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What other sensors recorded: magnetic field, pressure, orientation, images."""
+"""Images and points that a bag holds."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,105 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import arguments
+from imu_sim_ros.arguments import BAG_OR_FILE
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.jobs.readings import BAG_OR_FILE, name_of
-from imu_sim_ros.sensors import known_tables
-from imu_sim_ros.timebase import span
-from imu_sim_ros.types import Array, Times
-
-
-@dataclass(frozen=True, repr=False)
-class Samples:
-    """The n samples of a recorded sensor."""
-
-    t_ns: Times
-    """(n,) stamps [ns]."""
-    values: Array
-    """(n, 3) magnetic field [T], (n,) pressure [Pa], or (n, 4) orientation q_wi (w, x, y, z)."""
-    covariance: Array
-    """(n, 3, 3), of a pressure (n,): of each sample, as its message states it; 0: unknown."""
-    name: str = "samples"
-
-    def __len__(self) -> int:
-        return len(self.t_ns)
-
-    def __repr__(self) -> str:
-        return f"<Samples {self.name}: {span(self.t_ns)}>"
-
-
-def read_magnetometer(path: str | Path, topic: str | None = None) -> Samples:
-    """Return the magnetic field in a bag or a EuRoC folder.
-
-    :param path: the file or folder.
-    :param topic: topic of type sensor_msgs/MagneticField; None: ``imu/mag``, or the only one.
-    :returns: stamps, fields (n, 3) [T] in the sensor's frame, and their covariances [T^2].
-    :raises ConfigurationError: for an invalid argument.
-    :raises InputError: for a file that cannot be read, or has no magnetic field.
-
-    >>> import imu_sim_ros as ims
-    >>> flight = ims.simulate(imu="mpu9250", duration=2, sensors=["magnetic_field"])
-    >>> _ = flight.save(folder / "field.mcap", topics=["imu/data_raw", "imu/mag"])
-    >>> ims.read_magnetometer(folder / "field.mcap").values.shape
-    (200, 3)
-    """
-    return _read("mag", path, topic)
-
-
-def read_pressure(path: str | Path, topic: str | None = None) -> Samples:
-    """Return the pressure in a bag or a EuRoC folder.
-
-    :param path: the file or folder.
-    :param topic: topic of type sensor_msgs/FluidPressure; None: ``imu/pressure``, or the only one.
-    :returns: stamps, pressures (n,) [Pa] and their variances (n,) [Pa^2].
-    :raises ConfigurationError: for an invalid argument.
-    :raises InputError: for a file that cannot be read, or has no pressure.
-
-    >>> import imu_sim_ros as ims
-    >>> flight = ims.simulate(duration=2, sensors=["pressure"], seed=1)
-    >>> _ = flight.save(folder / "pressure.mcap", topics=["imu/data_raw", "imu/pressure"])
-    >>> ims.read_pressure(folder / "pressure.mcap").values.shape
-    (200,)
-    """
-    found = _read("pressure", path, topic)
-    flat = found.values.reshape(-1), found.covariance.reshape(-1)
-    return Samples(found.t_ns, *flat, found.name)
-
-
-def read_orientation(path: str | Path, topic: str | None = None) -> Samples:
-    """Return the orientation that a board reports, from a bag or a EuRoC folder.
-
-    :param path: the file or folder.
-    :param topic: topic of type sensor_msgs/Imu; None: ``imu/data``, or the only one.
-    :returns: stamps, quaternions q_wi (n, 4) (w, x, y, z), and covariances (n, 3, 3) [rad^2] of the
-        error about the world's axes. Messages without an orientation are left out.
-    :raises ConfigurationError: for an invalid argument.
-    :raises InputError: for a file that cannot be read, or has no orientation.
-
-    >>> import imu_sim_ros as ims
-    >>> flight = ims.simulate(imu="mti3", duration=2, sensors=["orientation"])
-    >>> _ = flight.save(folder / "orientation.mcap", topics=["imu/data"])
-    >>> ims.read_orientation(folder / "orientation.mcap").values.shape
-    (400, 4)
-    """
-    return _read("orientation", path, topic)
-
-
-def _read(kind: str, path: str | Path, topic: str | None) -> Samples:
-    from imu_sim_ros.bags.read import open_bag
-    from imu_sim_ros.bags.sensor_tables import read_table
-    from imu_sim_ros.bags.text.reader import is_text
-
-    table = known_tables()[kind]
-    path = arguments.path("path", path, BAG_OR_FILE)
-    topic = arguments.topic("topic", topic)
-    if topic is None and not is_text(path):
-        with open_bag(path) as bag:
-            names = (one.name for one in bag.topics if one.name.strip("/") == table.topic)
-            topic = next(names, None)
-    found = read_table(path, table, topic)
-    if not len(found.t_ns):
-        raise InputError(f"{path}: contains no {'orientation' if kind == 'orientation' else kind}")
-    return Samples(found.t_ns, found.values, found.covariance, name_of(path))
+from imu_sim_ros.types import Array
 
 
 def read_images(path: str | Path, topic: str | None = None) -> Iterator[tuple[int, NDArray[Any]]]:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import arguments, timebase
+from imu_sim_ros.arguments import BAG_OR_FILE
 from imu_sim_ros.calibration.twin.alignment import coarse_offset, mounting
 from imu_sim_ros.calibration.twin.fit import Recording
 from imu_sim_ros.calibration.twin.model import BodyMotion, Truth
@@ -29,7 +30,7 @@ from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.readings import BAG_OR_FILE, HasPoses, Readings, checked_poses
+from imu_sim_ros.jobs.readings import HasPoses, Readings, checked_poses
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import to_matrix
 from imu_sim_ros.trajectory.build import build_trajectory

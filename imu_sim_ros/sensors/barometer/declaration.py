@@ -6,6 +6,7 @@
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 from imu_sim_ros.inputs.gate import PRESSURE
@@ -15,6 +16,7 @@ from imu_sim_ros.sensors.declaration import AuxiliaryReadings, Model, Sensor, to
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.realised import realised_triad
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.recorded import Samples, read_samples
 from imu_sim_ros.types import Array, Times
 
 TYPE: Final = "sensor_msgs/msg/FluidPressure"
@@ -118,3 +120,23 @@ SENSOR = Sensor(
     readings=PressureReadings,
     realised=_realised,
 )
+
+
+def read_pressure(path: str | Path, topic: str | None = None) -> Samples:
+    """Return the pressure in a bag or a EuRoC folder.
+
+    :param path: the file or folder.
+    :param topic: topic of type sensor_msgs/FluidPressure; None: ``imu/pressure``, or the only one.
+    :returns: stamps, pressures (n,) [Pa] and their variances (n,) [Pa^2].
+    :raises ConfigurationError: for an invalid argument.
+    :raises InputError: for a file that cannot be read, or has no pressure.
+
+    >>> import imu_sim_ros as ims
+    >>> flight = ims.simulate(duration=2, sensors=["pressure"], seed=1)
+    >>> _ = flight.save(folder / "pressure.mcap", topics=["imu/data_raw", "imu/pressure"])
+    >>> ims.read_pressure(folder / "pressure.mcap").values.shape
+    (200,)
+    """
+    found = read_samples(SENSOR.table, path, topic)
+    flat = found.values.reshape(-1), found.covariance.reshape(-1)
+    return Samples(found.t_ns, *flat, found.name)

@@ -5,6 +5,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -16,6 +17,7 @@ from imu_sim_ros.sensors.declaration import AuxiliaryReadings, Model, Sensor, to
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
+from imu_sim_ros.sensors.recorded import Samples, read_samples
 from imu_sim_ros.types import Array, Times
 
 TYPE: Final = "sensor_msgs/msg/MagneticField"
@@ -119,3 +121,21 @@ SENSOR = Sensor(
     readings=MagneticReadings,
     realised=_realised,
 )
+
+
+def read_magnetometer(path: str | Path, topic: str | None = None) -> Samples:
+    """Return the magnetic field in a bag or a EuRoC folder.
+
+    :param path: the file or folder.
+    :param topic: topic of type sensor_msgs/MagneticField; None: ``imu/mag``, or the only one.
+    :returns: stamps, fields (n, 3) [T] in the sensor's frame, and their covariances [T^2].
+    :raises ConfigurationError: for an invalid argument.
+    :raises InputError: for a file that cannot be read, or has no magnetic field.
+
+    >>> import imu_sim_ros as ims
+    >>> flight = ims.simulate(imu="mpu9250", duration=2, sensors=["magnetic_field"])
+    >>> _ = flight.save(folder / "field.mcap", topics=["imu/data_raw", "imu/mag"])
+    >>> ims.read_magnetometer(folder / "field.mcap").values.shape
+    (200, 3)
+    """
+    return read_samples(SENSOR.table, path, topic)

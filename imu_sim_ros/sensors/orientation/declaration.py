@@ -5,6 +5,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros.inputs import gate
@@ -22,6 +23,7 @@ from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.noise import accel_variance_discrete, gyro_variance_discrete
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.orientation.parameters import OrientationParameters
+from imu_sim_ros.sensors.recorded import Samples, read_samples
 from imu_sim_ros.types import Array, Times
 
 if TYPE_CHECKING:
@@ -112,3 +114,22 @@ SENSOR = Sensor(
     needs=_needs,
     faults=False,
 )
+
+
+def read_orientation(path: str | Path, topic: str | None = None) -> Samples:
+    """Return the orientation that a board reports, from a bag or a EuRoC folder.
+
+    :param path: the file or folder.
+    :param topic: topic of type sensor_msgs/Imu; None: ``imu/data``, or the only one.
+    :returns: stamps, quaternions q_wi (n, 4) (w, x, y, z), and covariances (n, 3, 3) [rad^2] of the
+        error about the world's axes. Messages without an orientation are left out.
+    :raises ConfigurationError: for an invalid argument.
+    :raises InputError: for a file that cannot be read, or has no orientation.
+
+    >>> import imu_sim_ros as ims
+    >>> flight = ims.simulate(imu="mti3", duration=2, sensors=["orientation"])
+    >>> _ = flight.save(folder / "orientation.mcap", topics=["imu/data"])
+    >>> ims.read_orientation(folder / "orientation.mcap").values.shape
+    (400, 4)
+    """
+    return read_samples(SENSOR.table, path, topic)
