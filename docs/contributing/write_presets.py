@@ -19,12 +19,10 @@ from imu_sim_ros.types import Array
 _INTRODUCTION = """\
 # Presets
 
-Written by `python docs/contributing/write_presets.py > docs/reference/presets.md`; a test
-checks that it is current.
-
-Names for `--imu`, `--trajectory`, `--camera` and `--scene`, or for `imu.preset`, `trajectory.type`,
-`camera.preset` and `scene.type` in a parameter file. Each is a file in `config/`; a file of your
-own serves as well ([from a data sheet](../how_to/data_sheet.md)).
+This page lists the names for `--imu`, `--trajectory`, `--camera`, `--scene`, `--gnss` and
+`--wheels`, or for `imu.preset`, `trajectory.type`, `camera.preset`, `scene.type`, `gnss.preset` and
+`wheels.preset` in a parameter file. Each is a file in `config/`, and a file of your own works in
+the same way ([from a data sheet](../how_to/data_sheet.md)). `make reference` writes this page.
 
 ## IMUs
 

@@ -32,11 +32,10 @@ _PARTS = (*TRIADS, *AUXILIARY)
 _INTRODUCTION = """\
 # Parameters
 
-Written by `python -m imu_sim_ros.commands.parameter_reference > docs/reference/parameters.md`;
-a test checks that it is current.
+This page lists every parameter with its unit, default and range. `make reference` writes it.
 
 The same names serve everywhere: in ROS 2 parameter files (`--params-file` of nodes and commands),
-as `-p NAME:=VALUE` behind `--ros-args`, as `--NAME VALUE` of a node and as `--set NAME=VALUE` of a
+as `-p NAME:=VALUE` after `--ros-args`, as `--NAME VALUE` of a node and as `--set NAME=VALUE` of a
 command. A vector is a list of three, or one number for all three axes; a matrix is a list of nine
 numbers, row by row. Parameters marked with * take a new value while the node runs; all others are
 fixed when it starts. An unknown name or a value out of range is an error, and all errors are
