@@ -29,11 +29,11 @@ the same way ([from a data sheet](../how_to/data_sheet.md)). `make reference` wr
 Every number is in `config/imus/NAME.yaml` with its source and the computation from the source's
 unit. A number without a source is left out, so a dash does not mean that the sensor has no such
 error. SI units; three values are x, y, z. Noise densities are two-sided: the variance of a sample
-is `density² rate`. White noise [rad/s/√Hz, m/s²/√Hz], random walk of the bias
-[rad/s²/√Hz, m/s³/√Hz], bias instability B [rad/s, m/s²], standard deviation of the turn-on bias
-[rad/s, m/s²]. Bandwidth [Hz] of a fixed low-pass, which is simulated at rates above twice it; in
-brackets that for which the sheet states an RMS, a register that the driver of the chip sets, and
-that is not simulated by default.
+is `density² rate`. White noise [rad/s/√Hz, m/s²/√Hz], random walk of the bias [rad/s²/√Hz,
+m/s³/√Hz], bias instability B [rad/s, m/s²], standard deviation of the turn-on bias [rad/s, m/s²].
+Bandwidth [Hz] of a fixed low-pass, which is simulated at more than twice that rate; in brackets,
+the bandwidth for which the sheet states an RMS, a setting of the chip's driver that is not
+simulated by default.
 """
 _TERMS = {
     "white noise": "noise_density",

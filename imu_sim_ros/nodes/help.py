@@ -27,7 +27,7 @@ class NodeHelp(NamedTuple):
 
 PROGRAMS: Final = {
     "simulator": NodeHelp(
-        "Publish the readings of a simulated IMU together with the ground truth.",
+        "Publish the readings of simulated sensors together with the ground truth.",
         SimulatorParameters,
         (
             "simulator --imu mpu6000 --trajectory figure_eight --rate 400",
@@ -46,17 +46,16 @@ initial_state.""",
         IntegratorParameters,
         (
             "integrator --initial_state truth --error true",
-            "integrator --method rk4 --path-rate 5 --ros-args -r imu/data_raw:=/imu0",
+            "integrator --method rk4 --path_rate 5 --ros-args -r imu/data_raw:=/imu0",
         ),
     ),
     "error_model": NodeHelp(
-        """Adds a sensor's errors to the ideal readings of another simulator.
+        """Add a sensor's errors to the ideal readings of another simulator.
 
-Subscribes to imu/ideal (sensor_msgs/Imu), or with --odometry true to odom/ideal
+The node subscribes to imu/ideal (sensor_msgs/Imu), or with --odometry true to odom/ideal
 (nav_msgs/Odometry), and publishes imu/data_raw; on request also imu/data, imu/temperature and the
-ground truth of readings and biases. What comes in is declared with --input.gravity, --input.axes
-and so on.
-The service ~/reset begins again with the next reading.""",
+ground truth of readings and biases. Declare the input with --input.gravity, --input.axes and so on.
+The service ~/reset starts again with the next reading.""",
         ErrorNodeParameters,
         (
             "error_model --imu bmi088 --rate 1000 --seed 3 --ros-args -r imu/ideal:=/imu",
@@ -122,7 +121,7 @@ def parser(name: str) -> argparse.ArgumentParser:
     )
     result.add_argument("--debug", action="store_true", help="show the traceback of an error")
     result.add_argument("--version", action="store_true", help="print the package's version")
-    group = result.add_argument_group("parameters (* changes while the node runs)")
+    group = result.add_argument_group("parameters (* may change while the node runs)")
     known = dict(parameters(program.section))
     if name == "simulator":
         for sensor in all_sensors()[0]:
