@@ -17,8 +17,8 @@ _INTRODUCTION = """\
 
 This page lists the arguments of every command; `make reference` writes it. Run a program with
 `imu_sim PROGRAM` or, in a ROS 2 workspace, with `ros2 run imu_sim_ros PROGRAM`; `make build` also
-installs each under its own name in `.venv/bin`. `imu_sim PROGRAM --help` prints the texts below. Every program also has `--version`
-and `--debug` (tracebacks).
+installs each under its own name in `.venv/bin`. `imu_sim PROGRAM --help` prints the texts below.
+Every program also has `--version` and `--debug` (tracebacks).
 
 Outputs are complete when they appear under their name, and are never overwritten without `--force`.
 `--json` prints one object on standard output and nothing else there.
