@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Simulation of inertial measurement units, and recovery of parameters from their readings.
+"""Simulation of IMUs and other sensors of a body, and recovery of parameters from readings.
 
 >>> import imu_sim_ros as ims
 >>> flight = ims.simulate(imu="tactical", trajectory="figure_eight", duration=60, rate=200, seed=1)

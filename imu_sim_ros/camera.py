@@ -54,7 +54,7 @@ def tracks(
     :param flight: what :func:`imu_sim_ros.simulate` returns.
     :param camera: a name in config/cameras, a parameter file, or the ``camera.*`` parameters:
         ``{"preset": "euroc_cam0", "pixel_noise": 0.5}``.
-    :param scene: a name in config/scenes, a parameter file, or a file of points.
+    :param scene: a name in config/scenes, a parameter file, or a file of points or a mesh.
     :param block: frames in a block.
     :returns: an iterator over blocks of features.
     :raises ConfigurationError: with a line for each problem.

@@ -107,7 +107,9 @@ class ErrorModel:
     """A sensor's errors on ideal readings that come one by one, or many at a time.
 
     For use inside a simulator's step. With blocks of any size, the samples are those of
-    :func:`add_errors`.
+    :func:`add_errors`, whose other arguments and errors apply.
+
+    :param rate: samples per second [Hz].
 
     >>> import imu_sim_ros as ims
     >>> model = ims.ErrorModel(imu="bmi088", rate=1000, seed=1)
@@ -126,10 +128,7 @@ class ErrorModel:
         input: Mapping[str, Any] | None = None,
         **parameters: Any,
     ) -> None:
-        """Set up the sensor; arguments and errors as for :func:`add_errors`.
-
-        :param rate: samples per second [Hz].
-        """
+        """Set up the sensor."""
         layers = layers_of(imu, seed, params_file, input, parameters, rate)
         self._model = error_model.ErrorModel(load_error_model(layers), remark=_warn)
 
@@ -150,13 +149,14 @@ class ErrorModel:
         accel: ArrayLike,
         orientation: ArrayLike | None = None,
     ) -> ImuBlock:
-        """Return the samples that readings give: one for each, unless ``input.rate`` is higher.
+        """Return the samples of ideal readings: one for each, unless ``input.rate`` is higher.
 
         :param t_ns: stamp, or (n,) stamps [ns].
         :param gyro: (3,) or (n, 3) ideal angular rates [rad/s].
         :param accel: (3,) or (n, 3) ideal specific forces [m/s^2].
         :param orientation: (4,) or (n, 4) q_wb (w, x, y, z); needed if gravity is missing.
-        :raises InputError: for readings that are not finite or not possible; none of them counts.
+        :returns: stamps, readings, temperature and every true error of the samples.
+        :raises InputError: for readings that are not finite or not possible; all are discarded.
         """
         if type(t_ns) is int and orientation is None:
             sample = self._read_one(t_ns, gyro, accel)

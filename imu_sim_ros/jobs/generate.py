@@ -174,7 +174,7 @@ def generate(
     :param output: ``NAME.bag`` is a ROS 1 bag, ``NAME.mcap`` one MCAP file, ``NAME.csv`` and
         ``NAME.tum`` are tables, anything else a rosbag2 folder. Parent folders are created.
     :param cameras: names in config/cameras or parameter files: cam0, cam1, ... in this order.
-    :param scene: scene of the cameras: a name in config/scenes, a parameter file, or points.
+    :param scene: a name in config/scenes, a parameter file, or a file of points or a mesh.
     :param format: a dataset in place of a bag: ``euroc``, ``csv``, ``tum``, ``tracks``, ...
     :param storage: ``mcap``, ``sqlite3`` or ``ros1``; ``compression``: ``none``, ``lz4``, ...
     :param split_duration: length of each file [s], and ``split_size``: its size [bytes]; 0: all.

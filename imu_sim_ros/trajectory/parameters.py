@@ -131,8 +131,8 @@ class FreeFallParameters(TrajectoryParameters):
     """A body thrown and falling, tumbling at a constant rate."""
 
     type: str = text("free_fall", TYPE_TEXT)
-    position: Vector = vector((0.0, 0.0, 1.5), "at the start", unit="m")
-    velocity: Vector = vector((2.0, 0.0, 10.0), "at the start, in the world", unit="m/s")
+    position: Vector = vector((0.0, 0.0, 1.5), "position at the start", unit="m")
+    velocity: Vector = vector((2.0, 0.0, 10.0), "velocity at the start, in the world", unit="m/s")
     roll_pitch_yaw: Vector = vector(ZERO_VECTOR, "attitude at the start", unit="rad")
     angular_velocity: Vector = vector((1.0, 2.0, 0.5), "constant rate in the body", unit="rad/s")
     gravity: Vector = vector(

@@ -279,7 +279,7 @@ class BodiesParameters:
     carts: int = integer(0, "carts that drive themselves", minimum=0, maximum=50)
     doors: int = integer(0, "doors that open and close: office, corridor", minimum=0, maximum=50)
     speed: float = number(
-        1.2, "of people; carts have 0.8 of it", unit="m/s", minimum=0.05, maximum=3.0
+        1.2, "speed of people; carts move at 0.8 of it", unit="m/s", minimum=0.05, maximum=3.0
     )
     landmarks: int = integer(60, "points on each body", minimum=0, maximum=10_000)
 
