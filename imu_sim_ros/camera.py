@@ -27,7 +27,7 @@ def project(points: ArrayLike, camera: str | Path | Mapping[str, Any] = "euroc_c
 
     :param points: (n, 3) in the camera's frame, z along the view [m].
     :param camera: a name in config/cameras, a parameter file, or the ``camera.*`` parameters.
-    :returns: pixels, depths and which points are seen.
+    :returns: the pixels, and which of the points the camera sees.
     :raises ConfigurationError: with a line for each problem.
 
     >>> import imu_sim_ros as ims
