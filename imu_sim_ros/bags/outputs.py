@@ -74,6 +74,18 @@ def make_folder(path: Path) -> None:
         raise system_error(path, error) from None
 
 
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a whole file, or none.
+
+    :raises ImuSimError: if it cannot be written, with the reason.
+    """
+    try:
+        path.write_bytes(data)
+    except OSError as error:
+        path.unlink(missing_ok=True)
+        raise system_error(path, error) from None
+
+
 class OutputFile:
     """A file that grows by whole records and gets its name when it is complete."""
 

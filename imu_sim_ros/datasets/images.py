@@ -18,6 +18,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.bags.outputs import write_bytes
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.bags.writer import amount
 from imu_sim_ros.conventions import IMAGE_TOPIC
@@ -229,12 +230,7 @@ def write_png(path: Path, image: NDArray[Any]) -> None:
 
     :raises ImuSimError: if it cannot be written, with the reason.
     """
-    data = png(image)
-    try:
-        path.write_bytes(data)
-    except OSError as error:
-        path.unlink(missing_ok=True)
-        raise system_error(path, error) from None
+    write_bytes(path, png(image))
 
 
 def _sensor_yaml(camera: CameraParameters, comment: str) -> str:

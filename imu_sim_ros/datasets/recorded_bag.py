@@ -25,6 +25,7 @@ from imu_sim_ros.bags.messages.encode_cameras import (
     CameraInfo,
 )
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
+from imu_sim_ros.bags.outputs import write_bytes
 from imu_sim_ros.bags.read import decoded_messages
 from imu_sim_ros.bags.reader import Bag
 from imu_sim_ros.conventions import (
@@ -236,11 +237,7 @@ def _write(topic: TopicInfo, message: Any, path: Path) -> Size:
         image = pixels(topic.name, message)
         size = image.shape[0], image.shape[1]
         data = png(millimetres(image) if image.dtype == np.float32 else image)
-    try:
-        path.write_bytes(data)
-    except OSError as error:
-        path.unlink(missing_ok=True)
-        raise system_error(path, error) from None
+    write_bytes(path, data)
     return size
 
 

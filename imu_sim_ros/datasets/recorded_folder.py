@@ -28,6 +28,7 @@ from imu_sim_ros.bags.messages.encode_cameras import (
     ImageEncoder,
 )
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE, TransformsEncoder
+from imu_sim_ros.bags.outputs import write_bytes
 from imu_sim_ros.bags.writer import BagTopic, Block, Writer
 from imu_sim_ros.conventions import (
     BODY_FRAME,
@@ -207,11 +208,7 @@ def _copy_image(path: Path, target: Path) -> Size:
     data, size = read_image(path)
     with naming(path):
         data = as_png(data)
-    try:
-        target.write_bytes(data)
-    except OSError as error:
-        target.unlink(missing_ok=True)
-        raise system_error(target, error) from None
+    write_bytes(target, data)
     return size
 
 

@@ -147,31 +147,31 @@ class OwnRate:
     ) -> tuple[Array, Array, Array]:
         """Return positions (3, n), attitudes q_wb (4, n) and temperatures (n,) of n samples.
 
-        If the sensor's times are among the IMU's, they are known already.
-
         :param block: of the IMU, in whose window the samples lie.
         """
+        motion = self.motion(samples, block, trajectory)
         if self._every:
-            start = samples.first * self._every - block.first
-            rows = slice(start, start + self._every * len(samples.t), self._every)
-            position, q_wb = block.motion.position[rows], block.motion.q_wb[rows]
-            celsius = block.temperature[rows]
+            celsius = block.temperature[self._rows(samples, block)]
         else:
-            motion = trajectory.sample(samples.t)
-            position, q_wb = motion.position, motion.q_wb
             celsius = temperature.at(samples.t)
-        return position.T, np.ascontiguousarray(q_wb.T), celsius
+        return motion.position.T, np.ascontiguousarray(motion.q_wb.T), celsius
 
     def motion(self, samples: Sampled, block: ImuBlock, trajectory: Trajectory) -> Motion:
         """Return the body's motion at the times of n samples.
+
+        If these are among the IMU's, it is known already.
 
         :param block: of the IMU, in whose window the samples lie.
         """
         if not self._every:
             return trajectory.sample(samples.t)
-        start = samples.first * self._every - block.first
-        rows = slice(start, start + self._every * len(samples.t), self._every)
+        rows = self._rows(samples, block)
         return Motion(*(values[rows] for values in block.motion))
+
+    def _rows(self, samples: Sampled, block: ImuBlock) -> slice:
+        """Return the rows of the block at whose times the samples are."""
+        start = samples.first * self._every - block.first
+        return slice(start, start + self._every * len(samples.t), self._every)
 
     def _count(self, end: Fraction) -> int:
         """Return how many samples lie before a time [s]."""

@@ -245,7 +245,7 @@ def _pose(parameters: SampledParameters, encoding: str) -> Encode:
 
     def messages(block: ImuBlock) -> RowTemplate:
         motion = block.motion
-        return as_row_template(poses.encode(block.true_t_ns, motion.position, motion.q_wb))
+        return poses.pattern(block.true_t_ns, motion.position, motion.q_wb)
 
     return _at_true_times(messages)
 

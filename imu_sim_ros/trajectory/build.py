@@ -177,7 +177,7 @@ def _motion(parameters: TrajectoryParameters, pose_reader: PoseReader) -> Trajec
         case StaticParameters():
             from imu_sim_ros.trajectory.kinds import Static
 
-            return Static.from_parameters(parameters)
+            return Static(parameters)
         case HarmonicParameters():
             from imu_sim_ros.trajectory.kinds import Harmonic
 

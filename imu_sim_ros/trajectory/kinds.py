@@ -9,7 +9,6 @@ from typing import Any, Final
 import numpy as np
 
 from imu_sim_ros import rotation
-from imu_sim_ros.parameters.kinds import Vector
 from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.trajectory.parameters import (
     FreeFallParameters,
@@ -23,17 +22,8 @@ from imu_sim_ros.trajectory.series import SeriesSet
 from imu_sim_ros.types import Array
 
 
-class Static:
-    """A body that stays where it is, without end."""
-
-    def __init__(self, position: Vector, roll_pitch_yaw: Vector) -> None:
-        self._position = np.array(position)
-        self._q_wb = rotation.from_euler(roll_pitch_yaw)
-
-    @classmethod
-    def from_parameters(cls, parameters: StaticParameters) -> "Static":
-        """Return the trajectory that the parameters describe."""
-        return cls(parameters.position, parameters.roll_pitch_yaw)
+class _Endless:
+    """A motion without end, smooth over any interval."""
 
     @property
     def duration(self) -> float:
@@ -42,8 +32,16 @@ class Static:
 
     @property
     def highest_frequency(self) -> float:
-        """0: nothing moves."""
+        """0."""
         return 0.0
+
+
+class Static(_Endless):
+    """A body that stays where it is."""
+
+    def __init__(self, parameters: StaticParameters) -> None:
+        self._position = np.array(parameters.position)
+        self._q_wb = rotation.from_euler(parameters.roll_pitch_yaw)
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,); the arrays are read-only views of one row."""
@@ -59,7 +57,7 @@ class Static:
         )
 
 
-class FreeFall:
+class FreeFall(_Endless):
     """``p = p0 + v0 t + g t^2 / 2``, without end; an ideal accelerometer reads 0."""
 
     def __init__(self, parameters: FreeFallParameters) -> None:
@@ -68,16 +66,6 @@ class FreeFall:
         self._gravity = np.array(parameters.gravity)
         self._omega = np.array(parameters.angular_velocity)
         self._q_wb = rotation.from_euler(parameters.roll_pitch_yaw)
-
-    @property
-    def duration(self) -> float:
-        """Infinite."""
-        return math.inf
-
-    @property
-    def highest_frequency(self) -> float:
-        """0: readings are smooth over any interval."""
-        return 0.0
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
@@ -93,7 +81,7 @@ class FreeFall:
         )
 
 
-class Harmonic:
+class Harmonic(_Endless):
     """Position and Euler angles in closed form (lecture, section 5, first method), without end."""
 
     def __init__(self, parameters: HarmonicParameters) -> None:
@@ -101,11 +89,6 @@ class Harmonic:
         self._coordinates = SeriesSet([p.x, p.y, p.z, p.roll, p.pitch, p.yaw])
         rates = [abs(sum(angle.polynomial[1:2])) for angle in (p.roll, p.pitch, p.yaw)]
         self._spin = max(rates) / (2.0 * math.pi)
-
-    @property
-    def duration(self) -> float:
-        """Infinite."""
-        return math.inf
 
     @property
     def highest_frequency(self) -> float:
@@ -120,7 +103,7 @@ class Harmonic:
         return Motion(position.T, velocity.T, acceleration.T, *attitudes)
 
 
-class Polar:
+class Polar(_Endless):
     """``p = (r cos angle, r sin angle, height)`` with the body turned by the same angle about z.
 
     In the body, x pointing outward, the acceleration is
@@ -131,11 +114,6 @@ class Polar:
     def __init__(self, parameters: PolarParameters) -> None:
         self._coordinates = SeriesSet([parameters.radius, parameters.angle])
         self._height = parameters.height
-
-    @property
-    def duration(self) -> float:
-        """Infinite."""
-        return math.inf
 
     @property
     def highest_frequency(self) -> float:

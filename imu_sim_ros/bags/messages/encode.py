@@ -9,8 +9,8 @@ it. Inside, quaternions are (w, x, y, z); the messages hold (x, y, z, w).
 """
 
 import struct
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Final
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -73,6 +73,8 @@ class Encoder:
     """Common to all encoders: the layout, and messages with their stamps."""
 
     type_name: str
+    pattern: Callable[..., RowTemplate]
+    """Each encoder's own: returns n messages of stamps (n,) and its columns."""
     varying: tuple[str, ...] = ()
     """Fields of floats in which the messages of :meth:`one` differ."""
 
@@ -93,6 +95,10 @@ class Encoder:
             (struct.Struct(f"<{dtype[name].itemsize // 8}d").pack_into, self.layout.offset(name))
             for name in self.varying
         ]
+
+    def encode(self, *columns: Any, **named: Any) -> Bytes:
+        """Return messages (n, size) of what ``pattern`` takes."""
+        return self.pattern(*columns, **named).array()
 
     def one(self, t_ns: int, *numbers: Sequence[float]) -> bytes:
         """Return one message in plain floats, with the bytes of a pattern of one.
@@ -217,17 +223,6 @@ class ImuEncoder(Encoder):
             linear_acceleration=accel,
         )
 
-    def encode(
-        self,
-        t_ns: Times,
-        gyro: ArrayLike,
-        accel: ArrayLike,
-        q_wi: ArrayLike | None = None,
-        orientation_covariance: ArrayLike = 0.0,
-    ) -> Bytes:
-        """Return messages (n, size) of what :meth:`pattern` takes."""
-        return self.pattern(t_ns, gyro, accel, q_wi, orientation_covariance).array()
-
 
 class OdometryEncoder(Encoder):
     """nav_msgs/Odometry: the pose in ``header.frame_id``, the twist in ``child_frame_id``."""
@@ -282,21 +277,6 @@ class OdometryEncoder(Encoder):
             **covariances,
         )
 
-    def encode(
-        self,
-        t_ns: Times,
-        position: ArrayLike,
-        q_wb: ArrayLike,
-        velocity_b: ArrayLike,
-        angular_velocity_b: ArrayLike,
-        pose_covariance: ArrayLike | None = None,
-        twist_covariance: ArrayLike | None = None,
-    ) -> Bytes:
-        """Return messages (n, size) of what :meth:`pattern` takes."""
-        twist = (velocity_b, angular_velocity_b)
-        covariances = (pose_covariance, twist_covariance)
-        return self.pattern(t_ns, position, q_wb, *twist, *covariances).array()
-
     def message(
         self,
         t_ns: int,
@@ -329,10 +309,10 @@ class PoseStampedEncoder(_OfFrame):
 
     type_name = POSE_STAMPED
 
-    def encode(self, t_ns: Times, position: ArrayLike, q_wb: ArrayLike) -> Bytes:
-        """Return messages (n, size) of positions (n, 3) [m] and quaternions (n, 4)."""
+    def pattern(self, t_ns: Times, position: ArrayLike, q_wb: ArrayLike) -> RowTemplate:
+        """Return n messages of positions (n, 3) [m] and quaternions (n, 4)."""
         q_xyzw = np.asarray(q_wb)[:, ROS_ORDER]
-        return self._row_template(t_ns, position=position, orientation=q_xyzw).array()
+        return self._row_template(t_ns, position=position, orientation=q_xyzw)
 
 
 class Vector3StampedEncoder(_OfFrame):
@@ -344,10 +324,6 @@ class Vector3StampedEncoder(_OfFrame):
     def pattern(self, t_ns: Times, vector: ArrayLike) -> RowTemplate:
         """Return n messages of vectors (n, 3)."""
         return self._row_template(t_ns, vector=vector)
-
-    def encode(self, t_ns: Times, vector: ArrayLike) -> Bytes:
-        """Return messages (n, size) of vectors (n, 3)."""
-        return self.pattern(t_ns, vector).array()
 
 
 class TemperatureEncoder(_OfFrame):
@@ -361,10 +337,6 @@ class TemperatureEncoder(_OfFrame):
     ) -> RowTemplate:
         """Return n messages of temperatures (n,) [degC]; variance 0 means unknown."""
         return self._row_template(t_ns, temperature=temperature, variance=variance)
-
-    def encode(self, t_ns: Times, temperature: ArrayLike, variance: ArrayLike = 0.0) -> Bytes:
-        """Return messages (n, size) of what :meth:`pattern` takes."""
-        return self.pattern(t_ns, temperature, variance).array()
 
 
 class MagneticFieldEncoder(_OfFrame):
@@ -381,10 +353,6 @@ class MagneticFieldEncoder(_OfFrame):
         of_field = _matrix3(covariance).ravel()
         return self._row_template(t_ns, magnetic_field=field, magnetic_field_covariance=of_field)
 
-    def encode(self, t_ns: Times, field: ArrayLike, covariance: ArrayLike = 0.0) -> Bytes:
-        """Return messages (n, size) of what :meth:`pattern` takes."""
-        return self.pattern(t_ns, field, covariance).array()
-
 
 class FluidPressureEncoder(_OfFrame):
     """sensor_msgs/FluidPressure."""
@@ -394,10 +362,6 @@ class FluidPressureEncoder(_OfFrame):
     def pattern(self, t_ns: Times, pressure: ArrayLike, variance: ArrayLike = 0.0) -> RowTemplate:
         """Return n messages of pressures (n,) [Pa]; variance 0 means unknown."""
         return self._row_template(t_ns, fluid_pressure=pressure, variance=variance)
-
-    def encode(self, t_ns: Times, pressure: ArrayLike, variance: ArrayLike = 0.0) -> Bytes:
-        """Return messages (n, size) of what :meth:`pattern` takes."""
-        return self.pattern(t_ns, pressure, variance).array()
 
 
 class TwistWithCovarianceEncoder(_OfFrame):
@@ -464,12 +428,6 @@ class NavSatFixEncoder(_OfFrame):
             position_covariance_type=_COVARIANCE_TYPE_KNOWN,
         )
 
-    def encode(
-        self, t_ns: Times, latitude: ArrayLike, longitude: ArrayLike, altitude: ArrayLike
-    ) -> Bytes:
-        """Return messages (n, size) of what :meth:`pattern` takes."""
-        return self.pattern(t_ns, latitude, longitude, altitude).array()
-
 
 class GpsFixEncoder(Encoder):
     """gps_msgs/GPSFix, whose lists of single satellites are left empty."""
@@ -521,9 +479,9 @@ class ClockEncoder(Encoder):
     def __init__(self, encoding: str = "cdr") -> None:
         super().__init__((), encoding)
 
-    def encode(self, t_ns: Times) -> Bytes:
-        """Return messages (n, size) of times (n,)."""
-        return self._row_template(t_ns).array()
+    def pattern(self, t_ns: Times) -> RowTemplate:
+        """Return n messages of times (n,)."""
+        return self._row_template(t_ns)
 
 
 def _matrix3(covariance: ArrayLike) -> Array:
