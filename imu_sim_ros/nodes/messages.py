@@ -23,7 +23,7 @@ from imu_sim_ros.bags.messages.transforms import TransformsEncoder
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.nodes import transform_type
-from imu_sim_ros.rotation.scalars import normalise
+from imu_sim_ros.rotation.scalars import Q4, V3, normalise
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 
 _BUILTIN = frozenset(
@@ -137,17 +137,13 @@ def _find(package: str, name: str) -> Path | None:
     return next((path for path in paths if path.is_file()), None)
 
 
-Vector = tuple[float, float, float]
-Quaternion = tuple[float, float, float, float]
-
-
 class ImuReading(NamedTuple):
     """The fields of a sensor_msgs/Imu that the integrator uses."""
 
     t_ns: int
-    gyro: Vector
+    gyro: V3
     """[rad/s]"""
-    accel: Vector
+    accel: V3
     """[m/s^2]"""
 
 
@@ -155,13 +151,13 @@ class OdometryFields(NamedTuple):
     """The fields of a nav_msgs/Odometry that the integrator uses."""
 
     t_ns: int
-    position: Vector
+    position: V3
     """[m]"""
-    q_wb: Quaternion
+    q_wb: Q4
     """(w, x, y, z)"""
-    velocity_b: Vector
+    velocity_b: V3
     """of the body, in the body frame [m/s]"""
-    angular_velocity_b: Vector
+    angular_velocity_b: V3
     """[rad/s]"""
 
 
@@ -186,7 +182,7 @@ def imu_reading(payload: bytes) -> ImuReading:
     return _checked(second, nanosecond, (gx, gy, gz), (ax, ay, az))
 
 
-def ideal_reading(payload: bytes) -> tuple[ImuReading, Quaternion | None]:
+def ideal_reading(payload: bytes) -> tuple[ImuReading, Q4 | None]:
     """Return the reading in a sensor_msgs/Imu, and its orientation (w, x, y, z) if it has one.
 
     :raises InputError: as for :func:`imu_reading`; an orientation of another length is none.
@@ -217,7 +213,7 @@ def truth(payload: bytes) -> OdometryFields:
     return OdometryFields(t_ns, position, normalise(q_wb) if off else q_wb, velocity, rate)
 
 
-def _checked(second: int, nanosecond: int, gyro: Vector, accel: Vector) -> ImuReading:
+def _checked(second: int, nanosecond: int, gyro: V3, accel: V3) -> ImuReading:
     t_ns = second * NANOSECONDS_PER_SECOND + nanosecond
     if second < 0 or not gate.is_reading(t_ns, gyro, accel):
         raise _refused(_stamp(second, nanosecond), (gate.RATE, gyro), (gate.FORCE, accel))

@@ -83,7 +83,7 @@ def messages(dice: random.Random) -> tuple[str, list[str], list[str]]:
     from imu_sim_ros.errors import ImuSimError
     from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
     from imu_sim_ros.nodes import messages as decode
-    from imu_sim_ros.nodes.integrator.diagnostics import IntegratedState, TruthComparison
+    from imu_sim_ros.nodes.integrator.diagnostics import TruthComparison
     from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator
     from imu_sim_ros.parameters.sections import build
 
@@ -111,8 +111,7 @@ def messages(dice: random.Random) -> tuple[str, list[str], list[str]]:
             except ImuSimError:
                 continue
             for row in rows:
-                estimate = IntegratedState(row.t_ns, row.position, row.q_wb)
-                errors += comparison.add_estimate(estimate)
+                errors += comparison.add_estimate(row)
             for row in [*rows, *errors]:
                 values = [np.ravel(part) for part in row if part is not None]
                 if not np.isfinite(np.concatenate(values)).all():

@@ -28,12 +28,13 @@ from imu_sim_ros.nodes.error_model.output import DEPTH, Outputs, wanted
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import check_overrides, create
 from imu_sim_ros.nodes.subscriptions import MatchedInputs, RawSubscriptions, Taken
+from imu_sim_ros.rotation.scalars import Q4
 from imu_sim_ros.simulation.error_input import Differentiator, Given
 from imu_sim_ros.simulation.error_model import ErrorModel
 from imu_sim_ros.simulation.error_parameters import NODE, ErrorNodeParameters, layer_error_model
 from imu_sim_ros.simulation.topics import sensors_of
 
-Reading = tuple[decode.ImuReading, decode.Quaternion | None]
+Reading = tuple[decode.ImuReading, Q4 | None]
 """Reading of one message, and the orientation if it has one."""
 _READ_PERIOD: Final = 0.001
 """[s] How long readings wait for each other, and about the longest that one waits. At 1 kHz they

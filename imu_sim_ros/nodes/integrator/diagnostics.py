@@ -12,21 +12,12 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
 
 from imu_sim_ros.nodes.diagnostics import PERIOD, diagnostics
+from imu_sim_ros.nodes.integrator.odometer import Row
 from imu_sim_ros.nodes.messages import OdometryFields
 from imu_sim_ros.rotation.scalars import Q4, V3, conjugate, multiply
 
 _KEPT = 20000
 _Item = TypeVar("_Item")
-
-
-class IntegratedState(NamedTuple):
-    """A dead-reckoned state."""
-
-    t_ns: int
-    position: V3
-    """[m]"""
-    q_wb: Q4
-    """(w, x, y, z)"""
 
 
 class ErrorAt(NamedTuple):
@@ -46,7 +37,7 @@ class TruthComparison:
         self.last: ErrorAt | None = None
         self.count = 0
         self._sum_of_squares = 0.0
-        self._estimates: dict[int, IntegratedState] = {}
+        self._estimates: dict[int, Row] = {}
         self._truths: dict[int, OdometryFields] = {}
 
     @property
@@ -54,11 +45,12 @@ class TruthComparison:
         """RMS position error so far [m]."""
         return math.sqrt(self._sum_of_squares / self.count) if self.count else 0.0
 
-    def add_estimate(self, estimate: IntegratedState) -> Iterator[ErrorAt]:
+    def add_estimate(self, estimate: Row) -> Iterator[ErrorAt]:
         """Take an estimate; yields its error if its truth is known already."""
         truth = self._truths.pop(estimate.t_ns, None)
         if truth is None:
-            _keep(self._estimates, estimate.t_ns, estimate)
+            pose = estimate._replace(pose_covariance=None, twist_covariance=None)
+            _keep(self._estimates, estimate.t_ns, pose)
         else:
             yield self._compare(estimate, truth)
 
@@ -70,7 +62,7 @@ class TruthComparison:
         else:
             yield self._compare(estimate, truth)
 
-    def _compare(self, estimate: IntegratedState, truth: OdometryFields) -> ErrorAt:
+    def _compare(self, estimate: Row, truth: OdometryFields) -> ErrorAt:
         x, y, z = (a - b for a, b in zip(estimate.position, truth.position, strict=True))
         error = ErrorAt(
             estimate.t_ns,

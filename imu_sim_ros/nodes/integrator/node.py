@@ -37,7 +37,6 @@ from imu_sim_ros.nodes import messages as decode
 from imu_sim_ros.nodes import run, signals
 from imu_sim_ros.nodes.integrator.diagnostics import (
     ErrorAt,
-    IntegratedState,
     IntegratorDiagnostics,
     TruthComparison,
 )
@@ -195,8 +194,7 @@ class Integrator(ConfiguredNode):
             for row in rows:
                 self._path.add(row)
         if self.comparison is not None:
-            estimates = [IntegratedState(row.t_ns, row.position, row.q_wb) for row in rows]
-            errors = [error for each in estimates for error in self.comparison.add_estimate(each)]
+            errors = [error for row in rows for error in self.comparison.add_estimate(row)]
             if errors:
                 self._publish_errors(errors)
 

@@ -19,7 +19,6 @@ from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.orientation.filter import OrientationFilter
-from imu_sim_ros.sensors.orientation.parameters import OrientationParameters
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.types import Array, Times
 
@@ -27,9 +26,10 @@ EXACT: Final = 1e-12
 """[rad^2] Stated of an orientation without any error: 0 would say that its variance is unknown."""
 
 
-class OrientationModel:
-    """``q = exp(e) q_wi`` with a normal error e about the world's axes.
+class ModelledOrientation:
+    """The truth with errors of known covariance.
 
+    ``q = exp(e) q_wi`` with a normal error e about the world's axes.
     ``e = e_on + drift + noise + k |a| u``: constant, first-order Gauss-Markov, white, and, with a
     Gauss-Markov u of unit variance, an error that grows with the acceleration a of the body, like
     that of a filter that takes the specific force for the vertical. Its covariance, diagonal about
@@ -37,12 +37,9 @@ class OrientationModel:
     ``EXACT`` is stated.
     """
 
-    def __init__(self, parameters: OrientationParameters, seed: int, dt: float) -> None:
-        """Draw the constant error and the initial states.
-
-        :param dt: time between two samples [s].
-        """
-        p = parameters
+    def __init__(self, imu: ImuParameters, environment: EnvironmentParameters) -> None:
+        """Draw the constant error and the initial states."""
+        p, seed, dt = imu.orientation, environment.seed, 1.0 / environment.rate
         turn_on = [s.standard_normal() for s in axis_generators(seed, "orientation.turn_on")]
         self._constant = (np.array(turn_on) * p.turn_on_sigma)[:, None]
         self._constant_variance = np.square(p.turn_on_sigma)[:, None]
@@ -59,11 +56,10 @@ class OrientationModel:
             dt,
         )
 
-    def next(self, q_wi: Array, acceleration: Array) -> tuple[Array, Array]:
-        """Return the orientations (4, n) and the variances of their errors (3, n) [rad^2].
+    def next(self, block: ImuBlock, q_wi: Array) -> tuple[Array, Array]:
+        """Return orientations (4, n) and the variances of their errors (3, n) [rad^2].
 
-        :param q_wi: (4, n) true ones of the next n samples.
-        :param acceleration: (3, n) of the body [m/s^2].
+        :param q_wi: (4, n) the true ones.
         """
         n = q_wi.shape[1]
         error = np.repeat(self._constant, n, axis=1)
@@ -77,24 +73,13 @@ class OrientationModel:
             error += self._noise * numbers
             variance += self._noise**2
         if self._per_acceleration.any():
-            x, y, z = acceleration
+            x, y, z = block.motion.acceleration.T
             sigma = self._per_acceleration * np.sqrt(x * x + y * y + z * z)
             error += sigma * self._dynamic.next_block(n)
             variance += sigma * sigma
         exact = np.all(variance == 0.0, axis=0)
         variance[:, exact] = EXACT
         return components.multiply(components.exp(error), q_wi), variance
-
-
-class ModelledOrientation:
-    """The truth with errors of known covariance."""
-
-    def __init__(self, imu: ImuParameters, environment: EnvironmentParameters) -> None:
-        self._model = OrientationModel(imu.orientation, environment.seed, 1.0 / environment.rate)
-
-    def next(self, block: ImuBlock, q_wi: Array) -> tuple[Array, Array]:
-        """Return orientations (4, n) and the variances of their errors (3, n) [rad^2]."""
-        return self._model.next(q_wi, block.motion.acceleration.T)
 
 
 class FieldSensor(Protocol):
