@@ -1,15 +1,17 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of a campaign and of its estimators."""
+"""Parameters of a campaign, of its estimators, and of the faults that it injects."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.names import suggestion
+from imu_sim_ros.names import shown, suggestion
 from imu_sim_ros.navigation.parameters import ATTITUDE_UPDATES, METHODS
 from imu_sim_ros.parameters.kinds import choice, flag, integer, number, text
+from imu_sim_ros.sensors import with_faults
+from imu_sim_ros.sensors.faults import Fault
 
 ALIGNMENTS = ("none", "yaw", "se3", "sim3")
 DATASETS = ("euroc", "tracks", "rosbag2", "ros1", "mcap")
@@ -115,3 +117,61 @@ def find_estimator(kind: str) -> type:
     if kind not in kinds:
         raise ConfigurationError(f"type = {kind!r}: {suggestion(kind, kinds)}")
     return kinds[kind]
+
+
+@dataclass(frozen=True)
+class TimedFault:
+    """A fault and its start time."""
+
+    at: float
+    """[s] after the start."""
+    fault: Fault
+
+
+def read_faults(content: object) -> tuple[TimedFault, ...]:
+    """Return the faults that a plan's ``faults`` describe.
+
+    :raises ConfigurationError: with a line for each problem.
+    """
+    if content is None:
+        return ()
+    if not isinstance(content, list):
+        raise ConfigurationError(f"faults = {shown(content)}: must be a list of faults")
+    found, problems = [], []
+    for k, entry in enumerate(content):
+        try:
+            found.append(_fault(f"faults[{k}]", entry))
+        except ConfigurationError as error:
+            problems += [f"faults[{k}]: {line}" for line in error.problems]
+        except (TypeError, ValueError) as error:
+            problems.append(f"faults[{k}] = {shown(entry)}: {error}")
+    if problems:
+        raise ConfigurationError(problems)
+    return tuple(found)
+
+
+def _fault(where: str, entry: object) -> TimedFault:
+    if not isinstance(entry, Mapping):
+        raise ConfigurationError(
+            f"{shown(entry)}: must hold at, kind, and optionally duration, value and triad"
+        )
+    unknown = set(entry) - {"at", "kind", "duration", "value", "triad"}
+    if unknown:
+        raise ConfigurationError(f"{', '.join(sorted(map(str, unknown)))}: unknown")
+    at = entry.get("at", 0.0)
+    if isinstance(at, bool) or not isinstance(at, int | float) or not 0.0 <= at < 1e9:
+        raise ConfigurationError(f"at = {shown(at)}: must be a time of at least 0 s")
+    triad = str(entry.get("triad", ""))
+    if triad in with_faults():
+        raise ConfigurationError(f"triad = {triad}: a campaign simulates the IMU alone")
+    value = entry.get("value", 0.0)
+    values = tuple(float(v) for v in value) if isinstance(value, list) else float(value)
+    return TimedFault(
+        float(at),
+        Fault(
+            str(entry.get("kind")),
+            duration=float(entry.get("duration", float("inf"))),
+            value=values,  # type: ignore[arg-type]
+            triad=triad,
+        ),
+    )

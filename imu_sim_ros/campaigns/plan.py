@@ -28,7 +28,6 @@ from imu_sim_ros.campaigns.cells import (
     read_axes,
 )
 from imu_sim_ros.campaigns.cells import word as in_words
-from imu_sim_ros.campaigns.faults import TimedFault, read_faults
 from imu_sim_ros.campaigns.gate import Requirement, parse
 from imu_sim_ros.campaigns.metrics import (
     Better,
@@ -47,7 +46,9 @@ from imu_sim_ros.campaigns.parameters import (
     CampaignParameters,
     CommandEstimator,
     DeadReckonEstimator,
+    TimedFault,
     find_estimator,
+    read_faults,
 )
 from imu_sim_ros.errors import ConfigurationError, InputError, naming
 from imu_sim_ros.inputs.rows import is_present

@@ -29,7 +29,7 @@ from imu_sim_ros.navigation.covariance import (
 )
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA, Truth, attitude_errors, nees
-from imu_sim_ros.navigation.noise import noise_of
+from imu_sim_ros.navigation.parameters import noise_of
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensors.block import ImuBlock

@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any, Final
 from imu_sim_ros import program
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.bags.write import COMPRESSIONS, STORAGES, dataset_form
-from imu_sim_ros.commands.common import DISCARD_PARTIAL, FORCE, refused_messages
+from imu_sim_ros.commands.common import DISCARD_PARTIAL, FORCE, skipped_rows
 from imu_sim_ros.jobs.output import Form
 
 if TYPE_CHECKING:
+    from imu_sim_ros.inputs.rows import BadRows
     from imu_sim_ros.jobs.convert import ConversionWatcher
 
 _LONGEST_SIZE: Final = 20
@@ -102,15 +103,19 @@ def watcher(arguments: argparse.Namespace, name: str, warning: str) -> "Conversi
     :param name: of the program.
     :param warning: what its warnings begin with.
     """
-    from imu_sim_ros.jobs.convert import ConversionWatcher  # generate converts nothing
+    from imu_sim_ros.jobs.convert import ConversionWatcher, passed_on  # generate converts nothing
 
-    skipped, warned = refused_messages(arguments, name, arguments.input)
+    def warned(bad: "BadRows") -> None:
+        words = f"{passed_on(bad)}; they are passed on, --skip-bad-rows leaves them out"
+        print(f"{name}: warning: {words}", file=sys.stderr)
+
+    skipped = skipped_rows(arguments, name, arguments.input)
     quiet = arguments.quiet or arguments.json
     return ConversionWatcher(
         lambda line: print(f"{warning}{line}", file=sys.stderr),
         progress=lambda total: program.progress(f"writing {arguments.output}", total, quiet),
         skipped=skipped,
-        warned=warned,
+        warned=None if skipped else warned,
     )
 
 

@@ -12,7 +12,7 @@ from typing import Any, Final
 from imu_sim_ros import program, signals
 from imu_sim_ros.bags.outputs import Outputs
 from imu_sim_ros.conventions import GRAVITY
-from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
+from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.poses import PoseSequence
 
 PICTURES: Final = (".png", ".svg", ".pdf")
@@ -99,27 +99,6 @@ def skipped_rows(arguments: argparse.Namespace, name: str, path: str | Path) -> 
         print(f"{name}: {path}: {count} bad rows skipped", file=sys.stderr)
 
     return say if arguments.skip_bad_rows else None
-
-
-def refused_messages(
-    arguments: argparse.Namespace, name: str, path: str | Path
-) -> tuple[Skipped | None, Warned | None]:
-    """Return what becomes of a bag's readings and poses that the gate refuses, in a conversion.
-
-    They are skipped on request; otherwise they are passed on with a warning, for a conversion is
-    the way to look at them.
-    """
-
-    def warn(bad: BadRows) -> None:
-        print(
-            f"{name}: warning: {bad.source}: {bad.rows} of {bad.rows + bad.good} messages "
-            f"are not finite or not possible, the first is {bad.first}; they are passed on, "
-            "--skip-bad-rows leaves them out",
-            file=sys.stderr,
-        )
-
-    skipped = skipped_rows(arguments, name, path)
-    return skipped, None if skipped else warn
 
 
 class PoseReader:

@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros import rotation
-from imu_sim_ros.bags.outputs import OutputFile, make_folder
+from imu_sim_ros.bags.outputs import OutputFile, make_folder, write_bytes
 from imu_sim_ros.bags.text import decimals
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.decimals import decimal
@@ -26,7 +26,6 @@ from imu_sim_ros.bags.text.writer import EUROC_IMU_HEADER
 from imu_sim_ros.bags.writer import amount
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets.images import ImageFolders, image_name, write_png
-from imu_sim_ros.errors import system_error
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.rig import Rig
@@ -84,10 +83,7 @@ class TumVi:
             write_png(place / "vignette.png", share.astype(np.uint16))
             text = dso_lens(camera.view.parameters)
             if text:
-                try:
-                    (place / "camera.txt").write_text(text, encoding="utf-8")
-                except OSError as error:
-                    raise system_error(place / "camera.txt", error) from None
+                write_bytes(place / "camera.txt", text.encode())
 
     def _file(self, name: str, header: str) -> OutputFile:
         file = OutputFile(self.path / name)

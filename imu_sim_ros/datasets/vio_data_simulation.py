@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.bags.outputs import make_folder
+from imu_sim_ros.bags.outputs import make_folder, write_bytes
 from imu_sim_ros.bags.text import decimals
 from imu_sim_ros.bags.writer import amount
 from imu_sim_ros.datasets.tracks import CameraProgress
@@ -150,11 +150,7 @@ class VioDataSimulation:
 
     @staticmethod
     def _put(path: Path, values: Array) -> None:
-        text = decimals.lines([values], " ") if len(values) else b""
-        try:
-            path.write_bytes(text)
-        except OSError as error:
-            raise system_error(path, error) from None
+        write_bytes(path, decimals.lines([values], " ") if len(values) else b"")
 
     def __enter__(self) -> "VioDataSimulation":
         return self

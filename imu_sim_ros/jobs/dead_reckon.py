@@ -31,8 +31,7 @@ from imu_sim_ros.navigation import initialisation
 from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, initial_covariance, propagate
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon as integrate
 from imu_sim_ros.navigation.evaluation import Drift, Truth, distances, drift_from
-from imu_sim_ros.navigation.noise import noise_of
-from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
+from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator, noise_of
 from imu_sim_ros.navigation.state import (
     Correction,
     NavigationState,

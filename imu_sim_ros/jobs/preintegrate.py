@@ -16,7 +16,7 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.readings import Readings
-from imu_sim_ros.navigation.noise import noise_of
+from imu_sim_ros.navigation.parameters import noise_of
 from imu_sim_ros.navigation.preintegration import METHODS, Preintegration, between
 from imu_sim_ros.navigation.preintegration import preintegrate as over_intervals
 

@@ -21,8 +21,7 @@ from imu_sim_ros.navigation.covariance import (
     Covariance,
     initial_covariance,
 )
-from imu_sim_ros.navigation.noise import ImuErrors, noise_of
-from imu_sim_ros.navigation.parameters import IntegratorParameters
+from imu_sim_ros.navigation.parameters import ImuErrors, IntegratorParameters, noise_of
 from imu_sim_ros.navigation.state import Correction, NavigationState, correction_of
 from imu_sim_ros.types import Array, Times
 

@@ -12,7 +12,7 @@ from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.navigation.association import interpolate_vectors
-from imu_sim_ros.navigation.noise import ImuErrors
+from imu_sim_ros.navigation.parameters import ImuErrors
 from imu_sim_ros.navigation.preintegration_slow_errors import SlowErrorsOfIntervals
 from imu_sim_ros.types import Array
 

@@ -36,7 +36,7 @@ from imu_sim_ros.campaigns.runs import CellRuns, DeadReckoning
 from imu_sim_ros.jobs.report import write_campaign_page
 from imu_sim_ros.navigation.covariance import POSITION, initial_covariance, propagate
 from imu_sim_ros.navigation.evaluation import nees
-from imu_sim_ros.navigation.noise import noise_of
+from imu_sim_ros.navigation.parameters import noise_of
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.text_tables import print_table
