@@ -134,8 +134,8 @@ class Rosbag1Writer(ChunkWriter):
 
     encoding = "ros1"
 
-    def __init__(self, path: Path, compression: str = "none", renamed: bool = True) -> None:
-        super().__init__(path, compression, renamed)
+    def __init__(self, path: Path, compression: str = "none") -> None:
+        super().__init__(path, compression, renamed=True)
         self._compress = compressor(compression)
         self._announced = 0
         self._numbered: set[BagTopic] = set()

@@ -110,17 +110,18 @@ def unmet(found: Sequence[Group], require: Sequence[Requirement]) -> list[Unmet]
     return result
 
 
-def unmet_lines(failed: Sequence[Unmet], shown: int = 10) -> list[str]:
-    """Return a line for each requirement that is not met, and group.
+_SHOWN = 10
+"""Lines of a requirement; one more counts the others."""
 
-    :param shown: how many lines of a requirement; one more counts the others.
-    """
+
+def unmet_lines(failed: Sequence[Unmet]) -> list[str]:
+    """Return a line for each requirement that is not met, and group."""
     lines: list[str] = []
     for text in dict.fromkeys(one.requirement.text for one in failed):
         of_text = [one.line() for one in failed if one.requirement.text == text]
-        lines += of_text[:shown]
-        if len(of_text) > shown:
-            more = len(of_text) - shown
+        lines += of_text[:_SHOWN]
+        if len(of_text) > _SHOWN:
+            more = len(of_text) - _SHOWN
             lines.append(f"require {text}: not met {more} more times; report.html lists all")
     return lines
 

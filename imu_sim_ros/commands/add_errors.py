@@ -10,9 +10,10 @@ from typing import Final
 from imu_sim_ros import program
 from imu_sim_ros.commands import bag_output
 from imu_sim_ros.commands.common import SKIP_BAD_ROWS, outputs
-from imu_sim_ros.jobs.add_errors_bag import OFFERED, USUAL
+from imu_sim_ros.jobs.add_errors_bag import USUAL
 from imu_sim_ros.jobs.add_errors_files import FORMATS, ErrorOptions, write
 from imu_sim_ros.simulation.error_parameters import NODE
+from imu_sim_ros.simulation.topics import OF_THE_ERROR_MODEL
 
 EXAMPLES: Final = """
   add_errors ideal.mcap -o noisy.mcap --imu bmi088 --seed 3
@@ -33,7 +34,7 @@ _TOPICS: Final = {
     "sensor_msgs/Imu topic)",
     "--topics NAME,...": {
         "default": "",
-        "help": f"topics to add (default: {','.join(USUAL)}); all: {', '.join(OFFERED)}",
+        "help": f"topics to add (default: {','.join(USUAL)}); all: {', '.join(OF_THE_ERROR_MODEL)}",
     },
     "--without NAME,...": {"default": "", "help": "topics of the input to leave out"},
 }

@@ -20,27 +20,17 @@ from imu_sim_ros.conventions import (
     GYROSCOPE_BIAS_TOPIC,
     IDEAL_IMU_TOPIC,
     IMU_TOPIC,
-    TEMPERATURE_TOPIC,
 )
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
 from imu_sim_ros.jobs.add_errors import rate_of
-from imu_sim_ros.sensors.orientation.declaration import TOPIC as ORIENTATION_TOPIC
 from imu_sim_ros.simulation.error_input import Differentiator, Given
 from imu_sim_ros.simulation.error_model import ErrorModel
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
 from imu_sim_ros.simulation.topics import TYPES, encoder, sensors_of
 from imu_sim_ros.types import Array, Times
 
-OFFERED: Final = (
-    IMU_TOPIC,
-    ORIENTATION_TOPIC,
-    TEMPERATURE_TOPIC,
-    IDEAL_IMU_TOPIC,
-    GYROSCOPE_BIAS_TOPIC,
-    ACCELEROMETER_BIAS_TOPIC,
-)
 USUAL: Final = (IMU_TOPIC, GYROSCOPE_BIAS_TOPIC, ACCELEROMETER_BIAS_TOPIC)
 _READING: Final = ("angular_velocity", "linear_acceleration")
 _ORIENTED: Final = (*_READING, "orientation", "orientation_covariance")
@@ -132,7 +122,7 @@ class BagErrors:
     ) -> None:
         """Set up the sensor.
 
-        :param names: of :data:`OFFERED`, each with its name in the new bag.
+        :param names: of :data:`OF_THE_ERROR_MODEL`, each with its name in the new bag.
         :param remark: receives what looks like a mistake, a line each.
         """
         self._bag, self._source, self._parameters, self._names = bag, source, parameters, names

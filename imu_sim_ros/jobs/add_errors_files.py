@@ -27,14 +27,14 @@ from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.jobs import convert
 from imu_sim_ros.jobs.add_errors import ROWS_AT_ONCE, layers_of, rate_of, with_rate
-from imu_sim_ros.jobs.add_errors_bag import OFFERED, USUAL, BagErrors, names_in, rate_in, source_of
+from imu_sim_ros.jobs.add_errors_bag import USUAL, BagErrors, names_in, rate_in, source_of
 from imu_sim_ros.jobs.convert import ConversionWatcher, ConvertOptions
 from imu_sim_ros.jobs.output import Form, checked_form, checked_place, is_file
 from imu_sim_ros.names import unknown
 from imu_sim_ros.simulation.error_input import Given
 from imu_sim_ros.simulation.error_model import Counts, ErrorModel
 from imu_sim_ros.simulation.error_parameters import orientation_problems
-from imu_sim_ros.simulation.topics import delivered
+from imu_sim_ros.simulation.topics import OF_THE_ERROR_MODEL, delivered
 
 FORMATS = ("euroc", "csv")
 """Datasets that have readings."""
@@ -191,7 +191,11 @@ class _Job:
         self.layers, self.dataset = layers, dataset
         self.written, self.watcher = written, watcher
         names = [name.strip().lstrip("/") for name in form.topics if name.strip()]
-        problems = [unknown("topic", name, OFFERED) for name in names if name not in OFFERED]
+        problems = [
+            unknown("topic", name, OF_THE_ERROR_MODEL)
+            for name in names
+            if name not in OF_THE_ERROR_MODEL
+        ]
         if problems:
             raise InputError(problems)
         self.added = USUAL if dataset else list(dict.fromkeys(names)) or USUAL

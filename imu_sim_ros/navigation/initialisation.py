@@ -206,10 +206,8 @@ def after_rest(
     r_wb: Array,
     gravity: Sequence[float],
     rate_hz: float,
-    *,
-    levelled: bool = True,
 ) -> Covariance:
-    """Return the covariance at the end of a rest.
+    """Return the covariance at the end of a rest, which gives roll and pitch as well.
 
     :param noise: the IMU's errors.
     :param time: length of the rest [s].
@@ -217,7 +215,6 @@ def after_rest(
     :param r_wb: (3, 3) attitude.
     :param gravity: (3,) in the world, along z [m/s^2].
     :param rate_hz: readings per second; it decides how far rounding averages out.
-    :param levelled: roll and pitch are from the rest as well, and not otherwise known.
     """
     result = Covariance(noise)
     p, slow = result.matrix, result.slow
@@ -232,21 +229,20 @@ def after_rest(
     walk = np.square(noise.accelerometer.random_walk) * time
     constant = np.diag(np.broadcast_to(np.square(accelerometer_bias), 3))
     p[ACCEL_BIAS, ACCEL_BIAS] = constant + np.diag(walk)
-    if levelled:
-        tilt = _turn_by_bias(r_wb) / -gravity[2]
-        white = _mean_of_white(
-            noise.accelerometer.noise_density, noise.accelerometer.resolution, time, rate_hz
-        )
-        own = constant + np.diag(white + walk / 3.0) + (accel * mean) @ accel.T
-        p[ATTITUDE, ATTITUDE] = tilt @ own @ tilt.T
-        p[ATTITUDE, ATTITUDE][2, 2] += _coning(p[ATTITUDE, ATTITUDE][:2, :2], r_wb)
-        p[ATTITUDE, ACCEL_BIAS] = tilt @ (constant + np.diag(0.5 * walk))
-        p[ACCEL_BIAS, ATTITUDE] = p[ATTITUDE, ACCEL_BIAS].T
-        slow.cross[ATTITUDE] = tilt @ accel * end
-        # The gyroscope's slow errors share no axis with the accelerometer's; scales may.
-        shared = -tilt @ (accel * mean) @ gyro.T
-        p[ATTITUDE, GYRO_BIAS] = shared
-        p[GYRO_BIAS, ATTITUDE] = shared.T
+    tilt = _turn_by_bias(r_wb) / -gravity[2]
+    white = _mean_of_white(
+        noise.accelerometer.noise_density, noise.accelerometer.resolution, time, rate_hz
+    )
+    own = constant + np.diag(white + walk / 3.0) + (accel * mean) @ accel.T
+    p[ATTITUDE, ATTITUDE] = tilt @ own @ tilt.T
+    p[ATTITUDE, ATTITUDE][2, 2] += _coning(p[ATTITUDE, ATTITUDE][:2, :2], r_wb)
+    p[ATTITUDE, ACCEL_BIAS] = tilt @ (constant + np.diag(0.5 * walk))
+    p[ACCEL_BIAS, ATTITUDE] = p[ATTITUDE, ACCEL_BIAS].T
+    slow.cross[ATTITUDE] = tilt @ accel * end
+    # The gyroscope's slow errors share no axis with the accelerometer's; scales may.
+    shared = -tilt @ (accel * mean) @ gyro.T
+    p[ATTITUDE, GYRO_BIAS] = shared
+    p[GYRO_BIAS, ATTITUDE] = shared.T
     return Covariance(noise, p, slow.cross)
 
 

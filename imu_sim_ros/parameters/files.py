@@ -138,9 +138,9 @@ def _other_problems(cls: type, layering: Layering, given: Mapping[str, object]) 
     return []
 
 
-def dump(instance: object, path: Path, node: str = "/**", comment: str = "") -> None:
+def dump(instance: object, path: Path, comment: str = "") -> None:
     """Write a section as a parameter file that gives an equal section when it is loaded."""
-    write(flatten(instance), path, node, comment)
+    write(flatten(instance), path, comment=comment)
 
 
 def write(values: Mapping[str, Value], path: Path, node: str = "/**", comment: str = "") -> None:

@@ -58,10 +58,16 @@ from imu_sim_ros.sensors.errors.noise import (
 )
 from imu_sim_ros.sensors.gravity import geodetic
 from imu_sim_ros.sensors.imu.model import ImuSample
+from imu_sim_ros.sensors.orientation.declaration import TOPIC as ORIENTATION_TOPIC
 from imu_sim_ros.sensors.registry import find_sensor
 from imu_sim_ros.simulation.parameters import SampledParameters, carried, carried_frames
 from imu_sim_ros.types import Times
 
+OF_THE_ERROR_MODEL: Final = (
+    *(IMU_TOPIC, ORIENTATION_TOPIC, TEMPERATURE_TOPIC, IDEAL_IMU_TOPIC),
+    *(GYROSCOPE_BIAS_TOPIC, ACCELEROMETER_BIAS_TOPIC),
+)
+"""Topics that an error model has for the readings of somebody else."""
 OF_THE_BODY: Final = (TRUTH_TOPIC, TRUTH_FIX_TOPIC)
 """Topics that several IMUs on one body have in common."""
 TRANSFORMS, MOUNTINGS = TF_TOPIC.strip("/"), TF_STATIC_TOPIC.strip("/")

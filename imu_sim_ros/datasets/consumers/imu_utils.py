@@ -4,16 +4,14 @@
 """Configuration of imu_utils and of allan_variance_ros (src/AllanVarianceComputor.cpp)."""
 
 import math
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.datasets.consumers.values import ImuValues, comment, remarks
-from imu_sim_ros.types import Array
 
-UNITS: Final = {"gyroscope": " rad/s", "accelerometer": " m/s^2"}
+_UNITS: Final = {"gyroscope": " rad/s", "accelerometer": " m/s^2"}
 """The string that imu_utils writes as the unit, with its leading blank, for both _n and _w."""
 _NAMES: Final = {"gyroscope": ("Gyr", "gyr"), "accelerometer": ("Acc", "acc")}
 _AXES: Final = ("avg-axis", "x-axis", "y-axis", "z-axis")
@@ -35,38 +33,16 @@ def result(values: ImuValues) -> str:
         ]
     )
     root = math.sqrt(values.rate)
-    pairs = {
-        triad: np.stack(
-            [values.axes(f"{triad}_noise_density") * root, values.lowest_deviation(triad)], axis=1
-        )
-        for triad in UNITS
-    }
-    return document(head, pairs, UNITS)
-
-
-def document(
-    head: str,
-    pairs: dict[str, Array],
-    units: dict[str, str],
-    notes: dict[str, Sequence[Sequence[str]]] | None = None,
-) -> str:
-    """Return the text of imu_utils' form.
-
-    :param head: comments.
-    :param pairs: by triad, (3, 2): _n and _w of each axis.
-    :param units: by triad.
-    :param notes: by triad, (3, 2) ends of the axes' lines, such as a comment.
-    """
     lines = [f"%YAML:1.0\n---\n{head}type: IMU\nname: imu_sim_ros\n"]
-    for triad, table in pairs.items():
+    for triad, unit in _UNITS.items():
         section, short = _NAMES[triad]
-        ends = [["", ""], *(notes[triad] if notes else [["", ""]] * 3)]
-        lines.append(f'{section}:\n   unit: "{units[triad]}"\n')
+        white = values.axes(f"{triad}_noise_density") * root
+        table = np.stack([white, values.lowest_deviation(triad)], axis=1)
+        lines.append(f'{section}:\n   unit: "{unit}"\n')
         # The average is that of the axes, as imu_utils takes it.
-        for axis, pair, end in zip(_AXES, [table.mean(axis=0), *table], ends, strict=True):
+        for axis, pair in zip(_AXES, [table.mean(axis=0), *table], strict=True):
             lines.append(
-                f"   {axis}:\n      {short}_n: {pair[0]:.16e}{end[0]}\n"
-                f"      {short}_w: {pair[1]:.16e}{end[1]}\n"
+                f"   {axis}:\n      {short}_n: {pair[0]:.16e}\n      {short}_w: {pair[1]:.16e}\n"
             )
     return "".join(lines)
 

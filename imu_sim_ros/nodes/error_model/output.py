@@ -12,13 +12,7 @@ from typing import Any, Final, NamedTuple
 from rclpy.qos import QoSProfile
 
 from imu_sim_ros.bags.messages.blocks import as_list
-from imu_sim_ros.conventions import (
-    ACCELEROMETER_BIAS_TOPIC,
-    GYROSCOPE_BIAS_TOPIC,
-    IDEAL_IMU_TOPIC,
-    IMU_TOPIC,
-    TEMPERATURE_TOPIC,
-)
+from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.nodes.lifetime import Fail, SupervisedThread
 from imu_sim_ros.nodes.publishing import Counter, create
 from imu_sim_ros.sensors.block import ImuBlock
@@ -26,6 +20,7 @@ from imu_sim_ros.sensors.imu.model import ImuSample
 from imu_sim_ros.sensors.orientation.declaration import TOPIC as ORIENTATION_TOPIC
 from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters, ErrorPublishParameters
 from imu_sim_ros.simulation.topics import (
+    OF_THE_ERROR_MODEL,
     TYPES,
     Encode,
     EncodeOne,
@@ -38,15 +33,11 @@ DEPTH: Final = 4000
 """Messages kept for a reliable subscriber that has not acknowledged them: 4 s at 1 kHz."""
 _READINGS: Final = (IMU_TOPIC, ORIENTATION_TOPIC)
 """What the sensor's driver releases; the truth has no latency."""
-_TOPICS: Final = (
-    *_READINGS,
-    *(TEMPERATURE_TOPIC, IDEAL_IMU_TOPIC, GYROSCOPE_BIAS_TOPIC, ACCELEROMETER_BIAS_TOPIC),
-)
 
 
 def wanted(publish: ErrorPublishParameters) -> list[str]:
     """Return the topics that are published."""
-    return [topic for topic in _TOPICS if is_published(topic, publish)]
+    return [topic for topic in OF_THE_ERROR_MODEL if is_published(topic, publish)]
 
 
 class _Output(NamedTuple):
