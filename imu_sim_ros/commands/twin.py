@@ -12,7 +12,7 @@ from typing import Final
 
 from imu_sim_ros import program
 from imu_sim_ros.bags.messages.encode import NAV_SAT_FIX
-from imu_sim_ros.bags.messages.joints import JOINT_STATE
+from imu_sim_ros.bags.messages.transforms import JOINT_STATE
 from imu_sim_ros.bags.read import open_bag, read_imu
 from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.commands.common import COMMON, GRAVITY_OPTION, PoseReader, outputs, skipped_rows

@@ -100,7 +100,7 @@ def _warnings(own: WheelsParameters, trajectory: Trajectory, duration: float) ->
 
 def _joints(name: str, position: str, velocity: str, truth: bool = False) -> Topic:
     def make(_: str, encoding: str) -> Payloads:
-        from imu_sim_ros.bags.messages.joints import JointStateEncoder
+        from imu_sim_ros.bags.messages.transforms import JointStateEncoder
 
         def payloads(read: Any, rows: Any, _: ImuBlock, now: Any) -> "RowTemplate":
             t_ns = (read.true_t_ns if truth else read.t_ns)[rows]
