@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 # The linters are installed with today's versions; the run on the oldest versions has none.
-pytestmark = pytest.mark.ros
+# mypy takes a minute of processor time: on a loaded machine more than a test's ten minutes.
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(3600)]
 
 ROOT = Path(__file__).parents[1]
 TOOLS = {
