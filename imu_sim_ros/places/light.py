@@ -38,7 +38,7 @@ _DIRECTIONS: Final = 28
 _BOUNCES: Final = 4
 _SAMPLES: Final = 2
 """Points along each side of a lamp."""
-_LEAST: Final = np.float32(4e-3)
+_LEAST: Final = np.float32(1e-3)
 """Light of a point of a lamp below which nobody asks for its shadow."""
 _OFF: Final = np.float32(2e-3)
 """Rays start this far in front of their surface [m]."""
@@ -64,6 +64,21 @@ class Lighting(NamedTuple):
     """What lets the sun into a house; none: it shines everywhere."""
     sky: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Radiance of what directions meet that meet no matt surface."""
+
+
+class Baked(NamedTuple):
+    """Light on m surfaces; rows go up, columns across, values are of the middles of even parts."""
+
+    total: list[Single]
+    """(rows, columns, 3) irradiance of red, green and blue on each."""
+    sources: list[Single]
+    """(lamps + 1, rows, columns) of each lamp and the sun, without colour and exposure."""
+    exposure: np.float32 = np.float32(1.0)
+    """By which the total was multiplied."""
+
+    def exposed(self, factor: np.float32) -> "Baked":
+        """Return it with another exposure."""
+        return Baked([factor * each for each in self.total], self.sources, factor)
 
 
 class _Points(NamedTuple):
@@ -107,9 +122,10 @@ class _Points(NamedTuple):
         return cls(at, normals, surface, shapes, first)
 
     def of(self, m: int, values: Single) -> Single:
-        """Return what surface m has of the values (n, 3) of all points: (rows, columns, 3)."""
+        """Return what surface m has of the values (..., n) of all points: (..., rows, columns)."""
         rows, columns = self.shapes[m].tolist()
-        return values[self.first[m] : self.first[m] + rows * columns].reshape(rows, columns, 3)
+        part = values[..., self.first[m] : self.first[m] + rows * columns]
+        return part.reshape(*part.shape[:-1], rows, columns)
 
     def at(self, where: Surfaces, number: NDArray[np.int64], places: Single) -> NDArray[np.int64]:
         """Return the point next to each place (n, 3) on a surface (n,)."""
@@ -134,10 +150,8 @@ def bake(
     sky: NDArray[np.bool_],
     lighting: Lighting,
     detail: Array | float = 1.0,
-) -> list[Single]:
-    """Return the irradiance on each surface: (rows, columns, 3) of red, green and blue.
-
-    Rows go up and columns across; each value is that of the middle of its part of the surface.
+) -> Baked:
+    """Return the light on each surface.
 
     :param albedo: (m, 3) share of the light that each surface gives back, mean of it.
     :param detail: (m,) density of the points on each surface, of the others' one.
@@ -146,15 +160,15 @@ def bake(
     casting = ~sky & (where.sides.prod(axis=1) > _SMALL)
     solid = Caster(where.some(casting), np.float32)
     fine, coarse = (_Points.on(where, ~sky, count, detail) for count in (_POINTS, _COARSE))
-    direct, start = (
-        _from_lamps(points, solid, lighting) + _from_sun(points, solid, lighting)
-        for points in (fine, coarse)
-    )
+    (direct, sources), (start, _) = (_direct(each, solid, lighting) for each in (fine, coarse))
     given = _given_back(coarse, where, albedo.astype(np.float32), sky, start, lighting)
     maps = []
     for m, (rows, columns) in enumerate(fine.shapes.tolist()):
-        maps.append(fine.of(m, direct) + resampled(coarse.of(m, given), rows, columns))
-    return maps
+        own, others = (
+            np.moveaxis(p.of(m, v.T), 0, 2) for p, v in ((fine, direct), (coarse, given))
+        )
+        maps.append(own + resampled(others, rows, columns))
+    return Baked(maps, [fine.of(m, sources) for m in range(len(maps))])
 
 
 def resampled(grid: Single, rows: int, columns: int, first: int = 0, some: int = 0) -> Single:
@@ -180,10 +194,18 @@ def resampled(grid: Single, rows: int, columns: int, first: int = 0, some: int =
     return grid
 
 
-def _from_lamps(points: _Points, solid: Caster, lighting: Lighting) -> Single:
+def _direct(points: _Points, solid: Caster, lighting: Lighting) -> tuple[Single, Single]:
+    """Return what lamps and sun give (n, 3), and each of them without its colour (lamps + 1, n)."""
+    sources = np.zeros((len(lighting.lamps) + 1, len(points.places)), np.float32)
+    total = _from_lamps(points, solid, lighting, sources)
+    total += _from_sun(points, solid, lighting, sources[-1])
+    return total, sources
+
+
+def _from_lamps(points: _Points, solid: Caster, lighting: Lighting, sources: Single) -> Single:
     result = np.zeros_like(points.places)
     normals = solid.surfaces.normal
-    for lamp in lighting.lamps:
+    for lamp, alone in zip(lighting.lamps, sources, strict=False):
         origin, across, up = lamp.rectangle
         normal = np.cross(across, up)
         area = math.sqrt(float(normal @ normal))
@@ -203,10 +225,11 @@ def _from_lamps(points: _Points, solid: Caster, lighting: Lighting) -> Single:
             facing = ((place - solid.surfaces.origin) * normals).sum(axis=1) > 0.0
             seen = rows[~solid.blocked(points.places[rows], way[rows], 1.0, facing)]
             result[seen] += value[seen, None] * colour
+            alone[seen] += value[seen]
     return result
 
 
-def _from_sun(points: _Points, solid: Caster, lighting: Lighting) -> Single:
+def _from_sun(points: _Points, solid: Caster, lighting: Lighting, alone: Single) -> Single:
     result = np.zeros_like(points.places)
     colour = np.array(lighting.sun, np.float32)
     if not colour.any():
@@ -224,6 +247,7 @@ def _from_sun(points: _Points, solid: Caster, lighting: Lighting) -> Single:
         ends = ends[inside] - np.float32(0.02)
     seen = rows[~solid.blocked(points.places[rows], way, ends)]
     result[seen] = height[seen, None] * colour
+    alone[seen] = height[seen]
     return result
 
 

@@ -10,7 +10,8 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.places.light import Single, bake, factors, resampled
+from imu_sim_ros.places.gloss import Polish
+from imu_sim_ros.places.light import Baked, Single, bake, factors, resampled
 from imu_sim_ros.places.materials import (
     CONTRASTS,
     WEAR_PERIODS,
@@ -45,13 +46,27 @@ class Painter:
         self._layers: dict[tuple[str, float, float], Differences] = {}
 
     @cached_property
+    def _albedo(self) -> Single:
+        return np.array([_linear(face.material) for face in self.place.faces], np.float32)
+
+    @cached_property
+    def _exposed(self) -> Baked:
+        sky = self.place.sky
+        light = bake(self._surfaces, self._albedo, sky, self.place.lighting, self.place.detail)
+        return light.exposed(_exposure(light.total, sky, self._areas(), MIDDLE[self._site.light]))
+
+    @cached_property
     def _light(self) -> list[Single]:
         """Factors of the sRGB values on each face (rows, columns, 3)."""
-        albedo = np.array([_linear(face.material) for face in self.place.faces], np.float32)
-        sky = self.place.sky
-        maps = bake(self._surfaces, albedo, sky, self.place.lighting, self.place.detail)
-        exposed = _exposed(maps, sky, self._areas(), MIDDLE[self._site.light])
-        return [factors(values) for values in exposed]
+        return [factors(values) for values in self._exposed.total]
+
+    def polish(self, colour: bool) -> Polish | None:
+        """Return the gloss of the place for images in colour or in grey; None: all is matt."""
+        lit = np.array([each.mean(axis=(0, 1)) for each in self._exposed.total])
+        lit[self.place.sky] = 1.0
+        weights = np.eye(3) if colour else np.array([_WEIGHTS]) / 256.0
+        found = Polish(self.place, self._exposed, self._albedo * lit, weights.astype(np.float32))
+        return found if len(found.face) else None
 
     def _areas(self) -> NDArray[np.float64]:
         """Weights of the faces in the exposure: their areas, less where nobody looks closely."""
@@ -167,10 +182,10 @@ def _linear(material: str) -> list[float]:
     return [round(min(0.85, (float(c) / 255.0) ** 2.2), 6) for c in colour_of(material)]
 
 
-def _exposed(
+def _exposure(
     maps: list[Single], sky: NDArray[np.bool_], areas: NDArray[np.float64], middle: float
-) -> list[Single]:
-    """Return light scaled so that half of all surfaces have more than a value."""
+) -> np.float32:
+    """Return the factor of light with which half of all surfaces have more than a value."""
     values, weights = [], []
     for each, dark, area in zip(maps, sky, areas, strict=True):
         if not dark:
@@ -181,5 +196,4 @@ def _exposed(
     order = np.argsort(value, kind="stable")
     sums = np.cumsum(weight[order])
     median = float(value[order][np.searchsorted(sums, 0.5 * sums[-1])])
-    factor = np.float32(round(middle / max(median, 1e-6), 6))
-    return [each * factor for each in maps]
+    return np.float32(round(middle / max(median, 1e-6), 6))

@@ -110,7 +110,7 @@ def test_the_same_parameters_give_the_same_bytes(make_rig):
         total.update(imager.image(20).tobytes() + imager.image(90).tobytes())
     first, second = (make_imager(make_rig, "corridor")[1] for _ in range(2))
     assert np.array_equal(first.image(33), second.image(33))
-    assert total.hexdigest()[:16] == "a1c28b191fc95075"
+    assert total.hexdigest()[:16] == "886888e2f875753c"
 
 
 def test_texture_and_light_change_what_is_seen_and_nothing_else(make_rig):
@@ -217,3 +217,29 @@ def test_corners_of_a_printed_grid_in_a_lit_scene_are_unbiased(make_rig):
     assert max(np.abs(slopes)) > 3.0  # the light does come from a side
     assert np.abs(errors.mean(axis=0)).max() < 0.01
     assert np.sqrt((errors**2).mean()) < 0.1
+
+
+def test_a_highlight_is_where_the_mirrored_lamp_is(make_rig):
+    """To within a pixel: the lobe's middle, but for the slope of the lamp's light on the wall."""
+    site = Site(np.zeros(3), np.array([4.0, 4.0, 2.5]), np.zeros((0, 3)))
+    builder = Builder(site)
+    builder.face((4.0, 4.0, 0.0), (0, -4.0, 0), (0, 0, 2.5), "tiles")
+    pane = (np.array([1.0, 2.4, 2.1]), np.array([0, 0.2, 0]), np.array([0, 0, 0.2]))
+    lighting = Lighting([Lamp(pane, (20.0, 20.0, 20.0))], sky=(0.2, 0.2, 0.2))
+    place = Place(tuple(builder.faces), lighting, site.low, site.high, np.zeros((0, 3)))
+    wall = place.surfaces()
+    textures = atlas(wall, CorridorParameters(), False, Painter(place, site))
+    view = make_rig("figure_eight", **SMALL).views["cam0"]
+    renderer = Renderer(view.model, wall, textures, 1)
+    mounting = rotation.from_matrix(np.array(SMALL["camera__mounting"]).reshape(3, 3))
+    for eye in ((1.0, 2.1, 1.0), (0.6, 2.9, 1.6)):
+        poses = Poses(np.array([eye]), mounting[None])
+        [(_, maps)] = renderer.maps(Eyes(poses))
+        brightest = int(maps.finish.pixel[maps.finish.add[0].argmax()])
+        expected, _ = view.model.project(in_camera(poses, np.array([[7.0, 2.5, 2.2]])))
+        v, u = divmod(brightest, 188)
+        assert np.abs(expected[0] - (u, v)).max() < 1.0
+        image = np.concatenate([picture for _, picture in renderer.pictures(Eyes(poses))])
+        matt = Renderer(view.model, wall, textures._replace(polish=None), 1)
+        plain = np.concatenate([picture for _, picture in matt.pictures(Eyes(poses))])
+        assert image[v, u] > plain[v, u] + 10

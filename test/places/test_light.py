@@ -17,7 +17,7 @@ FLOOR = (np.array([-2.0, -2, 0]), np.array([4.0, 0, 0]), np.array([0.0, 4, 0]))
 def baked(rectangles, albedo, lighting):
     where = surfaces(rectangles, hides=True)
     shares = np.full((len(rectangles), 3), albedo)
-    return bake(where, shares, np.zeros(len(rectangles), np.bool_), lighting)
+    return bake(where, shares, np.zeros(len(rectangles), np.bool_), lighting).total
 
 
 def form_factor(a, b, h):

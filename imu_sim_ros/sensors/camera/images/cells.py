@@ -7,6 +7,7 @@ A pair is a cell and a rectangle that may be seen in it. All pairs of an image a
 once: what an image costs follows from its pixels, hardly from the number of its rectangles.
 """
 
+import math
 from collections.abc import Iterator
 from typing import Final, NamedTuple
 
@@ -108,8 +109,10 @@ _CORNERS: Final = 15_000
 """Corners of tiles, times rectangles, that are looked at once."""
 _PAIRS: Final = 400
 """Pairs that are dealt with at once: the arrays of their rays stay in a processor's cache."""
-_BENT: Final = np.float32(0.125)
-"""Share of a cell by which the image of a straight line may bend within it."""
+_APART: Final = np.float32(1e-5)
+"""Share of 1 / t by which a surface is at least nearer than what it hides."""
+_BENT: Final = 0.03
+"""Least share of a cell that the image of a straight line is taken to bend within it."""
 
 
 class Pairs(NamedTuple):
@@ -160,12 +163,15 @@ def _runs(cell: Integers) -> tuple[Integers, Integers]:
 class CellGrid:
     """The cells of an image, and tiles of them."""
 
-    def __init__(self, corners: Corners, slack: float) -> None:
+    def __init__(self, corners: Corners, angle: float) -> None:
         """Take the corners of all cells.
 
-        :param slack: by which, relatively, rays may be longer within a cell than at its corners.
+        :param angle: across a cell at most [rad]. Rays are longer within a cell than at its corners
+            by up to 1 - cos, and the image of a line bends by about an eighth of the angle.
         """
-        self._slack = np.float32(slack)
+        self._slack = np.float32(1.0 - math.cos(angle))
+        self._bent = np.float32(max(_BENT, 0.25 * angle))
+        self._bent_in_tile = np.float32(_TILE) * self._bent
         self.rows, self.columns = (length - 1 for length in corners.rays.shape[1:])
         edges = [np.arange(0, n + _TILE, _TILE).clip(max=n) for n in (self.rows, self.columns)]
         self._coarse = corners.rays[:, edges[0][:, None], edges[1]]
@@ -191,35 +197,58 @@ class CellGrid:
         parts = [self._possible(planes, m, min(m + step, count)) for m in range(0, count, step)]
         if not parts:
             return Pairs(np.zeros(0, np.int64), np.zeros(0, np.int64))
-        cell, which, nearest, hiding = (
-            np.concatenate([part[k] for part in parts]) for k in range(4)
+        cell, which, nearest, hiding, corners = (
+            np.concatenate([part[k] for part in parts], axis=-1) for k in range(5)
         )
         short = self.rows * self.columns <= 1 << 16  # integers of 16 bits are sorted by radix
         order = np.argsort(cell.astype(np.uint16) if short else cell, kind="stable")
         cell, nearest, hiding = cell[order], nearest[order], hiding[order]
         first, counts = _runs(cell)
         hidden = np.maximum.reduceat(hiding, first) if len(cell) else hiding
-        seen = nearest > hidden.repeat(counts)
+        hidden = hidden.repeat(counts)
+        hides = (hiding == hidden) & (hiding > 0.0)
+        seen = nearest > hidden
+        seen &= ~self._behind(corners.take(order, axis=1), hides, cell)
         return Pairs(cell[seen], which[order][seen])
+
+    def _behind(self, corners: Single, hides: Mask, cell: Integers) -> Mask:
+        """Tell which pairs (p,) are behind another that fills their cell.
+
+        Between the corners of a cell 1 / t of two planes differs linearly, but for the bend.
+
+        :param corners: (4, p) 1 / t.
+        :param hides: (p,) pairs that hide the most in their cell.
+        """
+        front = np.full(self.rows * self.columns, -1)
+        which = np.flatnonzero(hides)
+        front[cell[which]] = which
+        other = front[cell]
+        some = np.flatnonzero(other >= 0)
+        nearer = corners.take(other[some], axis=1)
+        before = nearer - corners.take(some, axis=1)
+        least, most = before.min(axis=0), before.max(axis=0)
+        behind = np.zeros(len(cell), np.bool_)
+        behind[some] = least - self._bent * (most - least) > _APART * nearer.max(axis=0)
+        return behind
 
     def _possible(
         self, planes: Planes, start: int, stop: int
-    ) -> tuple[Integers, Integers, Single, Single]:
+    ) -> tuple[Integers, Integers, Single, Single, Single]:
         """Return the cells in which some rectangles may be, and the rectangles' numbers (p,).
 
-        And the largest 1 / t of each there, and the one beyond which it hides everything.
+        And the largest 1 / t of each there, the one beyond which it hides everything, and those at
+        the corners (4, p).
         """
         vectors, places = planes.seen(slice(start, stop), self._coarse_rows)
         edges = _edges(vectors[..., None], places[..., None], self._coarse[:, None])
-        tiles = _any_corner(edges[0] > 0.0)
-        for value in edges[1:]:
-            tiles &= _any_corner(value >= 0.0)
-        which, tile = np.nonzero(_with_neighbours(tiles).reshape(stop - start, -1))
+        least, most = _over_cells(edges, np.minimum), _over_cells(edges, np.maximum)
+        tiles = (most + self._bent_in_tile * (most - least) >= 0.0).all(axis=0)
+        which, tile = np.nonzero(tiles.reshape(stop - start, -1))
         vectors, places = planes.seen(which + start, self._fine_rows[tile])
         edges = _edges(vectors[..., None], places[..., None], self._fine.take(tile, axis=1))
         least, most = _over_cells(edges, np.minimum), _over_cells(edges, np.maximum)
         bend = most - least
-        bend *= _BENT
+        bend *= self._bent
         bend[0] += self._slack * most[0]
         most += bend
         least -= bend
@@ -230,7 +259,11 @@ class CellGrid:
         hides &= least[0] > 2.0 * _IN_FRONT
         hiding = np.where(hides, least[0], np.float32(-1.0))
         which = np.broadcast_to(which[:, None, None] + start, cell.shape)
-        return cell[possible], which[possible], most[0][possible], hiding[possible]
+        ends = (slice(None, -1), slice(1, None))
+        corners = np.stack(
+            [edges[0][:, down, across][possible] for down in ends for across in ends]
+        )
+        return cell[possible], which[possible], most[0][possible], hiding[possible], corners
 
 
 def _edges(vectors: Single, start: Single, rays: Single) -> Single:
@@ -249,23 +282,6 @@ def _over_cells(values: Single, reduce: np.ufunc) -> Single:
     """Return the least or the largest of the four corners (..., a + 1, b + 1) of cells."""
     rows = reduce(values[..., :-1, :], values[..., 1:, :])
     result: Single = reduce(rows[..., :-1], rows[..., 1:])
-    return result
-
-
-def _any_corner(holds: Mask) -> Mask:
-    """Return where any corner (m, a + 1, b + 1) of a cell fulfils a condition: (m, a, b)."""
-    rows = holds[:, :-1] | holds[:, 1:]
-    return np.asarray(rows[..., :-1] | rows[..., 1:])
-
-
-def _with_neighbours(cells: Mask) -> Mask:
-    """Return cells (m, a, b) and the eight around each."""
-    rows: Mask = cells.copy()
-    rows[:, 1:] |= cells[:, :-1]
-    rows[:, :-1] |= cells[:, 1:]
-    result: Mask = rows.copy()
-    result[..., 1:] |= rows[..., :-1]
-    result[..., :-1] |= rows[..., 1:]
     return result
 
 
@@ -297,11 +313,11 @@ class Levels(NamedTuple):
 def levels(places: Single, atlas: Atlas, number: Integers, trilinear: bool) -> Levels:
     """Return the levels of p pairs.
 
-    :param places: (2, p, 3) s and r of their probes.
+    :param places: (3, 2, p) of each of the probes s and r.
     :param number: (p,) of the rectangles' textures in the atlas.
     """
     size = atlas.size[number].T
-    square = _squares(places * size[..., None])
+    square = _squares(places * size)
     share = None
     if trilinear:
         level = np.searchsorted(_NEXT, square, side="right")
@@ -319,9 +335,9 @@ def levels(places: Single, atlas: Atlas, number: Integers, trilinear: bool) -> L
 def _squares(places: Single) -> Single:
     """Return the square of the step from one pixel to the next (p,) [texels^2].
 
-    :param places: (2, p, 3) column and row of probes.
+    :param places: (3, 2, p) column and row of probes.
     """
-    steps = places[..., 1:] - places[..., :1]
+    steps = places[1:] - places[:1]
     steps *= steps
-    squares = steps[0] + steps[1]
-    return np.asarray(np.maximum(squares[:, 0], squares[:, 1]))
+    squares = steps[:, 0] + steps[:, 1]
+    return np.asarray(np.maximum(squares[0], squares[1]))

@@ -118,9 +118,9 @@ class Probes(NamedTuple):
     """For each cell of an image a pixel, and those on its right and below it."""
 
     rays: Single
-    """(3, cells, 3): x, y, z of the pixel, of the one on its right, of the one below."""
+    """(3, 3, cells): of the pixel, of the one on its right, of the one below x, y, z."""
     rows: Integers
-    """(cells, 3) their rows."""
+    """(3, cells) their rows."""
 
 
 def corners_and_probes(rays: PixelRays) -> tuple[Corners, Probes]:
@@ -130,8 +130,8 @@ def corners_and_probes(rays: PixelRays) -> tuple[Corners, Probes]:
     i, j = (np.maximum(np.minimum(np.arange(0, n, CELL) + CELL // 2, n - 2), 0) for n in rays.shape)
     below, right = np.minimum(i + 1, height - 1), np.minimum(j + 1, width - 1)
     corners, *middle = rays.at((edges[0], edges[1]), (i, j), (i, right), (below, j))
-    rows = np.stack([i, i, below], axis=1).repeat(len(j), axis=0)
-    probes = Probes(np.stack(middle, axis=-1).reshape(3, -1, 3), rows)
+    rows = np.stack([i, i, below]).repeat(len(j), axis=1)
+    probes = Probes(np.stack(middle).reshape(3, 3, -1), rows)
     return Corners(np.ascontiguousarray(corners), edges[0]), probes
 
 

@@ -24,6 +24,7 @@ from imu_sim_ros.sensors.camera.images.cells import (
     levels,
     within,
 )
+from imu_sim_ros.sensors.camera.images.finish import Finish, Frame, Glossy, Seen, joined
 from imu_sim_ros.sensors.camera.images.rays import CELL, PixelRays, corners_and_probes, row_by_row
 from imu_sim_ros.sensors.camera.images.texture import BLANK, Atlas
 from imu_sim_ros.sensors.camera.model import CameraModel
@@ -42,6 +43,7 @@ _SIDEWAYS: Final = 0.05
 """Least cosine between the axis and a ray of a lens whose rays are in one cone."""
 _SLACK: Final = 1e-3
 """By which the cone of all rays is wider."""
+_NONE: Final = np.zeros(0, np.int64)
 _ROW_OF_PIXEL: Final = np.arange(CELL**2) // CELL
 
 
@@ -56,6 +58,8 @@ class Maps(NamedTuple):
     """The same in the next level, if there are two levels."""
     share: NDArray[np.uint16] | None = None
     """(h, w) what the coarse level contributes, in 1/256."""
+    finish: Finish | None = None
+    """What is done to some pixels afterwards."""
 
 
 class PictureMaker(Protocol):
@@ -87,6 +91,8 @@ class _Visible(NamedTuple):
     """With the rectangles' numbers among these."""
     levels: Levels
     """Of the pairs."""
+    glossy: Glossy | None = None
+    """Regions whose gloss is seen in the cells of the pairs."""
 
 
 class _Band(NamedTuple):
@@ -98,6 +104,8 @@ class _Band(NamedTuple):
     """(2, c, CELL^2) column and row in the atlas, of one level or of two."""
     pair: Integers
     """(c, CELL^2) number of the pair, if it is wanted."""
+    glossy: list[Seen]
+    """What is seen of glossy surfaces."""
 
 
 class Renderer:
@@ -122,13 +130,16 @@ class Renderer:
         self.surfaces, self.atlas = surfaces, atlas
         self._each = [_Fronts.of(where) for where in (surfaces, *(crowd.surfaces if crowd else ()))]
         self._first = np.cumsum([len(each.normals) for each in self._each])
+        self._shining = np.full(self._first[-1], -1)
+        if atlas.polish is not None:
+            self._shining[atlas.polish.face] = atlas.polish.face
         self._rays = PixelRays(model, scale, by_cells=True)
         self.rows = self._rays.row_places
         """Row of the image of each row of rays."""
         self.bands = self._rays.bands
         corners, self._probes = corners_and_probes(self._rays)
         self._units, self._cell_angle = _units(corners.rays)
-        self._grid = CellGrid(corners, 1.0 - math.cos(self._cell_angle))
+        self._grid = CellGrid(corners, self._cell_angle)
         self._corner_rows = corners.rows
         self._cone = self._cone_of_rays()
 
@@ -146,7 +157,7 @@ class Renderer:
         :returns: rows of the image, and the maps (h, w) of all their rays.
         """
         cv2 = opencv()
-        visible = self._visible(eyes)
+        visible = self._visible(eyes, gloss=True)
         scale = self._rays.scale
         for number, band in enumerate(self.bands):
             rows = self._rays.rows(band)
@@ -159,7 +170,18 @@ class Renderer:
                 share = np.append(visible.levels.share, np.uint16(0))[drawn.pair]
                 share *= drawn.nearest > 0.0
                 fine = fine._replace(coarse=coarse[0], share=self._image(number, share))
+            fine = fine._replace(finish=self._finish(visible, drawn, number))
             yield slice(rows.start // scale, rows.stop // scale), fine
+
+    def _finish(self, visible: _Visible, drawn: _Band, number: int) -> Finish | None:
+        """Return what is done to a band after its textures are looked up."""
+        if visible.glossy is None:
+            return None
+        across = self._grid.columns
+        frame = Frame(
+            self.bands[number].start * across, across, self._rays.height - 1, self._rays.width
+        )
+        return joined(visible.glossy.finishes(drawn.glossy, visible.planes, frame))
 
     def depth(self, eyes: Eyes) -> Single:
         """Return the distance along the axis (h, w) [m] of what each pixel sees; 0: nothing."""
@@ -186,8 +208,11 @@ class Renderer:
         away = rays / np.where(seen, drawn.nearest, np.float32(1.0))
         return self._image(number, np.where(seen, away, np.float32(0.0)))
 
-    def _visible(self, eyes: Eyes) -> _Visible:
-        """Return what may be in the image, and where."""
+    def _visible(self, eyes: Eyes, gloss: bool = False) -> _Visible:
+        """Return what may be in the image, and where.
+
+        :param gloss: its gloss, too.
+        """
         position, r_wc = rounded(eyes.world)
         found = [(0, self._facing(0, position, r_wc), position, r_wc)]
         for k, seen in enumerate(eyes.bodies, start=1):
@@ -201,10 +226,21 @@ class Renderer:
         start = (0, *self._first)
         numbers = np.concatenate([each + start[k] for k, each, *_ in found])
         pairs = self._grid.pairs(planes)
-        probes = self._probes.rays[:, pairs.cell], self._probes.rows[pairs.cell]
-        _, _, places = planes.meet(pairs.which, *probes)
+        rows = self._probes.rows.take(pairs.cell, axis=1)
+        met = [
+            planes.meet(pairs.which, rays.take(pairs.cell, axis=1)[..., None], row[:, None])
+            for rays, row in zip(self._probes.rays, rows, strict=True)
+        ]
+        # One probe after the other in memory: loops are long.
+        inverse = np.stack([one[1] for one in met])[..., 0]
+        places = np.stack([one[2] for one in met])[..., 0]
         found_levels = levels(places, self.atlas, numbers[pairs.which], self._trilinear)
-        return _Visible(planes, numbers, pairs, found_levels)
+        polish, shining = self.atlas.polish, None
+        if gloss and polish is not None:
+            face = self._shining[numbers[pairs.which]]
+            probes = inverse, places, rows[0]
+            shining = Glossy.of(polish, planes, face, pairs, probes, self._cell_angle)
+        return _Visible(planes, numbers, pairs, found_levels, shining)
 
     def _facing(self, k: int, position: Array, r_wc: Array) -> Integers:
         """Return the surfaces whose front is seen from one of some places (n, 3).
@@ -265,6 +301,7 @@ class Renderer:
             np.zeros(shape, np.float32),
             [np.full((2, *shape), BLANK) for _ in scales],
             np.zeros(shape if with_pairs else (0, 1), np.int64),
+            [],
         )
         last, moving = self._rays.height - 1, visible.planes.start.shape[1] > 1
         for pairs, sizes in visible.pairs.chunks(base, band.stop * across):
@@ -280,7 +317,14 @@ class Renderer:
                 texels.append(places * scale.take(pairs, axis=1)[..., None])
                 texels[-1] += offset.take(pairs, axis=1)[..., None]
             own = [pairs[:, None].repeat(CELL**2, axis=1)] * with_pairs
+            row = visible.glossy.among(pairs) if visible.glossy else _NONE
+            before = inverse.take(row, axis=0)
             _keep_nearest([inverse, *texels, *own], sizes)
+            if len(row):
+                hit = before == inverse.take(_cells_of_rows(sizes).take(row), axis=0)
+                hit &= before > 0.0
+                at = which.take(row), cell.take(row), hit, places.take(row, axis=1)
+                drawn.glossy.append(Seen(pairs.take(row), *at))
             here = cell[: sizes[0]] - base
             drawn.nearest[here] = inverse[: sizes[0]]
             seen = inverse[: sizes[0]] > 0.0
@@ -339,6 +383,11 @@ def _keep_nearest(values: Sequence[NDArray[Any]], sizes: Sequence[int]) -> None:
         start += size
 
 
+def _cells_of_rows(sizes: Sequence[int]) -> Integers:
+    """Return which of the first rank's rows has the same cell, for all rows of some ranks."""
+    return np.concatenate([np.arange(size) for size in sizes])
+
+
 def rounded(poses: Poses) -> tuple[Array, Array]:
     """Return positions (n, 3) and rotations R_wc (n, 3, 3) without the last bits of a sine."""
     position = np.round(poses.position * _GRID) / _GRID
@@ -363,6 +412,13 @@ def look_up(atlas: Bytes, maps: Maps) -> Bytes:
 
     Of two levels: ``((256 - share) fine + share coarse + 128) >> 8``.
     """
+    picture = _mixed(atlas, maps)
+    if maps.finish is not None:
+        maps.finish.put(picture)
+    return picture
+
+
+def _mixed(atlas: Bytes, maps: Maps) -> Bytes:
     cv2 = opencv()
     picture: Bytes = cv2.remap(
         atlas, maps.whole, maps.part, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
@@ -371,7 +427,7 @@ def look_up(atlas: Bytes, maps: Maps) -> Bytes:
         return picture
     share = maps.share.reshape(*maps.share.shape, *(1,) * (picture.ndim - 2))
     total = picture * (SHARES - share)
-    total += look_up(atlas, maps.coarse) * share
+    total += _mixed(atlas, maps.coarse) * share
     total += SHARES // 2
     total >>= 8
     return total.astype(np.uint8)

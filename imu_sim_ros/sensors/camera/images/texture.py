@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.places.bodies import Crowd
 from imu_sim_ros.places.geometry import Surfaces
+from imu_sim_ros.places.gloss import Polish
 from imu_sim_ros.places.paint import Painter
 from imu_sim_ros.random_streams import generator_at
 from imu_sim_ros.sensors.camera.images.tag36h11 import tag
@@ -63,6 +64,8 @@ class Atlas(NamedTuple):
     """(m, 2) columns and rows of each surface's texture."""
     place: NDArray[np.float32]
     """(m, LEVELS, 2) column and row of each level's first texel."""
+    polish: Polish | None = None
+    """Gloss of the first surfaces; None: all is matt."""
 
 
 def atlas(
@@ -112,7 +115,7 @@ def _of_place(surfaces: Surfaces, painter: Painter, colour: bool, crowd: Crowd |
             return painter.texture(m, *shapes[m], float(texels[m]), colour)
         return crowd.painter.texture(m - count, *bodies[m - count], _TEXEL_OF_BODIES, colour)
 
-    return assembled(shapes, texture, colour, bodies)
+    return assembled(shapes, texture, colour, bodies)._replace(polish=painter.polish(colour))
 
 
 def _in_texels(sides: Array, texels: Array) -> list[tuple[int, int]]:

@@ -1,0 +1,93 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Gloss against closed forms."""
+
+import numpy as np
+import pytest
+
+from imu_sim_ros.places.gloss import normal_reflectance, reflectance
+from imu_sim_ros.places.light import Lamp, Lighting
+from imu_sim_ros.places.paint import Painter
+from imu_sim_ros.places.place import Builder, Place, Site
+from imu_sim_ros.places.sheet import Print
+
+SITE = Site(np.zeros(3), np.array([4.0, 4.0, 3.0]), np.zeros((0, 3)))
+
+
+def wall(material, prints=(), lamps=()):
+    """Return the polish of a wall at x = 4 that is seen from the left, and its place."""
+    builder = Builder(SITE)
+    builder.face((4.0, 4.0, 0.0), (0, -4.0, 0), (0, 0, 3.0), material, prints)
+    lighting = Lighting(lamps, sky=(0.2, 0.2, 0.2))
+    place = Place(tuple(builder.faces), lighting, SITE.low, SITE.high, np.zeros((0, 3)))
+    return Painter(place, SITE).polish(colour=False)
+
+
+def fresnel(cosine, index):
+    """Return the reflectance for light that is not polarised."""
+    sine = np.sqrt(1.0 - cosine**2) / index
+    inside = np.sqrt(1.0 - sine**2)
+    parallel = (index * cosine - inside) / (index * cosine + inside)
+    across = (cosine - index * inside) / (cosine + index * inside)
+    return 0.5 * (parallel**2 + across**2)
+
+
+@pytest.mark.parametrize("index", [1.33, 1.5, 1.52])
+def test_the_reflectance_is_that_of_fresnels_equations(index):
+    cosine = np.linspace(0.01, 1.0, 200, dtype=np.float32)
+    found = reflectance(cosine, normal_reflectance(index))
+    assert found[-1] == pytest.approx(((index - 1.0) / (index + 1.0)) ** 2, rel=1e-6)
+    error = np.abs(found - fresnel(cosine, index))  # of Schlick's approximation
+    assert error[cosine > 0.8].max() < 0.005
+    assert error.max() < 0.06
+
+
+def sights(polish, eye, places):
+    """Return the sights of places s and r (2, n) of the wall from one place."""
+    start = np.array([(4.0 - eye[1]) / 4.0, eye[2] / 3.0], np.float32).reshape(2, 1, 1)
+    height = np.full((1, 1), 4.0 - eye[0], np.float32)
+    return polish.sights(np.zeros(1, np.int64), places[:, None].astype(np.float32), start, height)
+
+
+def test_glass_seen_square_on_mirrors_what_fresnel_says_of_its_surroundings():
+    polish = wall("plaster", [Print("glass", 1.0, 0.5, 2.0, 2.0)])
+    there = sights(polish, (2.0, 2.0, 1.5), np.array([[0.5], [0.5]]))
+    added = polish.added(np.zeros(1, np.int64), np.zeros((1, 1), np.bool_), there)
+    share = (0.52 / 2.52) ** 2
+    assert added.keep == pytest.approx(1.0 - share, rel=1e-6)
+    around = added.add[0, 0, 0] / share  # the wall itself, plaster of e6e4de
+    level = 228.0**2 * 0.55 ** (2.0 / 2.2)  # in the light that half of it exceeds
+    assert around == pytest.approx(level, rel=0.1)
+
+
+def test_only_what_is_glossy_is_polished():
+    assert wall("plaster") is None
+    assert wall("concrete", [Print("poster", 1.0, 0.5, 1.0, 1.0)]) is None
+    panes = wall("brick", [Print("glass", 1.0, 0.5, 2.0, 2.0)])
+    where = np.array([[0.26, 0.28, 0.5, 0.74, 0.1], [0.5, 0.5, 0.5, 0.5, 0.5]], np.float32)
+    inside = panes.within(np.zeros(1, np.int64), where[:, None])
+    assert inside[0].tolist() == [False, True, True, False, False]  # within a frame of 7 cm
+
+
+def test_the_lobe_of_a_lamp_keeps_its_power_at_any_angle():
+    """In the mirrored direction x is (n + 2) / 2 E / cos, and F x / (1 + x) is seen."""
+    lamp = Lamp(
+        (np.array([0.01, 2.9, 1.4]), np.array([0, 0.2, 0]), np.array([0, 0, 0.2])), (300.0,) * 3
+    )
+    polish = wall("tiles", (), [lamp])
+    for y in (1.0, 0.2):  # the mirrored lamp is as far behind the wall as the camera is before it
+        eye = np.array([0.01, y, 1.5])
+        middle = 0.5 * (3.0 + y)
+        there = sights(polish, eye, np.array([[(4.0 - middle) / 4.0], [0.5]]))
+        lit, dark = (
+            polish.added(np.zeros(1, np.int64), np.full((1, 2), on) & [True, False], there)
+            for on in (True, False)
+        )
+        cosine = 3.99 / np.hypot(3.99, middle - y)
+        light = polish._sources.light_at(np.zeros(1, np.int64), np.zeros(1, np.int64), there)
+        power = 129.0 * light / cosine * (1.0 - polish._floor[0, 0])
+        expected = reflectance(np.float32(cosine), 0.04) * power / (1.0 + power)
+        assert light[0, 0] > 0.0
+        found = (lit.add - dark.add)[0] / (polish._sources.brightest[0] * 255.0**2)
+        assert found == pytest.approx(expected, rel=1e-3)
