@@ -117,6 +117,14 @@ def topic(
     return Topic(name, type_name, flags, make, truth, foreign)
 
 
+def on_demand(module: str, name: str) -> Callable[..., Any]:
+    """Return what calls a function of a module, which is imported with the first call.
+
+    Most runs have few sensors, and what makes one is slow to import.
+    """
+    return lambda *given: getattr(import_module(module), name)(*given)
+
+
 class Companion(Protocol):
     """Files that are written next to an output while its samples are made."""
 

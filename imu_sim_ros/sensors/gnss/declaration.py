@@ -3,7 +3,6 @@
 
 """The GNSS receiver as the rest of the package sees it: topics, table, readings."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -14,8 +13,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.inputs.gate import OTHER
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.carried import CarriedReadings
-from imu_sim_ros.sensors.declaration import Companion, Companions, Model, Sensor, Serial, topic
-from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.declaration import Companions, Sensor, Serial, on_demand, topic
 from imu_sim_ros.sensors.gnss.parameters import GnssParameters
 from imu_sim_ros.types import Array, Times
 
@@ -32,6 +30,10 @@ _UNITS: Final = (
     "latitude [deg],longitude [deg],altitude [m],variance_e [m^2],variance_n [m^2],"
     "variance_u [m^2],velocity_e [m s^-1],velocity_n [m s^-1],velocity_u [m s^-1],status []"
 )
+
+
+_sentences: Final = on_demand("imu_sim_ros.sensors.gnss.nmea", "sentences")
+_rinex: Final = on_demand("imu_sim_ros.sensors.gnss.rinex_files", "RinexFiles")
 
 
 @dataclass(frozen=True, repr=False)
@@ -108,31 +110,6 @@ class GnssReadings(CarriedReadings):
         return path
 
 
-def _model(
-    own: GnssParameters,
-    environment: EnvironmentParameters,
-    t0_ns: int,
-    others: Mapping[str, Model],
-) -> Model:
-    from imu_sim_ros.sensors.gnss.model import Receiver  # most runs have none
-
-    return Receiver(own, environment, t0_ns, others)
-
-
-def _rinex(
-    own: GnssParameters, environment: EnvironmentParameters, t0_ns: int, files: Sequence[Path]
-) -> Companion:
-    from imu_sim_ros.sensors.gnss.rinex_files import RinexFiles
-
-    return RinexFiles(own, environment, t0_ns, files)
-
-
-def _sentences(read: Any, rows: Any) -> list[str]:
-    from imu_sim_ros.sensors.gnss.nmea import sentences
-
-    return sentences(read, rows)
-
-
 def _fix(read: Any, rows: Any, _: Any) -> tuple[Array, ...]:
     place, status = read.geodetic[rows], read.status[rows]
     variance = np.where(status[:, None] < 0, 0.0, read.variance[rows])
@@ -176,7 +153,7 @@ SENSOR = Sensor(
     name="gnss",
     quantity="gnss",
     section=GnssParameters,
-    model=_model,
+    model=on_demand("imu_sim_ros.sensors.gnss.model", "Receiver"),
     topics=(
         topic(TOPIC, *FIX, _fix),
         topic(

@@ -3,7 +3,6 @@
 
 """The wheels as the rest of the package sees them: topics, table, readings."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
@@ -13,10 +12,8 @@ from imu_sim_ros.inputs.gate import OTHER
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.carried import CarriedReadings
-from imu_sim_ros.sensors.declaration import Model, Payloads, Sensor, Topic, topic
-from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.declaration import Payloads, Sensor, Topic, on_demand, topic
 from imu_sim_ros.sensors.wheels.parameters import WheelsParameters
-from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.types import Array
 
 if TYPE_CHECKING:
@@ -26,6 +23,7 @@ ODOMETRY: Final = "nav_msgs/msg/Odometry"
 JOINT_STATE: Final = "sensor_msgs/msg/JointState"
 VECTOR: Final = ("geometry_msgs/msg/Vector3Stamped", "Vector3StampedEncoder")
 TOPIC: Final = "wheel/odom"
+_MODEL: Final = "imu_sim_ros.sensors.wheels.model"
 NOT_MEASURED: Final = 1e6
 """Variance of what wheels do not measure, as ros2_controllers state it."""
 _NAMES: Final = "x,y,yaw,speed_x,speed_y,yaw_rate,variance_x,variance_y,variance_yaw_rate"
@@ -73,29 +71,6 @@ class WheelsReadings(CarriedReadings):
     """(n,) of the wheels [degC]."""
     true_radius: Array
     """(n, wheels) at this temperature [m]."""
-
-
-def _model(
-    own: WheelsParameters,
-    environment: EnvironmentParameters,
-    t0_ns: int,
-    others: Mapping[str, Model],
-) -> Model:
-    from imu_sim_ros.sensors.wheels.model import Odometer  # most runs have none
-
-    return Odometer(own, environment, t0_ns, others)
-
-
-def _realised(own: WheelsParameters, seed: int) -> WheelsParameters:
-    from imu_sim_ros.sensors.wheels.model import realised_wheels
-
-    return realised_wheels(own, seed)
-
-
-def _warnings(own: WheelsParameters, trajectory: Trajectory, duration: float) -> list[str]:
-    from imu_sim_ros.sensors.wheels.model import unseen
-
-    return unseen(own, trajectory, duration)
 
 
 def _joints(name: str, position: str, velocity: str, truth: bool = False) -> Topic:
@@ -163,7 +138,7 @@ SENSOR = Sensor(
     name="wheels",
     quantity="wheels",
     section=WheelsParameters,
-    model=_model,
+    model=on_demand(_MODEL, "Odometer"),
     topics=(
         _odometry(TOPIC),
         _joints("joint_states", "angle", "speed"),
@@ -187,8 +162,8 @@ SENSOR = Sensor(
         [read.pose, read.twist, np.diagonal(read.covariance, axis1=1, axis2=2)]
     ),
     readings=WheelsReadings,
-    realised=_realised,
+    realised=on_demand(_MODEL, "realised_wheels"),
     text="encoders with slip and errors of radii and base, and odometry from them",
-    warnings=_warnings,
+    warnings=on_demand(_MODEL, "unseen"),
     presets="wheels",
 )
