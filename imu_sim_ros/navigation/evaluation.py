@@ -225,8 +225,8 @@ def why_no_nees(alignment: str, pose: Array | None) -> str | None:
         )
     if pose is None:
         return (
-            "the estimate has no covariance, which nav_msgs/Odometry in a bag has, or text with "
-            "OpenVINS' 12 columns"
+            "the estimate has no covariance; give it as nav_msgs/Odometry in a bag, or as text "
+            "with OpenVINS' 12 columns"
         )
     attitude = pose[:, 3:, 3:]
     sigma = float(attitude_sigma(attitude[np.isfinite(attitude).all(axis=(1, 2))]).max(initial=0.0))
