@@ -19,6 +19,7 @@ from imu_sim_ros.places.geometry import Surfaces, hidden, surfaces
 from imu_sim_ros.places.light import Lighting, Single, factors
 from imu_sim_ros.places.paint import MIDDLE, Painter
 from imu_sim_ros.places.place import Builder, Face, Hinge, Place, Site
+from imu_sim_ros.places.shadows import Shadow, Sunlight
 from imu_sim_ros.places.sheet import Print
 from imu_sim_ros.random_streams import generator_at
 from imu_sim_ros.types import Array
@@ -236,15 +237,24 @@ def _cart(b: Builder, number: int, stream: np.random.Generator) -> None:
 class Crowd:
     """All bodies of a scene; their ids are 1, 2, ... in this order."""
 
-    def __init__(self, bodies: Sequence[Body], site: Site, landmarks: Sequence[Landmarks]) -> None:
+    def __init__(
+        self,
+        bodies: Sequence[Body],
+        site: Site,
+        landmarks: Sequence[Landmarks],
+        sun: Sunlight | None = None,
+    ) -> None:
         """Take bodies.
 
         :param landmarks: points of each, and their normals, in its own axes.
+        :param sun: that they throw shadows from; None: they are under a roof.
         """
         self.each = tuple(bodies)
         self.surfaces = [body.surfaces() for body in bodies]
         self.balls = [ball(where) for where in self.surfaces]
         self.landmarks = tuple(landmarks)
+        self.shadows = [Shadow.of(where) for where in self.surfaces]
+        self.sun = sun
         self.painter = BodyPainter(bodies, site)
 
     def hidden(self, t: Array, eye: Array, points: Array) -> NDArray[np.bool_]:

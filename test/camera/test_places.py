@@ -235,7 +235,8 @@ def test_a_highlight_is_where_the_mirrored_lamp_is(make_rig):
     for eye in ((1.0, 2.1, 1.0), (0.6, 2.9, 1.6)):
         poses = Poses(np.array([eye]), mounting[None])
         [(_, maps)] = renderer.maps(Eyes(poses))
-        brightest = int(maps.finish.pixel[maps.finish.add[0].argmax()])
+        [gloss] = maps.finishes
+        brightest = int(gloss.pixel[gloss.add[0].argmax()])
         expected, _ = view.model.project(in_camera(poses, np.array([[7.0, 2.5, 2.2]])))
         v, u = divmod(brightest, 188)
         assert np.abs(expected[0] - (u, v)).max() < 1.0

@@ -18,6 +18,7 @@ from imu_sim_ros.places.catalogue import build as build_place
 from imu_sim_ros.places.geometry import Surfaces, hidden, joined, surfaces
 from imu_sim_ros.places.paint import Painter
 from imu_sim_ros.places.place import Place, Site
+from imu_sim_ros.places.shadows import sunlight
 from imu_sim_ros.places.walks import Passage, moving
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.camera.mesh_scene import mesh_scene
@@ -195,7 +196,7 @@ def _crowd(p: PlaceParameters, place: Place, site: Site, passage: Passage) -> Cr
         _scattered(body.surfaces(), own.landmarks, p.seed + k)
         for k, body in enumerate(bodies, start=1)
     ]
-    return Crowd(bodies, site, points)
+    return Crowd(bodies, site, points, sunlight(place.surfaces(), place.sky, place.lighting))
 
 
 def _shown(place: Array) -> str:

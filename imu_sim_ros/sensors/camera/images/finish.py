@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What is done to some pixels of a picture after their textures are looked up: gloss."""
+"""What is done to some pixels of a picture after the look-up of textures: shadows and gloss."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Final, NamedTuple
@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.places.gloss import Active, Polish
-from imu_sim_ros.sensors.camera.images.cells import Pairs, Planes
+from imu_sim_ros.places.shadows import Line
+from imu_sim_ros.sensors.camera.images.cells import Pairs, Planes, within
 from imu_sim_ros.sensors.camera.images.rays import CELL
 
 Single = NDArray[np.float32]
@@ -20,6 +21,9 @@ Mask = NDArray[np.bool_]
 
 _REGIONS: Final = 250
 """Regions in cells that are dealt with at once: their arrays stay in a processor's cache."""
+_ON_FLOOR: Final = np.float32(0.03)
+"""Height up to which something is floor [m]."""
+_NOTHING: Final = np.zeros((1, 1), np.float32)
 _TURNING: Final = np.float32(12.0)
 """Distances change by less than twice within this many pixels."""
 _ANYWHERE: Final = np.float32(1e9)
@@ -34,11 +38,11 @@ class Finish(NamedTuple):
     keep: Single
     """(n,)."""
     add: Single
-    """(colours, n)."""
+    """(colours, n) or (1, 1)."""
 
     def put(self, picture: Bytes) -> None:
         """Change a picture (h, w[, 3])."""
-        values = picture.reshape(-1, len(self.add))
+        values = picture.reshape(-1, *picture.shape[2:] or (1,))
         square = values[self.pixel].T.astype(np.float32)
         square *= square
         square *= self.keep
@@ -191,6 +195,39 @@ def _eye(planes: Planes, which: Integers, rows: Integers) -> tuple[Single, Singl
     normal = vectors[0]
     square = normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2]
     return start, 1 / np.sqrt(square)
+
+
+class Shaded(NamedTuple):
+    """A body's shadow in an image."""
+
+    planes: Planes
+    """Of the part of the floor that may be in it."""
+    pairs: Pairs
+    line: Line
+
+    def finishes(self, rays: Single, nearest: Single, band: "Frame") -> Iterator[Finish]:
+        """Yield what the shadow does to the pixels of a band.
+
+        :param rays: (3, c, CELL^2) of the band.
+        :param nearest: (c, CELL^2) inverse distance of what is seen.
+        """
+        cells = self.pairs.cell
+        begin, end = np.searchsorted(cells, [band.base, band.base + len(nearest)]).tolist()
+        for first in range(begin, end, _REGIONS):
+            cell = cells[first : min(first + _REGIONS, end)]
+            which, own, rows = np.zeros_like(cell), cell - band.base, band.rows(cell)
+            hit, inverse, places = self.planes.meet(which, rays.take(own, axis=1), rows)
+            away = nearest.take(own, axis=0)
+            seen = away > 0.0
+            _, height = _eye(self.planes, which, rows)
+            above = height * (1 - inverse / np.where(seen, away, np.float32(1.0)))
+            hit &= within(places)
+            hit &= seen & (np.abs(above) < _ON_FLOOR)
+            keep = self.line.kept(places)
+            some = np.flatnonzero(hit & (keep < 1.0))
+            if len(some):
+                pixel = band.pixels(cell).ravel().take(some)
+                yield Finish(pixel, keep.ravel().take(some), _NOTHING)
 
 
 def joined(parts: Iterable[Finish]) -> Finish | None:

@@ -24,7 +24,7 @@ from imu_sim_ros.sensors.camera.images.cells import (
     levels,
     within,
 )
-from imu_sim_ros.sensors.camera.images.finish import Finish, Frame, Glossy, Seen, joined
+from imu_sim_ros.sensors.camera.images.finish import Finish, Frame, Glossy, Seen, Shaded, joined
 from imu_sim_ros.sensors.camera.images.rays import CELL, PixelRays, corners_and_probes, row_by_row
 from imu_sim_ros.sensors.camera.images.texture import BLANK, Atlas
 from imu_sim_ros.sensors.camera.model import CameraModel
@@ -58,8 +58,8 @@ class Maps(NamedTuple):
     """The same in the next level, if there are two levels."""
     share: NDArray[np.uint16] | None = None
     """(h, w) what the coarse level contributes, in 1/256."""
-    finish: Finish | None = None
-    """What is done to some pixels afterwards."""
+    finishes: Sequence[Finish] = ()
+    """What is done to some pixels afterwards, one after the other."""
 
 
 class PictureMaker(Protocol):
@@ -157,7 +157,7 @@ class Renderer:
         :returns: rows of the image, and the maps (h, w) of all their rays.
         """
         cv2 = opencv()
-        visible = self._visible(eyes, gloss=True)
+        visible, shaded = self._visible(eyes, gloss=True), list(self._shaded(eyes))
         scale = self._rays.scale
         for number, band in enumerate(self.bands):
             rows = self._rays.rows(band)
@@ -170,18 +170,41 @@ class Renderer:
                 share = np.append(visible.levels.share, np.uint16(0))[drawn.pair]
                 share *= drawn.nearest > 0.0
                 fine = fine._replace(coarse=coarse[0], share=self._image(number, share))
-            fine = fine._replace(finish=self._finish(visible, drawn, number))
-            yield slice(rows.start // scale, rows.stop // scale), fine
+            finishes = list(self._finishes(visible, shaded, drawn, number))
+            yield slice(rows.start // scale, rows.stop // scale), fine._replace(finishes=finishes)
 
-    def _finish(self, visible: _Visible, drawn: _Band, number: int) -> Finish | None:
-        """Return what is done to a band after its textures are looked up."""
-        if visible.glossy is None:
-            return None
-        across = self._grid.columns
-        frame = Frame(
-            self.bands[number].start * across, across, self._rays.height - 1, self._rays.width
-        )
-        return joined(visible.glossy.finishes(drawn.glossy, visible.planes, frame))
+    def _finishes(
+        self, visible: _Visible, shaded: Sequence[Shaded], drawn: _Band, number: int
+    ) -> Iterator[Finish]:
+        """Yield what is done to a band after its textures are looked up."""
+        across, rays = self._grid.columns, self._rays
+        frame = Frame(self.bands[number].start * across, across, rays.height - 1, rays.width)
+        for each in shaded:
+            yield from each.finishes(rays.of_band(number), drawn.nearest, frame)
+        if visible.glossy is not None:
+            gloss = joined(visible.glossy.finishes(drawn.glossy, visible.planes, frame))
+            if gloss is not None:
+                yield gloss
+
+    def _shaded(self, eyes: Eyes) -> Iterator[Shaded]:
+        """Yield the shadows of bodies in the image."""
+        if self.crowd is None:
+            return
+        world, sun = rounded(eyes.world), self.crowd.sun
+        for seen, shadow in zip(eyes.bodies, self.crowd.shadows, strict=True):
+            own = rounded(seen)
+            lines = [shadow.below]
+            if sun is not None:
+                r_wb = (world[1][0][:, None] * own[1][0]).sum(axis=2)
+                line = shadow.thrown((sun.to_sun[:, None] * r_wb).sum(axis=0), 1.0)
+                if self._may_be_seen(line.ball, *own):
+                    share = sun.share(world[0][0] - (r_wb * own[0][0]).sum(axis=1))
+                    lines += [line._replace(depth=share)] * (share > 0.0)
+            for line in lines:
+                if self._may_be_seen(line.ball, *own):
+                    floor = line.floor()
+                    planes = Planes.of(floor, floor.normal, *own)
+                    yield Shaded(planes, self._grid.pairs(planes), line)
 
     def depth(self, eyes: Eyes) -> Single:
         """Return the distance along the axis (h, w) [m] of what each pixel sees; 0: nothing."""
@@ -217,7 +240,7 @@ class Renderer:
         found = [(0, self._facing(0, position, r_wc), position, r_wc)]
         for k, seen in enumerate(eyes.bodies, start=1):
             position, r_wc = rounded(seen)
-            if self._may_be_seen(k - 1, position, r_wc):
+            if self.crowd and self._may_be_seen(self.crowd.balls[k - 1], position, r_wc):
                 found.append((k, self._facing(k, position, r_wc), position, r_wc))
         first, *others = (
             Planes.of(*self._each[k].some(numbers), *pose) for k, numbers, *pose in found
@@ -257,10 +280,9 @@ class Renderer:
         beyond = (np.matmul(np.matmul(corners, r_wc[0]), self._cone) > 0.0).all(axis=1)
         return facing[~beyond.any(axis=1)]
 
-    def _may_be_seen(self, number: int, position: Array, r_wc: Array) -> bool:
-        """Tell whether the ball around a body may be in the image."""
-        assert self.crowd is not None
-        center, radius = self.crowd.balls[number]
+    def _may_be_seen(self, ball: tuple[Array, float], position: Array, r_wc: Array) -> bool:
+        """Tell whether a ball, its middle and radius, may be in the image."""
+        center, radius = ball
         middle = ((center - position)[:, :, None] * r_wc).sum(axis=1)
         rows = self._corner_rows if len(middle) > 1 else np.zeros(1, np.int64)
         x, y, z = middle[rows].T[..., None]
@@ -413,8 +435,8 @@ def look_up(atlas: Bytes, maps: Maps) -> Bytes:
     Of two levels: ``((256 - share) fine + share coarse + 128) >> 8``.
     """
     picture = _mixed(atlas, maps)
-    if maps.finish is not None:
-        maps.finish.put(picture)
+    for each in maps.finishes:
+        each.put(picture)
     return picture
 
 

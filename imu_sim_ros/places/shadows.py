@@ -1,0 +1,124 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Soft shadows of bodies on the floor that they stand on, each in the body's own axes.
+
+A shadow takes ``depth (1 - (d / radius)^2)^2`` of the light at a distance d from a line: one below
+the body, where the body hides a part of the room or the sky from the floor, and out of doors one
+away from the sun, as long as the body's shadow is.
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.places.geometry import Surfaces, surfaces
+from imu_sim_ros.places.light import Lighting, Single
+from imu_sim_ros.types import Array
+
+_BELOW: Final = 0.55
+"""Share of the light that is missing below a body."""
+_EDGE: Final = 0.18
+"""By which a shadow is wider than its body [m]."""
+
+
+_LONGEST: Final = 2.0
+"""Length of a shadow at most, in heights of the body."""
+
+
+class Line(NamedTuple):
+    """A shadow around a line."""
+
+    start: Array
+    """(2,) x and y in the body's axes [m]."""
+    end: Array
+    radius: float
+    depth: float
+
+    @property
+    def length(self) -> float:
+        """From start to end [m]."""
+        return float(np.sqrt(((self.end - self.start) ** 2).sum()))
+
+    @property
+    def ball(self) -> tuple[Array, float]:
+        """Middle (3,) and radius [m] of a ball around all of it."""
+        return np.append(0.5 * (self.start + self.end), 0.0), 0.5 * self.length + self.radius
+
+    def floor(self) -> Surfaces:
+        """Return the rectangle that it lies in; its first side runs along the line."""
+        ahead = (self.end - self.start) / self.length if self.length > 0.0 else np.array([1.0, 0.0])
+        x, y = self.radius * np.append(ahead, 0.0), self.radius * np.array([-ahead[1], ahead[0], 0])
+        corner = np.append(self.start, 0.0) - x - y
+        return surfaces([(corner, x * (2.0 + self.length / self.radius), 2.0 * y)], hides=True)
+
+    def kept(self, places: Single) -> Single:
+        """Return the share of the light that is left at places s and r (2, ...) of its floor."""
+        length, radius = np.float32(self.length), np.float32(self.radius)
+        along = places[0] * (length + 2 * radius) - radius
+        along -= np.clip(along, 0, length)
+        across = (2 * places[1] - 1) * radius
+        rest = 1 - np.minimum((along * along + across * across) / (radius * radius), 1)
+        left: Single = 1 - np.float32(self.depth) * rest * rest
+        return left
+
+
+class Shadow(NamedTuple):
+    """The shadows of a body."""
+
+    below: Line
+    height: float
+    """Of the body [m]."""
+
+    @classmethod
+    def of(cls, body: Surfaces) -> "Shadow":
+        """Return those of a body with rectangles in its own axes."""
+        o, a, b = body[:3]
+        corners = np.concatenate([o, o + a, o + b, o + a + b])
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        middle, half = 0.5 * (low + high)[:2], 0.5 * (high - low)[:2]
+        along = (half - half.min()) * (half == half.max())
+        radius = float(half.min()) + _EDGE
+        return cls(Line(middle - along, middle + along, radius, _BELOW), float(high[2]))
+
+    def thrown(self, to_sun: Array, share: float) -> Line:
+        """Return the shadow that the sun throws.
+
+        :param to_sun: (3,) unit vector in the body's axes.
+        :param share: of the sun in the light.
+        """
+        foot = 0.5 * (self.below.start + self.below.end)
+        length = self.height * min(1.0 / max(float(to_sun[2]), 1e-3), _LONGEST)
+        return Line(foot, foot - length * to_sun[:2], self.below.radius, share)
+
+
+class Sunlight:
+    """The sun on the ground of a place."""
+
+    def __init__(self, where: Surfaces, lighting: Lighting) -> None:
+        """Take what may be before the sun."""
+        self.to_sun = np.array(lighting.to_sun)
+        direct = lighting.sun[1] * lighting.to_sun[2]
+        self._share = direct / (direct + lighting.sky[1])
+        self._where, self._normals = where, where.normal
+
+    def share(self, place: Array) -> float:
+        """Return the share of the sun in the light at a place (3,) of the ground: 0 in a shadow."""
+        o, a, b = self._where[:3]
+        offset = o - (place + 0.05 * self.to_sun)
+        along = (self._normals * self.to_sun).sum(axis=1)
+        t = (self._normals * offset).sum(axis=1) / np.where(along == 0.0, 1e-12, along)
+        at = t[:, None] * self.to_sun - offset
+        on = t > 0.0
+        for side in (a, b):
+            s = (at * side).sum(axis=1) / (side * side).sum(axis=1)
+            on &= (s >= 0.0) & (s <= 1.0)
+        return 0.0 if on.any() else self._share
+
+
+def sunlight(where: Surfaces, sky: NDArray[np.bool_], lighting: Lighting) -> Sunlight | None:
+    """Return the sun of a place under the open sky; None: there is none."""
+    if lighting.windows or not any(lighting.sun) or not sky.any():
+        return None
+    return Sunlight(where.some(~sky), lighting)
