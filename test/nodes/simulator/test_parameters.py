@@ -162,10 +162,10 @@ def test_own_parameters_of_several_imus() -> None:
     assert (built.right.rate, built.right.seed) == (100, 6)
     assert built.left.imu.gyroscope.noise_density == (0.015,) * 3
     assert built.right.imu.gyroscope.noise_density == (0.0,) * 3
-    with pytest.raises(ConfigurationError, match=r"left\.imu\.gyroscope_bandwidth = 150"):
+    with pytest.raises(ConfigurationError, match=r"left\.imu\.jitter = 0\.1"):
         build(
             simulator_section(given),
-            layer_simulator({**given, "left.imu.gyroscope_bandwidth": 150}),
+            layer_simulator({**given, "left.imu.jitter": 0.1}),
         )
 
 
