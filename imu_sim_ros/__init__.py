@@ -105,11 +105,11 @@ if TYPE_CHECKING:
     from imu_sim_ros.poses import PoseSequence as PoseSequence
     from imu_sim_ros.sensors.barometer.declaration import PressureReadings as PressureReadings
     from imu_sim_ros.sensors.barometer.declaration import read_pressure as read_pressure
-    from imu_sim_ros.sensors.block import Samples as Samples
     from imu_sim_ros.sensors.magnetometer.declaration import MagneticReadings as MagneticReadings
     from imu_sim_ros.sensors.magnetometer.declaration import read_magnetometer as read_magnetometer
     from imu_sim_ros.sensors.orientation.declaration import Orientations as Orientations
     from imu_sim_ros.sensors.orientation.declaration import read_orientation as read_orientation
+    from imu_sim_ros.sensors.recorded import Samples as Samples
     from imu_sim_ros.sensors.registry import register_sensor as register_sensor
     from imu_sim_ros.trajectory.motion import Motion as Motion
 _HOMES = {
@@ -147,7 +147,7 @@ _HOMES = {
     "sensors.barometer.declaration": ["PressureReadings", "read_pressure"],
     "sensors.magnetometer.declaration": ["MagneticReadings", "read_magnetometer"],
     "sensors.orientation.declaration": ["Orientations", "read_orientation"],
-    "sensors.block": ["Samples"],
+    "sensors.recorded": ["Samples"],
     "sensors.registry": ["register_sensor"],
     "trajectory.motion": ["Motion"],
 }

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any, Final, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.errors import ArgumentTypeError, ConfigurationError
 from imu_sim_ros.names import shown, suggestion
+from imu_sim_ros.types import Array, Integers
 
 BAG_OR_FILE: Final = "the path of a bag, a folder or a file"
 _LONGEST_PATH: Final = 4095
@@ -150,9 +150,7 @@ def block_size(name: str, value: Any) -> int:
     return whole(name, value, f"an integer from 1 to {LARGEST_BLOCK}", 1, LARGEST_BLOCK)
 
 
-def array(
-    name: str, value: Any, shape: tuple[int | None, ...], finite: bool = True
-) -> NDArray[np.float64]:
+def array(name: str, value: Any, shape: tuple[int | None, ...], finite: bool = True) -> Array:
     """Return finite numbers of a shape, in which None allows any length.
 
     :param finite: False if a gate finds values that are not finite later.
@@ -172,13 +170,13 @@ def array(
     )
     if not fits:
         refuse(name, value, f"{allowed}, not {found.shape}")
-    result: NDArray[np.float64] = found.astype(np.float64, copy=False)
+    result: Array = found.astype(np.float64, copy=False)
     if finite and not np.isfinite(result).all():
         refuse(name, value, allowed)
     return result
 
 
-def stamps(name: str, value: Any) -> NDArray[np.int64]:
+def stamps(name: str, value: Any) -> Integers:
     """Return stamps [ns], (n,) integers.
 
     :raises ConfigurationError: for anything else.

@@ -7,8 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from imu_sim_ros import arguments
 from imu_sim_ros.sensors.camera.model import Projection
@@ -18,6 +17,7 @@ from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
 from imu_sim_ros.sensors.camera.tracker import Tracks
 from imu_sim_ros.simulation.cameras import Simulated, build_rig, on_simulation
 from imu_sim_ros.simulation.parameters import SimulationParameters
+from imu_sim_ros.types import Bytes, Single
 
 _NAME = "cam0"
 
@@ -73,7 +73,7 @@ def frames(
     flight: Simulated,
     camera: str | Path | Mapping[str, Any] = "euroc_cam0",
     scene: str | Path = "room",
-) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+) -> Iterator[tuple[int, Bytes]]:
     """Yield the stamp [ns] and the image of each frame of a camera on the flight.
 
     Images are grey values (h, w), or red, green and blue (h, w, 3) with ``camera.encoding`` rgb8.
@@ -101,7 +101,7 @@ def depths(
     flight: Simulated,
     camera: str | Path | Mapping[str, Any] = "euroc_cam0",
     scene: str | Path = "room",
-) -> Iterator[tuple[int, NDArray[np.float32]]]:
+) -> Iterator[tuple[int, Single]]:
     """Yield the stamp [ns] and the depth along the view (h, w) [m] of each frame of a camera.
 
     Depths have no errors and are those in the middle of the exposure; 0 means that the pixel sees

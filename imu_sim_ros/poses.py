@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from imu_sim_ros.arguments import array, stamps
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Bytes, Integers, Mask
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -45,7 +45,7 @@ _WHOLE_DIGITS: Final = 18  # of nanoseconds; one more may not fit
 _ZERO, _POINT = ord("0"), ord(".")
 
 
-def nanoseconds(stamps: NDArray[np.bytes_], whole: bool) -> NDArray[np.int64]:
+def nanoseconds(stamps: NDArray[np.bytes_], whole: bool) -> Integers:
     """Return stamps (n,) of text in nanoseconds.
 
     :param stamps: (n,) of ``S48``.
@@ -98,7 +98,7 @@ def nanosecond(stamp: str, whole: bool) -> int:
     return result
 
 
-def _joined_digits(letters: NDArray[np.uint8], digit: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _joined_digits(letters: Bytes, digit: Mask) -> Integers:
     """Return the digits of each row (n, letters) as one number (n,); too many wrap around."""
     result = np.zeros(len(letters), dtype=np.int64)
     for column in range(letters.shape[1]):
@@ -109,19 +109,19 @@ def _joined_digits(letters: NDArray[np.uint8], digit: NDArray[np.bool_]) -> NDAr
 
 
 class _Poses(NamedTuple):
-    t_ns: NDArray[np.int64]
+    t_ns: Integers
     """(n,) stamps [ns], strictly increasing."""
-    position: NDArray[np.float64]
+    position: Array
     """(n, 3) p_wb [m]."""
-    q_wb: NDArray[np.float64]
+    q_wb: Array
     """(n, 4) unit quaternions (w, x, y, z)."""
     dropped: int = 0
     """Poses left out because they occurred twice, with the same stamp."""
     skipped: int = 0
     """Bad rows skipped on request."""
-    lines: NDArray[np.int64] | None = None
+    lines: Integers | None = None
     """(n,) lines of the file that they stand in, from 1; None: they are from no text."""
-    covariance: NDArray[np.float64] | None = None
+    covariance: Array | None = None
     """(n, 6, 6) of position and of rotation about the world's axes; None: the source has none."""
 
 
@@ -140,8 +140,8 @@ class PoseSequence(_Poses):
         q_wb: ArrayLike,
         dropped: int = 0,
         skipped: int = 0,
-        lines: NDArray[np.int64] | None = None,
-        covariance: NDArray[np.float64] | None = None,
+        lines: Integers | None = None,
+        covariance: Array | None = None,
         *,
         name: str | Path | None = None,
     ) -> Self:
@@ -168,7 +168,7 @@ class PoseSequence(_Poses):
         return type(self)(**{**self._asdict(), **changes})
 
     @classmethod
-    def unchecked(cls, t_ns: NDArray[np.int64], position: Array, q_wb: Array, skipped: int) -> Self:
+    def unchecked(cls, t_ns: Integers, position: Array, q_wb: Array, skipped: int) -> Self:
         """Return poses as they were read, for callers that report problems themselves."""
         return super().__new__(cls, t_ns, position, q_wb, 0, skipped, None, None)
 
@@ -215,14 +215,14 @@ def read_poses(
 class _PoseRows(NamedTuple):
     """Poses of some rows, with the numbers of their lines."""
 
-    number: NDArray[np.int64]
-    t_ns: NDArray[np.int64]
+    number: Integers
+    t_ns: Integers
     position: Array
     q_wb: Array
     triangles: Array
     """(n, 12) columns of covariance, NaN if a row has none; (n, 0) if not requested."""
 
-    def at(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> _PoseRows:
+    def at(self, rows: Mask | NDArray[np.intp]) -> _PoseRows:
         """Return some of the poses."""
         columns: Iterator[Any] = (column[rows] for column in self)
         return _PoseRows(*columns)
@@ -398,7 +398,7 @@ class _Reading:
         self._last = poses.at(kept[-1:])
         return poses.at(kept[kept >= first])
 
-    def _increasing(self, poses: _PoseRows, repeated: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def _increasing(self, poses: _PoseRows, repeated: Mask) -> Mask:
         """Return which stamps are after all before them; note those that are not, nor repeated."""
         latest = np.maximum.accumulate(poses.t_ns)
         keep = np.concatenate([[True], poses.t_ns[1:] > latest[:-1]])
@@ -439,7 +439,7 @@ def _covariance(triangles: Array, q_wb: Array) -> Array | None:
     return result
 
 
-def _repeated(poses: _PoseRows) -> NDArray[np.bool_]:
+def _repeated(poses: _PoseRows) -> Mask:
     """Return which rows say once more what the row before them says."""
     same_pose = (np.diff(poses.position, axis=0) == 0).all(axis=-1) & (
         np.abs(np.sum(poses.q_wb[1:] * poses.q_wb[:-1], axis=-1)) > _SAME

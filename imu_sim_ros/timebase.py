@@ -9,9 +9,9 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.types import Array, Integers
 
 NANOSECONDS_PER_SECOND: Final = 1_000_000_000
 _RATE_DENOMINATOR: Final = 1_000_000
@@ -19,7 +19,7 @@ LOWEST_RATE: Final = 1.0 / _RATE_DENOMINATOR
 """[Hz] that this denominator can state."""
 
 
-def sample_times_ns(first: int, count: int, rate: float, t0_ns: int = 0) -> NDArray[np.int64]:
+def sample_times_ns(first: int, count: int, rate: float, t0_ns: int = 0) -> Integers:
     """Return the times of samples ``first .. first + count - 1``.
 
     ``t_k = t0 + round(k * 1e9 / rate)`` in exact integer arithmetic, halves to even as Python's
@@ -79,7 +79,7 @@ def exact_rate(rate: float) -> Fraction:
     return found
 
 
-def seconds_since(t_ns: NDArray[np.int64], t0_ns: int) -> NDArray[np.float64]:
+def seconds_since(t_ns: Integers, t0_ns: int) -> Array:
     """Return times as float seconds after ``t0_ns``; the difference is taken in integers."""
     return (t_ns - t0_ns).astype(np.float64) * 1e-9
 
@@ -104,7 +104,7 @@ def parse_duration(words: str) -> float:
     return float(match[1]) * _SECONDS[match[2]]
 
 
-def span(t_ns: NDArray[np.int64]) -> str:
+def span(t_ns: Integers) -> str:
     """Return how many rows there are, at which rate and for how long."""
     n = len(t_ns)
     if n < 2:

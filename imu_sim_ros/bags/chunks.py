@@ -28,14 +28,13 @@ from imu_sim_ros.bags.messages.blocks import (
     as_list,
     as_row_template,
 )
-from imu_sim_ros.bags.messages.layouts import Bytes
 from imu_sim_ros.bags.messages.schemas import Schema
 from imu_sim_ros.bags.outputs import OutputFile
 from imu_sim_ros.bags.threads import Pipeline
 from imu_sim_ros.bags.writer import BagTopic, Block, Writer, simultaneous, time_order
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.machine import cores
-from imu_sim_ros.types import Times
+from imu_sim_ros.types import Bytes, Times
 
 _Data = TypeVar("_Data", bytes, memoryview)
 

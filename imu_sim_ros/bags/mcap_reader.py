@@ -21,10 +21,10 @@ from imu_sim_ros.bags.mcap_writer import (
     MESSAGE_INDEX,
 )
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
-from imu_sim_ros.bags.messages.layouts import Bytes
 from imu_sim_ros.bags.messages.schemas import Schema, parse_qos
 from imu_sim_ros.bags.reader import DAMAGE, END_NS, ChunkedBag, ContradictionError, gather, in_order
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.types import Bytes
 
 _HEADER_BYTES = 9
 _SCHEMA, _CHANNEL, _FOOTER = 0x03, 0x04, 0x02

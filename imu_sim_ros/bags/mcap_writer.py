@@ -18,10 +18,9 @@ import numpy as np
 from imu_sim_ros.bags.chunks import ChunkWriter
 from imu_sim_ros.bags.merging import Indexed
 from imu_sim_ros.bags.messages.blocks import Column, RowTemplate, side_by_side
-from imu_sim_ros.bags.messages.layouts import Bytes
 from imu_sim_ros.bags.messages.schemas import qos_text
 from imu_sim_ros.bags.writer import BagTopic
-from imu_sim_ros.types import Times
+from imu_sim_ros.types import Bytes, Times
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 MESSAGE: Final = 0x05

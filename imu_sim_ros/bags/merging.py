@@ -12,12 +12,10 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.blocks import Column, RowTemplate, side_by_side
-from imu_sim_ros.bags.messages.layouts import Bytes
 from imu_sim_ros.bags.writer import BagTopic, time_order
-from imu_sim_ros.types import Times
+from imu_sim_ros.types import Bytes, Integers, Times
 
 _MOST_INTERVALS: Final = 5
 """Intervals of the slowest topic that a period may have: three for 15 Hz next to 200 Hz."""
@@ -294,7 +292,7 @@ def joined_index(parts_of_chunk: Sequence[tuple[int, Sequence[Indexed]]]) -> lis
 
     :param parts_of_chunk: where each part begins, and the messages in it.
     """
-    by_topic: dict[BagTopic, list[tuple[Times, NDArray[np.int64]]]] = {}
+    by_topic: dict[BagTopic, list[tuple[Times, Integers]]] = {}
     for begin, index in parts_of_chunk:
         for topic, t_ns, offsets in index:
             by_topic.setdefault(topic, []).append((t_ns, offsets + begin))

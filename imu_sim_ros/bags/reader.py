@@ -15,12 +15,11 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided, sliding_window_view
 
 from imu_sim_ros.bags.messages.blocks import MessageBlock, Payloads, TopicInfo, as_list
-from imu_sim_ros.bags.messages.layouts import Bytes
 from imu_sim_ros.bags.threads import prefetch
 from imu_sim_ros.errors import ImuSimError, InputError, system_error
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.names import suggestion
-from imu_sim_ros.types import Times
+from imu_sim_ros.types import Bytes, Times
 
 DAMAGE: Final = (
     ArithmeticError,

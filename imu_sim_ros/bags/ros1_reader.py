@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.bags.chunks import decompress
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
-from imu_sim_ros.bags.messages.layouts import Bytes
 from imu_sim_ros.bags.messages.schemas import Qos, Schema, ros2_name
 from imu_sim_ros.bags.reader import DAMAGE, ChunkedBag, ContradictionError, gather, in_order
 from imu_sim_ros.bags.ros1_writer import (
@@ -28,6 +27,7 @@ from imu_sim_ros.bags.ros1_writer import (
 )
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
+from imu_sim_ros.types import Bytes, Integers
 
 _LONGEST_HEADER = 1 << 24
 
@@ -270,7 +270,7 @@ def _block(topic: TopicInfo, data: Bytes, entries: NDArray[np.void]) -> MessageB
     return MessageBlock(topic, t_ns, gather(data, after_header + 4, sizes))
 
 
-def _numbers(data: Bytes, places: NDArray[np.int64]) -> NDArray[np.int64]:
+def _numbers(data: Bytes, places: Integers) -> Integers:
     """Return the four-byte numbers at given offsets."""
     rows = gather(data, places, np.full(len(places), 4, dtype=np.int64))
     return np.ascontiguousarray(rows).view("<u4")[:, 0].astype(np.int64)

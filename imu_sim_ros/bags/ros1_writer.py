@@ -15,12 +15,11 @@ from imu_sim_ros.bags.chunks import ChunkWriter
 from imu_sim_ros.bags.merging import Indexed
 from imu_sim_ros.bags.messages.blocks import Column, RowTemplate, side_by_side
 from imu_sim_ros.bags.messages.encode import divided
-from imu_sim_ros.bags.messages.layouts import Bytes
 from imu_sim_ros.bags.messages.schemas import ros1_name
 from imu_sim_ros.bags.writer import BagTopic
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.types import Times
+from imu_sim_ros.types import Bytes, Times
 
 MAGIC: Final = b"#ROSBAG V2.0\n"
 BAG_HEADER_BYTES: Final = 4096

@@ -17,12 +17,12 @@ import numpy as np
 from imu_sim_ros.bags import rosbag2_metadata as rosbag2_metadata
 from imu_sim_ros.bags.mcap_reader import McapBag
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
-from imu_sim_ros.bags.messages.layouts import Bytes
 from imu_sim_ros.bags.messages.schemas import Schema, parse_qos
 from imu_sim_ros.bags.reader import Bag, Timed, errors_naming
 from imu_sim_ros.errors import InputError, MachineError
 from imu_sim_ros.inputs.rows import is_present, open_regular, read_text
 from imu_sim_ros.parameters.yaml_text import parse_yaml
+from imu_sim_ros.types import Bytes
 
 _END_ID: Final = 2**63 - 1
 _ROWS: Final = 4096

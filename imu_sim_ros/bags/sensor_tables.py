@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.messages.decode import inside_order
@@ -23,7 +22,7 @@ from imu_sim_ros.conventions import IMU_FRAME, IMU_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import Skipped, Warned
 from imu_sim_ros.inputs.tables import Encode, Table, Tables
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array, Bytes, Times
 
 
 class TableRows(NamedTuple):
@@ -215,23 +214,21 @@ def streams_of_tables(
     return made
 
 
-def _blocks_of(
-    topic: BagTopic, messages: Iterator[tuple[Times, NDArray[np.uint8]]]
-) -> Iterator[list[Block]]:
+def _blocks_of(topic: BagTopic, messages: Iterator[tuple[Times, Bytes]]) -> Iterator[list[Block]]:
     for t_ns, payloads in messages:
         yield [Block(topic, t_ns, payloads)]
 
 
 def _measurements(
     path: Path, name: str, table: Table, encode: Encode, skipped: Skipped | None
-) -> Iterator[tuple[Times, NDArray[np.uint8]]]:
+) -> Iterator[tuple[Times, Bytes]]:
     for t_ns, values, _ in blocks(path, table, name, skipped=skipped):
         yield t_ns, encode(t_ns, values)
 
 
 def _orientations(
     path: Path, name: str, table: Table, imu: str, encoder: ImuEncoder, skipped: Skipped | None
-) -> Iterator[tuple[Times, NDArray[np.uint8]]]:
+) -> Iterator[tuple[Times, Bytes]]:
     """Yield the readings again, with the orientations of equal stamps.
 
     :raises InputError: for a stamp that no reading has, unless bad rows are skipped.

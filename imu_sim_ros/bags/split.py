@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags import rosbag2_metadata as rosbag2_metadata
 from imu_sim_ros.bags.outputs import make_folder
 from imu_sim_ros.bags.writer import BagTopic, Block, Writer, tally, time_order
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.types import Integers
 
 _NEVER: Final = 2**63 - 1
 MAX_PARTS: Final = 10_000
@@ -180,7 +180,7 @@ def _add(part: Writer, topic: BagTopic, before: int = 0) -> None:
     here.before = before
 
 
-def _sizes(block: Block) -> NDArray[np.int64]:
+def _sizes(block: Block) -> Integers:
     """Return the bytes of each message."""
     if isinstance(block.payloads, list):
         return np.array([len(payload) for payload in block.payloads], dtype=np.int64)

@@ -10,12 +10,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.blocks import Payloads, RowTemplate
 from imu_sim_ros.bags.messages.schemas import Qos, Schema, schema
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.types import Times
+from imu_sim_ros.types import Integers, Times
 
 
 @dataclass(eq=False)
@@ -177,7 +176,7 @@ def tally(blocks: Sequence[Block]) -> list[Block]:
     return filled
 
 
-def time_order(times: Sequence[Times]) -> NDArray[np.int64]:
+def time_order(times: Sequence[Times]) -> Integers:
     """Return the order of all messages of several blocks by time; of equal ones, the first block's.
 
     :returns: indices into the concatenation of the blocks.

@@ -8,7 +8,6 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import conventions
 from imu_sim_ros.calibration.rest import RestCheck
@@ -17,7 +16,7 @@ from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import BadRows
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array, Integers, Times
 
 COARSE: Final = 0.55
 """Deviation of the readings, in steps, below which the noise is not their own. At 0.55 the noise is
@@ -268,7 +267,7 @@ class Record:
         return result
 
 
-def _with_gaps(y: Array, missing: NDArray[np.int64]) -> Array:
+def _with_gaps(y: Array, missing: Integers) -> Array:
     """Return readings with rows of NaN for those missing before each."""
     if not missing.any():
         return y

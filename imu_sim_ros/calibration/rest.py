@@ -7,9 +7,8 @@ from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Mask
 
 _WINDOWS: Final = 256
 """Windows of about a second that are judged together."""
@@ -159,9 +158,7 @@ class RestCheck:
         result: Array = _JUMP * np.maximum(robust, np.sqrt(2.0 * typical / self._window))
         return result + self.step
 
-    def _disturbances(
-        self, mean: Array, variance: Array, typical: Array, begin: float
-    ) -> NDArray[np.bool_]:
+    def _disturbances(self, mean: Array, variance: Array, typical: Array, begin: float) -> Mask:
         """Return (windows,) which were disturbed, with one window of margin on both sides."""
         before = mean[:1] if self._before is None else self._before
         jump = np.abs(np.diff(mean, axis=0, prepend=before))
@@ -172,7 +169,7 @@ class RestCheck:
         noisy = _NOISIER * (typical + 0.25 * self.step**2)
         shaken = (variance > noisy) & (typical > 0.0)
         bad_axis = shaken | ((jump > limit) & (limit > 0.0))
-        bad: NDArray[np.bool_] = np.logical_or.reduce(bad_axis, axis=1)
+        bad: Mask = np.logical_or.reduce(bad_axis, axis=1)
         for k in np.flatnonzero(np.diff(bad.astype(int), prepend=0) == 1):
             axis = int(np.argmax(bad_axis[k]))
             end = int(k + np.argmin(np.append(bad[k:], False)))
@@ -181,7 +178,7 @@ class RestCheck:
             self.disturbed.append(Movement(axis, begin + k * seconds, begin + end * seconds, size))
         return np.convolve(bad, np.ones(3), mode="same") > 0.5
 
-    def _without(self, y: Array, bad: NDArray[np.bool_]) -> Iterator[Array | None]:
+    def _without(self, y: Array, bad: Mask) -> Iterator[Array | None]:
         if not bad.any():
             yield y
             return

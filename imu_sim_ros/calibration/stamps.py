@@ -7,10 +7,9 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array, Integers, Times
 
 _CLEAR: Final = 0.25
 """Intervals: steps that are as close to whole numbers of them are counted one by one."""
@@ -74,7 +73,7 @@ class SampleClock:
         self._last: int | None = None
         self._late = np.nan
 
-    def missing(self, t_ns: Times) -> NDArray[np.int64]:
+    def missing(self, t_ns: Times) -> Integers:
         """Return (n,) how many samples are missing before each of n rising stamps."""
         first = t_ns[:1] if self._last is None else np.array([self._last])
         steps = np.diff(t_ns, prepend=first) / self.interval
@@ -87,7 +86,7 @@ class SampleClock:
             return (whole - 1.0).astype(np.int64)
         return self._among_jitter(steps)
 
-    def _among_jitter(self, steps: Array) -> NDArray[np.int64]:
+    def _among_jitter(self, steps: Array) -> Integers:
         """Return the missing samples if stamps jitter: lasting shifts against the count."""
         spread = 1.4826 * float(np.median(np.abs(steps - 1.0))) / np.sqrt(2.0)
         if spread > _NUMBERED:

@@ -6,7 +6,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.read import read_poses
 from imu_sim_ros.campaigns.cells import Cell
@@ -19,13 +18,13 @@ from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import carried
 from imu_sim_ros.simulation.topics import delivered
 from imu_sim_ros.trajectory.motion import RememberedTrajectory
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers
 
 
 class RunReadings(NamedTuple):
     """The input of an estimator."""
 
-    t_ns: NDArray[np.int64]
+    t_ns: Integers
     gyro: Array
     accel: Array
 

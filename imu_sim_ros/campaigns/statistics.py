@@ -17,9 +17,8 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers, Mask
 
 CONFIDENCE: Final = 0.95
 _Z: Final = 1.959963984540054
@@ -147,7 +146,7 @@ def wins(a: Array, b: Array) -> tuple[int, int, int]:
     return smaller, larger, len(a) - smaller - larger
 
 
-def share_difference(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> tuple[Interval, float | None]:
+def share_difference(a: Mask, b: Mask) -> tuple[Interval, float | None]:
     """Return by how much the share of successes of A exceeds that of B on the same seeds.
 
     The interval is Bonett and Price's (British J. Math. Stat. Psychology 65, 2012, 479-488), p is
@@ -326,7 +325,7 @@ class Sensitivity(NamedTuple):
     runs: int
 
 
-def sensitivity(parameter: Array, error: Array, seed: NDArray[np.int64]) -> Sensitivity | None:
+def sensitivity(parameter: Array, error: Array, seed: Integers) -> Sensitivity | None:
     """Return ``d log(error) / d log(parameter)``; None if it cannot be determined.
 
     The runs of one seed share their random numbers, so that a slope is fitted for each seed, and

@@ -5,7 +5,7 @@
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -110,7 +110,7 @@ def unmet(found: Sequence[Group], require: Sequence[Requirement]) -> list[Unmet]
     return result
 
 
-_SHOWN = 10
+_SHOWN: Final = 10
 """Lines of a requirement; one more counts the others."""
 
 

@@ -58,7 +58,6 @@ _OWN: Final[dict[str, dict[str, Any]]] = {
     "fixture": {
         "--fixture": {
             "choices": FIXTURES,
-            "default": FIXTURES[0],
             "help": "exact: each axis points exactly up and down; norm: ten or more rests in "
             "any positions, fits the norm of gravity with an upper triangular S; auto "
             "(default): chooses by a test of the residuals",
@@ -74,7 +73,7 @@ _OWN: Final[dict[str, dict[str, Any]]] = {
     "temperature_topic": {
         "--temperature-topic TOPIC": "sensor_msgs/Temperature topic, if the bag has several"
     },
-    "reference": {"--reference DEGC": {"type": float, "default": 25.0, "help": _REFERENCE}},
+    "reference": {"--reference DEGC": {"type": float, "help": _REFERENCE}},
     "strength": {
         "--field T": {
             "dest": "strength",

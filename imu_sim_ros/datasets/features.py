@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.encode import ODOMETRY
 from imu_sim_ros.bags.messages.encode_cameras import (
@@ -46,7 +45,7 @@ from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.scene_parameters import body_names
 from imu_sim_ros.sensors.camera.tracker import Tracker, Tracks
 from imu_sim_ros.sensors.camera.view import View
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers, Mask
 
 CHANNELS: Final = {
     "mono": ("id", "u", "v", "velocity_x", "velocity_y"),
@@ -71,14 +70,14 @@ class _Observed(NamedTuple):
     """The features of one frame of one camera, by id."""
 
     t_ns: int
-    id: NDArray[np.int64]
+    id: Integers
     uv: Array
     place: Array
     """(n, 2) normalised."""
-    landmark: NDArray[np.int64]
-    body: NDArray[np.int64]
+    landmark: Integers
+    body: Integers
 
-    def at(self, rows: NDArray[np.bool_]) -> "_Observed":
+    def at(self, rows: Mask) -> "_Observed":
         """Return some of the features."""
         uv, place = self.uv[rows], self.place[rows]
         return _Observed(self.t_ns, self.id[rows], uv, place, self.landmark[rows], self.body[rows])
@@ -93,7 +92,7 @@ class _Ids:
         self._last = np.empty(0, dtype=np.int64)
         """The features of the last message."""
 
-    def next(self, features: list[_Observed]) -> list[NDArray[np.int64]]:
+    def next(self, features: list[_Observed]) -> list[Integers]:
         """Return the ids (n,) of what each camera sends in the next message."""
         feature, at = np.unique(np.concatenate([seen.id for seen in features]), return_index=True)
         landmark = np.concatenate([seen.landmark for seen in features])[at]
@@ -165,7 +164,7 @@ class FeatureStream:
                 )
 
     def _rows(
-        self, camera: int, seen: _Observed, speed: Array, ids: NDArray[np.int64], true_t_ns: int
+        self, camera: int, seen: _Observed, speed: Array, ids: Integers, true_t_ns: int
     ) -> Array:
         """Return points and channels (n, 3 + m)."""
         points = np.column_stack([seen.place, np.ones(len(ids))])
@@ -197,7 +196,7 @@ def _frame(tracks: Tracks, place: Array, k: int) -> _Observed:
     return _Observed(t_ns, *(column[rows] for column in columns))
 
 
-def _speed(now: _Observed, before: _Observed | None) -> tuple[Array, NDArray[np.bool_]]:
+def _speed(now: _Observed, before: _Observed | None) -> tuple[Array, Mask]:
     """Return the normalised velocities (n, 2) [1/s], and which features were there before."""
     if before is None or not len(before.id):
         return np.zeros_like(now.place), np.zeros(len(now.id), dtype=bool)

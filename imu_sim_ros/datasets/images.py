@@ -32,6 +32,7 @@ from imu_sim_ros.sensors.camera.images.renderer import opencv
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.rig import Rig
+from imu_sim_ros.types import Array, Bytes, Single
 
 EUROC_HEADER: Final = "#timestamp [ns],filename"
 DEPTH_FOLDER: Final = "depth"
@@ -98,7 +99,7 @@ class ImageFolders:
         for number, t_ns in self._frames[camera]:
             yield t_ns, self._imagers[camera].exposure(number)
 
-    def vignette(self, camera: int) -> NDArray[np.float32]:
+    def vignette(self, camera: int) -> Single:
         """Return the share of the light that each pixel of a camera gets (h, w)."""
         return self._imagers[camera].vignette
 
@@ -214,13 +215,13 @@ def write_table(folder: Path, stamps: Iterable[int]) -> None:
         raise system_error(path, error) from None
 
 
-def millimetres(depth: NDArray[np.float32]) -> NDArray[np.uint16]:
+def millimetres(depth: Single) -> NDArray[np.uint16]:
     """Return depths (h, w) [m] as REP 118 has them in 16 bits; 0 for what is beyond 65.5 m."""
     rounded = np.rint(depth * np.float32(_MILLIMETRES))
     return np.where(rounded <= np.iinfo(np.uint16).max, rounded, 0.0).astype(np.uint16)
 
 
-def in_16_bits(image: NDArray[np.uint8]) -> NDArray[np.uint16]:
+def in_16_bits(image: Bytes) -> NDArray[np.uint16]:
     """Return grey values (h, w) in 16 bits; what reads 8 of them gets the same values."""
     return image.astype(np.uint16) * np.uint16(256)
 
@@ -254,7 +255,7 @@ def _sensor_yaml(camera: CameraParameters, comment: str) -> str:
     )
 
 
-def pose_text(matrix: NDArray[np.float64]) -> str:
+def pose_text(matrix: Array) -> str:
     """Return T_BS (4, 4) as EuRoC's descriptions of sensors have it."""
     rows = ",\n         ".join(", ".join(decimal(value) for value in row) for row in matrix)
     return f"T_BS:\n  cols: 4\n  rows: 4\n  data: [{rows}]\n"

@@ -33,6 +33,7 @@ from imu_sim_ros.parameters.yaml_text import parse_yaml
 from imu_sim_ros.sensors.camera.images.files import JPEG, PNG, Size, decoded, examined, png
 from imu_sim_ros.sensors.imu.parameters import rotation_problems
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
+from imu_sim_ros.types import Array, Integers
 
 _TO_EUROC: Final = {
     "plumb_bob": "radial-tangential",
@@ -57,7 +58,7 @@ class Description(NamedTuple):
     """Properties of a camera; None if unknown."""
 
     info: CameraInfo | None = None
-    pose: NDArray[np.float64] | None = None
+    pose: Array | None = None
     """T_bc (4, 4): maps points of the camera into the body."""
 
 
@@ -120,7 +121,7 @@ def read_camchain(path: Path, camera: str) -> Description:
     return keys.finished(info, None if t_ci is None else inverse(t_ci))
 
 
-def inverse(pose: NDArray[np.float64]) -> NDArray[np.float64]:
+def inverse(pose: Array) -> Array:
     """Return the transform (4, 4) the other way."""
     result = np.eye(4)
     result[:3, :3] = pose[:3, :3].T
@@ -148,7 +149,7 @@ class _Keys:
         self.tree = tree
         self._name, self._problems = f"{path}: {prefix}", list[str]()
 
-    def finished(self, info: CameraInfo | None, pose: NDArray[np.float64] | None) -> Description:
+    def finished(self, info: CameraInfo | None, pose: Array | None) -> Description:
         if self._problems:
             raise InputError(self._problems)
         return Description(info, pose)
@@ -175,7 +176,7 @@ class _Keys:
         self._refuse(key, value, f"must be {words}")
         return [0.0] * (counts[0] if counts else 0)
 
-    def pose(self, key: str, below: str = "") -> NDArray[np.float64] | None:
+    def pose(self, key: str, below: str = "") -> Array | None:
         """Return a transform (4, 4), of 16 numbers or of four rows; None if there is none."""
         value = self.tree.get(key)
         if value is not None and below:
@@ -238,7 +239,7 @@ class RecordedFrames(NamedTuple):
     """n images of a camera, in time order."""
 
     folder: Path
-    t_ns: NDArray[np.int64]
+    t_ns: Integers
     names: list[str]
 
 

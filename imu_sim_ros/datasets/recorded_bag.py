@@ -42,8 +42,9 @@ from imu_sim_ros.machine import cores
 from imu_sim_ros.sensors.camera.images.files import Size, png
 from imu_sim_ros.sensors.camera.images.renderer import opencv
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
+from imu_sim_ros.types import Array
 
-Transforms = dict[str, tuple[str, NDArray[np.float64]]]
+Transforms = dict[str, tuple[str, Array]]
 """By child: its parent, and T_parent_child (4, 4)."""
 
 _ENDINGS: Final = (
@@ -279,7 +280,7 @@ def _fixed(message: Any) -> Transforms:
     return found
 
 
-def to_root(transforms: Transforms, frame: str) -> NDArray[np.float64] | None:
+def to_root(transforms: Transforms, frame: str) -> Array | None:
     """Return T (4, 4) from a frame to the one that everything is fixed to; None: not known."""
     if frame not in transforms:
         return None

@@ -10,9 +10,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from imu_sim_ros.bags.text.writer import WITH_TABLES, Dataset, States
 from imu_sim_ros.bags.writer import BagTopic, Block, Writer, amount, described
 from imu_sim_ros.conventions import (
@@ -41,6 +38,7 @@ from imu_sim_ros.simulation.topics import (
     topics_of,
     types,
 )
+from imu_sim_ros.types import Array, Integers
 
 Blocks = Mapping[str, ImuBlock]
 """Blocks of the simulations of one body by name; a single IMU has an empty name."""
@@ -201,7 +199,7 @@ def _states(block: ImuBlock) -> States:
     )
 
 
-def _rows(sensor: Sensor, block: ImuBlock) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _rows(sensor: Sensor, block: ImuBlock) -> tuple[Integers, Array]:
     """Return stamps (n,) and values (n, m) of the samples of a sensor."""
     read = block.auxiliary[sensor.quantity]
     return read.t_ns[read.delivered], sensor.values(read)[read.delivered]

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.datasets.bodies import add_tables
 from imu_sim_ros.datasets.columns import Column, Tables
@@ -20,7 +19,7 @@ from imu_sim_ros.sensors.camera.rig import Blindness, Rig
 from imu_sim_ros.sensors.camera.rig_parameters import load_rig
 from imu_sim_ros.sensors.camera.scene import read_points
 from imu_sim_ros.sensors.camera.tracker import TrackedLines, Tracker, Tracks
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers, Mask
 
 TRACKS_HEADER: Final = "t_ns,camera,id,u,v,u_true,v_true,depth"
 BODY_COLUMN: Final = ",body"
@@ -193,15 +192,15 @@ class TrackFolder(NamedTuple):
     cameras: dict[str, CameraParameters]
     landmarks: Array
     """(m, 3) p_w [m]."""
-    true_t_ns: NDArray[np.int64]
+    true_t_ns: Integers
     """(n,) the middle of the exposure [ns]."""
-    camera: NDArray[np.int64]
+    camera: Integers
     """(n,) place of the camera among ``cameras``."""
-    landmark: NDArray[np.int64]
+    landmark: Integers
     """(n,) row of what is seen."""
     uv: Array
     """(n, 2) measured pixel."""
-    wrong: NDArray[np.bool_]
+    wrong: Mask
     """(n,) an outlier, or the pixel of another feature."""
 
 

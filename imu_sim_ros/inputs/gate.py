@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import STAMPS, VALUES, BadRows
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array, Mask, Times
 
 Scalars = tuple[float, ...]
 
@@ -60,7 +60,7 @@ class Verdict:
         """
         self._stamped, self._columns = t_ns is not None, columns
         self._t_ns = np.zeros(len(columns[0][1]), dtype=np.int64) if t_ns is None else t_ns
-        self.good: NDArray[np.bool_] = (self._t_ns >= FIRST_STAMP) & (self._t_ns <= LAST_STAMP)
+        self.good: Mask = (self._t_ns >= FIRST_STAMP) & (self._t_ns <= LAST_STAMP)
         """(n,) whether a row may pass."""
         for quantity, values in columns:
             good = _good(quantity, values)
@@ -193,14 +193,14 @@ def stamp_words(t_ns: int) -> str:
     return f"stamp {'-' * (t_ns < 0)}{whole}.{part:09d} s"
 
 
-def _good(quantity: Quantity, values: Array) -> NDArray[np.bool_] | None:
+def _good(quantity: Quantity, values: Array) -> Mask | None:
     """Return which rows are in range; None: all of them."""
     if not values.size:
         return None
     # Extremes are NaN if a value is, and need no memory; nearly always they are enough.
     with np.errstate(invalid="ignore"):
         in_range = values.min() >= -quantity.largest and values.max() <= quantity.largest
-    good: NDArray[np.bool_] = np.ones(len(values), dtype=bool)
+    good: Mask = np.ones(len(values), dtype=bool)
     if not in_range:
         with np.errstate(invalid="ignore"):
             each = np.abs(values) <= quantity.largest
@@ -212,6 +212,6 @@ def _good(quantity: Quantity, values: Array) -> NDArray[np.bool_] | None:
     return None if good.all() else good
 
 
-def _shown(value: NDArray[np.float64]) -> str:
+def _shown(value: Array) -> str:
     words = ", ".join(f"{number:.6g}" for number in np.atleast_1d(value).tolist())
     return f"[{words}]" if np.ndim(value) else words

@@ -10,13 +10,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
-
 from imu_sim_ros.inputs.gate import Quantity
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array, Bytes, Times
 
-Encode: TypeAlias = Callable[[Times, Array], NDArray[np.uint8]]
+Encode: TypeAlias = Callable[[Times, Array], Bytes]
 """Turns stamps (n,) and values (n, m) into messages (n, size)."""
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from imu_sim_ros import arguments, timebase
 from imu_sim_ros.arguments import refuse
@@ -41,7 +41,7 @@ from imu_sim_ros.simulation.error_parameters import (
     ErrorModelParameters,
     load_error_model,
 )
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers
 
 TOPICS: Final = (IMU_TOPIC, IDEAL_IMU_TOPIC, GYROSCOPE_BIAS_TOPIC, ACCELEROMETER_BIAS_TOPIC)
 """What a flight of given readings is saved as."""
@@ -347,7 +347,7 @@ def with_rate(layers: Mapping[str, object], rate: Callable[[], float]) -> ErrorM
     return load_error_model(layers if given else {**layers, "rate": rate()})
 
 
-def rate_of(t_ns: NDArray[np.int64]) -> float:
+def rate_of(t_ns: Integers) -> float:
     """Return the readings per second of stamps, rounded to six digits [Hz].
 
     Gaps are not counted: an interval much longer than most counts as several.

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import arguments
 from imu_sim_ros.arguments import BAG_OR_FILE, name_of
@@ -26,7 +25,7 @@ from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.output import checked_place, saved
 from imu_sim_ros.jobs.readings import Readings
 from imu_sim_ros.text_tables import TextTable
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Mask
 
 if TYPE_CHECKING:
     from imu_sim_ros.inputs.rows import Skipped
@@ -64,7 +63,7 @@ class Estimated:
         return f"<Estimated {', '.join(named)} {self.unit}>"
 
 
-def _or_none(values: Array, known: NDArray[np.bool_]) -> list[float | None]:
+def _or_none(values: Array, known: Mask) -> list[float | None]:
     return [float(v) if there else None for v, there in zip(values, known, strict=True)]
 
 

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.arguments import BAG_OR_FILE, name_of, number, one_of, switch
 from imu_sim_ros.arguments import path as checked_path
@@ -31,7 +30,8 @@ from imu_sim_ros.navigation import initialisation
 from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, initial_covariance, propagate
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon as integrate
 from imu_sim_ros.navigation.evaluation import Drift, Truth, distances, drift_from
-from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator, noise_of
+from imu_sim_ros.navigation.noise import noise_of
+from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
 from imu_sim_ros.navigation.state import (
     Correction,
     NavigationState,
@@ -44,7 +44,7 @@ from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
 from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.timebase import span
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array, Mask, Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots.style import Figure
@@ -259,7 +259,7 @@ class ReadingsAndTruth(NamedTuple):
             return self
         return self.rows(t_ns >= t_ns[0] + round(skip * 1e9))
 
-    def rows(self, rows: NDArray[np.bool_] | slice) -> ReadingsAndTruth:
+    def rows(self, rows: Mask | slice) -> ReadingsAndTruth:
         """Return the recording with some of its readings."""
         own = self.readings
         kept = Readings(own.t_ns[rows], own.gyro[rows], own.accel[rows], own.name)

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.arguments import BAG_OR_FILE, array, number, one_of, refuse, switch, text
 from imu_sim_ros.arguments import path as checked_path
@@ -53,7 +52,7 @@ from imu_sim_ros.navigation.evaluation import (
 from imu_sim_ros.poses import PoseSequence, write_tum
 from imu_sim_ros.rotation import rotate_inverse
 from imu_sim_ros.text_tables import TextTable
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array, Integers, Mask, Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots.style import Figure
@@ -564,7 +563,7 @@ def _rms_per_axis(lengths: Array) -> float | None:
     return float(np.sqrt(np.mean(lengths**2) / 2.0)) if len(lengths) else None
 
 
-def _has_poses(poses_ns: NDArray[np.int64], at_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _has_poses(poses_ns: Integers, at_ns: Integers) -> Mask:
     """Return at which times there is a pose, or are two that are near enough to interpolate."""
     after = np.searchsorted(poses_ns, at_ns)
     before = poses_ns[np.clip(after - 1, 0, len(poses_ns) - 1)]

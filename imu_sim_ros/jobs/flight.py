@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import arguments
 from imu_sim_ros.arguments import BAG_OR_FILE
@@ -29,7 +28,7 @@ from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import SampledParameters, carried
 from imu_sim_ros.timebase import span
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots.style import Figure
@@ -128,7 +127,7 @@ class Flight:
         return np.concatenate([getattr(block, name)[block.delivered] for block in self._blocks])
 
     @cached_property
-    def t_ns(self) -> NDArray[np.int64]:
+    def t_ns(self) -> Integers:
         """(n,) stamps of the readings [ns], with the errors of the sensor's clock."""
         return np.concatenate([block.t_ns[block.delivered] for block in self._blocks])
 

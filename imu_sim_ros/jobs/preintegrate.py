@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from imu_sim_ros import arguments
 from imu_sim_ros.arguments import array, number, stamps
@@ -16,9 +16,10 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.readings import Readings
-from imu_sim_ros.navigation.parameters import noise_of
+from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.preintegration import METHODS, Preintegration, between
 from imu_sim_ros.navigation.preintegration import preintegrate as over_intervals
+from imu_sim_ros.types import Array
 
 
 def preintegrate(
@@ -69,7 +70,7 @@ def preintegrate(
     return over_intervals(pieces, noise, gyro_bias, accel_bias, method)
 
 
-def _bias(name: str, given: ArrayLike, count: int, quantity: gate.Quantity) -> NDArray[np.float64]:
+def _bias(name: str, given: ArrayLike, count: int, quantity: gate.Quantity) -> Array:
     """Return a bias (count, 3), (3,) or () that readings can have."""
     try:
         dimensions = min(np.ndim(np.asarray(given)), 2)

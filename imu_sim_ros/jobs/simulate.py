@@ -33,10 +33,11 @@ from imu_sim_ros.trajectory.build import PoseReader, build_trajectory
 from imu_sim_ros.trajectory.given import given_trajectory
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.trajectory.parameters import GIVEN, trajectory_layer
+from imu_sim_ros.types import Array
 
 _PROBE: Final = 16
 """Samples from which the memory of all samples, with those of every sensor, is reckoned."""
-Poses: TypeAlias = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
+Poses: TypeAlias = Callable[[Array], tuple[Array, Array]]
 """A function that returns positions (n, 3) [m] and attitudes q_wb (n, 4) at times (n,) [s]."""
 Moving: TypeAlias = (
     str | Path | Mapping[str, Any] | PoseSequence | NDArray[Any] | Trajectory | Poses | None

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.encode import ODOMETRY
 from imu_sim_ros.bags.read import odometry_blocks, open_bag, read_poses
@@ -19,7 +18,7 @@ from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.poses import PoseSequence, write_tum
 from imu_sim_ros.rotation import rotate
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers
 
 
 class RecordedTrack(NamedTuple):
@@ -92,7 +91,7 @@ def _odometry(
     covariance: bool,
     skipped: Skipped | None,
 ) -> RecordedTrack:
-    parts: list[tuple[Array | NDArray[np.int64], ...]] = []
+    parts: list[tuple[Array | Integers, ...]] = []
     frame_id = ""
     for block in odometry_blocks(path, topic, skipped=skipped):
         velocity = rotate(block.q_wb, block.velocity_b)

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import arguments
 from imu_sim_ros.arguments import number, whole
@@ -48,7 +47,7 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.rotation import from_matrix, log
 from imu_sim_ros.sensors.imu.vibration import MotionSize
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Mask
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots.style import Figure
@@ -96,7 +95,7 @@ class Trust(NamedTuple):
 
     fit: Fit
     """With standard errors no smaller than the recording itself shows."""
-    given: NDArray[np.bool_]
+    given: Mask
     """(42,) whether a number is given."""
     undetermined: tuple[str, ...]
     """Numbers that this motion does not determine."""
@@ -123,7 +122,7 @@ def judged(found: Fit, disagreement: Array, noise: PoseNoise) -> Trust:
     return Trust(wider, given, undetermined, tuple(warnings))
 
 
-def _of_noise(found: Fit, given: NDArray[np.bool_], noise: PoseNoise) -> Iterator[str]:
+def _of_noise(found: Fit, given: Mask, noise: PoseNoise) -> Iterator[str]:
     angle, distance = 1e3 * noise.deviation
     poses = f"noise of the poses, {distance:.2g} mm and {angle:.2g} mrad"
     hidden = [NAMES[k] for k in np.flatnonzero(~given)]
@@ -135,7 +134,7 @@ def _of_noise(found: Fit, given: NDArray[np.bool_], noise: PoseNoise) -> Iterato
         yield f"corrected for the {poses}, in standard errors: {', '.join(sizes)}"
 
 
-def _of_quarters(disagree: NDArray[np.bool_], larger: Array) -> Iterator[str]:
+def _of_quarters(disagree: Mask, larger: Array) -> Iterator[str]:
     if disagree.any():
         sizes = [f"{NAMES[k]} ({larger[k]:.0f} times)" for k in np.flatnonzero(disagree)]
         yield (
@@ -193,7 +192,7 @@ class Twin:
     NaN: not given, since it hangs on the noise of the poses."""
     undetermined: tuple[str, ...]
     """Numbers that this motion does not determine; they are a perfect IMU's but for their prior."""
-    given: NDArray[np.bool_]
+    given: Mask
     """(42,) which numbers are given, in the order of ``calibration.twin.model``."""
     warnings: tuple[str, ...]
     """What hangs on the poses' noise, and what contradicts itself: a line each."""
@@ -483,7 +482,7 @@ def _steps(readings: Array) -> Array:
     return finder.step
 
 
-def _errors(found: Fit, given: NDArray[np.bool_]) -> dict[str, Calibrated]:
+def _errors(found: Fit, given: Mask) -> dict[str, Calibrated]:
     """Return the constant errors by name; NaN for those that are not given."""
     errors, covariance = found.errors, found.covariance
     span = np.array([1.0, -found.reference])

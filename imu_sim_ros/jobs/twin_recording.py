@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import arguments, timebase
 from imu_sim_ros.arguments import BAG_OR_FILE
@@ -36,7 +35,7 @@ from imu_sim_ros.rotation import to_matrix
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import PosesParameters
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Mask
 
 _MARGIN: Final = 0.2
 """[s] at both ends of the truth, where a spline has neighbours on one side only."""
@@ -116,7 +115,7 @@ def body_motion(motion: Motion, gravity: float) -> BodyMotion:
     return BodyMotion(motion.angular_velocity, force, motion.angular_acceleration, r_bw)
 
 
-def moving(motion: Motion) -> NDArray[np.bool_]:
+def moving(motion: Motion) -> Mask:
     """Return which rows (n,) of a motion are no rest."""
     rate, speed = (np.linalg.norm(v, axis=1) for v in (motion.angular_velocity, motion.velocity))
     return (rate > _STILL[0]) | (speed > _STILL[1])
@@ -214,7 +213,7 @@ def _placed(
     half: Recorded,
     readings: Readings,
     stamps: Array,
-    near: NDArray[np.bool_],
+    near: Mask,
     max_offset: float,
     name: str,
 ) -> Recorded:

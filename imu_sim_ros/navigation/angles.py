@@ -12,14 +12,13 @@ from collections.abc import Callable, Sequence
 from typing import Final, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.increments import Increments, euler_step, midpoint_step, rk4_step
 from imu_sim_ros.navigation.stepper import GIMBAL_LOCK_MARGIN
 from imu_sim_ros.rotation import components
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Mask
 
 _LAST_PITCH: Final = 0.5 * math.pi - GIMBAL_LOCK_MARGIN
 _Start: TypeAlias = tuple[float, float]
@@ -119,7 +118,7 @@ class AngleIncrements:
         return _increments(self._method, angles, h, (first, mean, last), force)
 
 
-def _near_lock(pitch: Array, h: Array, rate: Array) -> NDArray[np.bool_]:
+def _near_lock(pitch: Array, h: Array, rate: Array) -> Mask:
     """Return which pitches (n,) are within 1 degree, or two steps, of +-90 degrees."""
     turned = 2.0 * np.sqrt(np.sum(rate * rate, axis=0)) * h
     margin = np.maximum(GIMBAL_LOCK_MARGIN, turned)

@@ -33,7 +33,7 @@ from numpy.typing import ArrayLike
 
 from imu_sim_ros import rotation
 from imu_sim_ros.navigation.covariance_terms import SecondOrder, SlowErrors
-from imu_sim_ros.navigation.parameters import ImuErrors
+from imu_sim_ros.navigation.noise import ImuErrors
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.rotation.scalars import M9
 from imu_sim_ros.types import Array

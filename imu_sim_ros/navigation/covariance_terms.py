@@ -10,7 +10,7 @@ import numpy as np
 
 from imu_sim_ros import rotation
 from imu_sim_ros.navigation.evaluation import attitude_sigma
-from imu_sim_ros.navigation.parameters import ImuErrors
+from imu_sim_ros.navigation.noise import ImuErrors
 from imu_sim_ros.types import Array
 
 _LONGEST: Final = 1e4

@@ -37,7 +37,6 @@ from functools import partial
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.conventions import GRAVITY
@@ -52,7 +51,7 @@ from imu_sim_ros.navigation.state import (
 )
 from imu_sim_ros.navigation.stepper import Stepper, check_method, check_readings
 from imu_sim_ros.rotation import components
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers
 
 __all__ = ["Stepper", "dead_reckon", "dead_reckon_integrals"]
 
@@ -64,7 +63,7 @@ _BLOCK: Final = 16384
 
 
 def dead_reckon(
-    t_ns: NDArray[np.int64],
+    t_ns: Integers,
     gyro: Array,
     accel: Array,
     initial: NavigationState,
@@ -115,7 +114,7 @@ def dead_reckon(
 
 
 def dead_reckon_integrals(
-    t_ns: NDArray[np.int64],
+    t_ns: Integers,
     delta_angle: Array,
     delta_velocity: Array,
     initial: NavigationState,
@@ -156,7 +155,7 @@ class _States:
 
     def __init__(
         self,
-        t_ns: NDArray[np.int64],
+        t_ns: Integers,
         initial: NavigationState,
         gravity: Sequence[float],
         earth_rate: Sequence[float],
@@ -221,9 +220,7 @@ class _States:
         return NavigationStates(self._t_ns, self._position, self._velocity, self._q)
 
 
-def _step_through(
-    stepper: Stepper, t_ns: NDArray[np.int64], gyro: Array, accel: Array
-) -> NavigationStates:
+def _step_through(stepper: Stepper, t_ns: Integers, gyro: Array, accel: Array) -> NavigationStates:
     """Integrate one step at a time if there are no increments."""
     rows: list[tuple[float, ...]] = []
     for t, rate, force in zip(t_ns.tolist(), gyro.tolist(), accel.tolist(), strict=True):

@@ -19,7 +19,7 @@ from imu_sim_ros.navigation.association import (
 )
 from imu_sim_ros.navigation.state import NavigationState, NavigationStates
 from imu_sim_ros.poses import PoseSequence
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers, Mask
 
 
 class Truth(NamedTuple):
@@ -40,7 +40,7 @@ class Truth(NamedTuple):
 class Drift(NamedTuple):
     """Truth less estimate at the m times common to both; vectors in the world."""
 
-    t_ns: NDArray[np.int64]
+    t_ns: Integers
     position: Array
     """(m, 3) [m]."""
     velocity: Array
@@ -143,9 +143,9 @@ class Band(NamedTuple):
     high: float
 
 
-def invertible(covariances: Array) -> NDArray[np.bool_]:
+def invertible(covariances: Array) -> Mask:
     """Return which covariances (n, k, k) have a NEES: at a true start they are zero."""
-    result: NDArray[np.bool_] = np.asarray(np.isfinite(covariances).all(axis=(1, 2)))
+    result: Mask = np.asarray(np.isfinite(covariances).all(axis=(1, 2)))
     sizes = np.linalg.eigvalsh(covariances[result])
     least = covariances.shape[-1] * np.finfo(float).eps * np.abs(sizes).max(axis=1, initial=0.0)
     result[result] = sizes[:, 0] > least

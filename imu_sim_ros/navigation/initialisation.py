@@ -21,7 +21,8 @@ from imu_sim_ros.navigation.covariance import (
     Covariance,
     initial_covariance,
 )
-from imu_sim_ros.navigation.parameters import ImuErrors, IntegratorParameters, noise_of
+from imu_sim_ros.navigation.noise import ImuErrors, noise_of
+from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import Correction, NavigationState, correction_of
 from imu_sim_ros.types import Array, Times
 
@@ -208,6 +209,13 @@ def after_rest(
     rate_hz: float,
 ) -> Covariance:
     """Return the covariance at the end of a rest, which gives roll and pitch as well.
+
+    The mean force of the rest is assumed to point up. With e the accelerometer's mean error in
+    world axes and g the strength of gravity, the attitude is then wrong by ``theta = A e``,
+    ``theta_x = -e_y / g`` and ``theta_y = e_x / g`` (Groves, "Principles of GNSS, inertial, and
+    multisensor integrated navigation systems", 2nd edition, section 5.6.2), and the two go
+    together: what the bias does to the velocity, the tilt undoes. The remaining gyroscope bias is
+    its change since the rest.
 
     :param noise: the IMU's errors.
     :param time: length of the rest [s].

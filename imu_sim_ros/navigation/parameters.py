@@ -1,14 +1,12 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of the integrator node, and the random errors of an IMU as a covariance uses them."""
+"""Parameters of the integrator node."""
 
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
-
-import numpy as np
+from typing import Any
 
 from imu_sim_ros.conventions import BODY_FRAME, GRAVITY, TRIADS, WORLD_FRAME
 from imu_sim_ros.parameters.files import load
@@ -30,7 +28,6 @@ from imu_sim_ros.parameters.sections import parameters, section
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.presets import sensor_layer
 from imu_sim_ros.sensors.imu.triads import TriadParameters, invertible_problems, triad
-from imu_sim_ros.types import Array
 
 DEFAULT_IMU = "lecture"
 METHODS = ("euler", "midpoint", "rk4")
@@ -243,53 +240,3 @@ def _differs(value: object, other: object) -> bool:
     count = max(len(first), len(second))
     first, second = (list(v) * (count if len(v) == 1 else 1) for v in (first, second))
     return first != second
-
-
-_NONE: Final = np.zeros(3)
-
-
-class TriadErrors(NamedTuple):
-    """Sizes of a triad's errors, each (3,) per axis, named as the parameters of an IMU are.
-
-    Below, u is the unit of the readings: rad/s or m/s^2. The first two are densities in continuous
-    time with kalibr's names.
-    """
-
-    noise_density: Array = _NONE
-    """[u/sqrt(Hz)]"""
-    random_walk: Array = _NONE
-    """[u/s/sqrt(Hz)]"""
-    gauss_markov_sigma: Array = _NONE
-    """[u]"""
-    gauss_markov_density: Array = _NONE
-    """[u/s/sqrt(Hz)]"""
-    correlation_time: Array = _NONE
-    """[s]"""
-    bias_instability: Array = _NONE
-    """[u]"""
-    turn_on_scale_sigma: Array = _NONE
-    """[1]"""
-    misalignment_sigma: Array = _NONE
-    """[1]"""
-    quadratic_sigma: Array = _NONE
-    """[1/u]"""
-    g_sensitivity_sigma: Array = _NONE
-    """[u/(m/s^2)], of the gyroscope alone"""
-    resolution: Array = _NONE
-    """[u]"""
-
-
-class ImuErrors(NamedTuple):
-    """Sizes of the errors of both triads."""
-
-    gyroscope: TriadErrors = TriadErrors()
-    accelerometer: TriadErrors = TriadErrors()
-
-
-def noise_of(parameters: ImuParameters | IntegratorNoiseParameters) -> ImuErrors:
-    """Return the errors that a section of parameters describes."""
-    gyroscope, accelerometer = (
-        TriadErrors(*(np.asarray(getattr(triad, name), float) for name in TriadErrors._fields))
-        for triad in (parameters.gyroscope, parameters.accelerometer)
-    )
-    return ImuErrors(gyroscope, accelerometer)

@@ -6,15 +6,15 @@
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.navigation.association import interpolate_vectors
-from imu_sim_ros.navigation.parameters import ImuErrors
+from imu_sim_ros.navigation.noise import ImuErrors
 from imu_sim_ros.navigation.preintegration_slow_errors import SlowErrorsOfIntervals
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers, Mask
 
 
 class StepReadings(NamedTuple):
@@ -28,9 +28,7 @@ class StepReadings(NamedTuple):
     """(B, m + 1, 3) at the ends of the steps [m/s^2]."""
 
 
-def between(
-    t_ns: NDArray[np.int64], gyro: Array, accel: Array, edges_ns: ArrayLike
-) -> StepReadings:
+def between(t_ns: Integers, gyro: Array, accel: Array, edges_ns: ArrayLike) -> StepReadings:
     """Return the readings between neighbouring times; at these, readings are interpolated.
 
     :param t_ns: (n,) stamps [ns], increasing.
@@ -374,7 +372,7 @@ def repropagated(
     accel_bias: ArrayLike,
     noise: ImuErrors | None = None,
     method: str = "midpoint",
-) -> tuple[Preintegration, NDArray[np.bool_]]:
+) -> tuple[Preintegration, Mask]:
     """Integrate intervals again whose biases moved far; return all intervals, and which these are.
 
     The others are unchanged; use :func:`corrected` for them.

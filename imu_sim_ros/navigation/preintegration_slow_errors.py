@@ -30,7 +30,7 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.navigation.covariance_terms import of_mean, processes, response_terms
-from imu_sim_ros.navigation.parameters import ImuErrors
+from imu_sim_ros.navigation.noise import ImuErrors
 from imu_sim_ros.types import Array
 
 _MAX_PIECES: Final = 128

@@ -8,11 +8,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from imu_sim_ros.arguments import array, refuse
 from imu_sim_ros.inputs import gate
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -54,7 +54,7 @@ class NavigationState(_State):
 class NavigationStates(NamedTuple):
     """The states at n times; time first."""
 
-    t_ns: NDArray[np.int64]
+    t_ns: Integers
     """(n,) [ns]."""
     position: Array
     """(n, 3) p_wb [m]."""

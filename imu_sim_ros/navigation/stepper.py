@@ -8,7 +8,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import ConfigurationError, InputError
@@ -31,12 +30,10 @@ from imu_sim_ros.rotation.scalars import (
     scaled,
     transform,
 )
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers
 
 
-def check_readings(
-    t_ns: NDArray[np.int64], gyro: Array, accel: Array, max_gap: float = math.inf
-) -> None:
+def check_readings(t_ns: Integers, gyro: Array, accel: Array, max_gap: float = math.inf) -> None:
     """Make sure that readings can be integrated.
 
     :param t_ns: (n,) stamps [ns].
@@ -60,7 +57,7 @@ def check_readings(
         raise InputError(problems)
 
 
-def _order_problems(t_ns: NDArray[np.int64], steps: NDArray[np.int64]) -> list[str]:
+def _order_problems(t_ns: Integers, steps: Integers) -> list[str]:
     problems: list[str] = []
     if steps.min() > 0:
         return problems
@@ -74,9 +71,7 @@ def _order_problems(t_ns: NDArray[np.int64], steps: NDArray[np.int64]) -> list[s
     return problems
 
 
-def _gap_problems(
-    t_ns: NDArray[np.int64], steps_ns: NDArray[np.int64], max_gap: float
-) -> list[str]:
+def _gap_problems(t_ns: Integers, steps_ns: Integers, max_gap: float) -> list[str]:
     if steps_ns.max() * 1e-9 <= max_gap:
         return []
     steps = steps_ns * 1e-9

@@ -1,24 +1,17 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Messages about a node: what it does, once per second, and injected faults."""
+"""Messages about a node: a status, and injected faults."""
 
-import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Final
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-from imu_sim_ros.nodes.publishing import Counter
 from imu_sim_ros.sensors.faults import Fault
-from imu_sim_ros.simulation.error_model import Counts
 
-LATE_US: Final = 500.0
-"""A 99th percentile above this is a warning."""
 PERIOD: Final = 1.0
-"""[s]"""
-_IRREGULAR: Final = ("missing", "pauses", "restarts", "repeated", "backward")
+"""Between two statuses of a node [s]."""
 
 
 def diagnostics(
@@ -38,123 +31,6 @@ def diagnostics(
     message = DiagnosticArray(status=[status])
     message.header.stamp = stamp
     return message
-
-
-class Histogram:
-    """Lateness of a whole run in memory of constant size: logarithmic bins of 2 %."""
-
-    _edges = np.geomspace(1e2, 1e12, 1164)  # [ns]
-
-    def __init__(self) -> None:
-        self._counts = np.zeros(len(self._edges) + 1, dtype=np.int64)
-        self.maximum_ns = 0
-
-    def add(self, lateness_ns: Sequence[int]) -> None:
-        """Count samples."""
-        if len(lateness_ns):
-            bins = np.searchsorted(self._edges, lateness_ns)
-            self._counts += np.bincount(bins, minlength=len(self._counts))
-            self.maximum_ns = max(self.maximum_ns, *lateness_ns)
-
-    def quantile_us(self, fraction: float) -> float:
-        """Return the lateness that a fraction of the samples do not exceed [us]."""
-        place = np.searchsorted(np.cumsum(self._counts), fraction * self._counts.sum())
-        return float(self._edges[min(place, len(self._edges) - 1)]) * 1e-3
-
-
-class StreamReport:
-    """Diagnostics of a simulator's stream since the last message."""
-
-    def __init__(self, name: str, hardware: str) -> None:
-        self._name, self._hardware = name, hardware
-        self._counts: dict[str, int] = {}
-        self._late: Mapping[str, int] = {}
-
-    def message(
-        self,
-        stamp: Any,
-        elapsed: float,
-        state: str,
-        counters: Sequence[Counter],
-        lateness_ns: Sequence[int],
-        late: Mapping[str, int],
-    ) -> DiagnosticArray:
-        """Return the message.
-
-        :param stamp: builtin_interfaces/Time.
-        :param elapsed: seconds since the last message.
-        :param state: running, paused or waiting, in words.
-        :param lateness_ns: of the samples since the last message.
-        :param late: numbers of samples caught up and skipped since the start.
-        """
-        values: dict[str, str] = {"state": state}
-        p99 = 0.0
-        if len(lateness_ns):
-            p50, p99 = np.percentile(lateness_ns, (50, 99)) * 1e-3
-            values["lateness p50 [us]"] = f"{p50:.0f}"
-            values["lateness p99 [us]"] = f"{p99:.0f}"
-            values["lateness max [us]"] = f"{max(lateness_ns) * 1e-3:.0f}"
-        values.update({f"{key} samples": str(value) for key, value in late.items()})
-        for counter in counters:
-            before = self._counts.get(counter.topic, 0)
-            self._counts[counter.topic] = counter.count
-            rate = (counter.count - before) / elapsed
-            values[f"{counter.topic} rate [Hz]"] = f"{rate:.1f}"
-            values[f"{counter.topic} published"] = str(counter.count)
-            subscribers = counter.publisher.get_subscription_count()
-            values[f"{counter.topic} subscribers"] = str(subscribers)
-        level, words = DiagnosticStatus.OK, state
-        if any(count > self._late.get(key, 0) for key, count in late.items()):
-            level, words = DiagnosticStatus.WARN, "samples were late"
-        elif p99 > LATE_US:
-            level, words = DiagnosticStatus.WARN, f"99 % of the samples are up to {p99:.0f} us late"
-        self._late = dict(late)
-        return diagnostics(stamp, level, self._name, words, self._hardware, values)
-
-
-class ErrorModelReport:
-    """Diagnostics of an error model since the last message."""
-
-    def __init__(self, name: str, hardware: str) -> None:
-        self._name, self._hardware = name, hardware
-        self._before = Counts()
-        self._refused = 0
-
-    def message(
-        self,
-        stamp: Any,
-        counts: Counts,
-        refused: int,
-        remarks: Sequence[str],
-        counters: Sequence[Counter],
-    ) -> DiagnosticArray:
-        """Return the message.
-
-        :param stamp: builtin_interfaces/Time.
-        :param refused: messages so far that were no readings.
-        :param remarks: what contradicts the declaration of the input.
-        """
-        before, self._before = self._before, dataclasses.replace(counts)
-        new_refused, self._refused = refused - self._refused, refused
-        new = counts.readings - before.readings
-        irregular = [n for n in _IRREGULAR if getattr(counts, n) > getattr(before, n)]
-        if new_refused:
-            level, words = DiagnosticStatus.WARN, f"{new_refused} messages refused"
-        elif not new:
-            level, words = DiagnosticStatus.STALE, "no readings arrive"
-        elif irregular:
-            level, words = DiagnosticStatus.WARN, f"readings: {', '.join(irregular)}"
-        elif remarks:
-            level, words = DiagnosticStatus.WARN, remarks[0]
-        else:
-            level, words = DiagnosticStatus.OK, "running"
-        values = {
-            "readings per second": f"{new / PERIOD:.1f}",
-            "refused messages": refused,
-            **dataclasses.asdict(counts),
-            **{f"{one.topic} published": one.count for one in counters},
-        }
-        return diagnostics(stamp, level, self._name, words, self._hardware, values)
 
 
 def fault_message(name: str, fault: Fault, imu: str, stamp: Any) -> DiagnosticArray:

@@ -12,17 +12,16 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.places.geometry import Surfaces, hidden, surfaces
-from imu_sim_ros.places.light import Lighting, Single, factors
+from imu_sim_ros.places.light import Lighting, factors
 from imu_sim_ros.places.paint import MIDDLE, Painter
 from imu_sim_ros.places.place import Builder, Face, Hinge, Place, Site
 from imu_sim_ros.places.shadows import Shadow, Sunlight
 from imu_sim_ros.places.sheet import Print
 from imu_sim_ros.random_streams import generator_at
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Mask, Single
 
 KINDS: Final = ("person", "cart", "door")
 RADIUS: Final = {"person": 0.3, "cart": 0.56}
@@ -257,7 +256,7 @@ class Crowd:
         self.sun = sun
         self.painter = BodyPainter(bodies, site)
 
-    def hidden(self, t: Array, eye: Array, points: Array) -> NDArray[np.bool_]:
+    def hidden(self, t: Array, eye: Array, points: Array) -> Mask:
         """Tell which points (n, 3) of the world a body hides from eyes (n, 3) at times t (n,)."""
         result = np.zeros(len(points), np.bool_)
         for body, where, (middle, radius) in zip(self.each, self.surfaces, self.balls, strict=True):

@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers, Mask
 
 Floats = NDArray[np.floating[Any]]
 Kind = type[np.float32] | type[np.float64]
@@ -31,7 +31,7 @@ class Surfaces(NamedTuple):
     """(m, 3) the side from the origin, s [m]."""
     up: Array
     """(m, 3) the other side from the origin, t [m]."""
-    hides: NDArray[np.bool_]
+    hides: Mask
     """(m,) something may be behind it; false for the walls of a room seen from inside."""
     texture: tuple[str, ...]
     """m names of what is on it."""
@@ -43,7 +43,7 @@ class Surfaces(NamedTuple):
         unit: Array = n / np.linalg.norm(n, axis=1, keepdims=True)
         return unit
 
-    def some(self, which: NDArray[np.bool_]) -> "Surfaces":
+    def some(self, which: Mask) -> "Surfaces":
         """Return those of some rows (m,)."""
         names = tuple(self.texture[m] for m in np.flatnonzero(which))
         return Surfaces(
@@ -84,7 +84,7 @@ def joined(first: Surfaces, second: Surfaces) -> Surfaces:
 NO_SURFACES = surfaces([], hides=True)
 
 
-def hidden(surfaces: Surfaces, eye: Array, points: Array) -> NDArray[np.bool_]:
+def hidden(surfaces: Surfaces, eye: Array, points: Array) -> Mask:
     """Tell which points are behind a surface.
 
     The line of sight ``eye + s (point - eye)`` meets the plane of a surface at
@@ -120,7 +120,7 @@ class Hits(NamedTuple):
 
     distance: Floats
     """(n,) in lengths of the ray's direction; infinite: nothing."""
-    surface: NDArray[np.int64]
+    surface: Integers
     """(n,) number of the surface; -1: nothing."""
 
 
@@ -168,8 +168,8 @@ class Caster:
         origins: Floats,
         directions: Floats,
         ends: Floats | float = 1.0,
-        among: NDArray[np.bool_] | None = None,
-    ) -> NDArray[np.bool_]:
+        among: Mask | None = None,
+    ) -> Mask:
         """Tell which rays (n,) meet any surface between their origin and t = ``ends``.
 
         :param origins: (n, 3) [m].
@@ -217,11 +217,11 @@ class _Plane(NamedTuple):
     sides: tuple[tuple[int, float, float], tuple[int, float, float]]
     """Axis, least and largest place of both sides."""
 
-    def meet(self, rays: _Rays) -> tuple[Floats, NDArray[np.bool_]]:
+    def meet(self, rays: _Rays) -> tuple[Floats, Mask]:
         """Return t (n,) of all rays, and which meet the rectangle's plane within its sides."""
         t = self.place - rays.origin[self.axis]
         t *= rays.inverse[self.axis]
-        on: NDArray[np.bool_] | None = None
+        on: Mask | None = None
         for axis, low, high in self.sides:
             at = t * rays.direction[axis]
             at += rays.origin[axis]
@@ -240,13 +240,13 @@ class _Oblique(NamedTuple):
     sides: tuple[tuple[Floats, float], tuple[Floats, float]]
     """Side by its square, and the origin's place along it."""
 
-    def meet(self, rays: _Rays) -> tuple[Floats, NDArray[np.bool_]]:
+    def meet(self, rays: _Rays) -> tuple[Floats, Mask]:
         """Return t (n,) of all rays, and which meet the rectangle's plane within its sides."""
         along = _dot(self.normal, rays.direction)
         tiny = along.dtype.type(1e-12)
         along = np.where(np.abs(along) < tiny, tiny, along)
         t = (self.offset - _dot(self.normal, rays.origin)) / along
-        on: NDArray[np.bool_] | None = None
+        on: Mask | None = None
         for side, start in self.sides:
             at = _dot(side, rays.origin) - start + t * _dot(side, rays.direction)
             within = at >= 0.0

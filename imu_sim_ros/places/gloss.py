@@ -22,14 +22,10 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imu_sim_ros.places.light import Baked, Single
+from imu_sim_ros.places.light import Baked
 from imu_sim_ros.places.place import Face, Place
-from imu_sim_ros.types import Array
-
-Integers = NDArray[np.int64]
-Mask = NDArray[np.bool_]
+from imu_sim_ros.types import Array, Integers, Mask, Single
 
 _ONE: Final = np.float32(1.0)
 _FULL: Final = np.float32(255.0**2)

@@ -21,9 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.places.geometry import Caster, Floats, Rectangle, Surfaces, surfaces
-from imu_sim_ros.types import Array
-
-Single = NDArray[np.float32]
+from imu_sim_ros.types import Array, Integers, Mask, Single
 
 _POINTS: Final = 24_000
 """Points at which light is computed, about."""
@@ -86,16 +84,14 @@ class _Points(NamedTuple):
 
     places: Single
     normals: Single
-    surface: NDArray[np.int64]
-    shapes: NDArray[np.int64]
+    surface: Integers
+    shapes: Integers
     """(m, 2) rows and columns of each surface."""
-    first: NDArray[np.int64]
+    first: Integers
     """(m,) number of each surface's first point."""
 
     @classmethod
-    def on(
-        cls, where: Surfaces, lit: NDArray[np.bool_], count: int, detail: Array | float
-    ) -> "_Points":
+    def on(cls, where: Surfaces, lit: Mask, count: int, detail: Array | float) -> "_Points":
         """Spread them, about as many as told; surfaces that are not lit have one each."""
         sides = where.sides
         density = np.broadcast_to(detail, (len(sides),))
@@ -127,7 +123,7 @@ class _Points(NamedTuple):
         part = values[..., self.first[m] : self.first[m] + rows * columns]
         return part.reshape(*part.shape[:-1], rows, columns)
 
-    def at(self, where: Surfaces, number: NDArray[np.int64], places: Single) -> NDArray[np.int64]:
+    def at(self, where: Surfaces, number: Integers, places: Single) -> Integers:
         """Return the point next to each place (n, 3) on a surface (n,)."""
         offset = places - where.origin.astype(np.float32)[number]
         index = []
@@ -138,16 +134,14 @@ class _Points(NamedTuple):
             )
             count = self.shapes[number, k]
             index.append(np.clip((share * count).astype(np.int64), 0, count - 1))
-        result: NDArray[np.int64] = (
-            self.first[number] + index[1] * self.shapes[number, 1] + index[0]
-        )
+        result: Integers = self.first[number] + index[1] * self.shapes[number, 1] + index[0]
         return result
 
 
 def bake(
     where: Surfaces,
     albedo: Floats,
-    sky: NDArray[np.bool_],
+    sky: Mask,
     lighting: Lighting,
     detail: Array | float = 1.0,
 ) -> Baked:
@@ -255,7 +249,7 @@ def _given_back(
     points: _Points,
     where: Surfaces,
     albedo: Single,
-    sky: NDArray[np.bool_],
+    sky: Mask,
     direct: Single,
     lighting: Lighting,
 ) -> Single:

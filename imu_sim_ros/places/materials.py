@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.random_streams import generator
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers
 
 Colours = NDArray[np.uint8]
 Differences = NDArray[np.int8]
@@ -84,7 +84,7 @@ class Canvas(NamedTuple):
 class Cells(NamedTuple):
     """Cells of a tile."""
 
-    number: NDArray[np.int64]
+    number: Integers
     """(rows, columns) of each texel's cell."""
     cells: int
     edge: Array

@@ -7,15 +7,11 @@ from collections.abc import Iterator
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.errors import MissingDependencyError
 from imu_sim_ros.places.geometry import Floats, Hits
 from imu_sim_ros.places.mesh_file import Mesh, normals
-from imu_sim_ros.types import Array
-
-Integers = NDArray[np.int64]
-Mask = NDArray[np.bool_]
+from imu_sim_ros.types import Array, Mask
 
 UPS: Final = ("file", "x", "y", "z", "-x", "-y", "-z")
 """Axes of a file that may point up; file: as its kind says."""

@@ -23,11 +23,9 @@ from imu_sim_ros.errors import InputError, MissingDependencyError, system_error
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.places.mesh_textures import Textures, examine
 from imu_sim_ros.places.neighbours import Neighbours
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Bytes, Single
 
-Bytes = NDArray[np.uint8]
 Numbers = NDArray[np.int32]
-Single = NDArray[np.float32]
 
 SUFFIXES: Final = (".glb", ".gltf", ".obj", ".ply", ".stl")
 MOST_TRIANGLES: Final = 800_000

@@ -11,11 +11,9 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.errors import InputError
-
-Bytes = NDArray[np.uint8]
+from imu_sim_ros.types import Bytes
 
 LARGEST: Final = 1 << 26
 """Texels of a texture in a file, 8192 x 8192; while it is decoded each takes four bytes."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.places.gloss import Polish
-from imu_sim_ros.places.light import Baked, Single, bake, factors, resampled
+from imu_sim_ros.places.light import Baked, bake, factors, resampled
 from imu_sim_ros.places.materials import (
     CONTRASTS,
     WEAR_PERIODS,
@@ -23,8 +23,8 @@ from imu_sim_ros.places.materials import (
 from imu_sim_ros.places.place import Place, Site
 from imu_sim_ros.places.prints import picture
 from imu_sim_ros.random_streams import generator_at
+from imu_sim_ros.types import Array, Bytes, Integers, Mask, Single
 
-Bytes = NDArray[np.uint8]
 _Value = TypeVar("_Value", np.uint8, np.int8)
 
 MIDDLE: Final = {"day": 0.55, "lamps": 0.5, "dim": 0.16}
@@ -68,9 +68,9 @@ class Painter:
         found = Polish(self.place, self._exposed, self._albedo * lit, weights.astype(np.float32))
         return found if len(found.face) else None
 
-    def _areas(self) -> NDArray[np.float64]:
+    def _areas(self) -> Array:
         """Weights of the faces in the exposure: their areas, less where nobody looks closely."""
-        areas: NDArray[np.float64] = self._surfaces.sides.prod(axis=1) * self.place.detail**2
+        areas: Array = self._surfaces.sides.prod(axis=1) * self.place.detail**2
         return areas
 
     def texture(self, m: int, rows: int, columns: int, texel: float, colour: bool) -> Bytes:
@@ -148,7 +148,7 @@ class Painter:
 
 
 def _repeated(
-    tile: NDArray[_Value], start: Sequence[int] | NDArray[np.int64], rows: int, columns: int
+    tile: NDArray[_Value], start: Sequence[int] | Integers, rows: int, columns: int
 ) -> NDArray[_Value]:
     """Return a tile that repeats, from a row and a column on: (rows, columns, ...)."""
     lines = (np.arange(rows) + start[0]) % len(tile)
@@ -182,9 +182,7 @@ def _linear(material: str) -> list[float]:
     return [round(min(0.85, (float(c) / 255.0) ** 2.2), 6) for c in colour_of(material)]
 
 
-def _exposure(
-    maps: list[Single], sky: NDArray[np.bool_], areas: NDArray[np.float64], middle: float
-) -> np.float32:
+def _exposure(maps: list[Single], sky: Mask, areas: Array, middle: float) -> np.float32:
     """Return the factor of light with which half of all surfaces have more than a value."""
     values, weights = [], []
     for each, dark, area in zip(maps, sky, areas, strict=True):

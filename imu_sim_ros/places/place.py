@@ -9,13 +9,12 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.places.geometry import Rectangle, Surfaces, surfaces
 from imu_sim_ros.places.light import Lamp, Lighting
 from imu_sim_ros.places.sheet import Print
 from imu_sim_ros.random_streams import generator
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Mask
 
 TEXTURES: Final = ("rich", "plain", "blank")
 LIGHTS: Final = ("day", "lamps", "dim")
@@ -80,7 +79,7 @@ class Place(NamedTuple):
         return np.array([face.detail for face in self.faces])
 
     @property
-    def sky(self) -> NDArray[np.bool_]:
+    def sky(self) -> Mask:
         """(m,) which are the sky."""
         return np.array([face.sky for face in self.faces], np.bool_)
 

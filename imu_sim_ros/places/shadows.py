@@ -11,23 +11,20 @@ away from the sun, as long as the body's shadow is.
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.places.geometry import Surfaces, surfaces
-from imu_sim_ros.places.light import Lighting, Single
-from imu_sim_ros.types import Array
+from imu_sim_ros.places.light import Lighting
+from imu_sim_ros.types import Array, Mask, Single
 
 _BELOW: Final = 0.55
 """Share of the light that is missing below a body."""
 _EDGE: Final = 0.18
 """By which a shadow is wider than its body [m]."""
-
-
 _LONGEST: Final = 2.0
 """Length of a shadow at most, in heights of the body."""
 
 
-class Line(NamedTuple):
+class ShadowLine(NamedTuple):
     """A shadow around a line."""
 
     start: Array
@@ -67,7 +64,7 @@ class Line(NamedTuple):
 class Shadow(NamedTuple):
     """The shadows of a body."""
 
-    below: Line
+    below: ShadowLine
     height: float
     """Of the body [m]."""
 
@@ -80,9 +77,9 @@ class Shadow(NamedTuple):
         middle, half = 0.5 * (low + high)[:2], 0.5 * (high - low)[:2]
         along = (half - half.min()) * (half == half.max())
         radius = float(half.min()) + _EDGE
-        return cls(Line(middle - along, middle + along, radius, _BELOW), float(high[2]))
+        return cls(ShadowLine(middle - along, middle + along, radius, _BELOW), float(high[2]))
 
-    def thrown(self, to_sun: Array, share: float) -> Line:
+    def thrown(self, to_sun: Array, share: float) -> ShadowLine:
         """Return the shadow that the sun throws.
 
         :param to_sun: (3,) unit vector in the body's axes.
@@ -90,7 +87,7 @@ class Shadow(NamedTuple):
         """
         foot = 0.5 * (self.below.start + self.below.end)
         length = self.height * min(1.0 / max(float(to_sun[2]), 1e-3), _LONGEST)
-        return Line(foot, foot - length * to_sun[:2], self.below.radius, share)
+        return ShadowLine(foot, foot - length * to_sun[:2], self.below.radius, share)
 
 
 class Sunlight:
@@ -117,7 +114,7 @@ class Sunlight:
         return 0.0 if on.any() else self._share
 
 
-def sunlight(where: Surfaces, sky: NDArray[np.bool_], lighting: Lighting) -> Sunlight | None:
+def sunlight(where: Surfaces, sky: Mask, lighting: Lighting) -> Sunlight | None:
     """Return the sun of a place under the open sky; None: there is none."""
     if lighting.windows or not any(lighting.sun) or not sky.any():
         return None

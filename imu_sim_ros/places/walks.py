@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.places.bodies import HEIGHT, RADIUS, STEP, Body, Course, faces
@@ -21,7 +20,7 @@ from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.places.place import CLEARANCE, Hinge, Place, Site
 from imu_sim_ros.places.tour import graph
 from imu_sim_ros.random_streams import generator_at
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers, Mask
 
 PERIOD: Final = 60.0
 """Of all courses [s]."""
@@ -79,7 +78,7 @@ class _Floor(NamedTuple):
     shape: tuple[int, int]
     cell: float
 
-    def number(self, places: Array) -> NDArray[np.int64]:
+    def number(self, places: Array) -> Integers:
         """Return the cell of each of places (n, 2), which are on the floor."""
         i, j = np.floor((places - self.places[0]) / self.cell + 0.5).astype(np.int64).T
         i, j = (np.clip(k, 0, n - 1) for k, n in zip((i, j), self.shape, strict=True))
@@ -178,7 +177,7 @@ class _Walkers:
         """(knots, cells) whether each is off the cameras and all bodies that are known."""
         self._known = 0
 
-    def _clear_of_cameras(self) -> NDArray[np.bool_]:
+    def _clear_of_cameras(self) -> Mask:
         """Tell at which knots each cell (knots, cells) is off the cameras, now and a period on."""
         result = np.ones((_KNOTS, len(self._cells)), np.bool_)
         if not self._passage.ends:
@@ -237,7 +236,7 @@ class _Walkers:
                     return course
         return None
 
-    def _possible_legs(self, clear: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def _possible_legs(self, clear: Mask) -> Mask:
         """Tell which legs (stops, stops, knots) may begin at which knots."""
         count = len(self._stops)
         result = np.zeros((count * count, _KNOTS), np.bool_)
@@ -248,9 +247,7 @@ class _Walkers:
                 result[k] = clear[at, cells].all(axis=1)
         return result.reshape(count, count, _KNOTS)
 
-    def _homewards(
-        self, home: int, go: NDArray[np.bool_], stay: NDArray[np.bool_]
-    ) -> NDArray[np.bool_]:
+    def _homewards(self, home: int, go: Mask, stay: Mask) -> Mask:
         """Tell from which stops (knots + 1, stops) a body can be home when the period is over."""
         count = len(self._stops)
         result = np.zeros((_KNOTS + 2, count), np.bool_)
@@ -265,9 +262,9 @@ class _Walkers:
     def _drawn(
         self,
         home: int,
-        go: NDArray[np.bool_],
-        stay: NDArray[np.bool_],
-        homewards: NDArray[np.bool_],
+        go: Mask,
+        stay: Mask,
+        homewards: Mask,
         stream: np.random.Generator,
     ) -> Course | None:
         """Return a course from a stop to others and back; None: it would stand all the time."""
@@ -345,9 +342,7 @@ def _from_leaf(offset: Array, heading: Array, width: float) -> Array:
     return np.asarray(np.hypot(*(offset - along[:, None] * ahead).T) - 0.03)
 
 
-def _stops(
-    free: Array, least: float, ways: object, stream: np.random.Generator
-) -> NDArray[np.int64]:
+def _stops(free: Array, least: float, ways: object, stream: np.random.Generator) -> Integers:
     """Return numbers of cells that can be reached from each other: of the largest such part."""
     from scipy.sparse.csgraph import connected_components
 

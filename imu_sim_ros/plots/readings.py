@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.noise.terms import TERMS, gauss_markov_deviation
 from imu_sim_ros.conventions import AXES, TRIADS
@@ -15,12 +14,12 @@ from imu_sim_ros.plots import style
 from imu_sim_ros.plots.style import Figure
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers
 
 _MAX_POINTS = 4000
 
 
-def readings(t_ns: NDArray[np.int64], gyro: Array, accel: Array, name: str) -> Figure:
+def readings(t_ns: Integers, gyro: Array, accel: Array, name: str) -> Figure:
     """Draw angular rate and specific force over time, a line for each axis.
 
     :param t_ns: (n,) stamps [ns].

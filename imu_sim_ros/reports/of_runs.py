@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.campaigns.comparison import read_estimate
 from imu_sim_ros.campaigns.parameters import CommandEstimator, DeadReckonEstimator
@@ -22,6 +21,7 @@ from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.reports.page import Item
 from imu_sim_ros.reports.streams import extremes
+from imu_sim_ros.types import Array
 
 _MAX_LOGS: Final = 100
 _MAX_PATHS: Final = 24
@@ -123,7 +123,7 @@ def _paths(plan: Plan, rows: Sequence[Row], shown: Sequence[int], folder: Path) 
 
 def _tracks(
     cell: SimulatedCell, name: str, seed: int, kept: Path
-) -> list[tuple[str, NDArray[np.float64]]] | None:
+) -> list[tuple[str, Array]] | None:
     """Return the true path of a run and the estimated one, aligned as in the comparison."""
     estimator = cell.plan.estimators[name]
     places = [kept / one for one in _ESTIMATES if (kept / one).exists()]
@@ -149,6 +149,6 @@ def _tracks(
     return [("truth", truth.position), (name, aligned.apply(estimate).position)]
 
 
-def _line(name: str, colour: int, position: NDArray[np.float64]) -> Item:
+def _line(name: str, colour: int, position: Array) -> Item:
     x, y, z = position[extremes(position, _POINTS)].T
     return {"name": name, "colour": colour, "x": x, "y": y, "z": z}

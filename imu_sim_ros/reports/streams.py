@@ -22,7 +22,7 @@ from imu_sim_ros.calibration.noise.deviation import Deviation, DeviationAccumula
 from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.reports.page import Item, table
 from imu_sim_ros.sensors import auxiliary_sensors
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array, Bytes, Integers, Mask, Times
 
 _FIRST: Final = 64
 """Messages whose median interval is the usual one."""
@@ -44,7 +44,7 @@ class _Passed:
         self.interval: float | None = None
         self.ends: tuple[int, int] | None = None
         self.images: list[tuple[int, bytes]] = []
-        self._waiting: list[NDArray[np.int64]] = []
+        self._waiting: list[Integers] = []
         wanted = topic.type in _IMAGE_TYPES and topic.count
         places = np.linspace(0, topic.count - 1, _IMAGES) if wanted else np.empty(0)
         self._wanted = sorted(set(places.round().astype(int).tolist()))
@@ -129,7 +129,7 @@ def _strip(bag: Bag, passed: _Passed) -> Item:
     return {"kind": "strip", "title": topic.name, "frames": frames}
 
 
-def _small(topic: TopicInfo, message: Any) -> NDArray[np.uint8]:
+def _small(topic: TopicInfo, message: Any) -> Bytes:
     """Return the image of a message, 8 bits deep, its pixels averaged to a small width."""
     from imu_sim_ros.datasets.recorded_bag import pixels
     from imu_sim_ros.sensors.camera.images.files import decoded
@@ -307,7 +307,7 @@ class _Analysis:
         self._last = int(block.t_ns[-1])
         self._parts(np.asarray(t_s, dtype=np.float64), np.column_stack([values, steps]))
 
-    def _pieces(self, values: Array, torn: NDArray[np.bool_]) -> None:
+    def _pieces(self, values: Array, torn: Mask) -> None:
         """Pass the readings between gaps to the spectrum and the Allan deviation."""
         cuts = np.flatnonzero(torn).tolist()
         if len(cuts) > _MAX_GAPS:  # a stream that is nothing but gaps: no piece is worth it

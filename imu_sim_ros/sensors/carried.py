@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.sensors.block import ImuBlock, SensorBlock
@@ -18,7 +17,7 @@ from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.own_rate import OwnRate
 from imu_sim_ros.sensors.own_rate_parameters import CarriedParameters
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array, Mask, Times
 
 
 @dataclass(frozen=True, repr=False)
@@ -69,7 +68,7 @@ class CarriedSensor:
         """Return the values with what follows from the readings, after faults."""
         return values
 
-    def sent(self, values: Mapping[str, Array]) -> NDArray[np.bool_] | None:
+    def sent(self, values: Mapping[str, Array]) -> Mask | None:
         """Return which samples the sensor sends (n,); None: all."""
         return None
 

@@ -14,8 +14,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.block import ImuBlock, SensorBlock
@@ -24,7 +23,7 @@ from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.timebase import span
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.types import Times
+from imu_sim_ros.types import Array, Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.bags.messages.blocks import RowTemplate
@@ -172,7 +171,7 @@ class Sensor:
     """The readings first."""
     table: Table
     """The readings in datasets of text; ``values`` are its numbers."""
-    values: Callable[[Any], NDArray[np.float64]]
+    values: Callable[[Any], Array]
     """The numbers (n, columns) of the table, of all n samples."""
     readings: "type[AuxiliaryReadings]"
     """What Python returns of a flight: a frozen dataclass of arrays of the samples."""

@@ -21,7 +21,6 @@ from typing import Final
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError
@@ -30,7 +29,7 @@ from imu_sim_ros.parameters.kinds import Vector
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors import with_faults
 from imu_sim_ros.sensors.own_rate_parameters import LARGEST_LATENCY
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers, Mask
 
 KINDS: Final = ("bias_jump", "saturation", "stuck", "dropout", "latency")
 _OF_A_TRIAD: Final = ("bias_jump", "saturation", "stuck")
@@ -162,13 +161,13 @@ class FaultSchedule:
                     window.held = reading[:, 0].copy() if before is None else before
             reading[:, rows] = window.held[:, None]
 
-    def lose(self, first: int, lost: NDArray[np.bool_]) -> None:
+    def lose(self, first: int, lost: Mask) -> None:
         """Mark lost messages (n,)."""
         for window, rows in self._active("dropout", first, len(lost)):
             numbers = window.stream.random(rows.stop - rows.start)
             lost[rows] |= numbers < window.fault.axis_values()[0]
 
-    def delay(self, first: int, latency_ns: NDArray[np.int64]) -> None:
+    def delay(self, first: int, latency_ns: Integers) -> None:
         """Add to the latency (n,) [ns]."""
         for window, rows in self._active("latency", first, len(latency_ns)):
             latency_ns[rows] += round(window.fault.axis_values()[0] * 1e9)

@@ -9,7 +9,6 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import timebase
 from imu_sim_ros.sensors.block import ImuBlock
@@ -23,7 +22,7 @@ from imu_sim_ros.sensors.own_rate_parameters import (
 )
 from imu_sim_ros.sensors.timing import Clock, Transport
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array, Mask, Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.imu.parameters import ImuParameters
@@ -131,7 +130,7 @@ class OwnRate:
             self._transport.deliver(samples.first, count, self.faults),
         )
 
-    def imu_samples(self, samples: Sampled) -> tuple[Times, NDArray[np.bool_]]:
+    def imu_samples(self, samples: Sampled) -> tuple[Times, Mask]:
         """Return the IMU's sample that each of n samples follows, and whether at the same time.
 
         ``floor((time_offset + k / rate) * imu_rate)``, in exact fractions.
@@ -190,7 +189,7 @@ class _Grid:
         """Return the smallest integer that is not below the number k."""
         return -((self._shift - k * self._step) // self._common)
 
-    def floor(self, first: int, n: int) -> tuple[Times, NDArray[np.bool_]]:
+    def floor(self, first: int, n: int) -> tuple[Times, Mask]:
         """Return the largest integers (n,) not above the next n numbers; whether they are equal."""
         whole, rest = divmod(first * self._step - self._shift, self._common)
         small = self._step * n + self._common < np.iinfo(np.int64).max

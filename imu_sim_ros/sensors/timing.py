@@ -9,13 +9,12 @@ from typing import Final
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from imu_sim_ros import timebase
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.faults import FaultSchedule
 from imu_sim_ros.sensors.own_rate_parameters import TimingParameters
-from imu_sim_ros.types import Times
+from imu_sim_ros.types import Integers, Mask, Times
 
 LARGEST_JITTER: Final = 0.45
 """Jitter is cut off here, in intervals between two samples, so that stamps always increase."""
@@ -131,9 +130,7 @@ class Transport:
             self._last_release_ns = int(times[-1])
         return times
 
-    def send_one(
-        self, first: int, t_ns: int, faults: FaultSchedule
-    ) -> tuple[int, NDArray[np.int64]]:
+    def send_one(self, first: int, t_ns: int, faults: FaultSchedule) -> tuple[int, Integers]:
         """Return :meth:`release` and :meth:`deliver` of the next message if no fault is."""
         due = t_ns + self._latency_ns
         if self._latency_jitter_ns:
@@ -144,7 +141,7 @@ class Transport:
             return due, self.deliver(first, 1, faults)
         return due, _ONE_ROW
 
-    def deliver(self, first: int, count: int, faults: FaultSchedule) -> NDArray[np.int64]:
+    def deliver(self, first: int, count: int, faults: FaultSchedule) -> Integers:
         """Return the rows of the next n messages that arrive, in order (m,)."""
         if self._burst_end <= first and not (self._loses or faults.any):
             return np.arange(count)
@@ -160,7 +157,7 @@ class Transport:
             rows = np.repeat(rows, 1 + twice[rows])
         return rows
 
-    def _lose_in_bursts(self, first: int, lost: NDArray[np.bool_]) -> None:
+    def _lose_in_bursts(self, first: int, lost: Mask) -> None:
         """Mark samples lost in bursts: from each start, for an exponentially distributed time."""
         if not self._burst and self._burst_end <= first:
             return

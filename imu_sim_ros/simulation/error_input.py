@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation, timebase
 from imu_sim_ros.errors import InputError
@@ -25,7 +24,7 @@ from imu_sim_ros.simulation.error_parameters import (
     has_place,
     sensor_rotation,
 )
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array, Mask, Times
 
 RESTART_NS: Final = 1_000_000_000
 """Stamps that jump back by more are those of a simulator that was reset."""
@@ -43,7 +42,7 @@ class Given(NamedTuple):
     q_wb: Array | None = None
     """(4, n)."""
 
-    def at(self, rows: slice | NDArray[np.bool_]) -> "Given":
+    def at(self, rows: slice | Mask) -> "Given":
         """Return some of them."""
         q_wb = None if self.q_wb is None else self.q_wb[:, rows]
         return Given(self.t_ns[rows], self.gyro[:, rows], self.accel[:, rows], q_wb)

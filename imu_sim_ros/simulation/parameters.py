@@ -59,17 +59,18 @@ class SampledParameters(EnvironmentParameters):
             )
         nyquist = 0.5 * self.rate * float(ratio)
         for triad in TRIADS:
-            cutoff = max(self.imu.triad(triad).bandwidth)
-            least = min((one for one in self.imu.triad(triad).bandwidth if one), default=nyquist)
+            cutoffs = self.imu.triad(triad).bandwidth
+            least = min((one for one in cutoffs if one), default=nyquist)
             if least < _LOWEST_CUTOFF * nyquist:
                 yield (
                     f"{prefix}imu.{triad}_bandwidth = {least:g}: must be 0 or at least "
                     f"{_LOWEST_CUTOFF * nyquist:g} Hz at this rate"
                 )
-            if cutoff >= nyquist and self.imu.sampling == "oversampled":
+            acting = self.imu.low_pass(triad, self.rate)
+            if self.imu.sampling == "oversampled" and cutoffs != acting:
                 yield (
-                    f"{prefix}imu.{triad}_bandwidth = {cutoff:g}: must be below half the internal "
-                    f"rate, {nyquist:g} Hz; it is the filter before decimation"
+                    f"{prefix}imu.{triad}_bandwidth = {max(cutoffs):g}: must be below half the "
+                    f"internal rate, {nyquist:g} Hz; it is the filter before decimation"
                 )
         if self.imu.jitter * self.rate > LARGEST_JITTER_SIGMA:
             yield (
@@ -93,16 +94,15 @@ class SampledParameters(EnvironmentParameters):
 
     def _low_passes_without_effect(self) -> Iterator[str]:
         """Say which low-passes are too wide for the rate, except those of the preset itself."""
-        widest = {f"imu.{t}_bandwidth": max(self.imu.triad(t).bandwidth) for t in TRIADS}
-        without = {name: f for name, f in widest.items() if f >= 0.5 * self.rate}
-        if self.imu.sampling == "oversampled" or not without:
-            return
-        stated = sensor_layer(self.imu.preset)
-        for name, cutoff in without.items():
-            if cutoff != np.asarray(stated.get(name, 0.0), dtype=np.float64).max():
+        for triad in TRIADS:
+            name, cutoffs = f"imu.{triad}_bandwidth", self.imu.triad(triad).bandwidth
+            if cutoffs == self.imu.low_pass(triad, self.rate):
+                continue
+            stated = sensor_layer(self.imu.preset).get(name, 0.0)
+            if not np.array_equal(np.broadcast_to(np.asarray(stated), 3), cutoffs):
                 yield (
-                    f"{name} = {cutoff:g}: without effect, since it is not below half the rate, "
-                    f"{0.5 * self.rate:g} Hz; white noise keeps its density"
+                    f"{name} = {max(cutoffs):g}: without effect, since it is not below half the "
+                    f"rate, {0.5 * self.rate:g} Hz; white noise keeps its density"
                 )
 
 

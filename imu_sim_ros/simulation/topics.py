@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.blocks import RowTemplate, as_row_template
 from imu_sim_ros.bags.messages.encode import (
@@ -61,7 +60,7 @@ from imu_sim_ros.sensors.imu.model import ImuSample
 from imu_sim_ros.sensors.orientation.declaration import TOPIC as ORIENTATION_TOPIC
 from imu_sim_ros.sensors.registry import find_sensor
 from imu_sim_ros.simulation.parameters import SampledParameters, carried, carried_frames
-from imu_sim_ros.types import Times
+from imu_sim_ros.types import Array, Times
 
 OF_THE_ERROR_MODEL: Final = (
     *(IMU_TOPIC, ORIENTATION_TOPIC, TEMPERATURE_TOPIC, IDEAL_IMU_TOPIC),
@@ -178,7 +177,7 @@ def sensors_of(topics: Iterable[str], carried: Iterable[str] = ()) -> frozenset[
     )
 
 
-def delivered(block: ImuBlock) -> tuple[Times, NDArray[np.float64], NDArray[np.float64]]:
+def delivered(block: ImuBlock) -> tuple[Times, Array, Array]:
     """Return stamps, angular rates and specific forces of the readings that are delivered."""
     rows = block.delivered
     if _is_all(block):

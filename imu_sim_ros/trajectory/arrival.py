@@ -6,10 +6,9 @@
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.trajectory.residuals import residuals
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers
 
 _WINDOW: Final = 200
 """Poses on each side that a running median includes."""
@@ -79,7 +78,7 @@ def _even_interval(t: Array, guess: float) -> float:
         count = min(4 * count, len(t))
 
 
-def _grid_index(place: Array) -> NDArray[np.int64]:
+def _grid_index(place: Array) -> Integers:
     """Return the place (n,) of each pose on the grid, from its stamp in intervals.
 
     The stamps' phase, a running mean, may drift. A place is the whole number below a stamp, counted

@@ -12,11 +12,10 @@ from math import comb, factorial
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.trajectory.motion import Motion
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers
 
 DEGREE: Final = 5
 ORDER: Final = DEGREE + 1
@@ -48,7 +47,7 @@ class UniformKnots:
         self.spacing = duration / self.segments
         self.control_points = self.segments + DEGREE
 
-    def locate(self, t: Array) -> tuple[NDArray[np.int64], Array]:
+    def locate(self, t: Array) -> tuple[Integers, Array]:
         """Return segment and place within it, u in [0, 1], of times t (n,) [s]."""
         scaled = t / self.spacing
         segment = np.clip(np.floor(scaled), 0, self.segments - 1).astype(np.int64)
@@ -81,7 +80,7 @@ class PoseSpline:
         q_wb, omega, alpha = self._rotation.motion(segment, u)
         return Motion(*self._translation(segment, u), q_wb, omega, alpha)
 
-    def _translation(self, segment: NDArray[np.int64], u: Array) -> tuple[Array, Array, Array]:
+    def _translation(self, segment: Integers, u: Array) -> tuple[Array, Array, Array]:
         h = self._knots.spacing
         p, v, a = np.empty((3, len(u), 3))
         for axis in range(3):
@@ -102,7 +101,7 @@ class RotationSpline:
         safe = np.where(self._angles > 0, self._angles, 1.0)
         self._axes = np.ascontiguousarray((steps / safe[:, None]).T)
 
-    def attitude(self, segment: NDArray[np.int64], u: Array) -> Array:
+    def attitude(self, segment: Integers, u: Array) -> Array:
         """Return q_wb (n, 4) at places u in segments: the bits of :meth:`motion`, in less time."""
         q = self._first_q[:, segment]
         for j in range(1, ORDER):
@@ -114,7 +113,7 @@ class RotationSpline:
             q = _turned(q, self._axes[:, segment + (j - 1)], 0.5 * turn)
         return _unit(q)
 
-    def motion(self, segment: NDArray[np.int64], u: Array) -> tuple[Array, Array, Array]:
+    def motion(self, segment: Integers, u: Array) -> tuple[Array, Array, Array]:
         """Return q_wb, omega_b, alpha_b: the factors are applied from left to right.
 
         With ``A_j = Exp(lambda_j d_j)``: ``omega <- A_j^T omega + lambda_j' d_j`` and

@@ -13,11 +13,10 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.trajectory.bspline import BASIS, DEGREE, ORDER
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Mask
 
 _SAMPLES: Final = 8
 """Per segment, to look at curvature and length."""
@@ -157,7 +156,7 @@ def find_path(
     radius: float,
     deviation: float,
     prefix: str,
-    backward: NDArray[np.bool_] | None = None,
+    backward: Mask | None = None,
 ) -> Path:
     """Return a path that turns no tighter than a radius, with corners as short as that allows.
 
@@ -215,7 +214,7 @@ def _straight_at_turns(places: Array, turns: list[int], prefix: str) -> Array:
     return moved
 
 
-def _guarded(places: Array, first: bool, last: bool) -> tuple[Array, NDArray[np.bool_]]:
+def _guarded(places: Array, first: bool, last: bool) -> tuple[Array, Mask]:
     """Return places with one more in the middle of the first or last leg, and which were there.
 
     From there to the end a path is straight, however its corners are moved.
@@ -232,7 +231,7 @@ def _guarded(places: Array, first: bool, last: bool) -> tuple[Array, NDArray[np.
 
 def _find_part(
     places: Array,
-    waypoint: NDArray[np.bool_],
+    waypoint: Mask,
     radius: float,
     deviation: float,
     prefix: str,
@@ -272,7 +271,7 @@ def _find_part(
 
 
 def _rounded(
-    places: Array, at: Array, waypoint: NDArray[np.bool_], width: float, deviation: float
+    places: Array, at: Array, waypoint: Mask, width: float, deviation: float
 ) -> tuple[Path, Array]:
     """Return the path with segments of a length, and its distance from each waypoint (n,)."""
     segments = max(1, round(at[-1] / width))

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers
 
 
 class Derivatives(NamedTuple):
@@ -60,7 +59,7 @@ class RateProfile:
         self.fastest = max(max(abs(p.first_rate), abs(p.last_rate)) for p in phases)
         self.end = float(self._values[-1] + changes[-1])
 
-    def locate(self, t: Array) -> NDArray[np.int64]:
+    def locate(self, t: Array) -> Integers:
         """Return the phase (n,) of each time (n,) [s]."""
         found = np.searchsorted(self._times, t, side="right") - 1
         return np.clip(found, 0, len(self._times) - 1)

@@ -7,13 +7,12 @@ from collections.abc import Iterator, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.trajectory.arrival import even_times
 from imu_sim_ros.trajectory.residuals import REACH, residuals, smallest_distance
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers, Mask
 
 _LEAST_POSES: Final = 30
 _OFF: Final = 10.0
@@ -42,7 +41,7 @@ class Jump(NamedTuple):
 class Findings(NamedTuple):
     """What is wrong with recorded poses, by rows."""
 
-    single: NDArray[np.int64]
+    single: Integers
     """Outlying poses."""
     distance: Array
     """[m] by which each of them does."""
@@ -113,7 +112,7 @@ def _row(jump: Jump) -> int:
     return jump.row
 
 
-def _clusters(rows: NDArray[np.int64]) -> list[tuple[int, int]]:
+def _clusters(rows: Integers) -> list[tuple[int, int]]:
     """Return the first and last row of each group of rows close enough to affect each other."""
     parts = np.split(rows, np.flatnonzero(np.diff(rows) > 2 * REACH) + 1)
     return [(int(part[0]), int(part[-1])) for part in parts]
@@ -127,7 +126,7 @@ class _Poses(NamedTuple):
     """(n, 2)"""
 
 
-def _explained(poses: _Poses, first: int, last: int) -> tuple[NDArray[np.int64], Jump | None]:
+def _explained(poses: _Poses, first: int, last: int) -> tuple[Integers, Jump | None]:
     """Return rows to leave out, or a jump, that explain a disturbance; nothing if neither does.
 
     What is left must follow a polynomial of degree 5. A jump has as many unknowns as one pose left
@@ -162,7 +161,7 @@ def _explained(poses: _Poses, first: int, last: int) -> tuple[NDArray[np.int64],
     return nothing, _step(poses, window, row) if is_jump else None
 
 
-def _step(poses: _Poses, window: NDArray[np.int64], row: int) -> Jump:
+def _step(poses: _Poses, window: Integers, row: int) -> Jump:
     """Return the jump ahead of a row that leaves least of a polynomial on both sides."""
     values, columns = _scaled(poses, window)
     _, solution = _left(np.column_stack([columns, window >= row]), values, window >= 0)
@@ -170,7 +169,7 @@ def _step(poses: _Poses, window: NDArray[np.int64], row: int) -> Jump:
     return Jump(row, change[:3], rotation.rotate(poses.q_wb[window[0]], change[3:]))
 
 
-def _scaled(poses: _Poses, window: NDArray[np.int64]) -> tuple[Array, Array]:
+def _scaled(poses: _Poses, window: Integers) -> tuple[Array, Array]:
     """Return position and attitude (k, 6) in usual deviations, and a polynomial's columns."""
     t = poses.t[window]
     since = 2.0 * (t - t[0]) / (t[-1] - t[0]) - 1.0
@@ -180,7 +179,7 @@ def _scaled(poses: _Poses, window: NDArray[np.int64]) -> tuple[Array, Array]:
     return np.column_stack([poses.position[window], turns]) / usual, since[:, None] ** _DEGREES
 
 
-def _left(columns: Array, values: Array, keep: NDArray[np.bool_]) -> tuple[float, Array]:
+def _left(columns: Array, values: Array, keep: Mask) -> tuple[float, Array]:
     """Return the largest distance from the fit to the rows that are kept, and the coefficients."""
     rows = columns[keep]
     solution = np.asarray(np.linalg.lstsq(rows, values[keep], rcond=None)[0], dtype=np.float64)
@@ -189,7 +188,7 @@ def _left(columns: Array, values: Array, keep: NDArray[np.bool_]) -> tuple[float
     return float(np.max(lengths)), solution
 
 
-def _join_all(p: Array, q: Array, rows: NDArray[np.int64], poses: _Poses, jump: Jump) -> None:
+def _join_all(p: Array, q: Array, rows: Integers, poses: _Poses, jump: Jump) -> None:
     """Join poses (in place) at their jumps; repeatedly, as large rotations are nonlinear."""
     window = np.arange(max(jump.row - _WINDOW, 0), min(jump.row + _WINDOW + 1, len(rows)))
     for _ in range(_JOINS):
@@ -206,9 +205,7 @@ def _join(p: Array, q: Array, jump: Jump) -> None:
     q[rows] = rotation.continuous(rotation.multiply(back, q[rows]))
 
 
-def _apart(
-    t: Array, p: Array, q: Array, rows: NDArray[np.int64], left: NDArray[np.int64]
-) -> tuple[Array, Array]:
+def _apart(t: Array, p: Array, q: Array, rows: Integers, left: Integers) -> tuple[Array, Array]:
     """Return how far poses (k,) lie from the straight line between their neighbours that stay."""
     if not len(left):
         return np.zeros(0), np.zeros(0)

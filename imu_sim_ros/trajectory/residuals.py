@@ -6,9 +6,8 @@
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers
 
 REACH: Final = 3
 """Neighbours on each side."""
@@ -91,7 +90,7 @@ def residuals(
 
 
 def _lengths(
-    t: Array, position: Array, q_wb: Array, own: NDArray[np.int64], step: float
+    t: Array, position: Array, q_wb: Array, own: Integers, step: float
 ) -> tuple[Array, Array]:
     """Return the studentised distances and angles (k,) of some rows."""
     rows = np.clip(own, REACH, len(t) - 1 - REACH)[:, None] + np.arange(-REACH, REACH + 1)
@@ -113,9 +112,7 @@ def _lengths(
     return np.where(apart, 0.0, moved), np.where(apart, 0.0, turned)
 
 
-def _missed(
-    predict: Array, rows: NDArray[np.int64], values: Array, own: NDArray[np.int64]
-) -> Array:
+def _missed(predict: Array, rows: Integers, values: Array, own: Integers) -> Array:
     """Return prediction less value (n, a), neighbours one after the other."""
     result = -values[own]
     for k in range(rows.shape[1]):

@@ -20,7 +20,7 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.trajectory.bspline import DEGREE
 from imu_sim_ros.trajectory.drive_parameters import DriveParameters
 from imu_sim_ros.trajectory.path import Path, UniformSpline
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Mask
 
 _KERNEL: Final = 3.0
 """Half of the reach of a control point, in steps: how long a rest has to be for one to show."""
@@ -249,9 +249,7 @@ def _timed(path: Path, p: DriveParameters, visits: Visits, prefix: str) -> Unifo
     return schedule
 
 
-def _meeting(
-    path: Path, visits: Visits, rests: NDArray[np.bool_], t: Array, controls: Array
-) -> UniformSpline:
+def _meeting(path: Path, visits: Visits, rests: Mask, t: Array, controls: Array) -> UniformSpline:
     """Return the smoothed schedule, moved by the little that smoothing has moved it."""
     from scipy.interpolate import PchipInterpolator
 

@@ -13,11 +13,10 @@ SO(3) the same system is solved for small turns of the control rotations until t
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.trajectory.bspline import BASIS, ORDER, PoseSpline, RotationSpline, UniformKnots
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers
 
 _ITERATIONS: Final = 30
 _CONVERGED: Final = 1e-10  # rad
@@ -51,7 +50,7 @@ class LeastSquares:
 
         self._factor = cholesky_banded(self._normal_matrix(), lower=True)
 
-    def _penalty_rows(self, t: Array, segment: NDArray[np.int64], cutoff: float) -> Array:
+    def _penalty_rows(self, t: Array, segment: Integers, cutoff: float) -> Array:
         """Return lambda (c - 3,) of each third difference; more if there are no data.
 
         A continuous filter of the given cut-off has ``lambda = rate / (2 pi cutoff)^6`` times the

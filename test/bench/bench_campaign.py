@@ -30,13 +30,14 @@ import numpy as np
 import imu_sim_ros as ims
 from imu_sim_ros.campaigns import campaign
 from imu_sim_ros.campaigns.plan import load_plan
+from imu_sim_ros.campaigns.reckoning import DeadReckoning
 from imu_sim_ros.campaigns.results import read_log, write_tables
 from imu_sim_ros.campaigns.run_files import write_dataset
-from imu_sim_ros.campaigns.runs import CellRuns, DeadReckoning
+from imu_sim_ros.campaigns.runs import CellRuns
 from imu_sim_ros.jobs.report import write_campaign_page
 from imu_sim_ros.navigation.covariance import POSITION, initial_covariance, propagate
 from imu_sim_ros.navigation.evaluation import nees
-from imu_sim_ros.navigation.parameters import noise_of
+from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.text_tables import print_table

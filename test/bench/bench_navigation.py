@@ -14,7 +14,8 @@ import numpy as np
 from imu_sim_ros import rotation
 from imu_sim_ros.navigation.covariance import Covariance
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon, dead_reckon_integrals
-from imu_sim_ros.navigation.parameters import ATTITUDE_UPDATES, METHODS, ImuErrors, TriadErrors
+from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors
+from imu_sim_ros.navigation.parameters import ATTITUDE_UPDATES, METHODS
 from imu_sim_ros.navigation.preintegration import StepReadings, preintegrate
 from imu_sim_ros.navigation.state import AT_REST, NavigationState, NavigationStates
 from imu_sim_ros.navigation.stepper import Stepper

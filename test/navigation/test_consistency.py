@@ -17,7 +17,7 @@ from imu_sim_ros import rotation
 from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, VELOCITY, propagate
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.evaluation import anees_band, nees, straightened
-from imu_sim_ros.navigation.parameters import noise_of
+from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.preintegration import StepReadings, preintegrate
 from imu_sim_ros.navigation.preintegration_factor import States, imu_residual
 from imu_sim_ros.navigation.state import AT_REST, NavigationStates

@@ -18,7 +18,7 @@ from imu_sim_ros.navigation.covariance import (
 )
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.initialisation import after_rest
-from imu_sim_ros.navigation.parameters import ImuErrors, TriadErrors
+from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors
 from imu_sim_ros.navigation.state import AT_REST, NavigationState
 
 SILENT = ImuErrors()

@@ -10,7 +10,7 @@ from imu_sim_ros import rotation
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.navigation.covariance import Covariance, initial_covariance
 from imu_sim_ros.navigation.initialisation import after_rest
-from imu_sim_ros.navigation.parameters import ImuErrors, TriadErrors
+from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors
 
 AXES = np.array([1.0, 2.0, 3.0])
 

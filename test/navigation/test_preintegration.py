@@ -7,7 +7,7 @@ import pytest
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
-from imu_sim_ros.navigation.parameters import ImuErrors, TriadErrors
+from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors
 from imu_sim_ros.navigation.preintegration import (
     ACCEL_BIAS,
     GYRO_BIAS,

@@ -12,7 +12,7 @@ from imu_sim_ros import rotation
 from imu_sim_ros.navigation import preintegration as deltas
 from imu_sim_ros.navigation.covariance_terms import processes, response_terms
 from imu_sim_ros.navigation.evaluation import anees_band, nees
-from imu_sim_ros.navigation.parameters import ImuErrors, TriadErrors, noise_of
+from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors, noise_of
 from imu_sim_ros.navigation.preintegration import StepReadings, preintegrate
 from imu_sim_ros.parameters import files
 from imu_sim_ros.simulation.engine import Simulation

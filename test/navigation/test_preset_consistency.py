@@ -18,7 +18,8 @@ from imu_sim_ros.navigation import initialisation
 from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, VELOCITY, propagate
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.evaluation import anees_band, nees
-from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator, noise_of
+from imu_sim_ros.navigation.noise import noise_of
+from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build

@@ -10,9 +10,8 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.messages.layouts import Bytes
 from imu_sim_ros.bags.messages.schemas import Qos, Schema
-from imu_sim_ros.types import Times
+from imu_sim_ros.types import Bytes, Times
 
 
 class Column(NamedTuple):

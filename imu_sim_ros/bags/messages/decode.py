@@ -9,15 +9,14 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.blocks import MessageBlock, Payloads
-from imu_sim_ros.bags.messages.layouts import FIELDS, Bytes, Layout, layout, raw_texts, texts_of
+from imu_sim_ros.bags.messages.layouts import FIELDS, Layout, layout, raw_texts, texts_of
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array, Bytes, Integers, Mask, Times
 
 _INSIDE_ORDER: Final = [3, 0, 1, 2]
 """(w, x, y, z) of the message's (x, y, z, w)."""
@@ -33,7 +32,7 @@ class Decoded(NamedTuple):
     numbers: dict[str, Array]
     """(n, count) by field, or (n,) for a single number."""
 
-    def at(self, rows: NDArray[np.bool_]) -> "Decoded":
+    def at(self, rows: Mask) -> "Decoded":
         """Return some of the messages."""
         numbers = {name: values[rows] for name, values in self.numbers.items()}
         return Decoded(self.texts, self.t_ns[rows], numbers)
@@ -120,7 +119,7 @@ def inside_order(orientation: Array) -> Array:
 
 def _groups(
     type_name: str, encoding: str, payloads: Payloads
-) -> list[tuple[Layout, slice | NDArray[np.int64], Bytes]]:
+) -> list[tuple[Layout, slice | Integers, Bytes]]:
     """Return messages in groups with the same texts: layout, rows and bytes of each."""
     first = layout(type_name, encoding, texts_of(type_name, encoding, _message(payloads, 0)))
     if not isinstance(payloads, list) and first.matches(payloads):
@@ -130,7 +129,7 @@ def _groups(
     for k, message in enumerate(messages):
         key = (len(message), texts_of(type_name, encoding, message))
         members.setdefault(key, []).append(k)
-    groups: list[tuple[Layout, slice | NDArray[np.int64], Bytes]] = []
+    groups: list[tuple[Layout, slice | Integers, Bytes]] = []
     for (size, texts), rows in members.items():
         form = layout(type_name, encoding, texts)
         table = np.frombuffer(b"".join(messages[k] for k in rows), np.uint8).reshape(-1, size)
@@ -205,7 +204,7 @@ class MessageGate:
         self.bad = BadRows(f"{path}: {topic}", "message")
         self._open, self._seen = open_to_all, 0
 
-    def good(self, decoded: Decoded) -> NDArray[np.bool_] | None:
+    def good(self, decoded: Decoded) -> Mask | None:
         """Return which of the next messages (n,) pass; None: all of them."""
         numbers = decoded.numbers
         columns = [(_QUANTITIES[name], numbers[name]) for name in numbers if name in _QUANTITIES]

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from imu_sim_ros.bags.messages.blocks import Column, RowTemplate
-from imu_sim_ros.bags.messages.layouts import Bytes, Layout, layout
+from imu_sim_ros.bags.messages.layouts import Layout, layout
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array, Bytes, Times
 
 IMU: Final = "sensor_msgs/msg/Imu"
 ODOMETRY: Final = "nav_msgs/msg/Odometry"

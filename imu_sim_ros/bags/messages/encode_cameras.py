@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from imu_sim_ros.bags.messages.encode import seconds
 from imu_sim_ros.bags.messages.layouts import Builder
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
+from imu_sim_ros.types import Array, Integers
 
 IMAGE: Final = "sensor_msgs/msg/Image"
 COMPRESSED_IMAGE: Final = "sensor_msgs/msg/CompressedImage"
@@ -40,11 +41,11 @@ class CameraInfo(NamedTuple):
     distortion_model: str
     d: tuple[float, ...]
     """Parameters of the distortion."""
-    k: NDArray[np.float64]
+    k: Array
     """(3, 3) intrinsic matrix."""
-    r: NDArray[np.float64]
+    r: Array
     """(3, 3) rectification."""
-    p: NDArray[np.float64]
+    p: Array
     """(3, 4) projection of the rectified image."""
 
 
@@ -181,7 +182,7 @@ class PointCloudEncoder:
         """
         self._frame_id, self._channels, self._encoding = frame_id, channels, encoding
 
-    def encode(self, t_ns: int, points: ArrayLike, values: NDArray[np.float64]) -> bytes:
+    def encode(self, t_ns: int, points: ArrayLike, values: Array) -> bytes:
         """Return a message.
 
         :param points: (n, 3).
@@ -207,9 +208,7 @@ class PointCloud2Encoder:
     def __init__(self, frame_id: str, encoding: str = "cdr") -> None:
         self._frame_id, self._encoding = frame_id, encoding
 
-    def encode(
-        self, t_ns: int, points: ArrayLike, numbers: Mapping[str, NDArray[np.int64]]
-    ) -> bytes:
+    def encode(self, t_ns: int, points: ArrayLike, numbers: Mapping[str, Integers]) -> bytes:
         """Return a message.
 
         :param points: (n, 3) [m].

@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.definitions.gps import NUMBERS as GPS_NUMBERS
-
-Bytes = NDArray[np.uint8]
+from imu_sim_ros.types import Bytes
 
 ENCODINGS: Final = ("cdr", "ros1")
 

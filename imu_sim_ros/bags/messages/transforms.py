@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros.bags.messages.blocks import Column, RowTemplate
 from imu_sim_ros.bags.messages.encode import ROS_ORDER, seconds
-from imu_sim_ros.bags.messages.layouts import Builder, Bytes
-from imu_sim_ros.types import Times
+from imu_sim_ros.bags.messages.layouts import Builder
+from imu_sim_ros.types import Bytes, Times
 
 TF_MESSAGE: Final = "tf2_msgs/msg/TFMessage"
 JOINT_STATE: Final = "sensor_msgs/msg/JointState"

@@ -29,7 +29,7 @@ from imu_sim_ros.inputs.rows import (
 )
 from imu_sim_ros.inputs.tables import Table, Tables
 from imu_sim_ros.rotation import normalise
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array, Mask, Times
 
 _WHAT: Final = "a table of numbers"
 _STAMP: Final = re.compile(r"[+-]?[0-9]{1,19}")
@@ -301,7 +301,7 @@ class _Table:
         if self.bad.count == before:
             self.bad.note(NUMBERS, line, "cannot be read as numbers")
 
-    def _good(self, lines: Times, found: NDArray[np.void]) -> NDArray[np.bool_]:
+    def _good(self, lines: Times, found: NDArray[np.void]) -> Mask:
         """Return which rows the gate passes that are not before an earlier one; note the others.
 
         Readings that the transport duplicated occur twice: equal stamps are valid.
@@ -317,7 +317,7 @@ class _Table:
             words = f"the stamp is {step:.9g} s before that of an earlier line"
             self.bad.note(STAMPS, int(lines[k]), words)
         self._last_ns = int(latest[-1])
-        good: NDArray[np.bool_] = verdict.good & ~back
+        good: Mask = verdict.good & ~back
         self.bad.good += int(np.count_nonzero(good))
         self.bad.rows += int(np.count_nonzero(back))
         return good

@@ -11,7 +11,6 @@ for misalignment. The norm of gravity does not see it (:mod:`.gravity_norm`).
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.deterministic.gravity_norm import (
     PARAMETERS,
@@ -27,7 +26,7 @@ from imu_sim_ros.calibration.deterministic.response import (
 )
 from imu_sim_ros.calibration.deterministic.steady import Steady
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers, Mask
 
 AUTO: Final = "auto"
 EXACT: Final = "exact"
@@ -65,7 +64,7 @@ class SixPosition(NamedTuple):
     """(3,)"""
     positions: Steady
     """The m stretches that were used."""
-    faces: NDArray[np.int64]
+    faces: Integers
     """(m,) index into :data:`FACES`: which axis points up."""
     residuals: Array
     """(m, 3) reading minus model, and minus the bias' walk [m/s^2]."""
@@ -122,7 +121,7 @@ def _chosen(steady: Steady, gravity: float, simple: bool, fixture: str) -> SixPo
     )
 
 
-def _at_rest(steady: Steady) -> NDArray[np.bool_]:
+def _at_rest(steady: Steady) -> Mask:
     """Tell which stretches are at rest and not turning."""
     offset = steady.gyro - np.median(steady.gyro, axis=0)
     limit = _AT_REST + 6.0 * np.linalg.norm(steady.gyro_sigma, axis=1)
@@ -205,7 +204,7 @@ def _exact(steady: Steady, gravity: float, reason: str, *, simple: bool = False)
     )
 
 
-def nearest_faces(accel: Array) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+def nearest_faces(accel: Array) -> tuple[Integers, Mask]:
     """Return (m,) the face that points up, and whether it does so to 20 degrees."""
     direction = accel / np.maximum(np.linalg.norm(accel, axis=1, keepdims=True), 1e-12)
     axis = np.argmax(np.abs(direction), axis=1)
@@ -213,7 +212,7 @@ def nearest_faces(accel: Array) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     return 2 * axis + (along < 0.0), np.abs(along) > _ALIGNED
 
 
-def face_vectors(faces: NDArray[np.int64]) -> Array:
+def face_vectors(faces: Integers) -> Array:
     """Return (m, 3) unit vectors of the faces."""
     result = np.zeros((len(faces), 3))
     result[np.arange(len(faces)), faces // 2] = 1.0 - 2.0 * (faces % 2)
@@ -289,7 +288,7 @@ def _misfit(axes: list[AxisResponse], force: Array, positions: Steady, simple: b
     return np.where(across, 0.0, positions.accel - model)
 
 
-def _residuals(axes: list[AxisResponse], faces: NDArray[np.int64], simple: bool) -> Array:
+def _residuals(axes: list[AxisResponse], faces: Integers, simple: bool) -> Array:
     """Return (m, 3) the residuals; the simple variant has none across an axis."""
     result = np.zeros((len(faces), 3))
     for k, axis in enumerate(axes):

@@ -11,10 +11,9 @@ converges in a few steps, for s is small.
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.deterministic.steady import whitened
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers
 
 _STEPS: Final = 8
 _LOG_WALKS: Final = (-6.0, 14.0)
@@ -145,7 +144,7 @@ def _exact(found: AxisResponse) -> AxisResponse:
     sigma = np.maximum(found.sigma, np.finfo(np.float64).tiny)
     digits = -np.floor(np.log10(10.0 * sigma)).astype(int)
 
-    def cut(values: Array, places: NDArray[np.int64]) -> Array:
+    def cut(values: Array, places: Integers) -> Array:
         pairs = zip(values.tolist(), places.tolist(), strict=True)
         return np.array([round(value, place) + 0.0 for value, place in pairs])
 

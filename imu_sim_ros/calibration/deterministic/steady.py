@@ -7,12 +7,11 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.stamps import sampling_interval
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array, Integers, Mask, Times
 
 
 class Whitened(NamedTuple):
@@ -72,7 +71,7 @@ _JUMP: Final = 6.0
 class Steady(NamedTuple):
     """m pieces of steady stretches, the stretches' margins cut off."""
 
-    stretch: NDArray[np.int64]
+    stretch: Integers
     """(m,) number of the stretch that a piece belongs to."""
 
     begin_ns: Times
@@ -88,7 +87,7 @@ class Steady(NamedTuple):
     accel_sigma: Array
     """(m, 3)"""
 
-    def rows(self, chosen: NDArray[np.bool_]) -> "Steady":
+    def rows(self, chosen: Mask) -> "Steady":
         """Return some of the pieces."""
         return Steady._make([field[chosen] for field in self])
 
@@ -158,13 +157,13 @@ def _steps(y: Array) -> Array:
     return np.where(np.isfinite(found), found, 0.0)
 
 
-def _mask(judged: slice) -> NDArray[np.bool_]:
+def _mask(judged: slice) -> Mask:
     mask = np.zeros(6, dtype=bool)
     mask[judged] = True
     return mask
 
 
-def _runs(label: NDArray[np.int64], calm: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def _runs(label: Integers, calm: Mask) -> list[tuple[int, int]]:
     """Return the first and one-past-last window of each calm run of equal labels."""
     starts = np.flatnonzero(np.diff(label, prepend=label[0] - 1))
     ends = np.append(starts[1:], len(label))

@@ -6,7 +6,6 @@
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.deterministic.positions import observations
 from imu_sim_ros.calibration.deterministic.response import (
@@ -18,7 +17,7 @@ from imu_sim_ros.calibration.deterministic.response import (
 )
 from imu_sim_ros.calibration.deterministic.steady import Steady
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers
 
 HIGHEST_ORDER: Final = 4
 _SMALLEST_SPAN: Final = 5.0
@@ -116,7 +115,7 @@ def polynomial_sigma(powers: Array, covariance: Array) -> Array:
     return np.sqrt(np.maximum(variance, 0.0))
 
 
-def temperatures_at(steady: Steady, t_ns: NDArray[np.int64], temperature: Array) -> Array:
+def temperatures_at(steady: Steady, t_ns: Integers, temperature: Array) -> Array:
     """Return (m,) the temperature in the middle of each piece, between the readings.
 
     :param t_ns: (n,) stamps of the temperature messages.

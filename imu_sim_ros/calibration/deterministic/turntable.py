@@ -6,7 +6,6 @@
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.deterministic.positions import (
     face_vectors,
@@ -16,7 +15,7 @@ from imu_sim_ros.calibration.deterministic.positions import (
 from imu_sim_ros.calibration.deterministic.response import determined, fit_axis
 from imu_sim_ros.calibration.deterministic.steady import Steady
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers
 
 _TURNING: Final = 0.05
 """Smallest rate that counts as one of the table's [rad/s]."""
@@ -118,9 +117,7 @@ def known_rates(steady: Steady, rates: Array) -> tuple[Steady, Array]:
     return steady.rows(used), true_rate[used]
 
 
-def true_rates(
-    steady: Steady, t_ns: NDArray[np.int64], angular_velocity: Array
-) -> tuple[Steady, Array]:
+def true_rates(steady: Steady, t_ns: Integers, angular_velocity: Array) -> tuple[Steady, Array]:
     """Return the pieces that a truth covers, and the truth's mean rates in them (m, 3).
 
     :param t_ns: (n,) stamps of the truth.

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration import record as resolution
 from imu_sim_ros.calibration.noise.deviation import (
@@ -26,7 +25,7 @@ from imu_sim_ros.calibration.noise.spectrum import Spectrum, SpectrumAccumulator
 from imu_sim_ros.calibration.noise.terms import FLICKER, FLICKER_FLOOR, QUANTISATION, WALK, WHITE
 from imu_sim_ros.calibration.record import AXES, Record, Timing
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers
 
 SHORTEST: Final = 60.0
 """Seconds at rest below which there is no result."""
@@ -44,7 +43,7 @@ class ReadingsBlock(Protocol):
     """A block of messages."""
 
     @property
-    def t_ns(self) -> NDArray[np.int64]:
+    def t_ns(self) -> Integers:
         """(n,) stamps."""
 
     @property

@@ -6,12 +6,11 @@
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.noise.estimate import axis_data, standard_design
 from imu_sim_ros.calibration.noise.likelihood import fit
 from imu_sim_ros.calibration.noise.spectrum import Spectrum
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers, Mask
 
 _NEIGHBOURS: Final = 21
 _FALSE_ALARM: Final = 1e-10
@@ -37,7 +36,7 @@ _IMPROBABLE: Final = 1e-9
 class UsableBand(NamedTuple):
     """Rows of a spectrum that are used for one axis."""
 
-    used: NDArray[np.bool_]
+    used: Mask
     """(m,)"""
     limit: float
     """Highest frequency used [Hz]; the Nyquist frequency if nothing is wrong."""
@@ -68,9 +67,7 @@ def usable_band(spectrum: Spectrum, axis: int) -> UsableBand:
     return UsableBand(~peaks & (spectrum.frequency <= limit), limit, frequencies)
 
 
-def _peaks(
-    power: NDArray[np.float64], freedom: NDArray[np.float64], high: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
+def _peaks(power: Array, freedom: Array, high: Mask) -> Mask:
     """Return the rows that stand far above the median of their neighbours."""
     from scipy.special import gammainccinv
 
@@ -95,16 +92,14 @@ def _describes(spectrum: Spectrum, axis: int) -> bool:
     return _by_chance(ratio, freedom) and _by_chance(*_grouped(ratio, freedom))
 
 
-def _grouped(
-    ratio: NDArray[np.float64], freedom: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _grouped(ratio: Array, freedom: Array) -> tuple[Array, Array]:
     starts = np.arange(0, len(ratio), _GROUP)
     total = np.add.reduceat(freedom, starts) if len(ratio) else freedom
     sums = np.add.reduceat(ratio * freedom, starts) if len(ratio) else ratio
     return sums / total, total
 
 
-def _by_chance(ratio: NDArray[np.float64], freedom: NDArray[np.float64]) -> bool:
+def _by_chance(ratio: Array, freedom: Array) -> bool:
     """Return whether relative misfits are no larger than those of means of so many squares."""
     if len(ratio) == 0:
         return True
@@ -145,7 +140,7 @@ _PADDING: Final = 520
 class Deviation(NamedTuple):
     """Allan deviation of some axes at m cluster times."""
 
-    size: NDArray[np.int64]
+    size: Integers
     """(m,) samples per cluster."""
     tau: Array
     """(m,) cluster times [s]."""
@@ -155,11 +150,11 @@ class Deviation(NamedTuple):
     """(m, axes) lower end of the 95 % band."""
     high: Array
     """(m, axes) upper end of the 95 % band."""
-    terms: NDArray[np.int64]
+    terms: Integers
     """(m,) second differences that were averaged."""
 
 
-def cluster_sizes(samples: int, per_decade: int = 17) -> NDArray[np.int64]:
+def cluster_sizes(samples: int, per_decade: int = 17) -> Integers:
     """Return log-spaced cluster sizes up to a third of a record.
 
     Sizes from 128 on are rounded to seven significant bits: a record of which only every
@@ -290,7 +285,7 @@ class DeviationAccumulator:
         return Deviation(size, tau, deviation, deviation * low, deviation * high, terms)
 
 
-def degrees_of_freedom(samples: int, size: NDArray[np.int64]) -> Array:
+def degrees_of_freedom(samples: int, size: Integers) -> Array:
     """Return the equivalent degrees of freedom of the overlapping estimate.
 
     The smaller of the values for white noise and for a random walk (Howe, Allan and Barnes 1981,
@@ -304,7 +299,7 @@ def degrees_of_freedom(samples: int, size: NDArray[np.int64]) -> Array:
     return np.maximum(np.minimum(white, walk), 1.0)
 
 
-def confidence_factors(samples: int, size: NDArray[np.int64]) -> tuple[Array, Array]:
+def confidence_factors(samples: int, size: Integers) -> tuple[Array, Array]:
     """Return the (m, 1) factors from the deviation to the ends of its 95 % band (chi-square)."""
     from scipy.special import gammaincinv  # scipy.stats has chi2.ppf and takes 0.7 s to import
 

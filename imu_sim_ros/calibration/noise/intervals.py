@@ -12,7 +12,6 @@ are searched at once, in batches of fits.
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.noise.likelihood import (
     CONFIDENCE_DROP,
@@ -23,7 +22,7 @@ from imu_sim_ros.calibration.noise.likelihood import (
     fit_many,
     merged,
 )
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers
 
 _MERGED: Final = 5
 """Rows of averages that become one: a tenth of the frequency, which no term's slope can feel."""
@@ -55,7 +54,7 @@ class _Problem(NamedTuple):
 class _Ends(NamedTuple):
     """The b ends that are searched, as coefficients: root of a component, or the slope."""
 
-    term: NDArray[np.int64]
+    term: Integers
     """(b,) component, or -1 for the slope."""
     best: Array
     """(b,) the estimate."""

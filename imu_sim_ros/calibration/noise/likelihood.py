@@ -19,9 +19,8 @@ from itertools import product
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Mask
 
 CONFIDENCE_DROP: Final = 1.9207
 """Drop of the log-likelihood at the ends of a 95 % interval: half of chi-square(1, 0.95)."""
@@ -153,7 +152,7 @@ def _without_trend(data: Data, slopes: Array) -> Array:
     return np.where(single, left, data.power)
 
 
-def _non_negative(curvature: Array, gradient: Array, free: NDArray[np.bool_]) -> Array:
+def _non_negative(curvature: Array, gradient: Array, free: Mask) -> Array:
     """Return (b, p) the minima of ``x H x / 2 - g x`` with x >= 0 and x = 0 if not free.
 
     If the minimum without the bound is feasible it is the solution. Elsewhere every subset of

@@ -21,10 +21,9 @@ from collections.abc import Callable
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.noise.likelihood import Data, fit
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers, Mask
 
 _WIDTH: Final = 0.1
 """Relative width of the bins in which squared coefficients are averaged."""
@@ -85,7 +84,7 @@ class LossFiller:
         else:
             self._level = self._level + (mean - self._level) * count / self.seen
 
-    def _drawn(self, y: Array, places: NDArray[np.int64], variance: Array) -> Array:
+    def _drawn(self, y: Array, places: Integers, variance: Array) -> Array:
         """Return draws (m, axes) for the lost samples.
 
         :param variance: (axes, n) of the coefficients.
@@ -160,7 +159,7 @@ def _terms(log_frequency: Array) -> Array:
     return np.exp(-np.outer(log_frequency, [0.0, 1.0, 2.0]))
 
 
-def _interpolated(y: Array, lost: NDArray[np.bool_]) -> Array:
+def _interpolated(y: Array, lost: Mask) -> Array:
     rows, known = np.arange(len(y)), np.flatnonzero(~lost)
     return np.stack([np.interp(rows, known, column[known]) for column in y.T], axis=1)
 

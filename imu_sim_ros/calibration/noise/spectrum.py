@@ -14,10 +14,9 @@ from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.noise.slow_lines import Line, without_lines
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers, Mask
 
 CLUSTER: Final = 16
 """Samples averaged for the low part of the spectrum, which must see the whole record at once."""
@@ -53,7 +52,7 @@ class Spectrum(NamedTuple):
     sample_interval: float
     """[s]"""
 
-    def rows(self, chosen: NDArray[np.bool_]) -> "Spectrum":
+    def rows(self, chosen: Mask) -> "Spectrum":
         """Return some of the rows."""
         return concatenate([self], chosen)
 
@@ -85,9 +84,9 @@ class _Bins(NamedTuple):
     first: int
     last: int
     """The coefficients from ``first`` to before ``last`` lie in bins."""
-    starts: NDArray[np.int64]
+    starts: Integers
     """First coefficient of each bin that has any, counted from ``first``."""
-    used: NDArray[np.int64]
+    used: Integers
     """These bins."""
     freedom: Array
     """Coefficients in every bin."""
@@ -160,7 +159,7 @@ class SpectrumAccumulator:
         self._log_frequency += bins.log_frequency
 
     @staticmethod
-    def _sums_of_squares(coefficients: Array, starts: NDArray[np.int64]) -> Array:
+    def _sums_of_squares(coefficients: Array, starts: Integers) -> Array:
         """Return (axes, bins) of coefficients (axes, n), from each start to before the next.
 
         :param coefficients: are overwritten.
@@ -226,7 +225,7 @@ class SpectrumAccumulator:
         return concatenate([*self._low, high])
 
 
-def concatenate(parts: list[Spectrum], chosen: NDArray[np.bool_] | None = None) -> Spectrum:
+def concatenate(parts: list[Spectrum], chosen: Mask | None = None) -> Spectrum:
     """Return the rows of several spectra of one sensor as one, or those of them that are chosen."""
     columns = zip(*(part[:-1] for part in parts), strict=True)
     arrays = [np.concatenate(column) for column in columns]
@@ -235,7 +234,7 @@ def concatenate(parts: list[Spectrum], chosen: NDArray[np.bool_] | None = None) 
     return Spectrum._make([*arrays, parts[0].sample_interval])
 
 
-def _single_then_bins(order: NDArray[np.int64], single: int) -> NDArray[np.int64]:
+def _single_then_bins(order: Integers, single: int) -> Integers:
     """Return where rows start: at each of the first coefficients, then at log-spaced ones."""
     if len(order) <= single:
         return np.arange(len(order))

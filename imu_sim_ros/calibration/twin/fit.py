@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.twin import model
 from imu_sim_ros.calibration.twin.model import COUNT, Errors, MotionAt, Truth
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers
 
 Indices = NDArray[np.intp]
 
@@ -152,7 +152,7 @@ class _Sums:
             edges.append(edges[-1] + max(_BIN, round(_WIDTH * edges[-1])))
         upper = np.array(edges[1:]) * rate / (2 * longest)
         self.middle = np.concatenate([[0.0], 0.5 * (upper + np.append(0.0, upper[:-1]))])
-        self._bins: list[NDArray[np.int64]] = []
+        self._bins: list[Integers] = []
         for s in segments:
             f = np.arange(s.stop - s.start) * rate / (2 * (s.stop - s.start))
             f = f[: max(int(np.searchsorted(f, highest)), 2 * _BIN)]

@@ -8,9 +8,8 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Mask
 
 _MAX_TERMS: Final = 24
 _PEAK: Final = 20.0
@@ -201,7 +200,7 @@ def in_range(values: Array, parts: Sequence[slice], rate: float, low: float, hig
     return result
 
 
-def vibrating(readings: Array, pieces: Sequence[slice], rate: float) -> NDArray[np.bool_]:
+def vibrating(readings: Array, pieces: Sequence[slice], rate: float) -> Mask:
     """Return the rows (n,) of readings (n, 6) from the first to the last vibration of each piece.
 
     Rotors stand still or idle before a flight and after it, while the body is carried. Vibration

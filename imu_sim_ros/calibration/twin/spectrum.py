@@ -13,11 +13,8 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imu_sim_ros.types import Array
-
-Complex = NDArray[np.complex128]
+from imu_sim_ros.types import Array, Complex, Mask
 
 _TAPERS: Final = 5
 _EFFICIENCY: Final = 0.8
@@ -69,7 +66,7 @@ class Bands(NamedTuple):
         ends = np.stack([chi2.ppf(p, freedom) / freedom for p in (0.975, 0.025)])
         return np.sqrt(1.0 / np.maximum(ends, 1e-300))
 
-    def rows(self, chosen: NDArray[np.bool_]) -> "Bands":
+    def rows(self, chosen: Mask) -> "Bands":
         """Return some of the bands."""
         return Bands(self.low[chosen], self.high[chosen], self.matrix[chosen], self.freedom[chosen])
 
@@ -155,7 +152,7 @@ class White(NamedTuple):
     low: Array
     """(6,) ends of the 95 % intervals; 0 if vibration hides the floor, which is at most high."""
     high: Array
-    floor: NDArray[np.bool_]
+    floor: Mask
     """(m, 6) bands in which there is nothing else."""
 
 

@@ -120,9 +120,8 @@ class ImuValues:
         default = flatten(ImuParameters())
         passed_over = {*DENSITIES, *expressed, *_NO_TERMS, *_EXTRINSICS}
         passed_over -= {f"{t}_scale_misalignment" for t in TRIADS if not self.is_reversible(t)}
-        nyquist = 0.5 * self.rate * float(self.imu.internal_ratio(self.rate))
-        without_effect = (t for t in TRIADS if min(self.imu.triad(t).bandwidth) >= nyquist)
-        passed_over |= {f"{t}_bandwidth" for t in without_effect}
+        without = (t for t in TRIADS if not any(self.imu.low_pass(t, self.rate)))
+        passed_over |= {f"{t}_bandwidth" for t in without}
         return [
             name
             for name, value in flatten(self.imu).items()

@@ -23,7 +23,8 @@ from imu_sim_ros import conventions
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.nodes import messages as decode
 from imu_sim_ros.nodes import run, sensor_description, signals
-from imu_sim_ros.nodes.diagnostics import PERIOD, ErrorModelReport, fault_message
+from imu_sim_ros.nodes.diagnostics import PERIOD, fault_message
+from imu_sim_ros.nodes.error_model.diagnostics import ErrorModelReport
 from imu_sim_ros.nodes.error_model.output import DEPTH, Outputs, wanted
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import check_overrides, create

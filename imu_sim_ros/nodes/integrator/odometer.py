@@ -9,11 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
-import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from nav_msgs.msg import Path
-from numpy.typing import NDArray
 from std_msgs.msg import Header
 
 from imu_sim_ros.inputs import gate
@@ -24,6 +22,7 @@ from imu_sim_ros.navigation.stepper import Stepper, StepperCounts
 from imu_sim_ros.nodes.integrator.initialiser import Start, initialiser
 from imu_sim_ros.nodes.messages import ImuReading, OdometryFields
 from imu_sim_ros.rotation.scalars import M9, Q4, V3, to_matrix
+from imu_sim_ros.types import Array
 
 RESTART_NS = 1_000_000_000
 """A step back by more than this means that the source was restarted, not a message out of order."""
@@ -40,8 +39,8 @@ class Row(NamedTuple):
     q_wb: Q4
     velocity_b: V3
     angular_velocity_b: V3
-    pose_covariance: NDArray[np.float64] | None
-    twist_covariance: NDArray[np.float64] | None
+    pose_covariance: Array | None
+    twist_covariance: Array | None
 
 
 @dataclass
@@ -181,7 +180,7 @@ class LiveIntegrator:
             self._complain(f"a gap of {step:.6f} s, not integrated across ({counts.gaps})")
         return True
 
-    def _complain_about_attitude(self, pose: NDArray[np.float64]) -> None:
+    def _complain_about_attitude(self, pose: Array) -> None:
         """Warn once that the attitude is too uncertain for the covariance to be valid."""
         if self._uncertain:
             return

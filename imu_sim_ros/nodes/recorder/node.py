@@ -26,9 +26,9 @@ from imu_sim_ros.nodes.recorder.recording import (
     DurationLimit,
     RecordedTopic,
     Recording,
-    StampStatistics,
     Timestamps,
 )
+from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
 from imu_sim_ros.nodes.subscriptions import (
     RawSubscriptions,
     Taken,

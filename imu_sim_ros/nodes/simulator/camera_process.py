@@ -14,19 +14,15 @@ import signal
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
 import rclpy
-from geometry_msgs.msg import Point
 from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
-from std_msgs.msg import ColorRGBA
-from visualization_msgs.msg import Marker, MarkerArray
 
 from imu_sim_ros.bags.messages.encode_cameras import Stamped
 from imu_sim_ros.bags.read import read_poses
@@ -44,13 +40,11 @@ from imu_sim_ros.json_text import as_json
 from imu_sim_ros.nodes import fast_dds
 from imu_sim_ros.nodes.publishing import Counter, create
 from imu_sim_ros.nodes.simulator.cameras import MARKERS, TOKEN
+from imu_sim_ros.nodes.simulator.markers import markers
 from imu_sim_ros.parameters.sections import build
-from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.sensors.camera.rig import Rig
-from imu_sim_ros.sensors.camera.view import View
 from imu_sim_ros.simulation.playback import simulator_section
 from imu_sim_ros.trajectory.build import build_trajectory
-from imu_sim_ros.types import Array
 
 ORIGIN_NS: Final = 10**12
 """Time zero of frames that are made ahead: no stamp is negative, whatever the time offset."""
@@ -63,16 +57,6 @@ _POLL: Final = 0.05
 """[s] between two looks at the subscribers."""
 _BEHIND: Final = 20
 """Number of frames due and not yet rendered from which this is reported."""
-_SIZE: Final = 0.03
-"""Size of a landmark; lines are a third as wide [m]."""
-_FRUSTUM: Final = 0.3
-"""Length of a camera's drawn view [m]."""
-_COLORS: Final = {
-    "landmarks": (0.9, 0.7, 0.1),
-    "lines": (0.2, 0.6, 0.9),
-    "surfaces": (0.6, 0.6, 0.6),
-    "cameras": (0.1, 0.8, 0.3),
-}
 _ACKNOWLEDGEMENT: Final = Duration(nanoseconds=2_000_000_000)
 _LATCHED: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -210,57 +194,6 @@ class CameraNode:
         messages = self._features.next(number + 1 - self._features.position)
         payload = next((m.payload for m in messages if m.number == number), None)
         return {} if payload is None else {FEATURES_TOPIC: payload}
-
-
-def markers(rig: Rig, world_frame: str) -> MarkerArray:
-    """Return landmarks, lines and the edges of surfaces in the world, and each camera's view."""
-    scene = rig.scene
-    found = [
-        _marker(Marker.POINTS, "landmarks", world_frame, scene.landmarks),
-        _marker(Marker.LINE_LIST, "lines", world_frame, scene.lines.reshape(-1, 3)),
-        _marker(Marker.LINE_LIST, "surfaces", world_frame, _edges(scene.surfaces)),
-    ]
-    for k, (name, view) in enumerate(rig.views.items()):
-        shown = _marker(Marker.LINE_LIST, "cameras", rig.parameters.frame(name), _frustum(view))
-        shown.id = k
-        found.append(shown)
-    return MarkerArray(markers=[marker for marker in found if marker.points])
-
-
-def _marker(kind: int, name: str, frame: str, points: Array) -> Any:
-    """Return points, or pairs of them as lines; a marker moves with its frame."""
-    marker = Marker(type=kind, ns=name, action=Marker.ADD, frame_locked=True)
-    marker.header.frame_id = frame
-    marker.pose.orientation.w = 1.0
-    width = _SIZE if kind == Marker.POINTS else _SIZE / 3.0
-    marker.scale.x = marker.scale.y = width
-    red, green, blue = _COLORS[name]
-    marker.color = ColorRGBA(r=red, g=green, b=blue, a=1.0)
-    marker.points = [Point(x=x, y=y, z=z) for x, y, z in points.tolist()]
-    return marker
-
-
-def _pairs(corners: Sequence[Array]) -> list[Array]:
-    """Return the ends of the lines from each corner to the next, and from the last to the first."""
-    following = [*corners[1:], corners[0]]
-    return [end for pair in zip(corners, following, strict=True) for end in pair]
-
-
-def _edges(surfaces: Surfaces) -> Array:
-    ends: list[Array] = []
-    for o, a, b in zip(surfaces.origin, surfaces.across, surfaces.up, strict=True):
-        ends += _pairs([o, o + a, o + a + b, o + b])
-    return np.array(ends).reshape(-1, 3)
-
-
-def _frustum(view: View) -> Array:
-    """Return the four rays through the corners of the image, and the edges that join them."""
-    w, h = view.model.width - 1.0, view.model.height - 1.0
-    corners = np.array([[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]])
-    found = view.model.unproject(corners).direction * _FRUSTUM
-    rays = list(found[np.isfinite(found).all(axis=1)])
-    ends = [end for ray in rays for end in (np.zeros(3), ray)]
-    return np.array([*ends, *(_pairs(rays) if rays else [])]).reshape(-1, 3)
 
 
 class Reports:

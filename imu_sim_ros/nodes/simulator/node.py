@@ -30,11 +30,12 @@ from imu_sim_ros.bags.messages.encode import CLOCK, ClockEncoder
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.errors import ConfigurationError, InputError, MissingDependencyError
 from imu_sim_ros.nodes import run, sensor_description, signals
-from imu_sim_ros.nodes.diagnostics import Histogram, StreamReport, fault_message
+from imu_sim_ros.nodes.diagnostics import PERIOD, fault_message
 from imu_sim_ros.nodes.messages import message_class
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import Counter, check_overrides, create
 from imu_sim_ros.nodes.simulator import transforms as transforms
+from imu_sim_ros.nodes.simulator.diagnostics import Histogram, StreamReport
 from imu_sim_ros.nodes.simulator.engine import Engine, wanted_fault
 from imu_sim_ros.nodes.simulator.pacing import Pacer, RosClockPacer, Settling, Stall
 from imu_sim_ros.nodes.simulator.publish_queue import (
@@ -284,7 +285,7 @@ class Simulator(ConfiguredNode):
         self._report = StreamReport(f"{self.get_name()}: stream", hardware)
         self._reported = time.monotonic()
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(1.0, self._diagnose, clock=steady)
+        self.create_timer(PERIOD, self._diagnose, clock=steady)
 
     def _summary(self, parameters: SimulatorParameters) -> str:
         imus = ", ".join(

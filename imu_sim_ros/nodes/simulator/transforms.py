@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from imu_sim_ros import rotation, timebase
@@ -18,6 +17,7 @@ from imu_sim_ros.nodes.simulator.publish_queue import TickStream
 from imu_sim_ros.simulation.parameters import SimulationParameters, carried_frames
 from imu_sim_ros.simulation.playback import BODY
 from imu_sim_ros.trajectory.motion import Trajectory
+from imu_sim_ros.types import Array, Integers
 
 QOS: Final = QoSProfile(depth=100)
 STATIC_QOS: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -27,7 +27,7 @@ class Mount(NamedTuple):
     """Frames that are fixed to the body."""
 
     frame: str
-    pose: NDArray[np.float64]
+    pose: Array
     """(4, 4) T_bf: maps coordinates in the frame to the body."""
 
 
@@ -79,7 +79,7 @@ def transform_stream(
     """Return the stream of transforms from the world to the body."""
     encoder = TransformsEncoder([(parameters.world_frame, parameters.body_frame)])
 
-    def make(t_ns: NDArray[np.int64], t0_ns: int) -> list[bytes]:
+    def make(t_ns: Integers, t0_ns: int) -> list[bytes]:
         motion = trajectory.sample(timebase.seconds_since(t_ns, t0_ns))
         rows = encoder.encode(t_ns, motion.position[:, None], motion.q_wb[:, None])
         return [row.tobytes() for row in rows]

@@ -12,11 +12,11 @@ from typing import Final
 from imu_sim_ros.inputs.gate import PRESSURE
 from imu_sim_ros.inputs.tables import Encode, Table
 from imu_sim_ros.sensors.barometer.parameters import BarometerParameters
-from imu_sim_ros.sensors.block import Samples, read_samples
 from imu_sim_ros.sensors.declaration import AuxiliaryReadings, Model, Sensor, topic
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.realised import realised_triad
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.recorded import Samples, read_samples
 from imu_sim_ros.types import Array, Times
 
 TYPE: Final = "sensor_msgs/msg/FluidPressure"

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from imu_sim_ros import rotation
 from imu_sim_ros.sensors.camera.parameters import (
@@ -18,7 +18,7 @@ from imu_sim_ros.sensors.camera.parameters import (
     fold,
     radial_coefficients,
 )
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Mask
 
 _TABLE: Final = 2049
 _STEPS: Final = 6
@@ -129,9 +129,6 @@ def undistort_radtan(d: Array, k: Sequence[float], inverse: RadialInverse) -> Ar
         step[:, 1] = (j[:, 0, 0] * error[:, 1] - j[:, 1, 0] * error[:, 0]) / determinant
         m = m - step
     return m
-
-
-Mask = NDArray[np.bool_]
 
 
 class Sphere(NamedTuple):

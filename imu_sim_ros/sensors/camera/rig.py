@@ -20,6 +20,7 @@ from imu_sim_ros.sensors.camera.target import target_warning
 from imu_sim_ros.sensors.camera.tracker import Tracker, Tracks
 from imu_sim_ros.sensors.camera.view import View
 from imu_sim_ros.trajectory.motion import Trajectory
+from imu_sim_ros.types import Bytes, Single
 
 BLOCK: Final = 64
 """Frames generated at once."""
@@ -86,7 +87,7 @@ class Rig:
             yield tracker.tracks(first, size)
             first += size
 
-    def images(self, name: str) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+    def images(self, name: str) -> Iterator[tuple[int, Bytes]]:
         """Yield the stamp [ns] and the image (h, w), or (h, w, 3), of all frames of a camera.
 
         Frames that are lost are left out.
@@ -96,7 +97,7 @@ class Rig:
         """
         return self._frames(name, "image")
 
-    def depths(self, name: str) -> Iterator[tuple[int, NDArray[np.float32]]]:
+    def depths(self, name: str) -> Iterator[tuple[int, Single]]:
         """Yield the stamp [ns] and the true depth (h, w) [m] of all frames of a camera.
 
         0 if nothing is seen; frames that are lost are left out.

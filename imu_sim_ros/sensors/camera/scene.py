@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.errors import InputError, system_error
 from imu_sim_ros.inputs.rows import open_regular
@@ -16,7 +15,7 @@ from imu_sim_ros.places.geometry import NO_SURFACES, Surfaces, hidden
 from imu_sim_ros.places.mesh import MeshCaster
 from imu_sim_ros.places.mesh_file import Mesh
 from imu_sim_ros.places.paint import Painter
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Mask
 
 
 class Scene(NamedTuple):
@@ -40,7 +39,7 @@ class Scene(NamedTuple):
     crowd: Crowd | None = None
     """What moves; None: nothing."""
 
-    def hidden(self, eye: Array, points: Array) -> NDArray[np.bool_]:
+    def hidden(self, eye: Array, points: Array) -> Mask:
         """Tell which landmarks (n, 3) are behind something, each seen from its eye (n, 3)."""
         if self.caster is not None:
             return self.caster.hidden(eye, points)

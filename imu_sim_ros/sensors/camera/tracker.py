@@ -18,10 +18,9 @@ from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.view import Frames, Poses, View, in_camera
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Mask
 
 Rows = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 _PAIRS: Final = 1 << 17
 """Landmarks examined at once, over all frames: about as many as fit into a processor's cache."""

@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation, timebase
 from imu_sim_ros.random_streams import generator_at
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array, Integers, Mask, Times
 
 LARGEST_JITTER: Final = 0.45
 """Where the stamps' error is cut off, in intervals, so that stamps always increase."""
@@ -23,7 +22,7 @@ LARGEST_JITTER: Final = 0.45
 class Frames(NamedTuple):
     """n consecutive frames of one camera."""
 
-    number: NDArray[np.int64]
+    number: Integers
     """(n,) which frames."""
     true_t_ns: Times
     """(n,) the middle of the exposure, of the middle row [ns]."""
@@ -31,7 +30,7 @@ class Frames(NamedTuple):
     """(n,) the stamps, by the camera's clock [ns]."""
     release_t_ns: Times
     """(n,) when the messages leave the driver [ns]."""
-    delivered: NDArray[np.bool_]
+    delivered: Mask
     """(n,) false: the frame is lost."""
 
 

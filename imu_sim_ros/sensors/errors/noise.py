@@ -290,7 +290,7 @@ def gyro_variance_discrete(imu: ImuParameters, rate: float) -> Vector:
 
     :param rate: samples per second [Hz].
     """
-    return _variance_discrete(imu, imu.gyroscope, rate)
+    return _variance_discrete(imu, "gyroscope", rate)
 
 
 def accel_variance_discrete(imu: ImuParameters, rate: float) -> Vector:
@@ -298,14 +298,14 @@ def accel_variance_discrete(imu: ImuParameters, rate: float) -> Vector:
 
     :param rate: samples per second [Hz].
     """
-    return _variance_discrete(imu, imu.accelerometer, rate)
+    return _variance_discrete(imu, "accelerometer", rate)
 
 
-def _variance_discrete(imu: ImuParameters, triad: TriadParameters, rate: float) -> Vector:
-    internal = rate * float(imu.internal_ratio(rate))
+def _variance_discrete(imu: ImuParameters, name: str, rate: float) -> Vector:
+    triad, internal = imu.triad(name), rate * float(imu.internal_ratio(rate))
     white = [
         d * d * internal * noise_gain(f, imu.bandwidth_order, internal)
-        for d, f in zip(triad.noise_density, triad.bandwidth, strict=True)
+        for d, f in zip(triad.noise_density, imu.low_pass(name, rate), strict=True)
     ]
     step, increment = np.asarray(triad.resolution), np.asarray(triad.increment_resolution)
     rounding = step * step / 12.0 + np.square(increment * rate) / 6.0

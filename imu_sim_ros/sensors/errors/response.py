@@ -242,23 +242,21 @@ class LowPass:
     """A Butterworth low-pass on each axis that has a cut-off.
 
     The bilinear transform with the cut-off matched: -3 dB exactly at the cut-off. The filter starts
-    settled on the first sample. Samples have no frequencies from half their rate on, so a cut-off
-    there has no effect.
+    settled on the first sample.
     """
 
     def __init__(self, cutoffs: Array, order: int, rate: float) -> None:
         """Set up the filters.
 
-        :param cutoffs: (3,) [Hz]; 0, half the rate or more: none.
+        :param cutoffs: (3,) below half the rate [Hz]; 0: none.
         :param rate: [Hz] of what is filtered.
         """
         self._groups: list[_Group] = []
-        acting = [cutoff for cutoff in np.unique(cutoffs) if 0.0 < cutoff < 0.5 * rate]
-        if acting:
+        if cutoffs.any():
             from scipy import signal  # half a second of import that only a low-pass costs
 
             self._filter = signal.sosfilt
-            for cutoff in acting:
+            for cutoff in np.unique(cutoffs[cutoffs > 0.0]):
                 sections = signal.butter(order, cutoff, fs=rate, output="sos")
                 axes = np.flatnonzero(cutoffs == cutoff)
                 self._groups.append(_Group(axes, sections, signal.sosfilt_zi(sections)))
@@ -388,9 +386,9 @@ def noise_gain(cutoff: float, order: int, rate: float) -> float:
     The mean of ``|H|^2 = 1 / (1 + u^(2 n))`` over all frequencies up to half the rate, with
     ``u = tan(pi f / rate) / tan(pi cutoff / rate)``, the bilinear transform's frequency.
 
-    :param cutoff: [Hz]; 0, half the rate or more: no low-pass.
+    :param cutoff: below half the rate [Hz]; 0: no low-pass.
     """
-    if not 0.0 < cutoff < 0.5 * rate:
+    if not cutoff:
         return 1.0
     t = np.tan(np.pi * cutoff / rate)
     # In s = ln u the integrand is smooth and dies out at both ends: the trapezoid rule is exact to

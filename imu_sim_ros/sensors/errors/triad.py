@@ -81,7 +81,8 @@ class Triad:
         self._ageing_scale = np.asarray(own.ageing_scale)[:, None] if ages else None
         self._age_days, self._dt, self._done = imu.age_days, dt, 0
         self._white = WhiteNoise(seed, triad, dt)
-        self._low_pass = LowPass(np.asarray(own.bandwidth), imu.bandwidth_order, internal)
+        cutoffs = np.asarray(imu.low_pass(triad, rate))
+        self._low_pass = LowPass(cutoffs, imu.bandwidth_order, internal)
         self._digitiser = Digitiser()
         self._increments = IncrementRounding(1.0 / rate)
         self._last: Array | list[float] | None = None

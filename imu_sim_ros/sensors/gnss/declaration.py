@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.inputs.gate import OTHER
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.carried import CarriedReadings
 from imu_sim_ros.sensors.declaration import Companions, Sensor, Serial, on_demand, topic
 from imu_sim_ros.sensors.gnss.parameters import GnssParameters
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array, Integers, Times
 
 FIX: Final = ("sensor_msgs/msg/NavSatFix", "NavSatFixEncoder")
 TWIST: Final = ("geometry_msgs/msg/TwistWithCovarianceStamped", "TwistWithCovarianceEncoder")
@@ -50,13 +49,13 @@ class GnssReadings(CarriedReadings):
     """(n, 3) of the antenna, east, north, up, as read [m/s]."""
     velocity_variance: Array
     """(n, 3) stated [m^2/s^2]."""
-    status: NDArray[np.int64]
+    status: Integers
     """(n,) as NavSatStatus has it: -1 no fix, 0 fix, 1 with corrections, 2 RTK."""
-    mode: NDArray[np.int64]
+    mode: Integers
     """(n,) 0 single, 1 dgps, 2 float, 3 fixed, -1 no fix."""
-    satellites: NDArray[np.int64]
+    satellites: Integers
     """(n,) in use."""
-    used: NDArray[np.int64]
+    used: Integers
     """(n,) bit ``prn - 1`` is set for each of them; 0 if `gnss.sky` is constant."""
     hdop: Array
     """(n,) dilution of precision, horizontal; 99.99 without a fix."""
@@ -75,7 +74,7 @@ class GnssReadings(CarriedReadings):
     """(n, 32, f) [cycles]."""
     doppler: Array
     """(n, 32, f) [Hz]."""
-    lock: NDArray[np.int64]
+    lock: Integers
     """(n, 32) how often a satellite was found so far, each time with other ambiguities; 0: not in
     view."""
     elevation: Array

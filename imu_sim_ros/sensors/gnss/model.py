@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.random_streams import axis_generators
@@ -20,7 +19,7 @@ from imu_sim_ros.sensors.gnss.parameters import MODES, GnssParameters
 from imu_sim_ros.sensors.gnss.sky import UNUSABLE, Geometry, Sky, constant
 from imu_sim_ros.sensors.gravity import CurvedEarth, geodetic
 from imu_sim_ros.trajectory.motion import Motion
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers, Mask
 
 NAME: Final = "gnss"
 NO_FIX: Final = -1
@@ -113,7 +112,7 @@ class Receiver(CarriedSensor):
             "pdop": np.minimum(np.linalg.norm(diluted[:, :3], axis=1), UNUSABLE),
         }
 
-    def sent(self, values: Mapping[str, Array]) -> NDArray[np.bool_] | None:
+    def sent(self, values: Mapping[str, Array]) -> Mask | None:
         """Return which samples become messages."""
         return values["mode"] >= 0 if self._own_parameters.silent else None
 
@@ -126,14 +125,14 @@ class Receiver(CarriedSensor):
     def _numbers(streams: list[Any], count: int) -> Array:
         return np.stack([stream.standard_normal(count) for stream in streams])
 
-    def _mode(self, t: Array) -> NDArray[np.int64]:
+    def _mode(self, t: Array) -> Integers:
         """Return the index in MODES of n samples."""
         p = self._own_parameters
         changes = np.reshape(p.mode_changes, (-1, 2))
         numbers = np.concatenate([[MODES.index(p.mode)], changes[:, 1] - 1.0]).astype(np.int64)
         return numbers[np.searchsorted(changes[:, 0], t, side="right")]
 
-    def _sigma(self, mode: NDArray[np.int64], seen: Geometry) -> Array:
+    def _sigma(self, mode: Integers, seen: Geometry) -> Array:
         """Return the standard deviations (3, n) of the error that the geometry explains."""
         p = self._own_parameters
         horizontal = math.sqrt(2.0) / p.hdop * np.array(p.horizontal_sigma)[mode]
@@ -168,7 +167,7 @@ class Receiver(CarriedSensor):
             v = self._earth.over_ground(motion).velocity.T
         return v + rotation.rotate(motion.q_wb, np.cross(motion.angular_velocity, self.lever_arm_b))
 
-    def _is_out(self, t: Array, place: Array) -> NDArray[np.bool_]:
+    def _is_out(self, t: Array, place: Array) -> Mask:
         """Return whether there is no fix, by time, by place, or by chance."""
         p = self._own_parameters
         out = self._random.next(len(t)) > 0

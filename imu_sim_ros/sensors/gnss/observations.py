@@ -17,12 +17,11 @@ from collections.abc import Mapping
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.random_streams import generator, generator_at
 from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.gnss.broadcast import SATELLITES, Broadcast
 from imu_sim_ros.sensors.gnss.parameters import RawParameters
-from imu_sim_ros.sensors.gnss.rinex_files import SATELLITES, Broadcast
 from imu_sim_ros.sensors.gnss.satellites import (
     EARTH_RATE,
     LIGHT,
@@ -33,7 +32,7 @@ from imu_sim_ros.sensors.gnss.satellites import (
 )
 from imu_sim_ros.sensors.gravity import earth_fixed, east_north_up, geodetic
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers, Mask
 
 L1: Final = 1575.42e6
 """[Hz]"""
@@ -210,9 +209,7 @@ class Observer:
         ion = broadcast.ionosphere
         self._ion = np.array(parameters.klobuchar) if ion is None else ion
 
-    def measure(
-        self, t: Array, place: Array, velocity: Array, used: NDArray[np.int64]
-    ) -> Mapping[str, Any]:
+    def measure(self, t: Array, place: Array, velocity: Array, used: Integers) -> Mapping[str, Any]:
         """Return the measurements of the next n times, and the truth of them.
 
         The receiver measures when its clock shows the times, in ticks of RINEX.
@@ -306,7 +303,7 @@ class Observer:
             for sigma, stream in zip(sigmas, self._noise, strict=True)
         ]
 
-    def _lock(self, visible: NDArray[np.bool_]) -> tuple[NDArray[np.int64], Array]:
+    def _lock(self, visible: Mask) -> tuple[Integers, Array]:
         """Return how often each satellite was found (n, k), and its ambiguities (n, k, f)."""
         before = np.concatenate([self._locked[None], visible])[:-1]
         found = np.cumsum(visible & ~before, axis=0)

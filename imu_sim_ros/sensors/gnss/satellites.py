@@ -12,10 +12,9 @@ from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers
 
 LIGHT: Final = 299792458.0
 """[m/s]"""
@@ -86,8 +85,8 @@ def gps_time(t_ns: int) -> GpsTime:
 class Ephemerides(NamedTuple):
     """Broadcast parameters of k satellites, all (k,); names as in RINEX, angles in rad."""
 
-    prn: NDArray[np.int64]
-    week: NDArray[np.int64]
+    prn: Integers
+    week: Integers
     """Week of the reference time, not rolled over."""
     toe: Array
     """Reference time of the orbit, second of that week [s]."""
@@ -122,9 +121,9 @@ class Ephemerides(NamedTuple):
     cis: Array
     tgd: Array
     """Group delay [s]."""
-    iode: NDArray[np.int64]
+    iode: Integers
 
-    def take(self, rows: NDArray[np.int64]) -> "Ephemerides":
+    def take(self, rows: Integers) -> "Ephemerides":
         """Return some of them, in this order."""
         return self._replace(**{name: values[rows] for name, values in self._asdict().items()})
 

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.gnss.broadcast import SATELLITES, Broadcast
 from imu_sim_ros.sensors.gnss.parameters import GnssParameters
-from imu_sim_ros.sensors.gnss.rinex_files import SATELLITES, Broadcast
 from imu_sim_ros.sensors.gnss.satellites import gps_time, orbits
 from imu_sim_ros.sensors.gravity import earth_fixed, east_north_up, geodetic
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers, Mask
 
 RENEWED: Final = 10.0
 """[s] The geometry is that of the first fix in each interval of this length."""
@@ -29,16 +29,16 @@ Used = NDArray[np.int64]
 class Geometry(NamedTuple):
     """What n fixes are made of."""
 
-    used: NDArray[np.int64]
+    used: Integers
     """(n,) bit ``prn - 1`` is set for each satellite in use."""
-    satellites: NDArray[np.int64]
+    satellites: Integers
     """(n,) how many these are."""
     dilution: Array
     """(n, 4) east, north, up and clock: standard deviation of the solution over that of a range;
     infinite if there is none. The clock's is 0 if it is not known."""
 
     @property
-    def usable(self) -> NDArray[np.bool_]:
+    def usable(self) -> Mask:
         """(n,) whether there is a solution."""
         return np.isfinite(self.dilution[:, 0])
 
@@ -51,7 +51,7 @@ def constant(parameters: GnssParameters, count: int) -> Geometry:
     return Geometry(np.zeros(count, np.int64), satellites, np.broadcast_to(found, (count, 4)))
 
 
-def dilution(directions: Array, used: NDArray[np.bool_]) -> Array:
+def dilution(directions: Array, used: Mask) -> Array:
     """Return the dilution of precision (..., 4) along the axes of the directions, and of the clock.
 
     The roots of the diagonal of ``inv(H^T H)`` with rows ``(-u, 1)`` of H (Kaplan and Hegarty, 3rd
@@ -108,7 +108,7 @@ class Sky:
             bits @ (1 << np.arange(bits.shape[1])), bits.sum(axis=1), found[rows, level]
         )
 
-    def _of_intervals(self, new: NDArray[np.int64], t: Array, place: Array) -> tuple[Used, Array]:
+    def _of_intervals(self, new: Integers, t: Array, place: Array) -> tuple[Used, Array]:
         """Return satellites in use (m, levels, 32) and dilutions (m, levels, 4) of intervals.
 
         The interval that the last block ended in keeps the geometry of its first fix.
@@ -140,7 +140,7 @@ class Sky:
             found[rows] = dilution(directions[:, None], above)
         return used, found
 
-    def _level(self, place: Array) -> NDArray[np.int64]:
+    def _level(self, place: Array) -> Integers:
         """Return the number of the mask (n,) that hides satellites at places (n, 3)."""
         level = np.zeros(len(place), np.int64)
         for k, box in enumerate(self._boxes):

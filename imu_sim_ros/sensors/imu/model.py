@@ -11,7 +11,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import timebase
 from imu_sim_ros.conventions import TRIADS
@@ -26,7 +25,7 @@ from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.registry import Auxiliary
 from imu_sim_ros.sensors.timing import Clock, Transport
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array, Integers, Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.imu.vibration import BoardVibration
@@ -47,7 +46,7 @@ class ImuSample(NamedTuple):
     """[ns], as the next two; the fields are those of :class:`ImuBlock`."""
     t_ns: int
     release_t_ns: int
-    delivered: NDArray[np.int64]
+    delivered: Integers
     """(m,) zeros, one for each message that arrives."""
     gyro: list[float]
     """[rad/s]"""

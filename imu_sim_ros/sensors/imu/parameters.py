@@ -10,7 +10,6 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import timebase
 from imu_sim_ros.conventions import TRIADS, Triad
@@ -31,6 +30,7 @@ from imu_sim_ros.parameters.sections import section
 from imu_sim_ros.sensors import auxiliary_sections
 from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
 from imu_sim_ros.sensors.own_rate_parameters import LONGEST, TimingParameters
+from imu_sim_ros.types import Complex
 
 AXES_READ = 6
 """Gyroscope x, y, z, accelerometer x, y, z."""
@@ -155,7 +155,7 @@ class BoardVibrationParameters:
         """Number of ranges."""
         return len(self.range_edges) + 1
 
-    def coherence(self) -> NDArray[np.complex128]:
+    def coherence(self) -> Complex:
         """Return the Hermitian matrices (bands, 6, 6) of coherence between the axes."""
         result = np.zeros((len(self.band_low), AXES_READ, AXES_READ), dtype=np.complex128)
         result[:, range(AXES_READ), range(AXES_READ)] = 1.0
@@ -308,6 +308,17 @@ class BareImuParameters(TimingParameters, BoardParameters, TriadsParameters):
         if self.internal_rate == 0.0:
             return Fraction(_USUAL_RATIO)
         return timebase.exact_rate(self.internal_rate) / timebase.exact_rate(rate)
+
+    def low_pass(self, triad: str, rate: float) -> Vector:
+        """Return the cut-offs of a triad's low-pass that have an effect [Hz]; 0: none.
+
+        Readings have no frequencies from half their rate on, so a cut-off there changes nothing.
+
+        :param rate: samples per second [Hz].
+        """
+        nyquist = 0.5 * rate * float(self.internal_ratio(rate))
+        x, y, z = (f if f < nyquist else 0.0 for f in self.triad(triad).bandwidth)
+        return (x, y, z)
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield a line for each contradiction between parameters."""

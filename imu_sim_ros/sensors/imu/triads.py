@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.conventions import Triad
 from imu_sim_ros.parameters.kinds import (
@@ -27,6 +26,7 @@ from imu_sim_ros.parameters.kinds import (
     vector,
 )
 from imu_sim_ros.parameters.sections import section
+from imu_sim_ros.types import Array
 
 NO_CROSS_AXIS = (0.0,) * 6
 _SMALLEST_DETERMINANT: Final = 1e-3
@@ -283,7 +283,7 @@ class TriadParameters:
         live=True,
     )
 
-    def response(self) -> NDArray[np.float64]:
+    def response(self) -> Array:
         """Return S (3, 3), whether given as a matrix or in percent (lecture eq. 7)."""
         xy, xz, yx, yz, zx, zy = self.misalignment_percent
         percent = np.array([[0.0, xy, xz], [yx, 0.0, yz], [zx, zy, 0.0]])

@@ -6,16 +6,13 @@
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.conventions import TRIADS, Vector
 from imu_sim_ros.random_streams import axis_generators, generator
 from imu_sim_ros.sensors.errors.processes import ChunkedProcess
 from imu_sim_ros.sensors.imu.parameters import BoardVibrationParameters
 from imu_sim_ros.trajectory.motion import Motion
-from imu_sim_ros.types import Array
-
-Complex = NDArray[np.complex128]
+from imu_sim_ros.types import Array, Complex
 
 _AXES: Final = 6
 _FRAME: Final = 20.0

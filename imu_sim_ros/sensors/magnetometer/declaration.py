@@ -13,11 +13,11 @@ import numpy as np
 from imu_sim_ros.conventions import Vector
 from imu_sim_ros.inputs.gate import FIELD
 from imu_sim_ros.inputs.tables import Encode, Table
-from imu_sim_ros.sensors.block import Samples, read_samples
 from imu_sim_ros.sensors.declaration import AuxiliaryReadings, Model, Sensor, topic
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
+from imu_sim_ros.sensors.recorded import Samples, read_samples
 from imu_sim_ros.types import Array, Times
 
 TYPE: Final = "sensor_msgs/msg/MagneticField"

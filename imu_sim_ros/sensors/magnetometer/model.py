@@ -7,7 +7,6 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
@@ -22,7 +21,7 @@ from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
 from imu_sim_ros.sensors.own_rate import OwnRate, Sampled, instantaneous
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers, Mask
 
 MU0_OVER_4_PI: Final = 1e-7
 """[T m/A]; the value measured in the SI of 2019 agrees to nine digits."""
@@ -158,7 +157,7 @@ class Magnetometer:
         """Let a fault begin with the first sample not before the IMU's sample ``first``."""
         self._own.inject(fault, first)
 
-    def imu_samples(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    def imu_samples(self) -> tuple[Integers, Mask]:
         """Return, of the samples read last, the IMU's that each follows; whether at its time."""
         assert self._last is not None
         return self._own.imu_samples(self._last)

@@ -12,12 +12,12 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX, Matrix, Vector, matrix, numbers, vector
 from imu_sim_ros.sensors.imu.triads import TriadParameters, invertible_problems
 from imu_sim_ros.sensors.own_rate_parameters import OwnRateParameters
+from imu_sim_ros.types import Array
 
 _AS_IN_TRIADS: Final = (
     "noise_density",
@@ -140,7 +140,7 @@ class MagnetometerParameters(OwnRateParameters):
         0.0, "step of the digital output (1 LSB); 0: none", unit="T", minimum=0.0, live=True
     )
 
-    def response_and_bias(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def response_and_bias(self) -> tuple[Array, Array]:
         """Return M (3, 3) and b (3,) [T] of ``reading = M B + b``, both in the sensor's axes.
 
         The unit has nothing left to draw; no currents flow, at the reference temperature.

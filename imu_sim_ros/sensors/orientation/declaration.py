@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.tables import Table
-from imu_sim_ros.sensors.block import ImuBlock, Samples, read_samples
+from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.declaration import (
     AuxiliaryReadings,
     Model,
@@ -23,6 +23,7 @@ from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.noise import accel_variance_discrete, gyro_variance_discrete
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.orientation.parameters import OrientationParameters
+from imu_sim_ros.sensors.recorded import Samples, read_samples
 from imu_sim_ros.types import Array, Times
 
 if TYPE_CHECKING:

@@ -6,7 +6,6 @@
 from typing import Any, Final, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros import rotation, timebase
 from imu_sim_ros.random_streams import axis_generators
@@ -20,7 +19,7 @@ from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.orientation.filter import OrientationFilter
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array, Mask, Times
 
 EXACT: Final = 1e-12
 """[rad^2] Stated of an orientation without any error: 0 would say that its variance is unknown."""
@@ -97,7 +96,7 @@ class FieldSensor(Protocol):
     def earth_w(self) -> Array:
         """(3,) the Earth's field in the world [T]."""
 
-    def imu_samples(self) -> tuple[Times, NDArray[np.bool_]]:
+    def imu_samples(self) -> tuple[Times, Mask]:
         """Return, of the samples read last, the IMU's that each follows; whether at its time."""
 
     def calibration(self, unit: ImuParameters) -> tuple[Array, Array]:

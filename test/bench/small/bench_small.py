@@ -21,7 +21,7 @@ import numpy as np
 import imu_sim_ros as ims
 from imu_sim_ros.navigation.covariance import Covariance
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
-from imu_sim_ros.navigation.parameters import ImuErrors, TriadErrors, noise_of
+from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors, noise_of
 from imu_sim_ros.navigation.preintegration import StepReadings, preintegrate
 from imu_sim_ros.navigation.state import AT_REST
 from imu_sim_ros.simulation.parameters import load_simulation

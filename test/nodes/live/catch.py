@@ -57,7 +57,8 @@ def listen(topics: list[str]) -> None:
         for topic in topics:
             if topic not in matched and node.get_publishers_info_by_topic(topic):
                 matched.add(topic)
-                print(f"publisher of {topic}", flush=True)
+                print(f"publisher of {topic}")
+        sys.stdout.flush()
 
     node.create_timer(0.05, watch)
     told: list[int] = []

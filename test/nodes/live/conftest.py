@@ -41,10 +41,14 @@ class Process:
     def output(self) -> str:
         return self.log.read_text()
 
-    def wait_for(self, words: str) -> None:
-        """Wait until the program has printed something."""
-        until(lambda: words in self.output or self.process.poll() is not None)
+    def wait_for(self, words: str, count: int = 1) -> None:
+        """Wait until the program has printed something so many times."""
+        until(lambda: self.output.count(words) >= count or self.process.poll() is not None)
         assert words in self.output, self.output
+
+    def wait_until(self, condition: Callable[[], bool]) -> None:
+        """Wait until a condition holds while the program runs."""
+        until(lambda: condition() or self.process.poll() is not None)
 
     def wait_until_it_catches(self, number: int) -> None:
         """Wait until the process has a handler of its own for a signal (proc(5), SigCgt)."""

@@ -188,7 +188,8 @@ def test_with_the_simulator_the_error_is_that_of_the_method(node, catch):
         *["--wait_for_subscribers", "1", "--wait_for_truth_subscribers", "1"],
     )
     assert simulator.status() == 0, simulator.output
-    time.sleep(2.0)
+    for topic in topics:
+        listener.wait_for(f'"topic": "{topic}"', 3000)
     assert integrator.end() == 0
     found = caught(listener)
     assert {topic: len(found[topic]) for topic in topics} == dict.fromkeys(topics, 3000)

@@ -114,7 +114,10 @@ def test_latched_messages_from_before_the_recorder_are_recorded(node, feed, tmp_
     source.wait_for("end")
     recorder, bag = record(node, tmp_path, "mcap")
     recorder.wait_for("recording /imu/data_raw")
-    time.sleep(3.0)
+    last = struct.pack("<iI", *divmod(stamps(20)[-1], 10**9))
+    recorder.wait_until(
+        lambda: any(last in path.read_bytes() for path in tmp_path.rglob("*.mcap*"))
+    )
     assert recorder.end() == 0
     assert stored(bag)[IMU] == stamps(20)
 

@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros.nodes.recorder.recording import StampStatistics
+from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
 
 PERIOD_NS = 5_000_000
 

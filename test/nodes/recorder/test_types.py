@@ -19,7 +19,8 @@ from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.nodes import messages as message_types
 from imu_sim_ros.nodes.arguments import ros_arguments
 from imu_sim_ros.nodes.recorder.node import _left, plain_arguments
-from imu_sim_ros.nodes.recorder.recording import Message, RecordedTopic, Recording, StampStatistics
+from imu_sim_ros.nodes.recorder.recording import Message, RecordedTopic, Recording
+from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
 
 pytestmark = pytest.mark.ros
 

@@ -17,11 +17,8 @@ from numpy.typing import NDArray
 from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.sensors.camera.images.rays import Corners
 from imu_sim_ros.sensors.camera.images.texture import LEVELS, Atlas
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Integers, Mask, Single
 
-Single = NDArray[np.float32]
-Mask = NDArray[np.bool_]
-Integers = NDArray[np.int64]
 Shares = NDArray[np.uint16]
 
 _ONE = np.float32(1.0)

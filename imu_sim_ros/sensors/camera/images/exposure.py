@@ -17,15 +17,11 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.view import View
-from imu_sim_ros.types import Array
-
-Single = NDArray[np.float32]
-Bytes = NDArray[np.uint8]
+from imu_sim_ros.types import Array, Bytes, Single
 
 _INTERVAL: Final = 0.1
 """Of the meter's readings [s]."""

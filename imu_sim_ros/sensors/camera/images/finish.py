@@ -7,17 +7,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.places.gloss import Active, Polish
-from imu_sim_ros.places.shadows import Line
+from imu_sim_ros.places.shadows import ShadowLine
 from imu_sim_ros.sensors.camera.images.cells import Pairs, Planes, within
 from imu_sim_ros.sensors.camera.images.rays import CELL
-
-Single = NDArray[np.float32]
-Integers = NDArray[np.int64]
-Bytes = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
+from imu_sim_ros.types import Bytes, Integers, Mask, Single
 
 _REGIONS: Final = 250
 """Regions in cells that are dealt with at once: their arrays stay in a processor's cache."""
@@ -203,7 +198,7 @@ class Shaded(NamedTuple):
     planes: Planes
     """Of the part of the floor that may be in it."""
     pairs: Pairs
-    line: Line
+    line: ShadowLine
 
     def finishes(self, rays: Single, nearest: Single, band: "Frame") -> Iterator[Finish]:
         """Yield what the shadow does to the pixels of a band.

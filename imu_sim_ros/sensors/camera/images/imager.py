@@ -21,10 +21,7 @@ from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.scene_parameters import MeshParameters, SceneParameters
 from imu_sim_ros.sensors.camera.view import Eyes, Poses, View
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.types import Array
-
-Single = NDArray[np.float32]
-Bytes = NDArray[np.uint8]
+from imu_sim_ros.types import Array, Bytes, Single
 
 _FULL: Final = 255.0
 _FAR: Final = np.float32(1e9)
@@ -119,7 +116,7 @@ class Imager:
         noise: Single = normal_quantiles() * np.float32(self.view.parameters.read_noise)
         return noise
 
-    def depth(self, number: int) -> NDArray[np.float32]:
+    def depth(self, number: int) -> Single:
         """Return the depth z (h, w) [m] at each pixel's centre in the middle of the exposure.
 
         0 if nothing is seen. A frame that repeats another has its depth, too.
@@ -131,7 +128,7 @@ class Imager:
         """Whether something moves in the scene."""
         return self._scene.crowd is not None
 
-    def depth_and_mask(self, number: int) -> tuple[NDArray[np.float32], Bytes | None]:
+    def depth_and_mask(self, number: int) -> tuple[Single, Bytes | None]:
         """Return :meth:`depth`, and which body is there (h, w): 1, 2, ...; 0: none that moves.
 
         No mask if nothing moves in the scene.

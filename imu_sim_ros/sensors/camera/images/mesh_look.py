@@ -7,15 +7,11 @@ from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imu_sim_ros.places.mesh_file import Bytes, Mesh, Numbers, normals
+from imu_sim_ros.places.mesh_file import Mesh, Numbers, normals
 from imu_sim_ros.places.paint import grey
 from imu_sim_ros.sensors.camera.images.texture import Atlas, assembled
-from imu_sim_ros.types import Array
-
-Single = NDArray[np.float32]
-Integers = NDArray[np.int64]
+from imu_sim_ros.types import Array, Bytes, Single
 
 _WHITE: Final = np.full((4, 4, 3), 255, np.uint8)
 _PART: Final = 100_000
@@ -93,7 +89,7 @@ class _Gradient:
         # Vectors in the triangle's plane that are 1 along one side and 0 along the other.
         self._along = np.cross(second, normal), np.cross(normal, first)
 
-    def __call__(self, values: NDArray[np.uint8] | Single) -> Array:
+    def __call__(self, values: Bytes | Single) -> Array:
         """Return coefficients (4 k, m) of values (m, 3, k)."""
         parts = []
         for k in range(values.shape[2]):

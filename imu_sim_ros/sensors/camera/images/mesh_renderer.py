@@ -18,11 +18,7 @@ from imu_sim_ros.sensors.camera.images.renderer import Maps, look_up, opencv, ro
 from imu_sim_ros.sensors.camera.images.texture import BACKGROUND, BLANK, LEVELS
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.view import Eyes, Poses
-from imu_sim_ros.types import Array
-
-Single = NDArray[np.float32]
-Bytes = NDArray[np.uint8]
-Integers = NDArray[np.int64]
+from imu_sim_ros.types import Array, Bytes, Integers, Mask, Single
 
 _GRAZING: Final = 1e-6
 """Least cosine between a ray and a normal that counts in a pixel's footprint."""
@@ -33,7 +29,7 @@ class _Seen(NamedTuple):
 
     number: Integers
     """(n,) triangle; 0 for nothing."""
-    nothing: NDArray[np.bool_]
+    nothing: Mask
     """(n,)."""
     distance: Floats
     """(n,) infinite: nothing."""

@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.sensors.camera.model import CameraModel
+from imu_sim_ros.types import Integers, Single
 
-Single = NDArray[np.float32]
-Integers = NDArray[np.int64]
 _Value = TypeVar("_Value", bound=np.generic)
 
 CELL: Final = 8

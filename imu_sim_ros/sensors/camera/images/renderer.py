@@ -29,12 +29,8 @@ from imu_sim_ros.sensors.camera.images.rays import CELL, PixelRays, corners_and_
 from imu_sim_ros.sensors.camera.images.texture import BLANK, Atlas
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.view import Eyes, Poses
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Bytes, Integers, Mask, Single
 
-Single = NDArray[np.float32]
-Mask = NDArray[np.bool_]
-Integers = NDArray[np.int64]
-Bytes = NDArray[np.uint8]
 _Value = TypeVar("_Value", bound=np.generic)
 
 _GRID: Final = 2.0**30

@@ -11,7 +11,8 @@ tag as kalibr prints it; OpenCV's DICT_APRILTAG_36h11 has them turned by 180 deg
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+
+from imu_sim_ros.types import Bytes
 
 CODES: Final = """
     d5d628584 d97f18b49 dd280910e e479e9c98 ebcbca822 f31dab3ac 056a5d085 10652e1d4
@@ -91,7 +92,7 @@ CODES: Final = """
 """
 
 
-def tag(number: int) -> NDArray[np.uint8]:
+def tag(number: int) -> Bytes:
     """Return the 10 x 10 cells of a tag with its two-cell black border: 255 white, 0 black."""
     bits = f"{int(CODES.split()[number], 16):036b}"
     cells = np.zeros((10, 10), np.uint8)

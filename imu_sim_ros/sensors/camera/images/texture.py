@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.places.bodies import Crowd
@@ -23,10 +22,7 @@ from imu_sim_ros.sensors.camera.scene_parameters import (
     SceneParameters,
     TargetParameters,
 )
-from imu_sim_ros.types import Array
-
-Bytes = NDArray[np.uint8]
-Integers = NDArray[np.int64]
+from imu_sim_ros.types import Array, Bytes, Single
 
 MOST_TEXELS: Final = 24_000_000
 MOST_TEXELS_OF_PLACES: Final = 36_000_000
@@ -60,9 +56,9 @@ class Atlas(NamedTuple):
 
     image: Bytes
     """(height, width) grey values, or (height, width, 3) red, green and blue."""
-    size: NDArray[np.float32]
+    size: Single
     """(m, 2) columns and rows of each surface's texture."""
-    place: NDArray[np.float32]
+    place: Single
     """(m, LEVELS, 2) column and row of each level's first texel."""
     polish: Polish | None = None
     """Gloss of the first surfaces; None: all is matt."""
@@ -148,7 +144,7 @@ def assembled(
         height, width = height + more_height, max(width, more_width)
         shapes = [*shapes, *further]
     image = np.zeros((height, width, *(3,) * colour), np.uint8)
-    image[:_BLANK, :_BLANK] = BACKGROUND
+    image[:_BLANK_EDGE, :_BLANK_EDGE] = BACKGROUND
     around = [(_EDGE, _EDGE), (_EDGE, _EDGE), *[(0, 0)] * colour]
     for m in range(len(shapes)):
         level = texture(m)
@@ -168,7 +164,7 @@ def _places(shapes: Sequence[tuple[int, int]]) -> tuple[list[tuple[int, int]], i
     return corners, height, max(_WIDTH, *(columns + 2 * _EDGE for _, columns in of_levels))
 
 
-_BLANK: Final = 4
+_BLANK_EDGE: Final = 4
 """Edge of the corner that holds the background."""
 BLANK: Final = np.float32(1.0)
 """Column and row of the background in the atlas."""
@@ -177,7 +173,7 @@ BLANK: Final = np.float32(1.0)
 def _packed(shapes: list[tuple[int, int]]) -> tuple[list[tuple[int, int]], int]:
     """Return row and column of each rectangle on shelves, and the height of them all."""
     corners: list[tuple[int, int]] = [(0, 0)] * len(shapes)
-    row, column, shelf = 0, _BLANK, _BLANK
+    row, column, shelf = 0, _BLANK_EDGE, _BLANK_EDGE
     for k in sorted(range(len(shapes)), key=lambda k: -shapes[k][0]):
         height, width = shapes[k]
         if column + width > _WIDTH and column:

@@ -1,0 +1,122 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The estimator that is dead reckoning from the true initial state, with its consistency."""
+
+from typing import Final
+
+import numpy as np
+
+from imu_sim_ros.campaigns.comparison import EstimatedTrack, estimate_metrics
+from imu_sim_ros.campaigns.metrics import Metrics, pose_metrics
+from imu_sim_ros.campaigns.parameters import DeadReckonEstimator
+from imu_sim_ros.campaigns.simulated import SimulatedCell
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.navigation.association import align
+from imu_sim_ros.navigation.covariance import (
+    ATTITUDE,
+    POSITION,
+    VELOCITY,
+    Covariance,
+    initial_covariance,
+    propagate,
+)
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon
+from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA, Truth, attitude_errors, nees
+from imu_sim_ros.navigation.noise import noise_of
+from imu_sim_ros.navigation.state import NavigationStates
+from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.types import Array
+
+_NEES: Final = {"position": POSITION, "attitude": ATTITUDE, "velocity": VELOCITY}
+
+
+class DeadReckoning:
+    """Dead reckoning of a cell's runs; the covariance is that along the truth, of all seeds."""
+
+    def __init__(self, cell: SimulatedCell) -> None:
+        self._cell = cell
+        self._covariances: tuple[dict[str, Array | None], float] | None = None
+
+    def metrics(self, name: str, estimator: DeadReckonEstimator, block: ImuBlock) -> Metrics:
+        """Return the metrics of one run.
+
+        :param name: of the estimator in the plan.
+        :param block: all samples of the run's seed.
+        :raises InputError: for readings that cannot be integrated.
+        """
+        plan = self._cell.plan
+        alignment = str(plan.alignment(name))
+        readings, (truth, truth_poses) = self._cell.readings(block), self._cell.truth(block)
+        if len(readings.t_ns) < 2:
+            raise InputError(f"{len(readings.t_ns)} readings were delivered")
+        at_stamps = np.array_equal(readings.t_ns, truth.t_ns)
+        start = (
+            truth.at(0)
+            if at_stamps
+            else Truth(truth_poses, truth.velocity).at(
+                max(int(readings.t_ns[0]), int(truth.t_ns[0]))
+            )
+        )
+        states = dead_reckon(
+            *readings,
+            start,
+            estimator.method,
+            estimator.attitude_update,
+            self._cell.parameters.gravity,
+        )
+        estimate = PoseSequence(states.t_ns, states.position, states.q_wb)
+        if not at_stamps:
+            found = EstimatedTrack(estimate, states.velocity)
+            return estimate_metrics(found, block, alignment, plan.relative)
+        velocity = states.velocity
+        if alignment != "none":
+            aligned = align(estimate.position, truth.position, alignment)
+            estimate, velocity = aligned.apply(estimate), aligned.scale * velocity @ aligned.r.T
+        metrics = pose_metrics(estimate, truth_poses, plan.relative)
+        metrics["final_velocity_error_m_s"] = float(
+            np.linalg.norm(truth.velocity[-1] - velocity[-1])
+        )
+        metrics.update(self._consistency(truth, block, states))
+        return metrics
+
+    def _consistency(
+        self, truth: NavigationStates, block: ImuBlock, states: NavigationStates
+    ) -> Metrics:
+        """Return the NEES of the final state; the covariance is that along the truth.
+
+        It is the same for all seeds of a cell, so it is propagated only once.
+        """
+        if self._covariances is None:
+            self._covariances = self._final_covariances(truth, block)
+        covariances, sigma = self._covariances
+        errors = {
+            "position": truth.position[-1] - states.position[-1],
+            "velocity": truth.velocity[-1] - states.velocity[-1],
+            "attitude": attitude_errors(states.q_wb[-1:], truth.q_wb[-1:])[0],
+        }
+        found: Metrics = {
+            f"nees_{name}": None if matrix is None else float(nees(errors[name][None], matrix)[0])
+            for name, matrix in covariances.items()
+        }
+        return {**found, "attitude_sigma_rad": sigma}
+
+    def _final_covariances(
+        self, truth: NavigationStates, block: ImuBlock
+    ) -> tuple[dict[str, Array | None], float]:
+        """Return those of the final state that are valid, and the attitude's largest sigma."""
+        imu = self._cell.parameters.imu
+        initial = initial_covariance(
+            gyroscope_bias=imu.gyroscope.turn_on_bias_sigma,
+            accelerometer_bias=imu.accelerometer.turn_on_bias_sigma,
+        )
+        covariance = Covariance(noise_of(imu), initial)
+        matrix = propagate(truth, block.ideal_accel, noise_of(imu), covariance)[0]
+        valid = covariance.largest_attitude_sigma <= LARGEST_SIGMA
+        found: dict[str, Array | None] = {}
+        for name, place in _NEES.items():
+            part = matrix[place, place]
+            regular = valid and np.linalg.matrix_rank(part, hermitian=True) == 3
+            found[name] = part if regular else None
+        return found, covariance.largest_attitude_sigma

@@ -1,0 +1,61 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What /diagnostics reports about the error model."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any, Final
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+from imu_sim_ros.nodes.diagnostics import PERIOD, diagnostics
+from imu_sim_ros.nodes.publishing import Counter
+from imu_sim_ros.simulation.error_model import Counts
+
+_IRREGULAR: Final = ("missing", "pauses", "restarts", "repeated", "backward")
+
+
+class ErrorModelReport:
+    """Diagnostics of an error model since the last message."""
+
+    def __init__(self, name: str, hardware: str) -> None:
+        self._name, self._hardware = name, hardware
+        self._before = Counts()
+        self._refused = 0
+
+    def message(
+        self,
+        stamp: Any,
+        counts: Counts,
+        refused: int,
+        remarks: Sequence[str],
+        counters: Sequence[Counter],
+    ) -> DiagnosticArray:
+        """Return the message.
+
+        :param stamp: builtin_interfaces/Time.
+        :param refused: messages so far that were no readings.
+        :param remarks: what contradicts the declaration of the input.
+        """
+        before, self._before = self._before, dataclasses.replace(counts)
+        new_refused, self._refused = refused - self._refused, refused
+        new = counts.readings - before.readings
+        irregular = [n for n in _IRREGULAR if getattr(counts, n) > getattr(before, n)]
+        if new_refused:
+            level, words = DiagnosticStatus.WARN, f"{new_refused} messages refused"
+        elif not new:
+            level, words = DiagnosticStatus.STALE, "no readings arrive"
+        elif irregular:
+            level, words = DiagnosticStatus.WARN, f"readings: {', '.join(irregular)}"
+        elif remarks:
+            level, words = DiagnosticStatus.WARN, remarks[0]
+        else:
+            level, words = DiagnosticStatus.OK, "running"
+        values = {
+            "readings per second": f"{new / PERIOD:.1f}",
+            "refused messages": refused,
+            **dataclasses.asdict(counts),
+            **{f"{one.topic} published": one.count for one in counters},
+        }
+        return diagnostics(stamp, level, self._name, words, self._hardware, values)
