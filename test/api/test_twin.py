@@ -3,6 +3,7 @@
 
 """The digital twin: recovered from our own recordings, flown again, and held against a real one."""
 
+import importlib
 from pathlib import Path
 
 import numpy as np
@@ -149,6 +150,16 @@ def test_a_truth_with_noise_is_no_sensor(motion, white, decimals):
     assert np.max(np.abs(z)) < 4.0, z.round(1)
     assert np.mean(z**2) < 2.0
     assert found.source.cutoff < 12.0
+
+
+def test_a_clock_that_is_first_guessed_200_ms_off_is_no_wandering_clock(monkeypatch):
+    """A sensor of the benchmark on ``lecture``, whose turns repeat, with poses of 0.01 mm."""
+    monkeypatch.syspath_prepend(Path(__file__).parents[1] / "bench")
+    run = importlib.import_module("bench_twin").run
+    z, _, _, wanders = run("lecture", "0.01", 2510)
+    assert not wanders
+    # 42 numbers, some of one piece: beyond 4 standard errors once in 400 flights.
+    assert np.nanmax(np.abs(z)) < 4.0, z.round(1)
 
 
 def test_numbers_that_hang_on_the_noise_are_not_given(flight, found):

@@ -61,6 +61,8 @@ class Analysis(NamedTuple):
 def constant_errors(recording: Recording, truth: Truth, start: Errors) -> Fit:
     """Return the constant errors, and how the truth's clock wanders if it does."""
     found = fit(recording, truth, start)
+    if not found.settled:  # a first guess far off: the poses' noise is taken out anew, closer by
+        found = fit(recording, truth, found.errors)
     course = clock.wander(recording.stamps, found.residuals, found.slope, recording.rate)
     if course.any():
         found = fit(recording, truth, found.errors, wander=course)
