@@ -77,6 +77,8 @@ class Check:
     flight differs from itself."""
     flown: tuple[Flown, Flown]
     """The real readings, and those of the first twin."""
+    windows: comparison.Windows
+    """What the classifier saw."""
 
     def __repr__(self) -> str:
         worst = float(np.nanmax(np.abs(self.decibels)))
@@ -107,19 +109,25 @@ class Check:
 
 
 def check(
-    source: Recorded, part: Recording, analysis: Analysis, parameters: dict[str, Value]
+    source: Recorded,
+    part: Recording,
+    analysis: Analysis,
+    parameters: dict[str, Value],
+    seeds: int = SEEDS,
 ) -> Check:
     """Compare a twin with a part of the recording.
 
     The truth's clock and smoothing are found again on this part, and the twins are held against a
     truth with noise of its poses, as much as these show here: none of these is the sensor's doing.
     All else stays.
+
+    :param seeds: twins that are flown.
     """
     fit = analysis.fit
     real = _laid(source, part, fit)
     parts = _parts(source, real.t, part)
     rate = part.rate
-    twins = [_simulated(source, real.t, fit.errors, parameters, seed) for seed in range(SEEDS)]
+    twins = [_simulated(source, real.t, fit.errors, parameters, seed) for seed in range(seeds)]
     noise = _truth_noise(source, fit, analysis.parts, twins[0].t)
     twins = [_with_truth_noise(twin, noise, rate, source.cutoff) for twin in twins]
     ends = [(real.t[p.start], real.t[p.stop - 1]) for p in parts]
@@ -127,13 +135,11 @@ def check(
     levels = comparison.levels(real.residuals, parts, rate)
     others = [comparison.levels(twin.residuals, flown, rate) for twin in twins]
     simulated = np.sqrt(np.mean(np.square(others), axis=0))
-    seen = comparison.features(real.residuals, parts, rate)
-    shares = [
-        comparison.told_apart(seen, comparison.features(twin.residuals, flown, rate), seed)
-        for seed, twin in enumerate(twins)
-    ]
-    fitted = comparison.features(fit.residuals, analysis.parts, rate)
-    themselves = [comparison.told_apart(fitted, seen, seed) for seed in range(SEEDS)]
+    windows = comparison.Windows(
+        comparison.features(fit.residuals, analysis.parts, rate),
+        comparison.features(real.residuals, parts, rate),
+        tuple(comparison.features(twin.residuals, flown, rate) for twin in twins),
+    )
     drifts = [_drift(source, twin, fit.errors, np.zeros(3)) for twin in twins]
     return Check(
         float(real.t[-1] - real.t[0]),
@@ -143,9 +149,9 @@ def check(
         _median(_drift(source, real, fit.errors, fit.errors.world)),
         np.array([_median([np.concatenate(d) for d in zip(*drifts, strict=True)])])[0],
         np.sqrt(np.mean(noise**2, axis=0)),
-        float(np.mean(shares)),
-        float(np.mean(themselves)),
+        *windows.told_apart(),
         (real, twins[0]),
+        windows,
     )
 
 

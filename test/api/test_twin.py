@@ -346,8 +346,8 @@ def test_a_real_flight_and_its_twin():
     assert np.count_nonzero(np.abs(check.decibels) < 2.0) >= 24
     assert np.all(np.abs(check.simulated_drift / check.real_drift - 1.0) < 0.25)
     # Windows of twin and real sensor differ no more than those of the real sensor on both parts:
-    # 5 points, and the deviation of a share of 74 windows, 5.3 points, over the root of 5 twins.
-    assert check.told_apart < check.real_told_apart + 0.05 + 0.024
+    # 5 points, and the deviation of a share of 66 windows, 6.2 points, over the root of 5 twins.
+    assert check.told_apart < check.real_told_apart + 0.05 + 0.028
     # Its attitudes scatter less in the second part: 4.4, 3.4, 2.8 dB.
     assert np.all(check.truth_noise[:3] < 0.8)
     # At rest the sensor shows 1.2 to 1.6e-4 and 1.7 to 2.5e-3 in 100 readings, each deviation

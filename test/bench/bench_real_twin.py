@@ -14,30 +14,34 @@ import sys
 import numpy as np
 
 import imu_sim_ros as ims
-from imu_sim_ros.calibration.twin.comparison import BANDS, features, told_apart
+from imu_sim_ros.calibration.twin.comparison import BANDS, Windows
+from imu_sim_ros.jobs.twin_check import Check, check
 from imu_sim_ros.text_tables import print_table
 
-SHUFFLES = 5
+SEEDS = 20
+"""Twins."""
 FROM = (1.0, 5.0, 20.0)
 """[Hz] lowest frequency that a classifier sees."""
 
 
-def shares(twin: ims.Twin) -> list[str]:
+def many(twin: ims.Twin, seconds: float) -> Check:
+    """Return a check with more twins: shares and drifts scatter from one to the next."""
+    whole = twin.source.recording
+    part = whole.part(float(whole.stamps[0]) + seconds, np.inf)
+    return check(twin.source, part, twin.analysis, twin.parameters, SEEDS)
+
+
+def drift(found: Check) -> str:
+    """Return by how much a twin's dead reckoning errs more than that of the real sensor."""
+    more = 100.0 * (found.simulated_drift / found.real_drift - 1.0)
+    return ", ".join(f"{value:+.0f}" for value in more)
+
+
+def shares(seen: Windows) -> list[str]:
     """Return how a classifier tells twin and real sensor, and real parts, apart: by frequencies."""
-    rate, fit = twin.source.recording.rate, twin.analysis.fit
-    (_, held), (_, flown) = twin.flown()
-    known = features(fit.residuals, twin.analysis.parts, rate)
-    seen, simulated = (features(x, [slice(0, len(x))], rate) for x in (held, flown))
-    result = []
-    for low in FROM:
-        first = 6 * sum(1 for band in BANDS[1:] if band[0] < low)
-        pairs = [(simulated, seen), (known, seen)]
-        mean = [
-            100.0 * np.mean([told_apart(a[:, first:], b[:, first:], k) for k in range(SHUFFLES)])
-            for a, b in pairs
-        ]
-        result.append(f"{mean[0]:.0f} % / {mean[1]:.0f} %")
-    return result
+    columns = [6 * sum(1 for band in BANDS[1:] if band[0] < low) for low in FROM]
+    found = [seen.told_apart(slice(first, None)) for first in columns]
+    return [f"{100.0 * twin:.0f} % / {100.0 * real:.0f} %" for twin, real in found]
 
 
 def main(arguments: list[str]) -> None:
@@ -47,17 +51,20 @@ def main(arguments: list[str]) -> None:
     rows = []
     for imu, truth, seconds in zip(*[iter(arguments)] * 3, strict=True):
         twin = ims.twin(imu, truth, fit=float(seconds))
-        check = twin.check
-        within = int(np.count_nonzero(np.abs(check.decibels) < 2.0))
-        drift = 100.0 * (check.simulated_drift / check.real_drift - 1.0)
+        found = twin.check
+        assert found is not None
+        within = int(np.count_nonzero(np.abs(found.decibels) < 2.0))
+        others = many(twin, float(seconds))
+        seen = others.windows
         rows.append(
             [
-                f"{seconds} + {check.seconds:.0f} s",
-                *(f"{np.nanmax(np.abs(row)):.1f}" for row in check.decibels),
+                f"{seconds} + {found.seconds:.0f} s",
+                *(f"{np.nanmax(np.abs(row)):.1f}" for row in found.decibels),
                 f"{within}",
-                ", ".join(f"{value:+.0f}" for value in drift),
-                f"{100.0 * check.told_apart:.0f} % / {100.0 * check.real_told_apart:.0f} %",
-                *shares(twin),
+                drift(found),
+                drift(others),
+                f"{min(map(len, (seen.fitted, seen.held_out, *seen.twins)))}",
+                *shares(seen),
             ]
         )
         print(" | ".join(rows[-1]), flush=True)
@@ -65,7 +72,7 @@ def main(arguments: list[str]) -> None:
             print(f"  {line}")
     bands = [f"{low:g}-{high:g} Hz" for low, high in BANDS]
     apart = [f"from {low:g} Hz" for low in FROM]
-    head = ["", *bands, "within 2 dB", "drift [%]", "apart, 5 twins", *apart]
+    head = ["", *bands, "within 2 dB", "drift [%]", f"of {SEEDS} twins", "windows", *apart]
     print_table(head, rows, "Largest difference in dB; told apart: twin / real parts")
 
 

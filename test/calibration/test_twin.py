@@ -10,7 +10,7 @@ from imu_sim_ros import rotation
 from imu_sim_ros.calibration.twin import alignment as clock
 from imu_sim_ros.calibration.twin import model
 from imu_sim_ros.calibration.twin.alignment import coarse_offset, mounting
-from imu_sim_ros.calibration.twin.comparison import told_apart
+from imu_sim_ros.calibration.twin.comparison import Windows, told_apart
 from imu_sim_ros.calibration.twin.fit import Recording, _inverse, _Sums, fit
 from imu_sim_ros.calibration.twin.intensity import (
     calmed,
@@ -483,5 +483,12 @@ def test_a_classifier_tells_what_differs_and_only_that():
     rng = np.random.default_rng(13)
     a, b = rng.standard_normal((2, 400, 12))
     # 800 windows assigned by chance: 0.5 +- 0.018.
-    assert abs(told_apart(a, b) - 0.5) < 0.08
-    assert told_apart(a, b + 1.0) > 0.9
+    assert abs(told_apart(a, b, 400) - 0.5) < 0.08
+    assert told_apart(a, b + 1.0, 400) > 0.9
+    # The first 40 windows are alike, all others far apart: of those that are drawn, a tenth of one
+    # side, and so a twentieth of all, is assigned wrong: 0.95 +- 0.024.
+    later = np.where(np.arange(400)[:, None] < 40, 0.0, 2.0)
+    assert told_apart(a, b + later, 40) > 0.8
+    # What was fitted is as like the rest as a twin that reads the same.
+    simulated, own = Windows(a[:40], b + later, (a[:40],)).told_apart()
+    assert simulated == own

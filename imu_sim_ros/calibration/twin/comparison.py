@@ -4,7 +4,7 @@
 """What is the truth's and not the sensor's, found again on another part of a recording."""
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,8 @@ _SEGMENT: Final = 4.0
 _FOLDS: Final = 5
 _SHRINKAGE: Final = 0.3
 """Shrinkage of the covariance towards its diagonal, since windows are few."""
+_DRAWS: Final = 8
+"""Times that a classifier's windows are drawn, for each twin."""
 
 
 def levels(values: Array, parts: Sequence[slice], rate: float) -> Array:
@@ -76,22 +78,24 @@ def features(values: Array, parts: Sequence[slice], rate: float) -> Array:
     return np.concatenate(columns, axis=1)
 
 
-def told_apart(real: Array, simulated: Array, seed: int = 0) -> float:
+def told_apart(real: Array, simulated: Array, count: int, seed: int = 0) -> float:
     """Return the share of windows that a classifier assigns right; 0.5 if it cannot.
 
     Fisher's linear discriminant with a shrunken covariance, on the logarithms of densities, each
     window judged by one that has not seen it (five folds; Lopez-Paz and Oquab, "Revisiting
     classifier two-sample tests", 2017).
 
-    :param real: (m, p) features of windows; simulated: (m, p).
+    :param real: (m, p) features of windows; simulated: (n, p).
+    :param count: windows of each that are drawn from all. A classifier is the better the more it
+        has seen, and windows that follow each other are alike: shares can be compared if they are
+        of equal numbers of windows, drawn from a whole part each.
     """
-    count = min(len(real), len(simulated))
     rng = np.random.default_rng(seed)
-    order = rng.permutation(count)
+    real, simulated = (rng.permutation(x)[:count] for x in (real, simulated))
     right = 0
     for fold in range(_FOLDS):
-        tested = order[fold::_FOLDS]
-        known = np.setdiff1d(order, tested)
+        tested = np.arange(fold, count, _FOLDS)
+        known = np.setdiff1d(np.arange(count), tested)
         a, b = real[known], simulated[known]
         both = np.concatenate([a - a.mean(axis=0), b - b.mean(axis=0)])
         covariance = both.T @ both / max(len(both) - 2, 1)
@@ -102,6 +106,33 @@ def told_apart(real: Array, simulated: Array, seed: int = 0) -> float:
         right += int(np.count_nonzero(real[tested] @ normal > middle))
         right += int(np.count_nonzero(simulated[tested] @ normal <= middle))
     return right / (2 * count)
+
+
+class Windows(NamedTuple):
+    """What a classifier sees: logarithms of densities in windows of half a second, band by band."""
+
+    fitted: Array
+    """(k, p) of the real residual where the twin was fitted."""
+    held_out: Array
+    """(m, p) of the real residual on the other part."""
+    twins: tuple[Array, ...]
+    """(n, p) of each twin there."""
+
+    def told_apart(self, columns: slice = slice(None)) -> tuple[float, float]:
+        """Return the share of windows that a classifier assigns right, of equal numbers of windows.
+
+        Twin or real sensor, mean over the twins; and the real sensor on one part or the other.
+
+        :param columns: densities that it sees.
+        """
+        fitted, real, *twins = (x[:, columns] for x in (self.fitted, self.held_out, *self.twins))
+        count = min(map(len, (fitted, real, *twins)))
+        draws = range(_DRAWS * len(twins))
+        pairs = [(real, twins[k // _DRAWS]) for k in draws], [(real, fitted)] * len(draws)
+        simulated, own = (
+            float(np.mean([told_apart(*pair[k], count, k) for k in draws])) for pair in pairs
+        )
+        return simulated, own
 
 
 OF_THE_TRUTH: Final = np.r_[OFFSET, SKEW, CURVATURE]
