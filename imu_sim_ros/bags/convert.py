@@ -28,7 +28,7 @@ from imu_sim_ros.bags.messages.encode import (
 from imu_sim_ros.bags.read import imu_blocks, odometry_blocks, open_bag, vector_blocks
 from imu_sim_ros.bags.reader import Bag, errors_naming, missing
 from imu_sim_ros.bags.text import reader as text_reader
-from imu_sim_ros.bags.text.writer import Dataset, States
+from imu_sim_ros.bags.text.writer import BodyStates, Dataset
 from imu_sim_ros.bags.threads import prefetch
 from imu_sim_ros.bags.writer import BagTopic, Block, Writer
 from imu_sim_ros.conventions import (
@@ -334,7 +334,7 @@ def _states(
     recover: bool,
     skipped: Skipped | None,
     warned: Warned | None,
-) -> Iterator[States]:
+) -> Iterator[BodyStates]:
     if text_reader.is_text(path):
         yield from text_reader.state_blocks(path, skipped=skipped)
         return
@@ -343,7 +343,7 @@ def _states(
         with np.errstate(over="ignore", invalid="ignore"):  # what is passed on with a warning
             velocity_w = rotate(message.q_wb, message.velocity_b)
         gyro, accel = (reel.at(message.t_ns) for reel in biases)
-        yield States(message.t_ns, message.position, message.q_wb, velocity_w, gyro, accel)
+        yield BodyStates(message.t_ns, message.position, message.q_wb, velocity_w, gyro, accel)
 
 
 class BiasTopicReader:

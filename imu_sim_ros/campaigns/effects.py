@@ -6,7 +6,7 @@
 from dataclasses import dataclass
 from typing import Final
 
-from imu_sim_ros.campaigns.statistics import Interval
+from imu_sim_ros.campaigns.statistics import ConfidenceInterval
 
 SIGNIFICANT: Final = 0.05
 BETTER, WORSE, EQUAL, UNDECIDED = "better", "worse", "equal", "undecided"
@@ -24,7 +24,7 @@ class Effect:
     kind: str
     """What ``effect`` is: ``ratio`` A / B, ``difference`` A - B, or ``share``: the difference of
     the shares of runs done."""
-    effect: Interval
+    effect: ConfidenceInterval
     """With its 95 % interval, not corrected for the number of comparisons; an end is None if
     failed runs make it infinite or the seeds are too few."""
     seeds: int
@@ -38,7 +38,7 @@ class Effect:
     """p-value of no difference at all (Wilcoxon, Holm); None: nothing can be said."""
     p_beyond: float | None
     """p-value of a difference within the tolerance."""
-    success: Interval
+    success: ConfidenceInterval
     """Share of runs done of A less that of B (Bonett and Price)."""
     success_p: float | None
     """McNemar, Holm."""
@@ -80,19 +80,21 @@ class Effect:
         return words
 
 
-def _size(kind: str, effect: Interval) -> str:
+def _size(kind: str, effect: ConfidenceInterval) -> str:
     value = effect.value
     if value is None:
         return "size unknown, too many runs failed"
     if kind == SHARE:
         words = ("% more runs done", "% fewer runs done")
-        return _change(Interval(*(None if e is None else 100.0 * e for e in effect)), *words)
+        return _change(
+            ConfidenceInterval(*(None if e is None else 100.0 * e for e in effect)), *words
+        )
     if kind == DIFFERENCE:
         return _change(effect, "larger", "smaller")
     factor = value if value >= 1.0 else 1.0 / value
     if factor < 2.0:
         percent = (None if end is None else 100.0 * (end - 1.0) for end in effect)
-        return _change(Interval(*percent), "% larger", "% smaller")
+        return _change(ConfidenceInterval(*percent), "% larger", "% smaller")
     ends = [effect.low, effect.high]
     if value < 1.0:
         ends = [None if end is None else 1.0 / end for end in reversed(ends)]
@@ -100,7 +102,7 @@ def _size(kind: str, effect: Interval) -> str:
     return f"{_number(factor)} times {word}{_between(*(_words(end) for end in ends))}"
 
 
-def _change(effect: Interval, more: str, less: str) -> str:
+def _change(effect: ConfidenceInterval, more: str, less: str) -> str:
     """Return ``12 % smaller (95 %: 8 % to 15 %)``; an end of the other sign says so."""
     value, low, high = effect
     assert value is not None

@@ -40,7 +40,7 @@ _MIN_PAIRS: Final = 6
 """Runs below which no interval is given; two-sided, Wilcoxon's test needs as many for 5 %."""
 
 
-class Interval(NamedTuple):
+class ConfidenceInterval(NamedTuple):
     """A value with its 95 % confidence interval; None: the end does not exist."""
 
     value: float | None
@@ -48,22 +48,22 @@ class Interval(NamedTuple):
     high: float | None
 
 
-def success(done: int, runs: int) -> Interval:
+def success(done: int, runs: int) -> ConfidenceInterval:
     """Return the share of runs that succeeded with Wilson's interval."""
     from scipy.stats import binomtest
 
     if not runs:
-        return Interval(None, None, None)
+        return ConfidenceInterval(None, None, None)
     ends = binomtest(done, runs).proportion_ci(CONFIDENCE, method="wilson")
-    return Interval(done / runs, float(ends.low), float(ends.high))
+    return ConfidenceInterval(done / runs, float(ends.low), float(ends.high))
 
 
-def mean(values: Array) -> Interval:
+def mean(values: Array) -> ConfidenceInterval:
     """Return the mean of values (n,) with its BCa bootstrap interval (of SciPy)."""
     return means([values])[0]
 
 
-def means(samples: Sequence[Array]) -> list[Interval]:
+def means(samples: Sequence[Array]) -> list[ConfidenceInterval]:
     """Return the mean of each sample (n,) with its interval: :func:`mean` of many.
 
     The resampling has a fixed seed: the same values give the same interval, and samples of one
@@ -83,11 +83,11 @@ def means(samples: Sequence[Array]) -> list[Interval]:
                 ends = found - half, found + half
             else:
                 of_size.setdefault(n, []).append(k)
-        result.append(Interval(found, *ends))
+        result.append(ConfidenceInterval(found, *ends))
     for places in of_size.values():
         ends_of = _bootstrap(np.stack([samples[k] for k in places]))
         for k, low, high in zip(places, *ends_of, strict=True):
-            result[k] = Interval(result[k].value, float(low), float(high))
+            result[k] = ConfidenceInterval(result[k].value, float(low), float(high))
     return result
 
 
@@ -108,7 +108,7 @@ def _bootstrap(values: Array) -> tuple[Array, Array]:
     return ends.low, ends.high
 
 
-def quantile(values: Array, p: float) -> Interval:
+def quantile(values: Array, p: float) -> ConfidenceInterval:
     """Return a quantile of values (n,), 0 < p < 1, with the interval of the order statistics.
 
     The ends are the values of ranks r and s with ``P(B < r) <= 0.025`` and ``P(B >= s) <= 0.025``
@@ -117,26 +117,26 @@ def quantile(values: Array, p: float) -> Interval:
     from scipy.stats import binom
 
     if not len(values):
-        return Interval(None, None, None)
+        return ConfidenceInterval(None, None, None)
     n, ordered, tail = len(values), np.sort(values), 0.5 * (1.0 - CONFIDENCE)
     found = float(np.quantile(ordered, p))
     below = binom.cdf(np.arange(n), n, p)  # P(B <= k)
     low_rank = int(np.searchsorted(below, tail, side="right"))  # P(B <= rank - 1) <= tail
     high_rank = int(np.searchsorted(below, 1.0 - tail)) + 1  # P(B <= rank - 1) >= 1 - tail
-    return Interval(
+    return ConfidenceInterval(
         found,
         float(ordered[low_rank - 1]) if low_rank >= 1 else None,
         float(ordered[high_rank - 1]) if high_rank <= n else None,
     )
 
 
-def statistic(values: Array, name: str) -> Interval:
+def statistic(values: Array, name: str) -> ConfidenceInterval:
     """Return ``median``, ``mean``, ``min``, ``max`` or a percentile such as ``p95``."""
     if name == "mean":
         return mean(values)
     if name in ("min", "max"):
         found = float(getattr(np, name)(values)) if len(values) else None
-        return Interval(found, None, None)
+        return ConfidenceInterval(found, None, None)
     return quantile(values, 0.5 if name == "median" else float(name[1:]) / 100.0)
 
 
@@ -146,7 +146,7 @@ def wins(a: Array, b: Array) -> tuple[int, int, int]:
     return smaller, larger, len(a) - smaller - larger
 
 
-def share_difference(a: Mask, b: Mask) -> tuple[Interval, float | None]:
+def share_difference(a: Mask, b: Mask) -> tuple[ConfidenceInterval, float | None]:
     """Return by how much the share of successes of A exceeds that of B on the same seeds.
 
     The interval is Bonett and Price's (British J. Math. Stat. Psychology 65, 2012, 479-488), p is
@@ -159,18 +159,18 @@ def share_difference(a: Mask, b: Mask) -> tuple[Interval, float | None]:
 
     n, only_a, only_b = len(a), int(np.sum(a & ~b)), int(np.sum(b & ~a))
     if not n:
-        return Interval(None, None, None), None
+        return ConfidenceInterval(None, None, None), None
     gain, loss = (only_a + 1) / (n + 2), (only_b + 1) / (n + 2)
     half = _Z * math.sqrt((gain + loss - (gain - loss) ** 2) / (n + 2))
     low, high = max(gain - loss - half, -1.0), min(gain - loss + half, 1.0)
     p = binomtest(only_a, only_a + only_b).pvalue if only_a + only_b >= _MIN_PAIRS else None
-    return Interval((only_a - only_b) / n, low, high), None if p is None else float(p)
+    return ConfidenceInterval((only_a - only_b) / n, low, high), None if p is None else float(p)
 
 
 class Shift(NamedTuple):
     """By how much paired differences lie from zero."""
 
-    centre: Interval
+    centre: ConfidenceInterval
     """Hodges and Lehmann's, with its 95 % interval; an end is None if it is infinite or if
     too few pairs support it."""
     sign: int
@@ -191,7 +191,7 @@ def shift(differences: Array, margin: float = 0.0) -> Shift:
     """
     n = len(differences)
     if not n:
-        return Shift(Interval(None, None, None), 0, None, None)
+        return Shift(ConfidenceInterval(None, None, None), 0, None, None)
     d = np.clip(differences, -_INFINITE, _INFINITE)
     if n <= _MAX_PAIRS:
         first, second = np.triu_indices(n)
@@ -201,13 +201,15 @@ def shift(differences: Array, margin: float = 0.0) -> Shift:
     middle = float(np.median(averages))
     rank = signed_rank_limit(n, 0.5 * (1.0 - CONFIDENCE))
     if rank is None:
-        return Shift(Interval(_known(middle), None, None), int(np.sign(middle)), None, None)
+        return Shift(
+            ConfidenceInterval(_known(middle), None, None), int(np.sign(middle)), None, None
+        )
     # The average of rank + 1; a drawn part has a proportional place.
     place = rank if n <= _MAX_PAIRS else rank * len(averages) // (n * (n + 1) // 2)
     ends = _known(float(averages[place])), _known(float(averages[-1 - place]))
     beyond = min(_tails(d - margin)[1], _tails(d + margin)[0])
     return Shift(
-        Interval(_known(middle), *ends),
+        ConfidenceInterval(_known(middle), *ends),
         int(np.sign(middle)),
         min(2.0 * min(_tails(d)), 1.0),
         min(2.0 * beyond, 1.0),
@@ -321,7 +323,7 @@ def holm(p_values: Sequence[float | None]) -> list[float | None]:
 class Sensitivity(NamedTuple):
     """Slope of the logarithm of an error over the logarithm of a parameter."""
 
-    slope: Interval
+    slope: ConfidenceInterval
     runs: int
 
 
@@ -350,4 +352,4 @@ def sensitivity(parameter: Array, error: Array, seed: Integers) -> Sensitivity |
     centre = float(np.mean(slopes))
     half = float(np.std(slopes, ddof=1)) / math.sqrt(len(slopes))
     half *= float(student.ppf(0.5 * (1.0 + CONFIDENCE), len(slopes) - 1))
-    return Sensitivity(Interval(centre, centre - half, centre + half), int(usable.sum()))
+    return Sensitivity(ConfidenceInterval(centre, centre - half, centre + half), int(usable.sum()))

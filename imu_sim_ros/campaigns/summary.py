@@ -14,7 +14,7 @@ from imu_sim_ros.campaigns.gate import Requirement
 from imu_sim_ros.campaigns.metrics import SUCCESS
 from imu_sim_ros.campaigns.results import Row, numbers
 from imu_sim_ros.campaigns.statistics import (
-    Interval,
+    ConfidenceInterval,
     Sensitivity,
     means,
     quantile,
@@ -50,7 +50,7 @@ class Group(NamedTuple):
         """Runs that succeeded."""
         return sum(row["status"] == "done" for row in self.rows)
 
-    def success(self) -> Interval:
+    def success(self) -> ConfidenceInterval:
         """Return the share of runs that succeeded."""
         return success(self.done, len(self.rows))
 
@@ -135,14 +135,16 @@ def summary_rows(found: Sequence[Group], metrics: Sequence[str]) -> list[dict[st
     """Return one row of ``summary.csv`` for each group."""
     samples = [(group, metric, group.values(metric)) for group in found for metric in metrics]
     known = [(id(group), metric, values) for group, metric, values in samples if len(values)]
-    of_group: dict[int, dict[str, tuple[Interval, Any]]] = defaultdict(dict)
+    of_group: dict[int, dict[str, tuple[ConfidenceInterval, Any]]] = defaultdict(dict)
     averages = means([values for *_, values in known])
     for (group, metric, values), average in zip(known, averages, strict=True):
         of_group[group][metric] = average, values
     return [_summary_row(group, of_group[id(group)]) for group in found]
 
 
-def _summary_row(group: Group, metrics: dict[str, tuple[Interval, Any]]) -> dict[str, Any]:
+def _summary_row(
+    group: Group, metrics: dict[str, tuple[ConfidenceInterval, Any]]
+) -> dict[str, Any]:
     row: dict[str, Any] = {
         "cell": group.cell,
         "estimator": group.estimator,
@@ -158,7 +160,7 @@ def _summary_row(group: Group, metrics: dict[str, tuple[Interval, Any]]) -> dict
     return row
 
 
-def _put(row: dict[str, Any], name: str, interval: Interval) -> None:
+def _put(row: dict[str, Any], name: str, interval: ConfidenceInterval) -> None:
     row[name], row[f"{name}.low"], row[f"{name}.high"] = interval
 
 

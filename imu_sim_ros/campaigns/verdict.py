@@ -42,7 +42,7 @@ from imu_sim_ros.campaigns.metrics import (
 from imu_sim_ros.campaigns.plan import Plan
 from imu_sim_ros.campaigns.results import Row, numbers
 from imu_sim_ros.campaigns.statistics import (
-    Interval,
+    ConfidenceInterval,
     Shift,
     holm,
     quantile,
@@ -80,9 +80,9 @@ class Standing(NamedTuple):
     """The grid's values in words, and the estimator."""
     runs: int
     done: int
-    success: Interval
+    success: ConfidenceInterval
     """Share of runs done (Wilson)."""
-    median: Interval
+    median: ConfidenceInterval
     """Median of the metric over the runs that have it, with the exact 95 % interval."""
     with_failures: float | None
     """Median of all runs, failed ones being worse than any number; None: half of them failed."""
@@ -359,7 +359,7 @@ def _effect(a: Group, b: Group, names: tuple[str, str], rule: Criterion) -> Effe
     note = ""
     if depends_on_alignment(rule.metric) and a.align and b.align and a.align != b.align:
         note = f"aligned differently ({a.align} and {b.align}), so that they are not compared"
-    nothing = Shift(Interval(None, None, None), 0, None, None)
+    nothing = Shift(ConfidenceInterval(None, None, None), 0, None, None)
     kind, scatter, effect, moved = SHARE, None, share, nothing
     if rule.metric == SUCCESS:
         moved = nothing._replace(sign=-int(np.sign(share.value or 0.0)))
@@ -368,7 +368,7 @@ def _effect(a: Group, b: Group, names: tuple[str, str], rule: Criterion) -> Effe
     return Effect(
         *names,
         kind,
-        effect if not note else Interval(None, None, None),
+        effect if not note else ConfidenceInterval(None, None, None),
         len(pairs),
         won,
         lost,
@@ -384,7 +384,7 @@ def _effect(a: Group, b: Group, names: tuple[str, str], rule: Criterion) -> Effe
 
 def _measured(
     pairs: Array, losses: Array, rule: Criterion
-) -> tuple[str, Interval, Shift, float | None]:
+) -> tuple[str, ConfidenceInterval, Shift, float | None]:
     """Return kind and size of an effect, how far A's losses exceed B's, and the ratio's scatter."""
     finite = np.isfinite(pairs)
     positive = bool((pairs[finite] > 0.0).all()) and isinstance(rule.better, str)
@@ -409,7 +409,7 @@ def _measured(
         scatter = float(np.std(np.log(pairs[both, 0] / pairs[both, 1]), ddof=1))
     if ratio:
         ends = [None if end is None else math.exp(end) for end in ends]
-    return RATIO if ratio else DIFFERENCE, Interval(*ends), moved, scatter
+    return RATIO if ratio else DIFFERENCE, ConfidenceInterval(*ends), moved, scatter
 
 
 def _decided(effects: Sequence[Effect], rule: Criterion) -> list[Effect]:

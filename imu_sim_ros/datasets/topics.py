@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from imu_sim_ros.bags.text.writer import WITH_TABLES, Dataset, States
+from imu_sim_ros.bags.text.writer import WITH_TABLES, BodyStates, Dataset
 from imu_sim_ros.bags.writer import BagTopic, Block, Writer, amount, described
 from imu_sim_ros.conventions import (
     IMU_TOPIC,
@@ -187,9 +187,9 @@ class DatasetTarget:
         return body_of(self._imus) if self._tables[kind].name in self._further else self._imus[k]
 
 
-def _states(block: ImuBlock) -> States:
+def _states(block: ImuBlock) -> BodyStates:
     motion = block.motion
-    return States(
+    return BodyStates(
         block.true_t_ns,
         motion.position,
         motion.q_wb,

@@ -35,7 +35,7 @@ from imu_sim_ros.sensors.imu import sdf
 from imu_sim_ros.sensors.imu.model import NOWHERE, ImuSample, unknown_motion
 from imu_sim_ros.sensors.own_rate_parameters import LONGEST
 from imu_sim_ros.simulation import error_model
-from imu_sim_ros.simulation.error_input import Given
+from imu_sim_ros.simulation.error_input import GivenReadings
 from imu_sim_ros.simulation.error_parameters import (
     NODE,
     ErrorModelParameters,
@@ -272,7 +272,7 @@ def _warn(line: str) -> None:
     warnings.warn(line, stacklevel=6)
 
 
-def _given(t_ns: Any, gyro: Any, accel: Any, orientation: Any, name: str) -> Given:
+def _given(t_ns: Any, gyro: Any, accel: Any, orientation: Any, name: str) -> GivenReadings:
     """Return what somebody gives as arrays with the components first, checked.
 
     :raises InputError: for what is not a reading.
@@ -295,8 +295,8 @@ def _given(t_ns: Any, gyro: Any, accel: Any, orientation: Any, name: str) -> Giv
         gate.readings(times, rates, forces).complain(name)
     if q_wb is not None:
         gate.Verdict(times, [(gate.ORIENTATION, q_wb)]).complain(name)
-        return Given(times, rates.T, forces.T, np.ascontiguousarray(q_wb.T))
-    return Given(times, np.ascontiguousarray(rates.T), np.ascontiguousarray(forces.T))
+        return GivenReadings(times, rates.T, forces.T, np.ascontiguousarray(q_wb.T))
+    return GivenReadings(times, np.ascontiguousarray(rates.T), np.ascontiguousarray(forces.T))
 
 
 def _rows(name: str, value: Any, columns: int) -> Array:

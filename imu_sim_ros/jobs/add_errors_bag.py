@@ -25,7 +25,7 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
 from imu_sim_ros.jobs.add_errors import rate_of
-from imu_sim_ros.simulation.error_input import Differentiator, Given
+from imu_sim_ros.simulation.error_input import Differentiator, GivenReadings
 from imu_sim_ros.simulation.error_model import ErrorModel
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
 from imu_sim_ros.simulation.topics import TYPES, encoder, sensors_of
@@ -199,7 +199,7 @@ class BagErrors:
                         made.append(Block(topic, recorded, messages.payloads))
         return made
 
-    def _passed(self, decoded: Decoded) -> Iterator[Given]:
+    def _passed(self, decoded: Decoded) -> Iterator[GivenReadings]:
         """Yield the readings of messages that the gate lets pass."""
         numbers = decoded.numbers
         if self._odometry is None:
@@ -228,7 +228,7 @@ class BagErrors:
             if len(given.t_ns):
                 yield given
             return
-        yield Given(
+        yield GivenReadings(
             t_ns,
             np.ascontiguousarray(numbers["angular_velocity"].T),
             np.ascontiguousarray(numbers["linear_acceleration"].T),

@@ -31,7 +31,7 @@ from imu_sim_ros.jobs.add_errors_bag import USUAL, BagErrors, names_in, rate_in,
 from imu_sim_ros.jobs.convert import ConversionWatcher, ConvertOptions
 from imu_sim_ros.jobs.output import Form, checked_form, checked_place, is_file
 from imu_sim_ros.names import unknown
-from imu_sim_ros.simulation.error_input import Given
+from imu_sim_ros.simulation.error_input import GivenReadings
 from imu_sim_ros.simulation.error_model import Counts, ErrorModel
 from imu_sim_ros.simulation.error_parameters import orientation_problems
 from imu_sim_ros.simulation.topics import OF_THE_ERROR_MODEL, delivered
@@ -289,7 +289,9 @@ class _Job:
                     model = ErrorModel(parameters, remark=self.watcher.warn)
                 for begin in range(0, len(t_ns), ROWS_AT_ONCE):
                     rows = slice(begin, begin + ROWS_AT_ONCE)
-                    for samples in model.read(Given(t_ns[rows], gyro[rows].T, accel[rows].T)):
+                    for samples in model.read(
+                        GivenReadings(t_ns[rows], gyro[rows].T, accel[rows].T)
+                    ):
                         dataset.write_imu(*delivered(samples))
         if model is None:
             raise InputError(f"{self.source}: contains no readings")

@@ -376,7 +376,7 @@ class _Job:
     def _write_tum(self, poses: PoseSequence, name: str) -> Counts:
         none = np.zeros((len(poses.t_ns), 3))
         with Dataset(self.staged, "tum") as dataset:
-            dataset.write_states(text_writer.States(*poses[:3], none, none, none))
+            dataset.write_states(text_writer.BodyStates(*poses[:3], none, none, none))
         return {name: len(poses.t_ns)}, int(max(poses.t_ns, default=-1))
 
     def from_text(self) -> Converted:

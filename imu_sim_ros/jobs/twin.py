@@ -41,7 +41,7 @@ from imu_sim_ros.jobs.flight import Flight
 from imu_sim_ros.jobs.output import saved
 from imu_sim_ros.jobs.readings import HasPoses, Readings
 from imu_sim_ros.jobs.twin_check import Check, check, flown_again, simulation
-from imu_sim_ros.jobs.twin_recording import Recorded, moving, recorded
+from imu_sim_ros.jobs.twin_recording import TwinRecording, moving, recorded
 from imu_sim_ros.json_text import plain
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import Value
@@ -202,7 +202,7 @@ class Twin:
     """Bias over time, lines, bands, white floor and intensities."""
     check: Check | None
     """The comparison with the part that was not used, if there is one."""
-    source: Recorded
+    source: TwinRecording
 
     def __repr__(self) -> str:
         seconds = np.ptp(self.source.recording.stamps)
@@ -361,7 +361,7 @@ def twin(
     return _found(source, fit)
 
 
-def _found(source: Recorded, fit: float | None) -> Twin:
+def _found(source: TwinRecording, fit: float | None) -> Twin:
     whole = source.recording
     used, held_out = whole, None
     if fit is not None:
@@ -389,7 +389,7 @@ def _found(source: Recorded, fit: float | None) -> Twin:
     )
 
 
-def _check_likeness(source: Recorded, used: Recording, found: Fit) -> None:
+def _check_likeness(source: TwinRecording, used: Recording, found: Fit) -> None:
     """Refuse readings that are not those of the truth's motion.
 
     :raises InputError: if the truth explains too little of them.
@@ -409,7 +409,7 @@ def _check_likeness(source: Recorded, used: Recording, found: Fit) -> None:
         )
 
 
-def check_settled(source: Recorded, found: Fit) -> None:
+def check_settled(source: TwinRecording, found: Fit) -> None:
     """Refuse a recording whose least squares has no minimum.
 
     :raises InputError: if the noise of the poses hides what the motion shows.
@@ -457,7 +457,7 @@ def _split(whole: Recording, seconds: float, name: str) -> tuple[Recording, Reco
     return whole.part(first, first + seconds), whole.part(first + seconds, np.inf)
 
 
-def _analysed(source: Recorded, used: Recording, found: Fit, unseen: Array) -> Analysis:
+def _analysed(source: TwinRecording, used: Recording, found: Fit, unseen: Array) -> Analysis:
     t = model.true_times(found.errors, used.stamps, found.reference, found.wander)
     motion = source.motion(t)
     norms = tuple(

@@ -16,8 +16,8 @@ from imu_sim_ros.calibration.twin import comparison as truth
 from imu_sim_ros.calibration.twin.analysis import Analysis
 from imu_sim_ros.calibration.twin.fit import Fit, Recording
 from imu_sim_ros.calibration.twin.model import Errors
-from imu_sim_ros.calibration.twin.pose_noise import Poses, noise_over, scatter
-from imu_sim_ros.jobs.twin_recording import Recorded, moving
+from imu_sim_ros.calibration.twin.pose_noise import NoisyPoses, noise_over, scatter
+from imu_sim_ros.jobs.twin_recording import TwinRecording, moving
 from imu_sim_ros.json_text import plain
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.state import NavigationState
@@ -113,7 +113,7 @@ class Check:
 
 
 def check(
-    source: Recorded,
+    source: TwinRecording,
     part: Recording,
     analysis: Analysis,
     parameters: dict[str, Value],
@@ -163,21 +163,21 @@ def _median(errors: list[Array]) -> Array:
     return np.array([np.median(e) if len(e) else np.nan for e in errors])
 
 
-def _laid(source: Recorded, part: Recording, fit: Fit) -> Flown:
+def _laid(source: TwinRecording, part: Recording, fit: Fit) -> Flown:
     """Return readings on the truth, whose clock and smoothing are found again on this part."""
     again = truth.laid_on(part, source.truth, fit)
     t = model.true_times(again.errors, part.stamps, again.reference, again.wander)
     return Flown(t, part.readings, again.residuals)
 
 
-def _truth_noise(source: Recorded, fit: Fit, parts: tuple[slice, ...], t: Array) -> Array:
+def _truth_noise(source: TwinRecording, fit: Fit, parts: tuple[slice, ...], t: Array) -> Array:
     """Return the truth's noise at times (n,) [s] over that where the twin was fitted (n, 6).
 
     :param parts: rows of the recording whose residual is simulated.
     """
     poses = source.poses
     t_poses = timebase.seconds_since(poses.t_ns, source.t0_ns)
-    times, noise = scatter(Poses(t_poses, poses.position, poses.q_wb))
+    times, noise = scatter(NoisyPoses(t_poses, poses.position, poses.q_wb))
     noise = np.concatenate([noise[:, k : k + 3] @ fit.errors.r_ib.T for k in (0, 3)], axis=1)
     stamps = source.recording.stamps[parts[0].start : parts[-1].stop]
     return noise_over(times, noise, (float(stamps[0]), float(stamps[-1])), t)
@@ -196,7 +196,7 @@ def _with_truth_noise(flown: Flown, size: Array, rate: float, cutoff: float) -> 
     return Flown(flown.t, flown.readings + extra, flown.residuals + extra)
 
 
-def _parts(source: Recorded, t: Array, part: Recording) -> list[slice]:
+def _parts(source: TwinRecording, t: Array, part: Recording) -> list[slice]:
     """Return the rows in motion, piece by piece."""
     rows = moving(source.motion(t)) & intensity.vibrating(part.readings, part.pieces, part.rate)
     result = []
@@ -207,7 +207,7 @@ def _parts(source: Recorded, t: Array, part: Recording) -> list[slice]:
     return result or list(part.pieces)
 
 
-def simulation(source: Recorded, parameters: dict[str, Value], seed: int) -> Simulation:
+def simulation(source: TwinRecording, parameters: dict[str, Value], seed: int) -> Simulation:
     """Return the twin's simulation on the truth's own motion."""
     own: dict[str, object] = {
         **parameters,
@@ -221,7 +221,7 @@ def simulation(source: Recorded, parameters: dict[str, Value], seed: int) -> Sim
 
 
 def _simulated(
-    source: Recorded, t: Array, errors: Errors, parameters: dict[str, Value], seed: int
+    source: TwinRecording, t: Array, errors: Errors, parameters: dict[str, Value], seed: int
 ) -> Flown:
     """Return the twin's readings over the times of the real ones, against a noisy truth."""
     engine = simulation(source, parameters, seed)
@@ -238,7 +238,7 @@ def _simulated(
     return Flown(times, readings, residuals)
 
 
-def _drift(source: Recorded, flown: Flown, errors: Errors, world: Array) -> list[Array]:
+def _drift(source: TwinRecording, flown: Flown, errors: Errors, world: Array) -> list[Array]:
     """Return the position errors [m] after each length of window, from the true state."""
     motion = _imu_motion(source, flown.t, errors, world)
     t_ns = np.round(flown.t * 1e9).astype(np.int64)
@@ -262,7 +262,7 @@ def _drift(source: Recorded, flown: Flown, errors: Errors, world: Array) -> list
     return result
 
 
-def _imu_motion(source: Recorded, t: Array, errors: Errors, world: Array) -> Motion:
+def _imu_motion(source: TwinRecording, t: Array, errors: Errors, world: Array) -> Motion:
     """Return the motion of the IMU itself, at its lever arm and in its mounting.
 
     :param world: (3,) turn of the attitudes' world to that of positions and gravity [rad].
@@ -280,7 +280,7 @@ def _imu_motion(source: Recorded, t: Array, errors: Errors, world: Array) -> Mot
 
 
 def flown_again(
-    source: Recorded, fit: Fit, parameters: dict[str, Value], seed: int
+    source: TwinRecording, fit: Fit, parameters: dict[str, Value], seed: int
 ) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Return times and residuals of the part that was fitted, and those of a twin on it."""
     rows = len(fit.residuals)

@@ -17,10 +17,10 @@ from imu_sim_ros import arguments, timebase
 from imu_sim_ros.arguments import BAG_OR_FILE
 from imu_sim_ros.calibration.twin.alignment import coarse_offset, mounting
 from imu_sim_ros.calibration.twin.fit import Recording
-from imu_sim_ros.calibration.twin.model import BodyMotion, Truth
+from imu_sim_ros.calibration.twin.model import BodyMotion, KnownMotion
 from imu_sim_ros.calibration.twin.pose_noise import (
+    NoisyPoses,
     PoseNoise,
-    Poses,
     highest_motion,
     noise_of,
     spoiled,
@@ -67,7 +67,7 @@ _MIN_POSES: Final = 200
 """Times for a spectrum of the motion."""
 
 
-class Recorded(NamedTuple):
+class TwinRecording(NamedTuple):
     """A recording on the spline of its truth."""
 
     recording: Recording
@@ -98,10 +98,10 @@ class Recorded(NamedTuple):
         return self._moved(self.trajectory, t)
 
     @property
-    def truth(self) -> Truth:
+    def truth(self) -> KnownMotion:
         """What is known of the motion."""
         noisy = tuple(partial(self._moved, other) for other in self.noisy)
-        return Truth(self.body_motion, self.cutoff, noisy)
+        return KnownMotion(self.body_motion, self.cutoff, noisy)
 
     def _moved(self, trajectory: Trajectory, t: Array) -> BodyMotion:
         return body_motion(trajectory.sample(np.clip(t, 0.0, self.duration)), self.gravity)
@@ -130,7 +130,7 @@ def recorded(
     max_offset: float,
     topic: str | None,
     truth_topic: str | None,
-) -> Recorded:
+) -> TwinRecording:
     """Return readings on the spline through their truth.
 
     :raises InputError: with a line for each reason why there is no twin.
@@ -151,7 +151,7 @@ def recorded(
             f"needs {_SHORTEST:g} s: their stamps must be of one clock"
         )
     empty = Recording(np.zeros(0), np.zeros((0, 6)), (), 1.0)
-    half = Recorded(
+    half = TwinRecording(
         recording=empty,
         poses=poses,
         trajectory=trajectory,
@@ -175,11 +175,11 @@ class _Splines:
         self.t = timebase.seconds_since(poses.t_ns, int(poses.t_ns[0]))
         self._poses, self._name = poses, name
         motion = self._spline(poses, _SMOOTH).sample(self.t)
-        self._smooth = Poses(self.t, motion.position, motion.q_wb)
+        self._smooth = NoisyPoses(self.t, motion.position, motion.q_wb)
 
     def noise(self, cutoff: float) -> tuple[PoseNoise, float]:
         """Return the poses' noise, and the cut-off [Hz] that it leaves of a given one."""
-        given = Poses(self.t, self._poses.position, self._poses.q_wb)
+        given = NoisyPoses(self.t, self._poses.position, self._poses.q_wb)
         noise = noise_of(given, self._smooth)
         if not noise.there:
             return noise, cutoff
@@ -198,7 +198,7 @@ class _Splines:
         result = [self._spline(self._poses, cutoff)]
         if noise.there:
             rng = np.random.default_rng(0)
-            given = Poses(self.t, self._poses.position, self._poses.q_wb)
+            given = NoisyPoses(self.t, self._poses.position, self._poses.q_wb)
             for _ in range(_DRAWS):
                 _, position, q_wb = spoiled(given, *noise.drawn(self._smooth, rng))
                 other = self._poses._replace(position=position, q_wb=q_wb)
@@ -210,13 +210,13 @@ class _Splines:
 
 
 def _placed(
-    half: Recorded,
+    half: TwinRecording,
     readings: Readings,
     stamps: Array,
     near: Mask,
     max_offset: float,
     name: str,
-) -> Recorded:
+) -> TwinRecording:
     """Return the recording with a first guess of clock and mounting.
 
     :param stamps: (n,) of the readings [s].

@@ -141,7 +141,7 @@ def _product_block(p: Array, q: Array) -> Array:
     return _left(p) @ _right(q) - p[:, 1:, None] * q[:, None, 1:]
 
 
-class Poses(NamedTuple):
+class FactorPoses(NamedTuple):
     """B poses; their perturbation has 6 numbers: p, theta."""
 
     position: Array
@@ -168,9 +168,9 @@ class ReprojectionResidual(NamedTuple):
 
 
 def reprojection_residual(
-    first: Poses,
-    second: Poses,
-    camera: Poses,
+    first: FactorPoses,
+    second: FactorPoses,
+    camera: FactorPoses,
     inverse_depth: Array,
     seen_first: Array,
     seen_second: Array,

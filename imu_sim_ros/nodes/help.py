@@ -82,14 +82,16 @@ bag. The exit status is 0 after Ctrl-C, SIGTERM, duration or max_size, and 1 if 
 }
 
 
-class Formatter(argparse.HelpFormatter):
+class NodeFormatter(argparse.HelpFormatter):
     """Wraps paragraphs one by one, and leaves the examples unchanged."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         if text.startswith("examples:"):
             return text
         paragraphs = text.strip().split("\n\n")
-        return "\n\n".join(super(Formatter, self)._fill_text(p, width, indent) for p in paragraphs)
+        return "\n\n".join(
+            super(NodeFormatter, self)._fill_text(p, width, indent) for p in paragraphs
+        )
 
 
 def answer(name: str, arguments: list[str]) -> int | None:
@@ -116,7 +118,7 @@ def parser(name: str) -> argparse.ArgumentParser:
         usage=f"{name} [--PARAMETER VALUE ...] [--ros-args ...]",
         description=program.text,
         epilog=f"examples:{examples}",
-        formatter_class=Formatter,
+        formatter_class=NodeFormatter,
         allow_abbrev=False,
     )
     result.add_argument("--debug", action="store_true", help="show the traceback of an error")

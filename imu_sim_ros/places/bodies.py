@@ -17,7 +17,7 @@ from imu_sim_ros import rotation
 from imu_sim_ros.places.geometry import Surfaces, hidden, surfaces
 from imu_sim_ros.places.light import Lighting, factors
 from imu_sim_ros.places.paint import MIDDLE, Painter
-from imu_sim_ros.places.place import Builder, Face, Hinge, Place, Site
+from imu_sim_ros.places.place import Face, Hinge, Place, PlaceBuilder, Site
 from imu_sim_ros.places.shadows import Shadow, Sunlight
 from imu_sim_ros.places.sheet import Print
 from imu_sim_ros.random_streams import generator_at
@@ -167,7 +167,7 @@ def faces(kind: str, number: int, site: Site, hinge: Hinge | None = None) -> tup
     :param hinge: of a door.
     """
     own = Site(np.zeros(3), np.ones(3), np.zeros((0, 3)), site.seed, site.texture, site.light)
-    b = Builder(own)
+    b = PlaceBuilder(own)
     stream = generator_at(site.seed, f"bodies.look.{kind}", number)
     if kind == "person":
         _person(b, number, stream)
@@ -190,7 +190,7 @@ _SKINS: Final = ("paint:e0b494", "paint:c08c68", "paint:8c5c40", "paint:f0c8a8")
 _HAIR: Final = ("carpet:2c2018", "carpet:5c4028", "carpet:8c7450", "carpet:a09890")
 
 
-def _person(b: Builder, number: int, stream: np.random.Generator) -> None:
+def _person(b: PlaceBuilder, number: int, stream: np.random.Generator) -> None:
     """Build a person of 1.75 m in the middle of a step."""
     shirt, trousers, skin, hair = (
         options[int(stream.integers(len(options)))]
@@ -215,7 +215,7 @@ def _person(b: Builder, number: int, stream: np.random.Generator) -> None:
     b.box((0.0, -0.09, 1.69), (0.11, 0.09, 1.75), hair, leave="")
 
 
-def _cart(b: Builder, number: int, stream: np.random.Generator) -> None:
+def _cart(b: PlaceBuilder, number: int, stream: np.random.Generator) -> None:
     """Build a cart that drives itself, with boxes on it."""
     colour = ("paint:2c5c8c", "paint:c8702c", "paint:d0d0cc")[int(stream.integers(3))]
     for x in (-0.32, 0.32):

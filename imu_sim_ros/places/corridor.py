@@ -10,7 +10,7 @@ import numpy as np
 
 from imu_sim_ros.places.furniture import LAMP, plant
 from imu_sim_ros.places.light import Lighting
-from imu_sim_ros.places.place import Builder, Hinge, Place, Site
+from imu_sim_ros.places.place import Hinge, Place, PlaceBuilder, Site
 from imu_sim_ros.places.sheet import Print
 
 _PITCH: Final = 3.6
@@ -20,7 +20,7 @@ _DOOR: Final = 1.0
 
 def corridor(site: Site) -> Place:
     """Return a corridor along the longer of x and y."""
-    b = Builder(site)
+    b = PlaceBuilder(site)
     stream = site.stream("corridor")
     low, high = site.low, site.high
     along = 0 if high[0] - low[0] >= high[1] - low[1] else 1
@@ -55,7 +55,7 @@ def corridor(site: Site) -> Place:
     return Place(tuple(b.faces), Lighting(tuple(b.lamps)), low, high, stops, tuple(b.hinges))
 
 
-def _doors(b: Builder, length: float, height: float, door: int, moving: int) -> list[Print]:
+def _doors(b: PlaceBuilder, length: float, height: float, door: int, moving: int) -> list[Print]:
     """Return a wall's doors, the same each, their plates, and what hangs between a few.
 
     :param moving: how many of them move: every second one.
@@ -75,7 +75,7 @@ def _doors(b: Builder, length: float, height: float, door: int, moving: int) -> 
     return prints
 
 
-def _hang(b: Builder, wall: int, moving: int, height: float, door: int) -> None:
+def _hang(b: PlaceBuilder, wall: int, moving: int, height: float, door: int) -> None:
     """Hang the doors of a wall that move."""
     origin, across, up = b.faces[wall].rectangle
     length = float(np.sqrt((across * across).sum()))
@@ -91,7 +91,7 @@ def _hang(b: Builder, wall: int, moving: int, height: float, door: int) -> None:
             )
 
 
-def _lamps(b: Builder, along: int) -> None:
+def _lamps(b: PlaceBuilder, along: int) -> None:
     """Hang lamps across the middle."""
     low, high = b.site.low, b.site.high
     count = max(1, round(float(high[along] - low[along]) / 2.4))
@@ -105,7 +105,7 @@ def _lamps(b: Builder, along: int) -> None:
         b.lamp(center.tolist(), size, LAMP, strength if on else 0.0)
 
 
-def _things(b: Builder, along: int, stream: np.random.Generator) -> None:
+def _things(b: PlaceBuilder, along: int, stream: np.random.Generator) -> None:
     """Put extinguishers, bins and a few plants along the walls."""
     low, high = b.site.low, b.site.high
     for k in range(int((high - low)[along] / (2 * _PITCH))):

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.places.light import Lamp, Lighting
-from imu_sim_ros.places.place import Builder, Hinge, turned
+from imu_sim_ros.places.place import Hinge, PlaceBuilder, turned
 from imu_sim_ros.places.sheet import Print
 
 Stream = np.random.Generator
@@ -27,7 +27,7 @@ def _moved(origin: Place3, turn: float, x: float, y: float, z: float) -> tuple[f
 
 
 def _part(
-    b: Builder,
+    b: PlaceBuilder,
     origin: Place3,
     turn: float,
     middle: Place3,
@@ -42,12 +42,12 @@ def _part(
     b.box((at - half).tolist(), (at + half).tolist(), material, prints, turn, leave)
 
 
-def _clear(b: Builder, origin: Place3, radius: float, height: float) -> bool:
+def _clear(b: PlaceBuilder, origin: Place3, radius: float, height: float) -> bool:
     x, y, z = origin
     return b.free((x - radius, y - radius, z), (x + radius, y + radius, z + height))
 
 
-def desk(b: Builder, origin: Place3, turn: float, stream: Stream) -> None:
+def desk(b: PlaceBuilder, origin: Place3, turn: float, stream: Stream) -> None:
     """Add a desk with a screen and a chair; who sits there looks along -y of its axes."""
     if not _clear(b, origin, 1.1, 1.2):
         return
@@ -102,7 +102,7 @@ def desk(b: Builder, origin: Place3, turn: float, stream: Stream) -> None:
     )
 
 
-def chair(b: Builder, origin: Place3, turn: float, stream: Stream) -> None:
+def chair(b: PlaceBuilder, origin: Place3, turn: float, stream: Stream) -> None:
     """Add a swivel chair whose back is at +y of its axes."""
     if not _clear(b, origin, 0.35, 1.0):
         return
@@ -116,7 +116,7 @@ def chair(b: Builder, origin: Place3, turn: float, stream: Stream) -> None:
 
 
 def table(
-    b: Builder, origin: Place3, size: tuple[float, float], stream: Stream, chairs: bool
+    b: PlaceBuilder, origin: Place3, size: tuple[float, float], stream: Stream, chairs: bool
 ) -> None:
     """Add a table, with chairs along both long sides."""
     w, d = size
@@ -133,7 +133,7 @@ def table(
             chair(b, place, 0.0 if side > 0 else math.pi, stream)
 
 
-def bookcase(b: Builder, low: Place3, high: Place3, front: str) -> None:
+def bookcase(b: PlaceBuilder, low: Place3, high: Place3, front: str) -> None:
     """Add shelves of books that are seen from one side."""
     width = (high[1] - low[1]) if front.endswith("x") else (high[0] - low[0])
     books = [Print("books", 0, 0, width, high[2] - low[2], b.number())]
@@ -144,7 +144,7 @@ def bookcase(b: Builder, low: Place3, high: Place3, front: str) -> None:
 
 
 def door_leaf(
-    b: Builder, hinge: Place3, width: float, height: float, angle: float, number: int
+    b: PlaceBuilder, hinge: Place3, width: float, height: float, angle: float, number: int
 ) -> None:
     """Add an open door, or the hinge of one that moves.
 
@@ -171,7 +171,7 @@ def door_leaf(
         )
 
 
-def plant(b: Builder, origin: Place3, stream: Stream) -> None:
+def plant(b: PlaceBuilder, origin: Place3, stream: Stream) -> None:
     """Add a plant in a pot."""
     x, y, z = origin
     b.box((x - 0.17, y - 0.17, z), (x + 0.17, y + 0.17, z + 0.35), "paint:8a5a44")
@@ -187,7 +187,7 @@ def plant(b: Builder, origin: Place3, stream: Stream) -> None:
         )
 
 
-def wall_decoration(b: Builder, wall: int) -> None:
+def wall_decoration(b: PlaceBuilder, wall: int) -> None:
     """Hang posters, a clock, outlets and a skirting on a wall."""
     _, across, up = b.faces[wall].rectangle
     width, height = (float(np.sqrt((side * side).sum())) for side in (across, up))
@@ -214,7 +214,9 @@ def wall_decoration(b: Builder, wall: int) -> None:
     b.add_prints(wall, prints)
 
 
-def windows(b: Builder, wall: int, sill: float, height: float) -> Callable[[Builder], Lighting]:
+def windows(
+    b: PlaceBuilder, wall: int, sill: float, height: float
+) -> Callable[[PlaceBuilder], Lighting]:
     """Put windows into a wall; return what makes the light of the house once it has its lamps.
 
     By day they shine, and the sun with them; otherwise it is night outside.
@@ -242,7 +244,7 @@ def windows(b: Builder, wall: int, sill: float, height: float) -> Callable[[Buil
         red, green, blue = (2.4 * c for c in DAYLIGHT)
         b.lamps += [Lamp(pane, (red, green, blue)) for pane in panes]
 
-    def lit(done: Builder) -> Lighting:
+    def lit(done: PlaceBuilder) -> Lighting:
         if not day:
             return Lighting(tuple(done.lamps))
         sideways = turned(0.5) @ -inwards
@@ -255,7 +257,9 @@ def windows(b: Builder, wall: int, sill: float, height: float) -> Callable[[Buil
     return lit
 
 
-def ceiling_lamps(b: Builder, pitch: float = 2.4, size: tuple[float, float] = (1.2, 0.6)) -> None:
+def ceiling_lamps(
+    b: PlaceBuilder, pitch: float = 2.4, size: tuple[float, float] = (1.2, 0.6)
+) -> None:
     """Hang a grid of flat lamps under the ceiling; in dim light one in five shines."""
     x0, y0, _ = b.site.low.tolist()
     x1, y1, z1 = b.site.high.tolist()

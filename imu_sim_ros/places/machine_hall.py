@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.places.furniture import LAMP, wall_decoration, windows
-from imu_sim_ros.places.place import Builder, Place, Site
+from imu_sim_ros.places.place import Place, PlaceBuilder, Site
 from imu_sim_ros.places.sheet import Print
 
 _PIPES: Final = ("metal:a4a8a8", "paint:c8a030", "paint:3c6c4c", "paint:8c3428", "metal:6c7074")
@@ -16,7 +16,7 @@ _PIPES: Final = ("metal:a4a8a8", "paint:c8a030", "paint:3c6c4c", "paint:8c3428",
 
 def machine_hall(site: Site) -> Place:
     """Return a hall with machines along its walls and in its middle; windows high in -y."""
-    b = Builder(site)
+    b = PlaceBuilder(site)
     stream = site.stream("machine_hall")
     x0, y0, z0 = site.low.tolist()
     x1, y1, z1 = site.high.tolist()
@@ -54,7 +54,7 @@ def machine_hall(site: Site) -> Place:
 
 
 def _standing(
-    b: Builder,
+    b: PlaceBuilder,
     low: tuple[float, ...],
     high: tuple[float, ...],
     material: str,
@@ -68,7 +68,7 @@ def _standing(
     return True
 
 
-def _boilers(b: Builder, stream: np.random.Generator) -> None:
+def _boilers(b: PlaceBuilder, stream: np.random.Generator) -> None:
     """Put round tanks on feet along +y, each with its pipe to the ceiling."""
     x0, _, z0 = b.site.low.tolist()
     x1, y1, z1 = b.site.high.tolist()
@@ -97,7 +97,7 @@ def _boilers(b: Builder, stream: np.random.Generator) -> None:
         b.box(low, high, "paint:c4c8c4", {"-y": front}, leave="+y")
 
 
-def _machines(b: Builder, stream: np.random.Generator) -> None:
+def _machines(b: PlaceBuilder, stream: np.random.Generator) -> None:
     """Put machines into the middle and cabinets along -y."""
     x0, y0, z0 = b.site.low.tolist()
     x1, y1, _ = b.site.high.tolist()
@@ -137,7 +137,7 @@ def _machines(b: Builder, stream: np.random.Generator) -> None:
             )
 
 
-def _pipes(b: Builder, stream: np.random.Generator) -> None:
+def _pipes(b: PlaceBuilder, stream: np.random.Generator) -> None:
     """Run pipes along both long walls and across under the ceiling."""
     x0, y0, z0 = b.site.low.tolist()
     x1, y1, z1 = b.site.high.tolist()
@@ -153,7 +153,7 @@ def _pipes(b: Builder, stream: np.random.Generator) -> None:
             b.prism((x, y0, z), (x, y1, z), radius, _PIPES[int(stream.integers(5))], 6)
 
 
-def _gallery(b: Builder) -> None:
+def _gallery(b: PlaceBuilder) -> None:
     """Hang a walkway with rails along -x, on posts."""
     x0, y0, z0 = b.site.low.tolist()
     y1, z1 = float(b.site.high[1]), float(b.site.high[2])
@@ -170,7 +170,7 @@ def _gallery(b: Builder) -> None:
             b.box(low, high, "paint:d8b020", leave="top,bottom")
 
 
-def _lamps(b: Builder) -> None:
+def _lamps(b: PlaceBuilder) -> None:
     x0, y0, _ = b.site.low.tolist()
     x1, y1, z1 = b.site.high.tolist()
     strength = {"day": 6.0, "lamps": 20.0, "dim": 14.0}[b.site.light]

@@ -17,7 +17,7 @@ from imu_sim_ros.places.furniture import (
     wall_decoration,
     windows,
 )
-from imu_sim_ros.places.place import Builder, Place, Site
+from imu_sim_ros.places.place import Place, PlaceBuilder, Site
 from imu_sim_ros.places.sheet import Print
 
 _ROOMS: Final = 3.3
@@ -36,7 +36,7 @@ _HEIGHT: Final = 1.35
 
 def office(site: Site) -> Place:
     """Return an office; windows are on the side of -y, closed rooms on that of +y."""
-    b = Builder(site)
+    b = PlaceBuilder(site)
     stream = site.stream("office")
     carpet = ("carpet:66707c", "carpet:7a7468", "carpet:5c6c66")[int(stream.integers(3))]
     sides = b.room(
@@ -75,7 +75,7 @@ def office(site: Site) -> Place:
     )
 
 
-def _closed_rooms(b: Builder, y: float, stream: np.random.Generator) -> list[list[float]]:
+def _closed_rooms(b: PlaceBuilder, y: float, stream: np.random.Generator) -> list[list[float]]:
     """Build rooms behind a wall at y; return a place in each that can be reached."""
     x0, _, z0 = b.site.low.tolist()
     x1, y1, z1 = b.site.high.tolist()
@@ -114,7 +114,7 @@ def _closed_rooms(b: Builder, y: float, stream: np.random.Generator) -> list[lis
     return stops
 
 
-def _front(b: Builder, ends: tuple[float, float], y: float, opening: float) -> None:
+def _front(b: PlaceBuilder, ends: tuple[float, float], y: float, opening: float) -> None:
     """Build one room's part of the wall between it and the open office, with its door."""
     left, right = ends
     z0, z1 = float(b.site.low[2]), float(b.site.high[2])
@@ -142,7 +142,7 @@ def _front(b: Builder, ends: tuple[float, float], y: float, opening: float) -> N
 
 
 def _desks(
-    b: Builder, depth: float, stream: np.random.Generator
+    b: PlaceBuilder, depth: float, stream: np.random.Generator
 ) -> tuple[list[list[float]], list[list[float]]]:
     """Put pairs of desks into the open room; return places to its west and its east."""
     x0, y0, z0 = b.site.low.tolist()

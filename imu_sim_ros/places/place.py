@@ -105,7 +105,7 @@ class Site:
         return generator(self.seed, f"place.{what}")
 
 
-class Builder:
+class PlaceBuilder:
     """Collects faces; leaves out what would stand in the path."""
 
     def __init__(self, site: Site) -> None:

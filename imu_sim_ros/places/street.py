@@ -10,7 +10,7 @@ import numpy as np
 
 from imu_sim_ros.places.furniture import LAMP, SUN
 from imu_sim_ros.places.light import Lamp, Lighting
-from imu_sim_ros.places.place import Builder, Place, Site
+from imu_sim_ros.places.place import Place, PlaceBuilder, Site
 from imu_sim_ros.places.sheet import Print
 
 _FACADES: Final = (
@@ -30,7 +30,7 @@ _STOREY: Final = 3.1
 
 def street(site: Site) -> Place:
     """Return a street along the longer of x and y; its space is that between the houses."""
-    b = Builder(site)
+    b = PlaceBuilder(site)
     stream = site.stream("street")
     low, high = site.low, site.high
     along = 0 if high[0] - low[0] >= high[1] - low[1] else 1
@@ -62,7 +62,7 @@ def street(site: Site) -> Place:
 
 
 def _span(
-    b: Builder, along: int, across: tuple[float, float], up: tuple[float, float]
+    b: PlaceBuilder, along: int, across: tuple[float, float], up: tuple[float, float]
 ) -> tuple[list[float], list[float]]:
     """Return the corners of a box over the whole length of the street."""
     corner, end = b.site.low.copy(), b.site.high.copy()
@@ -71,7 +71,7 @@ def _span(
     return corner.tolist(), end.tolist()
 
 
-def _sky_and_ground(b: Builder, ground: float) -> None:
+def _sky_and_ground(b: PlaceBuilder, ground: float) -> None:
     x0, y0 = (b.site.low[:2] - _FAR).tolist()
     x1, y1 = (b.site.high[:2] + _FAR).tolist()
     low, high = (x0, y0, ground - 1.0), (x1, y1, ground + 300.0)
@@ -92,7 +92,7 @@ def _sky_and_ground(b: Builder, ground: float) -> None:
     b.face((start[0], start[1], ground), (size[0], 0, 0), (0, size[1], 0), "asphalt", dashes)
 
 
-def _houses(b: Builder, along: int, side: int, stream: np.random.Generator) -> None:
+def _houses(b: PlaceBuilder, along: int, side: int, stream: np.random.Generator) -> None:
     """Build a row of houses behind one side of the street."""
     low, high, ground = b.site.low, b.site.high, float(b.site.low[2])
     at = float(low[along]) - 6.0
@@ -114,7 +114,7 @@ def _houses(b: Builder, along: int, side: int, stream: np.random.Generator) -> N
         at += width
 
 
-def _facade(b: Builder, width: float, storeys: int, shop: bool, style: int) -> list[Print]:
+def _facade(b: PlaceBuilder, width: float, storeys: int, shop: bool, style: int) -> list[Print]:
     """Return windows in rows, a door, and a shop."""
     count = max(2, int((width - 0.8) / 1.9))
     pitch = width / count
@@ -141,7 +141,7 @@ def _facade(b: Builder, width: float, storeys: int, shop: bool, style: int) -> l
 
 
 def _furniture(
-    b: Builder, along: int, edge: float, inwards: int, stream: np.random.Generator
+    b: PlaceBuilder, along: int, edge: float, inwards: int, stream: np.random.Generator
 ) -> None:
     """Put trees and lamp posts along the kerb, and cars before it."""
     low, high, ground = b.site.low, b.site.high, float(b.site.low[2])
@@ -162,7 +162,7 @@ def _furniture(
         at, k = at + 5.5, k + 1
 
 
-def _tree(b: Builder, foot: tuple[float, float, float], stream: np.random.Generator) -> None:
+def _tree(b: PlaceBuilder, foot: tuple[float, float, float], stream: np.random.Generator) -> None:
     x, y, z = foot
     height = float(stream.uniform(2.2, 2.8))
     parts = [
@@ -178,7 +178,7 @@ def _tree(b: Builder, foot: tuple[float, float, float], stream: np.random.Genera
               "leaves", turn=float(turn), leave="")  # fmt: skip
 
 
-def _lamp_post(b: Builder, foot: tuple[float, float, float], along: int, inwards: int) -> None:
+def _lamp_post(b: PlaceBuilder, foot: tuple[float, float, float], along: int, inwards: int) -> None:
     x, y, z = foot
     reach = [0.0, 0.0]
     reach[1 - along] = 1.0 * inwards
@@ -198,7 +198,7 @@ def _lamp_post(b: Builder, foot: tuple[float, float, float], along: int, inwards
         b.face(*pane, "paint:fff8e0", glows=True)
 
 
-def _car(b: Builder, middle: list[float], along: int, stream: np.random.Generator) -> None:
+def _car(b: PlaceBuilder, middle: list[float], along: int, stream: np.random.Generator) -> None:
     x, y, z = middle
     colour = ("paint:8c1c20", "paint:24405c", "paint:d4d6d8", "paint:2a2c2e", "paint:8c9296")[
         int(stream.integers(5))

@@ -36,7 +36,7 @@ _CORNERS: Final = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0))
 """Of a rectangle, in shares of its two sides."""
 
 
-class Waypoints(NamedTuple):
+class WaypointList(NamedTuple):
     """A list of waypoints."""
 
     positions: Array
@@ -68,7 +68,7 @@ def clearance(surfaces: Surfaces, points: Array, reach: float = math.inf) -> Arr
     return back
 
 
-def tour(place: Place, fly: Callable[[Waypoints], Callable[[int], Array]]) -> Waypoints:
+def tour(place: Place, fly: Callable[[WaypointList], Callable[[int], Array]]) -> WaypointList:
     """Return waypoints through a place, from stop to stop and back to the first.
 
     :param fly: makes a flight of waypoints; its result gives n places (n, 3) along it.
@@ -158,7 +158,7 @@ def _nearest_free(points: Array, free: Array, stop: Array) -> int:
     return int(np.argmin(np.where(free > CLEARANCE + 0.1, away, np.inf)))
 
 
-def _thinned(way: Array, step: float, smooth: int, wave: float) -> Waypoints:
+def _thinned(way: Array, step: float, smooth: int, wave: float) -> WaypointList:
     """Return waypoints at equal distances along a smoothed way, each heading along it."""
     kernel = np.ones(smooth) / smooth
     wide = np.concatenate([way[:1].repeat(smooth, 0), way, way[-1:].repeat(smooth, 0)])
@@ -175,4 +175,4 @@ def _thinned(way: Array, step: float, smooth: int, wave: float) -> Waypoints:
     behind = np.stack([np.interp(at - 0.4, lengths, line[:, k]) for k in range(2)], axis=1)
     along = ahead - behind
     headings = np.unwrap(np.arctan2(along[:, 1], along[:, 0]))
-    return Waypoints(np.round(positions, 6), np.round(headings, 6))
+    return WaypointList(np.round(positions, 6), np.round(headings, 6))

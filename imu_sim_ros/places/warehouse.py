@@ -9,7 +9,7 @@ import numpy as np
 
 from imu_sim_ros.places.furniture import DAYLIGHT, LAMP
 from imu_sim_ros.places.light import Lamp, Lighting
-from imu_sim_ros.places.place import Builder, Place, Site
+from imu_sim_ros.places.place import Place, PlaceBuilder, Site
 from imu_sim_ros.places.sheet import Print
 
 _DEPTH: Final = 1.1
@@ -24,7 +24,7 @@ _FRONT: Final = 3.0
 
 def warehouse(site: Site) -> Place:
     """Return a warehouse whose aisles run along x."""
-    b = Builder(site)
+    b = PlaceBuilder(site)
     stream = site.stream("warehouse")
     x0, y0, z0 = site.low.tolist()
     x1, y1, z1 = site.high.tolist()
@@ -52,7 +52,7 @@ def warehouse(site: Site) -> Place:
     return Place(tuple(b.faces), Lighting(tuple(b.lamps)), site.low, site.high, np.array(stops))
 
 
-def _row(b: Builder, y: float, stream: np.random.Generator) -> None:
+def _row(b: PlaceBuilder, y: float, stream: np.random.Generator) -> None:
     """Build a row of racks at y, and what is on it."""
     x0, _, z0 = b.site.low.tolist()
     x1, _, z1 = b.site.high.tolist()
@@ -87,7 +87,7 @@ def _row(b: Builder, y: float, stream: np.random.Generator) -> None:
 
 
 def _load(
-    b: Builder, corner: tuple[float, float, float], width: float, height: float, shade: int
+    b: PlaceBuilder, corner: tuple[float, float, float], width: float, height: float, shade: int
 ) -> None:
     """Put a pallet with cartons on a level."""
     x, y, z = corner
@@ -101,7 +101,7 @@ def _load(
     b.box((x, y + 0.08, z), (x + width, y + _DEPTH - 0.08, z + height), material, prints)
 
 
-def _gates(b: Builder, wall: int, width: float) -> None:
+def _gates(b: PlaceBuilder, wall: int, width: float) -> None:
     count = max(1, int(width / 5.0))
     prints = [Print("strip", 0, 0, width, 0.3)]
     for k in range(count):
@@ -111,7 +111,7 @@ def _gates(b: Builder, wall: int, width: float) -> None:
     b.add_prints(wall, prints)
 
 
-def _roof(b: Builder) -> None:
+def _roof(b: PlaceBuilder) -> None:
     """Add beams, lamps between them, and by day roof lights."""
     x0, y0, _ = b.site.low.tolist()
     x1, y1, z1 = b.site.high.tolist()

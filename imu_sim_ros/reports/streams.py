@@ -7,7 +7,7 @@ import base64
 import itertools
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +18,12 @@ from imu_sim_ros.bags.messages.encode import VECTOR3_STAMPED
 from imu_sim_ros.bags.messages.encode_cameras import COMPRESSED_IMAGE, IMAGE
 from imu_sim_ros.bags.read import open_bag, vector_blocks
 from imu_sim_ros.bags.reader import Bag, errors_naming
+from imu_sim_ros.calibration.noise.analysis import ReadingsBlock
 from imu_sim_ros.calibration.noise.deviation import Deviation, DeviationAccumulator
 from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.reports.page import Item, table
 from imu_sim_ros.sensors import auxiliary_sensors
-from imu_sim_ros.types import Array, Bytes, Integers, Mask, Times
+from imu_sim_ros.types import Array, Bytes, Integers, Mask
 
 _FIRST: Final = 64
 """Messages whose median interval is the usual one."""
@@ -182,22 +183,6 @@ _PER_DECADE: Final = 60
 GAP: Final = 1.5
 """Intervals above which a gap is counted, in usual intervals."""
 _MAX_GAPS: Final = 1000
-
-
-class ReadingsBlock(Protocol):
-    """A block of readings."""
-
-    @property
-    def t_ns(self) -> Times:
-        """(n,) stamps."""
-
-    @property
-    def gyro(self) -> Array:
-        """(n, 3) rad/s."""
-
-    @property
-    def accel(self) -> Array:
-        """(n, 3) m/s^2."""
 
 
 class Gap(NamedTuple):

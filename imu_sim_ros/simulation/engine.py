@@ -42,7 +42,7 @@ from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.trajectory.parameters import DriveParameters, PosesParameters
 
 if TYPE_CHECKING:
-    from imu_sim_ros.trajectory.recorded import Recorded
+    from imu_sim_ros.trajectory.recorded import RecordedMotion
 
 BLOCK_SIZE: Final = 8192
 """Large enough that Python's part is small, small enough for a processor's cache."""
@@ -153,7 +153,7 @@ class Simulation:
         recorded = self._recorded()
         return recorded.repairs + recorded.report.lines() if recorded is not None else []
 
-    def _recorded(self) -> "Recorded | None":
+    def _recorded(self) -> "RecordedMotion | None":
         """Return the recorded motion, if there is one; only then the splines are imported."""
         if not isinstance(self.parameters.trajectory, PosesParameters):
             return None

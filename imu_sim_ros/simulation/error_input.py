@@ -30,7 +30,7 @@ RESTART_NS: Final = 1_000_000_000
 """Stamps that jump back by more are those of a simulator that was reset."""
 
 
-class Given(NamedTuple):
+class GivenReadings(NamedTuple):
     """n readings, and the attitude if it is known."""
 
     t_ns: Times
@@ -42,10 +42,10 @@ class Given(NamedTuple):
     q_wb: Array | None = None
     """(4, n)."""
 
-    def at(self, rows: slice | Mask) -> "Given":
+    def at(self, rows: slice | Mask) -> "GivenReadings":
         """Return some of them."""
         q_wb = None if self.q_wb is None else self.q_wb[:, rows]
-        return Given(self.t_ns[rows], self.gyro[:, rows], self.accel[:, rows], q_wb)
+        return GivenReadings(self.t_ns[rows], self.gyro[:, rows], self.accel[:, rows], q_wb)
 
 
 class Conventions:
@@ -64,7 +64,7 @@ class Conventions:
         self.nothing = self._turn is None and self._place is None and not self._adds_gravity
         """Whether readings stay as they are."""
 
-    def apply(self, given: Given) -> Given:
+    def apply(self, given: GivenReadings) -> GivenReadings:
         """Return readings of the IMU in its place.
 
         :raises InputError: if gravity is missing, and the orientation too.
@@ -92,7 +92,7 @@ class Conventions:
             gyro, accel = transform(self._turn, gyro), transform(self._turn, accel)
         if self._place is not None:
             gyro, accel = self._place.apply(given.t_ns, gyro, accel)
-        return Given(given.t_ns, gyro, accel, q_wb)
+        return GivenReadings(given.t_ns, gyro, accel, q_wb)
 
 
 def _flu_in(axes: str) -> Array:
@@ -150,7 +150,7 @@ class _Place:
 class Grid(NamedTuple):
     """Samples of a sensor with a clock of its own."""
 
-    given: Given
+    given: GivenReadings
     """At the samples' times."""
     inside: tuple[Array, Array]
     """(3, n m) twice: the readings inside an oversampled sensor, for others those of ``given``."""
@@ -170,13 +170,13 @@ class Resampler:
         self._ratio = int(imu.internal_ratio(parameters.rate))
         self._begin_ns: int | None = None
         self._next = 0
-        self._kept: Given | None = None
+        self._kept: GivenReadings | None = None
 
     def begin(self) -> None:
         """Let the next reading be the first sample of a new grid, after a pause."""
         self._begin_ns, self._next, self._kept = None, 0, None
 
-    def apply(self, given: Given) -> Grid:
+    def apply(self, given: GivenReadings) -> Grid:
         """Take n readings; return the samples up to the last of them."""
         if self._begin_ns is None:
             self._begin_ns = int(given.t_ns[0])
@@ -217,7 +217,7 @@ class Resampler:
         before = np.full(len(j) - len(later), self._begin_ns)
         return np.concatenate([before, later])
 
-    def _means(self, known: Given, at: Given) -> Given:
+    def _means(self, known: GivenReadings, at: GivenReadings) -> GivenReadings:
         """Return the means between the samples; the first sample of all is the value at it."""
         assert self._begin_ns is not None
         rows = [known.gyro, known.accel]
@@ -243,7 +243,7 @@ class Resampler:
             accel = np.concatenate([at.accel[:, :1], accel], axis=1)
         return at._replace(gyro=gyro, accel=accel)
 
-    def _keep(self, known: Given) -> None:
+    def _keep(self, known: GivenReadings) -> None:
         """Keep the readings that the next samples need: from the one before the last sample on."""
         assert self._begin_ns is not None
         reached = self._begin_ns
@@ -254,11 +254,11 @@ class Resampler:
         self._kept = known.at(slice(first, None))
 
 
-def _joined(a: Given, b: Given) -> Given:
+def _joined(a: GivenReadings, b: GivenReadings) -> GivenReadings:
     q_wb = None
     if a.q_wb is not None and b.q_wb is not None:
         q_wb = np.concatenate([a.q_wb, b.q_wb], axis=1)
-    return Given(
+    return GivenReadings(
         np.concatenate([a.t_ns, b.t_ns]),
         np.concatenate([a.gyro, b.gyro], axis=1),
         np.concatenate([a.accel, b.accel], axis=1),
@@ -278,14 +278,14 @@ def _line(t_ns: Times, values: Array, at_ns: Times) -> Array:
     return result
 
 
-def _interpolated(known: Given, at_ns: Times) -> Given:
+def _interpolated(known: GivenReadings, at_ns: Times) -> GivenReadings:
     gyro = np.stack([_line(known.t_ns, row, at_ns) for row in known.gyro])
     accel = np.stack([_line(known.t_ns, row, at_ns) for row in known.accel])
     q_wb = None
     if known.q_wb is not None:
         same = np.cumprod(np.sign(_products(known.q_wb)))  # q and -q are one rotation
         q_wb = normalise(np.stack([_line(known.t_ns, row * same, at_ns) for row in known.q_wb]))
-    return Given(at_ns, gyro, accel, q_wb)
+    return GivenReadings(at_ns, gyro, accel, q_wb)
 
 
 def _products(q: Array) -> Array:
@@ -311,7 +311,7 @@ class Differentiator:
         """Forget what was before."""
         self._t_ns, self._rows = np.empty(0, np.int64), np.empty((10, 0))
 
-    def apply(self, t_ns: Times, q_wb: Array, velocity_b: Array, rate_b: Array) -> Given:
+    def apply(self, t_ns: Times, q_wb: Array, velocity_b: Array, rate_b: Array) -> GivenReadings:
         """Take n messages; return the readings that are now known, s messages late.
 
         :param q_wb: (4, n).
@@ -321,7 +321,7 @@ class Differentiator:
         wrong = np.flatnonzero(np.diff(t_ns, prepend=self._t_ns[-1:]) <= 0)
         if len(wrong):
             k = int(wrong[0]) + 1 - len(self._t_ns[-1:])
-            return self._around(k, Given(t_ns, velocity_b, rate_b, q_wb))
+            return self._around(k, GivenReadings(t_ns, velocity_b, rate_b, q_wb))
         velocity_w = rotation.components.rotate(q_wb, velocity_b)
         times = np.concatenate([self._t_ns, t_ns])
         rows = np.concatenate([self._rows, np.concatenate([q_wb, velocity_w, rate_b])], axis=1)
@@ -329,21 +329,21 @@ class Differentiator:
         self._t_ns, self._rows = times[-2 * span :], rows[:, -2 * span :]
         if len(times) <= 2 * span:
             none = np.empty((3, 0))
-            return Given(np.empty(0, np.int64), none, none, np.empty((4, 0)))
+            return GivenReadings(np.empty(0, np.int64), none, none, np.empty((4, 0)))
         middle = slice(span, -span)
         change = rows[4:7, 2 * span :] - rows[4:7, : -2 * span]
         acceleration = change / ((times[2 * span :] - times[: -2 * span]) * 1e-9)
         q = rows[:4, middle]
         force = rotate_inverse(q, acceleration - self._gravity_w)
-        return Given(times[middle], rows[7:, middle], force, q)
+        return GivenReadings(times[middle], rows[7:, middle], force, q)
 
-    def _around(self, k: int, states: Given) -> Given:
+    def _around(self, k: int, states: GivenReadings) -> GivenReadings:
         """Return the readings of messages of which number k is not later than the one before.
 
         :param states: velocities in the body in place of rates, rates in place of forces.
         """
 
-        def part(rows: slice) -> Given:
+        def part(rows: slice) -> GivenReadings:
             some = states.at(rows)
             assert some.q_wb is not None
             return self.apply(some.t_ns, some.q_wb, some.gyro, some.accel)
@@ -370,10 +370,10 @@ class StartCheck:
     def __init__(self, parameters: ErrorModelParameters) -> None:
         """Begin with the next reading."""
         self._parameters = parameters
-        self._seen: list[Given] = []
+        self._seen: list[GivenReadings] = []
         self.done = not parameters.input.check
 
-    def look(self, given: Given) -> list[str]:
+    def look(self, given: GivenReadings) -> list[str]:
         """Take readings as they came; return the remarks when 2 s are over, before that none."""
         self._seen.append(given)
         first, last = int(self._seen[0].t_ns[0]), int(given.t_ns[-1])

@@ -24,7 +24,13 @@ from imu_sim_ros.sensors.errors.response import Floats
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.gravity import gravity_vector
 from imu_sim_ros.sensors.imu.model import CHUNK, Imu, ImuSample, unknown_motion
-from imu_sim_ros.simulation.error_input import RESTART_NS, Conventions, Given, Resampler, StartCheck
+from imu_sim_ros.simulation.error_input import (
+    RESTART_NS,
+    Conventions,
+    GivenReadings,
+    Resampler,
+    StartCheck,
+)
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
 from imu_sim_ros.trajectory.motion import Motion
 
@@ -91,7 +97,7 @@ class ErrorModel:
         """Samples since the last restart, missing ones too."""
         self._imu: Imu | None = None
         self._last_ns: int | None = None
-        self._held: Given | ImuSample | None = None
+        self._held: GivenReadings | ImuSample | None = None
         """The last reading, which the sensor goes on with during a gap."""
         self._pending: ErrorModelParameters | None = None
         self._faults: list[tuple[Fault, int]] = []
@@ -146,7 +152,7 @@ class ErrorModel:
             return None
         return self._last_ns + round((index - self.position + 1) * self._nominal_ns)
 
-    def read(self, given: Given) -> list[ImuBlock]:
+    def read(self, given: GivenReadings) -> list[ImuBlock]:
         """Return the samples that readings give, in one block or several.
 
         Where stamps jump back the errors begin again; readings that repeat a stamp, or come late,
@@ -188,7 +194,7 @@ class ErrorModel:
         if self._imu is not None and self._pending is None and self.position % CHUNK == 0:
             self._imu.prepare_one(self.position)
 
-    def _in_order(self, given: Given) -> Iterator[Given]:
+    def _in_order(self, given: GivenReadings) -> Iterator[GivenReadings]:
         """Yield stretches of readings whose stamps increase, restarting when they jump back."""
         t_ns, last = given.t_ns, self._last_ns
         if not len(t_ns):
@@ -241,7 +247,7 @@ class ErrorModel:
         self._report(self.counts.restarts, line)
         self._begin(seed)
 
-    def _read(self, given: Given) -> list[ImuBlock]:
+    def _read(self, given: GivenReadings) -> list[ImuBlock]:
         """Return the samples of readings in order, none of them before the last one."""
         if not self._check.done:
             self._look(given)
@@ -253,11 +259,11 @@ class ErrorModel:
             blocks += self._sampled(self._conventions.apply(part))
         return blocks
 
-    def _look(self, given: Given) -> None:
+    def _look(self, given: GivenReadings) -> None:
         for line in self._check.look(given):
             self._remark(line)
 
-    def _without_gaps(self, given: Given) -> Iterator[tuple[Given, int]]:
+    def _without_gaps(self, given: GivenReadings) -> Iterator[tuple[GivenReadings, int]]:
         """Yield readings without a gap, each part with the samples missing before it."""
         t_ns, limit = given.t_ns, 1.5 * self._nominal_ns
         before = 0 if self._last_ns is None else int(t_ns[0]) - self._last_ns
@@ -297,10 +303,10 @@ class ErrorModel:
             t_ns = held.t_ns + np.rint(steps).astype(np.int64)
             gyro, accel = (np.repeat(one, step, axis=1) for one in (held.gyro, held.accel))
             q_wb = None if held.q_wb is None else np.repeat(held.q_wb, step, axis=1)
-            self._sampled(Given(t_ns, gyro, accel, q_wb))
+            self._sampled(GivenReadings(t_ns, gyro, accel, q_wb))
             count -= step
 
-    def _sampled(self, given: Given) -> list[ImuBlock]:
+    def _sampled(self, given: GivenReadings) -> list[ImuBlock]:
         """Return the samples of readings in the IMU's place."""
         inside = (given.gyro, given.accel)
         if self._resampler is not None:
@@ -339,7 +345,7 @@ class ErrorModel:
             done += step
         return blocks
 
-    def _start(self, given: Given) -> Imu:
+    def _start(self, given: GivenReadings) -> Imu:
         """Make the sensor, whose first sample is the first of the readings."""
         parameters = self.parameters
         environment = dataclasses.replace(parameters, seed=self.seed)
@@ -349,7 +355,7 @@ class ErrorModel:
         self._imu, self._faults, self._pending = imu, [], None
         return imu
 
-    def _motion(self, given: Given) -> Motion:
+    def _motion(self, given: GivenReadings) -> Motion:
         """Return what is known of the motion: the attitude, and the acceleration with it."""
         motion = unknown_motion(len(given.t_ns))
         if given.q_wb is None:
@@ -362,10 +368,10 @@ class ErrorModel:
         return motion._replace(q_wb=given.q_wb.T, acceleration=acceleration.T)
 
 
-def _given(sample: ImuSample) -> Given:
+def _given(sample: ImuSample) -> GivenReadings:
     """Return the reading that a sample was made of."""
     gyro, accel = np.array([sample.ideal_gyro]), np.array([sample.ideal_accel])
-    return Given(np.array([sample.true_t_ns]), gyro.T, accel.T)
+    return GivenReadings(np.array([sample.true_t_ns]), gyro.T, accel.T)
 
 
 def joined(blocks: list[ImuBlock]) -> ImuBlock:

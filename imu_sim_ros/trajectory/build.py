@@ -211,10 +211,10 @@ def _motion(parameters: TrajectoryParameters, pose_reader: PoseReader) -> Trajec
 
             return six_position(parameters)
         case PosesParameters():
-            from imu_sim_ros.trajectory.recorded import Recorded
+            from imu_sim_ros.trajectory.recorded import RecordedMotion
 
             topic = (parameters.topic,) if parameters.topic else ()
-            return Recorded(pose_reader(Path(parameters.file), *topic), parameters)
+            return RecordedMotion(pose_reader(Path(parameters.file), *topic), parameters)
     return _own_motion(parameters)
 
 

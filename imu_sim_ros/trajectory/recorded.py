@@ -64,7 +64,7 @@ class FitReport(NamedTuple):
         ]
 
 
-class Recorded:
+class RecordedMotion:
     """A body that moves as recorded; time 0 is the first pose."""
 
     def __init__(self, poses: PoseSequence, parameters: PosesParameters) -> None:
@@ -114,11 +114,11 @@ class Recorded:
         return self._spline.sample(t)
 
 
-def recorded_in(trajectory: Trajectory) -> Recorded | None:
+def recorded_in(trajectory: Trajectory) -> RecordedMotion | None:
     """Return the recorded motion in a trajectory, if there is one."""
     inner: object = trajectory
     while inner is not None:
-        if isinstance(inner, Recorded):
+        if isinstance(inner, RecordedMotion):
             return inner
         inner = getattr(inner, "inner", None)
     return None

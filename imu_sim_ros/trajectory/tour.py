@@ -11,7 +11,7 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.places.catalogue import build, usual
 from imu_sim_ros.places.place import Site
-from imu_sim_ros.places.tour import Waypoints as List
+from imu_sim_ros.places.tour import WaypointList
 from imu_sim_ros.places.tour import tour as planned
 from imu_sim_ros.trajectory.kinds import Waypoints
 from imu_sim_ros.trajectory.parameters import TourParameters, WaypointsParameters
@@ -81,7 +81,7 @@ def waypoints_file(parameters: TourParameters) -> str:
     return files.text(waypoint_parameters(parameters), comment=comment)
 
 
-def _as(some: List, parameters: TourParameters) -> WaypointsParameters:
+def _as(some: WaypointList, parameters: TourParameters) -> WaypointsParameters:
     return WaypointsParameters(
         positions=tuple(some.positions.ravel().tolist()),
         headings=tuple(some.headings.tolist()),

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
-from imu_sim_ros.bags.text.writer import Dataset, States
+from imu_sim_ros.bags.text.writer import BodyStates, Dataset
 from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.bags.writer import Block
 
@@ -51,7 +51,7 @@ def write_text(path: Path, form: str) -> None:
     """Write the golden content as text."""
     with Dataset(path, form) as dataset:
         dataset.write_imu(T_NS, GYRO, ACCEL)
-        dataset.write_states(States(T_NS, POSITION, Q_WB, GYRO, GYRO, ACCEL))
+        dataset.write_states(BodyStates(T_NS, POSITION, Q_WB, GYRO, GYRO, ACCEL))
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.bags.read import read_imu, read_odometry, read_poses
-from imu_sim_ros.bags.text.writer import Dataset, States, TextFile, write_euroc_descriptions
+from imu_sim_ros.bags.text.writer import BodyStates, Dataset, TextFile, write_euroc_descriptions
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.rotation import normalise, rotate_inverse
 
@@ -15,10 +15,10 @@ EPOCH = 1_403_715_273_262_142_976
 
 
 @pytest.fixture
-def states(content) -> States:
+def states(content) -> BodyStates:
     rng = np.random.default_rng(5)
     n = 500
-    return States(
+    return BodyStates(
         EPOCH + 5_000_000 * np.arange(n),
         *rng.standard_normal((1, n, 3)),
         normalise(rng.standard_normal((n, 4))),

@@ -20,9 +20,9 @@ from imu_sim_ros.calibration.twin.intensity import (
     in_range,
     vibrating,
 )
-from imu_sim_ros.calibration.twin.model import BodyMotion, Errors, Truth
+from imu_sim_ros.calibration.twin.model import BodyMotion, Errors, KnownMotion
 from imu_sim_ros.calibration.twin.pose_noise import (
-    Poses,
+    NoisyPoses,
     highest_motion,
     noise_of,
     noise_over,
@@ -130,7 +130,7 @@ def fits():
         y, stamps = recording.readings, recording.stamps
         offset = coarse_offset(stamps, y[:, :3], motion_at, stamps[-1] + 1.0, 0.05)
         start = model.perfect(mounting(y[:, :3], y[:, 3:], motion_at(stamps)), offset)
-        result.append((true, fit(recording, Truth(motion_at, 6.0), start)))
+        result.append((true, fit(recording, KnownMotion(motion_at, 6.0), start)))
     return result
 
 
@@ -162,7 +162,7 @@ def test_a_motion_about_one_axis_leaves_the_rest_at_its_prior():
     noise = rng.standard_normal((3000, 6)) * np.sqrt(RATE) * np.repeat([GYRO, ACCEL], 3)
     y = model.readings(model.perfect(np.eye(3)), about_z(stamps)) + noise
     recording = Recording(stamps, y, (slice(0, 3000),), RATE)
-    found = fit(recording, Truth(about_z, 6.0), model.perfect(np.eye(3)))
+    found = fit(recording, KnownMotion(about_z, 6.0), model.perfect(np.eye(3)))
     # The lever arm along the axis, and what scales a rate that is always zero.
     prior = 0.5
     assert found.sigma[model.LEVER_ARM][2] == pytest.approx(prior, rel=1e-3)
@@ -284,30 +284,30 @@ def test_noise_of_poses_is_measured_where_nothing_moves():
     noise = size * rng.standard_normal((4000, 6))
     q_wb = rotation.multiply(rotation.exp(angle), rotation.exp(noise[:, :3]))
     position_noisy = position + rotation.rotate(q_wb, noise[:, 3:])
-    at, found = scatter(Poses(t, position_noisy, q_wb))
+    at, found = scatter(NoisyPoses(t, position_noisy, q_wb))
     # Differences of eighth order that overlap: some 700 free ones in 2000, 3 % of a deviation.
     before, after = (found[at < 19.9].std(axis=0), found[at > 20.1].std(axis=0))
     np.testing.assert_allclose(before, size[0], rtol=0.12)
     np.testing.assert_allclose(after, size[-1], rtol=0.12)
     ratio = noise_over(at, found, (0.0, 19.9), np.array([10.0, 30.0]))
     assert np.all(np.abs(ratio / [[1.0], [0.5]] - 1.0) < 0.5)  # in one second, 12 %
-    _, still = scatter(Poses(t, position, rotation.exp(angle)))
+    _, still = scatter(NoisyPoses(t, position, rotation.exp(angle)))
     assert not still.any()
-    at, few = scatter(Poses(t[:5], position[:5], q_wb[:5]))
+    at, few = scatter(NoisyPoses(t[:5], position[:5], q_wb[:5]))
     assert len(few) == 0
     np.testing.assert_array_equal(noise_over(at, few, (0.0, 9.0), t[:3]), 1.0)
 
 
 def curve(t):
     angle = np.stack([np.sin(0.9 * t), 0.5 * np.cos(1.3 * t), 0.5 * t + np.sin(t)], axis=1)
-    return Poses(t, 3.0 * angle[:, ::-1], rotation.exp(angle))
+    return NoisyPoses(t, 3.0 * angle[:, ::-1], rotation.exp(angle))
 
 
 @pytest.mark.parametrize("digits", [3, 4, 5])
 def test_digits_of_poses_are_found_and_their_rounding_drawn(digits):
     smooth, step = curve(np.arange(4000) / RATE), 10.0**-digits
     q_wb = rotation.normalise(np.round(smooth.q_wb, digits))
-    noise = noise_of(Poses(smooth.t, np.round(smooth.position, digits), q_wb), smooth)
+    noise = noise_of(NoisyPoses(smooth.t, np.round(smooth.position, digits), q_wb), smooth)
     assert noise.quaternion_step == pytest.approx(step)
     assert noise.position_step == pytest.approx(step)
     # The fastest digits are even within a step, their deviation step / sqrt(12); 4000 poses.
@@ -368,9 +368,9 @@ def test_noise_of_poses_is_taken_out_of_the_normal_equations():
         return motion
 
     start = model.perfect(true.r_ib, true.offset)
-    plain = fit(recording, Truth(lambda t: seen(t, real), 8.0), start)
+    plain = fit(recording, KnownMotion(lambda t: seen(t, real), 8.0), start)
     draws = tuple(lambda t, d=d: seen(t, real, d) for d in drawn)
-    found = fit(recording, Truth(lambda t: seen(t, real), 8.0, draws), start)
+    found = fit(recording, KnownMotion(lambda t: seen(t, real), 8.0, draws), start)
     gain = [np.trace(f.errors.gyroscope) / 3.0 for f in (plain, found)]
     sigma = np.sqrt(np.sum(found.sigma[model.GYROSCOPE][::4] ** 2)) / 3.0
     assert gain[0] < 1.0 - 4.0 * sigma, gain
@@ -437,7 +437,7 @@ def test_jumps_of_a_truth_are_not_its_usual_noise():
     position[1000:] += 0.5
     position[2500:] -= 0.3
     q_wb = np.tile([1.0, 0.0, 0.0, 0.0], (4000, 1))
-    found = noise_of(Poses(t, position, q_wb), Poses(t, 0.0 * position, q_wb)).white
+    found = noise_of(NoisyPoses(t, position, q_wb), NoisyPoses(t, 0.0 * position, q_wb)).white
     # 200 differences a second, neighbours alike: a variance is known to some 15 %.
     np.testing.assert_allclose(found[3:], 1e-3, rtol=0.1)
 

@@ -8,7 +8,7 @@ import pytest
 from small_camera import SMALL_CAMERA
 
 from imu_sim_ros import rotation
-from imu_sim_ros.sensors.camera.view import Eyes, Poses, in_camera
+from imu_sim_ros.sensors.camera.view import CameraPoses, Eyes, in_camera
 
 WIDE_CAMERA = {
     **SMALL_CAMERA,
@@ -33,13 +33,13 @@ def judged(renderer, view, corners, low, high):
     for _ in range(6):
         eye = stream.uniform(low, high)
         turn = rotation.from_euler(stream.uniform(-0.12, 0.12, 3))
-        poses = Poses(eye[None], rotation.multiply(turn, mounting)[None])
+        poses = CameraPoses(eye[None], rotation.multiply(turn, mounting)[None])
         total = np.zeros((480, 752), np.uint32)
         for rows, picture in renderer.pictures(Eyes(poses)):
             for a, b in np.ndindex(_RAYS, _RAYS):
                 total[rows] += picture[a::_RAYS, b::_RAYS]
         image = np.rint(total / _RAYS**2).astype(np.uint8)
-        many = Poses(*(np.repeat(part, len(corners), axis=0) for part in poses))
+        many = CameraPoses(*(np.repeat(part, len(corners), axis=0) for part in poses))
         uv, valid = view.model.project(in_camera(many, corners))
         uv = uv[valid & view.model.inside(uv, 15.0)]
         start = uv.astype(np.float32).reshape(-1, 1, 2)

@@ -12,14 +12,14 @@ from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.places.bodies import HEIGHT, RADIUS, STEP, Body, Course, Crowd, faces
 from imu_sim_ros.places.geometry import Caster
-from imu_sim_ros.places.place import CLEARANCE, Builder, Site
+from imu_sim_ros.places.place import CLEARANCE, PlaceBuilder, Site
 from imu_sim_ros.places.sheet import Print
 from imu_sim_ros.places.tour import clearance
 from imu_sim_ros.places.walks import PERIOD
 from imu_sim_ros.sensors.camera.images.files import decoded
 from imu_sim_ros.sensors.camera.images.imager import imagers
 from imu_sim_ros.sensors.camera.tracker import Tracker
-from imu_sim_ros.sensors.camera.view import Poses, in_camera
+from imu_sim_ros.sensors.camera.view import CameraPoses, in_camera
 
 SMALL = {
     "camera__width": 188,
@@ -224,7 +224,7 @@ def test_corners_printed_on_a_moving_body_are_where_its_pose_puts_them(make_rig,
                       "camera__intrinsics": [458.65, 457.3, 367.2, 248.4],
                       "camera__supersampling": 4, "camera__row_time": row_time})  # fmt: skip
     site = Site(np.zeros(3), np.ones(3), np.zeros((0, 3)))
-    builder = Builder(site)
+    builder = PlaceBuilder(site)
     builder.face((0.0, 0.6, 0.2), (0.0, -1.2, 0.0), (0.0, 0.0, 1.0), "paint:f0f0f0",
                  [Print("grid", 0.0, 0.0, 1.2, 1.0)])  # fmt: skip
     t = np.arange(160) * STEP
@@ -424,7 +424,9 @@ def test_bags_hold_masks_and_odometry_of_bodies(mav0, tmp_path):
             row, at = rows[t_ns], message.pose.pose.position
             assert message.child_frame_id == name
             assert (at.x, at.y, at.z) == (row["x"], row["y"], row["z"])
-            state = Poses(np.zeros((1, 3)), np.array([[row[k] for k in ("qw", "qx", "qy", "qz")]]))
+            state = CameraPoses(
+                np.zeros((1, 3)), np.array([[row[k] for k in ("qw", "qx", "qy", "qz")]])
+            )
             world = rotation.rotate(state.q_wc, np.array([[message.twist.twist.linear.x,
                                     message.twist.twist.linear.y, 0.0]]))  # fmt: skip
             assert world[0, 0] == pytest.approx(row["vx"], abs=1e-12)

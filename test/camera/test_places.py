@@ -16,14 +16,14 @@ from imu_sim_ros.places.catalogue import KINDS, build, usual
 from imu_sim_ros.places.geometry import Caster, hidden, surfaces
 from imu_sim_ros.places.light import Lamp, Lighting
 from imu_sim_ros.places.paint import Painter
-from imu_sim_ros.places.place import CLEARANCE, Builder, Place, Site
+from imu_sim_ros.places.place import CLEARANCE, Place, PlaceBuilder, Site
 from imu_sim_ros.places.sheet import Print
 from imu_sim_ros.places.tour import clearance
 from imu_sim_ros.sensors.camera.images.imager import imagers
 from imu_sim_ros.sensors.camera.images.renderer import Renderer
 from imu_sim_ros.sensors.camera.images.texture import atlas
 from imu_sim_ros.sensors.camera.scene_parameters import CorridorParameters
-from imu_sim_ros.sensors.camera.view import Eyes, Poses, in_camera
+from imu_sim_ros.sensors.camera.view import CameraPoses, Eyes, in_camera
 from imu_sim_ros.simulation.cameras import build_rig
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.kinds import Waypoints
@@ -137,7 +137,7 @@ def test_landmarks_are_on_surfaces_and_seen_where_nothing_hides_them(make_rig):
     points, eye = rig.scene.landmarks[tracks.landmark], poses.position[tracks.frame]
     hits = Caster(rig.scene.surfaces).cast(eye, points - eye)
     assert np.abs(hits.distance - 1.0).max() < 1e-6
-    local = in_camera(Poses(eye, poses.q_wc[tracks.frame]), points)
+    local = in_camera(CameraPoses(eye, poses.q_wc[tracks.frame]), points)
     uv, valid = rig.views["cam0"].model.project(local)
     assert valid.all()
     assert np.abs(uv - tracks.uv_true).max() < 1e-9
@@ -197,7 +197,7 @@ def test_corners_of_a_printed_grid_in_a_lit_scene_are_unbiased(make_rig):
     The wall's texels divide the squares, so its corners are where they are printed.
     """
     site = Site(np.zeros(3), np.array([4.0, 4.0, 2.5]), np.zeros((0, 3)))
-    builder = Builder(site)
+    builder = PlaceBuilder(site)
     board = [Print("grid", 1.0, 0.5, 2.0, 1.5)]
     builder.face((4.0, 4.0, 0.0), (0, -4.0, 0), (0, 0, 2.5), "plaster", board)
     lamp = (np.array([2.0, 0.5, 2.4]), np.array([0.5, 0, 0]), np.array([0.0, -0.5, 0]))
@@ -222,7 +222,7 @@ def test_corners_of_a_printed_grid_in_a_lit_scene_are_unbiased(make_rig):
 def test_a_highlight_is_where_the_mirrored_lamp_is(make_rig):
     """To within a pixel: the lobe's middle, but for the slope of the lamp's light on the wall."""
     site = Site(np.zeros(3), np.array([4.0, 4.0, 2.5]), np.zeros((0, 3)))
-    builder = Builder(site)
+    builder = PlaceBuilder(site)
     builder.face((4.0, 4.0, 0.0), (0, -4.0, 0), (0, 0, 2.5), "tiles")
     pane = (np.array([1.0, 2.4, 2.1]), np.array([0, 0.2, 0]), np.array([0, 0, 0.2]))
     lighting = Lighting([Lamp(pane, (20.0, 20.0, 20.0))], sky=(0.2, 0.2, 0.2))
@@ -233,7 +233,7 @@ def test_a_highlight_is_where_the_mirrored_lamp_is(make_rig):
     renderer = Renderer(view.model, wall, textures, 1)
     mounting = rotation.from_matrix(np.array(SMALL["camera__mounting"]).reshape(3, 3))
     for eye in ((1.0, 2.1, 1.0), (0.6, 2.9, 1.6)):
-        poses = Poses(np.array([eye]), mounting[None])
+        poses = CameraPoses(np.array([eye]), mounting[None])
         [(_, maps)] = renderer.maps(Eyes(poses))
         [gloss] = maps.finishes
         brightest = int(gloss.pixel[gloss.add[0].argmax()])

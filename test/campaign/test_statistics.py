@@ -15,7 +15,7 @@ from imu_sim_ros.campaigns.effects import DIFFERENCE, RATIO, SHARE, Effect
 from imu_sim_ros.campaigns.gate import parse
 from imu_sim_ros.campaigns.plan import read_plan
 from imu_sim_ros.campaigns.statistics import (
-    Interval,
+    ConfidenceInterval,
     holm,
     mean,
     means,
@@ -450,12 +450,12 @@ def test_sensitivity_finds_the_exponent():
 )
 def test_the_size_of_an_effect_in_words(kind, effect, words):
     numbers = {"seeds": 9, "won": 1, "lost": 2, "scatter": None, "p": None, "p_beyond": None}
-    share = Interval(0.0, 0.0, 0.0)
+    share = ConfidenceInterval(0.0, 0.0, 0.0)
     one = Effect(
         "a",
         "b",
         kind,
-        Interval(*effect),
+        ConfidenceInterval(*effect),
         **numbers,
         success=share,
         success_p=None,

@@ -7,7 +7,7 @@ import pytest
 from imu_sim_ros import rotation
 from imu_sim_ros.navigation.preintegration import between, preintegrate
 from imu_sim_ros.navigation.preintegration_factor import (
-    Poses,
+    FactorPoses,
     States,
     imu_residual,
     reprojection_residual,
@@ -99,13 +99,15 @@ def sightings():
     n = 7
 
     def poses(spread):
-        return Poses(
+        return FactorPoses(
             spread * rng.normal(size=(n, 3)), rotation.exp(spread * rng.normal(size=(n, 3)))
         )
 
     # The lecture's camera: its z axis is the body's x, T_bc of the peer's data set.
     r_bc = np.array([[0.0, 0, -1], [-1, 0, 0], [0, 1, 0]])
-    camera = Poses(np.tile([0.05, 0.04, 0.03], (n, 1)), np.tile(rotation.from_matrix(r_bc), (n, 1)))
+    camera = FactorPoses(
+        np.tile([0.05, 0.04, 0.03], (n, 1)), np.tile(rotation.from_matrix(r_bc), (n, 1))
+    )
     depth = rng.uniform(2.0, 8.0, n)
     seen = rng.uniform(-0.4, 0.4, (2, n, 2))
     return poses(0.1), poses(0.1), camera, 1.0 / depth, seen[0], seen[1]
@@ -123,7 +125,7 @@ def test_reprojection_jacobians_are_the_derivatives(sightings):
                 d[column] = size
                 poses = sightings[place]
                 arguments = list(sightings)
-                arguments[place] = Poses(
+                arguments[place] = FactorPoses(
                     poses.position + d[:3], rotation.multiply(poses.q, rotation.exp(d[3:]))
                 )
                 ends.append(reprojection_residual(*arguments).residual)

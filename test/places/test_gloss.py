@@ -9,7 +9,7 @@ import pytest
 from imu_sim_ros.places.gloss import normal_reflectance, reflectance
 from imu_sim_ros.places.light import Lamp, Lighting
 from imu_sim_ros.places.paint import Painter
-from imu_sim_ros.places.place import Builder, Place, Site
+from imu_sim_ros.places.place import Place, PlaceBuilder, Site
 from imu_sim_ros.places.sheet import Print
 
 SITE = Site(np.zeros(3), np.array([4.0, 4.0, 3.0]), np.zeros((0, 3)))
@@ -17,7 +17,7 @@ SITE = Site(np.zeros(3), np.array([4.0, 4.0, 3.0]), np.zeros((0, 3)))
 
 def wall(material, prints=(), lamps=()):
     """Return the polish of a wall at x = 4 that is seen from the left, and its place."""
-    builder = Builder(SITE)
+    builder = PlaceBuilder(SITE)
     builder.face((4.0, 4.0, 0.0), (0, -4.0, 0), (0, 0, 3.0), material, prints)
     lighting = Lighting(lamps, sky=(0.2, 0.2, 0.2))
     place = Place(tuple(builder.faces), lighting, SITE.low, SITE.high, np.zeros((0, 3)))

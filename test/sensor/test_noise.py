@@ -19,10 +19,10 @@ from imu_sim_ros.sensors.errors.flicker import CHUNK as FLICKER_CHUNK
 from imu_sim_ros.sensors.errors.flicker import FlickerFilter, FlickerNoise
 from imu_sim_ros.sensors.errors.noise import (
     BiasInstability,
+    ErrorTerm,
     GaussMarkov,
     RandomWalk,
     RateRamp,
-    Term,
     WhiteNoise,
 )
 from imu_sim_ros.sensors.errors.processes import CHUNK, GaussMarkovBank
@@ -40,7 +40,7 @@ def gyroscope(**values: object) -> TriadParameters:
     return build(ImuParameters, own).gyroscope
 
 
-def draw(term: Term, parameters: TriadParameters, count: int = N) -> np.ndarray:
+def draw(term: ErrorTerm, parameters: TriadParameters, count: int = N) -> np.ndarray:
     """Return (3, count) samples, made in blocks."""
     term.configure(parameters)
     values = np.zeros((3, count))

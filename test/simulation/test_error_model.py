@@ -15,7 +15,7 @@ from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 from imu_sim_ros.simulation.engine import Simulation
-from imu_sim_ros.simulation.error_input import Differentiator, Given
+from imu_sim_ros.simulation.error_input import Differentiator, GivenReadings
 from imu_sim_ros.simulation.error_model import ErrorModel, joined
 from imu_sim_ros.simulation.error_parameters import load_error_model
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -118,11 +118,11 @@ def model_of(values: dict[str, object], **more: object) -> ErrorModel:
     return ErrorModel(load_error_model({"imu.preset": "perfect", "seed": 5, **values, **more}))
 
 
-def given_of(block: ImuBlock) -> Given:
-    return Given(block.true_t_ns, block.ideal_gyro.T, block.ideal_accel.T)
+def given_of(block: ImuBlock) -> GivenReadings:
+    return GivenReadings(block.true_t_ns, block.ideal_gyro.T, block.ideal_accel.T)
 
 
-def read_in(model: ErrorModel, given: Given, sizes: list[int]) -> ImuBlock:
+def read_in(model: ErrorModel, given: GivenReadings, sizes: list[int]) -> ImuBlock:
     blocks, begin, k = [], 0, 0
     while begin < len(given.t_ns):
         size = sizes[k % len(sizes)]
@@ -131,7 +131,7 @@ def read_in(model: ErrorModel, given: Given, sizes: list[int]) -> ImuBlock:
     return joined(blocks)
 
 
-def read_singly(model: ErrorModel, given: Given) -> ImuBlock:
+def read_singly(model: ErrorModel, given: GivenReadings) -> ImuBlock:
     """Read one by one in plain floats wherever that is possible."""
     blocks = []
     for k, t_ns in enumerate(given.t_ns.tolist()):
@@ -251,7 +251,7 @@ def test_a_jump_back_begins_again(restart: str) -> None:
     first, second = truth_of(values, 300), truth_of(values, 300)
     if restart == "next_seed":
         second = truth_of({**values, "seed": 6}, 300)
-    twice = Given(*(np.concatenate([v, v], axis=-1) for v in given_of(first)[:3]))
+    twice = GivenReadings(*(np.concatenate([v, v], axis=-1) for v in given_of(first)[:3]))
     model = model_of(values, **{"input.restart": restart})
     found = read_in(model, twice, [64])
     assert np.array_equal(found.gyro, np.concatenate([first.gyro, second.gyro]))
@@ -326,7 +326,7 @@ AXES = {
 @pytest.mark.parametrize("axes", AXES)
 def test_axes(axes: str) -> None:
     block = truth_of({})
-    turned = Given(
+    turned = GivenReadings(
         block.true_t_ns, AXES[axes] @ block.ideal_gyro.T, AXES[axes] @ block.ideal_accel.T
     )
     found = joined(model_of({}, **{"input.axes": axes}).read(turned))
@@ -337,7 +337,7 @@ def test_axes(axes: str) -> None:
 def test_frame_rotation_is_into_the_imu() -> None:
     block = truth_of({})
     r = rotation.to_matrix(rotation.from_euler(np.array([0.1, -0.2, 0.3])))
-    turned = Given(block.true_t_ns, r.T @ block.ideal_gyro.T, r.T @ block.ideal_accel.T)
+    turned = GivenReadings(block.true_t_ns, r.T @ block.ideal_gyro.T, r.T @ block.ideal_accel.T)
     model = model_of({}, **{"input.frame_rotation": r.ravel().tolist()})
     assert np.allclose(joined(model.read(turned)).ideal_accel, block.ideal_accel, atol=1e-13)
 
@@ -352,7 +352,7 @@ def test_missing_gravity_is_added_with_the_orientation(axes: str) -> None:
     if axes == "frd":  # its world is north, east, down
         r_w_axes = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]) @ r_w_axes
     q = np.stack([rotation.from_matrix(r) for r in r_w_axes])
-    given = Given(block.true_t_ns, to_axes @ block.ideal_gyro.T, to_axes @ kinematic.T, q.T)
+    given = GivenReadings(block.true_t_ns, to_axes @ block.ideal_gyro.T, to_axes @ kinematic.T, q.T)
     model = model_of({}, **{"input.gravity": "missing", "input.axes": axes})
     found = joined(model.read(given))
     assert np.allclose(found.ideal_accel, block.ideal_accel, atol=1e-12)
@@ -422,7 +422,7 @@ def resting(accel: list[float], rate: float = 200.0, **values: object) -> list[s
     force = np.repeat(np.array(accel)[:, None], len(t_ns), axis=1)
     q_wb = np.zeros((4, len(t_ns)))
     q_wb[0] = 1.0
-    given = Given(t_ns, np.zeros((3, len(t_ns))), force, q_wb)
+    given = GivenReadings(t_ns, np.zeros((3, len(t_ns))), force, q_wb)
     for k in range(0, len(t_ns), 50):
         model.read(given.at(slice(k, k + 50)))
     return lines
@@ -449,7 +449,7 @@ def test_the_check_at_the_start_looks_at_readings_in_plain_floats() -> None:
     model = ErrorModel(load_error_model({"imu.preset": "perfect"}), remark=lines.append)
     still = [0.0, 0.0, 0.0]
     assert model.read_one(0, still, still) is None  # the first makes the sensor
-    model.read(Given(np.array([0]), np.zeros((3, 1)), np.zeros((3, 1))))
+    model.read(GivenReadings(np.array([0]), np.zeros((3, 1)), np.zeros((3, 1))))
     for k in range(1, 400):
         assert model.read_one(k * 5_000_000, still, still) is not None
     assert lines == []
@@ -511,7 +511,7 @@ def test_a_message_of_one_sample_has_the_bytes_of_a_block(topic: str) -> None:
     model = ErrorModel(parameters)
     block, single = encoder(topic, parameters), encoder_of_one(topic, parameters)
     begin = 10**18
-    model.read(Given(np.array([begin]), np.zeros((3, 1)), np.zeros((3, 1))))
+    model.read(GivenReadings(np.array([begin]), np.zeros((3, 1)), np.zeros((3, 1))))
     for k in range(1, 200):
         reading = [0.1 * k, -2.0, 1e-3], [0.0, 0.3 * k, 9.81]
         sample = model.read_one(begin + k * 5_000_000, *reading)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros.bags.messages.encode import seconds
-from imu_sim_ros.bags.messages.layouts import Builder
+from imu_sim_ros.bags.messages.layouts import LayoutBuilder
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.types import Array, Integers
 
@@ -49,7 +49,7 @@ class CameraInfo(NamedTuple):
     """(3, 4) projection of the rectified image."""
 
 
-class StampedBuilder(Builder):
+class StampedBuilder(LayoutBuilder):
     """A message that begins with a header; its texts and lengths are known."""
 
     def __init__(self, frame_id: str, encoding: str) -> None:
@@ -78,7 +78,7 @@ class StampedBuilder(Builder):
         return result
 
 
-class Stamped:
+class StampedMessages:
     """Messages in CDR that begin with a header."""
 
     @staticmethod

@@ -168,7 +168,7 @@ class Layout(NamedTuple):
         return payloads.view(self.dtype)[:, 0]
 
 
-class Builder:
+class LayoutBuilder:
     """Collects fields at their offsets."""
 
     def __init__(self, encoding: str) -> None:
@@ -267,7 +267,7 @@ def layout(type_name: str, encoding: str, texts: Sequence[str | bytes] = ()) -> 
     """
     if encoding not in ENCODINGS:
         raise ValueError(f"encoding {encoding!r}: must be one of {', '.join(ENCODINGS)}")
-    builder = Builder(encoding)
+    builder = LayoutBuilder(encoding)
     remaining = iter(texts)
     for name, kind, count in FIELDS[type_name]:
         if kind == "text":

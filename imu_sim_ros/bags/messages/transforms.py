@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros.bags.messages.blocks import Column, RowTemplate
 from imu_sim_ros.bags.messages.encode import ROS_ORDER, seconds
-from imu_sim_ros.bags.messages.layouts import Builder
+from imu_sim_ros.bags.messages.layouts import LayoutBuilder
 from imu_sim_ros.types import Bytes, Times
 
 TF_MESSAGE: Final = "tf2_msgs/msg/TFMessage"
@@ -28,7 +28,7 @@ class TransformsEncoder:
 
         :param frames: parent and child of each of the m transforms in a message.
         """
-        builder = Builder(encoding)
+        builder = LayoutBuilder(encoding)
         builder.length(len(frames))
         for k, (parent, child) in enumerate(frames):
             builder.field("stamp", "header", suffix=f"_{k}")
@@ -43,7 +43,7 @@ class TransformsEncoder:
     @staticmethod
     def stamp_offset() -> int:
         """Return where the stamp of the first transform begins, in CDR."""
-        builder = Builder("cdr")
+        builder = LayoutBuilder("cdr")
         builder.length(1)
         builder.field("stamp", "header")
         return builder.offsets[builder.names.index("sec")]
@@ -79,7 +79,7 @@ class JointStateEncoder:
 
         :param joints: their names, at least one.
         """
-        builder = Builder(encoding)
+        builder = LayoutBuilder(encoding)
         builder.field("stamp", "header")
         builder.text(frame_id)
         builder.length(len(joints))

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.text.writer import States
+from imu_sim_ros.bags.text.writer import BodyStates
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import (
@@ -100,7 +100,7 @@ def state_file(path: Path) -> Path:
 
 def state_blocks(
     path: Path, topic: str | None = None, skipped: Skipped | None = None
-) -> Iterator[States]:
+) -> Iterator[BodyStates]:
     """Yield the states of a EuRoC folder, or of its file, in blocks.
 
     :param skipped: as for :func:`imu_blocks`.
@@ -110,7 +110,7 @@ def state_blocks(
     for t_ns, numbers in _blocks(state_file(path), _STATE, skipped):
         q_wb = normalise(numbers[:, 3:7])
         biases = numbers[:, 10:13], numbers[:, 13:16]
-        yield States(t_ns, numbers[:, :3], q_wb, numbers[:, 7:10], *biases)
+        yield BodyStates(t_ns, numbers[:, :3], q_wb, numbers[:, 7:10], *biases)
 
 
 def has_states(path: Path) -> bool:

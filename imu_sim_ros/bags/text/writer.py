@@ -44,7 +44,7 @@ WITH_TABLES: Final = ("euroc", "csv")
 """Forms that have tables other than the readings of an IMU."""
 
 
-class States(NamedTuple):
+class BodyStates(NamedTuple):
     """n true states of the body."""
 
     t_ns: Times
@@ -216,7 +216,7 @@ class Dataset:
         """Write rows of a table other than the readings of an IMU: times (n,) and values (n, m)."""
         self.tables[name, index].write(t_ns, values)
 
-    def write_states(self, states: States, index: int = 0) -> None:
+    def write_states(self, states: BodyStates, index: int = 0) -> None:
         """Write true states.
 
         :param index: of the IMU whose biases they hold.

@@ -14,7 +14,7 @@ from imu_sim_ros.calibration.twin import alignment as clock
 from imu_sim_ros.calibration.twin import intensity, spectrum
 from imu_sim_ros.calibration.twin.fit import Fit, Recording, fit
 from imu_sim_ros.calibration.twin.intensity import Lines, find_lines
-from imu_sim_ros.calibration.twin.model import Errors, Truth, predicted, true_times
+from imu_sim_ros.calibration.twin.model import Errors, KnownMotion, predicted, true_times
 from imu_sim_ros.calibration.twin.spectrum import Bands, White
 from imu_sim_ros.types import Array
 
@@ -58,7 +58,7 @@ class Analysis(NamedTuple):
     """(k, 6) standard errors."""
 
 
-def constant_errors(recording: Recording, truth: Truth, start: Errors) -> Fit:
+def constant_errors(recording: Recording, truth: KnownMotion, start: Errors) -> Fit:
     """Return the constant errors, and how the truth's clock wanders if it does."""
     found = fit(recording, truth, start)
     if not found.settled:  # a first guess far off: the poses' noise is taken out anew, closer by
@@ -80,7 +80,7 @@ class Foreseen(NamedTuple):
     of that (Hausman 1978: the difference of their variances); 1 if all is as it should be."""
 
 
-def foreseen(recording: Recording, truth: Truth, found: Fit) -> Foreseen:
+def foreseen(recording: Recording, truth: KnownMotion, found: Fit) -> Foreseen:
     """Return what fits to three quarters of a recording say of the fourth."""
     edges = np.linspace(0, len(recording.stamps), _FOLDS + 1).astype(int)
     residuals, squares = np.empty_like(found.residuals), np.zeros(len(found.sigma))
@@ -109,7 +109,7 @@ def foreseen(recording: Recording, truth: Truth, found: Fit) -> Foreseen:
     return Foreseen(residuals, np.sqrt(squares / _FOLDS))
 
 
-def noise_residuals(recording: Recording, truth: Truth, found: Fit) -> list[Array]:
+def noise_residuals(recording: Recording, truth: KnownMotion, found: Fit) -> list[Array]:
     """Return the effect of the poses' noise on the residuals (n, 6), drawn several times."""
     t = true_times(found.errors, recording.stamps, found.reference, found.wander)
     own = predicted(found.errors, truth.motion_at, t)[0]

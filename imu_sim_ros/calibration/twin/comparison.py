@@ -10,7 +10,7 @@ import numpy as np
 
 from imu_sim_ros.calibration.twin import alignment as clock
 from imu_sim_ros.calibration.twin.fit import Fit, Recording, fit
-from imu_sim_ros.calibration.twin.model import CURVATURE, OFFSET, SKEW, Truth
+from imu_sim_ros.calibration.twin.model import CURVATURE, OFFSET, SKEW, KnownMotion
 from imu_sim_ros.calibration.twin.spectrum import cross_spectra
 from imu_sim_ros.types import Array
 
@@ -140,7 +140,7 @@ OF_THE_TRUTH: Final = np.r_[OFFSET, SKEW, CURVATURE]
 _ALIGNMENTS: Final = 2
 
 
-def laid_on(recording: Recording, truth: Truth, found: Fit) -> Fit:
+def laid_on(recording: Recording, truth: KnownMotion, found: Fit) -> Fit:
     """Return a fit of the truth's clock and smoothing on a recording; all else stays as found.
 
     :param found: of another recording, or of this one.

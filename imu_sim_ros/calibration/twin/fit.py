@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.twin import model
-from imu_sim_ros.calibration.twin.model import COUNT, Errors, MotionAt, Truth
+from imu_sim_ros.calibration.twin.model import COUNT, Errors, KnownMotion, MotionAt
 from imu_sim_ros.types import Array, Integers
 
 Indices = NDArray[np.intp]
@@ -281,7 +281,7 @@ class _Sums:
 
 def fit(
     recording: Recording,
-    truth: Truth,
+    truth: KnownMotion,
     start: Errors,
     wander: Array | None = None,
     prior: Array = PRIOR,

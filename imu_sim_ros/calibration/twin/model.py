@@ -55,7 +55,7 @@ MotionAt = Callable[[Array], BodyMotion]
 """Returns the motion at times (n,) [s] after the truth's first pose."""
 
 
-class Truth(NamedTuple):
+class KnownMotion(NamedTuple):
     """A motion that is known but for the noise of its poses."""
 
     motion_at: MotionAt

@@ -39,7 +39,7 @@ _NARROWEST, _WIDTH = 5, 0.3
 """Frequencies, absolute and relative, over which spectra are averaged."""
 
 
-class Poses(NamedTuple):
+class NoisyPoses(NamedTuple):
     """n poses."""
 
     t: Array
@@ -50,7 +50,7 @@ class Poses(NamedTuple):
     """(n, 4)"""
 
 
-def scatter(poses: Poses) -> tuple[Array, Array]:
+def scatter(poses: NoisyPoses) -> tuple[Array, Array]:
     """Return times (m,) and what poses scatter by at their highest frequencies (m, 6).
 
     Divided differences of eighth order, over the factor by which they enlarge white noise: attitude
@@ -68,7 +68,7 @@ def scatter(poses: Poses) -> tuple[Array, Array]:
     return poses.t[middle], high
 
 
-def _differences(poses: Poses, count: int) -> Array:
+def _differences(poses: NoisyPoses, count: int) -> Array:
     """Return divided differences (n + 1 - count, 6) with weights whose squares sum to 1."""
     t, position, q_wb = poses
     times = np.lib.stride_tricks.sliding_window_view(t, count)
@@ -120,7 +120,7 @@ class PoseNoise(NamedTuple):
         steps = {"quaternion_step": self.quaternion_step, "position_step_m": self.position_step}
         return {"attitude_rad": angle, "position_m": distance, **steps}
 
-    def drawn(self, smooth: Poses, rng: np.random.Generator) -> tuple[Array, Array]:
+    def drawn(self, smooth: NoisyPoses, rng: np.random.Generator) -> tuple[Array, Array]:
         """Return one more noise of poses: turns (n, 3) in the body [rad], shifts (n, 3) [m].
 
         :param smooth: the path without its noise.
@@ -128,7 +128,7 @@ class PoseNoise(NamedTuple):
         path, noise = smooth, self.white * rng.standard_normal((len(smooth.t), 6))
         if self.position_step or self.quaternion_step:
             offsets = rng.uniform(-0.5, 0.5, 7)
-            path = Poses(
+            path = NoisyPoses(
                 smooth.t,
                 smooth.position + self.position_step * offsets[:3],
                 rotation.normalise(smooth.q_wb + self.quaternion_step * offsets[3:]),
@@ -143,7 +143,7 @@ def _rounded(values: Array, step: float) -> Array:
     return step * np.rint(values / step) if step else values
 
 
-def noise_of(poses: Poses, smooth: Poses) -> PoseNoise:
+def noise_of(poses: NoisyPoses, smooth: NoisyPoses) -> PoseNoise:
     """Return the noise of poses.
 
     :param smooth: the same poses without most of their noise.
@@ -159,7 +159,7 @@ def noise_of(poses: Poses, smooth: Poses) -> PoseNoise:
     return steps._replace(white=np.where(white > _NONE, white, 0.0))
 
 
-def _variance(poses: Poses) -> Array:
+def _variance(poses: NoisyPoses) -> Array:
     """Return the variance (6,) of the scatter: the median over seconds, which no jump raises."""
     t, high = scatter(poses)
     if not len(high):
@@ -172,10 +172,10 @@ def _variance(poses: Poses) -> Array:
     return np.asarray(np.median(squares[whole] / counts[whole, None], axis=0))
 
 
-def spoiled(poses: Poses, turn: Array, shift: Array) -> Poses:
+def spoiled(poses: NoisyPoses, turn: Array, shift: Array) -> NoisyPoses:
     """Return poses with a noise."""
     q_wb = rotation.multiply(poses.q_wb, rotation.exp(turn))
-    return Poses(poses.t, poses.position + shift, q_wb)
+    return NoisyPoses(poses.t, poses.position + shift, q_wb)
 
 
 def _step(values: Array) -> float:

@@ -25,12 +25,12 @@ from imu_sim_ros.nodes import messages as decode
 from imu_sim_ros.nodes import run, sensor_description, signals
 from imu_sim_ros.nodes.diagnostics import PERIOD, fault_message
 from imu_sim_ros.nodes.error_model.diagnostics import ErrorModelReport
-from imu_sim_ros.nodes.error_model.output import DEPTH, Outputs, wanted
+from imu_sim_ros.nodes.error_model.output import DEPTH, ErrorModelOutputs, wanted
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import check_overrides, create
 from imu_sim_ros.nodes.subscriptions import MatchedInputs, RawSubscriptions, Taken
 from imu_sim_ros.rotation.scalars import Q4
-from imu_sim_ros.simulation.error_input import Differentiator, Given
+from imu_sim_ros.simulation.error_input import Differentiator, GivenReadings
 from imu_sim_ros.simulation.error_model import ErrorModel
 from imu_sim_ros.simulation.error_parameters import NODE, ErrorNodeParameters, layer_error_model
 from imu_sim_ros.simulation.topics import sensors_of
@@ -62,7 +62,7 @@ class ErrorModelNode(ConfiguredNode):
         self._oriented = self.model.uses_orientation
         self._odometry = Differentiator(parameters) if parameters.odometry else None
         self._is_simple = not (self._oriented or parameters.odometry)
-        self.outputs = Outputs(self, parameters, self.lifetime.fail)
+        self.outputs = ErrorModelOutputs(self, parameters, self.lifetime.fail)
         self._faults = create(
             self,
             DiagnosticArray,
@@ -141,7 +141,7 @@ class ErrorModelNode(ConfiguredNode):
         self.outputs.publish_singly(samples, self.parameters)
         return taken[done:]
 
-    def _given(self, topic: str, taken: list[Taken]) -> Given:
+    def _given(self, topic: str, taken: list[Taken]) -> GivenReadings:
         """Return the readings in messages."""
         if self._odometry is not None:
             return self._of_odometry(self._odometry, topic, taken)
@@ -155,7 +155,9 @@ class ErrorModelNode(ConfiguredNode):
             self._refuse(topic, error)
             return None
 
-    def _of_odometry(self, odometry: Differentiator, topic: str, taken: list[Taken]) -> Given:
+    def _of_odometry(
+        self, odometry: Differentiator, topic: str, taken: list[Taken]
+    ) -> GivenReadings:
         states: list[decode.OdometryFields] = []
         for payload, _ in taken:
             try:
@@ -224,12 +226,12 @@ class ErrorModelNode(ConfiguredNode):
         )
 
 
-def _given(readings: list[Reading], oriented: bool) -> Given:
+def _given(readings: list[Reading], oriented: bool) -> GivenReadings:
     """Return readings as arrays; their orientations if each has one, and it is of use."""
     q_wb = None
     if oriented and all(orientation is not None for _, orientation in readings):
         q_wb = np.array([orientation for _, orientation in readings], np.float64).T
-    return Given(
+    return GivenReadings(
         np.array([reading.t_ns for reading, _ in readings], np.int64),
         np.array([reading.gyro for reading, _ in readings]).reshape(-1, 3).T,
         np.array([reading.accel for reading, _ in readings]).reshape(-1, 3).T,

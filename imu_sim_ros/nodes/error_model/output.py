@@ -48,7 +48,7 @@ class _Output(NamedTuple):
     counter: Counter
 
 
-class Outputs:
+class ErrorModelOutputs:
     """The publishers of the node."""
 
     def __init__(self, node: Any, parameters: ErrorNodeParameters, fail: Fail) -> None:

@@ -23,9 +23,9 @@ from imu_sim_ros.nodes import run, signals
 from imu_sim_ros.nodes.messages import definition, message_class, stamp_offset, type_hash
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.recorder.recording import (
+    BagRecording,
     DurationLimit,
     RecordedTopic,
-    Recording,
     Timestamps,
 )
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
@@ -65,7 +65,7 @@ class Recorder(ConfiguredNode):
         self._shown = 0
         self._waiting_since = time.monotonic()
         self._live_line = parameters.status and sys.stderr.isatty()
-        self.recording = Recording(
+        self.recording = BagRecording(
             self._open_bag,
             lambda error: self.lifetime.fail(error, status=1),
             parameters.buffer_size * MEGABYTE,

@@ -179,7 +179,7 @@ class RecordedTopic:
         self.unseen.clear()
 
 
-class Recording:
+class BagRecording:
     """Writes messages into a bag and finishes it properly, whatever happens.
 
     :param open_bag: opens the bag.

@@ -24,7 +24,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 
-from imu_sim_ros.bags.messages.encode_cameras import Stamped
+from imu_sim_ros.bags.messages.encode_cameras import StampedMessages
 from imu_sim_ros.bags.read import read_poses
 from imu_sim_ros.conventions import FEATURES_TOPIC, LANDMARKS_TOPIC, MARKERS_TOPIC
 from imu_sim_ros.datasets.bodies import BodyMessages
@@ -169,7 +169,7 @@ class CameraNode:
     def publish(self, number: int, t0_ns: int) -> None:
         """Publish a frame."""
         for topic, payload in self.frames.take(number).items():
-            self.counters[topic].send(Stamped.moved(payload, t0_ns - ORIGIN_NS))
+            self.counters[topic].send(StampedMessages.moved(payload, t0_ns - ORIGIN_NS))
 
     def _lost(self, number: int) -> bool:
         total = self._view.total

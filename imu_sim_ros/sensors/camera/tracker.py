@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.places.bodies import Body
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.camera.scene import Scene
-from imu_sim_ros.sensors.camera.view import Frames, Poses, View, in_camera
+from imu_sim_ros.sensors.camera.view import CameraPoses, Frames, View, in_camera
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.types import Array, Mask
 
@@ -187,10 +187,10 @@ class Tracker:
             return _Observed(empty, empty, np.zeros((0, 2)), np.zeros(0))
         return _Observed(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
-    def _poses(self, t: Array, body: Body | None) -> Poses:
+    def _poses(self, t: Array, body: Body | None) -> CameraPoses:
         """Return where the camera is at times t (n,) [s], in the world or in a body's axes."""
         poses = self.view.poses(self.trajectory, t)
-        return poses if body is None else Poses(*body.sees(t, *poses))
+        return poses if body is None else CameraPoses(*body.sees(t, *poses))
 
     def _look_at_once(
         self, frames: Frames, rows: Rows, points: Array, normals: Array, body: Body | None
@@ -203,27 +203,27 @@ class Tracker:
         uv, valid = model.project(local)
         seen = valid & model.inside(uv, p.border - slack)
         frame, point, uv, depth = frame[seen], point[seen], uv[seen], local[seen, 2]
-        eye, t = Poses(poses.position[frame], poses.q_wc[frame]), t[frame]
+        eye, t = CameraPoses(poses.position[frame], poses.q_wc[frame]), t[frame]
         if slack:
             eye, t, uv, depth, seen = self._through_rolling_shutter(t, points[point], uv, body)
-            eye, t = Poses(eye.position[seen], eye.q_wc[seen]), t[seen]
+            eye, t = CameraPoses(eye.position[seen], eye.q_wc[seen]), t[seen]
             frame, point, uv, depth = frame[seen], point[seen], uv[seen], depth[seen]
         shown = self._shown(t, eye.position, points[point], normals[point], body)
         return _Observed(rows[frame[shown]], point[shown], uv[shown], depth[shown])
 
-    def _in_front(self, poses: Poses, points: Array) -> tuple[Rows, Rows, Array]:
+    def _in_front(self, poses: CameraPoses, points: Array) -> tuple[Rows, Rows, Array]:
         """Return frames and rows of all points within the depths, and the points in the camera."""
         p = self.view.parameters
         count = len(points)
         local = in_camera(
-            Poses(poses.position[:, None], poses.q_wc[:, None]), points[None]
+            CameraPoses(poses.position[:, None], poses.q_wc[:, None]), points[None]
         ).reshape(-1, 3)
         near = np.flatnonzero((local[:, 2] > p.min_depth) & (local[:, 2] < p.max_depth))
         return near // count, near % count, local[near]
 
     def _through_rolling_shutter(
         self, t: Array, points: Array, uv: Array, body: Body | None
-    ) -> tuple[Poses, Array, Array, Array, Mask]:
+    ) -> tuple[CameraPoses, Array, Array, Array, Mask]:
         """Return poses, times, pixels and depths when each pixel's row is exposed.
 
         The row decides the time, and the time the row: ``t = t_frame + row_time (v - (h - 1) / 2)``

@@ -34,7 +34,7 @@ class Frames(NamedTuple):
     """(n,) false: the frame is lost."""
 
 
-class Poses(NamedTuple):
+class CameraPoses(NamedTuple):
     """Where a camera is at n times."""
 
     position: Array
@@ -46,8 +46,8 @@ class Poses(NamedTuple):
 class Eyes(NamedTuple):
     """Where a camera is at n times, in the world and in the axes of what moves there."""
 
-    world: Poses
-    bodies: Sequence[Poses] = ()
+    world: CameraPoses
+    bodies: Sequence[CameraPoses] = ()
     """Of each body."""
 
 
@@ -104,13 +104,13 @@ class View:
         t = timebase.seconds_since(t_ns, self.t0_ns)
         return np.clip(t, 0.0, self.duration)
 
-    def poses(self, trajectory: Trajectory, t: Array) -> Poses:
+    def poses(self, trajectory: Trajectory, t: Array) -> CameraPoses:
         """Return where the camera is at times t (n,) [s]: ``T_wc = T_wb T_bc``."""
         motion = trajectory.sample(np.clip(t, 0.0, trajectory.duration))
         position = motion.position + rotation.rotate(motion.q_wb, self.p_bc)
-        return Poses(position, rotation.multiply(motion.q_wb, self.q_bc))
+        return CameraPoses(position, rotation.multiply(motion.q_wb, self.q_bc))
 
 
-def in_camera(poses: Poses, points: Array) -> Array:
+def in_camera(poses: CameraPoses, points: Array) -> Array:
     """Return points (n, 3) of the world in the camera's frame, each by the pose of its row."""
     return rotation.rotate_inverse(poses.q_wc, points - poses.position)

@@ -22,7 +22,7 @@ from imu_sim_ros.sensors.imu.triads import TriadParameters
 from imu_sim_ros.types import Array
 
 
-class Term(Protocol):
+class ErrorTerm(Protocol):
     """One error of a triad."""
 
     active: bool
@@ -270,7 +270,7 @@ class RateRamp:
             self._samples += n
 
 
-def bias_terms(seed: int, triad: str, own: TriadParameters, dt: float) -> tuple[Term, ...]:
+def bias_terms(seed: int, triad: str, own: TriadParameters, dt: float) -> tuple[ErrorTerm, ...]:
     """Return what adds up to a triad's bias, in this order; a new term is one line more.
 
     :param triad: the first part of the names of their random streams.

@@ -19,7 +19,7 @@ from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.nodes import messages as message_types
 from imu_sim_ros.nodes.arguments import ros_arguments
 from imu_sim_ros.nodes.recorder.node import _left, plain_arguments
-from imu_sim_ros.nodes.recorder.recording import Message, RecordedTopic, Recording
+from imu_sim_ros.nodes.recorder.recording import BagRecording, Message, RecordedTopic
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
 
 pytestmark = pytest.mark.ros
@@ -105,7 +105,7 @@ def topic(name: str, type_name: str = "sensor_msgs/msg/Imu") -> RecordedTopic:
 
 
 def test_messages_beyond_the_buffer_are_dropped_and_counted(tmp_path):
-    recording = Recording(lambda: open_writer(tmp_path / "bag"), pytest.fail, buffer_bytes=1000)
+    recording = BagRecording(lambda: open_writer(tmp_path / "bag"), pytest.fail, buffer_bytes=1000)
     recording.add_topic(topic("/imu"))
     recording.put([Message("/imu", 10**9 + k, bytes(100)) for k in range(10)])
     recording.put([Message("/imu", 2 * 10**9, bytes(2000))])
@@ -115,7 +115,7 @@ def test_messages_beyond_the_buffer_are_dropped_and_counted(tmp_path):
 
 
 def test_topics_and_messages_that_the_bag_cannot_hold_do_not_stop_the_others(tmp_path):
-    recording = Recording(lambda: open_writer(tmp_path / "bag.bag"), pytest.fail)
+    recording = BagRecording(lambda: open_writer(tmp_path / "bag.bag"), pytest.fail)
     (row,) = ImuEncoder("imu_link").encode(np.array([10**9]), np.zeros((1, 3)), np.zeros((1, 3)))
     message = row.tobytes()
     recording.add_topic(topic("/wheel", WHEEL))

@@ -12,7 +12,7 @@ import imu_sim_ros as ims
 from imu_sim_ros import rotation
 from imu_sim_ros.commands.generate import main
 from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
-from imu_sim_ros.trajectory.recorded import Recorded
+from imu_sim_ros.trajectory.recorded import RecordedMotion
 from imu_sim_ros.trajectory.repair import mended
 
 EUROC = Path(__file__).parents[3].parent / "shared/data/euroc_V1_02_medium_groundtruth.csv"
@@ -95,7 +95,7 @@ def follow(build, tmp_path):
     def write_and_build(t, p, q, **parameters):
         path = written(tmp_path / "poses.txt", t, p, q)
         trajectory = build(type="poses", file=str(path), **parameters)
-        assert isinstance(trajectory, Recorded)
+        assert isinstance(trajectory, RecordedMotion)
         return trajectory
 
     return write_and_build

@@ -19,7 +19,7 @@ from imu_sim_ros.sensors.camera.images.texture import Atlas, atlas
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.scene_parameters import MeshParameters, SceneParameters
-from imu_sim_ros.sensors.camera.view import Eyes, Poses, View
+from imu_sim_ros.sensors.camera.view import CameraPoses, Eyes, View
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.types import Array, Bytes, Single
 
@@ -147,7 +147,7 @@ class Imager:
         poses = self.view.poses(self._trajectory, t)
         crowd = self._scene.crowd
         each = crowd.each if crowd else ()
-        return Eyes(poses, [Poses(*body.sees(t, *poses)) for body in each])
+        return Eyes(poses, [CameraPoses(*body.sees(t, *poses)) for body in each])
 
     @property
     def vignette(self) -> Single:

@@ -17,7 +17,7 @@ from imu_sim_ros.sensors.camera.images.rays import PixelRays
 from imu_sim_ros.sensors.camera.images.renderer import Maps, look_up, opencv, rounded
 from imu_sim_ros.sensors.camera.images.texture import BACKGROUND, BLANK, LEVELS
 from imu_sim_ros.sensors.camera.model import CameraModel
-from imu_sim_ros.sensors.camera.view import Eyes, Poses
+from imu_sim_ros.sensors.camera.view import CameraPoses, Eyes
 from imu_sim_ros.types import Array, Bytes, Integers, Mask, Single
 
 _GRAZING: Final = 1e-6
@@ -86,7 +86,7 @@ class MeshRenderer:
         """Return :meth:`depth`, and 0 for each pixel: nothing moves in a mesh."""
         return self.depth(eyes), np.zeros(self._rays.shape, np.uint8)
 
-    def _seen(self, poses: Poses) -> Iterator[tuple[int, slice, Single, _Seen]]:
+    def _seen(self, poses: CameraPoses) -> Iterator[tuple[int, slice, Single, _Seen]]:
         """Yield each band's number, rows and rays (3, h, w), and what they meet first."""
         position, r_wc = rounded(poses)
         for number, band in enumerate(self._rays.bands):

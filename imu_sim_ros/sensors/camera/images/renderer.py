@@ -28,7 +28,7 @@ from imu_sim_ros.sensors.camera.images.finish import Finish, Frame, Glossy, Seen
 from imu_sim_ros.sensors.camera.images.rays import CELL, PixelRays, corners_and_probes, row_by_row
 from imu_sim_ros.sensors.camera.images.texture import BLANK, Atlas
 from imu_sim_ros.sensors.camera.model import CameraModel
-from imu_sim_ros.sensors.camera.view import Eyes, Poses
+from imu_sim_ros.sensors.camera.view import CameraPoses, Eyes
 from imu_sim_ros.types import Array, Bytes, Integers, Mask, Single
 
 _Value = TypeVar("_Value", bound=np.generic)
@@ -406,7 +406,7 @@ def _cells_of_rows(sizes: Sequence[int]) -> Integers:
     return np.concatenate([np.arange(size) for size in sizes])
 
 
-def rounded(poses: Poses) -> tuple[Array, Array]:
+def rounded(poses: CameraPoses) -> tuple[Array, Array]:
     """Return positions (n, 3) and rotations R_wc (n, 3, 3) without the last bits of a sine."""
     position = np.round(poses.position * _GRID) / _GRID
     r_wc = np.round(rotation.to_matrix(poses.q_wc) * _GRID) / _GRID
