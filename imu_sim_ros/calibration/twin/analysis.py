@@ -142,14 +142,20 @@ def analyse(
     reference = np.maximum(reference, 1e-3)
     logs = sizes(reference)
     exponents = intensity.follow(residuals, parts, rate, logs)
-    whole, *each = (
-        _bands(list(x), parts, rate, logs, exponents.value)
-        for x in [(unseen, residuals), *((x, x) for x in noises)]
-    )
-    bands = whole.less(np.mean([x.matrix for x in each], axis=0)) if each else whole
-    # White noise is in all frequencies, in those that say little of it, too.
-    floor = spectrum.white_floor(bands, _LOWEST_WHITE)
-    floor = spectrum.lowered(floor, whole.density.min(axis=0))
+
+    def above_noise(followed: Array) -> tuple[Bands, Bands]:
+        """Return the bands of the residual, and without what the poses' noise has in them."""
+        pairs = [(unseen, residuals), *((x, x) for x in noises)]
+        whole, *each = (_bands(list(x), parts, rate, logs, followed) for x in pairs)
+        noise = [x.matrix for x in each]
+        return whole, whole.less(np.mean(noise, axis=0)) if noise else whole
+
+    whole, bands = above_noise(exponents.value)
+    # A sensor's own noise does not follow the motion, and it is in all frequencies, in those that
+    # say little of it, too.
+    steady, level = above_noise(np.zeros_like(exponents.value))
+    floor = spectrum.white_floor(level, _LOWEST_WHITE)
+    floor = spectrum.lowered(floor, steady.density.min(axis=0))
     white = spectrum.raised(floor, spectrum.quietest(recording.readings, rate))
     return Analysis(
         found,

@@ -28,6 +28,9 @@ _RATIO: Final = 1.3
 _CHANCE: Final = 3.0
 """Standard deviations."""
 _MAJORITY: Final = 0.5
+_KEPT: Final = 0.7
+"""Quantile of a floor's rows above which they are left out."""
+_ROUNDS: Final = 50
 _WHOLE: Final = 0.8
 """Share of a band's degrees of freedom that noise of the poses must have left."""
 _IN_BAND: Final = 10
@@ -159,8 +162,9 @@ class White(NamedTuple):
 def white_floor(bands: Bands, lowest: float) -> White:
     """Return the density that all bands have in common.
 
-    The mean of the lowest bands, as many as are alike but for chance. A band that is not above it
-    by more than chance has nothing else.
+    The mean of the bands that have nothing else, or, if these are no majority, the lowest band,
+    which the floor is not above. A band that is not above the floor by more than chance has nothing
+    else.
 
     :param lowest: [Hz] bands below it are not asked.
     """
@@ -178,40 +182,58 @@ def white_floor(bands: Bands, lowest: float) -> White:
             bands.freedom[selected, axis] > _WHOLE * bands.freedom[selected].max(axis=1)
         ]
         clear = whole if len(whole) else selected
-        order = clear[np.argsort(power[clear, axis])]
-        mean, freedom = _common(power[order, axis], np.maximum(bands.freedom[order, axis], 2.0))
-        density[axis] = np.sqrt(mean)
-        ends = chi2.ppf([0.975, 0.025], freedom) / freedom
-        low[axis], high[axis] = np.sqrt(mean / ends)
-        if freedom > bands.freedom[order[0], axis] and len(whole):
+        rows, freedom = power[clear, axis], np.maximum(bands.freedom[clear, axis], 2.0)
+        mean, of_mean = _common(rows, freedom) if len(whole) > 1 else (0.0, 0.0)
+        if mean:
+            ends = chi2.ppf([0.975, 0.025], of_mean) / of_mean
+            density[axis], (low[axis], high[axis]) = np.sqrt(mean), np.sqrt(mean / ends)
             chance = 1.0 + _CHANCE * np.sqrt(2.0 / np.maximum(bands.freedom[:, axis], 1e-3))
             floor[:, axis] = power[:, axis] <= mean * chance
         else:
-            low[axis] = 0.0
+            density[axis] = np.sqrt(rows.min())
+            # Sidak: the lowest of m bands is that low by chance more often than each of them.
+            rarest = 1.0 - 0.975 ** (1.0 / len(rows))
+            high[axis] = np.sqrt((rows * freedom / chi2.ppf(rarest, freedom)).min())
     return White(density, low, high, floor)
 
 
 def _common(power: Array, freedom: Array) -> tuple[float, float]:
-    """Return the mean of the most rows that are alike but for chance, and its freedom.
+    """Return the mean of the rows that have nothing but a floor, and its freedom; 0: no majority.
 
-    If they are no majority, vibration hides the floor: it is at most the lowest row.
+    What is a little above the floor looks like chance. Rows above the floor's quantile of 70 % are
+    therefore left out, and the mean M of the others is that of a chi-square distribution of so many
+    degrees of freedom n that ends there: ``M = m F_{n+2}(n x) / F_n(n x)``, x the quantile over n.
 
-    :param power: (m,) in rising order, of chi-square distributed means.
+    :param power: (m,) chi-square distributed means.
     :param freedom: (m,)
     """
-    weights = np.cumsum(freedom)
-    means = np.cumsum(power * freedom) / weights
-    count = np.arange(1, len(power) + 1)
-    # Of k means of chi-square numbers, sum of freedom / 2 (P / mean - 1)^2 is k on average.
-    squares = np.cumsum(0.5 * freedom * power**2)
-    first = np.cumsum(0.5 * freedom * power)
-    spread = (squares - 2.0 * means * first + means**2 * 0.5 * weights) / means**2
-    alike = spread <= count + _CHANCE * np.sqrt(2.0 * count)
-    alike &= power <= means * (1.0 + _CHANCE * np.sqrt(2.0 / freedom))
-    rows = int(np.flatnonzero(alike)[-1])
-    if rows + 1 < _MAJORITY * len(power):
-        rows = 0
-    return float(means[rows]), float(weights[rows])
+    from scipy.stats import chi2
+
+    end = chi2.ppf(_KEPT, freedom) / freedom
+    part = chi2.cdf(freedom * end, freedom + 2.0) / _KEPT
+    mean = float(np.quantile(power, 0.5 * _MAJORITY))  # the median if they are a bare majority
+    for _ in range(_ROUNDS):
+        kept = power < end * mean
+        if not kept.any():
+            return 0.0, 0.0
+        mean = float(np.sum((power * freedom)[kept]) / np.sum((part * freedom)[kept]))
+    # All that chance explains is alike: sum of freedom / 2 (P / mean - 1)^2 is 1 a row on average.
+    near = power <= mean * (1.0 + _CHANCE * np.sqrt(2.0 / freedom))
+    spread = float(np.sum((0.5 * freedom * (power / mean - 1.0) ** 2)[near]))
+    count = np.count_nonzero(near)
+    if np.count_nonzero(kept) < _KEPT * _MAJORITY * len(
+        power
+    ) or spread > count + _CHANCE * np.sqrt(2.0 * count):
+        return 0.0, 0.0
+    # A root of sum n (P - m part) over kept rows: its variance is that of the sum over its slope^2.
+    second = (1.0 + 2.0 / freedom) * chi2.cdf(freedom * end, freedom + 4.0)
+    variance = freedom**2 * (second - _KEPT * part**2)
+    slope = freedom * (
+        _KEPT * part - (end - part) * end * freedom * chi2.pdf(freedom * end, freedom)
+    )
+    number = np.count_nonzero(kept) / _KEPT / len(power)
+    relative = float(np.sum(variance) / np.sum(slope) ** 2) / number
+    return mean, 2.0 / relative
 
 
 def above(bands: Bands, white: White) -> Bands:
@@ -259,9 +281,8 @@ def quietest(readings: Array, rate: float) -> Array:
 
 def lowered(white: White, most: Array) -> White:
     """Return a floor that, if vibration hides it, is nowhere above a density (6,)."""
-    density = np.where(white.low > 0.0, white.density, np.minimum(white.density, most))
-    share = np.divide(density, white.density, out=np.ones(6), where=white.density > 0.0)
-    return white._replace(density=density, high=white.high * share)
+    hidden = np.minimum(white.density, most)
+    return white._replace(density=np.where(white.low > 0.0, white.density, hidden))
 
 
 def raised(white: White, least: Array) -> White:
