@@ -13,7 +13,8 @@ Frames are fed no faster than a camera would. Mapping runs parallel to tracking,
 its own, so that two runs differ in their last digits. The path is that of the IMU from the map's
 beginning, metric, in a frame of its own: align it with all six degrees of freedom. Needs pyorbslam3
 (pip install pyorbslam3 opencv-python-headless), which loads ORB_SLAM3's vocabulary when it is
-first used, or takes the file that PYORBSLAM3_VOCAB names.
+first used, or takes the file that PYORBSLAM3_VOCAB names. The header of a vocabulary of your own
+must say 6 levels: ORB_SLAM3 groups words four levels above the last, however many there are.
 """
 
 import argparse

@@ -182,7 +182,8 @@ def estimator_config(rig: RigValues) -> str:
             "OpenVINS estimator_config.yaml, whole. Estimator and front end as for EuRoC.",
             "init_imu_thresh: EuRoC's 1.5 never fires on a simulated IMU, which no rotor shakes: a "
             "second's accelerometer deviation is 0.07 at rest and 1.3 at most in its flights. 0.5 "
-            "fires; it needs 2 s of rest and then a jerk (trajectory.lead_in).",
+            "fires; it needs 2 s of rest and then a jerk (trajectory.lead_in). A gentle flight, "
+            "such as a tour, needs 0.1, and init_max_disparity: 5.",
             "Extrinsics and intrinsics are exact, so only the time offset is estimated.",
             *rig.start_remarks("OpenVINS"),
             *rig.remarks(("time_offset",), offsets=False),
