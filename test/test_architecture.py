@@ -7,6 +7,7 @@ import ast
 import importlib
 import re
 import types
+from collections import Counter
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -319,3 +320,14 @@ def test_other_folders_are_as_small_as_rooms(name):
     for folder in (ROOT / name, *(path for path in (ROOT / name).rglob("*") if path.is_dir())):
         files = [path.name for path in folder.glob("*.py") if path.name != "conftest.py"]
         assert len(files) <= LARGEST_ROOM, f"{folder}: {len(files)} files on one level"
+
+
+def test_no_two_public_classes_have_the_same_name() -> None:
+    """One name, one meaning; the public ``ErrorModel`` is a door to the engine of that name."""
+    found = [
+        node.name
+        for path in sorted(PACKAGE.rglob("*.py"))
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+    ]
+    assert [name for name, count in Counter(found).items() if count > 1] == ["ErrorModel"]

@@ -22,7 +22,7 @@ from imu_sim_ros.navigation.covariance import (
     propagate,
 )
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
-from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA, TrueMotion, attitude_errors, nees
+from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA, TrueStates, attitude_errors, nees
 from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.poses import PoseSequence
@@ -55,7 +55,7 @@ class DeadReckoning:
         start = (
             truth.at(0)
             if at_stamps
-            else TrueMotion(truth_poses, truth.velocity).at(
+            else TrueStates(truth_poses, truth.velocity).at(
                 max(int(readings.t_ns[0]), int(truth.t_ns[0]))
             )
         )

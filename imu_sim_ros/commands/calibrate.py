@@ -51,7 +51,7 @@ _RATES: Final = {
         "help": "the same [deg/s]",
     },
 }
-_REFERENCE: Final = "reference temperature T0 of the polynomials [degC] (default: 25)"
+_REFERENCE: Final = "reference temperature T0 of the polynomials [degC] (default: %(default)g)"
 _OWN: Final[dict[str, dict[str, Any]]] = {
     "gravity": GRAVITY_OPTION,
     "simple": {"--simple": "bias and scale only, without misalignment"},
@@ -59,8 +59,8 @@ _OWN: Final[dict[str, dict[str, Any]]] = {
         "--fixture": {
             "choices": FIXTURES,
             "help": "exact: each axis points exactly up and down; norm: ten or more rests in "
-            "any positions, fits the norm of gravity with an upper triangular S; auto "
-            "(default): chooses by a test of the residuals",
+            "any positions, fits the norm of gravity with an upper triangular S; auto: chooses by "
+            "a test of the residuals (default: %(default)s)",
         }
     },
     "truth_topic": {
@@ -83,7 +83,7 @@ _OWN: Final[dict[str, dict[str, Any]]] = {
         }
     },
 }
-"""Options of the jobs that have a parameter of this name."""
+"""Options of the jobs that have a parameter of this name; its default is theirs."""
 
 
 def parser() -> program.Parser:
@@ -97,6 +97,7 @@ def parser() -> program.Parser:
             program.add_options(own.add_mutually_exclusive_group(), _RATES)
         for parameter, option in _OWN.items():
             if parameter in parameters:
+                own.set_defaults(**{parameter: parameters[parameter].default})
                 program.add_options(own, option)
     return result
 

@@ -29,7 +29,7 @@ from imu_sim_ros.jobs.readings import Odometry, Readings, checked_poses, frame
 from imu_sim_ros.navigation import initialisation
 from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, initial_covariance, propagate
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon as integrate
-from imu_sim_ros.navigation.evaluation import Drift, TrueMotion, distances, drift_from
+from imu_sim_ros.navigation.evaluation import Drift, TrueStates, distances, drift_from
 from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
 from imu_sim_ros.navigation.state import (
@@ -416,8 +416,8 @@ def _first_common(t_ns: Times, truth_ns: Times, tolerance: float) -> int:
     return first
 
 
-def _comparable(truth: Odometry) -> TrueMotion:
-    return TrueMotion(checked_poses("truth", truth), truth.velocity)
+def _comparable(truth: Odometry) -> TrueStates:
+    return TrueStates(checked_poses("truth", truth), truth.velocity)
 
 
 def integrated(start: InitialCondition, settings: IntegratorParameters) -> Track:

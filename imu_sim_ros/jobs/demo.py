@@ -22,7 +22,7 @@ from imu_sim_ros.errors import MachineError
 from imu_sim_ros.jobs.dead_reckon import Track
 from imu_sim_ros.jobs.readings import Odometry
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
-from imu_sim_ros.navigation.evaluation import TrueMotion
+from imu_sim_ros.navigation.evaluation import TrueStates
 from imu_sim_ros.parameters import files
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.simulation.engine import Simulation
@@ -167,7 +167,7 @@ def tracks(parameters: SimulationParameters, bag: Path) -> dict[str, Track]:
         "without noise": (ideal.ideal_gyro, ideal.ideal_accel),
     }
     poses = PoseSequence(truth.t_ns, truth.position, truth.q_wb)
-    initial = TrueMotion(poses, truth.velocity).at(int(noisy.t_ns[0]))
+    initial = TrueStates(poses, truth.velocity).at(int(noisy.t_ns[0]))
     found = {}
     for label, values in readings.items():
         for method in _METHODS:

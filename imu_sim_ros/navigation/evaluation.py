@@ -22,7 +22,7 @@ from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.types import Array, Integers, Mask
 
 
-class TrueMotion(NamedTuple):
+class TrueStates(NamedTuple):
     """The true motion at n times."""
 
     poses: PoseSequence
@@ -59,7 +59,7 @@ class Drift(NamedTuple):
         return float(np.sqrt(np.mean(np.sum(np.square(getattr(self, name)), axis=1))))
 
 
-def drift_from(states: NavigationStates, truth: TrueMotion) -> Drift:
+def drift_from(states: NavigationStates, truth: TrueStates) -> Drift:
     """Return the errors of states at all stamps at which the truth is known.
 
     :raises InputError: if both do not overlap in time.

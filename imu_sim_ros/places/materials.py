@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.random_streams import generator
-from imu_sim_ros.types import Array, Integers
+from imu_sim_ros.types import Array, Bytes, Integers
 
-Colours = NDArray[np.uint8]
 Differences = NDArray[np.int8]
 Stream = np.random.Generator
 
@@ -267,7 +266,7 @@ def colour_of(material: str) -> Array:
     return np.array([int(code[k : k + 2], 16) for k in (0, 2, 4)], np.float32)
 
 
-def tile(material: str, texel: float, seed: int, contrast: float) -> Colours:
+def tile(material: str, texel: float, seed: int, contrast: float) -> Bytes:
     """Return a tile (n, n, 3) of a material that repeats without a seam.
 
     Rows go up, columns to the right, as on a wall.

@@ -9,7 +9,8 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.places import outdoor_prints
-from imu_sim_ros.places.sheet import INK, Colours, Print, Sheet
+from imu_sim_ros.places.sheet import INK, Print, Sheet
+from imu_sim_ros.types import Bytes
 
 
 def _poster(s: Sheet) -> None:
@@ -315,7 +316,7 @@ PRINTS: Final[dict[str, Callable[[Sheet], None]]] = {
 }
 
 
-def picture(what: Print, texel: float, seed: int) -> Colours:
+def picture(what: Print, texel: float, seed: int) -> Bytes:
     """Return the picture (rows, columns, 3) of a print; its first row is the lowest.
 
     :param texel: edge of a texel, about [m].

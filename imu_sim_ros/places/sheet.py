@@ -6,12 +6,10 @@
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.random_streams import generator_at
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Bytes
 
-Colours = NDArray[np.uint8]
 Colour = tuple[int, int, int]
 
 INK: Final = (38, 38, 42)
@@ -37,7 +35,7 @@ class Sheet:
     def __init__(self, p: Print, texel: float, seed: int) -> None:
         self.width, self.height, self._texel = p.width, p.height, texel
         rows, columns = (max(2, round(side / texel)) for side in (p.height, p.width))
-        self.values: Colours = np.zeros((rows, columns, 3), np.uint8)
+        self.values: Bytes = np.zeros((rows, columns, 3), np.uint8)
         self.stream = generator_at(seed, f"print.{p.kind}", p.number)
 
     def fill(self, x0: float, y0: float, x1: float, y1: float, colour: Colour | Array) -> None:

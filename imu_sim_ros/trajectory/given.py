@@ -46,7 +46,7 @@ def given_trajectory(given: Any) -> Trajectory | None:
     if isinstance(given, type):
         return None
     if callable(getattr(given, "sample", None)):
-        return GivenMotion(given.sample, *_limits(given))
+        return CheckedMotion(given.sample, *_limits(given))
     return Differentiated(given, *_limits(given)) if callable(given) else None
 
 
@@ -61,7 +61,7 @@ def _limits(given: Any) -> tuple[float, float]:
     )
 
 
-class GivenMotion:
+class CheckedMotion:
     """An object's own motion; what it returns is checked."""
 
     def __init__(

@@ -13,7 +13,7 @@ from imu_sim_ros.navigation.association import (
     interpolate_vectors,
 )
 from imu_sim_ros.navigation.evaluation import (
-    TrueMotion,
+    TrueStates,
     absolute_errors,
     distances,
     drift_from,
@@ -158,7 +158,7 @@ def test_errors_have_the_sign_that_they_say(truth):
 def test_drift_of_known_errors(record):
     motion = record("lecture", 100.0, 5.0)
     shift = np.linspace(0.0, 3.0, 501)[:, None] * [1.0, 0.0, 0.0]
-    truth = TrueMotion(
+    truth = TrueStates(
         PoseSequence(motion.t_ns, motion.truth.position, motion.truth.q_wb), motion.truth.velocity
     )
     states = NavigationStates(

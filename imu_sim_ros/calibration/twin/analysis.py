@@ -8,7 +8,6 @@ from itertools import pairwise
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.twin import alignment as clock
 from imu_sim_ros.calibration.twin import intensity, spectrum
@@ -16,9 +15,7 @@ from imu_sim_ros.calibration.twin.fit import Fit, Recording, fit
 from imu_sim_ros.calibration.twin.intensity import Lines, find_lines
 from imu_sim_ros.calibration.twin.model import Errors, KnownMotion, predicted, true_times
 from imu_sim_ros.calibration.twin.spectrum import Bands, White
-from imu_sim_ros.types import Array
-
-Rows = NDArray[np.bool_]
+from imu_sim_ros.types import Array, Mask
 
 _LOWEST_WHITE: Final = 1.0
 """[Hz] below it the truth's own errors hide a white floor."""
@@ -123,7 +120,7 @@ def analyse(
     noises: list[Array],
     sizes: Callable[[Array], Array],
     motion: tuple[Array, Array, Array],
-    moving: Rows,
+    moving: Mask,
 ) -> Analysis:
     """Return lines, bands and white floor of what a fit leaves, and how they follow the motion.
 
@@ -198,7 +195,7 @@ def _above_noise(residuals: Array, noises: list[Array], parts: list[slice], rate
     return float(whole.high[noisy].max(initial=0.0))
 
 
-def _parts(recording: Recording, moving: Rows) -> list[slice]:
+def _parts(recording: Recording, moving: Mask) -> list[slice]:
     """Return the pieces from the first to the last motion in each."""
     result = []
     for piece in recording.pieces:

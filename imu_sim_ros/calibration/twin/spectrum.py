@@ -221,19 +221,16 @@ def _common(power: Array, freedom: Array) -> tuple[float, float]:
     near = power <= mean * (1.0 + _CHANCE * np.sqrt(2.0 / freedom))
     spread = float(np.sum((0.5 * freedom * (power / mean - 1.0) ** 2)[near]))
     count = np.count_nonzero(near)
-    if np.count_nonzero(kept) < _KEPT * _MAJORITY * len(
-        power
-    ) or spread > count + _CHANCE * np.sqrt(2.0 * count):
+    alike = spread <= count + _CHANCE * np.sqrt(2.0 * count)
+    share = np.count_nonzero(kept) / _KEPT / len(power)
+    if not alike or share < _MAJORITY:
         return 0.0, 0.0
     # A root of sum n (P - m part) over kept rows: its variance is that of the sum over its slope^2.
     second = (1.0 + 2.0 / freedom) * chi2.cdf(freedom * end, freedom + 4.0)
     variance = freedom**2 * (second - _KEPT * part**2)
-    slope = freedom * (
-        _KEPT * part - (end - part) * end * freedom * chi2.pdf(freedom * end, freedom)
-    )
-    number = np.count_nonzero(kept) / _KEPT / len(power)
-    relative = float(np.sum(variance) / np.sum(slope) ** 2) / number
-    return mean, 2.0 / relative
+    at_end = end * freedom * chi2.pdf(freedom * end, freedom)
+    slope = freedom * (_KEPT * part - (end - part) * at_end)
+    return mean, 2.0 * share * float(np.sum(slope) ** 2 / np.sum(variance))
 
 
 def above(bands: Bands, white: White) -> Bands:

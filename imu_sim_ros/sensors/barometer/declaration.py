@@ -16,7 +16,7 @@ from imu_sim_ros.sensors.declaration import AuxiliaryReadings, Model, Sensor, to
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.realised import realised_triad
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.recorded import Samples, read_samples
+from imu_sim_ros.sensors.samples import Samples, read_samples
 from imu_sim_ros.types import Array, Times
 
 TYPE: Final = "sensor_msgs/msg/FluidPressure"

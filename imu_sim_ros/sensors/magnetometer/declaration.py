@@ -17,7 +17,7 @@ from imu_sim_ros.sensors.declaration import AuxiliaryReadings, Model, Sensor, to
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
-from imu_sim_ros.sensors.recorded import Samples, read_samples
+from imu_sim_ros.sensors.samples import Samples, read_samples
 from imu_sim_ros.types import Array, Times
 
 TYPE: Final = "sensor_msgs/msg/MagneticField"

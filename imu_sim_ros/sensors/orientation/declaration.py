@@ -23,7 +23,7 @@ from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.noise import accel_variance_discrete, gyro_variance_discrete
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.orientation.parameters import OrientationParameters
-from imu_sim_ros.sensors.recorded import Samples, read_samples
+from imu_sim_ros.sensors.samples import Samples, read_samples
 from imu_sim_ros.types import Array, Times
 
 if TYPE_CHECKING:

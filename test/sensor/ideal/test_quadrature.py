@@ -13,7 +13,7 @@ from imu_sim_ros.sensors.imu.ideal import IdealImu, Quadrature, lobatto, quadrat
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.bspline import PoseSpline, UniformKnots
-from imu_sim_ros.trajectory.given import GivenMotion
+from imu_sim_ros.trajectory.given import CheckedMotion
 from imu_sim_ros.trajectory.motion import Trajectory
 
 Array = np.ndarray
@@ -70,7 +70,7 @@ def spline(rate: float) -> Case:
     walk = np.cumsum(random.normal(size=(2, knots.control_points, 3)), axis=1)
     control = PoseSpline(knots, 0.02 * walk[0], rotation.exp(0.03 * walk[1]))
     parameters = load_simulation({"imu.preset": "perfect"})
-    trajectory = GivenMotion(control.sample, control.duration, 0.0)
+    trajectory = CheckedMotion(control.sample, control.duration, 0.0)
     return Case(trajectory, IdealImu(parameters.imu, parameters), np.arange(801) / rate + 1.0)
 
 
