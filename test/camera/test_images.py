@@ -15,10 +15,12 @@ from small_camera import SMALL_CAMERA
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
+from imu_sim_ros.places import light
 from imu_sim_ros.sensors.camera.images.exposure import exposed
 from imu_sim_ros.sensors.camera.images.files import png
 from imu_sim_ros.sensors.camera.images.imager import Imager
 from imu_sim_ros.sensors.camera.images.renderer import look_up
+from imu_sim_ros.sensors.camera.images.response import response
 from imu_sim_ros.sensors.camera.images.texture import LEVELS, atlas
 from imu_sim_ros.sensors.camera.scene_parameters import CloudParameters
 from imu_sim_ros.sensors.camera.view import Eyes
@@ -46,6 +48,7 @@ GOLDEN = {
     "fisheye": "7297b227218e00f3",
     "trilinear": "57d359ed57af27f6",
     "colour": "5e163aae9d73736a",
+    "linear": "1576581902d33570",
 }
 TEXTURES = {}
 """Of scenes that were made before: the same parameters give the same ones."""
@@ -64,6 +67,7 @@ CASES = {
         "camera__mip_levels": "trilinear",
         "camera__exposure_change": 0.5,
     },
+    "linear": {**EVERYTHING, "camera__response": "linear", "camera__auto_exposure": 90.0},
 }
 
 
@@ -330,6 +334,31 @@ def test_automatic_exposure_multiplies_noise_and_leaves_white_white(make_rig):
     assert (error[middle] ** 2 / expected).mean() == pytest.approx(1.0, abs=5.0 * (2.0 / n) ** 0.5)
     # Saturated windows stay so in a darker image; what is below white gets the factor alone.
     assert exposed(np.array([20.0, 200.0, 255.0], np.float32), 0.5).tolist() == [10.0, 100.0, 255.0]
+
+
+def test_a_linear_response_is_in_proportion_to_light(make_rig):
+    """Of what srgb gives, and of two lights of a surface; a blurred pixel has the mean light."""
+    linear = {"camera__response": "linear", "camera__read_noise": 0.0}
+    _, photo = make_imager(make_rig, camera__read_noise=0.0)
+    _, plain = make_imager(make_rig, **linear)
+    exact = 255.0 * (photo.image(4) / 255.0) ** 2.2
+    assert np.abs(plain.image(4) - exact).max() <= 0.5 + 1.0 / 64.0
+    # A wall under 0.1 and 0.4 of the light, as far as its values of 8 bits are exact: c has an
+    # error of 1/2, so that light has one of 2.2 / (2 c), and the ratio both together.
+    dark, bright = (np.rint(200.0 * light.factors(np.float32(e))).astype(int) for e in (0.1, 0.4))
+    grey = response("linear").of(np.array([dark, bright], np.uint8))
+    assert grey[1] / grey[0] == pytest.approx(4.0, rel=1.1 / dark + 1.1 / bright + 0.002)
+    blur = {"camera__exposure_time": 0.02, "camera__blur_samples": 2}
+    _, blurred = make_imager(make_rig, **linear, **blur)
+    seconds = blurred._seconds(4)
+    pictures = []
+    for t in (seconds - 0.005, seconds + 0.005):
+        eyes = blurred._eyes(np.array([t]))
+        pictures.append(np.concatenate([p for _, p in blurred._renderer.pictures(eyes)]))
+    mean = np.mean([255.0 * (p / 255.0) ** 2.2 for p in pictures], axis=0)
+    assert np.abs(blurred.image(4) - mean).max() <= 0.5 + 1.0 / 64.0
+    _, metered = make_imager(make_rig, **linear, camera__auto_exposure=40.0)
+    assert metered._automatic._mean(0.2) == pytest.approx(plain.image(4).mean(), abs=5.0)
 
 
 def traced(rig, t, pixel):

@@ -78,7 +78,7 @@ _NO_TERMS: Final = frozenset(
         *("distortion", "lever_arm", "mounting", "body_axes", "rig_mounting"),
         *("rate", "trigger", "phase", "images", "encoding", "depth", "frame"),
         *("supersampling", "mip_levels", "blur_samples", "exposure_period", "gain", "gain_period"),
-        *("pixel_noise", "read_noise", "track_lifetime", "max_features", "grid_rows"),
+        *("response", "track_lifetime", "max_features", "grid_rows", "pixel_noise", "read_noise"),
         *("grid_columns", "border", "min_depth", "max_depth"),
     ]
 )

@@ -69,6 +69,7 @@ def distorted_radius(r: Array, k: Sequence[float]) -> Array:
 IMAGES = ("raw", "compressed", "both", "none")
 ENCODINGS = ("mono8", "rgb8")
 MIP_LEVELS = ("nearest", "trilinear")
+RESPONSES = ("srgb", "linear")
 
 
 @dataclass(frozen=True)
@@ -132,6 +133,13 @@ class ImageParameters:
     )
     gain_period: float = number(
         10.0, "period of that change", unit="s", minimum=0.0, above_minimum=True, maximum=LONGEST
+    )
+    response: str = choice(
+        "srgb",
+        RESPONSES,
+        "grey values as functions of light: srgb: its power 1/2.2, as in photos; linear: in "
+        "proportion to it, as machine vision cameras give them: shadows are darker, contrast is "
+        "higher",
     )
     auto_exposure: float = number(
         0.0,

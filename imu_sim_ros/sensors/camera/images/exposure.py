@@ -18,6 +18,7 @@ from typing import Final
 
 import numpy as np
 
+from imu_sim_ros.sensors.camera.images.response import response
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.view import View
@@ -75,11 +76,12 @@ class AutoExposure:
     def _mean(self, seconds: float) -> float:
         """Return the mean grey value of what the meter sees: an integer over another."""
         view, total, count = self._view, 0, 0
+        seen = response(view.parameters.response)
         t = np.array([min(seconds, view.duration)])
         for picture in self._meter(t):
-            total += int(picture.sum(dtype=np.int64))
+            total += int(seen.of(picture).sum(dtype=np.int64))
             count += picture.size
-        return total / count
+        return total / (count * seen.steps)
 
 
 def meter_model(p: CameraParameters) -> CameraModel:

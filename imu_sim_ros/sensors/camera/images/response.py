@@ -1,0 +1,47 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""How a camera turns the light of a pixel into a grey value.
+
+Pictures are rendered in sRGB values c, as a photo shows them: light is about ``(c / 255)^2.2``. A
+camera with the response ``srgb`` gives c; one with ``linear`` gives ``255 (c / 255)^2.2``.
+"""
+
+from functools import cache
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.types import Bytes
+
+_EXPONENT: Final = 2.2
+_STEPS: Final = 64
+"""Steps of a linear grey value: integers, so that sums over rays have the same bits everywhere."""
+
+
+class GreyValues(NamedTuple):
+    """A camera's grey values of rendered ones."""
+
+    values: NDArray[np.uint16] | None
+    """(256,) grey value of each rendered value, in steps; None: the same."""
+    steps: int
+    """Of one grey value."""
+
+    def of(self, picture: Bytes) -> NDArray[np.uint16] | Bytes:
+        """Return the grey values of a picture of any shape, in steps.
+
+        >>> linear = response("linear")
+        >>> linear.of(np.array([0, 186, 255], np.uint8)) / linear.steps
+        array([  0.   , 127.375, 255.   ])
+        """
+        return picture if self.values is None else self.values.take(picture)
+
+
+@cache
+def response(name: str) -> GreyValues:
+    """Return a response by its name, as in ``camera.response``."""
+    if name == "srgb":
+        return GreyValues(None, 1)
+    light = [(c / 255.0) ** _EXPONENT for c in range(256)]
+    return GreyValues(np.array([round(_STEPS * 255.0 * v) for v in light], np.uint16), _STEPS)
