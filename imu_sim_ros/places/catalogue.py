@@ -26,6 +26,8 @@ class Kind(NamedTuple):
     """Length along x, y and z of one that fits no path [m]."""
     margin: float
     """Distance of its walls from a path that it fits [m]."""
+    above: float
+    """Distance of its ceiling from the highest place of such a path [m]."""
     least: tuple[float, float, float]
     """Least size [m]."""
     most: tuple[float, float, float]
@@ -33,18 +35,16 @@ class Kind(NamedTuple):
 
 
 KINDS: Final[dict[str, Kind]] = {
-    "office": Kind(office, (13.0, 9.4, 2.8), 2.4, (8.0, 6.0, 2.7), (26.0, 20.0, 8.0)),
-    "corridor": Kind(corridor, (36.0, 2.4, 2.7), 1.0, (12.0, 2.2, 2.5), (150.0, 150.0, 20.0)),
-    "warehouse": Kind(warehouse, (26.0, 15.0, 6.5), 5.0, (16.0, 9.0, 5.0), (60.0, 40.0, 12.0)),
+    "office": Kind(office, (13.0, 9.4, 2.8), 2.4, 1.0, (8.0, 6.0, 2.7), (26.0, 20.0, 8.0)),
+    "corridor": Kind(corridor, (36.0, 2.4, 2.7), 1.0, 1.0, (12.0, 2.2, 2.5), (150.0, 150.0, 20.0)),
+    "warehouse": Kind(warehouse, (26.0, 15.0, 6.5), 5.0, 1.0, (16.0, 9.0, 5.0), (60.0, 40.0, 12.0)),
     "machine_hall": Kind(
-        machine_hall, (20.0, 13.0, 6.5), 3.0, (12.0, 9.0, 5.0), (60.0, 40.0, 20.0)
+        machine_hall, (20.0, 13.0, 6.5), 8.0, 4.0, (12.0, 9.0, 5.0), (60.0, 40.0, 20.0)
     ),
-    "street": Kind(street, (60.0, 16.0, 12.0), 4.0, (40.0, 12.0, 8.0), (150.0, 150.0, 60.0)),
+    "street": Kind(street, (60.0, 16.0, 12.0), 4.0, 1.0, (40.0, 12.0, 8.0), (150.0, 150.0, 60.0)),
 }
 _BELOW: Final = 0.3
 """Distance of the floor from the lowest place of a path [m]."""
-_ABOVE: Final = 1.0
-"""Distance of the ceiling from the highest [m]."""
 
 
 def around(kind: str, path: Array) -> tuple[Array, Array]:
@@ -52,9 +52,9 @@ def around(kind: str, path: Array) -> tuple[Array, Array]:
 
     :raises ConfigurationError: for a path that is too large for it.
     """
-    margin, least = KINDS[kind].margin, np.array(KINDS[kind].least)
+    margin, above, least = KINDS[kind].margin, KINDS[kind].above, np.array(KINDS[kind].least)
     low = path.min(axis=0) - np.array([margin, margin, _BELOW])
-    high = path.max(axis=0) + np.array([margin, margin, _ABOVE])
+    high = path.max(axis=0) + np.array([margin, margin, above])
     missing = np.maximum(least - (high - low), 0.0)
     low[:2] -= 0.5 * missing[:2]
     high[:2] += 0.5 * missing[:2]

@@ -3,6 +3,7 @@
 
 """A machine hall: boilers, pipes, cabinets and a gallery between dark concrete walls."""
 
+import math
 from typing import Final
 
 import numpy as np
@@ -11,6 +12,17 @@ from imu_sim_ros.places.furniture import LAMP, wall_decoration, windows
 from imu_sim_ros.places.place import Place, PlaceBuilder, Site
 from imu_sim_ros.places.sheet import Print
 
+_WIDE: Final = 16.0
+"""Width of a hall above which tanks stand between its walls and its middle [m]."""
+_ROW: Final = 4.6
+"""Distance of their rows from the walls [m]."""
+_GOODS: Final = (
+    ("board:b08a5c", 1.2, 0.8, 0.14),
+    ("cardboard:b08c60", 0.8, 0.6, 0.6),
+    ("board:9c7448", 0.9, 0.9, 0.9),
+    ("paint:28506c", 1.1, 0.7, 0.5),
+)
+"""Material and size [m] of what stands on the floor."""
 _PIPES: Final = ("metal:a4a8a8", "paint:c8a030", "paint:3c6c4c", "paint:8c3428", "metal:6c7074")
 
 
@@ -37,6 +49,14 @@ def machine_hall(site: Site) -> Place:
     _machines(b, stream)
     _pipes(b, stream)
     _gallery(b)
+    if y1 - y0 > _WIDE:
+        _tanks(b, stream)
+        _clutter(b, stream)
+        lanes = [
+            Print("line", 1.0, y - y0, x1 - x0 - 2.0, 0.1)
+            for y in (y0 + _ROW + 1.6, y1 - _ROW - 1.7)
+        ]
+        b.add_prints(sides["floor"], lanes)
     _lamps(b)
     height = z0 + min(1.8, 0.4 * (z1 - z0))
     u, v = x1 - x0, y1 - y0
@@ -95,6 +115,79 @@ def _boilers(b: PlaceBuilder, stream: np.random.Generator) -> None:
         front.append(Print("label", 0.1, 0.25, 0.4, 0.25, b.number()))
         low, high = (x - 0.3, y - radius - 0.12, z0 + 1.1), (x + 0.3, y - radius + 0.06, z0 + 1.9)
         b.box(low, high, "paint:c4c8c4", {"-y": front}, leave="+y")
+
+
+def _tanks(b: PlaceBuilder, stream: np.random.Generator) -> None:
+    """Put a row of steel tanks on each side of the middle, a duct above it, ladders on some.
+
+    The tanks of a row are the same, as in a real hall: they are hard to tell apart.
+    """
+    x0, y0, z0 = b.site.low.tolist()
+    x1, y1, z1 = b.site.high.tolist()
+    for y, front in ((y0 + _ROW, "+y"), (y1 - _ROW, "-y")):
+        radius, height = stream.uniform(0.5, 0.75), stream.uniform(0.55, 0.8) * (z1 - z0)
+        for k, x in enumerate(np.arange(x0 + 3.2, x1 - 2.0, 2.8)):
+            if not b.free((x - 1.1, y - 1.1, z0), (x + 1.1, y + 1.1, z1)):
+                continue
+            _tank(b, (x, y, z0), radius, height, front)
+            if k % 3 == 0:
+                _ladder(b, (x + 0.3, y + _away(front, radius), z0), height, front)
+        z, size = z0 + height + 0.7, 0.35
+        if b.free((x0, y - size, z - size), (x1, y + size, z + size)) and z + size < z1:
+            b.prism((x0, y, z), (x1, y, z), size, "metal:b0b4b6", 10)
+
+
+def _away(front: str, distance: float) -> float:
+    """Return a distance along y towards a front."""
+    return distance if front == "+y" else -distance
+
+
+def _tank(
+    b: PlaceBuilder, foot: tuple[float, float, float], radius: float, height: float, front: str
+) -> None:
+    """Add a tank on its base, with a ring halfway up, a lid, a pipe to its duct and a panel."""
+    x, y, z = foot
+    base, lid = 0.7 * radius, 0.66 * radius
+    b.box((x - base, y - base, z), (x + base, y + base, z + 0.3), "paint:4c4c4c")
+    b.prism((x, y, z + 0.3), (x, y, z + height), radius, "metal:a8acae", 10)
+    ring = z + 0.5 * height
+    b.prism((x, y, ring), (x, y, ring + 0.08), radius + 0.03, "metal:707476", 10)
+    top = z + height
+    b.box((x - lid, y - lid, top - 0.01), (x + lid, y + lid, top + 0.1), "metal:8c9092")
+    b.prism((x, y, top), (x, y, top + 0.4), 0.12, "metal:b0b4b6", 5)
+    panel = {front: [Print("panel", 0.0, 0.0, 0.5, 0.6, b.number())]}
+    middle = y + _away(front, radius)
+    low, high = (x - 0.25, middle - 0.06, z + 1.2), (x + 0.25, middle + 0.06, z + 1.8)
+    b.box(low, high, "paint:c4c8c4", panel, leave="+y" if front == "-y" else "-y")
+
+
+def _ladder(b: PlaceBuilder, foot: tuple[float, float, float], height: float, front: str) -> None:
+    """Add a ladder of which the front is seen."""
+    x, y, z = foot
+    others = ",".join({"-x", "+x", "-y", "+y", "top", "bottom"} - {front})
+    for k in np.arange(0.4, height, 0.4):
+        low, high = (x + 0.04, y - 0.02, z + k), (x + 0.36, y + 0.02, z + k + 0.03)
+        b.box(low, high, "paint:d8b020", leave=others)
+    for left in (x, x + 0.36):
+        low, high = (left, y - 0.03, z + 0.1), (left + 0.04, y + 0.03, z + height + 0.5)
+        b.box(low, high, "paint:d8b020", leave="top,bottom")
+
+
+def _clutter(b: PlaceBuilder, stream: np.random.Generator) -> None:
+    """Leave pallets, crates and cartons between tanks and machines, about one in 9 m^2."""
+    x0, y0, z0 = b.site.low.tolist()
+    x1, y1, _ = b.site.high.tolist()
+    width = 0.5 * (y1 - y0) - _ROW - 4.4
+    for side in (y0 + _ROW + 2.2, y1 - _ROW - 2.2 - width):
+        for _ in range(int((x1 - x0) * max(0.0, width) / 9.0)):
+            x, y = stream.uniform(x0 + 2.0, x1 - 2.0), side + stream.uniform(0.0, width)
+            material, w, d, h = _GOODS[int(stream.integers(len(_GOODS)))]
+            turn, reach = float(stream.uniform(0.0, 3.0)), 0.5 * math.hypot(w, d)
+            if not b.free((x - reach, y - reach, z0), (x + reach, y + reach, z0 + h)):
+                continue
+            label = [Print("label", 0.1, 0.02, 0.3, min(0.3, h - 0.02), b.number())]
+            low, high = (x - 0.5 * w, y - 0.5 * d, z0), (x + 0.5 * w, y + 0.5 * d, z0 + h)
+            b.box(low, high, material, {"-y": label, "+x": label}, turn)
 
 
 def _machines(b: PlaceBuilder, stream: np.random.Generator) -> None:
