@@ -101,6 +101,19 @@ def test_nothing_stands_in_the_path(make_rig, kind):
     assert len(where.origin) >= 10
 
 
+def test_a_wide_hall_has_tanks_wherever_the_path_leaves_room():
+    def tanks(size, path):
+        low, high = usual("machine_hall", size)
+        faces = build("machine_hall", Site(low, high, np.array(path).reshape(-1, 3))).faces
+        return sum(face.material == "metal:a8acae" for face in faces) / 10
+
+    wide = (30.0, 24.0, 8.0)
+    assert tanks((0.0, 0.0, 0.0), []) == 0
+    assert tanks(wide, []) == 18  # two rows of 9, each 2.8 m
+    assert tanks(wide, [[3.2 - 15.0, 4.6 - 12.0, 2.0]]) == 17
+    assert tanks(wide, [[0.0, 0.0, 2.0]]) == 18
+
+
 def test_the_same_parameters_give_the_same_bytes(make_rig):
     """On the oldest libraries and today's: this file runs on both."""
     values = {"scene__light": "lamps", "scene__texture": "rich", "camera__encoding": "rgb8"}
