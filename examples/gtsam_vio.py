@@ -38,6 +38,7 @@ LEAST_SIGHTS = 3
 LEAST_PARALLAX = np.radians(2.0)
 VAGUE = 3.0  # standard deviation of a landmark's prior, relative to its distance
 LARGEST_MISS = 10.0  # px, of a triangulated point in the frames that saw it
+LOST = 100.0  # m, standard deviation of a position
 
 
 @dataclass
@@ -314,11 +315,25 @@ def run(
     return Result(frames, *(np.array(column) for column in zip(*found, strict=True)))
 
 
+def refuse_a_lost(covariance: np.ndarray, key: int) -> None:
+    """Leave if the position of a key frame is anywhere: without landmarks an estimate runs away.
+
+    :param covariance: (6, 6) of rotation and position.
+    """
+    deviation = float(np.sqrt(np.trace(covariance[3:, 3:])))
+    if not deviation < LOST:
+        raise SystemExit(
+            f"lost: at key frame {key} the position has a standard deviation of {deviation:.3g} m; "
+            "a rest before the flight gives biases and velocity (trajectory.rest_before=2)"
+        )
+
+
 def compared(estimator: Estimator, true: gtsam.Pose3) -> tuple:
     """Return the columns of :class:`Result` for the latest key frame."""
     pose = estimator.state.pose()
     error = pose.localCoordinates(true)
     covariance = estimator.covariance()
+    refuse_a_lost(covariance, estimator.key)
     nees = [
         float(e @ np.linalg.solve(covariance[part, part], e))
         for part in (slice(3, 6), slice(0, 3))
