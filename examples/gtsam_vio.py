@@ -315,7 +315,7 @@ def run(
     return Result(frames, *(np.array(column) for column in zip(*found, strict=True)))
 
 
-def refuse_a_lost(covariance: np.ndarray, key: int) -> None:
+def stop_if_lost(covariance: np.ndarray, key: int) -> None:
     """Leave if the position of a key frame is anywhere: without landmarks an estimate runs away.
 
     :param covariance: (6, 6) of rotation and position.
@@ -333,7 +333,7 @@ def compared(estimator: Estimator, true: gtsam.Pose3) -> tuple:
     pose = estimator.state.pose()
     error = pose.localCoordinates(true)
     covariance = estimator.covariance()
-    refuse_a_lost(covariance, estimator.key)
+    stop_if_lost(covariance, estimator.key)
     nees = [
         float(e @ np.linalg.solve(covariance[part, part], e))
         for part in (slice(3, 6), slice(0, 3))

@@ -23,7 +23,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.places.light import Baked
+from imu_sim_ros.places.light import GAMMA, Baked
 from imu_sim_ros.places.place import Face, Place
 from imu_sim_ros.types import Array, Integers, Mask, Single
 
@@ -334,7 +334,7 @@ def _environment(place: Place, radiance: Single, upwards: Array, weights: Single
             found.append(np.zeros(3))
             continue
         mean = (radiance * area[:, None]).sum(axis=0) / area.sum()
-        found.append(np.round(255.0 * np.minimum(mean, 1.0) ** (1.0 / 2.2), 2))
+        found.append(np.round(255.0 * np.minimum(mean, 1.0) ** (1.0 / GAMMA), 2))
     colours = np.array(found, np.float32)[:, None] * weights
     values: Single = colours.sum(axis=2)
     return values * values

@@ -334,7 +334,8 @@ def _dot(a: Single, b: Single) -> Single:
     return result
 
 
-_EXPONENT: Final = 1.0 / 2.2
+GAMMA: Final = 2.2
+"""Light is this power of an sRGB value, about."""
 _STEPS: Final = 1024
 """Steps of irradiance 1 in the table of factors."""
 _BRIGHTEST: Final = 8.0
@@ -361,5 +362,5 @@ def _table() -> Single:
         light, room = (k + 0.5) / _STEPS, _WHITE - _KNEE
         if light > _KNEE:
             light = _KNEE + room * (1.0 - math.exp((_KNEE - light) / room))
-        values.append(round(light**_EXPONENT, 6))
+        values.append(round(light ** (1.0 / GAMMA), 6))
     return np.array(values, np.float32)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.places.gloss import Polish
-from imu_sim_ros.places.light import Baked, bake, factors, resampled
+from imu_sim_ros.places.light import GAMMA, Baked, bake, factors, resampled
 from imu_sim_ros.places.materials import (
     CONTRASTS,
     WEAR_PERIODS,
@@ -179,7 +179,7 @@ def _put(texture: Bytes, image: Bytes, row: int, column: int) -> None:
 
 def _linear(material: str) -> list[float]:
     """Return the share of red, green and blue light that a material gives back."""
-    return [round(min(0.85, (float(c) / 255.0) ** 2.2), 6) for c in colour_of(material)]
+    return [round(min(0.85, (float(c) / 255.0) ** GAMMA), 6) for c in colour_of(material)]
 
 
 def _exposure(maps: list[Single], sky: Mask, areas: Array, middle: float) -> np.float32:

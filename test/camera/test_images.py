@@ -18,9 +18,9 @@ from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
 from imu_sim_ros.places import light
 from imu_sim_ros.sensors.camera.images.exposure import exposed
 from imu_sim_ros.sensors.camera.images.files import png
+from imu_sim_ros.sensors.camera.images.grey_values import grey_values
 from imu_sim_ros.sensors.camera.images.imager import Imager
 from imu_sim_ros.sensors.camera.images.renderer import look_up
-from imu_sim_ros.sensors.camera.images.response import response
 from imu_sim_ros.sensors.camera.images.texture import LEVELS, atlas
 from imu_sim_ros.sensors.camera.scene_parameters import CloudParameters
 from imu_sim_ros.sensors.camera.view import Eyes
@@ -346,7 +346,7 @@ def test_a_linear_response_is_in_proportion_to_light(make_rig):
     # A wall under 0.1 and 0.4 of the light, as far as its values of 8 bits are exact: c has an
     # error of 1/2, so that light has one of 2.2 / (2 c), and the ratio both together.
     dark, bright = (np.rint(200.0 * light.factors(np.float32(e))).astype(int) for e in (0.1, 0.4))
-    grey = response("linear").of(np.array([dark, bright], np.uint8))
+    grey = grey_values("linear").of(np.array([dark, bright], np.uint8))
     assert grey[1] / grey[0] == pytest.approx(4.0, rel=1.1 / dark + 1.1 / bright + 0.002)
     blur = {"camera__exposure_time": 0.02, "camera__blur_samples": 2}
     _, blurred = make_imager(make_rig, **linear, **blur)

@@ -16,11 +16,10 @@ import pytest
 import yaml
 
 from imu_sim_ros.datasets.consumers.folder import write_all
-from imu_sim_ros.datasets.consumers.rig import _NO_TERMS, RigValues
+from imu_sim_ros.datasets.consumers.rig import RigValues
 from imu_sim_ros.datasets.consumers.values import ImuValues
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.sensors.camera.model import CameraModel
-from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.rig_parameters import load_rig
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 
@@ -379,10 +378,12 @@ def found(content, path):
 
 
 def test_no_choice_of_a_camera_is_an_error_that_a_format_misses():
-    """Only numbers are said with their values; a choice has a place of its own, or needs none."""
-    chosen = {k: v for k, v in vars(CameraParameters()).items() if isinstance(v, str | bool)}
-    assert "response" in chosen
-    assert set(chosen) <= _NO_TERMS
+    """Only numbers are said with their values."""
+    choices = {"camera.response": "linear", "camera.depth": True, "camera.mip_levels": "trilinear"}
+    rig = load_rig({"cameras": ["cam0"], "camera.preset": "euroc_cam0", **choices})
+    imu = ImuValues(build(ImuParameters, {"preset": "perfect", **IMU}), 200.0, 9.81, "/imu0")
+    values = RigValues(imu, rig.each(), {"cam0": "/image"}, rig.scene)
+    assert list(values.remarks()) == []
 
 
 def test_what_a_format_cannot_express_of_a_camera_is_said_at_its_top(tmp_path):

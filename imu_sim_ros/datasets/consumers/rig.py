@@ -74,11 +74,10 @@ class RigValues:
 
 _NO_TERMS: Final = frozenset(
     [
-        *("preset", "model", "distortion_model", "width", "height", "intrinsics", "xi", "alpha"),
-        *("distortion", "lever_arm", "mounting", "body_axes", "rig_mounting"),
-        *("rate", "trigger", "phase", "images", "encoding", "depth", "frame"),
-        *("supersampling", "mip_levels", "blur_samples", "exposure_period", "gain", "gain_period"),
-        *("response", "track_lifetime", "max_features", "grid_rows", "pixel_noise", "read_noise"),
+        *("width", "height", "intrinsics", "xi", "alpha", "distortion"),
+        *("lever_arm", "mounting", "rig_mounting", "rate", "phase"),
+        *("supersampling", "blur_samples", "exposure_period", "gain", "gain_period"),
+        *("pixel_noise", "read_noise", "track_lifetime", "max_features", "grid_rows"),
         *("grid_columns", "border", "min_depth", "max_depth"),
     ]
 )
@@ -95,6 +94,8 @@ def _simulated(camera: CameraParameters, expressed: Collection[str]) -> Iterator
     perfect = CameraParameters()
     for name, parameter in parameters(CameraParameters).items():
         value = getattr(camera, name)
+        if isinstance(value, str | bool):  # a choice, such as the encoding, is no error
+            continue
         if name in _NO_TERMS or name in expressed or value == getattr(perfect, name):
             continue
         shown = f" {parameter.unit}" if parameter.unit not in ("", "1") else ""

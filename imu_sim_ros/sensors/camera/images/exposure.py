@@ -18,7 +18,7 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.sensors.camera.images.response import response
+from imu_sim_ros.sensors.camera.images.grey_values import grey_values
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.view import View
@@ -76,7 +76,7 @@ class AutoExposure:
     def _mean(self, seconds: float) -> float:
         """Return the mean grey value of what the meter sees: an integer over another."""
         view, total, count = self._view, 0, 0
-        seen = response(view.parameters.response)
+        seen = grey_values(view.parameters.response)
         t = np.array([min(seconds, view.duration)])
         for picture in self._meter(t):
             total += int(seen.of(picture).sum(dtype=np.int64))

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.sensors.camera.images.exposure import AutoExposure, exposed, meter_model
+from imu_sim_ros.sensors.camera.images.grey_values import grey_values
 from imu_sim_ros.sensors.camera.images.mesh_look import Look
 from imu_sim_ros.sensors.camera.images.mesh_renderer import MeshRenderer
 from imu_sim_ros.sensors.camera.images.renderer import PictureMaker, Renderer, opencv
-from imu_sim_ros.sensors.camera.images.response import response
 from imu_sim_ros.sensors.camera.images.texture import Atlas, atlas
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.scene import Scene
@@ -45,7 +45,7 @@ class Imager:
         p = view.parameters
         self._renderer = self._renderer_of(p.supersampling, p.mip_levels == "trilinear")
         self._colours = atlas.image.shape[2:]
-        self._response = response(p.response)
+        self._grey_values = grey_values(p.response)
         self._vignette = _vignette(view, len(self._colours))
 
     def _renderer_of(
@@ -192,14 +192,14 @@ class Imager:
         middle = np.array([self._seconds(number)])
         exposure = p.exposure_time * _wave(p.exposure_change, p.exposure_period, float(middle[0]))
         pictures = p.blur_samples if p.exposure_time > 0.0 else 1
-        n, count = p.supersampling, pictures * p.supersampling**2 * self._response.steps
+        n, count = p.supersampling, pictures * p.supersampling**2 * self._grey_values.steps
         kind = np.uint32 if count > 1 else np.uint8
         total = np.zeros((p.height, p.width, *self._colours), kind)
         for k in range(pictures):
             t = middle + exposure * ((k + 0.5) / pictures - 0.5)
             eyes = self._eyes(self._row_times(t, self._renderer.rows))
             for rows, rendered in self._renderer.pictures(eyes):
-                picture = self._response.of(rendered)
+                picture = self._grey_values.of(rendered)
                 for row, column in np.ndindex(n, n):
                     total[rows] += picture[row::n, column::n]
         return total, count

@@ -13,9 +13,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.places.light import GAMMA
 from imu_sim_ros.types import Bytes
 
-_EXPONENT: Final = 2.2
 _STEPS: Final = 64
 """Steps of a linear grey value: integers, so that sums over rays have the same bits everywhere."""
 
@@ -31,7 +31,7 @@ class GreyValues(NamedTuple):
     def of(self, picture: Bytes) -> NDArray[np.uint16] | Bytes:
         """Return the grey values of a picture of any shape, in steps.
 
-        >>> linear = response("linear")
+        >>> linear = grey_values("linear")
         >>> linear.of(np.array([0, 186, 255], np.uint8)) / linear.steps
         array([  0.   , 127.375, 255.   ])
         """
@@ -39,9 +39,9 @@ class GreyValues(NamedTuple):
 
 
 @cache
-def response(name: str) -> GreyValues:
-    """Return a response by its name, as in ``camera.response``."""
-    if name == "srgb":
+def grey_values(response: str) -> GreyValues:
+    """Return the grey values of a response, as ``camera.response`` names it."""
+    if response == "srgb":
         return GreyValues(None, 1)
-    light = [(c / 255.0) ** _EXPONENT for c in range(256)]
+    light = [(c / 255.0) ** GAMMA for c in range(256)]
     return GreyValues(np.array([round(_STEPS * 255.0 * v) for v in light], np.uint16), _STEPS)
