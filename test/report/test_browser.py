@@ -458,6 +458,22 @@ def test_a_winner_is_named_once(opened):
         assert name is None or line.count(name) == 1, line
 
 
+def test_the_headline_tells_equal_from_undecided(opened):
+    page = opened("sensors.html")
+    script = """const contests = [["a", false], [null, true], [null, true], [null, false]].map(
+      ([best, equal]) => ({ best, equal }));
+    const item = { requirements: { count: 0, missed: [] }, problems: [], failures: [], judged: [] };
+    const verdict = new Verdict({ ...item, campaign: "one" });
+    const words = (some) => element("p", {}, ...verdict.summary({ contests: some, factor: "imu",
+      label: "ate" })).textContent;
+    return [words(contests), words(contests.slice(1)), words(contests.slice(1, 3))]"""
+    assert run(page, script) == [
+        "a is the best imu in 1 of 4 comparisons, equal in 2, undecided in 1: ate",
+        "No imu is better than the next in any of 3 comparisons, equal in 2, undecided in 1: ate",
+        "No imu is better than the next in any of 2 comparisons, equal in 2: ate",
+    ]
+
+
 def test_the_table_of_topics_is_whole(opened):
     page = opened("bag.html")
     cut = "const it = table('topics').querySelector('.scroll'); return it.scrollWidth - it."

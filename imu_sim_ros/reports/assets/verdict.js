@@ -87,11 +87,13 @@ class Verdict {
     const wins = new Map(), count = contests.length;
     for (const one of contests) if (one.best !== null) wins.set(one.best, (wins.get(one.best) || 0) + 1);
     const [first, ...others] = [...wins].sort((a, b) => b[1] - a[1]);
-    const open = contests.filter((one) => one.best === null).length, times = count > 1 ? ` in any of ${count} comparisons` : "";
+    const equal = contests.filter((one) => one.best === null && one.equal).length, open = contests.filter((one) => one.best === null && !one.equal).length;
+    const without = (equal ? `, equal in ${equal}` : "") + (open ? `, undecided in ${open}` : "");
+    const times = count > 1 ? ` in any of ${count} comparisons${without}` : "";
     if (!first) return [`No ${factor} is better than the next${times}: ${label}`];
     const rest = others.flatMap(([name, of]) => [", ", element("b", {}, name), ` in ${of}`]);
     const where = count > 1 ? ` in ${first[1]} of ${count} comparisons` : "";
-    return [element("b", {}, first[0]), ` is the best ${factor}${where}`, ...rest, open ? `, undecided in ${open}` : "", `: ${label}`];
+    return [element("b", {}, first[0]), ` is the best ${factor}${where}`, ...rest, without, `: ${label}`];
   }
 
   contest(judged, choice) {
