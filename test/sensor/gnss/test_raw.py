@@ -15,7 +15,7 @@ import pytest
 import imu_sim_ros as ims
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensors.gnss import rinex
-from imu_sim_ros.sensors.gnss.observations import klobuchar, saastamoinen
+from imu_sim_ros.sensors.gnss.observations import Antenna, klobuchar, ranges, saastamoinen
 from imu_sim_ros.sensors.gnss.satellites import LIGHT, GpsTime, almanac, gps_time, orbits
 from imu_sim_ros.sensors.gravity import earth_fixed
 from imu_sim_ros.simulation.engine import Simulation
@@ -202,6 +202,23 @@ def test_the_sky_moves_on_smoothly() -> None:
             assert np.abs(one.clock - other.clock).max() < 1e-14
     radius = np.linalg.norm(orbits(almanac(2400, 0.0), 2400, np.array(0.0)).position, axis=-1)
     np.testing.assert_allclose(radius, 26559.7e3, rtol=0.0051)  # the eccentricity
+
+
+def test_range_rates_are_the_changes_of_the_ranges() -> None:
+    """Of a moving antenna, over 0.1 s: the rest of a jerk of 1e-3 m/s^3 is 2e-6 m/s.
+
+    The Earth's turn on the way is 1 mm/s of it. Near the start of the week seconds are exact
+    enough for a millionth; rounding of 2e7 m over 0.1 s is 4e-8 m/s.
+    """
+    known, velocity, unused = almanac(2400, 7200.0), np.array([[20.0, -30.0, 10.0]]), np.zeros(1)
+
+    def seen(after: float) -> Any:
+        place = ORIGIN + after * velocity
+        at = Antenna(place, velocity, unused, unused, unused, np.eye(3)[None])
+        return ranges(known, 2400, np.array([4000.0 + after]), at)
+
+    change = (seen(0.05).distance - seen(-0.05).distance) / 0.1
+    np.testing.assert_allclose(seen(0.0).rate, change, rtol=0, atol=3e-5)
 
 
 def test_delays_have_their_known_sizes() -> None:
