@@ -5,18 +5,19 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 
 from imu_sim_ros import rotation
-from imu_sim_ros.sensors.block import ImuBlock, SensorBlock
+from imu_sim_ros.sensors.block import SensorBlock
 from imu_sim_ros.sensors.declaration import AuxiliaryReadings
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.own_rate import OwnRate
 from imu_sim_ros.sensors.own_rate_parameters import CarriedParameters
-from imu_sim_ros.trajectory.motion import Motion, Trajectory
+from imu_sim_ros.sensors.world import Window, World
+from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array, Mask, Times
 
 
@@ -43,7 +44,7 @@ class CarriedSensor:
         """Start before the first sample.
 
         :param name: the first part of the names of its random streams.
-        :param t0_ns: time of the IMU's sample 0 [ns].
+        :param t0_ns: time of the start [ns].
         """
         self.name, self.parameters = name, parameters
         self.lever_arm_b: Array = np.array(parameters.lever_arm)
@@ -59,7 +60,7 @@ class CarriedSensor:
 
         An array ``bias`` of the readings' shape takes the jumps that faults add.
 
-        :param t: (n,) since the IMU's first sample [s].
+        :param t: (n,) since the start [s].
         :param motion: of the body.
         """
         raise NotImplementedError
@@ -77,16 +78,14 @@ class CarriedSensor:
         self.parameters = parameters
         self._own.configure(parameters)
 
-    def inject(self, fault: Fault, first: int) -> None:
-        """Let a fault begin with the first sample not before the IMU's sample ``first``."""
-        self._own.inject(fault, first)
+    def inject(self, fault: Fault, begin: Fraction) -> None:
+        """Let a fault begin with the first sample not before a time since the start [s]."""
+        self._own.inject(fault, begin)
 
-    def read(
-        self, block: ImuBlock, trajectory: Trajectory, temperature: TemperatureProfile
-    ) -> SensorBlock:
-        """Return the samples that were not read yet and lie before the end of the IMU's block."""
-        samples = self._own.next(block.first + len(block.true_t_ns), trajectory.duration)
-        motion = self._own.motion(samples, block, trajectory)
+    def read(self, window: Window, world: World) -> SensorBlock:
+        """Return the samples in a window, which begins where the last one ended."""
+        samples = self._own.within(window)
+        motion = world.motion(samples.t)
         values = dict(self.measure(samples.t, motion))
         self._take_faults(samples.first, values)
         values = dict(self.complete(values))

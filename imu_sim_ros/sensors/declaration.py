@@ -10,6 +10,7 @@ parameter ``sensors``: its parameters are ``NAME.*``, and the body has one of th
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from fractions import Fraction
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
@@ -17,10 +18,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 from numpy.typing import ArrayLike
 
 from imu_sim_ros.inputs.tables import Table
-from imu_sim_ros.sensors.block import ImuBlock, SensorBlock
+from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.timebase import span
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.types import Array, Times
@@ -39,13 +40,11 @@ class Model(Protocol):
         :param parameters: what the sensor was made with: the board's, or its own section.
         """
 
-    def inject(self, fault: Fault, first: int) -> None:
-        """Let a fault begin with the first sample not before the IMU's sample ``first``."""
+    def inject(self, fault: Fault, begin: Fraction) -> None:
+        """Let a fault begin with the first sample not before a time since the start [s]."""
 
-    def read(
-        self, block: ImuBlock, trajectory: Trajectory, temperature: TemperatureProfile
-    ) -> SensorBlock:
-        """Return the samples that were not read yet and lie before the end of the IMU's block."""
+    def read(self, window: Window, world: World) -> Any:
+        """Return the samples in a window, which begins where the last one ended."""
 
 
 class Now(Protocol):

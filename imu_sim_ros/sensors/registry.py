@@ -9,7 +9,7 @@ points are looked up only for a name that is not known otherwise, and for ``--he
 """
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
@@ -21,13 +21,9 @@ from imu_sim_ros.sensors import AUXILIARY, CARRIED, auxiliary_sensors
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-    from imu_sim_ros.sensors.block import ImuBlock
     from imu_sim_ros.sensors.declaration import Model, Sensor
     from imu_sim_ros.sensors.environment import EnvironmentParameters
-    from imu_sim_ros.sensors.errors.response import TemperatureProfile
-    from imu_sim_ros.sensors.faults import Fault
     from imu_sim_ros.sensors.imu.parameters import ImuParameters
-    from imu_sim_ros.trajectory.motion import Trajectory
 
 ENTRY_POINTS: Final = "imu_sim_ros.sensors"
 _NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
@@ -172,50 +168,23 @@ def _checked(sensor: Any, what: str) -> "Sensor":
     return sensor
 
 
-class Auxiliary:
-    """The auxiliary sensors of one board, and the sensors of the body."""
+def board(
+    imu: "ImuParameters",
+    environment: "EnvironmentParameters",
+    t0_ns: int,
+    wanted: Collection[str],
+) -> "dict[str, Model]":
+    """Return an IMU, and the wanted sensors on its board with those that they need.
 
-    def __init__(
-        self,
-        imu: "ImuParameters",
-        environment: "EnvironmentParameters",
-        t0_ns: int,
-        wanted: Collection[str],
-        carried: Mapping[str, Any],
-    ) -> None:
-        """Set up the sensors that are wanted, and those that they need.
+    :param t0_ns: time of the start [ns].
+    :param wanted: what they measure.
+    """
+    from imu_sim_ros.sensors.imu.model import Imu
 
-        :param t0_ns: time of the IMU's sample 0 [ns].
-        :param wanted: what they measure.
-        :param carried: the parameters of sensors of the body, by name.
-        """
-        known = auxiliary_sensors()
-        needed = {name for one in known if one.quantity in wanted for name in one.needs(imu)}
-        self._wanted = wanted
-        self._models: dict[str, Model] = {}
-        for one in known:
-            if one.quantity in wanted or one.quantity in needed:
-                self._models[one.quantity] = one.model(imu, environment, t0_ns, self._models)
-        for name, own in carried.items():
-            if name in wanted:
-                made = find_sensor(name).model(own, environment, t0_ns, self._models)
-                self._models[name] = made
-
-    def configure(self, imu: "ImuParameters", carried: Mapping[str, Any]) -> None:
-        """Take new values of live parameters, from the next sample on."""
-        for name, model in self._models.items():
-            model.configure(carried.get(name, imu))
-
-    def inject(self, fault: "Fault", quantity: str, first: int) -> None:
-        """Let a fault of one of them begin at the time of the IMU's sample ``first``."""
-        if quantity in self._models:
-            self._models[quantity].inject(fault, first)
-
-    def add_to(
-        self, block: "ImuBlock", trajectory: "Trajectory", temperature: "TemperatureProfile"
-    ) -> "ImuBlock":
-        """Return a block of the IMU with the samples of the others in its window of time."""
-        read = {
-            name: model.read(block, trajectory, temperature) for name, model in self._models.items()
-        }
-        return block._replace(auxiliary={k: v for k, v in read.items() if k in self._wanted})
+    known = auxiliary_sensors()
+    needed = {name for one in known if one.quantity in wanted for name in one.needs(imu)}
+    models: dict[str, Model] = {"imu": Imu(imu, environment, t0_ns)}
+    for one in known:
+        if one.quantity in wanted or one.quantity in needed:
+            models[one.quantity] = one.model(imu, environment, t0_ns, models)
+    return models

@@ -35,7 +35,8 @@ from imu_sim_ros.sensors import with_faults
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.model import Imu
-from imu_sim_ros.sensors.registry import find_sensor
+from imu_sim_ros.sensors.registry import board, find_sensor
+from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.parameters import SimulationParameters, carried
 from imu_sim_ros.trajectory.build import PoseReader, build_trajectory
 from imu_sim_ros.trajectory.motion import Trajectory
@@ -81,25 +82,24 @@ class Simulation:
             start = parameters.start_time
             t0_ns = timebase.to_nanoseconds(start) if start >= 0.0 else self._usual_start()
         self.t0_ns = t0_ns
-        self.total = self._sample_count()
+        longest = trajectory.duration
+        duration = parameters.duration or longest
+        if duration > longest:
+            raise ConfigurationError(
+                f"duration = {duration:g}: must be at most {longest:g} s, the trajectory's length"
+            )
+        self.total: int | None = None
+        """Number of samples; None: endless."""
+        self._end: Fraction | None = None
+        if not math.isinf(duration):
+            self._end = Fraction(repr(float(duration)))
+            self.total = timebase.sample_count(duration, parameters.rate)
         self.reset()
 
     def _usual_start(self) -> int:
         recorded = self._recorded()
         # A header's seconds are unsigned: poses before zero have no stamp there.
         return recorded.t0_ns if recorded and recorded.t0_ns >= 0 else DEFAULT_START_NS
-
-    def _sample_count(self) -> int | None:
-        """Return the number of samples; None: endless."""
-        longest = self.trajectory.duration
-        duration = self.parameters.duration or longest
-        if duration > longest:
-            raise ConfigurationError(
-                f"duration = {duration:g}: must be at most {longest:g} s, the trajectory's length"
-            )
-        if math.isinf(duration):
-            return None
-        return timebase.sample_count(duration, self.parameters.rate)
 
     def warnings(self) -> list[str]:
         """Return warnings on settings that are allowed but may be unintended, a line each.
@@ -165,8 +165,15 @@ class Simulation:
         """Go back to the first sample: the same samples follow again."""
         self.position = 0
         p = self.parameters
-        self._imu = Imu(p.imu, p, self.t0_ns, self._sensors, carried(p))
-        self._imu.prepare(self.trajectory)
+        self._world = World(self.trajectory, p, self.t0_ns)
+        self._models = board(p.imu, p, self.t0_ns, self._sensors)
+        imu = self._models["imu"]
+        assert isinstance(imu, Imu)
+        imu.prepare(self.trajectory)
+        for name, own in carried(p).items():
+            if name in self._sensors:
+                made = find_sensor(name).model(own, p, self.t0_ns, self._models)
+                self._models[name] = made
 
     def with_seed(self, seed: int) -> "Simulation":
         """Return a simulation of the same motion and sensor with another seed, at its start.
@@ -195,7 +202,9 @@ class Simulation:
         if problems:
             raise ConfigurationError(problems)
         self.parameters = parameters
-        self._imu.configure(parameters.imu, carried(parameters))
+        own = carried(parameters)
+        for name, model in self._models.items():
+            model.configure(own.get(name, parameters.imu))
 
     def inject(self, fault: Fault, delay: float = 0.0) -> None:
         """Let a fault begin.
@@ -205,21 +214,31 @@ class Simulation:
         """
         if not (math.isfinite(delay) and delay >= 0.0):
             raise ConfigurationError(f"fault delay = {delay}: must be at least 0 s")
-        needed = with_faults().get(fault.triad)
-        if needed is not None and needed not in self._sensors:
+        hit = with_faults().get(fault.triad, "imu")
+        if hit not in self._models:
             raise ConfigurationError(
                 f"fault triad = {fault.triad}: this simulation has no {fault.triad}"
             )
         first = self.position + timebase.sample_count(delay, self.parameters.rate)
-        self._imu.inject(fault, first, self.position)
+        self._models[hit].inject(fault, self._time(first))
 
     def next_block(self, count: int) -> ImuBlock:
         """Return the next samples: ``count``, fewer at the end of the run, none after it."""
         if self.total is not None:
             count = min(count, self.total - self.position)
-        block = self._imu.read(self.position, count, self.trajectory)
-        self.position += count
-        return block
+        end = self.position + count
+        stop = self._time(end)
+        if self._end is not None:  # the last interval may be longer than what is left of the run
+            stop = min(stop, self._end)
+        window = Window(min(self._time(self.position), stop), stop)
+        read = {name: model.read(window, self._world) for name, model in self._models.items()}
+        self.position = end
+        block: ImuBlock = read["imu"]
+        return block._replace(auxiliary={k: v for k, v in read.items() if k in self._sensors})
+
+    def _time(self, sample: int) -> Fraction:
+        """Return when a sample of the IMU is taken, since the first [s]."""
+        return sample / timebase.exact_rate(self.parameters.rate)
 
     def blocks(self, block_size: int = BLOCK_SIZE, count: int | None = None) -> Iterator[ImuBlock]:
         """Yield the samples that are left, in blocks.

@@ -23,7 +23,9 @@ from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.errors.response import Floats
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.gravity import gravity_vector
-from imu_sim_ros.sensors.imu.model import CHUNK, Imu, ImuSample, unknown_motion
+from imu_sim_ros.sensors.imu.model import CHUNK, NOWHERE, Imu, ImuSample, unknown_motion
+from imu_sim_ros.sensors.registry import board
+from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.error_input import (
     RESTART_NS,
     Conventions,
@@ -33,6 +35,7 @@ from imu_sim_ros.simulation.error_input import (
 )
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
 from imu_sim_ros.trajectory.motion import Motion
+from imu_sim_ros.types import Array
 
 _SAMPLES_AT_ONCE: Final = 65536
 """Most samples of a gap that are taken at once."""
@@ -103,7 +106,8 @@ class ErrorModel:
         self._faults: list[tuple[Fault, int]] = []
         self._conventions = Conventions(self.parameters)
         self._resampler = Resampler(self.parameters) if self._resamples else None
-        self._is_direct = self._conventions.nothing and self._resampler is None
+        alone = self._resampler is None and not self._sensors
+        self._is_direct = self._conventions.nothing and alone
 
     def reset(self) -> None:
         """Begin again with the next reading, as if nothing had been; parameters stay."""
@@ -143,7 +147,7 @@ class ErrorModel:
         if self._imu is None:
             self._faults.append((fault, first))
         else:
-            self._imu.inject(fault, first, self.position)
+            self._imu.inject(fault, first / timebase.exact_rate(self.parameters.rate))
         return first
 
     def time_of(self, index: int) -> int | None:
@@ -318,9 +322,7 @@ class ErrorModel:
             return []
         imu = self._imu or self._start(given)
         if self._pending is None:
-            block = imu.apply(self.position, given.t_ns, self._motion(given), *inside)
-            self.position += count
-            return [block]
+            return [self._apply(imu, given, *inside)]
         ratio = inside[0].shape[1] // count
         blocks, done = [], 0
         while done < count:
@@ -331,27 +333,30 @@ class ErrorModel:
             left = count - done
             step = left if self._pending is None else min(left, CHUNK - self.position % CHUNK)
             rows, own = slice(done, done + step), slice(done * ratio, (done + step) * ratio)
-            part = given.at(rows)
-            blocks.append(
-                imu.apply(
-                    self.position,
-                    part.t_ns,
-                    self._motion(part),
-                    inside[0][:, own],
-                    inside[1][:, own],
-                )
-            )
-            self.position += step
+            blocks.append(self._apply(imu, given.at(rows), inside[0][:, own], inside[1][:, own]))
             done += step
         return blocks
+
+    def _apply(self, imu: Imu, given: GivenReadings, gyro: Array, accel: Array) -> ImuBlock:
+        """Return the next samples, which are those of readings (3, n m) inside the sensor."""
+        first, self.position = self.position, self.position + len(given.t_ns)
+        block = imu.apply(first, given.t_ns, self._motion(given), gyro, accel)
+        rate = timebase.exact_rate(self.parameters.rate)
+        window = Window(first / rate, self.position / rate)
+        read = {name: model.read(window, self._world) for name, model in self._others.items()}
+        return block._replace(auxiliary=read)
 
     def _start(self, given: GivenReadings) -> Imu:
         """Make the sensor, whose first sample is the first of the readings."""
         parameters = self.parameters
         environment = dataclasses.replace(parameters, seed=self.seed)
-        imu = Imu(parameters.imu, environment, int(given.t_ns[0]), self._sensors)
+        t0_ns = int(given.t_ns[0])
+        self._world = World(NOWHERE, environment, t0_ns)
+        self._others = board(parameters.imu, environment, t0_ns, self._sensors)
+        imu = self._others.pop("imu")
+        assert isinstance(imu, Imu)
         for fault, first in self._faults:
-            imu.inject(fault, first, 0)
+            imu.inject(fault, first / timebase.exact_rate(parameters.rate))
         self._imu, self._faults, self._pending = imu, [], None
         return imu
 

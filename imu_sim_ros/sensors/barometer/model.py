@@ -4,6 +4,7 @@
 """The barometer of a board: the standard atmosphere at the IMU's height, and its errors."""
 
 import math
+from fractions import Fraction
 from typing import Final
 
 import numpy as np
@@ -12,14 +13,13 @@ from numpy.typing import NDArray
 from imu_sim_ros.conventions import STANDARD_GRAVITY
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.rotation.components import rotate
-from imu_sim_ros.sensors.block import ImuBlock, SensorBlock
+from imu_sim_ros.sensors.block import SensorBlock
 from imu_sim_ros.sensors.environment import AtmosphereParameters, EnvironmentParameters
-from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.sensors.errors.triad import Triad
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.own_rate import OwnRate, instantaneous
-from imu_sim_ros.trajectory.motion import Trajectory
+from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.types import Array
 
 EARTH_RADIUS: Final = 6356766.0
@@ -110,7 +110,7 @@ class Barometer:
     def __init__(self, imu: ImuParameters, environment: EnvironmentParameters, t0_ns: int) -> None:
         """Set up all errors at their start.
 
-        :param t0_ns: time of the IMU's sample 0 [ns].
+        :param t0_ns: time of the start [ns].
         """
         own = imu.barometer
         self._own = OwnRate(NAME, own, imu, environment, t0_ns)
@@ -129,23 +129,21 @@ class Barometer:
         self._own.configure(imu)
         self._triad.configure(instantaneous(imu))
 
-    def inject(self, fault: Fault, first: int) -> None:
-        """Let a fault begin with the first sample not before the IMU's sample ``first``."""
-        self._own.inject(fault, first)
+    def inject(self, fault: Fault, begin: Fraction) -> None:
+        """Let a fault begin with the first sample not before a time since the start [s]."""
+        self._own.inject(fault, begin)
 
-    def read(
-        self, block: ImuBlock, trajectory: Trajectory, temperature: TemperatureProfile
-    ) -> SensorBlock:
-        """Return the samples that were not read yet and lie before the end of the IMU's block."""
-        samples = self._own.next(block.first + len(block.true_t_ns), trajectory.duration)
-        position, q_wb, celsius = self._own.place(samples, block, trajectory, temperature)
-        arm_w = rotate(q_wb, self._lever_arm_b)
+    def read(self, window: Window, world: World) -> SensorBlock:
+        """Return the samples in a window, which begins where the last one ended."""
+        samples = self._own.within(window)
+        motion = world.motion(samples.t)
+        arm_w = rotate(np.ascontiguousarray(motion.q_wb.T), self._lever_arm_b)
         # In a curved world, too, z is the height above the origin's (CurvedEarth).
-        ideal = self._atmosphere.pressure(self._height + position[2] + arm_w[2])
+        ideal = self._atmosphere.pressure(self._height + motion.position[:, 2] + arm_w[2])
         gust = self._gusts.next(len(samples.t))
         values = np.zeros((3, len(samples.t)))
         np.add(ideal, gust, out=values[0])
-        offset = celsius - self._reference_temperature
+        offset = world.temperature.at(samples.t) - self._reference_temperature
         made = self._triad.read(
             samples.first, values, np.zeros(values.shape), offset, self._own.faults
         )

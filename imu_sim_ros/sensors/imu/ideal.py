@@ -160,19 +160,19 @@ class IdealImu:
         return rate, force
 
     def read_mean(
-        self, trajectory: Trajectory, t: Array, quadrature: Quadrature
-    ) -> tuple[Motion, Array, Array]:
-        """Return the motion at n + 1 times, and the mean readings between them (lecture eq. 11).
+        self, trajectory: Trajectory, t: Array, motion: Motion, quadrature: Quadrature
+    ) -> tuple[Array, Array]:
+        """Return the mean readings between n + 1 times (lecture eq. 11).
 
         Times the interval's length the means (3, n) are the delta angle and the delta velocity.
         Gauss-Lobatto quadrature; with two nodes between the ends the error falls with the sixth
         power of the interval, with three with the eighth.
 
         :param t: (n + 1,) ends of the intervals [s], not decreasing.
+        :param motion: at these times.
         :param quadrature: nodes and weights on [0, 1], see :func:`quadrature`.
         """
         nodes, weights = (values[1:-1] for values in quadrature)
-        motion = trajectory.sample(t)
         of_ends = quadrature[1][0]
         means = [of_ends * (ends[:, :-1] + ends[:, 1:]) for ends in self.read(motion)]
         n = len(t) - 1
@@ -191,7 +191,7 @@ class IdealImu:
                     ):
                         mean[:, row] += weight * own
         rate, force = means
-        return motion, rate, force
+        return rate, force
 
 
 def _curved_earth(environment: EnvironmentParameters) -> "CurvedEarth":

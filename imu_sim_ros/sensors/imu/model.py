@@ -4,17 +4,16 @@
 """An IMU on a moving body: both triads, the temperature and the clock."""
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property, lru_cache
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from imu_sim_ros import timebase
 from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.sensors import with_faults
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.response import Floats, TemperatureProfile
@@ -22,8 +21,8 @@ from imu_sim_ros.sensors.errors.triad import AddedToOne, Additions, Reading, Tri
 from imu_sim_ros.sensors.faults import Fault, FaultSchedule
 from imu_sim_ros.sensors.imu.ideal import IdealImu, Quadrature, quadrature
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.registry import Auxiliary
 from imu_sim_ros.sensors.timing import Clock, Transport
+from imu_sim_ros.sensors.world import SampleTimes, Window, World
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.types import Array, Integers, Times
 
@@ -84,22 +83,17 @@ class ImuSample(NamedTuple):
 class Imu:
     """One IMU; its samples are read in order."""
 
-    def __init__(
-        self,
-        imu: ImuParameters,
-        environment: EnvironmentParameters,
-        t0_ns: int,
-        sensors: Collection[str] = (),
-        carried: Mapping[str, Any] = MappingProxyType({}),
-    ) -> None:
+    latest: ImuBlock
+    """What was read last."""
+
+    def __init__(self, imu: ImuParameters, environment: EnvironmentParameters, t0_ns: int) -> None:
         """Set up all errors at their start.
 
         :param t0_ns: time of sample 0 [ns].
-        :param sensors: names of the sensors that are read in addition to the IMU.
-        :param carried: the parameters of sensors of the body, by name.
         """
         seed, rate = environment.seed, environment.rate
-        self._rate, self._t0_ns = rate, t0_ns
+        self._rate, self._next = rate, 0
+        self._times = SampleTimes(rate, t0_ns)
         self._averaged = imu.sampling == "averaged"
         self._quadrature: Quadrature | None = None
         self._ratio = int(imu.internal_ratio(rate))
@@ -110,16 +104,11 @@ class Imu:
         self._clock = Clock(seed, imu, rate, t0_ns)
         self._transport = Transport(seed, rate)
         self._faults = FaultSchedule(seed, 1.0 / rate)
-        self._auxiliary = None
-        if sensors:
-            self._auxiliary = Auxiliary(imu, environment, t0_ns, sensors, carried)
         self._vibration = _vibration(imu, environment)
         self._precomputed: _Precomputed | None = None
-        self.configure(imu, carried)
+        self.configure(imu)
 
-    def configure(
-        self, imu: ImuParameters, carried: Mapping[str, Any] = MappingProxyType({})
-    ) -> None:
+    def configure(self, imu: ImuParameters) -> None:
         """Take new values of live parameters, from the next sample on.
 
         Of given readings, see :meth:`apply`, with the next chunk.
@@ -132,11 +121,8 @@ class Imu:
         self._is_plain = (
             self._ratio == 1
             and self._vibration is None
-            and self._auxiliary is None
             and all(triad.is_simple for triad in self._triads)
         )
-        if self._auxiliary is not None:
-            self._auxiliary.configure(imu, carried)
 
     def prepare(self, trajectory: Trajectory) -> None:
         """Determine how finely a motion has to be sampled, before the first reading.
@@ -146,33 +132,22 @@ class Imu:
         if self._averaged:
             self._quadrature = quadrature(trajectory.highest_frequency, 1.0 / self._rate)
 
-    def inject(self, fault: Fault, first: int, now: int) -> None:
-        """Let a fault begin at a sample that is still to come.
+    def inject(self, fault: Fault, begin: Fraction) -> None:
+        """Let a fault begin with the first sample not before a time since the start [s]."""
+        self._faults.add(fault, max(self._times.index(begin), self._next), self._next)
 
-        :param now: index of the next sample.
-        """
-        quantity = with_faults().get(fault.triad)
-        if quantity is None:
-            self._faults.add(fault, first, now)
-        elif self._auxiliary is not None:
-            self._auxiliary.inject(fault, quantity, first)
-
-    def read(self, first: int, count: int, trajectory: Trajectory) -> ImuBlock:
-        """Return samples ``first .. first + count - 1``; ``first`` follows the last call's."""
-        true_t_ns = timebase.sample_times_ns(first, count, self._rate, self._t0_ns)
-        t = timebase.seconds_since(true_t_ns, self._t0_ns)
-        motion, ideal_gyro, ideal_accel = self._ideal_readings(first, t, trajectory)
+    def read(self, window: Window, world: World) -> ImuBlock:
+        """Return the samples in a window, which begins where the last one ended."""
+        first, true_t_ns, t = self._times.within(window)
+        motion, ideal_gyro, ideal_accel = self._ideal_readings(first, t, world)
         ideal = (ideal_gyro, ideal_accel)
         temperature = self._temperature.at(t)
         vibration = self._vibration.read(first, motion) if self._vibration else None
         if self._ratio == 1:
             gyro, accel = self._triad_readings(first, *ideal, temperature, vibration)
         else:
-            gyro, accel = self._oversampled(first, count, trajectory, vibration)
-        block = self._block(first, true_t_ns, motion, ideal, temperature, gyro, accel)
-        if self._auxiliary is None:
-            return block
-        return self._auxiliary.add_to(block, trajectory, self._temperature)
+            gyro, accel = self._oversampled(first, len(t), world.trajectory, vibration)
+        return self._block(first, true_t_ns, motion, ideal, temperature, gyro, accel)
 
     def apply(
         self, first: int, true_t_ns: Times, motion: Motion, ideal_gyro: Array, ideal_accel: Array
@@ -201,10 +176,7 @@ class Imu:
             gyro, accel = self._triad_readings(first, ideal_gyro, ideal_accel, inside, vibration)
         else:
             temperature, gyro, accel = self._in_chunks(first, ideal, vibration)
-        block = self._block(first, true_t_ns, motion, ideal, temperature, gyro, accel)
-        if self._auxiliary is None:
-            return block
-        return self._auxiliary.add_to(block, NOWHERE, self._temperature)
+        return self._block(first, true_t_ns, motion, ideal, temperature, gyro, accel)
 
     def apply_one(self, first: int, t_ns: int, gyro: Floats, accel: Floats) -> ImuSample | None:
         """Return sample ``first`` of one given reading in plain floats; the bits of :meth:`apply`.
@@ -218,6 +190,7 @@ class Imu:
         precomputed = self._precomputed
         if precomputed is None or precomputed.end == first:
             precomputed = self._precomputed = self._precompute(first)
+        self._next = first + 1
         of_gyro, of_accel, temperature = precomputed.rows[first - precomputed.first]
         return ImuSample(
             first,
@@ -259,7 +232,8 @@ class Imu:
         accel: Reading,
     ) -> ImuBlock:
         """Return n samples with stamps and transport."""
-        return ImuBlock(
+        self._next = first + len(true_t_ns)
+        self.latest = ImuBlock(
             first=first,
             true_t_ns=true_t_ns,
             t_ns=self._clock.stamp(true_t_ns),
@@ -276,6 +250,7 @@ class Imu:
             accel_scale=accel.scale.T,
             motion=motion,
         )
+        return self.latest
 
     def _in_chunks(
         self, first: int, ideal: tuple[Array, Array], vibration: Array | None
@@ -387,19 +362,18 @@ class Imu:
         gyro, accel = (_joined(readings) for readings in zip(*made, strict=True))
         return gyro, accel
 
-    def _ideal_readings(
-        self, first: int, t: Array, trajectory: Trajectory
-    ) -> tuple[Motion, Array, Array]:
+    def _ideal_readings(self, first: int, t: Array, world: World) -> tuple[Motion, Array, Array]:
         """Return the motion at times t (n,) and what a perfect IMU reads, (3, n) twice."""
         if not self._averaged:
-            motion = trajectory.sample(t)
+            motion = world.motion(t)
             return motion, *self._ideal.read(motion)
         if self._quadrature is None:
-            self.prepare(trajectory)
+            self.prepare(world.trajectory)
             assert self._quadrature is not None
         before = timebase.sample_times_ns(max(first - 1, 0), 1, self._rate)
         ends = np.concatenate([timebase.seconds_since(before, 0), t])
-        motion, rate, force = self._ideal.read_mean(trajectory, ends, self._quadrature)
+        motion = world.motion(ends)
+        rate, force = self._ideal.read_mean(world.trajectory, ends, motion, self._quadrature)
         motion = Motion(*(values[1:] for values in motion))
         if first == 0:  # nothing lies before the first sample: it is the value at its time
             at_once = self._ideal.read(Motion(*(values[:1] for values in motion)))

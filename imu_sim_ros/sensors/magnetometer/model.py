@@ -4,6 +4,7 @@
 """The magnetometer of a board, from the field of the world to the digital output."""
 
 import math
+from fractions import Fraction
 from typing import Final
 
 import numpy as np
@@ -11,17 +12,17 @@ import numpy as np
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
 from imu_sim_ros.rotation.components import rotate, rotate_inverse, transform
-from imu_sim_ros.sensors.block import ImuBlock, SensorBlock
+from imu_sim_ros.sensors.block import SensorBlock
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.realised import with_constants, with_turn_on
-from imu_sim_ros.sensors.errors.response import TemperatureProfile, TurnOn
+from imu_sim_ros.sensors.errors.response import TurnOn
 from imu_sim_ros.sensors.errors.triad import Triad
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
-from imu_sim_ros.sensors.own_rate import OwnRate, Sampled, instantaneous
-from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.types import Array, Integers, Mask
+from imu_sim_ros.sensors.own_rate import OwnRate, instantaneous
+from imu_sim_ros.sensors.world import Window, World
+from imu_sim_ros.types import Array
 
 MU0_OVER_4_PI: Final = 1e-7
 """[T m/A]; the value measured in the SI of 2019 agrees to nine digits."""
@@ -123,7 +124,7 @@ class Magnetometer:
     def __init__(self, imu: ImuParameters, environment: EnvironmentParameters, t0_ns: int) -> None:
         """Set up all errors at their start.
 
-        :param t0_ns: time of the IMU's sample 0 [ns].
+        :param t0_ns: time of the start [ns].
         """
         self._own = OwnRate(NAME, imu.magnetometer, imu, environment, t0_ns)
         self._field = MagneticField(environment)
@@ -137,7 +138,6 @@ class Magnetometer:
         self._hard_iron: Array = (self._r_mi @ np.array(unit.hard_iron))[:, None]
         self._coupling: Array = (self._r_mi @ np.array(unit.current_coupling))[:, None]
         self._current = np.reshape(unit.current_profile, (-1, 2)).T
-        self._last: Sampled | None = None
         self.latest: SensorBlock | None = None
         """What was read last."""
         self._triad = Triad(NAME, instantaneous(imu), environment.seed, imu.magnetometer.rate)
@@ -153,27 +153,20 @@ class Magnetometer:
         """Return M (3, 3) and b (3,) [T] of ``reading = M B + b`` for a realised board."""
         return unit.magnetometer.response_and_bias()
 
-    def inject(self, fault: Fault, first: int) -> None:
-        """Let a fault begin with the first sample not before the IMU's sample ``first``."""
-        self._own.inject(fault, first)
+    def inject(self, fault: Fault, begin: Fraction) -> None:
+        """Let a fault begin with the first sample not before a time since the start [s]."""
+        self._own.inject(fault, begin)
 
-    def imu_samples(self) -> tuple[Integers, Mask]:
-        """Return, of the samples read last, the IMU's that each follows; whether at its time."""
-        assert self._last is not None
-        return self._own.imu_samples(self._last)
-
-    def read(
-        self, block: ImuBlock, trajectory: Trajectory, temperature: TemperatureProfile
-    ) -> SensorBlock:
-        """Return the samples that were not read yet and lie before the end of the IMU's block."""
-        samples = self._own.next(block.first + len(block.true_t_ns), trajectory.duration)
-        self._last = samples
-        position, q_wb, celsius = self._own.place(samples, block, trajectory, temperature)
-        place = position + rotate(q_wb, self._lever_arm_b)
+    def read(self, window: Window, world: World) -> SensorBlock:
+        """Return the samples in a window, which begins where the last one ended."""
+        samples = self._own.within(window)
+        motion = world.motion(samples.t)
+        q_wb = np.ascontiguousarray(motion.q_wb.T)
+        place = motion.position.T + rotate(q_wb, self._lever_arm_b)
         field_w = self._field.at(samples.t, place)
         ideal = transform(self._r_ib, rotate_inverse(q_wb, field_w))
         disturbance = self._disturbance(samples.t)
-        offset = celsius - self._reference_temperature
+        offset = world.temperature.at(samples.t) - self._reference_temperature
         along = transform(self._iron, ideal) + disturbance
         made = self._triad.read(
             samples.first, along, np.zeros(along.shape), offset, self._own.faults

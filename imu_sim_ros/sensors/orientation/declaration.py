@@ -82,7 +82,8 @@ def _model(
 
     filtered = imu.orientation.source == "filter"
     field: Any = others["magnetic_field"] if filtered else None
-    return Orientation(imu, environment, field)
+    source: Any = others["imu"]
+    return Orientation(imu, environment, source, field)
 
 
 def _needs(imu: ImuParameters) -> tuple[str, ...]:

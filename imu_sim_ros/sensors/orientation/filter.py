@@ -123,6 +123,7 @@ class OrientationFilter:
         self._up = SteadyLowPass(time_constant, dt)
         self._north = SteadyLowPass(time_constant, magnetic_dt)
         self._last_rate: Array | None = None
+        self._last_q = np.array([[1.0], [0.0], [0.0], [0.0]])
         self._field = np.array([[1.0], [0.0], [0.0]])
         horizontal = math.hypot(field_w[0], field_w[1]) or 1.0
         self._declination = (field_w[0] / horizontal, field_w[1] / horizontal)
@@ -143,20 +144,21 @@ class OrientationFilter:
         :param gyro: (3, n) [rad/s].
         :param accel: (3, n) [m/s^2].
         :param field: (3, m) as the board reads it.
-        :param behind: (m,) which of the n readings each of them follows.
+        :param behind: (m,) which of the n readings each of them follows; -1: the one before.
         :param delay: (m,) by how much [s].
         :param known: (m,) from which of the n readings on each is known; n: not here.
         """
-        if gyro.shape[1] == 0:
-            return np.empty((4, 0))
         before = gyro[:, :1] if self._last_rate is None else self._last_rate
-        mean = 0.5 * (np.concatenate([before, gyro[:, :-1]], axis=1) + gyro)
+        rates = np.concatenate([before, gyro], axis=1)
+        mean = 0.5 * (rates[:, :-1] + gyro)
         if self._last_rate is None:
-            mean[:, 0] = 0.0
-        self._last_rate = gyro[:, -1:].copy()
+            mean[:, :1] = 0.0
         q_gi = self._product.next(components.exp(mean * self._dt))
+        every = np.concatenate([self._last_q, q_gi], axis=1)
+        self._last_rate, self._last_q = rates[:, -1:], every[:, -1:]
         up = _unit(self._up.next(components.rotate(q_gi, accel)))
-        q_gm = components.multiply(q_gi[:, behind], components.exp(gyro[:, behind] * delay))
+        turned = components.exp(rates[:, behind + 1] * delay)
+        q_gm = components.multiply(every[:, behind + 1], turned)
         seen = self._north.next(components.rotate(q_gm, field))
         latest = np.searchsorted(known, np.arange(gyro.shape[1]), side="right")
         fields = np.concatenate([self._field, seen], axis=1)

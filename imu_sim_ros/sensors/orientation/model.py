@@ -3,6 +3,7 @@
 
 """The orientation that a board states with its readings: ``imu/data`` (REP-145)."""
 
+from fractions import Fraction
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -14,12 +15,11 @@ from imu_sim_ros.sensors.block import ImuBlock, SensorBlock
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.processes import GaussMarkovBank
 from imu_sim_ros.sensors.errors.realised import realised_imu
-from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.orientation.filter import OrientationFilter
-from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.types import Array, Mask, Times
+from imu_sim_ros.sensors.world import Window, World
+from imu_sim_ros.types import Array
 
 EXACT: Final = 1e-12
 """[rad^2] Stated of an orientation without any error: 0 would say that its variance is unknown."""
@@ -81,6 +81,14 @@ class ModelledOrientation:
         return components.multiply(components.exp(error), q_wi), variance
 
 
+class ReadImu(Protocol):
+    """The IMU whose orientation is stated."""
+
+    @property
+    def latest(self) -> ImuBlock:
+        """What was read last."""
+
+
 class FieldSensor(Protocol):
     """The board's sensor of the magnetic field, as the filter needs it."""
 
@@ -95,9 +103,6 @@ class FieldSensor(Protocol):
     @property
     def earth_w(self) -> Array:
         """(3,) the Earth's field in the world [T]."""
-
-    def imu_samples(self) -> tuple[Times, Mask]:
-        """Return, of the samples read last, the IMU's that each follows; whether at its time."""
 
     def calibration(self, unit: ImuParameters) -> tuple[Array, Array]:
         """Return M (3, 3) and b (3,) [T] of ``reading = M B + b`` for a realised board."""
@@ -115,6 +120,7 @@ class FilteredOrientation:
             p.time_constant, 1.0 / environment.rate, field.interval, field.earth_w
         )
         self._variance = np.square(p.stated_sigma)[:, None]
+        self._last_ns = np.empty(0, np.int64)
         unit = realised_imu(imu, environment.seed)
         self._corrections = [_Correction(np.eye(3), np.zeros(3))] * 3
         if p.calibrated:
@@ -128,16 +134,17 @@ class FilteredOrientation:
         """Return orientations (4, n) and the stated variances (3, n) [rad^2]."""
         magnetic = self._field.latest
         n = len(block.true_t_ns)
-        index, together = self._field.imu_samples()
-        behind = index - block.first
-        since = magnetic.true_t_ns - block.true_t_ns[behind] if n else np.empty(0)
+        t_ns = np.concatenate([self._last_ns, block.true_t_ns])
+        self._last_ns = t_ns[-1:]
+        behind = np.searchsorted(block.true_t_ns, magnetic.true_t_ns, side="right") - 1
+        since = magnetic.true_t_ns - t_ns[behind + len(t_ns) - n]
         delay: Array = since.astype(np.float64) * 1e-9
         readings = (block.gyro.T, block.accel.T, magnetic.field.T)
         gyro, accel, field = (
             correction.apply(reading)
             for correction, reading in zip(self._corrections, readings, strict=True)
         )
-        q = self._filter.next(gyro, accel, field, behind, delay, behind + ~together)
+        q = self._filter.next(gyro, accel, field, behind, delay, behind + (since > 0))
         return q, np.broadcast_to(self._variance, (3, n))
 
 
@@ -159,15 +166,17 @@ class Orientation:
         self,
         imu: ImuParameters,
         environment: EnvironmentParameters,
+        read: ReadImu,
         field: FieldSensor | None,
     ) -> None:
         """Set up the model or the filter.
 
+        :param read: the IMU, which is read before this.
         :param field: of the board; the filter needs it.
         """
         rate = imu.orientation.rate
         ratio = timebase.exact_rate(environment.rate) / timebase.exact_rate(rate) if rate else 1
-        self._every = int(ratio)
+        self._every, self._imu = int(ratio), read
         mounting = np.reshape(imu.mounting, (3, 3))
         self._q_bi = rotation.from_matrix(mounting)[:, None]
         self._source: ModelledOrientation | FilteredOrientation
@@ -179,13 +188,12 @@ class Orientation:
     def configure(self, imu: ImuParameters) -> None:
         """Do nothing: no parameter of an orientation is live."""
 
-    def inject(self, fault: Fault, first: int) -> None:
+    def inject(self, fault: Fault, begin: Fraction) -> None:
         """Do nothing: an orientation has no faults of its own."""
 
-    def read(
-        self, block: ImuBlock, trajectory: Trajectory, temperature: TemperatureProfile
-    ) -> SensorBlock:
-        """Return the orientations of a block of the IMU, whose magnetic field has been read."""
+    def read(self, window: Window, world: World) -> SensorBlock:
+        """Return the orientations of the IMU's samples, and of the field's, that were read last."""
+        block = self._imu.latest
         q_wb = np.ascontiguousarray(block.motion.q_wb.T)
         truth = components.multiply(q_wb, self._q_bi)
         q, variance = self._source.next(block, truth)

@@ -3,7 +3,9 @@
 
 """The orientation that a board states: its stated errors, and a filter against other people's."""
 
+import itertools
 import math
+from fractions import Fraction
 from functools import partial
 from typing import Any
 
@@ -18,8 +20,11 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.block import SensorBlock
 from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.sensors.orientation.model import EXACT
+from imu_sim_ros.sensors.registry import board
+from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.trajectory.build import build_trajectory
 
 BASE: dict[str, Any] = {"imu.preset": "perfect", "trajectory.type": "figure_eight", "rate": 100.0}
 MOUNTING = Rotation.from_euler("zyx", [0.4, -0.2, 1.1])
@@ -50,6 +55,25 @@ def simulation(*named: dict[str, Any], sensors: tuple[str, ...] = ("orientation"
     for one in named:
         values.update(one)
     return Simulation(load_simulation(values), sensors=sensors)
+
+
+def test_windows_need_not_begin_and_end_with_samples_of_the_imu() -> None:
+    """Readings of the field before, at and after the IMU's, and windows with none of either."""
+    p = load_simulation({**BASE, **FILTER, "rate": 10.0, "duration": 30.0})
+    world = World(build_trajectory(p.trajectory), p, 0)
+    names = {"orientation": "q_wi", "magnetic_field": "field", "pressure": "pressure"}
+
+    def read(edges: np.ndarray) -> dict[str, np.ndarray]:
+        models = board(p.imu, p, 0, tuple(names))
+        times = [Fraction(edge) for edge in edges]
+        windows = [Window(*pair) for pair in itertools.pairwise(times)]
+        found = [{n: models[n].read(w, world) for n in models} for w in windows]
+        return {n: np.concatenate([one[n].values[v] for one in found]) for n, v in names.items()}
+
+    inner = np.random.default_rng(5).uniform(0.0, 30.0, 700)
+    whole, parts = read(np.array([0.0, 30.0])), read(np.sort([0.0, *inner, 30.0]))
+    assert len(whole["orientation"]) == 300
+    assert all(np.array_equal(whole[name], parts[name]) for name in names)
 
 
 stated = partial(read_all, quantity="orientation")

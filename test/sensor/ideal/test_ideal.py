@@ -5,6 +5,7 @@
 
 import math
 from collections.abc import Callable
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -12,7 +13,9 @@ import pytest
 from imu_sim_ros import rotation
 from imu_sim_ros.sensors.gravity import EARTH_RATE, SEMI_MAJOR_AXIS, normal_gravity
 from imu_sim_ros.sensors.imu.model import Imu
+from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
+from imu_sim_ros.timebase import exact_rate
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 
@@ -45,7 +48,9 @@ def read(
     trajectory: Trajectory, count: int = 400, **values: object
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return times, rates and forces of a perfect IMU."""
-    block = Imu((own := parameters(**values)).imu, own, 0).read(0, count, trajectory)
+    own = parameters(**values)
+    window = Window(Fraction(0), Fraction(count) / exact_rate(own.rate))
+    block = Imu(own.imu, own, 0).read(window, World(trajectory, own, 0))
     assert np.array_equal(block.gyro, block.ideal_gyro)
     assert np.array_equal(block.accel, block.ideal_accel)
     return block.true_t_ns * 1e-9, block.gyro, block.accel

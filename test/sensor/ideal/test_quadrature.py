@@ -43,7 +43,8 @@ class Case(NamedTuple):
 
     def error(self, rule: Quadrature) -> Array:
         """Return the largest errors of rate and force (2,)."""
-        _, *means = self.imu.read_mean(self.trajectory, self.t, rule)
+        motion = self.trajectory.sample(self.t)
+        means = self.imu.read_mean(self.trajectory, self.t, motion, rule)
         difference = np.abs(np.concatenate(means) - self.exact())
         return difference.reshape(2, -1).max(axis=1)
 

@@ -1,0 +1,100 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What the sensors of a body are in: its motion, the environment, and the time."""
+
+from fractions import Fraction
+from typing import NamedTuple
+
+import numpy as np
+
+from imu_sim_ros import timebase
+from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.errors.response import TemperatureProfile
+from imu_sim_ros.trajectory.motion import Motion, Trajectory
+from imu_sim_ros.types import Array, Times
+
+
+class Window(NamedTuple):
+    """An interval of time ``[begin, end)`` since the start of a run, in exact numbers [s]."""
+
+    begin: Fraction
+    end: Fraction
+
+
+class World:
+    """A body's motion and its surroundings, at times since the start of a run."""
+
+    def __init__(
+        self, trajectory: Trajectory, environment: EnvironmentParameters, t0_ns: int
+    ) -> None:
+        """Start at a time.
+
+        :param t0_ns: true time of the start [ns].
+        """
+        self.trajectory, self.environment, self.t0_ns = trajectory, environment, t0_ns
+        self.temperature = TemperatureProfile(environment.temperature)
+        self._known: tuple[Array, Motion] | None = None
+
+    def motion(self, t: Array) -> Motion:
+        """Return the body's motion at times t (n,) [s], which increase.
+
+        Sensors take samples at the same times, so the motion at the last times is kept.
+        """
+        if self._known is not None:
+            times, motion = self._known
+            rows = _evenly_spaced(t, times)
+            if rows is not None:
+                return Motion(*(values[rows] for values in motion))
+        motion = self.trajectory.sample(t)
+        self._known = t, motion
+        return motion
+
+
+def _evenly_spaced(t: Array, times: Array) -> slice | None:
+    """Return at which evenly spaced rows of increasing times t is; None: at none."""
+    count = len(t)
+    if not 0 < count <= len(times):
+        return None
+    places = np.searchsorted(times, t[[0, min(1, count - 1)]], side="right") - 1
+    first, step = int(places[0]), max(int(places[1] - places[0]), 1)
+    if first < 0:
+        return None
+    rows = slice(first, first + step * (count - 1) + 1, step)
+    return rows if np.array_equal(times[rows], t) else None
+
+
+class Sampled(NamedTuple):
+    """n samples that lie in a window of time."""
+
+    first: int
+    """Index of the first of them."""
+    true_t_ns: Times
+    """(n,) [ns]."""
+    t: Array
+    """(n,) since the start of the run [s]."""
+
+
+class SampleTimes:
+    """Times of a sensor's samples: sample k is taken at ``offset + k / rate`` after the start."""
+
+    def __init__(self, rate: float, t0_ns: int, offset: float = 0.0) -> None:
+        """Keep them as exact numbers.
+
+        :param t0_ns: true time of the start [ns].
+        """
+        self._rate, self._exact_rate = rate, timebase.exact_rate(rate)
+        self._offset = Fraction(repr(offset))
+        self._t0_ns, self._first_ns = t0_ns, t0_ns + timebase.to_nanoseconds(offset)
+
+    def index(self, t: Fraction) -> int:
+        """Return the index of the first sample that is not before a time since the start [s]."""
+        after = (t - self._offset) * self._exact_rate
+        return max(-(-after.numerator // after.denominator), 0)
+
+    def within(self, window: Window) -> Sampled:
+        """Return the samples in a window."""
+        first = self.index(window.begin)
+        count = self.index(window.end) - first
+        true_t_ns = timebase.sample_times_ns(first, count, self._rate, self._first_ns)
+        return Sampled(first, true_t_ns, timebase.seconds_since(true_t_ns, self._t0_ns))
