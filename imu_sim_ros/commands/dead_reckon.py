@@ -17,8 +17,8 @@ from imu_sim_ros.commands.common import COMMON, output_and_plot, save_plot, skip
 from imu_sim_ros.conventions import TRUTH_TOPIC
 from imu_sim_ros.jobs.dead_reckon import (
     CURVED_EARTH,
+    KnownWorld,
     Track,
-    World,
     initial_condition,
     integrated,
     lines,
@@ -116,7 +116,7 @@ def _tracks(arguments: argparse.Namespace) -> list[Track]:
     ]
 
 
-def _settings(arguments: argparse.Namespace, world: World) -> IntegratorParameters:
+def _settings(arguments: argparse.Namespace, world: KnownWorld) -> IntegratorParameters:
     chosen = program.given(arguments, "method", "attitude_update", "initial_state")
     if arguments.correction is not None:
         chosen["calibration"] = str(arguments.correction)

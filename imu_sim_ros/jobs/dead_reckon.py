@@ -238,7 +238,7 @@ def dead_reckon(
     return replace(track, covariance=_covariance(readings, track, start))
 
 
-class World(NamedTuple):
+class KnownWorld(NamedTuple):
     """What integration has to know of the world that readings were simulated in."""
 
     parameters: dict[str, Any]
@@ -311,7 +311,7 @@ def read_recording(
     return ReadingsAndTruth(readings, truth)
 
 
-def _world(readings: object) -> World:
+def _world(readings: object) -> KnownWorld:
     if isinstance(readings, Flight):
         return _known(readings.parameters)
     if isinstance(readings, str | PathLike):
@@ -319,19 +319,19 @@ def _world(readings: object) -> World:
     return _known(None)
 
 
-def read_world(path: Path) -> World:
+def read_world(path: Path) -> KnownWorld:
     """Return the world of a simulated file, as the realised truth next to it describes it."""
     from imu_sim_ros.datasets.truth_files import world_of  # most readings are at hand
 
     return _known(world_of(path))
 
 
-def _known(world: EnvironmentParameters | None) -> World:
+def _known(world: EnvironmentParameters | None) -> KnownWorld:
     if world is None:
-        return World({}, False)
+        return KnownWorld({}, False)
     gravity, rate = gravity_vector(world).tolist(), earth_rate_vector(world).tolist()
     found = {"gravity": gravity} if tuple(gravity) != GRAVITY else {}
-    return World({**found, "earth_rate": rate} if any(rate) else found, world.curved_earth)
+    return KnownWorld({**found, "earth_rate": rate} if any(rate) else found, world.curved_earth)
 
 
 def _settings(
