@@ -20,9 +20,8 @@ from imu_sim_ros.bags.messages.decode import MessageDecoder
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
 from imu_sim_ros.bags.messages.layouts import STAMP_OFFSET
 from imu_sim_ros.bags.messages.transforms import TransformsEncoder
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.errors import InputError, MissingDependencyError
 from imu_sim_ros.inputs import gate
-from imu_sim_ros.nodes import transform_type
 from imu_sim_ros.rotation.scalars import Q4, V3, normalise
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 
@@ -47,22 +46,21 @@ _BUILTIN = frozenset(
 )
 _FIELD = re.compile(r"^\s*([A-Za-z][\w/]*)\s*(?:<=\d+)?\s*(?:\[[^\]]*\])?\s+[A-Za-z]\w*")
 _SEPARATOR = "=" * 80
-_KNOWN_HERE = {"tf2_msgs/TFMessage": transform_type.DEFINITION}
 
 
 def message_class(type_name: str) -> Any:
     """Return the Python class of a type such as ``sensor_msgs/msg/Imu``.
 
-    :raises InputError: if its package is not installed.
-    :raises MissingDependencyError: if tf2_msgs is not installed and cannot be replaced.
+    :raises MissingDependencyError: if its package is not installed.
     """
-    if type_name == transform_type.TYPE:
-        return transform_type.transform_message_class()
     package, _, name = type_name.split("/")
     try:
         return getattr(importlib.import_module(f"{package}.msg"), name)
     except (ImportError, AttributeError):
-        raise InputError(f"{type_name}: the package {package} is not installed here") from None
+        raise MissingDependencyError(
+            f"{type_name}: the package {package} is not installed here "
+            f"(apt install ros-jazzy-{package.replace('_', '-')})"
+        ) from None
 
 
 def stamp_offset(message: Any) -> int | None:
@@ -93,9 +91,9 @@ def definition(type_name: str) -> str:
         if key in texts:
             continue
         path = _find(key.split("/")[0], f"{key.split('/')[1]}.msg")
-        if path is None and key not in _KNOWN_HERE:
+        if path is None:
             return ""
-        texts[key] = _KNOWN_HERE[key] if path is None else path.read_text(encoding="utf-8")
+        texts[key] = path.read_text(encoding="utf-8")
         wanted += _nested(texts[key], key.split("/")[0])
     (_, first), *others = texts.items()
     return first + "".join(f"\n{_SEPARATOR}\nMSG: {key}\n{text}" for key, text in others)
@@ -107,7 +105,7 @@ def type_hash(type_name: str) -> str:
     package, _, name = type_name.split("/")
     path = _find(package, f"{name}.json")
     if path is None:
-        return transform_type.HASH if type_name == transform_type.TYPE else ""
+        return ""
     hashes = json.loads(path.read_text(encoding="utf-8")).get("type_hashes", [])
     return next((h["hash_string"] for h in hashes if h["type_name"] == type_name), "")
 

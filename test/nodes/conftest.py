@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +80,9 @@ class NodeProcess:
         )
         environment = {
             **os.environ,
-            "PYTHONPATH": os.pathsep.join(filter(None, [str(REPOSITORY), installed])),
+            "PYTHONPATH": os.pathsep.join(
+                filter(None, [str(REPOSITORY), installed, os.environ.get("PYTHONPATH")])
+            ),
             "ROS_DOMAIN_ID": str(domain),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "ROS_PYTHON_CHECK_FIELDS": "1",
@@ -104,6 +107,18 @@ class NodeProcess:
     def end(self) -> int:
         self.send(signal.SIGINT)
         return self.status()
+
+
+WHEELS_PREFIX = Path(__file__).with_name("wheels_prefix")
+
+
+@pytest.fixture
+def tf2_msgs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let this process and nodes find tf2_msgs; next to ROS 2's wheels, a part made of them."""
+    found = find_spec("tf2_msgs")
+    if found is None or WHEELS_PREFIX in Path(found.origin or "").parents:
+        monkeypatch.syspath_prepend(str(WHEELS_PREFIX))
+        monkeypatch.setenv("PYTHONPATH", str(WHEELS_PREFIX))
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ from imu_sim_ros import program
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.bags.writer import Writer
-from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.errors import ConfigurationError, InputError, MissingDependencyError
 from imu_sim_ros.json_text import as_json
 from imu_sim_ros.nodes import run, signals
 from imu_sim_ros.nodes.messages import definition, message_class, stamp_offset, type_hash
@@ -147,7 +147,7 @@ class Recorder(ConfiguredNode):
             if len(types) > 1:
                 raise InputError(f"it has several types: {', '.join(types)}")
             message = message_class(types[0])
-        except InputError as error:
+        except (InputError, MissingDependencyError) as error:
             self._refused.add(name)
             self.get_logger().error(f"{name} is not recorded: {error}")
             return

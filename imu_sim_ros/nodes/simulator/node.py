@@ -28,7 +28,7 @@ from std_srvs.srv import SetBool, Trigger
 from imu_sim_ros import conventions, timebase
 from imu_sim_ros.bags.messages.encode import CLOCK, ClockEncoder
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
-from imu_sim_ros.errors import ConfigurationError, InputError, MissingDependencyError
+from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
 from imu_sim_ros.nodes import run, sensor_description, signals
 from imu_sim_ros.nodes.diagnostics import PERIOD, fault_message
 from imu_sim_ros.nodes.messages import message_class
@@ -222,7 +222,7 @@ class Simulator(ConfiguredNode):
         if topic.foreign:
             try:
                 message_class(topic.type)
-            except InputError as error:
+            except MissingDependencyError as error:
                 self._notes.append(f"{topic.name} is not published: {error}")
                 return False
         return True

@@ -15,7 +15,7 @@ from imu_sim_ros.bags.messages.encode import ImuEncoder
 from imu_sim_ros.bags.messages.schemas import recorded_type
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 from imu_sim_ros.bags.write import open_writer
-from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.errors import ConfigurationError, InputError, MissingDependencyError
 from imu_sim_ros.nodes import messages as message_types
 from imu_sim_ros.nodes.arguments import ros_arguments
 from imu_sim_ros.nodes.recorder.node import _left, plain_arguments
@@ -57,7 +57,7 @@ def test_stamps_are_found_where_messages_have_them():
 
 
 def test_a_type_that_is_not_installed_is_refused():
-    with pytest.raises(InputError, match="wheel_msgs is not installed here"):
+    with pytest.raises(MissingDependencyError, match="wheel_msgs is not installed here"):
         message_types.message_class(WHEEL)
 
 

@@ -187,7 +187,7 @@ def test_a_paused_simulator_holds_its_frames_and_a_reset_begins_again(start, lis
     assert node.end() == 0
 
 
-def test_the_frames_of_the_cameras_are_on_tf_static(start, listener):
+def test_the_frames_of_the_cameras_are_on_tf_static(tf2_msgs, start, listener):
     from rosbags.typesys import Stores, get_typestore
 
     from imu_sim_ros import rotation
@@ -278,7 +278,7 @@ def test_without_cameras_nothing_of_them_is_imported():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_a_recording_is_read_as_a_file_is(start, listener, offline, tmp_path, capsys):
+def test_a_recording_is_read_as_a_file_is(tf2_msgs, start, listener, offline, tmp_path, capsys):
     """With a recorder: nothing is lost; dead_reckon and convert_bag read it."""
     import json
 

@@ -1,10 +1,11 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""/tf and /tf_static of the running simulator, received as a listener without tf2_msgs can."""
+"""/tf and /tf_static of the running simulator, with tf2_msgs."""
 
 import hashlib
 import json
+import os
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 from imu_sim_ros import rotation
 from imu_sim_ros.nodes.messages import definition, message_class, stamp_offset, type_hash
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.usefixtures("tf2_msgs")]
 
 TYPE = "tf2_msgs/msg/TFMessage"
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -173,7 +174,7 @@ def test_transforms_are_recorded(start, tmp_path):
     assert max(times) == 101_990_000_000
 
 
-def test_what_is_known_of_the_type_without_tf2_msgs():
+def test_what_is_known_of_the_type():
     assert definition(TYPE).startswith("geometry_msgs/TransformStamped[] transforms\n")
     assert "MSG: geometry_msgs/Quaternion" in definition(TYPE)
     assert stamp_offset(message_class(TYPE)) == 8
@@ -196,3 +197,19 @@ def test_an_empty_message_of_transforms_has_no_stamp_and_ends_no_recorder(
     assert recorder.end() == 0, recorder.output
     with AnyReader([bag]) as reader:
         assert len(list(reader.messages())) == 3
+
+
+def test_without_tf2_msgs_the_simulator_says_that_there_are_no_transforms(start, monkeypatch):
+    if "PYTHONPATH" not in os.environ:
+        pytest.skip("tf2_msgs is installed")
+    monkeypatch.delenv("PYTHONPATH")
+    node = start("simulator", duration=0.1, wait_for_subscribers=0)
+    assert node.status() == 0, node.output
+    assert (
+        "/tf_static is not published: tf2_msgs/msg/TFMessage: the package tf2_msgs" in node.output
+    )
+    for asked in ({"publish__tf_static": True}, {"publish__tf_rate": 10.0}):
+        node = start("simulator", duration=0.1, wait_for_subscribers=0, **asked)
+        assert node.status() == 2
+        assert "(apt install ros-jazzy-tf2-msgs)" in node.output
+        assert "Traceback" not in node.output

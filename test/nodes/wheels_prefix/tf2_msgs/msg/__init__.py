@@ -1,29 +1,22 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""tf2_msgs/TFMessage even if tf2_msgs is not installed: the ROS 2 wheels of PyPI have none.
+"""tf2_msgs/TFMessage for the tests on ROS 2's wheels, of which PyPI has none for tf2_msgs.
 
 For a message that is handled as bytes, Fast DDS needs the type's name, members, hash and
 description. Those of TFMessage, a list of geometry_msgs/TransformStamped, are assembled from the
 installed type support of TransformStamped; the structures are those of Jazzy's
 ``rosidl_runtime_c``, ``rosidl_typesupport_introspection_c`` and ``..._fastrtps_cpp``. Only bytes
-are supported: a message object of this type cannot be published. If tf2_msgs is installed, its
-own class is used.
+are supported: a message object of this type cannot be published.
 """
 
 import ctypes
-import importlib.util
-from functools import cache
 from typing import Any, Final
 
-from imu_sim_ros.errors import MissingDependencyError
-
 TYPE: Final = "tf2_msgs/msg/TFMessage"
-DEFINITION: Final = "geometry_msgs/TransformStamped[] transforms\n"
 HASH: Final = "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
 _NAMESPACE: Final = b"tf2_msgs::msg"
 _NAME: Final = b"TFMessage"
-_MIDDLEWARE: Final = "rmw_fastrtps_cpp"
 _FASTRTPS: Final = b"rosidl_typesupport_fastrtps_c"
 _INTROSPECTION: Final = b"rosidl_typesupport_introspection_c"
 _MESSAGE: Final = 18
@@ -145,27 +138,6 @@ class _Description(ctypes.Structure):
     _fields_ = (("type", _Individual), ("referenced", _Sequence))
 
 
-@cache
-def transform_message_class() -> Any:
-    """Return the class of tf2_msgs/TFMessage, with which bytes are published and received.
-
-    :raises MissingDependencyError: if tf2_msgs is not installed and the middleware is not
-        Fast DDS.
-    """
-    if importlib.util.find_spec("tf2_msgs") is not None:
-        from tf2_msgs.msg import TFMessage
-
-        return TFMessage
-    from rclpy.utilities import get_rmw_implementation_identifier
-
-    if (middleware := get_rmw_implementation_identifier()) != _MIDDLEWARE:
-        raise MissingDependencyError(
-            f"transforms with {middleware} need tf2_msgs, which is not installed here "
-            "(apt install ros-jazzy-tf2-msgs; it is not on PyPI)"
-        )
-    return _assembled()
-
-
 def _assembled() -> Any:
     """Return a class with a type support made from that of TransformStamped."""
     donor = _donor(_FASTRTPS)
@@ -270,3 +242,6 @@ def _description(donor: _Description) -> tuple[_Description, Any]:
 
 def _text(content: bytes) -> _String:
     return _String(content, len(content), len(content) + 1)
+
+
+TFMessage = _assembled()
