@@ -11,6 +11,8 @@ from imu_sim_ros.campaigns.statistics import ConfidenceInterval
 SIGNIFICANT: Final = 0.05
 BETTER, WORSE, EQUAL, UNDECIDED = "better", "worse", "equal", "undecided"
 RATIO, DIFFERENCE, SHARE = "ratio", "difference", "share"
+BASELINE: Final = "the baseline"
+"""What B is called in a comparison with an earlier campaign."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,8 @@ class Effect:
     effect: ConfidenceInterval
     """With its 95 % interval, not corrected for the number of comparisons; an end is None if
     failed runs make it infinite or the seeds are too few."""
+    simultaneous: ConfidenceInterval
+    """With the interval that holds for all comparisons of the campaign at once, with 95 %."""
     seeds: int
     """Seeds on which at least one of both has a result and the other one, or failed."""
     won: int
@@ -47,6 +51,8 @@ class Effect:
     lies within it, or ``undecided``."""
     note: str = ""
     """Reason for no decision, other than too few runs."""
+    non_inferior: bool | None = None
+    """Whether A is proven not to be worse than B by the margin; None: not asked."""
 
     @property
     def significant(self) -> bool:
@@ -55,22 +61,35 @@ class Effect:
 
     def size(self) -> str:
         """Return the effect in words: ``12 % smaller (95 %: 8 % to 15 %)``."""
-        return _size(self.kind, self.effect)
-
-    def line(self, metric: str, subject: bool = True) -> str:
-        """Return the effect in a line.
-
-        :param subject: begin with A; False: that has been said.
-        """
-        if self.note:
-            return f"{self.a} and {self.b}: {self.note}"
-        words = f"{self.a}: " if subject else ""
         if self.effect.value is None:
-            words += f"{metric}, against {self.b}: {self.size()}"
+            return "size unknown, too many runs failed"
+        words, ends = _size(self.kind, self.effect)
+        if ends is None:
+            return f"{words} (no 95 % interval: too few seeds, or too many failed runs)"
+        return f"{words} (95 %: {ends})"
+
+    def at_once(self) -> str:
+        """Return the interval that holds for all comparisons at once; empty: there is none."""
+        if self.simultaneous.value is None:
+            return ""
+        return _size(self.kind, self.simultaneous)[1] or "too few seeds"
+
+    def line(self, metric: str) -> str:
+        """Return the effect in a line that begins with A."""
+        return f"{self.a}: {self.told(metric)}"
+
+    def told(self, metric: str) -> str:
+        """Return the effect in words, A being known: ``12 % smaller (...) than with B, ...``."""
+        if self.note:
+            return f"against {self.b}: {self.note}"
+        if self.effect.value is None:
+            words = f"{metric} against {self.b}: {self.size()}"
         else:
             name = "" if self.kind == SHARE else f"{metric} "
-            words += f"{name}{self.size()} than {self.b}"
+            words = f"{name}{self.size()} than {'in' if self.b == BASELINE else 'with'} {self.b}"
         p = "" if self.p is None else f", p = {self.p:.2g}"
+        if self.simultaneous != self.effect and self.at_once():
+            words += f" ({self.at_once()} with all comparisons at once)"
         words += f", better on {self.won} of {self.seeds} seeds{p}"
         if self.success.value:
             more = "more" if self.success.value > 0.0 else "fewer"
@@ -80,10 +99,10 @@ class Effect:
         return words
 
 
-def _size(kind: str, effect: ConfidenceInterval) -> str:
+def _size(kind: str, effect: ConfidenceInterval) -> tuple[str, str | None]:
+    """Return an effect and its interval in words."""
     value = effect.value
-    if value is None:
-        return "size unknown, too many runs failed"
+    assert value is not None
     if kind == SHARE:
         words = ("% more runs done", "% fewer runs done")
         return _change(
@@ -99,11 +118,11 @@ def _size(kind: str, effect: ConfidenceInterval) -> str:
     if value < 1.0:
         ends = [None if end is None else 1.0 / end for end in reversed(ends)]
     word = "larger" if value >= 1.0 else "smaller"
-    return f"{_number(factor)} times {word}{_between(*(_words(end) for end in ends))}"
+    return f"{_number(factor)} times {word}", _between(*(_words(end) for end in ends))
 
 
-def _change(effect: ConfidenceInterval, more: str, less: str) -> str:
-    """Return ``12 % smaller (95 %: 8 % to 15 %)``; an end of the other sign says so."""
+def _change(effect: ConfidenceInterval, more: str, less: str) -> tuple[str, str | None]:
+    """Return ``12 % smaller`` and ``8 % to 15 %``; an end of the other sign says so."""
     value, low, high = effect
     assert value is not None
     word, other = (more, less) if value >= 0.0 else (less, more)
@@ -115,7 +134,7 @@ def _change(effect: ConfidenceInterval, more: str, less: str) -> str:
         words[0] = f"{-low:.3g} {other}"
         words[1] = None if high is None else f"{high:.3g} {word}"
     digits = 3 if unit else 4
-    return f"{abs(value):.{digits}g} {word}{_between(*words)}"
+    return f"{abs(value):.{digits}g} {word}", _between(*words)
 
 
 def _words(end: float | None, unit: str = "") -> str | None:
@@ -127,9 +146,9 @@ def _number(value: float) -> str:
     return f"{float(f'{value:.3g}'):,.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
 
 
-def _between(low: str | None, high: str | None) -> str:
+def _between(low: str | None, high: str | None) -> str | None:
     if low is None and high is None:
-        return " (no 95 % interval: too few seeds, or too many failed runs)"
+        return None
     if low is None or high is None:
-        return f" (95 %: at least {low})" if high is None else f" (95 %: at most {high})"
-    return f" (95 %: {low} to {high})"
+        return f"at least {low}" if high is None else f"at most {high}"
+    return f"{low} to {high}"

@@ -41,9 +41,16 @@ def write_junit(path: Path, name: str, found: Judgement) -> None:
         line = effect.line(found.metric)
         if effect.verdict == WORSE:
             suite.failed(case, "failure", line)
+        elif effect.non_inferior is False:
+            words = f"not proven to be less than {found.non_inferiority} worse"
+            suite.failed(case, "failure", f"{words}: {line}")
         else:
             suite.output(case, f"{effect.verdict}: {line}")
-    lost = [line for line in found.problems if "in common" in line or "no cell has" in line]
+    lost = [
+        line
+        for line in found.problems
+        if "in common" in line or "no cell has" in line or "no such run" in line
+    ]
     for line in lost:
         suite.failed(suite.case(line), "failure", line)
     suite = _Suite(root, "runs")

@@ -131,7 +131,7 @@ class Tolerance(NamedTuple):
         return f"{100.0 * self.value:.3g} %" if self.relative else f"{self.value:.3g}"
 
 
-def parse_tolerance(content: object) -> Tolerance:
+def parse_tolerance(content: object, name: str = "tolerance") -> Tolerance:
     """Return a share such as ``2 %``, or a number in the metric's unit.
 
     :raises ConfigurationError: for anything else.
@@ -140,7 +140,7 @@ def parse_tolerance(content: object) -> Tolerance:
     value = float(match[1] + (match[2] or "")) if match and not isinstance(content, bool) else None
     if match is None or value is None or not value < 1e9:
         raise ConfigurationError(
-            f"tolerance = {shown(content)}: must be a share such as 2 %, or a number in the "
+            f"{name} = {shown(content)}: must be a share such as 2 %, or a number in the "
             "metric's unit, at least 0"
         )
     return Tolerance(0.01 * value, True) if match[3] else Tolerance(value, False)

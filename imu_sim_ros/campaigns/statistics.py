@@ -146,7 +146,9 @@ def wins(a: Array, b: Array) -> tuple[int, int, int]:
     return smaller, larger, len(a) - smaller - larger
 
 
-def share_difference(a: Mask, b: Mask) -> tuple[ConfidenceInterval, float | None]:
+def share_difference(
+    a: Mask, b: Mask, comparisons: int = 1
+) -> tuple[ConfidenceInterval, float | None]:
     """Return by how much the share of successes of A exceeds that of B on the same seeds.
 
     The interval is Bonett and Price's (British J. Math. Stat. Psychology 65, 2012, 479-488), p is
@@ -154,14 +156,17 @@ def share_difference(a: Mask, b: Mask) -> tuple[ConfidenceInterval, float | None
 
     :param a: (n,) success of A.
     :param b: (n,) success of B on the same seeds.
+    :param comparisons: made at once, by which the 5 % of the interval are divided.
     """
+    from scipy.special import ndtri
     from scipy.stats import binomtest
 
     n, only_a, only_b = len(a), int(np.sum(a & ~b)), int(np.sum(b & ~a))
     if not n:
         return ConfidenceInterval(None, None, None), None
     gain, loss = (only_a + 1) / (n + 2), (only_b + 1) / (n + 2)
-    half = _Z * math.sqrt((gain + loss - (gain - loss) ** 2) / (n + 2))
+    z = -float(ndtri(0.5 * (1.0 - CONFIDENCE) / comparisons))
+    half = z * math.sqrt((gain + loss - (gain - loss) ** 2) / (n + 2))
     low, high = max(gain - loss - half, -1.0), min(gain - loss + half, 1.0)
     p = binomtest(only_a, only_a + only_b).pvalue if only_a + only_b >= _MIN_PAIRS else None
     return ConfidenceInterval((only_a - only_b) / n, low, high), None if p is None else float(p)
@@ -179,19 +184,29 @@ class Shift(NamedTuple):
     """p-value of Wilcoxon's signed-rank test, two-sided; None for fewer than six pairs."""
     p_beyond: float | None
     """p-value of the hypothesis that the centre lies within the margin, by the same test."""
+    simultaneous: ConfidenceInterval
+    """The centre with the interval that has 95 % for all comparisons at once (Bonferroni)."""
 
 
-def shift(differences: Array, margin: float = 0.0) -> Shift:
+NO_SHIFT: Final = Shift(
+    ConfidenceInterval(None, None, None), 0, None, None, ConfidenceInterval(None, None, None)
+)
+"""Of no differences."""
+
+
+def shift(differences: Array, margin: float = 0.0, comparisons: int = 1) -> Shift:
     """Return how far paired differences (n,) lie from zero, and whether beyond a margin.
 
     The centre is the median of the Walsh averages ``(d_i + d_j) / 2``, i <= j, and its interval
     ends with those averages that the signed-rank test does not refuse (Hollander, Wolfe and
     Chicken, "Nonparametric statistical methods", 3rd edition, sections 3.1 to 3.3): it excludes
     zero if the test finds a difference. Infinite differences are larger than any other.
+
+    :param comparisons: made at once: 1 - 5 % / comparisons is the level of ``simultaneous``.
     """
     n = len(differences)
     if not n:
-        return Shift(ConfidenceInterval(None, None, None), 0, None, None)
+        return NO_SHIFT
     d = np.clip(differences, -_INFINITE, _INFINITE)
     if n <= _MAX_PAIRS:
         first, second = np.triu_indices(n)
@@ -199,21 +214,38 @@ def shift(differences: Array, margin: float = 0.0) -> Shift:
         first, second = np.random.default_rng(20_240_611).integers(0, n, (2, _CHUNK))
     averages = np.sort(0.5 * (d[first] + d[second]))
     middle = float(np.median(averages))
-    rank = signed_rank_limit(n, 0.5 * (1.0 - CONFIDENCE))
-    if rank is None:
-        return Shift(
-            ConfidenceInterval(_known(middle), None, None), int(np.sign(middle)), None, None
-        )
-    # The average of rank + 1; a drawn part has a proportional place.
-    place = rank if n <= _MAX_PAIRS else rank * len(averages) // (n * (n + 1) // 2)
-    ends = _known(float(averages[place])), _known(float(averages[-1 - place]))
+
+    def interval(level: float) -> ConfidenceInterval:
+        rank = signed_rank_limit(n, 0.5 * level)
+        if rank is None:
+            return ConfidenceInterval(_known(middle), None, None)
+        # The average of rank + 1; a drawn part has a proportional place.
+        place = rank if n <= _MAX_PAIRS else rank * len(averages) // (n * (n + 1) // 2)
+        ends = averages[place], averages[-1 - place]
+        return ConfidenceInterval(_known(middle), *(_known(float(end)) for end in ends))
+
+    centre = interval(1.0 - CONFIDENCE)
+    together = interval((1.0 - CONFIDENCE) / comparisons)
+    if n < _MIN_PAIRS:
+        return Shift(centre, int(np.sign(middle)), None, None, together)
     beyond = min(_tails(d - margin)[1], _tails(d + margin)[0])
     return Shift(
-        ConfidenceInterval(_known(middle), *ends),
+        centre,
         int(np.sign(middle)),
         min(2.0 * min(_tails(d)), 1.0),
         min(2.0 * beyond, 1.0),
+        together,
     )
+
+
+def non_inferior(differences: Array, margin: float) -> bool:
+    """Return whether paired differences (n,) are proven to lie below a margin.
+
+    By the signed-rank test, one-sided at 2.5 %: the upper end of the 95 % interval of
+    :func:`shift` lies below the margin.
+    """
+    d = np.clip(differences, -_INFINITE, _INFINITE)
+    return len(d) > 0 and _tails(d - margin)[0] < 0.5 * (1.0 - CONFIDENCE)
 
 
 def _known(value: float) -> float | None:

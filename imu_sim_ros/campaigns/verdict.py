@@ -20,7 +20,9 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.campaigns import statistics
 from imu_sim_ros.campaigns.effects import (
+    BASELINE,
     BETTER,
     DIFFERENCE,
     EQUAL,
@@ -42,8 +44,8 @@ from imu_sim_ros.campaigns.metrics import (
 from imu_sim_ros.campaigns.plan import Plan
 from imu_sim_ros.campaigns.results import Row, numbers
 from imu_sim_ros.campaigns.statistics import (
+    NO_SHIFT,
     ConfidenceInterval,
-    Shift,
     holm,
     quantile,
     share_difference,
@@ -69,6 +71,8 @@ class Criterion(NamedTuple):
     better: Better
     """``lower``, ``higher``, or the number near which values are best."""
     tolerance: Tolerance
+    margin: Tolerance | None = None
+    """Of non-inferiority to the baseline; None: not asked."""
 
 
 class Standing(NamedTuple):
@@ -114,12 +118,70 @@ class Contest:
         """``where`` in words."""
         return ", ".join(f"{name}={value}" for name, value in self.where.items()) or "all"
 
-    def line(self, metric: str) -> str:
-        """Return the result in a line."""
-        best = f"best {self.factor}: {self.best}, "
+    def outcome(self, tolerance: str) -> str:
+        """Return who is best in words: ``midpoint beats euler``.
+
+        :param tolerance: in words.
+        """
+        first, second = self.lead.a, self.lead.b
+        if self.best is None and self.lead.verdict == EQUAL:
+            return f"{first} and {second} are equal within {tolerance}"
         if self.best is None:
-            best = f"best {self.factor} {EQUAL if self.lead.verdict == EQUAL else UNDECIDED}; "
-        return f"{self.place}: {best}{self.lead.line(metric, self.best is None)}"
+            return f"undecided between {first} and {second}"
+        if len(self.ranking) == 2:
+            return f"{first} beats {second}"
+        return f"{first} is the best {self.factor}"
+
+    def told(self, metric: str) -> str:
+        """Return by how much the first differs from the second, and how sure that is."""
+        return ("" if self.best is not None else f"{self.lead.a}: ") + self.lead.told(metric)
+
+    def line(self, metric: str, tolerance: str) -> str:
+        """Return the result in a line."""
+        place = f"{self.place}: " if self.where else ""
+        return f"{place}{self.outcome(tolerance)}; {self.told(metric)}"
+
+
+def headline(contests: Sequence[Contest], metric: str, tolerance: str) -> tuple[str, str]:
+    """Return the result of contests of one factor in two parts: who is best, and by how much."""
+    if len(contests) == 1:
+        return contests[0].outcome(tolerance), contests[0].told(metric)
+    won: dict[str, list[Effect]] = defaultdict(list)
+    for one in contests:
+        if one.best is not None:
+            won[one.best].append(one.lead)
+    ranked = sorted(won.items(), key=lambda item: -len(item[1]))
+    factor, count = contests[0].factor, len(contests)
+    open_ones = [one.lead.verdict for one in contests if one.best is None]
+    parts = [f"{name} in {len(leads)}" for name, leads in ranked[1:]]
+    parts += [
+        f"{word} in {open_ones.count(verdict)}"
+        for word, verdict in ((f"equal within {tolerance}", EQUAL), (UNDECIDED, UNDECIDED))
+        if verdict in open_ones
+    ]
+    if not ranked:
+        return f"No {factor} is the best in any of {count} comparisons", "; ".join(parts)
+    name, leads = ranked[0]
+    words = f"{name} is the best {factor} in {len(leads)} of {count} comparisons"
+    return words, "; ".join([*_range(leads, metric), *parts])
+
+
+def _range(leads: Sequence[Effect], metric: str) -> Iterator[str]:
+    """Yield by how much the first leads in several comparisons, and how sure that is at least."""
+    kind = leads[0].kind
+    neutral = 1.0 if kind == RATIO else 0.0
+    sizes = [abs(one.effect.value - neutral) for one in leads if one.effect.value is not None]
+    if not sizes or len({one.kind for one in leads}) > 1:
+        return
+    value = next(one.effect.value for one in leads if one.effect.value is not None)
+    word = "smaller" if value < neutral else "larger"
+    ends = [100.0 * size if kind != DIFFERENCE else size for size in (min(sizes), max(sizes))]
+    low, high = (f"{end:.3g}{' %' if kind != DIFFERENCE else ''}" for end in ends)
+    span = low if low == high else f"{low} to {high}"
+    subject = "the share of runs done" if kind == SHARE else metric
+    p = [one.p for one in leads if one.p is not None]
+    sure = f", p at most {max(p):.2g}" if p else ""
+    yield f"{subject} {word} by {span} than with the next{sure}"
 
 
 class Failure(NamedTuple):
@@ -152,6 +214,8 @@ class Judgement:
     better: Better
     tolerance: str
     """In words: ``2 %``."""
+    non_inferiority: str | None
+    """The margin in words; None: not asked."""
     runs: int
     done: int
     factor: str
@@ -195,6 +259,7 @@ def judge(
     metric: str,
     baseline: Sequence[Row] | None = None,
     tolerance: Tolerance | None = None,
+    non_inferiority: Tolerance | None = None,
 ) -> Judgement:
     """Return the verdict on the runs of a plan.
 
@@ -202,9 +267,12 @@ def judge(
     :param metric: a metric of the plan, or ``success``.
     :param baseline: rows of an earlier campaign.
     :param tolerance: instead of the plan's.
+    :param non_inferiority: margin by which each group is to be proven not to be worse than in the
+        baseline; None: a group that is not proven to be worse passes.
     """
     found = groups(rows, plan.grid_names)
-    rule = Criterion(metric, better(metric, plan.own), tolerance or plan.tolerance)
+    own = better(metric, plan.own)
+    rule = Criterion(metric, own, tolerance or plan.tolerance, non_inferiority)
     against = None if baseline is None else _baseline(found, baseline, rule)
     contests, factor = _contests(found, rule), _factor(found)
     contests.sort(key=lambda contest: contest.factor != factor)
@@ -212,6 +280,7 @@ def judge(
         metric,
         rule.better,
         str(rule.tolerance),
+        None if rule.margin is None else str(rule.margin),
         len(rows),
         sum(group.done for group in found),
         factor,
@@ -220,7 +289,7 @@ def judge(
         failures(found),
         _checked(plan, found),
         against,
-        _problems(plan, found, against, metric),
+        _problems(plan, found, against, rule),
     )
 
 
@@ -236,7 +305,7 @@ def _checked(plan: Plan, found: Sequence[Group]) -> list[Checked]:
 
 
 def _problems(
-    plan: Plan, found: Sequence[Group], against: Sequence[Effect] | None, metric: str
+    plan: Plan, found: Sequence[Group], against: Sequence[Effect] | None, rule: Criterion
 ) -> list[str]:
     lines = unmet_lines(unmet(found, plan.require))
     lines += [
@@ -246,8 +315,19 @@ def _problems(
         lines.append("the baseline has no run in common with this plan")
     for effect in against or ():
         if effect.verdict == WORSE:
-            lines.append(f"worse than the baseline: {effect.line(metric)}")
+            lines.append(f"worse than the baseline: {effect.line(rule.metric)}")
+        elif effect.non_inferior is False:
+            words = f"not proven to be less than {rule.margin} worse than the baseline"
+            lines.append(f"{words}: {effect.line(rule.metric)}")
+    if against and rule.margin is not None:
+        compared = {effect.a for effect in against}
+        alone = [name for name in map(_full_name, found) if name not in compared]
+        lines += [f"not proven, the baseline has no such run: {name}" for name in alone]
     return lines
+
+
+def _full_name(group: Group) -> str:
+    return f"{group.cell}; {group.estimator}"
 
 
 def counts(rows: Sequence[Row]) -> dict[str, int]:
@@ -335,16 +415,20 @@ def _losses(values: Array, better: Better) -> Array:
     return values if isinstance(better, str) else np.abs(values - better)
 
 
-def _effect(a: Group, b: Group, names: tuple[str, str], rule: Criterion) -> Effect | None:
-    """Compare two groups, p values not yet corrected; None if they share no seed."""
+def _effect(
+    a: Group, b: Group, names: tuple[str, str], rule: Criterion, comparisons: int
+) -> Effect | None:
+    """Compare two groups, p values not yet corrected; None if they share no seed.
+
+    :param comparisons: that are read together.
+    """
     ours, theirs = _values(a, rule.metric), _values(b, rule.metric)
     seeds = [seed for seed in ours if seed in theirs]
     if not seeds:
         return None
     done_a, done_b = ({int(r["seed"]) for r in g.rows if r["status"] == "done"} for g in (a, b))
-    share, share_p = share_difference(
-        np.array([seed in done_a for seed in seeds]), np.array([seed in done_b for seed in seeds])
-    )
+    was_done = [np.array([seed in done for seed in seeds]) for done in (done_a, done_b)]
+    share, share_p = share_difference(was_done[0], was_done[1])
     pairs = np.array(
         [
             (ours[seed], theirs[seed])
@@ -359,16 +443,29 @@ def _effect(a: Group, b: Group, names: tuple[str, str], rule: Criterion) -> Effe
     note = ""
     if depends_on_alignment(rule.metric) and a.align and b.align and a.align != b.align:
         note = f"aligned differently ({a.align} and {b.align}), so that they are not compared"
-    nothing = Shift(ConfidenceInterval(None, None, None), 0, None, None)
-    kind, scatter, effect, moved = SHARE, None, share, nothing
+    kind, scatter, moved, non_inferior = SHARE, None, NO_SHIFT, None
+    effect = together = NO_SHIFT.centre
     if rule.metric == SUCCESS:
-        moved = nothing._replace(sign=-int(np.sign(share.value or 0.0)))
+        moved = NO_SHIFT._replace(sign=-int(np.sign(share.value or 0.0)))
+        effect, together = share, share_difference(was_done[0], was_done[1], comparisons)[0]
+        if rule.margin is not None:
+            non_inferior = share.low is not None and share.low > -rule.margin.value
     elif not note:
-        kind, effect, moved, scatter = _measured(pairs, losses, rule)
+        kind, values, margin = _scaled(pairs, losses, rule, rule.tolerance)
+        moved = shift(values[:, 0] - values[:, 1], margin, comparisons)
+        higher = rule.better == HIGHER
+        effect, together = (_unscaled(i, kind, higher) for i in (moved.centre, moved.simultaneous))
+        scatter = _scatter(pairs, rule)
+        if rule.margin is not None:
+            _, values, margin = _scaled(pairs, losses, rule, rule.margin)
+            non_inferior = statistics.non_inferior(values[:, 0] - values[:, 1], margin)
+    elif rule.margin is not None:
+        non_inferior = False
     return Effect(
         *names,
         kind,
-        effect if not note else ConfidenceInterval(None, None, None),
+        effect,
+        together,
         len(pairs),
         won,
         lost,
@@ -379,37 +476,48 @@ def _effect(a: Group, b: Group, names: tuple[str, str], rule: Criterion) -> Effe
         share_p,
         WORSE if moved.sign > 0 else BETTER,
         note,
+        non_inferior,
     )
 
 
-def _measured(
-    pairs: Array, losses: Array, rule: Criterion
-) -> tuple[str, ConfidenceInterval, Shift, float | None]:
-    """Return kind and size of an effect, how far A's losses exceed B's, and the ratio's scatter."""
+def _scaled(
+    pairs: Array, losses: Array, rule: Criterion, allowed: Tolerance
+) -> tuple[str, Array, float]:
+    """Return the kind of an effect, what is subtracted (n, 2), larger being worse, and a margin.
+
+    :param allowed: tolerance or margin; with a share, the logarithms of positive values are taken.
+    """
     finite = np.isfinite(pairs)
-    positive = bool((pairs[finite] > 0.0).all()) and isinstance(rule.better, str)
-    tolerance = rule.tolerance
-    sign = -1.0 if rule.better == HIGHER else 1.0
-    ratio = positive and tolerance.relative
-    values, margin = losses, tolerance.value
-    if ratio:
-        values, margin = np.log(pairs), math.log1p(tolerance.value)
-        values = np.where(finite, sign * values, np.inf)
-    elif tolerance.relative:
+    if allowed.relative and _are_ratios(pairs, rule):
+        values = np.log(pairs) if rule.better != HIGHER else -np.log(pairs)
+        return RATIO, np.where(finite, values, np.inf), math.log1p(allowed.value)
+    margin = allowed.value
+    if allowed.relative:
         known = np.abs(losses[:, 1][finite[:, 1]])
-        margin = tolerance.value * float(np.median(known)) if len(known) else 0.0
-    moved = shift(values[:, 0] - values[:, 1], margin)
-    ends = list(moved.centre)
-    if sign < 0.0:
-        value, low, high = (None if end is None else -end for end in ends)
-        ends = [value, high, low]
-    both = finite.all(axis=1)
-    scatter = None
-    if positive and both.sum() > 1:
-        scatter = float(np.std(np.log(pairs[both, 0] / pairs[both, 1]), ddof=1))
-    if ratio:
-        ends = [None if end is None else math.exp(end) for end in ends]
-    return RATIO if ratio else DIFFERENCE, ConfidenceInterval(*ends), moved, scatter
+        margin = allowed.value * float(np.median(known)) if len(known) else 0.0
+    return DIFFERENCE, losses, margin
+
+
+def _are_ratios(pairs: Array, rule: Criterion) -> bool:
+    return bool((pairs[np.isfinite(pairs)] > 0.0).all()) and isinstance(rule.better, str)
+
+
+def _unscaled(interval: ConfidenceInterval, kind: str, higher: bool) -> ConfidenceInterval:
+    """Return a shift of losses as a ratio or difference of the metric's values."""
+    value, low, high = interval
+    if higher:
+        value, high, low = (None if end is None else -end for end in interval)
+    if kind == RATIO:
+        value, low, high = (None if end is None else math.exp(end) for end in (value, low, high))
+    return ConfidenceInterval(value, low, high)
+
+
+def _scatter(pairs: Array, rule: Criterion) -> float | None:
+    """Return the standard deviation of the logarithm of the ratio."""
+    both = np.isfinite(pairs).all(axis=1)
+    if not _are_ratios(pairs, rule) or both.sum() < 2:
+        return None
+    return float(np.std(np.log(pairs[both, 0] / pairs[both, 1]), ddof=1))
 
 
 def _decided(effects: Sequence[Effect], rule: Criterion) -> list[Effect]:
@@ -449,8 +557,8 @@ def _baseline(found: Sequence[Group], rows: Sequence[Row], rule: Criterion) -> l
     effects: list[Effect] = []
     for group in found:
         old = earlier.get((group.cell, group.estimator))
-        name = f"{group.cell}; {group.estimator}"
-        effect = None if old is None else _effect(group, old, (name, "the baseline"), rule)
+        names = _full_name(group), BASELINE
+        effect = None if old is None else _effect(group, old, names, rule, len(found))
         if effect is not None:
             effects.append(effect)
     return _decided(effects, rule)
@@ -475,7 +583,11 @@ def _contests(found: Sequence[Group], rule: Criterion) -> list[Contest]:
     drafts: list[tuple[str, dict[str, str], list[str], list[str], list[Effect]]] = []
     typical = {id(group): _rank(group, rule) for group in found}
     varying = varying_names(found)
-    for factor, members in _members(found):
+    contested = list(_members(found))
+    count = sum(
+        math.comb(n, 2) if (n := len(members)) <= _ALL_PAIRS else n - 1 for _, members in contested
+    )
+    for factor, members in contested:
         ranked = sorted(members, key=lambda group: typical[id(group)])
         ideal = [one for one in ranked if factor == "imu" and one.words[factor] == WITHOUT_ERRORS]
         ideal = ideal if len(ranked) > 2 else []  # it wins without a contest
@@ -483,7 +595,9 @@ def _contests(found: Sequence[Group], rule: Criterion) -> list[Contest]:
         firsts = ranked[:1] if len(ranked) > _ALL_PAIRS else ranked
         pairs = [(a, b) for k, a in enumerate(firsts) for b in ranked[k + 1 :]]
         names = [group.words[factor] for group in ranked]
-        compared = [_effect(a, b, (a.words[factor], b.words[factor]), rule) for a, b in pairs]
+        compared = [
+            _effect(a, b, (a.words[factor], b.words[factor]), rule, count) for a, b in pairs
+        ]
         if compared[0] is not None:
             others = [name for name in varying if name != factor]
             where = {name: ranked[0].words[name] for name in others}

@@ -52,10 +52,14 @@ _OPTIONS: Final = {
     },
     "--tolerance SHARE": "difference that does not matter: 5%%, or a number in the metric's unit; "
     "default: the plan's, 2%%",
+    "--non-inferiority SHARE": "with --baseline: also end with status "
+    f"{GATE_FAILED} unless each result is proven to be less than this share worse: 5%%, or a "
+    "number in the metric's unit; with --power: the number of seeds that this proof needs",
     "--junit FILE": "write requirements, verdicts and failures as JUnit XML",
     "--no-report": "write no report.html",
     "--check": "check the plan, print its runs, and exit",
-    "--power SHARE": "print the number of seeds needed to find a difference of this size, and exit",
+    "--power SHARE": "print the number of seeds needed to find a difference of this size, and "
+    "exit; with --non-inferiority, this is the true difference, such as 0%%",
     "--scatter SHARE": {
         "default": "20%",
         "help": "for --power: standard deviation of the logarithm of the ratio of both results on "
@@ -100,15 +104,19 @@ def run(arguments: argparse.Namespace) -> list[str]:
         arguments.worker_timeout,
         (lambda line: None) if quiet else print,
     )
+    margin = arguments.non_inferiority
+    if margin is not None:
+        margin = parse_tolerance(margin, "--non-inferiority")
     names = ("resume", "force", "retry_failed", "batch", "metric", "baseline")
     options = job.Options(
         **program.given(arguments, *names),
         tolerance=None if arguments.tolerance is None else parse_tolerance(arguments.tolerance),
+        non_inferiority=margin if arguments.power is None else None,
         report=not arguments.no_report,
         command=f"campaign {shlex.quote(arguments.plan)} -o {shlex.quote(str(folder))}",
     )
     problems = [*workers.problems(), *options.problems(plan, folder)]
-    if not (arguments.check or arguments.power):
+    if not (arguments.check or arguments.power is not None):
         if folder is None:
             problems.append("-o DIR: is needed, the folder of the results")
         if plan.run_count >= MANY and not arguments.yes:
@@ -120,7 +128,7 @@ def run(arguments: argparse.Namespace) -> list[str]:
     check_plan(plan, path)
     if arguments.power is not None:
         wanted, scatter = parse_tolerance(arguments.power), parse_tolerance(arguments.scatter)
-        found = job.Power(plan, wanted, scatter, options.tolerance or plan.tolerance)
+        found = job.Power(plan, wanted, scatter, options.tolerance or plan.tolerance, margin)
         program.print_result(arguments, found.to_dict(), found.lines())
         return []
     if arguments.check:

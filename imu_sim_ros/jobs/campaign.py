@@ -25,7 +25,7 @@ from imu_sim_ros.campaigns.plan import Plan, check_plan, find_plan, load_plan
 from imu_sim_ros.campaigns.results import TABLE, Row, Store, read_results
 from imu_sim_ros.campaigns.statistics import power, quantile, seeds_needed
 from imu_sim_ros.campaigns.summary import Group, groups, slopes
-from imu_sim_ros.campaigns.verdict import Judgement, counts, judge
+from imu_sim_ros.campaigns.verdict import Judgement, counts, headline, judge
 from imu_sim_ros.errors import InputError, system_error
 from imu_sim_ros.jobs.report import report, write_campaign_page
 from imu_sim_ros.navigation.evaluation import anees_band
@@ -89,6 +89,8 @@ class Options:
     """Results of an earlier campaign."""
     tolerance: Tolerance | None = None
     """None: the plan's."""
+    non_inferiority: Tolerance | None = None
+    """Margin of non-inferiority to the baseline; None: not asked."""
     report: bool = True
     command: str = ""
     """Name of the program in the footer of the page."""
@@ -100,6 +102,8 @@ class Options:
             yield f"--batch {self.batch}: must be at least 1"
         if self.metric and self.metric not in known:
             yield f"--metric {self.metric}: must be one of {', '.join(known)}"
+        if self.non_inferiority is not None and self.baseline is None:
+            yield f"--non-inferiority {self.non_inferiority}: needs --baseline"
         if self.resume and self.force:
             yield "--resume and --force: choose one"
         if self.baseline is not None and output is not None and _lies_in(self.baseline, output):
@@ -148,7 +152,17 @@ class Campaign:
         }
 
     def __repr__(self) -> str:
-        heads = [one.line(self.judgement.metric) for one in self.judgement.headline[:1]]
+        heads = (
+            [
+                "; ".join(
+                    headline(
+                        self.judgement.headline, self.judgement.metric, self.judgement.tolerance
+                    )
+                )
+            ]
+            if self.judgement.headline
+            else []
+        )
         words = [f"{len(self.runs)} runs, {self.done} done", *heads]
         return f"<Campaign {self.plan.options.name}: {'; '.join(words)}>"
 
@@ -164,6 +178,7 @@ def campaign(
     metric: str = "",
     baseline: str | PathLike[str] | None = None,
     tolerance: str | None = None,
+    non_inferiority: str | None = None,
 ) -> Campaign:
     r"""Make all runs of a plan, and judge the results.
 
@@ -179,6 +194,8 @@ def campaign(
     :param metric: metric of the verdict, or ``success``; if empty, the first metric of the plan.
     :param baseline: folder, ``results.csv`` or ``results.parquet`` of an earlier campaign.
     :param tolerance: difference that does not matter, ``5 %`` or a number in the metric's unit.
+    :param non_inferiority: with ``baseline``, margin by which each result must be proven not to be
+        worse; without it, only a significantly worse result is a problem.
     :returns: a :class:`Campaign` with the rows of results and the judgement.
     :raises ConfigurationError: for an invalid plan or argument, with a line for each problem.
     :raises InputError: for a folder or file that cannot be used.
@@ -197,6 +214,9 @@ def campaign(
         metric=arguments.text("metric", metric, "the name of a metric", empty=True),
         baseline=None if baseline is None else arguments.path("baseline", baseline),
         tolerance=None if tolerance is None else parse_tolerance(tolerance),
+        non_inferiority=None
+        if non_inferiority is None
+        else parse_tolerance(non_inferiority, "non_inferiority"),
         command="campaign() of imu_sim_ros",
     )
     place = arguments.path("output", output, "the path of a folder")
@@ -261,8 +281,9 @@ def make(
             there = metric == SUCCESS or any(row.get(metric) is not None for row in outcome.rows)
             drawn = metric if there else ""
             baselines = [] if options.baseline is None else [options.baseline]
-            write_campaign_page(folder, drawn, baselines, options.tolerance, options.command)
-    found = judge(plan, outcome.rows, metric, earlier, options.tolerance)
+            limits = options.tolerance, options.non_inferiority
+            write_campaign_page(folder, drawn, baselines, limits, options.command)
+    found = judge(plan, outcome.rows, metric, earlier, options.tolerance, options.non_inferiority)
     wall_s = time.perf_counter() - started
     return Campaign(plan, folder, outcome.rows, outcome.new, found, wall_s)
 
@@ -313,30 +334,47 @@ class Power:
     :param wanted: the difference, a share.
     :param scatter: of the ratio of both results on the same seed.
     :param tolerance: difference that does not matter.
+    :param margin: with it, the chance to prove all results not to be worse by it, if they really
+        are worse by ``wanted``, and independent of each other.
     :raises InputError: for what is no share, or out of range.
     """
 
     def __init__(
-        self, plan: Plan, wanted: Tolerance, scatter: Tolerance, tolerance: Tolerance
+        self,
+        plan: Plan,
+        wanted: Tolerance,
+        scatter: Tolerance,
+        tolerance: Tolerance,
+        margin: Tolerance | None = None,
     ) -> None:
         shares = {"--power": wanted, "--scatter": scatter, "tolerance": tolerance}
+        if margin is not None:
+            shares["--non-inferiority"] = margin
         problems = [
             f"{name} {share}: must be a share such as 10 %"
             for name, share in shares.items()
             if not share.relative
         ]
-        if not problems and wanted.value <= tolerance.value:
+        if not problems and margin is not None and wanted.value >= margin.value:
+            problems.append(f"--power {wanted}: must be below --non-inferiority, {margin}")
+        if not problems and margin is None and wanted.value <= tolerance.value:
             problems.append(f"--power {wanted}: must be above the tolerance, {tolerance}")
         if scatter.value <= 0.0:
             problems.append(f"--scatter {scatter}: must be above 0")
         if problems:
             raise InputError(problems)
-        self.wanted, self.scatter, self.tolerance = wanted, scatter, tolerance
+        self.wanted, self.scatter, self.tolerance, self.margin = wanted, scatter, tolerance, margin
         self.seeds = len(plan.seeds)
         self.comparisons = cell_count(plan.axes) * len(plan.estimators)
         sizes = (wanted.value, scatter.value, tolerance.value, self.comparisons)
-        self.power = power(self.seeds, *sizes)
-        self.needed = {share: seeds_needed(share, *sizes) for share in (0.5, 0.8, 0.95)}
+        together = 1
+        if margin is not None:  # the same test, with both hypotheses exchanged; all must succeed
+            sizes = (margin.value, scatter.value, wanted.value, 1)
+            together = self.comparisons
+        self.power = power(self.seeds, *sizes) ** together
+        self.needed = {
+            share: seeds_needed(share ** (1.0 / together), *sizes) for share in (0.5, 0.8, 0.95)
+        }
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""
@@ -344,6 +382,7 @@ class Power:
             "difference": self.wanted.value,
             "scatter": self.scatter.value,
             "tolerance": self.tolerance.value,
+            "non_inferiority": None if self.margin is None else self.margin.value,
             "comparisons": self.comparisons,
             "seeds": self.seeds,
             "power": self.power,
@@ -352,11 +391,19 @@ class Power:
 
     def lines(self) -> Iterator[str]:
         """Yield it in words."""
-        yield (
-            f"A difference of {self.wanted} beyond a tolerance of {self.tolerance}, scatter "
-            f"{self.scatter}, {self.comparisons} comparison{'s' * (self.comparisons != 1)}: the "
-            f"plan's {self.seeds} seeds find it in {100.0 * self.power:.0f} % of campaigns"
-        )
+        many = f"{self.comparisons} comparison{'s' * (self.comparisons != 1)}"
+        if self.margin is not None:
+            yield (
+                f"Non-inferiority by {self.margin}, true difference {self.wanted}, scatter "
+                f"{self.scatter}, {many}: the plan's {self.seeds} seeds prove it in "
+                f"{100.0 * self.power:.0f} % of campaigns"
+            )
+        else:
+            yield (
+                f"A difference of {self.wanted} beyond a tolerance of {self.tolerance}, scatter "
+                f"{self.scatter}, {many}: the "
+                f"plan's {self.seeds} seeds find it in {100.0 * self.power:.0f} % of campaigns"
+            )
         for share, seeds in self.needed.items():
             shown = "more than 100,000" if seeds is None else f"{seeds:,}"
             yield f"{100.0 * share:.0f} %: {shown} seeds"
@@ -387,17 +434,24 @@ def lines(made: Campaign) -> Iterator[str | TextTable]:
 
 def _difference_lines(found: Judgement) -> Iterator[str | TextTable]:
     """Yield who is best, and the effects of the headline's contests."""
+    if len(found.headline) > 1:
+        yield "; ".join(headline(found.headline, found.metric, found.tolerance))
     for contest in found.headline[:_SHOWN]:
-        yield contest.line(found.metric)
+        yield contest.line(found.metric, found.tolerance)
     rows = [
-        [contest.place, effect.a, effect.b, effect.size(), _number(effect.p), effect.verdict]
+        [
+            *(contest.place, effect.a, effect.b, effect.size(), effect.at_once()),
+            *(_number(effect.p), effect.verdict),
+        ]
         for contest in found.contests
         for effect in contest.effects
         if effect.significant
     ]
     if rows:
         title = f"Significant differences ({len(rows)}; same seeds, Wilcoxon, Holm)"
-        yield TextTable(["of", "A", "B", "A than B", "p", "A is"], rows[:_SHOWN], title)
+        yield TextTable(
+            ["of", "A", "B", "A than B", "95 %, all at once", "p", "A is"], rows[:_SHOWN], title
+        )
     yield from sorted({e.note for c in found.contests for e in c.effects if e.note})
 
 

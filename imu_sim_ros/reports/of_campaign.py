@@ -22,7 +22,7 @@ from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA, anees_band
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.reports.of_runs import PLAN, opened, repeated
 from imu_sim_ros.reports.of_verdict import against_baseline, short, verdict_section
-from imu_sim_ros.reports.page import Item, Section, column, table
+from imu_sim_ros.reports.page import SERIES_COLOURS, Item, Section, column, table
 
 _SENSORS: Final = {
     "gyroscope_noise_density": "rad/s/sqrt(Hz)",
@@ -36,6 +36,7 @@ _SENSORS: Final = {
 _MAX_TRENDS: Final = 8
 _MAX_ROWS: Final = 80
 """Groups that a plot names."""
+_SHAPES: Final = ("circle", "square", "diamond")
 _UNITS: Final = {"_m": "m", "_rad": "rad", "_m_s": "m/s", "_percent": "%", "_s": "s", "_mb": "MB"}
 
 
@@ -49,12 +50,14 @@ def campaign_sections(
     metric: str = "",
     baselines: Sequence[Path] = (),
     tolerance: Tolerance | None = None,
+    non_inferiority: Tolerance | None = None,
 ) -> tuple[str, list[Section]]:
     """Return the title and the sections that a campaign's folder gives.
 
     :param metric: shown first; none: the absolute position error, or else the first metric.
     :param baselines: folders or tables of earlier campaigns, the oldest first.
     :param tolerance: difference that does not matter; None: the plan's.
+    :param non_inferiority: margin of the comparison with the last baseline; None: not asked.
     :raises InputError: for a folder without plan or runs, or an unknown metric.
     """
     plan = load_plan(folder / PLAN)
@@ -68,7 +71,8 @@ def campaign_sections(
         raise InputError(unknown("--metric", metric, [*present, SUCCESS], none))
     found = groups(rows, plan.grid_names)
     chosen = metric or ("ate_rmse_m" if "ate_rmse_m" in present else [*present, SUCCESS][0])
-    judged = judge(plan, rows, chosen, earlier[-1][1] if earlier else None, tolerance)
+    last = earlier[-1][1] if earlier else None
+    judged = judge(plan, rows, chosen, last, tolerance, non_inferiority)
     judgements = [(label(chosen), judged)]
     if chosen != SUCCESS and judged.done < judged.runs:  # else there is nothing to compare
         judgements.append((label(SUCCESS), judge(plan, rows, SUCCESS, None, tolerance)))
@@ -121,7 +125,7 @@ def _results(
         "shown": shown,
         "columns": [column(name, (row.get(name) for row in rows)) for name in names],
         "groups": [_group(group, metrics, varying) for group in found],
-        "estimators": len(plan.estimators),
+        "estimators": _estimators(found),
         "curves": [name for name in plan.grid_names if _is_curve(name, found)],
         "slopes": [
             {
@@ -151,7 +155,9 @@ def _group(group: Group, metrics: Sequence[str], varying: Sequence[str]) -> Item
         if len(numbers):
             summary[name] = list(quantile(numbers, 0.5))
     named = {"cell": group.cell, "estimator": group.estimator}
-    return {**named, "label": short(group.words, varying), "values": values, "metrics": summary}
+    place = short(group.words, [name for name in varying if name != "estimator"])
+    named |= {"label": short(group.words, varying), "place": place}
+    return {**named, "values": values, "metrics": summary}
 
 
 def _trend(
@@ -163,7 +169,8 @@ def _trend(
     ]
     campaigns.append({(one.cell, one.estimator): one for one in found})
     varying, series = varying_names(found), []
-    for colour, group in enumerate(found[:_MAX_TRENDS]):
+    colours = line_colours(found)
+    for colour, group in zip(colours, found[:_MAX_TRENDS], strict=False):
         key = (group.cell, group.estimator)
         points = [
             (k, one[key].success() if metric == SUCCESS else quantile(one[key].values(metric), 0.5))
@@ -184,6 +191,27 @@ def _trend(
         "series": series,
         "caption": f"Median (of success the share) with its 95 % interval.{rest}",
     }
+
+
+def _estimators(found: Sequence[Group]) -> list[str]:
+    """Return the estimators in the plan's order, by which they are coloured; one has no colour."""
+    names = list(dict.fromkeys(group.estimator for group in found))
+    return names if len(names) > 1 else []
+
+
+def _colour(group: Group, estimators: Sequence[str]) -> int | None:
+    return estimators.index(group.estimator) if estimators else None
+
+
+def line_colours(found: Sequence[Group]) -> list[int]:
+    """Return the colour of each group's line: that of its estimator, dashed for further groups."""
+    estimators, before = _estimators(found), dict[str, int]()
+    result = []
+    for k, group in enumerate(found):
+        number = before[group.estimator] = before.get(group.estimator, -1) + 1
+        place = _colour(group, estimators)
+        result.append(k if place is None else place + SERIES_COLOURS * number)
+    return result
 
 
 def _is_curve(name: str, found: Sequence[Group]) -> bool:
@@ -216,10 +244,11 @@ def _consistency(found: Sequence[Group]) -> Item | None:
     shown = [group for group in found if len(group.values("nees_position"))][:_MAX_ROWS]
     if not shown:
         return None
+    estimators = _estimators(found)
     bands = [anees_band(3, len(group.values("nees_position"))) for group in shown]
     at = list(range(len(shown)))
     ends = {"low": [band.low for band in bands], "high": [band.high for band in bands]}
-    series: list[Item] = [{"name": "95 % band", "mode": "rows", "colour": 2, "at": at, **ends}]
+    series: list[Item] = [{"name": "95 % band", "mode": "rows", "colour": None, "at": at, **ends}]
     series[0]["line"] = 3.0
     for k, metric in enumerate(("nees_position", "nees_attitude", "nees_velocity")):
         values = [group.values(metric) for group in shown]
@@ -227,7 +256,8 @@ def _consistency(found: Sequence[Group]) -> Item | None:
             means = [float(one.mean()) if len(one) else None for one in values]
             point = {"low": means, "high": means, "pointed": True, "shift": 0.2 * (k - 1)}
             name = metric.removeprefix("nees_")
-            series.append({"name": name, "mode": "rows", "colour": (0, 1, 3)[k]})
+            series.append({"name": name, "mode": "rows", "colour": None, "shape": _SHAPES[k]})
+            series[-1] |= {"colours": [_colour(group, estimators) for group in shown]}
             series[-1] |= {"at": at, "x": means, **point}
     varying = varying_names(found)
     rest = f" The first {_MAX_ROWS}." if len(found) > _MAX_ROWS else ""
@@ -266,6 +296,7 @@ def _cells(plan: Plan, found: Sequence[Group], metrics: Sequence[str], chosen: s
     items: list[Item] = [{"kind": "text", "text": text, "faint": True}]
     cells = table("cells", header, rows, search=True)
     first = [f"{chosen} {part}" for part in ("median", "low", "high", "p95")]
+    cells["printed"] = len(rows)
     cells["shown"] = ["no.", *varying, "done", "runs", *first]
     return Section("Cells", [*items, cells])
 

@@ -115,8 +115,10 @@ def _paths(plan: Plan, rows: Sequence[Row], shown: Sequence[int], folder: Path) 
         except ImuSimError:
             continue  # the page shows what it can
         if found is not None:
+            colours = None, list(plan.estimators).index(estimator)
             result[k] = [
-                _line(words, colour, positions) for colour, (words, positions) in enumerate(found)
+                _line(words, colour, positions)
+                for colour, (words, positions) in zip(colours, found, strict=True)
             ]
     return result
 
@@ -149,6 +151,6 @@ def _tracks(
     return [("truth", truth.position), (name, aligned.apply(estimate).position)]
 
 
-def _line(name: str, colour: int, position: Array) -> Item:
+def _line(name: str, colour: int | None, position: Array) -> Item:
     x, y, z = position[extremes(position, _POINTS)].T
     return {"name": name, "colour": colour, "x": x, "y": y, "z": z}

@@ -4,12 +4,27 @@
 """A campaign's judgement as drawn at the top of a page; nothing is computed here."""
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
-from imu_sim_ros.campaigns.effects import DIFFERENCE, EQUAL, RATIO, Effect
+from imu_sim_ros.campaigns.effects import (
+    BETTER,
+    DIFFERENCE,
+    EQUAL,
+    RATIO,
+    UNDECIDED,
+    WORSE,
+    Effect,
+)
 from imu_sim_ros.campaigns.plan import Plan
+from imu_sim_ros.campaigns.statistics import ConfidenceInterval
 from imu_sim_ros.campaigns.summary import Group
-from imu_sim_ros.campaigns.verdict import WITHOUT_ERRORS, Contest, Judgement, varying_names
+from imu_sim_ros.campaigns.verdict import (
+    WITHOUT_ERRORS,
+    Contest,
+    Judgement,
+    headline,
+    varying_names,
+)
 from imu_sim_ros.reports.page import Item, Section, table
 
 _MAX_SEEDS: Final = 100
@@ -84,7 +99,7 @@ def verdict_section(
     text = (
         f"{summary} Compared on the same seeds; failed runs are worse than any number; differences "
         f"up to {first.tolerance} do not matter; p values (Wilcoxon, for shares McNemar) are "
-        "corrected by Holm."
+        "corrected by Holm; intervals of all comparisons at once by Bonferroni."
     )
     return Section("Verdict", [item, {"kind": "text", "text": text, "faint": True}])
 
@@ -92,10 +107,12 @@ def verdict_section(
 def _judged(words: str, judged: Judgement, factor: str, found: Sequence[Group]) -> Item:
     names = varying_names(found)
     drawn = found if factor == judged.factor else ()
+    fought = [one for one in judged.contests if one.factor == factor]
     contests = [
         _contest(contest, judged, drawn if k < _MAX_DRAWN else (), names)
-        for k, contest in enumerate(one for one in judged.contests if one.factor == factor)
+        for k, contest in enumerate(fought)
     ]
+    lead, rest = headline(fought, judged.metric, judged.tolerance) if fought else ("", "")
     alone = ""
     if not contests and judged.standings:
         one = judged.standings[0]
@@ -106,9 +123,58 @@ def _judged(words: str, judged: Judgement, factor: str, found: Sequence[Group]) 
         "metric": judged.metric,
         "label": words,
         "factor": factor,
+        "lead": lead or alone,
+        "rest": rest,
+        "table": _table(fought[0], judged) if len(fought) == 1 else None,
         "contests": contests,
-        "alone": alone,
+        "names": list(dict.fromkeys(group.words[factor] for group in found)) if fought else [],
     }
+
+
+def _table(contest: Contest, judged: Judgement) -> Item | None:
+    """Return the members of a contest in their order, each compared with the first."""
+    if len(contest.ranking) < 3:
+        return None
+    first = contest.ranking[0]
+    effects = {one.b: one for one in contest.effects if one.a == first}
+    standings = {
+        one.values[contest.factor]: one
+        for one in judged.standings
+        if all(one.values[name] == word for name, word in contest.where.items())
+    }
+    rows: list[list[Any]] = []
+    for place, name in enumerate(contest.ranking, 1):
+        standing, effect = standings[name], effects.get(name)
+        row: list[Any] = [None if name in contest.unranked else place, name]
+        row += [f"{standing.done} of {standing.runs}", standing.median.value]
+        if effect is None:
+            row += [""] * 3 + [None, ""]
+        else:
+            p = None if effect.p is None else float(f"{effect.p:.2g}")
+            row += [_brief(effect, True), *_ends(effect), p, _TURNED[effect.verdict]]
+        rows.append(row)
+    header = ["no.", contest.factor, "done", f"median {judged.metric}", f"than {first}"]
+    header += ["95 %", "95 %, all at once", "p (Holm)", "is"]
+    return table("", header, rows, search=False)
+
+
+_TURNED: Final = {BETTER: WORSE, WORSE: BETTER, EQUAL: EQUAL, UNDECIDED: UNDECIDED}
+
+
+def _ends(effect: Effect) -> list[str]:
+    """Return the intervals of B compared with A."""
+    return [
+        " to ".join("open" if end is None else _size(effect.kind, end) for end in ends[1:])
+        for ends in (_turned(effect.kind, one) for one in (effect.effect, effect.simultaneous))
+    ]
+
+
+def _turned(kind: str, interval: ConfidenceInterval) -> ConfidenceInterval:
+    """Return the interval of A compared with B as that of B compared with A."""
+    value, high, low = (
+        None if end is None else 1.0 / end if kind == RATIO else -end for end in interval
+    )
+    return ConfidenceInterval(value, low, high)
 
 
 def _contest(
@@ -121,12 +187,14 @@ def _contest(
         for one in contest.effects
     ]
     return {
-        "where": short(contest.where, where) if where else "",
+        "place": short(contest.where, where) if where else "",
+        "where": {name: contest.where[name] for name in where},
         "ranking": contest.ranking,
         "unranked": contest.unranked,
         "best": contest.best,
         "equal": contest.lead.verdict == EQUAL,
-        "line": contest.lead.line(judged.metric, contest.best is None),
+        "size": _brief(contest.lead, False),
+        "line": f"{contest.outcome(judged.tolerance)}: {contest.told(judged.metric)}",
         "effects": effects,
         "plot": _paired(contest, judged, found),
     }
@@ -134,15 +202,16 @@ def _contest(
 
 def _brief(effect: Effect, turned: bool) -> str:
     """Return the size of an effect for a field of the matrix: ``/254``, ``x1.03``, ``-0.2``."""
-    value = effect.effect.value
-    if value is None:
+    interval = _turned(effect.kind, effect.effect) if turned else effect.effect
+    if interval.value is None:
         return "?" if effect.note else "failed"
-    if effect.kind == RATIO:
-        if turned:
-            value = 1.0 / value
+    return _size(effect.kind, interval.value)
+
+
+def _size(kind: str, value: float) -> str:
+    if kind == RATIO:
         return f"\u00d7{_few(value)}" if value >= 1.0 else f"\u00f7{_few(1.0 / value)}"
-    value = -value if turned else value
-    return f"{value:+.3g}" if effect.kind == DIFFERENCE else f"{100.0 * value:+.3g} %"
+    return f"{value:+.3g}" if kind == DIFFERENCE else f"{100.0 * value:+.3g} %"
 
 
 def _few(value: float) -> str:
@@ -165,6 +234,9 @@ def _paired(contest: Contest, judged: Judgement, found: Sequence[Group]) -> Item
     series: list[Item] = []
     dots: Item = {"at": [], "x": []}
     members = _members(contest, found)
+    # An estimator has its own colour in every plot.
+    order = list(dict.fromkeys(group.estimator for group in found))
+    order = order if contest.factor == "estimator" else []
     for k, one in enumerate(shown):
         if one.b in members and first in members:
             for x in _seeds(members[first], members[one.b], judged.metric, ratio):
@@ -172,10 +244,11 @@ def _paired(contest: Contest, judged: Judgement, found: Sequence[Group]) -> Item
                 dots["x"].append(x)
     if dots["at"]:
         none = [None] * len(dots["at"])
-        bare = {"name": "one seed", "mode": "rows", "bare": True, "size": 2.5, "colour": 6}
+        bare = {"name": "one seed", "mode": "rows", "bare": True, "size": 2.5, "colour": None}
         series.append({**bare, **dots, "low": none, "high": none})
     series.append(
-        {"name": "effect, 95 %", "mode": "rows", "colour": 0, "at": list(range(len(shown)))}
+        {"name": "effect, 95 %", "mode": "rows", "colour": None, "at": list(range(len(shown)))}
+        | {"colours": [order.index(one.b) if one.b in order else None for one in shown]}
         | {"x": [one.effect.value for one in shown], "line": 1.0 if ratio else 0.0}
         | {"low": [one.effect.low for one in shown], "high": [one.effect.high for one in shown]}
     )

@@ -24,6 +24,8 @@ _SCRIPTS: Final = (
     *("base.js", "plot.js", "path.js", "table.js"),
     *("verdict.js", "runs.js", "main.js"),
 )
+SERIES_COLOURS: Final = 7
+"""Colours of series, ``SERIES_COLOURS`` in base.js; beyond them lines are dashed."""
 _STYLE: Final = "page.css"
 _DIGITS: Final = 6
 _PACKED: Final = 500
@@ -63,7 +65,7 @@ def html(title: str, lines: Sequence[str], sections: Sequence[Section]) -> str:
         f"<title>{markup.escape(title)}</title>\n<style>{style}</style>\n</head>\n<body>\n"
         f"<header><h1>{markup.escape(title)}</h1>\n{below}"
         "<noscript><p>The plots and tables need JavaScript.</p></noscript></header>\n"
-        '<nav><div id="links"></div></nav>\n<main></main>\n'
+        '<nav><div><div id="links"></div></div></nav>\n<main></main>\n'
         f'<script type="application/json" id="content">{as_json(content)}</script>\n'
         f"<script>{script}</script>\n</body>\n</html>\n"
     )

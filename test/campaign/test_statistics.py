@@ -13,12 +13,14 @@ import scipy.stats
 
 from imu_sim_ros.campaigns.effects import DIFFERENCE, RATIO, SHARE, Effect
 from imu_sim_ros.campaigns.gate import parse
+from imu_sim_ros.campaigns.metrics import parse_tolerance
 from imu_sim_ros.campaigns.plan import read_plan
 from imu_sim_ros.campaigns.statistics import (
     ConfidenceInterval,
     holm,
     mean,
     means,
+    non_inferior,
     power,
     quantile,
     seeds_needed,
@@ -30,7 +32,7 @@ from imu_sim_ros.campaigns.statistics import (
     success,
 )
 from imu_sim_ros.campaigns.summary import groups, unmet, unmet_lines
-from imu_sim_ros.campaigns.verdict import judge
+from imu_sim_ros.campaigns.verdict import Contest, headline, judge
 
 
 def test_an_unmet_requirement_of_many_cells_does_not_bury_the_results():
@@ -352,7 +354,7 @@ def test_differently_aligned_estimators_are_not_compared():
     (contest,) = judged(rows, estimators=estimators).contests
     assert contest.best is None
     assert (contest.lead.p, contest.lead.effect.value) == (None, None)
-    assert "aligned differently (yaw and none)" in contest.line("ate_rmse_m")
+    assert "aligned differently (yaw and none)" in contest.line("ate_rmse_m", "2 %")
     # What no alignment changes is compared.
     assert judged(rows, metric="wall_s", estimators=estimators).contests[0].best == "a"
 
@@ -366,10 +368,11 @@ def test_the_best_is_named_with_effect_seeds_and_p():
     assert (judgement.factor, contest.best, contest.ranking) == ("imu", "good", ["good", "bad"])
     assert contest.lead.won == 30
     assert 1 / contest.lead.effect.value == pytest.approx(250.0, rel=0.1)
-    words = r"best imu: good, ate_rmse_m 2\d\d times smaller \(95 %: 2\d\d to 2\d\d\) than bad"
-    assert re.search(
-        words + r", better on 30 of 30 seeds, p = [\d.e-]+$", contest.line("ate_rmse_m")
+    words = (
+        r"^good beats bad; ate_rmse_m 2\d\d times smaller \(95 %: 2\d\d to 2\d\d\) than with bad"
     )
+    words += r", better on 30 of 30 seeds, p = [\d.e-]+$"
+    assert re.search(words, contest.line("ate_rmse_m", "2 %"))
     json.dumps(judgement.to_dict(), allow_nan=False)
 
 
@@ -406,6 +409,90 @@ def test_power_is_that_of_scipys_test_on_simulated_campaigns():
     assert found(seeds) == pytest.approx(0.8, abs=0.034)
     assert seeds_needed(0.8, 0.1, 0.2, 0.02, 10) > 1.3 * seeds
     assert power(5, 1.0, 0.01, 0.0, 1) == 0.0  # five pairs are never significant
+
+
+def test_non_inferiority_is_scipys_one_sided_test_and_has_the_stated_power():
+    """Equal builds, scatter 10 %, margin 5 %, 40 seeds; 4000 campaigns as for the power.
+
+    The proof is SciPy's test of ratios below 1.05, one-sided at 2.5 %; a build that is exactly 5 %
+    worse is passed in 2.5 % of campaigns: 25 +- 5 of 1000; 40 is three of these.
+    """
+    rng = np.random.default_rng(37)
+    margin = np.log(1.05)
+    for _ in range(50):
+        d = 0.1 * rng.standard_normal(12)
+        p = scipy.stats.wilcoxon(d - margin, alternative="less").pvalue
+        assert non_inferior(d, margin) == (p < 0.025)
+    equal = 0.1 * rng.standard_normal((1000, 40))
+    assert sum(non_inferior(d + margin, margin) for d in equal) <= 40
+    # 1000 and 4000 campaigns: three deviations of the difference are 4.5 %.
+    found = np.mean([non_inferior(d, margin) for d in equal])
+    assert power(40, 0.05, 0.1, 0.0, 1) == pytest.approx(found, abs=0.045)
+    assert not non_inferior(np.full(5, -1.0), margin)  # five pairs prove nothing
+    assert not non_inferior(np.array([np.inf] * 3 + [0.0] * 5), margin)
+
+
+def test_a_gate_of_non_inferiority_wants_a_proof():
+    """The same build passes; one whose scatter leaves 10 % open does not, though not worse."""
+    rng = np.random.default_rng(41)
+    errors = rng.lognormal(0.0, 0.5, 50)
+    plan = read_plan({**PLAN, "grid": {"imu": ["s0"]}})
+
+    def gate(now, margin="5 %"):
+        allowed = parse_tolerance(margin)
+        rows = [rows_of("s0", values) for values in (now, errors)]
+        return judge(plan, *rows[:1], "ate_rmse_m", rows[1], non_inferiority=allowed)
+
+    assert gate(errors).problems == []
+    noisy = gate(errors * np.exp(np.linspace(-1.0, 1.0, 50)))
+    (effect,) = noisy.baseline
+    assert (effect.verdict, effect.non_inferior) == ("undecided", False)
+    (line,) = noisy.problems
+    assert line.startswith("not proven to be less than 5 % worse than the baseline: imu=s0; a: ")
+    assert gate(errors * np.exp(np.linspace(-1.0, 1.0, 50)), "50 %").problems == []
+    assert gate([None] * 20 + list(errors[20:])).baseline[0].non_inferior is False
+    other = judge(plan, rows_of("s1", errors) + rows_of("s0", errors), "ate_rmse_m",
+                  rows_of("s0", errors), non_inferiority=parse_tolerance("5 %"))  # fmt: skip
+    assert other.problems == ["not proven, the baseline has no such run: imu=s1; a"]
+
+
+def test_intervals_of_all_comparisons_hold_at_once_in_95_percent_of_campaigns():
+    """Four sensors, six ratios: all within their intervals, or not, in 300 campaigns of 30 seeds.
+
+    At most 5 % outside: 15 +- 3.8; 27 is three more. Single intervals: a fifth, 60, have one out.
+    """
+    rng = np.random.default_rng(43)
+    outside, single = 0, 0
+    for _ in range(300):
+        logs = 0.2 * rng.standard_normal((4, 30))
+        pairs = [a - b for a, b in itertools.combinations(logs, 2)]
+        found = [shift(d, comparisons=6) for d in pairs]
+        outside += any(not one.simultaneous.low <= 0.0 <= one.simultaneous.high for one in found)
+        single += any(not one.centre.low <= 0.0 <= one.centre.high for one in found)
+    assert outside <= 27
+    assert single >= 35
+
+
+def test_the_headline_tells_equal_from_undecided():
+    def contest(name, verdict, size=0.5):
+        interval = ConfidenceInterval(size, 0.9 * size, 1.1 * size)
+        effect = Effect("a", "b", "ratio", interval, interval, 9, 9, 0, 0.1, 0.01, 0.01,
+                        ConfidenceInterval(0.0, 0.0, 0.0), None, verdict)  # fmt: skip
+        best = "a" if verdict == "better" else None
+        return Contest("imu", {"cell": name}, ["a", "b"], [], best, effect, [effect])
+
+    found = [contest("w", "better", 0.25), contest("x", "better"), contest("y", "equal")]
+    found.append(contest("z", "undecided"))
+    assert headline(found, "ate", "2 %") == (
+        "a is the best imu in 2 of 4 comparisons",
+        "ate smaller by 50 % to 75 % than with the next, p at most 0.01; "
+        "equal within 2 % in 1; undecided in 1",
+    )
+    assert headline(found[2:], "ate", "2 %") == (
+        "No imu is the best in any of 2 comparisons",
+        "equal within 2 % in 1; undecided in 1",
+    )
+    assert found[2].line("ate", "2 %").startswith("cell=y: a and b are equal within 2 %; a: ate 2 ")
 
 
 def test_holm_by_hand():
@@ -455,6 +542,7 @@ def test_the_size_of_an_effect_in_words(kind, effect, words):
         "a",
         "b",
         kind,
+        ConfidenceInterval(*effect),
         ConfidenceInterval(*effect),
         **numbers,
         success=share,

@@ -10,6 +10,7 @@ import sys
 
 import pytest
 
+from imu_sim_ros.campaigns.effects import BETTER, WORSE
 from imu_sim_ros.campaigns.plan import load_plan
 from imu_sim_ros.campaigns.results import read_results
 from imu_sim_ros.campaigns.verdict import judge
@@ -188,7 +189,7 @@ def test_the_matrix_says_who_is_better_and_by_how_much(opened, results):
         const where = document.querySelector('select[aria-label="where"]');
         where.value = [...where.options].find((one) => one.text === "adis16448, midpoint").value;
         where.dispatchEvent(new Event("change"));
-        const matrix = document.querySelector("table.matrix");
+        const matrix = document.querySelector("table.matrix:not(.overview)");
         return [[...matrix.querySelectorAll("tbody th")].map((one) => one.textContent),
           [...matrix.querySelectorAll("tbody tr")].map((row) =>
             [...row.querySelectorAll("td")].map((one) => one.textContent))]""",
@@ -289,6 +290,12 @@ def test_rows_of_plots_are_full_and_the_theme_button_is_on_the_screen(opened, na
     at = run(page, box)
     assert at["left"] >= 0
     assert at["right"] <= 390
+    page = opened(name, 360)
+    links = "return [...document.querySelectorAll('#links')].map((one) => [one.scrollWidth - "
+    links += "one.clientWidth, one.getBoundingClientRect().right])[0]"
+    hidden, right = run(page, links)
+    assert right <= run(page, box)["left"]
+    assert name != "campaign.html" or hidden <= 0  # all five links of a campaign are in sight
 
 
 @pytest.mark.parametrize("width", WIDTHS)
@@ -356,13 +363,13 @@ def test_the_metric_and_the_sensor_page_follow_their_menus(opened):
 
 
 def test_plots_are_drawn_for_the_width_of_paper(opened):
-    """Two in a row; the pairs of the verdict have the page's width where the matrix has."""
+    """Small plots in rows of three; the verdict's pairs are as wide as a large matrix."""
     page = opened("sensors.html")
     wide = """dispatchEvent(new Event(arguments[0]));
-    return ['Share of runs', 'ate_rmse_m: '].map((title) => Number(
+    return ['1 to 8', 'ate_rmse_m: '].map((title) => Math.floor(
       figure(title).querySelector('svg').getAttribute("viewBox").split(" ")[2]))"""
-    assert run(page, wide, "beforeprint") == [350, 700]
-    assert min(run(page, wide, "afterprint")) > 1000
+    assert run(page, wide, "beforeprint") == [233, 700]
+    assert run(page, wide, "afterprint")[1] > 1000
 
 
 def test_dark_and_light_have_contrast(opened):
@@ -395,6 +402,8 @@ def test_paper_has_the_first_rows_and_no_column_beyond_its_edge(opened):
         return table("runs").querySelectorAll("tbody tr").length"""
         rows = int(run(page, "return table('runs').dataset.rows"))
         assert run(page, shown, "beforeprint") == 10 < rows
+        cells = "return table('cells').querySelectorAll('tbody tr').length"
+        assert run(page, cells) == 18  # all of them
         for name, columns, right in run(
             page,
             """return [...document.querySelectorAll("[data-table]")].map((one) => [
@@ -410,14 +419,14 @@ def test_paper_has_the_first_rows_and_no_column_beyond_its_edge(opened):
         page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": ""})
 
 
-@pytest.mark.parametrize("name", ["campaign.html", "sensors.html"])
-def test_a_campaign_is_printed_in_four_pages(opened, name):
-    """A4, as the browser prints it by itself."""
+@pytest.mark.parametrize(("name", "most"), [("campaign.html", 4), ("sensors.html", 6)])
+def test_a_campaign_is_printed_on_few_pages(opened, name, most):
+    """A4, as the browser prints it by itself, with all 69 rows of the sensors' cells."""
     page = opened(name)
     settings = {"paperWidth": 8.27, "paperHeight": 11.69, "printBackground": True}
     printed = page.execute_cdp_cmd("Page.printToPDF", settings)
     pages = re.findall(rb"/Type\s*/Page\b", base64.b64decode(printed["data"]))
-    assert 2 <= len(pages) <= 4
+    assert 2 <= len(pages) <= most
 
 
 def test_the_matrix_of_all_sensors_is_whole(opened):
@@ -427,7 +436,7 @@ def test_the_matrix_of_all_sensors_is_whole(opened):
     return [...where.options].map((option) => {
       where.value = option.value;
       where.dispatchEvent(new Event("change"));
-      const matrix = document.querySelector("table.matrix");
+      const matrix = document.querySelector("table.matrix:not(.overview)");
       return [matrix.querySelectorAll("thead th").length, matrix.parentElement.scrollWidth -
         matrix.parentElement.clientWidth];
     })"""
@@ -438,40 +447,48 @@ def test_the_sensor_without_errors_is_not_ranked(opened):
     """It wins without a contest; who is named is the best that can be bought."""
     page = opened("sensors.html")
     told = "return document.querySelector('.headline').textContent + [...document."
-    told += "querySelectorAll('.contests li')].map((one) => one.textContent)"
+    told += "querySelectorAll('table.overview button')].map((one) => one.title)"
     words = run(page, told)
     assert "ate_rmse_m" in words
     assert "perfect" not in words
-    rows = "return [...document.querySelectorAll('table.matrix tbody th')].map((one) =>"
+    rows = (
+        "return [...document.querySelectorAll('table.matrix:not(.overview) tbody th')].map((one) =>"
+    )
     assert run(page, rows + "one.textContent)")[-1] == "perfect"
 
 
-def test_a_winner_is_named_once(opened):
-    page = opened("sensors.html")
-    lines = run(
+def test_the_overview_has_every_cell_and_opens_its_comparison(opened, results):
+    """Nine cells of imu and bias: three rows, three columns; who leads is who is judged best."""
+    page = opened("campaign.html")
+    fields = run(
         page,
-        """return [...document.querySelectorAll(".contests li")].map((one) =>
-        [one.querySelector("b.best")?.textContent, one.textContent])""",
+        """return [...document.querySelectorAll("table.overview tbody tr")].map((row) =>
+          [...row.children].map((one) => one.textContent))""",
     )
-    assert len(lines) == 3
-    for name, line in lines:
-        assert name is None or line.count(name) == 1, line
+    judged = judge(load_plan(results / "plan.yaml"), read_results(results), "ate_rmse_m")
+    words = {BETTER: None, WORSE: None}
+    told = [one.best or words.get(one.lead.verdict, one.lead.verdict) for one in judged.headline]
+    shown = [field for row in fields for field in row[1:]]
+    assert [row[0] for row in fields] == ["mpu6000", "adis16448", "bmi088"]
+    assert len(shown) == len(told) == 9
+    assert all(field.startswith(str(best)) for field, best in zip(shown, told, strict=True))
+    opens = "document.querySelectorAll('table.overview button')[4].click();"
+    chosen = run(page, f"{opens} return document.querySelector('select[aria-label=where]').value")
+    assert chosen == "4"
 
 
-def test_the_headline_tells_equal_from_undecided(opened):
-    page = opened("sensors.html")
-    script = """const contests = [["a", false], [null, true], [null, true], [null, false]].map(
-      ([best, equal]) => ({ best, equal }));
-    const item = { requirements: { count: 0, missed: [] }, problems: [], failures: [], judged: [] };
-    const verdict = new Verdict({ ...item, campaign: "one" });
-    const words = (some) => element("p", {}, ...verdict.summary({ contests: some, factor: "imu",
-      label: "ate" })).textContent;
-    return [words(contests), words(contests.slice(1)), words(contests.slice(1, 3))]"""
-    assert run(page, script) == [
-        "a is the best imu in 1 of 4 comparisons, equal in 2, undecided in 1: ate",
-        "No imu is better than the next in any of 3 comparisons, equal in 2, undecided in 1: ate",
-        "No imu is better than the next in any of 2 comparisons, equal in 2: ate",
-    ]
+def test_every_group_has_a_distribution_in_the_colour_of_its_estimator(opened):
+    """18 groups of two estimators: nine panels, two colours in them and in the boxes."""
+    page = opened("campaign.html")
+    panels, boxes = run(
+        page,
+        """const strokes = (all) => [...all].map((one) => one.getAttribute("stroke"));
+        return [[...document.querySelectorAll(".multiples figure")].map((one) =>
+          strokes(one.querySelectorAll("g[clip-path] path"))),
+          strokes(document.querySelectorAll(".box rect"))]""",
+    )
+    assert panels == [["var(--c0)", "var(--c1)"]] * 9
+    assert boxes == ["var(--c0)", "var(--c1)"] * 9
 
 
 def test_the_table_of_topics_is_whole(opened):

@@ -21,7 +21,7 @@ from imu_sim_ros.bags.read import read_imu
 from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.campaigns.plan import load_plan
 from imu_sim_ros.campaigns.results import read_results
-from imu_sim_ros.campaigns.verdict import judge
+from imu_sim_ros.campaigns.verdict import headline, judge
 from imu_sim_ros.commands.report import main
 from imu_sim_ros.reports import streams
 from imu_sim_ros.reports.page import Section, as_json, column, html, table
@@ -93,7 +93,10 @@ def test_a_campaigns_runs_are_in_its_page(results, tmp_path):
     assert group["metrics"]["ate_rmse_m"][0] == pytest.approx(np.median(euler), rel=1e-5)
     (verdict,) = items(page, "verdict")
     judged = judge(load_plan(results / "plan.yaml"), rows, "ate_rmse_m")
-    assert verdict["judged"][0]["contests"][0]["line"] == judged.headline[0].lead.line("ate_rmse_m")
+    first = verdict["judged"][0]
+    assert (first["lead"], first["rest"]) == headline(judged.headline, "ate_rmse_m", "2 %")
+    line = judged.headline[0].line("ate_rmse_m", "2 %")
+    assert line.endswith(first["contests"][0]["line"].replace(": ", "; ", 1))
     missed = [one for one in judged.requirements if not one.met]
     assert len(verdict["requirements"]["missed"]) == len(missed) > 0
     assert sum(one["runs"] for one in verdict["failures"]) == 1

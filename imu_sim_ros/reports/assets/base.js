@@ -2,7 +2,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Elements, numbers in words, axes. Every text gets into the page as text, never as HTML.
 
-const SERIES_COLOURS = 8;
+const SERIES_COLOURS = 7;
 const DASHES = ["", "6 3", "2 2", "8 3 2 3"];
 
 function element(name, attributes = {}, ...content) {
@@ -22,7 +22,8 @@ function drawing(name, attributes = {}, text = null) {
   return made;
 }
 
-function colour(index) { return `var(--c${index % SERIES_COLOURS})`; }
+// The truth and what belongs to no estimator have the colour of words: null.
+function colour(index) { return index === null ? "var(--ink)" : `var(--c${index % SERIES_COLOURS})`; }
 function dash(index) { return DASHES[Math.floor(index / SERIES_COLOURS) % DASHES.length]; }
 
 function inWords(value, digits = 4) {

@@ -7,7 +7,7 @@ const builders = {
   heading: (item) => element("h3", { class: "part" }, item.text),
   code: (item) => element("pre", { tabindex: "0", class: item.text.split("\n").length > 20 ? "long" : null }, item.text),
   table: (item) => {
-    const table = new Table(item.columns, { name: item.name, search: item.search, shown: item.shown });
+    const table = new Table(item.columns, { name: item.name, search: item.search, shown: item.shown, printed: item.printed });
     return item.name ? element("div", {}, element("h3", {}, item.name), table.host) : table.host;
   },
   plot: (item) => new Plot(item).figure,
@@ -63,7 +63,7 @@ function start() {
     main.append(host);  // plots measure their width: they are built in a page that has one
     for (const item of section.items) host.append(built(item));
   });
-  links.append(element("button", { type: "button", title: "dark or light", "aria-label": "dark or light", onclick: theme }, "\u25d0"));
+  links.after(element("button", { type: "button", title: "dark or light", "aria-label": "dark or light", onclick: theme }, "\u25d0"));
   document.documentElement.dataset.ready = "";
 }
 

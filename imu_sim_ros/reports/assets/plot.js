@@ -7,6 +7,12 @@ let clips = 0;
 const PAPER = 700;  // of a plot as wide as the page; those in rows have half of it
 const TALL = 24;  // rows above which a plot comes last on paper, beside another such
 
+function mark(shape, x, y, r, look) {
+  if (!shape || shape === "circle") return drawing("circle", { cx: x, cy: y, r, ...look });
+  const half = 0.9 * r, turn = shape === "diamond" ? { transform: `rotate(45 ${x} ${y})` } : {};
+  return drawing("rect", { x: x - half, y: y - half, width: 2 * half, height: 2 * half, ...turn, ...look });
+}
+
 class Plot {
   // spec: {title, x: {label, log}, y: {label, log}, series, link, caption, categories, onpick}
   constructor(spec) {
@@ -28,7 +34,7 @@ class Plot {
     }
     this.show(spec);
     // On paper a plot of the screen's width would be shrunk, its words with it.
-    addEventListener("beforeprint", () => { this.paper = this.figure.matches(".plots > figure, .plots > :not(.wide) *") ? PAPER / 2 : PAPER; this.draw(); });
+    addEventListener("beforeprint", () => { this.paper = this.figure.matches(".multiples > *") ? PAPER / 3 : this.figure.matches(".plots > figure, .plots > :not(.wide) *") ? PAPER / 2 : PAPER; this.draw(); });
     addEventListener("afterprint", () => { this.paper = 0; this.draw(); });
     new ResizeObserver(() => {
       const width = this.holder.clientWidth;
@@ -55,8 +61,8 @@ class Plot {
     this.legend.replaceChildren(...(named.length > 1 || this.spec.legend ? named : []).map((one) => {
       const sign = drawing("svg", { viewBox: "0 0 22 10", "aria-hidden": "true" });
       const look = { stroke: colour(one.colour), "stroke-width": 3, "stroke-dasharray": dash(one.colour) };
-      sign.append(one.mode === "points" || one.mode === "bars"
-        ? drawing("circle", { cx: 11, cy: 5, r: 4, fill: colour(one.colour) })
+      sign.append(one.mode === "points" || one.mode === "bars" || one.shape
+        ? mark(one.shape, 11, 5, 4, { fill: colour(one.colour) })
         : drawing("line", { x1: 0, x2: 22, y1: 5, y2: 5, ...look }));
       const button = element("button", { type: "button", "aria-pressed": String(!this.hidden.has(one.name)) }, sign, one.name);
       button.addEventListener("click", () => {
@@ -82,19 +88,19 @@ class Plot {
 
   ranges() {
     const { x, y, categories } = this.spec;
-    const wholeX = padded(extent(this.usable("x")), x.log);
+    const wholeX = x.range || padded(extent(this.usable("x")), x.log);
     const wholeY = categories ? [categories.length - 0.5, -0.5] : y.range || padded(extent(this.usable("y")), y.log);
     return [this.rangeX || wholeX, this.rangeY || wholeY];
   }
 
   draw() {
     const { spec } = this;
-    const width = this.width = Math.max(this.paper || this.holder.clientWidth || 600, 260);
+    const width = this.width = Math.max(this.paper || this.holder.clientWidth || 600, spec.small ? 200 : 260);
     const rows = spec.categories ? spec.categories.length : 0;
     const labelled = spec.series.some((one) => one.labels);
     const pitch = this.pitch = !this.paper ? 22 : rows > 48 ? 7 : rows > 12 ? 9 : 12;
     this.figure.classList.toggle("tall", rows > TALL);
-    const height = this.height = rows ? 60 + rows * pitch : Math.min(labelled && !this.paper ? 520 : 340, 160 + width * (this.paper ? 0.15 : 0.3));
+    const height = this.height = rows ? 60 + rows * pitch : Math.min(labelled && !this.paper ? 520 : 340, (spec.small ? 110 : 160) + width * (this.paper ? 0.15 : 0.3));
     const longest = rows ? Math.min(width * 0.42, 14 + (pitch < 18 ? 4.6 : 6.8) * Math.max(...spec.categories.map((name) => name.length))) : 62;
     this.box = { left: longest, right: width - 12, top: 8, bottom: height - 42 };
     const [rangeX, rangeY] = this.ranges();
@@ -221,13 +227,13 @@ class Plot {
   rows(marks, one) {
     const { left, right } = this.box;
     one.at.forEach((row, k) => {
-      const y = this.sy.at(row + (one.shift || 0)), x = one.x && one.x[k], fill = colour(one.colour);
+      const y = this.sy.at(row + (one.shift || 0)), x = one.x && one.x[k], fill = colour(one.colours ? one.colours[k] : one.colour);
       const end = (value, open) => (value === null || (this.spec.x.log && value <= 0) ? open : this.sx.at(value));
       const low = end(one.low[k], left), high = end(one.high[k], right);
       if (!one.x) marks.append(drawing("rect", { x: low, y: y - this.pitch * 0.45, width: Math.max(high - low, 1), height: this.pitch * 0.9, fill, "fill-opacity": 0.25, stroke: fill }));
       else if (x !== null && !(this.spec.x.log && x <= 0)) {
         if (!one.bare) marks.append(drawing("line", { x1: low, x2: high, y1: y, y2: y, stroke: fill, "stroke-width": 2 }));
-        marks.append(drawing("circle", { cx: this.sx.at(x), cy: y, r: (one.size || 4.5) * (this.pitch < 18 ? 0.6 : 1), fill, "fill-opacity": one.bare ? 0.35 : 1 }));
+        marks.append(mark(one.shape, this.sx.at(x), y, (one.size || 4.5) * (this.pitch < 18 ? 0.6 : 1), { fill, "fill-opacity": one.bare ? 0.35 : 1 }));
       }
     });
     if (one.line !== undefined) marks.append(drawing("line", { x1: this.sx.at(one.line), x2: this.sx.at(one.line), y1: this.box.top, y2: this.box.bottom, stroke: "var(--ink)", "stroke-dasharray": "4 3" }));

@@ -3,7 +3,7 @@
 // A campaign: its runs, and the plots that follow the metric and the search.
 
 const MOST_BOXES = 80;
-const MOST_LINES = 8;
+const MOST_LINES = 8;  // in a plot
 
 class Campaign {
   // data: {metrics, grid, columns, groups, sensors, opened, plan}
@@ -79,9 +79,11 @@ class Campaign {
     };
     const success = this.metric.name === "success";
     if (success) this.metric = this.data.metrics[0];
-    const [boxes, shares] = this.distributions();
-    this.boxes = add(boxes, boxes.categories.length > 10);
-    this.shares = add(shares);
+    this.boxes = add(this.boxSpec(), this.boxSpec().categories.length > 10);
+    this.shares = { plots: [], title: element("h3", {}), grid: element("div"), caption: element("figcaption", { class: "caption" }) };
+    this.shares.host = element("div", {}, this.shares.title, this.shares.grid, this.shares.caption);
+    grid.append(this.shares.host);
+    this.drawShares();
     this.curves = this.curveSpecs().map((spec) => add(spec));
     if (this.data.trend) add(this.data.trend);
     if (this.data.consistency) add(this.data.consistency, this.data.consistency.categories.length > 10);
@@ -93,11 +95,28 @@ class Campaign {
 
   follow() {
     const success = this.metric.name === "success";
-    this.shares.figure.hidden = success;
+    this.shares.host.hidden = success;
     if (success) { this.boxes.show(this.successShares()); return; }
-    const [boxes, shares] = this.distributions();
-    this.boxes.show(boxes);
-    this.shares.show(shares);
+    this.boxes.show(this.boxSpec());
+    this.drawShares();
+  }
+
+  // The colour of each estimator is the same in every plot; null if there is but one.
+  colourOf(estimator) {
+    const place = this.data.estimators.indexOf(estimator);
+    return place < 0 ? null : place;
+  }
+
+  // One colour an estimator, further lines of the same one dashed; of one estimator a colour each.
+  coloured(lines, estimatorOf) {
+    const count = new Map();
+    return lines.map((line, k) => {
+      const own = estimatorOf(line), place = this.colourOf(own);
+      if (place === null) return k;
+      const before = count.get(own) || 0;
+      count.set(own, before + 1);
+      return place + SERIES_COLOURS * before;
+    });
   }
 
   summarised() {
@@ -116,8 +135,9 @@ class Campaign {
       if (done && numbers[row] === null) continue;
       const own = this.group.get(`${cells[row]}\n${estimators[row]}`);
       const name = names ? `${this.by} = ${inWords(names[row], 6)}` : own ? own.label : cells[row];
-      if (!found.has(name)) found.set(name, { name, numbers: [], failed: 0, row });
+      if (!found.has(name)) found.set(name, { name, numbers: [], failed: 0, row, estimator: estimators[row], place: own ? own.place : name });
       const group = found.get(name);
+      if (group.estimator !== estimators[row]) group.estimator = null;
       group.numbers.push(done ? numbers[row] : worst);
       if (!done) group.failed += 1;
     }
@@ -133,7 +153,7 @@ class Campaign {
   successShares() {
     const { groups } = this.data, values = groups.map((group) => group.metrics.success);
     return { title: "Success rate, by cell and estimator", x: { label: "share of runs done", log: false }, categories: groups.map((group) => group.label),
-      series: [{ name: "", mode: "rows", colour: 0, at: groups.map((_, k) => k), x: values.map((v) => v[0]), low: values.map((v) => v[1]), high: values.map((v) => v[2]) }],
+      series: [{ name: "", mode: "rows", colour: null, colours: groups.map((group) => this.colourOf(group.estimator)), at: groups.map((_, k) => k), x: values.map((v) => v[0]), low: values.map((v) => v[1]), high: values.map((v) => v[2]) }],
       caption: "With the 95 % interval (Wilson); all runs, whatever the search.", onpick: (k) => this.pick({ row: this.firstOf(groups[k]) }) };
   }
 
@@ -142,28 +162,56 @@ class Campaign {
     return cells.findIndex((cell, row) => cell === group.cell && estimators[row] === group.estimator);
   }
 
-  distributions() {
-    const groups = this.divided(), { label } = this.metric, finite = (list) => list.filter(Number.isFinite);
+  // The groups, and the scale of all of them.
+  scaled() {
+    const groups = this.divided(), finite = (list) => list.filter(Number.isFinite);
     const positive = groups.every((group) => finite(group.numbers)[0] > 0);
     const ends = [0.05, 0.95].map((p) => groups.map((group) => quantile(finite(group.numbers), p)));
     const log = positive && Boolean(groups.length) && Math.max(...ends[1]) > 50 * Math.min(...ends[0]);
-    const drawn = groups.slice(0, MOST_BOXES);
-    const boxes = drawn.map((group, k) => {
-      const at = (p) => quantile(group.numbers, p);
-      return { name: group.name, count: group.numbers.length, low: at(0.05), q1: at(0.25), median: at(0.5), q3: at(0.75), high: at(0.95), colour: groups.length <= MOST_LINES ? k : 0 };
+    const rest = groups.length > MOST_BOXES ? ` The first ${MOST_BOXES} of ${groups.length}; search the runs for others.` : "";
+    return { groups: groups.slice(0, MOST_BOXES), log, rest, by: this.by || "cell and estimator" };
+  }
+
+  boxSpec() {
+    const { groups, log, rest, by } = this.scaled(), { label } = this.metric;
+    const boxes = groups.map((group, k) => {
+      const at = (p) => quantile(group.numbers, p), own = this.colourOf(group.estimator);
+      return { name: group.name, count: group.numbers.length, low: at(0.05), q1: at(0.25), median: at(0.5), q3: at(0.75), high: at(0.95), colour: own === null && groups.length <= MOST_LINES ? k : own };
     });
-    const rest = (most) => (groups.length > most ? ` The first ${most} of ${groups.length}; search the runs for others.` : "");
-    const shares = groups.slice(0, MOST_LINES).map((group, k) => {
-      const before = group.numbers.filter((value) => value === -Infinity).length, shown = finite(group.numbers);
-      return { name: group.name, mode: "step", colour: k, x: shown, y: shown.map((_, i) => (before + i + 1) / group.numbers.length) };
+    return { title: `${label}, by ${by}`, x: { label, log }, categories: boxes.map((box) => box.name), series: [{ name: "", boxes, x: [], colour: 0 }],
+      caption: `Median, quartiles, 5th and 95th percentile. Failed runs count as worse than any number; a box that contains some ends at the frame.${rest}`, onpick: (k) => this.pick(groups[k]) };
+  }
+
+  // Distributions in one plot if it can be read, else in small ones with the same scale: one a cell
+  // with its estimators, or as many as are needed.
+  drawShares() {
+    const { groups, log, rest, by } = this.scaled(), { label } = this.metric, { plots, grid } = this.shares;
+    const several = groups.length > MOST_LINES, parts = new Map();
+    const cells = several && !this.by && this.data.estimators.length > 1 && this.data.estimators.length <= MOST_LINES;
+    groups.forEach((group, k) => {
+      const key = cells ? group.place : Math.floor(k / MOST_LINES);
+      parts.set(key, [...(parts.get(key) || []), group]);
     });
-    const by = this.by || "cell and estimator";
-    return [
-      { title: `${label}, by ${by}`, x: { label, log }, categories: boxes.map((box) => box.name),
-        series: [{ name: "", boxes, x: [], colour: 0 }], caption: "Median, quartiles, 5th and 95th percentile; failed runs count as worse than any number: what reaches into them ends at the frame." + rest(MOST_BOXES),
-        onpick: (k) => this.pick(drawn[k]) },
-      { title: `Share of runs below (ECDF), by ${by}`, x: { label, log }, y: { label: "share of all runs", range: [0, 1.02] }, legend: true, series: shares, caption: ("Of all runs: where some failed it ends below 1." + rest(MOST_LINES)).trim() },
-    ];
+    const range = padded(extent(groups.flatMap((group) => group.numbers)), log);
+    const specs = [...parts].map(([key, part]) => {
+      const colours = this.coloured(part, (group) => group.estimator);
+      const series = part.map((group, k) => {
+        const before = group.numbers.filter((value) => value === -Infinity).length, shown = group.numbers.filter(Number.isFinite);
+        return { name: cells ? group.estimator : group.name, mode: "step", colour: colours[k], x: shown, y: shown.map((_, i) => (before + i + 1) / group.numbers.length) };
+      });
+      const title = !several ? `Share of runs below (ECDF), by ${by}` : cells ? key : `${key * MOST_LINES + 1} to ${key * MOST_LINES + part.length}`;
+      return { title, small: several, x: { label, log, range }, y: { label: several ? "share" : "share of all runs", range: [0, 1.02] }, legend: true, series };
+    });
+    specs.forEach((spec, k) => {
+      if (plots[k]) plots[k].show(spec);
+      else { plots.push(new Plot(spec)); grid.append(plots[k].figure); plots[k].draw(); }
+    });
+    plots.forEach((plot, k) => { plot.figure.hidden = k >= specs.length; });
+    this.shares.title.hidden = !several;
+    this.shares.title.textContent = `Share of runs below (ECDF), by ${by}`;
+    this.shares.caption.textContent = `Of all runs: a line ends below 1 if some failed.${several ? " All with the same scale." : ""}${rest}`;
+    grid.className = several ? "multiples" : "";
+    this.shares.host.className = several ? "wide many" : "";
   }
 
   pick(group) {
@@ -181,14 +229,15 @@ class Campaign {
         const summary = group.metrics[metric];
         if (!summary) continue;
         const rest = grid.filter((name) => name !== parameter).map((name) => `${name}=${inWords(group.values[name], 3)}`);
-        if (this.data.estimators > 1) rest.push(group.estimator);
+        if (this.data.estimators.length > 1) rest.push(group.estimator);
         const name = rest.join(", ") || "median";
         if (!lines.has(name)) lines.set(name, []);
-        lines.get(name).push([group.values[parameter], ...summary]);
+        lines.get(name).push([group.values[parameter], ...summary, group.estimator]);
       }
-      const series = [...lines].slice(0, MOST_LINES).map(([name, points], k) => {
+      const drawn = [...lines].slice(0, MOST_LINES), colours = this.coloured(drawn, ([, points]) => points[0].at(-1));
+      const series = drawn.map(([name, points], k) => {
         points.sort((a, b) => a[0] - b[0]);
-        return { name, colour: k, x: points.map((p) => p[0]), y: points.map((p) => p[1]), low: points.map((p) => p[2]), high: points.map((p) => p[3]) };
+        return { name, colour: colours[k], x: points.map((p) => p[0]), y: points.map((p) => p[1]), low: points.map((p) => p[2]), high: points.map((p) => p[3]) };
       });
       const log = groups.every((group) => group.values[parameter] > 0);
       const tall = series.every((one) => one.y.every((value) => value > 0));
@@ -220,14 +269,15 @@ class Campaign {
       const summary = group.metrics[metric], x = property.values[k];
       if (!summary || !(x > 0)) return;
       const rest = grid.filter((name) => name !== "imu").map((name) => `${name}=${inWords(group.values[name], 3)}`);
-      if (this.data.estimators > 1) rest.push(group.estimator);
+      if (this.data.estimators.length > 1) rest.push(group.estimator);
       const name = rest.join(", ") || "median";
       if (!lines.has(name)) lines.set(name, []);
-      lines.get(name).push([x, ...summary, String(group.values.imu)]);
+      lines.get(name).push([x, ...summary, String(group.values.imu), group.estimator]);
     });
-    const series = [...lines].slice(0, MOST_LINES).map(([name, points], k) => {
+    const drawn = [...lines].slice(0, MOST_LINES), colours = this.coloured(drawn, ([, points]) => points[0].at(-1));
+    const series = drawn.map(([name, points], k) => {
       const column = (place) => points.map((point) => point[place]);
-      return { name, mode: "bars", colour: k, x: column(0), y: column(1), low: column(2), high: column(3), labels: column(4) };
+      return { name, mode: "bars", colour: colours[k], x: column(0), y: column(1), low: column(2), high: column(3), labels: column(4) };
     });
     const tall = series.every((one) => one.y.every((value) => value > 0));
     return { title: `${label} over ${property.label}`, x: { label: property.label, log: true }, y: { label, log: tall }, legend: true, series,

@@ -3,7 +3,7 @@
 // A table that is sorted by a click on a column's name and searched by words and comparisons.
 
 const PAGE = 25;
-const PRINTED = 10;  // rows on paper, where nobody turns over
+const PRINTED = 10;  // rows on paper, where nobody turns over; a table may ask for more
 
 // A column comes as {name, values}, as {name, words, index} where few strings stand often, or as
 // {name, f4}, the base64 of little-endian floats, NaN for what is missing.
@@ -59,7 +59,7 @@ function named(name, columns, problems) {
 }
 
 class Table {
-  // columns: [{name, values}]; options: {name, search, onfilter, bad, shown, detail}
+  // columns: [{name, values}]; options: {name, search, onfilter, bad, shown, detail, printed}
   constructor(columns, options = {}) {
     this.columns = columns.map((one) => ({ ...one, values: unpacked(one), hidden: Boolean(options.shown) && !options.shown.includes(one.name) }));
     this.columns.forEach((one) => { one.number = one.values.some((v) => typeof v === "number") && one.values.every((v) => v === null || typeof v === "number"); });
@@ -72,7 +72,7 @@ class Table {
     this.host = element("div", { "data-table": options.name || "" });
     this.build();
     this.filter("");
-    window.addEventListener("beforeprint", () => this.draw(PRINTED));
+    window.addEventListener("beforeprint", () => this.draw(options.printed || PRINTED));
     window.addEventListener("afterprint", () => this.draw());
   }
 

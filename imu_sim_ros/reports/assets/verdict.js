@@ -3,7 +3,7 @@
 // The verdict: who is best, by how much, how sure that is, and what failed.
 
 const campaigns = new Map();  // by the folder, for links to runs
-const MOST_LINES_OF_VERDICT = 12;
+const MOST_ACROSS = 12;  // columns of the overview
 const MOST_OF_MATRIX = 30;
 const MOST_OF_A_COLUMN = 8;  // members of a matrix beside which there is room for a plot
 
@@ -36,7 +36,7 @@ class Verdict {
     const missed = requirements.missed.map((one) => element("li", {}, `${one.requirement}: `, element("b", {}, one.value === null ? "there is no value" : inWords(one.value)),
       one.place ? ` with ${one.place} ` : " ", runsLink(campaign, one.query, "its runs")));
     const lines = [...missed, ...problems.map((line) => element("li", {}, line))];
-    if (!lines.length) return [element("p", { class: "passed" }, `\u2713 all ${requirements.count} requirements are met`)];
+    if (!lines.length) return [element("p", { class: "passed" }, `\u2713 ${requirements.count === 1 ? "the requirement is" : `all ${requirements.count} requirements are`} met`)];
     const words = missed.length ? `\u2717 ${requirements.texts} of ${requirements.count} requirements not met` : "\u2717 the gate fails";
     const rest = lines.length > 10 ? [element("details", {}, element("summary", {}, `${lines.length - 10} more`), element("ul", {}, ...lines.splice(10)))] : [];
     return [element("div", { class: "failed box", role: "alert" }, element("b", {}, words), element("ul", {}, ...lines), ...rest)];
@@ -56,44 +56,60 @@ class Verdict {
     if (!judged.contests.length) return;
     this.matrixHost = element("div");
     this.plotHost = element("div");
-    const choice = element("select", { "aria-label": "where", onchange: () => this.contest(judged, choice.value) });
+    const choice = this.choice = element("select", { "aria-label": "where", onchange: () => this.contest(judged, choice.value) });
     if (judged.contests.length > 1) choice.append(element("option", { value: "" }, `all ${judged.contests.length}: how often`));
-    judged.contests.forEach((one, n) => choice.append(element("option", { value: n }, one.where || "all runs")));
+    judged.contests.forEach((one, n) => choice.append(element("option", { value: n }, one.place || "all runs")));
+    if (judged.contests.length > 1) this.body.append(this.overview(judged));
     const wide = this.fullest(judged).ranking.length > MOST_OF_A_COLUMN;
-    this.body.append(rowsFilled(element("div", { class: "plots" }, element("div", { class: wide ? "wide" : null }, element("h3", {}, `Who is better: ${judged.label}`),
-      judged.contests.length > 1 ? element("div", { class: "controls" }, choice) : null, this.matrixHost), this.plotHost)));
+    const matrix = element("div", { class: wide ? "wide" : null }, element("h3", {}, `Who is better: ${judged.label}`),
+      judged.contests.length > 1 ? element("div", { class: "controls" }, choice) : null, this.matrixHost);
+    const pair = judged.contests.length === 1 && judged.contests[0].ranking.length === 2;  // said above
+    this.body.append(rowsFilled(element("div", { class: "plots" }, pair ? null : matrix, this.plotHost)));
     this.contest(judged, choice.value);
   }
 
+  // Who is best, by how much and how sure that is; for one contest of several a table.
   headline(judged) {
-    const { contests } = judged;
-    if (!contests.length) return [element("p", { class: "headline" }, judged.alone)];
     const all = this.item.judged.filter((one) => one.label === judged.label && one.contests.length);
-    const parts = all.length > 1 || contests.length > 1 ? all.map((one) => element("p", { class: "headline" }, ...this.summary(one))) : [];
-    const lines = contests.map((one) => {
-      const where = one.where ? element("span", { class: "where" }, one.where) : null;
-      const best = element("b", { class: one.best === null ? "faint" : "best" }, one.best !== null ? one.best : one.equal ? "equal" : "undecided");
-      return element("li", { class: parts.length ? null : "headline" }, where, best, ` ${one.line.replaceAll(" = ", "\u00a0=\u00a0")}`);
+    const shown = all.length ? all : [judged];
+    const parts = shown.map((one) => {
+      const sure = one.contests.some((contest) => contest.best !== null);
+      return element("p", { class: "headline" }, element("b", { class: one.contests.length ? (sure ? "best" : "faint") : null }, one.lead), one.rest ? `: ${one.rest.replaceAll(" = ", "\u00a0=\u00a0")}` : "");
     });
-    const rest = lines.splice(MOST_LINES_OF_VERDICT);
-    if (all.length > 1) parts.push(element("h3", { class: "part" }, `Which ${judged.factor}`));
-    parts.push(element("ul", { class: "contests" }, ...lines));
-    if (rest.length) parts.push(element("details", {}, element("summary", {}, `${rest.length} more`), element("ul", { class: "contests" }, ...rest)));
+    if (judged.table) parts.push(new Table(judged.table.columns, {}).host);
     return parts;
   }
 
-  // Who is best, in how many of the cells, for one factor.
-  summary({ contests, factor, label }) {
-    const wins = new Map(), count = contests.length;
-    for (const one of contests) if (one.best !== null) wins.set(one.best, (wins.get(one.best) || 0) + 1);
-    const [first, ...others] = [...wins].sort((a, b) => b[1] - a[1]);
-    const equal = contests.filter((one) => one.best === null && one.equal).length, open = contests.filter((one) => one.best === null && !one.equal).length;
-    const without = (equal ? `, equal in ${equal}` : "") + (open ? `, undecided in ${open}` : "");
-    const times = count > 1 ? ` in any of ${count} comparisons${without}` : "";
-    if (!first) return [`No ${factor} is better than the next${times}: ${label}`];
-    const rest = others.flatMap(([name, of]) => [", ", element("b", {}, name), ` in ${of}`]);
-    const where = count > 1 ? ` in ${first[1]} of ${count} comparisons` : "";
-    return [element("b", {}, first[0]), ` is the best ${factor}${where}`, ...rest, without, `: ${label}`];
+  // The winner of each contest and its lead over the next: the last varying name goes across.
+  overview(judged) {
+    const { contests, names } = judged, keys = Object.keys(contests[0].where);
+    const values = (key) => [...new Set(contests.map((one) => one.where[key]))];
+    const across = [...keys].reverse().find((key) => values(key).length <= MOST_ACROSS && keys.length > 1), down = keys.filter((key) => key !== across);
+    const heads = across ? values(across) : [""], rows = new Map();
+    const named = (key, value) => (Number.isNaN(Number(value)) ? value : `${key.split(".").pop()} ${value}`);
+    contests.forEach((one, n) => {
+      const name = down.map((key) => named(key, one.where[key])).join(", ");
+      if (!rows.has(name)) rows.set(name, new Map());
+      rows.get(name).set(across ? one.where[across] : "", n);
+    });
+    const field = (n) => {
+      if (n === undefined) return element("td", {}, "");
+      const one = contests[n], words = one.best !== null ? [element("b", {}, one.best), ` ${one.size}`] : [one.equal ? "equal" : "undecided"];
+      const made = element("td", { class: one.best === null && one.equal ? "equal" : null }, element("button", { type: "button", title: one.line, onclick: () => this.choose(n) }, ...words));
+      if (one.best !== null) made.style.background = `color-mix(in srgb, ${colour(names.indexOf(one.best))} 25%, transparent)`;
+      return made;
+    };
+    const body = [...rows].map(([name, of]) => element("tr", {}, element("th", { scope: "row" }, name), ...heads.map((head) => field(of.get(head)))));
+    const head = across ? [element("thead", {}, element("tr", {}, element("th", {}, across.split(".").pop()), ...heads.map((value) => element("th", { scope: "col" }, value))))] : [];
+    return element("div", {}, element("h3", {}, `Best ${judged.factor}: ${judged.label}`),
+      element("div", { class: "scroll", tabindex: "0" }, element("table", { class: "matrix overview" }, ...head, element("tbody", {}, ...body))),
+      element("p", { class: "caption" }, "The best in each cell, and how its value compares with that of the next best: \u00f72 is half of it. A field opens its comparison below."));
+  }
+
+  choose(n) {
+    this.choice.value = String(n);
+    this.choice.dispatchEvent(new Event("change"));
+    this.choice.scrollIntoView({ block: "center" });
   }
 
   contest(judged, choice) {
@@ -105,7 +121,7 @@ class Verdict {
     const told = one ? "Row against column on the same seeds: green is better, red worse, beyond the tolerance; grey is equal within it; white is undecided. Hold the pointer over a field for its interval."
       : `In how many of ${judged.contests.length} comparisons the row is better than the column.`;
     this.matrixHost.replaceChildren(element("div", { class: "scroll", tabindex: "0" }, element("table", { class: "matrix" }, element("thead", {}, element("tr", {}, element("td"), ...heads)), element("tbody", {}, ...rows))),
-      element("p", { class: "caption" }, told));
+      one && judged.contests.length > 1 ? element("p", {}, one.line) : "", element("p", { class: "caption" }, told));
     const drawn = one || judged.contests[0];
     this.plotHost.replaceChildren(...(drawn.plot ? [new Plot(drawn.plot).figure] : []));
   }
