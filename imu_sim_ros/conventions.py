@@ -47,6 +47,14 @@ IDEAL_DELTA_ANGLE_TOPIC: Final = "ground_truth/delta_angle"
 IDEAL_DELTA_VELOCITY_TOPIC: Final = "ground_truth/delta_velocity"
 GYROSCOPE_BIAS_TOPIC: Final = "ground_truth/gyroscope_bias"
 ACCELEROMETER_BIAS_TOPIC: Final = "ground_truth/accelerometer_bias"
+ERRORS: Final = ("bias", "scale", "noise", "response_error", "low_pass", "vibration")
+"""The true errors of a triad's readings, in the order of arrays that hold all of them."""
+ERROR_TOPICS: Final = {
+    f"ground_truth/{triad}_{error}": f"{name}_{error}"
+    for triad, name in zip(TRIADS, ("gyro", "accel"), strict=True)
+    for error in ERRORS
+}
+"""The topic of each true error, and its array in Python."""
 FEATURES_TOPIC: Final = "feature_tracker/feature"
 LANDMARKS_TOPIC: Final = "ground_truth/landmarks"
 BODIES_TOPIC: Final = "ground_truth/bodies"

@@ -18,6 +18,7 @@ from imu_sim_ros import arguments, timebase
 from imu_sim_ros.arguments import refuse
 from imu_sim_ros.conventions import (
     ACCELEROMETER_BIAS_TOPIC,
+    ERROR_TOPICS,
     GYROSCOPE_BIAS_TOPIC,
     IDEAL_IMU_TOPIC,
     IMU_TOPIC,
@@ -264,8 +265,19 @@ def from_sdf(file: str | Path, sensor: str | None = None) -> dict[str, Any]:
 
 def _nothing(position: int) -> ImuBlock:
     times, vectors = np.empty(0, np.int64), np.empty((0, 3))
-    rest: list[Any] = [vectors, vectors, np.empty(0), *(vectors,) * 6, unknown_motion(0)]
-    return ImuBlock(position, times, times, times, times, *rest)
+    columns: dict[str, Any] = dict.fromkeys(
+        ("gyro", "accel", "ideal_gyro", "ideal_accel", *ERROR_TOPICS.values()), vectors
+    )
+    return ImuBlock(
+        first=position,
+        true_t_ns=times,
+        t_ns=times,
+        release_t_ns=times,
+        delivered=times,
+        temperature=np.empty(0),
+        motion=unknown_motion(0),
+        **columns,
+    )
 
 
 def _warn(line: str) -> None:

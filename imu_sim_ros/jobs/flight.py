@@ -16,6 +16,7 @@ import numpy as np
 
 from imu_sim_ros import arguments
 from imu_sim_ros.arguments import BAG_OR_FILE
+from imu_sim_ros.conventions import ERROR_TOPICS
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.jobs.output import checked_place, renamed_topics, saved
@@ -38,7 +39,9 @@ if TYPE_CHECKING:
 class Truth(Odometry):
     """The true motion and the true errors at the n times at which the sensor took its samples.
 
-    For given ideal readings, the unknown parts of the motion are NaN.
+    For given ideal readings, the unknown parts of the motion are NaN. A reading is the digital
+    output (rounding and saturation) of the sum ``gyro + gyro_response_error + gyro_bias +
+    gyro_noise + gyro_low_pass + gyro_vibration``, and likewise for the accelerometer.
     """
 
     acceleration: Array
@@ -51,6 +54,28 @@ class Truth(Odometry):
     """(n, 3) sum of all biases of the gyroscope [rad/s]."""
     accel_bias: Array
     """(n, 3) sum of all biases of the accelerometer [m/s^2]."""
+    gyro_scale: Array
+    """(n, 3) scale factor of the gyroscope from turn-on, temperature and age; 1 without error."""
+    accel_scale: Array
+    """(n, 3) scale factor of the accelerometer, likewise."""
+    gyro_noise: Array
+    """(n, 3) white noise of the gyroscope, before its low-pass [rad/s]."""
+    accel_noise: Array
+    """(n, 3) white noise of the accelerometer, before its low-pass [m/s^2]."""
+    gyro_response_error: Array
+    """(n, 3) what scale factors, misalignment, non-linearity and g-sensitivity of the gyroscope add
+    to the ideal reading [rad/s]."""
+    accel_response_error: Array
+    """(n, 3) what scale factors, misalignment and non-linearity of the accelerometer add [m/s^2].
+    """
+    gyro_low_pass: Array
+    """(n, 3) what the low-pass of the gyroscope adds: its output minus its input [rad/s]."""
+    accel_low_pass: Array
+    """(n, 3) what the low-pass of the accelerometer adds [m/s^2]."""
+    gyro_vibration: Array
+    """(n, 3) vibration of the vehicle in the gyroscope, ``imu.vibration`` [rad/s]."""
+    accel_vibration: Array
+    """(n, 3) vibration of the vehicle in the accelerometer [m/s^2]."""
 
     def __post_init__(self) -> None:
         """Check the arrays, which may be NaN."""
@@ -172,7 +197,12 @@ class Flight:
         """The truth at all samples, lost ones too."""
 
         def joined(name: str) -> Array:
-            return np.concatenate([getattr(block, name) for block in self._blocks])
+            parts = [getattr(block, name) for block in self._blocks]
+            if all(
+                part.strides[0] == 0 for part in parts
+            ):  # an error that the sensor does not have
+                return np.broadcast_to(parts[0][:1], (sum(map(len, parts)), 3))
+            return np.concatenate(parts)
 
         def motion(name: str) -> Array:
             return np.concatenate([getattr(block.motion, name) for block in self._blocks])
@@ -187,8 +217,7 @@ class Flight:
             acceleration=motion("acceleration"),
             gyro=joined("ideal_gyro"),
             accel=joined("ideal_accel"),
-            gyro_bias=joined("gyro_bias"),
-            accel_bias=joined("accel_bias"),
+            **{name: joined(name) for name in ERROR_TOPICS.values()},
         )
 
     @property

@@ -16,6 +16,9 @@ from imu_sim_ros.types import Array, Times
 class ImuBlock(NamedTuple):
     """n consecutive samples of one IMU; all arrays but ``delivered`` have n rows.
 
+    A reading is the digital output (rounding and saturation) of the sum ``ideal + response_error +
+    bias + noise + low_pass + vibration``, for each triad.
+
     Samples of the board's auxiliary sensors in the same window of time are with them on request.
     """
 
@@ -44,9 +47,26 @@ class ImuBlock(NamedTuple):
     accel_bias: Array
     """(n, 3) sum of all bias terms of the accelerometer [m/s^2]."""
     gyro_scale: Array
-    """(n, 3) scale factor of the gyroscope from turn-on and temperature; 1 without error."""
+    """(n, 3) scale factor of the gyroscope from turn-on, temperature and age; 1 without error."""
     accel_scale: Array
-    """(n, 3) scale factor of the accelerometer from turn-on and temperature; 1 without error."""
+    """(n, 3) scale factor of the accelerometer, likewise."""
+    gyro_noise: Array
+    """(n, 3) white noise of the gyroscope, before its low-pass [rad/s]."""
+    accel_noise: Array
+    """(n, 3) white noise of the accelerometer, before its low-pass [m/s^2]."""
+    gyro_response_error: Array
+    """(n, 3) what scale factors, misalignment, non-linearity and g-sensitivity add [rad/s]:
+    ``gyro_scale * (S x + q x^2 + G f + H f^2) - x``, with x the ideal reading."""
+    accel_response_error: Array
+    """(n, 3) the same of the accelerometer, without G and H [m/s^2]."""
+    gyro_low_pass: Array
+    """(n, 3) what the low-pass of the gyroscope adds: its output minus its input [rad/s]."""
+    accel_low_pass: Array
+    """(n, 3) what the low-pass of the accelerometer adds [m/s^2]."""
+    gyro_vibration: Array
+    """(n, 3) vibration of the vehicle in the gyroscope, ``imu.vibration`` [rad/s]."""
+    accel_vibration: Array
+    """(n, 3) vibration of the vehicle in the accelerometer [m/s^2]."""
     motion: Motion
     """The body's motion at ``true_t_ns``."""
     auxiliary: Mapping[str, Any] = MappingProxyType({})

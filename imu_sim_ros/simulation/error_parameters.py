@@ -149,6 +149,11 @@ class ErrorPublishParameters:
     biases: bool = flag(
         False, "publish ground_truth/gyroscope_bias and ground_truth/accelerometer_bias"
     )
+    errors: bool = flag(
+        False,
+        "publish the other true errors of the readings: ground_truth/gyroscope_scale, _noise, "
+        "_response_error, _low_pass and _vibration, and those of the accelerometer",
+    )
     temperature: bool = flag(False, "publish imu/temperature")
     orientation: bool = flag(
         False,

@@ -67,6 +67,11 @@ class PublishParameters:
         f"publish ground_truth/gyroscope_bias and ground_truth/accelerometer_bias, and "
         f"{_biases()} if those sensors are published",
     )
+    errors: bool = flag(
+        False,
+        "publish the other true errors of the readings: ground_truth/gyroscope_scale, _noise, "
+        "_response_error, _low_pass and _vibration, and those of the accelerometer",
+    )
     temperature: bool = flag(False, "publish imu/temperature")
     increments: bool = flag(
         False, "publish imu/delta_angle and imu/delta_velocity; imu.sampling must be averaged"

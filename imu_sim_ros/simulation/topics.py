@@ -30,10 +30,10 @@ from imu_sim_ros.bags.messages.encode import (
 )
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE, TransformsEncoder
 from imu_sim_ros.conventions import (
-    ACCELEROMETER_BIAS_TOPIC,
     DELTA_ANGLE_TOPIC,
     DELTA_VELOCITY_TOPIC,
-    GYROSCOPE_BIAS_TOPIC,
+    ERROR_TOPICS,
+    ERRORS,
     IDEAL_DELTA_ANGLE_TOPIC,
     IDEAL_DELTA_VELOCITY_TOPIC,
     IDEAL_IMU_TOPIC,
@@ -64,7 +64,7 @@ from imu_sim_ros.types import Array, Times
 
 OF_THE_ERROR_MODEL: Final = (
     *(IMU_TOPIC, ORIENTATION_TOPIC, TEMPERATURE_TOPIC, IDEAL_IMU_TOPIC),
-    *(GYROSCOPE_BIAS_TOPIC, ACCELEROMETER_BIAS_TOPIC),
+    *ERROR_TOPICS,
 )
 """Topics that an error model has for the readings of somebody else."""
 OF_THE_BODY: Final = (TRUTH_TOPIC, TRUTH_FIX_TOPIC)
@@ -144,7 +144,7 @@ def is_published(topic: str, publish: Any) -> bool:
 def encoder_of_one(topic: str, parameters: SampledParameters) -> EncodeOne:
     """Return the encoder of single messages of an IMU's topic, the same bytes as of a block.
 
-    :param topic: readings, ideal readings, biases or temperature.
+    :param topic: readings, ideal readings, true errors or temperature.
     """
     frame = parameters.imu_frame
     if topic == IMU_TOPIC:
@@ -157,11 +157,14 @@ def encoder_of_one(topic: str, parameters: SampledParameters) -> EncodeOne:
         thermometer = TemperatureEncoder(frame)
         return lambda s, _: thermometer.one(s.true_t_ns, (s.temperature,))
     vectors = Vector3StampedEncoder(frame)
-    if topic == GYROSCOPE_BIAS_TOPIC:
-        return lambda s, _: vectors.one(s.true_t_ns, s.of_gyro[:3])
-    if topic == ACCELEROMETER_BIAS_TOPIC:
-        return lambda s, _: vectors.one(s.true_t_ns, s.of_accel[:3])
-    raise ConfigurationError(f"topic {topic}: has no single messages")
+    if topic not in ERROR_TOPICS:
+        raise ConfigurationError(f"topic {topic}: has no single messages")
+    triad, _, error = ERROR_TOPICS[topic].partition("_")
+    begin = 3 * ERRORS.index(error)
+    own = slice(begin, begin + 3)
+    if triad == "gyro":
+        return lambda s, _: vectors.one(s.true_t_ns, s.of_gyro[own])
+    return lambda s, _: vectors.one(s.true_t_ns, s.of_accel[own])
 
 
 def sensors_of(topics: Iterable[str], carried: Iterable[str] = ()) -> frozenset[str]:
@@ -388,12 +391,14 @@ _LIVE: Final = {
     IDEAL_IMU_TOPIC: _Topic(
         IMU, _true(ImuEncoder, "ideal_gyro", "ideal_accel"), ("ground_truth_imu",)
     ),
-    GYROSCOPE_BIAS_TOPIC: _Topic(
-        VECTOR3_STAMPED, _true(Vector3StampedEncoder, "gyro_bias"), ("biases",)
-    ),
-    ACCELEROMETER_BIAS_TOPIC: _Topic(
-        VECTOR3_STAMPED, _true(Vector3StampedEncoder, "accel_bias"), ("biases",)
-    ),
+    **{
+        topic: _Topic(
+            VECTOR3_STAMPED,
+            _true(Vector3StampedEncoder, column),
+            ("biases" if column.endswith("_bias") else "errors",),
+        )
+        for topic, column in ERROR_TOPICS.items()
+    },
     TEMPERATURE_TOPIC: _Topic(
         TEMPERATURE, _true(TemperatureEncoder, "temperature"), ("temperature",)
     ),

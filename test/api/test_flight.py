@@ -5,9 +5,11 @@
 
 import numpy as np
 import pytest
+from rosbags.highlevel import AnyReader
 
 import imu_sim_ros as ims
 from imu_sim_ros.commands.generate import main as generate
+from imu_sim_ros.conventions import ERRORS
 
 IMU = {"preset": "mpu6000", "dropout_probability": 0.02, "duplicate_probability": 0.02}
 
@@ -55,14 +57,41 @@ def test_blocks_are_the_same_samples_in_any_size():
         np.testing.assert_array_equal(np.concatenate([b.gyro for b in parts]), whole.gyro)
 
 
-def test_the_truth_explains_the_readings():
-    """Without noise, reading = ideal + bias, whatever sort of bias."""
+def test_the_truths_explain_the_readings_in_python_and_in_a_bag(tmp_path):
+    """With temperature, ageing and noise on. S is the identity: the scale multiplies the ideal."""
     imu = {"preset": "perfect", "gyroscope_bias": [0.1, -0.2, 0.3], "accelerometer_rate_ramp": 1e-3}
-    made = ims.simulate(imu=imu, trajectory="lecture", duration=20)
+    imu |= {"age_days": 9.0, "gyroscope_noise_density": 1e-3, "accelerometer_ageing_scale": 0.01}
+    imu |= {"gyroscope_temperature_scale": [1e-3, 2e-3, 3e-3], "accelerometer_bandwidth": 20.0}
+    imu |= {"gyroscope_turn_on_scale_sigma": 0.01, "accelerometer_noise_density": 1e-3}
+    warm = {"profile": [0.0, 25.0, 10.0, 45.0]}
+    made = ims.simulate(imu=imu, trajectory="lecture", duration=10, temperature=warm)
     truth = made.truth
-    np.testing.assert_allclose(made.gyro, truth.gyro + truth.gyro_bias, rtol=0, atol=1e-15)
-    np.testing.assert_allclose(made.accel, truth.accel + truth.accel_bias, rtol=0, atol=4e-15)
+    topics = [f"ground_truth/{t}_{e}" for t in ("gyroscope", "accelerometer") for e in ERRORS]
+    made.save(tmp_path / "all.mcap", topics=["imu/data_raw", "ground_truth/imu", *topics])
+    read = {topic: ([], []) for topic in ("imu/data_raw", "ground_truth/imu", *topics)}
+    with AnyReader([tmp_path / "all.mcap"]) as reader:
+        for connection, _, raw in reader.messages():
+            message, name = reader.deserialize(raw, connection.msgtype), connection.topic[1:]
+            vectors = (
+                (message.vector,)
+                if name in topics
+                else (message.angular_velocity, message.linear_acceleration)
+            )
+            for rows, vector in zip(read[name], vectors, strict=False):
+                rows.append((vector.x, vector.y, vector.z))
+    for k, (name, triad) in enumerate((("gyro", "gyroscope"), ("accel", "accelerometer"))):
+        bagged = {error: np.array(read[f"ground_truth/{triad}_{error}"][0]) for error in ERRORS}
+        for error, values in bagged.items():
+            np.testing.assert_array_equal(values, getattr(truth, f"{name}_{error}"), error)
+        reading, ideal = (np.array(read[t][k]) for t in ("imu/data_raw", "ground_truth/imu"))
+        np.testing.assert_array_equal(ideal, getattr(truth, name))
+        scale = bagged.pop("scale")
+        assert np.abs(scale - 1.0).max() > 1e-3
+        np.testing.assert_allclose(reading, ideal + sum(bagged.values()), rtol=0, atol=1e-14)
+        bagged["response_error"] = (scale - 1.0) * ideal
+        np.testing.assert_allclose(reading, ideal + sum(bagged.values()), rtol=0, atol=1e-14)
     np.testing.assert_allclose(truth.gyro_bias[-1], [0.1, -0.2, 0.3], rtol=1e-15)
+    assert not truth.gyro_low_pass.any()
 
 
 def test_parameters_are_keyword_arguments_with_their_ros_names(tmp_path):

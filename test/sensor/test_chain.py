@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from imu_sim_ros.conventions import ERRORS, TRIADS
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.environment import TemperatureParameters
 from imu_sim_ros.sensors.errors.noise import accel_variance_discrete, gyro_variance_discrete
+from imu_sim_ros.sensors.errors.realised import unit_of_seed
 from imu_sim_ros.sensors.errors.response import TemperatureProfile, noise_gain, polynomial
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -21,10 +23,14 @@ S = np.array([[1.01, 0.002, -0.003], [0.004, 0.98, 0.005], [-0.006, 0.007, 1.02]
 G_SENSITIVITY = np.array([[1e-3, 2e-3, 3e-3], [4e-3, 5e-3, 6e-3], [7e-3, 8e-3, 9e-3]])
 
 
-def read(count: int = 500, **values: object) -> ImuBlock:
-    """Return samples on the lecture's trajectory, where all axes move."""
+def simulation(**values: object) -> Simulation:
+    """Return a simulation of the lecture's trajectory, where all axes move."""
     base = {"imu.preset": "perfect", "trajectory.type": "lecture"}
-    return Simulation(load_simulation({**base, **values})).next_block(count)
+    return Simulation(load_simulation({**base, **values}))
+
+
+def read(count: int = 500, **values: object) -> ImuBlock:
+    return simulation(**values).next_block(count)
 
 
 def sensor(**values: object) -> dict[str, object]:
@@ -99,6 +105,58 @@ def test_truth_accounts_for_the_reading() -> None:
     assert np.allclose(block.accel, explained, atol=1e-13)
     assert np.ptp(block.accel_bias, axis=0).min() > 0.1
     assert np.ptp(block.accel_scale, axis=0).min() > 0.01
+
+
+STEP, RANGE = 0.002, 9.9
+EVERY_TERM: dict[str, object] = {
+    "imu.preset": "mpu6000",
+    "rate": 100.0,
+    "temperature.profile": [0.0, 20.0, 2.0, 50.0],
+    "imu.age_days": 30.0,
+    **{
+        f"imu.{triad}_{name}": value
+        for triad in TRIADS
+        for name, value in {
+            "misalignment_sigma": 0.01,
+            "quadratic_sigma": 1e-3,
+            "turn_on_scale_sigma": 0.01,
+            "temperature_scale": [1e-3, 2e-3, 3e-3],
+            "ageing_scale": 0.01,
+            "ageing_bias": 0.01,
+            "bandwidth": [30.0, 20.0, 10.0],
+            "noise_temperature_coefficient": 0.01,
+            "resolution": STEP,
+            "range": RANGE,
+        }.items()
+    },
+    "imu.gyroscope_g_sensitivity_sigma": 1e-3,
+    "imu.vibration.line_frequency": [17.0],
+    "imu.vibration.line_amplitude": [0.01, 0.0, 0.0, 0.0, 0.0, 0.3],
+}
+
+
+@pytest.mark.parametrize("sampling", ["instantaneous", "averaged", "oversampled"])
+def test_the_truths_explain_every_digit_of_the_reading(sampling: str) -> None:
+    """Rounded and saturated, the sum of the ideal reading and all truths is the reading.
+
+    Rounding of the sum, 1e-15, takes a value across the middle of two steps in 1 of 1e12.
+    """
+    rates = {"imu.internal_rate": 800.0} if sampling == "oversampled" else {}
+    run = simulation(**EVERY_TERM, **{"imu.sampling": sampling}, **rates)
+    block, imu, limit = run.next_block(600), run.parameters.imu, math.floor(RANGE / STEP)
+    for triad, name in zip(TRIADS, ("gyro", "accel"), strict=True):
+        x, reading = getattr(block, f"ideal_{name}"), getattr(block, name)
+        truths = {error: getattr(block, f"{name}_{error}") for error in ERRORS}
+        for error, values in truths.items():
+            assert np.ptp(values) > 1e-3, error
+        unit = unit_of_seed(imu.triad(triad), triad, run.parameters.seed)
+        response = x @ unit.response().T + np.array(unit.quadratic) * x**2
+        response += block.ideal_accel @ np.reshape(unit.g_sensitivity, (3, 3)).T
+        scale = truths.pop("scale")
+        np.testing.assert_allclose(truths["response_error"], scale * response - x, atol=1e-14)
+        total = np.rint((x + sum(truths.values())) / STEP)
+        np.testing.assert_array_equal(reading, np.clip(total, -limit, limit) * STEP)
+    assert np.abs(total).max() > limit
 
 
 def test_temperature_polynomials() -> None:

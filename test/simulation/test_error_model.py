@@ -496,8 +496,7 @@ def test_parameters_of_the_simulator_are_passed_over() -> None:
         conventions.IMU_TOPIC,
         conventions.IDEAL_IMU_TOPIC,
         conventions.TEMPERATURE_TOPIC,
-        conventions.GYROSCOPE_BIAS_TOPIC,
-        conventions.ACCELEROMETER_BIAS_TOPIC,
+        *conventions.ERROR_TOPICS,
     ],
 )
 def test_a_message_of_one_sample_has_the_bytes_of_a_block(topic: str) -> None:

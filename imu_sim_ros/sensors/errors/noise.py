@@ -78,50 +78,36 @@ class WhiteNoise(_RandomStream):
         self._dt = dt
         self._mixing: Array | None = None
         self._thermal: Array | None = None
-        self._dependent = False
-        self._sigmas = np.zeros((3, 1))
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take the density, the correlation and the dependence on temperature."""
         sigma = np.asarray(parameters.noise_density) / np.sqrt(self._dt)
-        self._take(sigma)
         correlated = any(parameters.noise_correlation)
         self._mixing = _square_root(parameters.noise_correlation) if correlated else None
         thermal = np.asarray(parameters.noise_temperature_coefficient)[:, None]
         self._thermal = thermal if thermal.any() else None
-        if correlated:  # numbers of all axes are mixed
-            self.active = True
-            self._drawing = list(enumerate(self._streams))
-        self._dependent = correlated or self._thermal is not None
-        self._sigmas = sigma[:, None]
+        # If they are correlated, the numbers of all axes are mixed.
+        axes = range(3) if correlated else np.flatnonzero(sigma).tolist()
+        self._drawing = [(axis, self._streams[axis]) for axis in axes]
+        self.active = bool(self._drawing)
+        self._sigma = sigma[:, None]
 
-    def add_to(self, values: Array, temperature_offset: Array | float = 0.0) -> None:
-        """Add n samples to values (3, n).
+    def next(self, count: int, temperature_offset: Array | float = 0.0) -> Array | None:
+        """Return the next samples (3, count); None if there is no noise.
 
-        :param temperature_offset: (n,) temperature above the reference [K], or one for all.
+        :param temperature_offset: (count,) temperature above the reference [K], or one for all.
         """
-        if self._dependent:
-            self._add_dependent(values, temperature_offset)
-        elif self.active:
-            noise = np.empty((len(self._drawing), values.shape[1]))
-            for k, stream in self._drawing:
-                stream.standard_normal(out=noise[k])
-            noise *= self._sigma
-            self._add_rows(values, noise)
-
-    def _add_dependent(self, values: Array, temperature_offset: Array | float) -> None:
-        noise = np.zeros_like(values)
-        rows = noise if self._mixing is not None else noise[self._rows]
-        for k, stream in self._drawing:
-            stream.standard_normal(out=rows[k])
+        if not self.active:
+            return None
+        noise = np.zeros((3, count)) if len(self._drawing) < 3 else np.empty((3, count))
+        for axis, stream in self._drawing:
+            stream.standard_normal(out=noise[axis])
         if self._mixing is not None:
             noise = transform(self._mixing, noise)
-        else:
-            noise[self._rows] = rows
-        noise *= self._sigmas
+        noise *= self._sigma
         if self._thermal is not None:
             noise *= np.maximum(1.0 + self._thermal * temperature_offset, 0.0)
-        values += noise
+        return noise
 
 
 def _square_root(correlation: Vector) -> Array:

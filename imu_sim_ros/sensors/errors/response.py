@@ -29,6 +29,9 @@ class Response:
     ideal specific force.
     """
 
+    is_perfect = True
+    """Whether it returns its input."""
+
     def __init__(self) -> None:
         self._s = np.eye(3)
         self._quadratic: Array | None = None
@@ -47,6 +50,8 @@ class Response:
         self._quadratic = np.asarray(parameters.quadratic)[:, None] if quadratic else None
         self._g = _matrix(parameters.g_sensitivity)
         self._h = _matrix(parameters.g_squared_sensitivity)
+        curved = quadratic or self._g is not None or self._h is not None
+        self.is_perfect = not curved and bool((self._s == np.eye(3)).all())
         self._rows = self._s.tolist()
         self._quadratics = None if self._quadratic is None else self._quadratic[:, 0].tolist()
         self._g_rows = None if self._g is None else self._g.tolist()

@@ -4,7 +4,7 @@
 """The error chain of one triad, from the ideal reading to the digital output."""
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -26,15 +26,23 @@ from imu_sim_ros.types import Array
 
 
 class Reading(NamedTuple):
-    """What a triad reads and why; all (3, n)."""
+    """What a triad reads and why; all (3, n), the errors in the order of conventions.ERRORS."""
 
     reading: Array
     bias: Array
     scale: Array
+    noise: Array
+    response_error: Array
+    low_pass: Array
+    vibration: Array
 
 
 AddedToOne = list[float]
 """What one reading of a triad gets: bias, scale and noise, x, y, z of each."""
+ErrorsOfOne = list[float]
+"""All errors of one reading in the order of conventions.ERRORS, x, y, z of each."""
+_NOTHING: Final = [0.0] * 6
+"""Low-pass and vibration of a reading that has neither."""
 
 
 class Additions(NamedTuple):
@@ -49,7 +57,7 @@ class Additions(NamedTuple):
 
     def rows(self) -> list[AddedToOne]:
         """Return those of each reading."""
-        scale = _ones(self.bias.shape[1]) if self.scale is None else self.scale
+        scale = _constant(1.0, self.bias.shape[1]) if self.scale is None else self.scale
         return np.concatenate([self.bias, scale, self.noise]).T.tolist()
 
     def at(self, rows: slice) -> "Additions":
@@ -122,10 +130,13 @@ class Triad:
         """
         reading = self._response.apply(ideal, force)
         scale = self._scale(temperature_offset) if additions is None else additions.scale
-        if scale is None:
-            scale = _ones(reading.shape[1])
-        else:
+        count = reading.shape[1]
+        if scale is not None:
             reading *= scale
+        perfect = scale is None and self._response.is_perfect
+        response_error = _constant(0.0, count) if perfect else reading - ideal
+        if scale is None:
+            scale = _constant(1.0, count)
         if additions is None:
             bias = self._bias(Surroundings(force, temperature_offset))
         else:
@@ -134,45 +145,60 @@ class Triad:
             bias = self._with_jumps(first, bias, faults)
         reading += bias
         if additions is None:
-            self._white.add_to(reading, temperature_offset)
+            noise = self._white.next(count, temperature_offset)
         else:
-            reading += additions.noise
-        self._low_pass.apply(reading)
+            noise = additions.noise
+        if noise is None:
+            noise = _constant(0.0, count)
+        else:
+            reading += noise
+        low_pass = _constant(0.0, count)
+        if self._low_pass.active:
+            before = reading.copy()
+            self._low_pass.apply(reading)
+            low_pass = np.subtract(reading, before, out=before)
         if self._ratio > 1:
             last = slice(self._ratio - 1, None, self._ratio)
-            reading, bias, scale = (
-                np.ascontiguousarray(values[:, last]) for values in (reading, bias, scale)
+            reading, bias, scale, noise, response_error, low_pass = (
+                np.ascontiguousarray(values[:, last])
+                for values in (reading, bias, scale, noise, response_error, low_pass)
             )
-        if vibration is not None:
+        if vibration is None:
+            vibration = _constant(0.0, reading.shape[1])
+        else:
             reading += vibration
         if faults.any:
             faults.saturate(self._triad, first, reading)
         self._digitiser.apply(reading)
         self._increments.apply(reading)
         if faults.any:
-            before = None if self._last is None else np.asarray(self._last)
-            faults.hold(self._triad, first, reading, before)
+            latest = None if self._last is None else np.asarray(self._last)
+            faults.hold(self._triad, first, reading, latest)
         if reading.shape[1]:
             self._last = reading[:, -1].copy()
-        return Reading(reading, bias, scale)
+        return Reading(reading, bias, scale, noise, response_error, low_pass, vibration)
 
     @property
     def is_simple(self) -> bool:
         """Whether a reading depends on none before it, so that :meth:`one` gives it."""
         return not (self._low_pass.active or self._increments.active or self.follows_force)
 
-    def one(self, ideal: Floats, force: Floats, added: AddedToOne) -> list[float]:
-        """Return one reading of a simple triad without faults, in plain floats.
+    def one(
+        self, ideal: Floats, force: Floats, added: AddedToOne
+    ) -> tuple[list[float], ErrorsOfOne]:
+        """Return one reading of a simple triad without faults and its errors, in plain floats.
 
         The same bits as :meth:`read`. At blocks of one, calls of NumPy would take three quarters
         of the time: 60,000 steps of a simulator, a minute at 1 kHz, some two seconds.
         """
         bx, by, bz, sx, sy, sz, nx, ny, nz = added
         x, y, z = self._response.one(ideal, force)
-        values = [x * sx + bx + nx, y * sy + by + ny, z * sz + bz + nz]
+        x, y, z = x * sx, y * sy, z * sz
+        values = [x + bx + nx, y + by + ny, z + bz + nz]
         self._digitiser.one(values)
         self._last = values
-        return values
+        p, q, r = ideal
+        return values, [*added, x - p, y - q, z - r, *_NOTHING]
 
     @property
     def follows_force(self) -> bool:
@@ -187,9 +213,8 @@ class Triad:
         count = len(temperature_offset)
         scale = self._scale(temperature_offset)
         bias = self._bias(Surroundings(np.zeros((3, count)), temperature_offset))
-        noise = np.zeros((3, count))
-        self._white.add_to(noise, temperature_offset)
-        return Additions(scale, bias, noise)
+        noise = self._white.next(count, temperature_offset)
+        return Additions(scale, bias, _constant(0.0, count) if noise is None else noise)
 
     def _scale(self, temperature_offset: Array) -> Array | None:
         """Return the scale by temperature, turn-on and age (3, n); None if it is 1."""
@@ -231,7 +256,7 @@ class Triad:
         return bias + np.repeat(jumps, self._ratio, axis=1)
 
 
-@lru_cache(maxsize=4)
-def _ones(count: int) -> Array:
-    """Return the scale (3, count) of a triad that has no error of scale; read-only."""
-    return np.broadcast_to(1.0, (3, count))
+@lru_cache(maxsize=8)
+def _constant(value: float, count: int) -> Array:
+    """Return an error (3, count) that a triad does not have; read-only, and without memory."""
+    return np.broadcast_to(value, (3, count))

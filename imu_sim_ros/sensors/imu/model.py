@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros import timebase
-from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.conventions import ERRORS, TRIADS
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.response import Floats, TemperatureProfile
-from imu_sim_ros.sensors.errors.triad import AddedToOne, Additions, Reading, Triad
+from imu_sim_ros.sensors.errors.triad import AddedToOne, Additions, ErrorsOfOne, Reading, Triad
 from imu_sim_ros.sensors.faults import Fault, FaultSchedule
 from imu_sim_ros.sensors.imu.ideal import IdealImu, Quadrature, quadrature
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
@@ -55,28 +55,31 @@ class ImuSample(NamedTuple):
     """[degC]"""
     ideal_gyro: Floats
     ideal_accel: Floats
-    of_gyro: AddedToOne
+    of_gyro: ErrorsOfOne
     """What the errors were."""
-    of_accel: AddedToOne
+    of_accel: ErrorsOfOne
 
     def block(self) -> ImuBlock:
         """Return the same as a block of one."""
+        pairs = (("gyro", self.of_gyro), ("accel", self.of_accel))
+        errors: dict[str, Any] = {
+            f"{name}_{error}": np.array([of_triad[3 * k : 3 * k + 3]])
+            for name, of_triad in pairs
+            for k, error in enumerate(ERRORS)
+        }
         return ImuBlock(
-            self.first,
-            np.array([self.true_t_ns]),
-            np.array([self.t_ns]),
-            np.array([self.release_t_ns]),
-            self.delivered,
-            np.array([self.gyro]),
-            np.array([self.accel]),
-            np.array([self.temperature]),
-            np.array([self.ideal_gyro]),
-            np.array([self.ideal_accel]),
-            np.array([self.of_gyro[:3]]),
-            np.array([self.of_accel[:3]]),
-            np.array([self.of_gyro[3:6]]),
-            np.array([self.of_accel[3:6]]),
-            unknown_motion(1),
+            first=self.first,
+            true_t_ns=np.array([self.true_t_ns]),
+            t_ns=np.array([self.t_ns]),
+            release_t_ns=np.array([self.release_t_ns]),
+            delivered=self.delivered,
+            gyro=np.array([self.gyro]),
+            accel=np.array([self.accel]),
+            temperature=np.array([self.temperature]),
+            ideal_gyro=np.array([self.ideal_gyro]),
+            ideal_accel=np.array([self.ideal_accel]),
+            motion=unknown_motion(1),
+            **errors,
         )
 
 
@@ -191,14 +194,16 @@ class Imu:
         if precomputed is None or precomputed.end == first:
             precomputed = self._precomputed = self._precompute(first)
         self._next = first + 1
-        of_gyro, of_accel, temperature = precomputed.rows[first - precomputed.first]
+        to_gyro, to_accel, temperature = precomputed.rows[first - precomputed.first]
+        rate, of_gyro = self._triads[0].one(gyro, accel, to_gyro)
+        force, of_accel = self._triads[1].one(accel, accel, to_accel)
         return ImuSample(
             first,
             t_ns,
             self._clock.stamp_one(t_ns),
             *self._transport.send_one(first, t_ns, self._faults),
-            self._triads[0].one(gyro, accel, of_gyro),
-            self._triads[1].one(accel, accel, of_accel),
+            rate,
+            force,
             temperature,
             gyro,
             accel,
@@ -233,6 +238,11 @@ class Imu:
     ) -> ImuBlock:
         """Return n samples with stamps and transport."""
         self._next = first + len(true_t_ns)
+        errors: dict[str, Any] = {
+            f"{name}_{error}": values.T
+            for name, triad in (("gyro", gyro), ("accel", accel))
+            for error, values in zip(ERRORS, triad[1:], strict=True)
+        }
         self.latest = ImuBlock(
             first=first,
             true_t_ns=true_t_ns,
@@ -244,11 +254,8 @@ class Imu:
             temperature=temperature,
             ideal_gyro=ideal[0].T,
             ideal_accel=ideal[1].T,
-            gyro_bias=gyro.bias.T,
-            accel_bias=accel.bias.T,
-            gyro_scale=gyro.scale.T,
-            accel_scale=accel.scale.T,
             motion=motion,
+            **errors,
         )
         return self.latest
 

@@ -97,16 +97,18 @@ def test_truth_beside_the_readings(start: Any, listener: Any) -> None:
     from geometry_msgs.msg import Vector3Stamped
     from sensor_msgs.msg import Imu, NavSatFix, Temperature
 
-    bias = "ground_truth/gyroscope_bias"
+    bias, scale = "ground_truth/gyroscope_bias", "ground_truth/accelerometer_scale"
     hear(
         listener,
         (bias, Vector3Stamped),
+        (scale, Vector3Stamped),
         ("ground_truth/imu", Imu),
         ("imu/temperature", Temperature),
         ("ground_truth/fix", NavSatFix),
     )
     chosen = {"rate": 100, "duration": 1, "seed": 3, "imu__gyroscope_bias": [0.1, 0, -0.1]}
-    names = ("biases", "ground_truth_imu", "temperature", "ground_truth_fix")
+    chosen |= {"imu__accelerometer_ageing_scale": [0.01, 0.02, 0.03], "imu__age_days": 9}
+    names = ("biases", "errors", "ground_truth_imu", "temperature", "ground_truth_fix")
     topics = dict.fromkeys(names, True)
     more = {f"publish__{name}": value for name, value in topics.items()}
     node = start("simulator", **chosen, **more, **READY)
@@ -114,6 +116,9 @@ def test_truth_beside_the_readings(start: Any, listener: Any) -> None:
     parameters = load_simulation({key.replace("__", "."): v for key, v in chosen.items()})
     block = Simulation(parameters).next_block(100)
     np.testing.assert_array_equal(xyz([m.vector for m in listener.messages(bias)]), block.gyro_bias)
+    scales = xyz([m.vector for m in listener.messages(scale)])
+    np.testing.assert_array_equal(scales, block.accel_scale)
+    np.testing.assert_allclose(scales[0], [1.01, 1.02, 1.03], rtol=1e-15)  # 10 days
     np.testing.assert_array_equal(
         xyz([m.angular_velocity for m in listener.messages("ground_truth/imu")]), block.ideal_gyro
     )
