@@ -152,11 +152,7 @@ class Triad:
             noise = _constant(0.0, count)
         else:
             reading += noise
-        low_pass = _constant(0.0, count)
-        if self._low_pass.active:
-            before = reading.copy()
-            self._low_pass.apply(reading)
-            low_pass = np.subtract(reading, before, out=before)
+        low_pass = self._filtered(reading)
         if self._ratio > 1:
             last = slice(self._ratio - 1, None, self._ratio)
             reading, bias, scale, noise, response_error, low_pass = (
@@ -167,16 +163,28 @@ class Triad:
             vibration = _constant(0.0, reading.shape[1])
         else:
             reading += vibration
+        self._output(first, reading, faults)
+        return Reading(reading, bias, scale, noise, response_error, low_pass, vibration)
+
+    def _filtered(self, reading: Array) -> Array:
+        """Apply the low-pass to readings (3, n) in place; return what it adds."""
+        if not self._low_pass.active:
+            return _constant(0.0, reading.shape[1])
+        before = reading.copy()
+        self._low_pass.apply(reading)
+        return np.subtract(reading, before, out=before)
+
+    def _output(self, first: int, reading: Array, faults: FaultSchedule) -> None:
+        """Round and saturate readings (3, n) in place, and hold those that are stuck."""
         if faults.any:
             faults.saturate(self._triad, first, reading)
         self._digitiser.apply(reading)
         self._increments.apply(reading)
         if faults.any:
-            latest = None if self._last is None else np.asarray(self._last)
-            faults.hold(self._triad, first, reading, latest)
+            before = None if self._last is None else np.asarray(self._last)
+            faults.hold(self._triad, first, reading, before)
         if reading.shape[1]:
             self._last = reading[:, -1].copy()
-        return Reading(reading, bias, scale, noise, response_error, low_pass, vibration)
 
     @property
     def is_simple(self) -> bool:
