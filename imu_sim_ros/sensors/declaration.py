@@ -24,7 +24,7 @@ from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.timebase import span
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array, Mask, Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.bags.messages.blocks import RowTemplate
@@ -83,6 +83,11 @@ class Topic:
     foreign: bool = False
     """Its type is in a package that need not be installed: a bag has it on request, a node
     publishes it if it can."""
+    in_world: bool = False
+    """Its vectors are along the axes of `world_frame`, which its header names, not of the sensor's
+    frame."""
+    sent: Callable[[Any], Mask] | None = None
+    """Returns for which samples (n,) there is a message at all; None: for all."""
 
 
 def topic(
@@ -93,13 +98,15 @@ def topic(
     *flags: str,
     truth: bool = False,
     foreign: bool = False,
+    in_world: bool = False,
+    sent: Callable[[Any], Mask] | None = None,
 ) -> Topic:
     """Return a topic whose messages have the stamps, or the true times, of the samples.
 
     :param encoder: name of a class of ``bags.messages.encode`` that takes frame and encoding.
     :param values: returns what its ``pattern`` takes behind the stamps, of samples, the rows of
         them that are sent, and the valid parameters.
-    :param flags: as :class:`Topic` has them.
+    :param flags: as :class:`Topic` has them, like all that follows.
     """
 
     def make(frame: str, encoding: str) -> Payloads:
@@ -112,7 +119,7 @@ def topic(
 
         return payloads
 
-    return Topic(name, type_name, flags, make, truth, foreign)
+    return Topic(name, type_name, flags, make, truth, foreign, in_world, sent)
 
 
 def on_demand(module: str, name: str) -> Callable[..., Any]:

@@ -115,7 +115,7 @@ class Simulation:
         return (
             self.parameters.warnings()
             + of_poses
-            + self._of_route()
+            + self._of_place()
             + [
                 line
                 for name, own in carried(self.parameters).items()
@@ -130,15 +130,20 @@ class Simulation:
             )
         )
 
-    def _of_route(self) -> list[str]:
-        """Return a line if the world's origin on the Earth is not that of a route."""
-        if not isinstance(self.parameters.trajectory, DriveParameters):
-            return []
-        from imu_sim_ros.trajectory.drive import route_in
+    def _of_place(self) -> list[str]:
+        """Return a line if the world's origin on the Earth is not that of a route, or not given."""
+        p, route = self.parameters, None
+        if isinstance(p.trajectory, DriveParameters):
+            from imu_sim_ros.trajectory.drive import route_in
 
-        route, p = route_in(self.trajectory), self.parameters
+            route = route_in(self.trajectory)
         if route is None or route.origin is None:
-            return []
+            if "gnss" not in carried(p) or p.latitude_deg or p.longitude_deg:
+                return []
+            return [
+                "latitude_deg = 0 and longitude_deg = 0: fixes and satellites are those of a place "
+                "in the Gulf of Guinea; set both"
+            ]
         latitude, longitude = route.origin
         if abs(latitude - p.latitude_deg) + abs(longitude - p.longitude_deg) < _SAME_PLACE:
             return []

@@ -307,6 +307,7 @@ def _of_a_sensor(
     """Return the source of a topic of an auxiliary sensor."""
     of_body = carried(parameters).get(sensor.name)
     frame = parameters.imu_frame if of_body is None else of_body.frame or parameters.body_frame
+    frame = parameters.world_frame if topic.in_world else frame
     payloads = topic.payloads(frame, encoding)
 
     def encode(block: ImuBlock, valid: SampledParameters) -> Messages:
@@ -319,6 +320,8 @@ def _of_a_sensor(
             times = read.true_t_ns
             return Messages(times, times, payloads(read, slice(None), block, now))
         rows = read.delivered
+        if topic.sent is not None:
+            rows = rows[topic.sent(read)[rows]]
         return Messages(read.t_ns[rows], read.release_t_ns[rows], payloads(read, rows, block, now))
 
     return encode

@@ -40,17 +40,22 @@ def texts(values: ImuValues, parameters: SimulationParameters) -> dict[str, str]
 
 def _ekf(values: ImuValues, parameters: SimulationParameters, body: dict[str, Any]) -> str:
     wheels = body.get("wheels")
-    head = comment(
-        [
-            "robot_localization, ekf_node: odom to body from IMU and wheels, and with GNSS another "
-            "filter, map to odom, with the output of navsat.yaml. Written against its sources; it "
-            "has not been run with them here.",
-            "No filter of it estimates biases: those of this IMU go into the estimate. Readings of "
-            "imu/data_raw have no orientation; roll, pitch and yaw come from imu/data, if it is "
-            "published, with the second row of imu0_config true.",
-        ]
+    remarks = [
+        "robot_localization, ekf_node: odom to body from IMU and wheels, and with GNSS another "
+        "filter, map to odom, with the output of navsat.yaml. Written against its sources; it "
+        "has not been run with them here.",
+        "No filter of it estimates biases: those of this IMU go into the estimate. Readings of "
+        "imu/data_raw have no orientation; roll, pitch and yaw come from imu/data, if it is "
+        "published, with the second row of imu0_config true.",
+    ]
+    if "gnss" in body:
+        remarks.append(
+            "gps/velocity is not used: the filter takes a twist for that of a point fixed to the "
+            "body, in a frame that turns with it; this one is east, north, up in the world's frame."
+        )
+    text = comment(remarks) + _filter(
+        "ekf_filter_node_odom", "odom", values, parameters, wheels, fixes=False
     )
-    text = head + _filter("ekf_filter_node_odom", "odom", values, parameters, wheels, fixes=False)
     if "gnss" in body:
         text += _filter("ekf_filter_node_map", "map", values, parameters, wheels, fixes=True)
     return text

@@ -14,6 +14,7 @@ from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.carried import CarriedReadings
 from imu_sim_ros.sensors.declaration import Companions, Sensor, Serial, on_demand, topic
 from imu_sim_ros.sensors.gnss.parameters import GnssParameters
+from imu_sim_ros.sensors.gnss.satellites import calendar_ns
 from imu_sim_ros.types import Array, Integers, Times
 
 FIX: Final = ("sensor_msgs/msg/NavSatFix", "NavSatFixEncoder")
@@ -37,7 +38,11 @@ _rinex: Final = on_demand("imu_sim_ros.sensors.gnss.rinex_files", "RinexFiles")
 
 @dataclass(frozen=True, repr=False)
 class GnssReadings(CarriedReadings):
-    """The n fixes of a receiver that are delivered, and the truth of each."""
+    """The n fixes of a receiver that are delivered, and the truth of each.
+
+    Without a fix the position is the last known one, NaN before the first; variances and velocity
+    are NaN.
+    """
 
     geodetic: Array
     """(n, 3) latitude [deg], longitude [deg], height above the ellipsoid [m] as read."""
@@ -96,7 +101,8 @@ class GnssReadings(CarriedReadings):
     ideal_velocity: Array
     """(n, 3) [m/s]."""
     error: Array
-    """(n, 3) of the position: as read minus true, east, north, up [m]."""
+    """(n, 3) of the position that a fix has: as read minus true, east, north, up; it continues
+    without a fix [m]."""
 
     def nmea(self) -> str:
         """Return sentences GGA, GSA, RMC and VTG of every fix, as receivers write them."""
@@ -111,7 +117,7 @@ class GnssReadings(CarriedReadings):
 
 def _fix(read: Any, rows: Any, _: Any) -> tuple[Array, ...]:
     place, status = read.geodetic[rows], read.status[rows]
-    variance = np.where(status[:, None] < 0, 0.0, read.variance[rows])
+    variance = np.where(status[:, None] < 0, 0.0, read.variance[rows])  # 0: unknown, in ROS
     return (*place.T, status, variance)
 
 
@@ -123,8 +129,9 @@ _WITHIN: Final = (1.960, 2.448, 2.796)
 
 
 def _extended(read: Any, rows: Any, _: Any) -> tuple[Any, ...]:
-    """Return what gps_msgs/GPSFix holds; errors are those that contain 95 %."""
-    latitude, longitude, altitude, status, variance = _fix(read, rows, _)
+    """Return what gps_msgs/GPSFix holds; errors are those that contain 95 %, NaN without a fix."""
+    latitude, longitude, altitude, status, stated = _fix(read, rows, _)
+    variance = read.variance[rows]
     east, north, up = read.velocity[rows].T
     axes = read.dilution[rows]
     known = (status >= 0) & (axes[:, 3] > 0.0)
@@ -135,7 +142,7 @@ def _extended(read: Any, rows: Any, _: Any) -> tuple[Any, ...]:
         "track": np.degrees(np.arctan2(east, north)) % 360.0,
         "speed": np.hypot(east, north),
         "climb": up,
-        "time": read.t_ns[rows] * 1e-9,
+        "time": calendar_ns(read.t_ns[rows]) * 1e-9,
         "gdop": np.where(known, np.linalg.norm(axes, axis=1), 0.0),
         "tdop": np.where(known, axes[:, 3], 0.0),
         **{name: getattr(read, name)[rows] for name in ("pdop", "hdop", "vdop")},
@@ -145,7 +152,7 @@ def _extended(read: Any, rows: Any, _: Any) -> tuple[Any, ...]:
         "err_speed": _WITHIN[0] * np.sqrt(read.velocity_variance[rows, 0]),
         "err_climb": _WITHIN[0] * np.sqrt(read.velocity_variance[rows, 2]),
     }
-    return _EXTENDED_STATUS[read.mode[rows]], read.satellites[rows], numbers, variance
+    return _EXTENDED_STATUS[read.mode[rows]], read.satellites[rows], numbers, stated
 
 
 SENSOR = Sensor(
@@ -158,6 +165,8 @@ SENSOR = Sensor(
         topic(
             *("gps/velocity", *TWIST),
             lambda read, rows, _: (read.velocity[rows], read.velocity_variance[rows]),
+            in_world=True,
+            sent=lambda read: read.mode >= 0,
         ),
         topic("gps/extended_fix", *GPS_FIX, _extended, foreign=True),
         topic(
@@ -169,11 +178,13 @@ SENSOR = Sensor(
             *("ground_truth/gps_velocity", *TWIST),
             lambda read, rows, _: (read.ideal_velocity[rows], np.zeros(3)),
             truth=True,
+            in_world=True,
         ),
         topic(
             *("ground_truth/gps_error", *VECTOR),
             lambda read, rows, _: (read.error[rows],),
             truth=True,
+            in_world=True,
         ),
     ),
     table=Table(

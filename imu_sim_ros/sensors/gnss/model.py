@@ -53,6 +53,7 @@ class Receiver(CarriedSensor):
         self._sizes, self._jump = axis_generators(seed, f"{NAME}.multipath_size"), np.zeros(3)
         self._jumped = 0
         self._random = Events(seed, f"{NAME}.outage", p.outage_rate, p.outage_duration, dt)
+        self._known = np.full(6, np.nan)
         self._dt = dt
         self._sky = Sky(p, environment, t0_ns) if p.sky == "satellites" else None
         self._observer: Observer | None = None
@@ -95,14 +96,18 @@ class Receiver(CarriedSensor):
         )
         count = len(mode)
         fixed = mode >= 0
+        known = self._last_known(np.column_stack([values["position"], read]), fixed)
         diluted = np.where(fixed[:, None], values["dilution"], UNUSABLE)
         speed = self._own_parameters.covariance_factor * self._own_parameters.velocity_sigma**2
         return {
             **values,
             "error": values["position"] - values["ideal_position"],
-            "geodetic": read,
+            "position": known[:, :3],
+            "geodetic": known[:, 3:],
             "ideal_geodetic": true,
-            "velocity_variance": np.full((count, 3), speed),
+            "variance": np.where(fixed[:, None], values["variance"], np.nan),
+            "velocity": np.where(fixed[:, None], values["velocity"], np.nan),
+            "velocity_variance": np.where(fixed[:, None], np.full((count, 3), speed), np.nan),
             "status": np.append(STATUS, NO_FIX)[mode],
             "satellites": values["satellites"] * fixed,
             "used": values["used"] * fixed,
@@ -111,6 +116,14 @@ class Receiver(CarriedSensor):
             "vdop": diluted[:, 2],
             "pdop": np.minimum(np.linalg.norm(diluted[:, :3], axis=1), UNUSABLE),
         }
+
+    def _last_known(self, places: Array, fixed: Mask) -> Array:
+        """Return rows (n, 6) of places; one without a fix is that of the last fix before it."""
+        rows = np.maximum.accumulate(np.where(fixed, np.arange(1, len(fixed) + 1), 0))
+        result: Array = np.concatenate([self._known[None], places])[rows]
+        if len(result):
+            self._known = result[-1]
+        return result
 
     def sent(self, values: Mapping[str, Array]) -> Mask | None:
         """Return which samples become messages."""

@@ -10,6 +10,8 @@ from collections.abc import Iterator, Sequence
 from datetime import datetime, timezone
 from typing import Any, Final
 
+from imu_sim_ros.sensors.gnss.satellites import calendar_ns
+
 _KNOTS: Final = 3600.0 / 1852.0
 """In a metre per second."""
 _IN_GSA: Final = 12
@@ -21,14 +23,22 @@ _QUALITY: Final = (1, 2, 5, 4, 0)
 def sentences(read: Any, rows: Any) -> list[str]:
     """Return the sentences of each fix, with checksums and line ends.
 
-    Times are UTC, the stamps taken as Unix time and rounded to a hundredth. Heights are above the
+    Times are the UTC of the stamps, rounded to a hundredth; without a fix, place, height, speed and
+    course are empty. Heights are above the
     ellipsoid: the separation of the geoid is 0.
 
     :param read: samples or readings of a receiver.
     :param rows: which of them.
     """
     columns = (
-        *(read.t_ns, read.geodetic, read.velocity, read.mode, read.satellites, read.used),
+        *(
+            calendar_ns(read.t_ns),
+            read.geodetic,
+            read.velocity,
+            read.mode,
+            read.satellites,
+            read.used,
+        ),
         *(read.pdop, read.hdop, read.vdop),
     )
     listed = (column[rows].tolist() for column in columns)
@@ -49,20 +59,22 @@ def _lines(
     east, north, _ = velocity
     when = datetime.fromtimestamp(round(t_ns * 1e-7) / 100.0, timezone.utc)
     time = f"{when:%H%M%S}.{when.microsecond // 10000:02d}"
-    place = f"{_angle(latitude, 2, 'NS')},{_angle(longitude, 3, 'EW')}"
-    place = place if mode >= 0 else ",,,"
-    speed = math.hypot(east, north)
-    course = f"{math.degrees(math.atan2(east, north)) % 360.0:.2f}"
+    place, above, course, knots, kilometres = ",,,", ",M,,M", "", "", ""
     valid, kind = ("A", "D" if mode else "A") if mode >= 0 else ("V", "N")
-    above = f"{height:.4f},M,0.0,M" if mode >= 0 else ",M,,M"
+    if mode >= 0:
+        place = f"{_angle(latitude, 2, 'NS')},{_angle(longitude, 3, 'EW')}"
+        above = f"{height:.4f},M,0.0,M"
+        course = f"{math.degrees(math.atan2(east, north)) % 360.0:.2f}"
+        speed = math.hypot(east, north)
+        knots, kilometres = f"{speed * _KNOTS:.3f}", f"{speed * 3.6:.3f}"
     quality = f"{_QUALITY[mode]},{satellites:02d},{dops[1]:.2f}"
     yield f"GNGGA,{time},{place},{quality},{above},,"
     numbers = [f"{prn + 1:02d}" for prn in range(used.bit_length()) if used >> prn & 1]
     for first in range(0, max(len(numbers), 1), _IN_GSA):
         shown = ",".join((numbers[first:] + [""] * _IN_GSA)[:_IN_GSA])
         yield f"GNGSA,A,{3 if mode >= 0 else 1},{shown},{','.join(f'{d:.2f}' for d in dops)}"
-    yield f"GNRMC,{time},{valid},{place},{speed * _KNOTS:.3f},{course},{when:%d%m%y},,,{kind}"
-    yield f"GNVTG,{course},T,,M,{speed * _KNOTS:.3f},N,{speed * 3.6:.3f},K,{kind}"
+    yield f"GNRMC,{time},{valid},{place},{knots},{course},{when:%d%m%y},,,{kind}"
+    yield f"GNVTG,{course},T,,M,{knots},N,{kilometres},K,{kind}"
 
 
 def _framed(line: str) -> str:

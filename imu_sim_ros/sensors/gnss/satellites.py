@@ -65,18 +65,30 @@ def leap_seconds(unix: float) -> int:
     return sum(unix >= one for one in _LEAPS)
 
 
-def gps_time(t_ns: int) -> GpsTime:
-    """Return the GPS time of a stamp, which is taken as Unix time.
+def calendar_ns(t_ns: Integers) -> Integers:
+    """Return the UTC of stamps, as Unix times [ns]: those of all that a receiver dates.
 
-    One before 6 January 1980 counts from 1 January 2026: files begin at 1 s.
+    Stamps are Unix times, but one before 6 January 1980 counts from 1 January 2026: files begin at
+    1 s.
+
+    >>> import numpy as np
+    >>> from imu_sim_ros.sensors.gnss.satellites import calendar_ns
+    >>> calendar_ns(np.array([10**9])).astype("datetime64[ns]").astype("datetime64[s]")
+    array(['2026-01-01T00:00:01'], dtype='datetime64[s]')
+    """
+    before = t_ns < int(GPS_EPOCH.timestamp()) * NANOSECONDS_PER_SECOND
+    return t_ns + before * (int(_STAND_IN.timestamp()) * NANOSECONDS_PER_SECOND)
+
+
+def gps_time(t_ns: int) -> GpsTime:
+    """Return the GPS time of a stamp, as :func:`calendar_ns` dates it.
 
     >>> from imu_sim_ros.sensors.gnss.satellites import gps_time
     >>> gps_time(1_704_067_200_000_000_000)
     GpsTime(week=2295, second=86418.0)
     """
     epoch = int(GPS_EPOCH.timestamp())
-    if t_ns < epoch * NANOSECONDS_PER_SECOND:
-        t_ns += int(_STAND_IN.timestamp()) * NANOSECONDS_PER_SECOND
+    t_ns = int(calendar_ns(np.array(t_ns)))
     t_ns += (leap_seconds(t_ns * 1e-9) - epoch) * NANOSECONDS_PER_SECOND
     week, rest = divmod(t_ns, WEEK * NANOSECONDS_PER_SECOND)
     return GpsTime(int(week), rest * 1e-9)

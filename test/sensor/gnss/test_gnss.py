@@ -144,6 +144,67 @@ def test_outages_by_time_and_place() -> None:
     assert set(loud.satellites[loud.status == -1]) == {0}
 
 
+def test_without_a_fix_nothing_of_the_motion_is_told(tmp_path: Path) -> None:
+    """Messages keep the last position and have no velocity; NMEA has neither; dates are of 2026."""
+    pynmeagps = pytest.importorskip("pynmeagps")
+    from rosbags.highlevel import AnyReader
+
+    out = [0.0, 0.5, 2.0, 3.0]
+    flight = ims.simulate(
+        **{**STILL, "trajectory": "figure_eight"}, duration=7, latitude_deg=48.0,
+        gnss={"silent": False, "outages": out, "rate": 4.0},
+    )  # fmt: skip
+    gnss = flight.gnss
+    t = (gnss.true_t_ns - flight.t0_ns) * 1e-9
+    lost = (t < 0.5) | ((t >= 2.0) & (t < 5.0))
+    assert np.array_equal(gnss.status == -1, lost)
+    known = np.flatnonzero(t < 2.0)[-1]
+    for stated, true in (("geodetic", "ideal_geodetic"), ("position", "ideal_position")):
+        shown = getattr(gnss, stated)
+        assert np.isnan(shown[t < 0.5]).all()
+        assert (shown[lost & (t > 1.0)] == shown[known]).all()
+        assert len(np.unique(getattr(gnss, true)[lost, 0])) == lost.sum()
+    for name in ("velocity", "variance", "velocity_variance"):
+        assert np.array_equal(np.isnan(getattr(gnss, name)).all(axis=1), lost), name
+    path = flight.save(tmp_path / "a.mcap", topics=["gps/fix", "gps/velocity", "gps/extended_fix"])
+    found: dict[str, list[Any]] = {}
+    with AnyReader([path]) as reader:
+        for connection, _, content in reader.messages():
+            message = reader.deserialize(content, connection.msgtype)
+            found.setdefault(connection.topic, []).append(message)
+    fixes, extended = found["/gps/fix"], found["/gps/extended_fix"]
+    assert [m.status.status == -1 for m in fixes] == lost.tolist()
+    for many in (fixes, extended):
+        places = [[m.latitude, m.longitude, m.altitude] for m in many]
+        np.testing.assert_array_equal(places, gnss.geodetic)
+        assert [m.position_covariance_type == 0 for m in many] == lost.tolist()
+    for name in ("speed", "track", "climb", "err", "err_horz", "err_speed", "err_climb"):
+        assert [np.isnan(getattr(m, name)) for m in extended] == lost.tolist(), name
+    assert extended[0].time == 1767225600.0 + flight.t0_ns * 1e-9
+    velocities = found["/gps/velocity"]
+    stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in velocities]
+    assert stamps == gnss.t_ns[~lost].tolist()
+    assert {m.header.frame_id for m in velocities} == {"world"}
+    with gnss.save_nmea(tmp_path / "a.nmea").open("rb") as file:
+        messages = [parsed for _, parsed in pynmeagps.NMEAReader(file, quitonerror=2)]
+    for name, fields in (("GGA", ("lat", "alt")), ("RMC", ("lat", "spd", "cog")),
+                         ("VTG", ("cogt", "sogn", "sogk"))):  # fmt: skip
+        chosen = [m for m in messages if m.msgID == name]
+        for field in fields:
+            assert [getattr(m, field) == "" for m in chosen] == lost.tolist(), (name, field)
+    assert {str(m.date) for m in messages if m.msgID == "RMC"} == {"2026-01-01"}
+
+
+def test_fixes_of_a_place_that_nobody_gave_are_told() -> None:
+    def lines(**given: Any) -> list[str]:
+        values = {"trajectory.type": "static", "duration": 1.0, "sensors": ["gnss"], **given}
+        return [w for w in Simulation(load_simulation(values)).warnings() if "latitude" in w]
+
+    (line,) = lines()
+    assert line.startswith("latitude_deg = 0 and longitude_deg = 0: fixes and satellites are those")
+    assert lines(latitude_deg=48.0) == lines(longitude_deg=11.0) == lines(sensors=[]) == []
+
+
 def test_random_outages_and_jumps_have_their_rates() -> None:
     """Outages of 2 s each 10 s: a share of 2 / 12 is lost, over 2000 s by 170 of them to 8 %.
 
@@ -186,7 +247,7 @@ def test_noisy_errors_do_not_depend_on_blocks() -> None:
     parts = list(Simulation(load_simulation(given), sensors={"gnss"}).blocks(53))
     for name in ("error", "geodetic", "velocity", "mode"):
         joined = np.concatenate([getattr(part.auxiliary["gnss"], name) for part in parts])
-        assert np.array_equal(joined, getattr(whole.auxiliary["gnss"], name)), name
+        np.testing.assert_array_equal(joined, getattr(whole.auxiliary["gnss"], name), name)
 
 
 def test_covariance_follows_from_the_geometry() -> None:
