@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
@@ -44,6 +45,21 @@ def test_lecture(tmp_path):
     assert numbers(midpoint)[0] == pytest.approx(1.29e-3, abs=1e-5)
     assert numbers(noisy)[0] > 0.01
     assert {path.name for path in tmp_path.iterdir()} == {"lecture_path.png", "lecture_allan.png"}
+
+
+def test_vio_residuals(tmp_path):
+    """True states have no residual but that of the midpoint rule, derivatives those of differences."""
+    between_true, off = run(EXAMPLES / "vio_residuals.py", tmp_path).splitlines()
+    assert numbers(between_true)[-1] < 1e-6
+    assert numbers(off)[-1] < 1e-8
+
+
+def test_integrals(tmp_path):
+    """Midpoint is of order 2, integrals with coning and sculling corrected of order 3."""
+    _, *rows = run(EXAMPLES / "integrals.py", tmp_path).splitlines()
+    table = np.array([numbers(row) for row in rows])
+    orders = -np.diff(np.log2(table[:, 1:]), axis=0)
+    assert np.abs(orders - [2.0, 3.0]).max() < 0.05
 
 
 def test_vio_dataset(tmp_path):

@@ -40,7 +40,6 @@ import numpy as np
 
 from imu_sim_ros import rotation
 from imu_sim_ros.conventions import GRAVITY
-from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation import angles, increments
 from imu_sim_ros.navigation.increments import Increments
 from imu_sim_ros.navigation.state import (
@@ -53,7 +52,7 @@ from imu_sim_ros.navigation.stepper import Stepper, check_method, check_readings
 from imu_sim_ros.rotation import components
 from imu_sim_ros.types import Array, Integers
 
-__all__ = ["Stepper", "dead_reckon", "dead_reckon_integrals"]
+__all__ = ["Stepper", "dead_reckon"]
 
 _Vector = tuple[float, float, float]
 
@@ -110,43 +109,6 @@ def dead_reckon(
         rate, force = correction.apply(gyro[rows], accel[rows])
         rate, force = np.ascontiguousarray(rate.T), np.ascontiguousarray(force.T)
         states.extend(h, between(h, rate, force))
-    return states.result()
-
-
-def dead_reckon_integrals(
-    t_ns: Integers,
-    delta_angle: Array,
-    delta_velocity: Array,
-    initial: NavigationState,
-    gravity: Sequence[float] = GRAVITY,
-    correction: Correction = NO_CORRECTION,
-    max_gap: float = math.inf,
-    earth_rate: Sequence[float] = _STILL,
-) -> NavigationStates:
-    """Integrate the output of an IMU that gives integrals, with coning and sculling corrected.
-
-    :param t_ns: (n + 1,) stamps [ns]: of the start, and of the end of each interval.
-    :param delta_angle: (n, 3) integrals of the angular rate over each interval [rad].
-    :param delta_velocity: (n, 3) integrals of the specific force over each interval [m/s].
-
-    The other arguments, the result and the errors are those of :func:`dead_reckon`.
-    """
-    if len(t_ns) != len(delta_angle) + 1:
-        raise InputError(
-            f"{len(delta_angle)} intervals need {len(delta_angle) + 1} stamps: got {len(t_ns)}"
-        )
-    # The start has a stamp and no integral; it repeats the first one's for the check alone.
-    with_start = np.r_[0, : len(delta_angle)]
-    check_readings(t_ns, delta_angle[with_start], delta_velocity[with_start], max_gap)
-    states = _States(t_ns, initial, gravity, earth_rate)
-    for first in range(0, len(delta_angle), _BLOCK):
-        # One interval more in front: coning and sculling need the one before.
-        ahead = min(first, 1)
-        rows = slice(first - ahead, first + _BLOCK)
-        h = np.diff(t_ns[first - ahead : first + _BLOCK + 1]) * 1e-9
-        angle, velocity = correction.apply(delta_angle[rows], delta_velocity[rows], h[:, None])
-        dq, dv, dp = increments.of_integrals(h, angle.T.copy(), velocity.T.copy())
-        states.extend(h[ahead:], Increments(dq[:, ahead:], dv[:, ahead:], dp[:, ahead:]))
     return states.result()
 
 

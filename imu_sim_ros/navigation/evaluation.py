@@ -113,20 +113,6 @@ LARGEST_SIGMA: Final = 0.5
 """[rad] of an attitude, along its worst axis: beyond, no covariance is right, nor any NEES."""
 
 
-def straightened(attitude: Array, error: Array) -> Array:
-    """Return ``Jl(theta)^-1 e`` (n, 3): an error of velocity or position along the arc.
-
-    It belongs to a covariance that was propagated along the estimate. Attitude and error are in one
-    frame, that of the covariance.
-
-    :param attitude: (n, 3) the error of the attitude, truth minus estimate, as rotation vector
-        theta with ``R_true = Exp(theta) R`` in the world, or ``R_true = R Exp(theta)`` in the body.
-    :param error: (n, 3) truth minus estimate.
-    """
-    # Jl(v) is Jr(-v).
-    return (rotation.right_jacobian_inverse(-attitude) @ error[..., None])[..., 0]
-
-
 def attitude_sigma(covariances: Array) -> Array:
     """Return the standard deviation (n,) along the worst axis [rad].
 

@@ -114,33 +114,3 @@ def _quaternion_stages(
     k4 = slope(q4, w1)
     end = start + (k1 + 2.0 * (k2 + k3) + k4) * (h / 6.0)
     return normalise(q2), normalise(q3), normalise(q4), normalise(end)
-
-
-def of_integrals(h: Array, delta_angle: Array, delta_velocity: Array) -> tuple[Array, Array, Array]:
-    """Return the increments (dq, dv, dp) of an IMU that gives integrals over each interval.
-
-    Coning and sculling are corrected with the interval before (P. Savage, "Strapdown inertial
-    navigation integration algorithm design", parts 1 and 2, J. Guidance 1998), and the rotation
-    within the interval to second order:
-
-        dphi = alpha + alpha' x alpha / 12
-        dv = v + alpha x v / 2 + alpha x (alpha x v) / 6 + (alpha' x v + v' x alpha) / 12
-
-    with alpha, v the integrals and alpha', v' those of the interval before, of equal length; its
-    own stand for them in the first interval. The position follows from the specific force that is
-    linear over both intervals.
-
-    :param h: (n,) lengths of the intervals [s].
-    :param delta_angle: (3, n) integrals of the angular rate [rad].
-    :param delta_velocity: (3, n) integrals of the specific force in the turning body [m/s].
-    """
-    before_a = np.concatenate([delta_angle[:, :1], delta_angle[:, :-1]], axis=1)
-    before_v = np.concatenate([delta_velocity[:, :1], delta_velocity[:, :-1]], axis=1)
-    # If the intervals differ in length, the mean of the one before counts for this one's.
-    ratio = np.concatenate([np.ones(1), h[1:] / h[:-1]])
-    before_a, before_v = before_a * ratio, before_v * ratio
-    turned = cross(delta_angle, delta_velocity)
-    sculling = cross(before_a, delta_velocity) + cross(before_v, delta_angle)
-    dv = delta_velocity + 0.5 * turned + cross(delta_angle, turned) / 6.0 + sculling / 12.0
-    dp = (before_v - delta_velocity - turned) * (h / 12.0)
-    return exp(delta_angle + cross(before_a, delta_angle) / 12.0), dv, dp

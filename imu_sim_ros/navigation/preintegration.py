@@ -14,7 +14,7 @@ from imu_sim_ros.names import suggestion
 from imu_sim_ros.navigation.association import interpolate_vectors
 from imu_sim_ros.navigation.noise import ImuErrors
 from imu_sim_ros.navigation.preintegration_slow_errors import SlowErrorsOfIntervals
-from imu_sim_ros.types import Array, Integers, Mask
+from imu_sim_ros.types import Array, Integers
 
 
 class StepReadings(NamedTuple):
@@ -61,11 +61,6 @@ SIZE: Final = 15
 ALPHA, THETA, BETA = slice(0, 3), slice(3, 6), slice(6, 9)
 ACCEL_BIAS, GYRO_BIAS = slice(9, 12), slice(12, 15)
 METHODS: Final = ("euler", "midpoint")
-
-ACCEL_BIAS_LIMIT: Final = 0.1
-"""[m/s^2] beyond this change of a bias, integrate again instead of a first-order correction."""
-GYRO_BIAS_LIMIT: Final = 0.01
-"""[rad/s] likewise."""
 
 _EYE: Final[Array] = np.eye(3)
 _JOINED: Final = 8
@@ -363,29 +358,3 @@ def corrected(pre: Preintegration, gyro_bias: ArrayLike, accel_bias: ArrayLike) 
         pre.beta + change[:, BETA],
         rotation.multiply(pre.gamma, rotation.exp(change[:, THETA])),
     )
-
-
-def repropagated(
-    readings: StepReadings,
-    pre: Preintegration,
-    gyro_bias: ArrayLike,
-    accel_bias: ArrayLike,
-    noise: ImuErrors | None = None,
-    method: str = "midpoint",
-) -> tuple[Preintegration, Mask]:
-    """Integrate intervals again whose biases moved far; return all intervals, and which these are.
-
-    The others are unchanged; use :func:`corrected` for them.
-    """
-    gyro_bias = np.broadcast_to(np.asarray(gyro_bias, dtype=float), pre.gyro_bias.shape)
-    accel_bias = np.broadcast_to(np.asarray(accel_bias, dtype=float), pre.accel_bias.shape)
-    far = np.linalg.norm(gyro_bias - pre.gyro_bias, axis=1) > GYRO_BIAS_LIMIT
-    far |= np.linalg.norm(accel_bias - pre.accel_bias, axis=1) > ACCEL_BIAS_LIMIT
-    if not far.any():
-        return pre, far
-    chosen = StepReadings(*(values[far] for values in readings))
-    again = preintegrate(chosen, noise, gyro_bias[far], accel_bias[far], method)
-    result = Preintegration(*(values.copy() for values in pre))
-    for old, new in zip(result, again, strict=True):
-        old[far] = new
-    return result, far

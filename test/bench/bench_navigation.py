@@ -13,7 +13,7 @@ import numpy as np
 
 from imu_sim_ros import rotation
 from imu_sim_ros.navigation.covariance import Covariance
-from imu_sim_ros.navigation.dead_reckoning import dead_reckon, dead_reckon_integrals
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors
 from imu_sim_ros.navigation.parameters import ATTITUDE_UPDATES, METHODS
 from imu_sim_ros.navigation.preintegration import StepReadings, preintegrate
@@ -83,10 +83,6 @@ def throughput() -> None:
                 lambda r=record, m=method, a=attitude: dead_reckon(*r, AT_REST, m, a)
             )
             rows.append([f"arrays, {method}", attitude, f"{rate / 1e3:,.0f}", f"{rate / base:.0f}"])
-    rate = SAMPLES / median_time(
-        lambda: dead_reckon_integrals(many[0], many[1][1:] * 0.005, many[2][1:] * 0.005, AT_REST)
-    )
-    rows.append(["arrays, integrals", "coning", f"{rate / 1e3:,.0f}", f"{rate / base:.0f}"])
     for method in METHODS:
         for attitude in ATTITUDE_UPDATES:
             rate = STEPS / median_time(lambda m=method, a=attitude: step_through(some, m, a), 3)

@@ -6,10 +6,11 @@ import itertools
 import numpy as np
 import pytest
 
+from examples.integrals import integrate
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.navigation import dead_reckoning
-from imu_sim_ros.navigation.dead_reckoning import dead_reckon, dead_reckon_integrals
+from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.parameters import ATTITUDE_UPDATES, METHODS
 from imu_sim_ros.navigation.state import AT_REST, Correction, NavigationState
 from imu_sim_ros.navigation.stepper import Stepper
@@ -106,14 +107,11 @@ def test_stepper_equals_arrays(record, method, attitude, correction, earth_rate)
 def test_blocks_do_not_show(record, monkeypatch):
     motion = record("excitation", 100.0, 10.0)
     arguments = (motion.t_ns, motion.gyro, motion.accel, motion.initial)
-    increments = (motion.t_ns, motion.gyro[1:] * 0.01, motion.accel[1:] * 0.01, motion.initial)
-    whole, integrated = dead_reckon(*arguments), dead_reckon_integrals(*increments)
+    whole = dead_reckon(*arguments)
     monkeypatch.setattr(dead_reckoning, "_BLOCK", 37)
     parts = dead_reckon(*arguments)
     np.testing.assert_allclose(parts.position, whole.position, atol=1e-12, rtol=0)
     np.testing.assert_allclose(parts.q_wb, whole.q_wb, atol=1e-13, rtol=0)
-    parts = dead_reckon_integrals(*increments)
-    np.testing.assert_allclose(parts.position, integrated.position, atol=1e-12, rtol=0)
 
 
 @pytest.mark.parametrize(("method", "attitude"), WAYS)
@@ -154,11 +152,12 @@ def integrals(motions, name, rate, duration):
 def integral_errors(record, motions, name, rate, duration):
     motion = record(name, rate, duration)
     angle, velocity = integrals(motions, name, rate, duration)
-    states = dead_reckon_integrals(motion.t_ns, angle, velocity, motion.initial)
-    turn = rotation.multiply(rotation.conjugate(states.q_wb[-1]), motion.truth.q_wb[-1])
+    start = motion.truth.position[0], motion.truth.velocity[0], motion.truth.q_wb[0]
+    end, speed, q_wb = integrate(1.0 / rate, angle, velocity, *start)
+    turn = rotation.multiply(rotation.conjugate(q_wb), motion.truth.q_wb[-1])
     return (
-        np.linalg.norm(states.velocity[-1] - motion.truth.velocity[-1]),
-        np.linalg.norm(states.position[-1] - motion.truth.position[-1]),
+        np.linalg.norm(speed - motion.truth.velocity[-1]),
+        np.linalg.norm(end - motion.truth.position[-1]),
         np.linalg.norm(rotation.log(turn)),
     )
 
@@ -173,22 +172,6 @@ def test_coning_and_sculling_are_corrected(record, motions, name):
     position, attitude = final_errors(record(name, 200.0, 3.7), "rk4", "so3")
     assert errors[2, 1] < 0.1 * position
     assert errors[2, 2] < 0.1 * attitude
-
-
-def test_integrals_take_their_correction_times_the_interval(record, motions):
-    motion = record("excitation", 200.0, 3.0)
-    angle, velocity = integrals(motions, "excitation", 200.0, 3.0)
-    s_g = np.reshape(CORRECTION.gyroscope_scale_misalignment, (3, 3))
-    s_a = np.reshape(CORRECTION.accelerometer_scale_misalignment, (3, 3))
-    g = np.reshape(CORRECTION.gyroscope_g_sensitivity, (3, 3))
-    h = 1.0 / 200.0
-    read_angle = angle @ s_g.T + velocity @ g.T + h * np.array(CORRECTION.gyroscope_bias)
-    read_velocity = velocity @ s_a.T + h * np.array(CORRECTION.accelerometer_bias)
-    expected = dead_reckon_integrals(motion.t_ns, angle, velocity, motion.initial)
-    states = dead_reckon_integrals(
-        motion.t_ns, read_angle, read_velocity, motion.initial, correction=CORRECTION
-    )
-    np.testing.assert_allclose(states.position, expected.position, atol=1e-10)
 
 
 @pytest.mark.parametrize(("method", "order"), [("euler", 1.0), ("midpoint", 2.0), ("rk4", 2.0)])
@@ -272,9 +255,3 @@ def test_unknown_methods():
     with pytest.raises(ConfigurationError, match="method = 'heun': must be one of euler") as caught:
         dead_reckon(*good(), AT_REST, "heun", "dcm")
     assert len(caught.value.problems) == 2
-
-
-def test_integrals_need_a_start():
-    t_ns, gyro, accel = good()
-    with pytest.raises(InputError, match="5 intervals need 6 stamps"):
-        dead_reckon_integrals(t_ns, gyro, accel, AT_REST)

@@ -4,14 +4,15 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
-from imu_sim_ros.navigation.preintegration import between, preintegrate
-from imu_sim_ros.navigation.preintegration_factor import (
+from examples.vio_residuals import (
     FactorPoses,
     States,
     imu_residual,
+    perturbed,
     reprojection_residual,
 )
+from imu_sim_ros import rotation
+from imu_sim_ros.navigation.preintegration import between, preintegrate
 
 GRAVITY = (0.0, 0.0, -9.81)
 SECOND = 1_000_000_000
@@ -41,19 +42,6 @@ def pair(record):
     return pre, states(rows[:-1]), states(rows[1:])
 
 
-def moved(states, column, step):
-    """Return the states perturbed in one of their 15 numbers: p, theta, v, b_a, b_g."""
-    d = np.zeros(15)
-    d[column] = step
-    return States(
-        states.position + d[:3],
-        rotation.multiply(states.q_wb, rotation.exp(d[3:6])),
-        states.velocity + d[6:9],
-        states.accel_bias + d[9:12],
-        states.gyro_bias + d[12:],
-    )
-
-
 def assert_same_blocks(analytic, numeric, rows, columns):
     """Block by block to 1e-6 of the block's largest entry."""
     for r in range(0, analytic.shape[1], rows):
@@ -71,8 +59,8 @@ def test_imu_jacobians_are_the_derivatives(pair, side):
     for column in range(15):
         ends = []
         for size in (step, -step):
-            i = moved(first, column, size) if side == "by_first" else first
-            j = moved(second, column, size) if side == "by_second" else second
+            i = perturbed(first, column, size) if side == "by_first" else first
+            j = perturbed(second, column, size) if side == "by_second" else second
             ends.append(imu_residual(pre, i, j, GRAVITY).residual)
         numeric[:, :, column] = (ends[0] - ends[1]) / (2 * step)
     analytic = getattr(imu_residual(pre, first, second, GRAVITY), side)

@@ -3,8 +3,11 @@
 
 """The residuals of visual-inertial estimation, with their analytic Jacobians, in batches.
 
+python examples/vio_residuals.py
+
 Qin, Li and Shen, "VINS-Mono", T-RO 2018, eq. 24 and 25; the derivatives here are exact for these
-residuals. A pose is perturbed by ``p + dp`` and ``q Exp(dtheta)``, all else by addition.
+residuals. A pose is perturbed by ``p + dp`` and ``q Exp(dtheta)``, all else by addition. As a program,
+it prints the residual between true states, and how far the derivatives are from differences.
 """
 
 from collections.abc import Sequence
@@ -12,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+import imu_sim_ros as ims
 from imu_sim_ros import rotation
 from imu_sim_ros.navigation.preintegration import (
     ACCEL_BIAS,
@@ -225,3 +229,41 @@ def _by_point(x: Array, y: Array, z: Array) -> Array:
     projection[:, 0, 0] = projection[:, 1, 1] = 1.0 / z
     projection[:, 0, 2], projection[:, 1, 2] = -x / (z * z), -y / (z * z)
     return projection
+
+
+def perturbed(states: States, column: int, step: float) -> States:
+    """Return the states moved in one of their 15 numbers."""
+    d = np.zeros(15)
+    d[column] = step
+    return States(
+        states.position + d[:3],
+        rotation.multiply(states.q_wb, rotation.exp(d[3:6])),
+        states.velocity + d[6:9],
+        states.accel_bias + d[9:12],
+        states.gyro_bias + d[12:],
+    )
+
+
+def main() -> None:
+    """Preintegrate a flight without errors, and compare with its true states."""
+    flight = ims.simulate(imu="perfect", trajectory="figure_eight", duration=5, rate=1000)
+    truth, rows = flight.truth, np.arange(0, len(flight.truth.t_ns), 500)
+    pre = ims.preintegrate(flight, truth.t_ns[rows])
+    zero = np.zeros((len(rows), 3))
+    states = States(truth.position[rows], truth.q_wb[rows], truth.velocity[rows], zero, zero)
+    first, second = (States(*(v[part] for v in states)) for part in (slice(-1), slice(1, None)))
+    found = imu_residual(pre, first, second, (0.0, 0.0, -9.81))
+    print(f"residual between true states: {np.abs(found.residual).max():.1e}")
+    step, worst = 1e-5, 0.0
+    for column in range(15):
+        ahead, behind = (
+            imu_residual(pre, perturbed(first, column, size), second, (0.0, 0.0, -9.81)).residual
+            for size in (step, -step)
+        )
+        numeric = (ahead - behind) / (2.0 * step)
+        worst = max(worst, np.abs(found.by_first[:, :, column] - numeric).max())
+    print(f"derivatives less differences: {worst:.1e}")
+
+
+if __name__ == "__main__":
+    main()
