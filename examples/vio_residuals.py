@@ -6,8 +6,9 @@
 python examples/vio_residuals.py
 
 Qin, Li and Shen, "VINS-Mono", T-RO 2018, eq. 24 and 25; the derivatives here are exact for these
-residuals. A pose is perturbed by ``p + dp`` and ``q Exp(dtheta)``, all else by addition. As a program,
-it prints the residual between true states, and how far the derivatives are from differences.
+residuals. A pose is perturbed by ``p + dp`` and ``q Exp(dtheta)``, all else by addition.
+As a program, it prints the residual between true states, and how far derivatives are from
+differences.
 """
 
 from collections.abc import Sequence

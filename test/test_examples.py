@@ -48,7 +48,7 @@ def test_lecture(tmp_path):
 
 
 def test_vio_residuals(tmp_path):
-    """True states have no residual but that of the midpoint rule, derivatives those of differences."""
+    """True states have no residual but the midpoint rule's; derivatives equal differences."""
     between_true, off = run(EXAMPLES / "vio_residuals.py", tmp_path).splitlines()
     assert numbers(between_true)[-1] < 1e-6
     assert numbers(off)[-1] < 1e-8
