@@ -40,6 +40,17 @@ def test_every_page_is_in_one_of_the_four_kinds_and_in_the_table_of_contents():
     assert {page.split("/")[0] for page in listed} == kinds
 
 
+GENERATED = ("parameters", "presets", "programs")
+LONGEST = 2500
+"""Words of a page that somebody reads from its beginning to its end."""
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_no_page_is_too_long_to_be_read(page):
+    words = len(page.read_text(encoding="utf-8").split())
+    assert words <= LONGEST or page.stem in GENERATED, words
+
+
 def test_the_messages_of_the_troubleshooting_page_are_those_of_the_programs():
     page = (DOCS / "how_to/troubleshooting.md").read_text(encoding="utf-8")
     sources = [*(ROOT / "imu_sim_ros").rglob("*.py"), ROOT / "Makefile"]
