@@ -6,22 +6,12 @@
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 
-from imu_sim_ros.bags.merging import (
-    Indexed,
-    Records,
-    Rows,
-    joined_index,
-    merged,
-    parts,
-    repeated,
-    row_by_row,
-)
+from imu_sim_ros.bags.merging import Indexed, Records, merged, parts
 from imu_sim_ros.bags.messages.blocks import (
     Payloads,
     RowTemplate,
@@ -31,7 +21,7 @@ from imu_sim_ros.bags.messages.blocks import (
 from imu_sim_ros.bags.messages.schemas import Schema
 from imu_sim_ros.bags.outputs import OutputFile
 from imu_sim_ros.bags.threads import Pipeline
-from imu_sim_ros.bags.writer import BagTopic, Block, Writer, simultaneous, time_order
+from imu_sim_ros.bags.writer import BagTopic, Block, Writer, time_order
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.machine import cores
 from imu_sim_ros.types import Bytes, Times
@@ -125,8 +115,6 @@ def _stream(compression: str) -> Any:
 CHUNK_BYTES: Final = 1 << 20
 _MAX_WORKERS: Final = 4
 """More than this the thread that writes cannot follow; each has a few chunks in memory."""
-_SPARE_ROWS: Final = 8
-"""Chunks of one emission differ by a row."""
 
 
 class _Mark(NamedTuple):
@@ -138,24 +126,13 @@ class _Mark(NamedTuple):
     """Messages, first and last time of each topic."""
 
 
-class _Buffer(NamedTuple):
-    """Memory for the rows of a chunk, which have the bytes of a template but for columns."""
-
-    template: bytes
-    places: tuple[Any, ...]
-    """Where the columns are; all other bytes of a row are the template's."""
-    rows: Bytes
-
-
-class _Job(NamedTuple):
+class _Chunk(NamedTuple):
     """A chunk on its way into the file."""
 
     records: Bytes
     messages: Sequence[Indexed]
     counts: list[tuple[int, int, int]]
     """Messages, first and last time of each topic, this chunk included."""
-    buffer: _Buffer | None
-    """That is free again when the chunk is written."""
 
 
 class ChunkWriter(Writer):
@@ -174,10 +151,7 @@ class ChunkWriter(Writer):
         self._finishing: int | None = None
         """Where the file's end begins, once that is being written."""
         self._mark = _Mark(0, 0, [])
-        self._buffers: list[_Buffer] = []
-        self._tables: dict[tuple[bytes, tuple[Any, ...]], _Buffer] = {}
-        """By the template of their rows and the places of the columns."""
-        self._pipeline: Pipeline[_Job, tuple[_Job, Any]] | None = None
+        self._pipeline: Pipeline[_Chunk, tuple[_Chunk, Any]] | None = None
 
     @abstractmethod
     def _records(
@@ -323,11 +297,12 @@ class ChunkWriter(Writer):
         if not blocks:
             return
         self._emitting = True
-        if simultaneous(blocks):
-            table = row_by_row([self._as_records(block) for block in blocks])
-            self._emit_rows(table, max(1, round(table.rows.size / CHUNK_BYTES)))
-        elif _mergeable(blocks):
-            self._emit_ordered([self._as_records(block) for block in blocks])
+        if _mergeable(blocks):
+            for part in parts([self._as_records(block) for block in blocks], CHUNK_BYTES):
+                content, index = merged(part)
+                for topic, t_ns, _ in index:
+                    topic.add(len(t_ns), int(t_ns[0]), int(t_ns[-1]))
+                self._hand_over(content, index)
         else:
             self._emit_merged(blocks)
         self._emitting = False
@@ -340,7 +315,7 @@ class ChunkWriter(Writer):
         if self._pipeline is None:
             # A checksum alone is quick, and quickest where the records are still in the cache.
             workers = min(cores(), _MAX_WORKERS) if self._compression not in ("", "none") else 0
-            self._pipeline = Pipeline(self._packed_job, self._store_job, workers)
+            self._pipeline = Pipeline(self._packed, self._store_chunk, workers)
         self._emit()
 
     def _wait(self) -> None:
@@ -360,101 +335,30 @@ class ChunkWriter(Writer):
         """Remember that everything is whole up to here."""
         self._mark = _Mark(self.file.position, len(self._written), counts)
 
-    def _hand_over(
-        self, records: Bytes, messages: Sequence[Indexed], buffer: _Buffer | None = None
-    ) -> None:
+    def _hand_over(self, records: Bytes, messages: Sequence[Indexed]) -> None:
         """Let a chunk be written."""
         if before := self._first_in_chunk():
             records = np.concatenate([np.frombuffer(before, np.uint8), records])
             messages = [Indexed(t, t_ns, offsets + len(before)) for t, t_ns, offsets in messages]
-        job = _Job(records, messages, self._counts(), buffer)
+        chunk = _Chunk(records, messages, self._counts())
         if self._pipeline is None:
-            self._store_job(self._packed_job(job))
+            self._store_chunk(self._packed(chunk))
         else:
-            self._pipeline.give(job)
+            self._pipeline.give(chunk)
 
-    def _packed_job(self, job: _Job) -> tuple[_Job, Any]:
-        return job, self._pack(job.records, job.messages)
+    def _packed(self, chunk: _Chunk) -> tuple[_Chunk, Any]:
+        return chunk, self._pack(chunk.records, chunk.messages)
 
-    def _store_job(self, made: tuple[_Job, Any]) -> None:
-        job, packed = made
+    def _store_chunk(self, made: tuple[_Chunk, Any]) -> None:
+        chunk, packed = made
         self._store(packed)
-        self._note(job.counts)
-        if job.buffer is not None:
-            self._buffers.append(job.buffer)
-
-    def _buffer(self, table: RowTemplate) -> _Buffer:
-        """Return memory for a chunk of some rows."""
-        kind = table.kind
-        while self._buffers:
-            buffer = self._buffers.pop()
-            if buffer[:2] == kind and len(buffer.rows) >= len(table):
-                return buffer
-        rows = np.empty((len(table) + _SPARE_ROWS, table.shape[1]), np.uint8)
-        rows[:] = np.frombuffer(table.template, np.uint8)
-        return _Buffer(*kind, rows)
-
-    def _emit_rows(
-        self,
-        table: Rows,
-        chunks: int,
-        before: Sequence[Records] = (),
-        after: Sequence[Records] = (),
-    ) -> None:
-        """Write rows, and what precedes and follows them."""
-        count = len(table.rows)
-        edges = np.linspace(0, count, min(chunks, count) + 1).astype(int).tolist()
-        for start, stop in pairwise(edges):
-            cut = table.rows[start:stop]
-            buffer = self._buffer(cut)
-            rows = buffer.rows[: len(cut)]
-            cut.fill(rows)
-            content, index = rows.reshape(-1), table.indexed(start, stop)
-            first, last = before if start == 0 else (), after if stop == count else ()
-            if not (first or last):
-                self._count_and_hand_over(content, index, buffer)
-                continue
-            pieces = [merged(first, self._filled), (content, index), merged(last, self._filled)]
-            begins = np.cumsum([0, *(len(piece) for piece, _ in pieces[:-1])]).tolist()
-            self._count_and_hand_over(
-                np.concatenate([piece for piece, _ in pieces]),
-                joined_index([(at, own) for at, (_, own) in zip(begins, pieces, strict=True)]),
-            )
-            self._buffers.append(buffer)
-
-    def _emit_ordered(self, records: Sequence[Records]) -> None:
-        """Write records of different topics, each in order, with times of their own."""
-        found = repeated(records, CHUNK_BYTES // 2)
-        if found is not None:
-            chunks = -(-sum(one.rows.size for one in records) // CHUNK_BYTES)
-            self._emit_rows(found.periods, chunks, found.before, found.after)
-            return
-        for part in parts(records, CHUNK_BYTES):
-            self._count_and_hand_over(*merged(part, self._filled))
-
-    def _count_and_hand_over(
-        self, records: Bytes, index: Sequence[Indexed], buffer: _Buffer | None = None
-    ) -> None:
-        """Let a chunk be written whose messages are in order in each topic."""
-        for topic, t_ns, _ in index:
-            topic.add(len(t_ns), int(t_ns[0]), int(t_ns[-1]))
-        self._hand_over(records, index, buffer)
+        self._note(chunk.counts)
 
     def _as_records(self, block: Block) -> Records:
         topic, t_ns, payloads = block
         assert not isinstance(payloads, list)
         made = self._records(topic, topic.count, t_ns, as_row_template(payloads))
         return Records(topic, t_ns, made)
-
-    def _filled(self, table: RowTemplate) -> Bytes:
-        """Return the rows of a table, in memory that the next one of its kind takes again."""
-        kind = table.kind
-        kept = self._tables.get(kind)
-        if kept is None or len(kept.rows) < len(table):
-            kept = self._tables[kind] = self._buffer(table)
-        rows = kept.rows[: len(table)]
-        table.fill(rows)
-        return rows
 
     def _emit_merged(self, blocks: Sequence[Block]) -> None:
         """Write any blocks, message by message in the order of time."""

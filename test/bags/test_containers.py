@@ -113,7 +113,7 @@ def test_mcap_doctor_finds_nothing(tmp_path, content, name):
     if not doctor.exists():
         pytest.skip("pymcap-cli is not installed in this environment")
     with open_writer(tmp_path / name, "mcap", name.removesuffix(".mcap")) as writer:
-        type(content)(2000).write(writer)
+        type(content)(2400).write(writer)
     result = subprocess.run(
         [str(doctor), "doctor", str(tmp_path / name)], capture_output=True, text=True, check=False
     )

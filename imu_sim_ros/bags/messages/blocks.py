@@ -20,16 +20,13 @@ class Column(NamedTuple):
     offset: int
     """Offsets at which they begin in a row [bytes]."""
     values: NDArray[Any]
-    """(n,) or (n, m), little-endian; with steps (n, ...) or (n, ..., m)."""
-    steps: tuple[int, ...] = ()
-    """Where numbers recur within a row: the distances in bytes, of the outer repetition first."""
+    """(n,) or (n, m), little-endian."""
 
 
 class RowTemplate:
     """n rows of equal size: the bytes that all have, and the columns in which they differ.
 
-    Most bytes of a message are the same in all messages of a topic. Written as a pattern they go to
-    memory once, where many rows are made in the same place one after the other.
+    Most bytes of a message are the same in all messages of a topic.
     """
 
     __slots__ = ("columns", "count", "template")
@@ -52,38 +49,23 @@ class RowTemplate:
         """Bytes of all rows."""
         return self.count * len(self.template)
 
-    @property
-    def kind(self) -> tuple[bytes, tuple[Any, ...]]:
-        """What rows have in common that take turns in the same memory: template, places."""
-        places = tuple(
-            (offset, steps, values.shape[1:], values.dtype.itemsize)
-            for offset, values, steps in self.columns
-        )
-        return self.template, places
-
     def __len__(self) -> int:
         return self.count
 
     def __getitem__(self, rows: slice) -> "RowTemplate":
         """Return some consecutive rows."""
         start, stop, _ = rows.indices(self.count)
-        columns = [Column(at, values[start:stop], steps) for at, values, steps in self.columns]
+        columns = [Column(at, values[start:stop]) for at, values in self.columns]
         return RowTemplate(self.template, columns, max(stop - start, 0))
-
-    def fill(self, rows: Bytes) -> None:
-        """Write the columns into contiguous rows (n, size) that have the template's bytes."""
-        stride = rows.shape[1]
-        for offset, values, steps in self.columns:
-            strides = (stride, *steps, values.itemsize)[: values.ndim]
-            place: NDArray[Any] = np.ndarray(values.shape, values.dtype, rows, offset, strides)
-            place[...] = values
 
     def array(self) -> Bytes:
         """Return the rows (n, size)."""
         rows = np.empty(self.shape, np.uint8)
         rows[:] = np.frombuffer(self.template, np.uint8)
-        if self.size:
-            self.fill(rows)
+        for offset, values in self.columns if self.size else ():
+            strides = (rows.shape[1], values.itemsize)[: values.ndim]
+            place: NDArray[Any] = np.ndarray(values.shape, values.dtype, rows, offset, strides)
+            place[...] = values
         return rows
 
 
@@ -93,7 +75,7 @@ def side_by_side(patterns: Sequence[RowTemplate]) -> RowTemplate:
         return patterns[0]
     template, columns = b"", []
     for pattern in patterns:
-        columns += [Column(len(template) + at, x, steps) for at, x, steps in pattern.columns]
+        columns += [Column(len(template) + at, values) for at, values in pattern.columns]
         template += pattern.template
     return RowTemplate(template, columns, len(patterns[0]))
 
