@@ -8,7 +8,7 @@ readings come at a time.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -26,8 +26,10 @@ from imu_sim_ros.simulation.error_parameters import (
 )
 from imu_sim_ros.types import Array, Mask, Times
 
-RESTART_NS: Final = 1_000_000_000
+_RESTART_NS: Final = 1_000_000_000
 """Stamps that jump back by more are those of a simulator that was reset."""
+_IN_A_ROW: Final = 5
+"""So many earlier stamps that increase are those of a simulator that was reset, too."""
 
 
 class GivenReadings(NamedTuple):
@@ -46,6 +48,84 @@ class GivenReadings(NamedTuple):
         """Return some of them."""
         q_wb = None if self.q_wb is None else self.q_wb[:, rows]
         return GivenReadings(self.t_ns[rows], self.gyro[:, rows], self.accel[:, rows], q_wb)
+
+
+class Order:
+    """Tells readings that come late from those of a simulator that was reset.
+
+    The stamps of a reset are at or before the first one, or more than a second back, or several
+    in a row increase. Readings that may still be either wait for the next ones.
+    """
+
+    def __init__(
+        self,
+        left_out: Callable[[int], object] = lambda step_ns: None,
+        taken_back: Callable[[int], object] = lambda count: None,
+    ) -> None:
+        """Begin with the next reading.
+
+        :param left_out: receives of each reading that is left out its step from the last one [ns],
+            0 if it repeats the stamp.
+        :param taken_back: receives how many of these belong to a simulator that was reset.
+        """
+        self._left_out, self._taken_back = left_out, taken_back
+        self._first_ns: int | None = None
+        self.last_ns = 0
+        """Stamp of the last reading that was passed on."""
+        self._waiting: GivenReadings | None = None
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether no reading waits."""
+        return self._waiting is None
+
+    def parts(self, given: GivenReadings) -> Iterator[tuple[GivenReadings, int]]:
+        """Yield stretches of readings whose stamps increase.
+
+        With each comes how far its stamps have jumped back before it [ns]; 0: it follows.
+        """
+        known = 0 if self._waiting is None else len(self._waiting.t_ns)
+        if self._waiting is not None:
+            given, self._waiting = _joined(self._waiting, given), None
+        t_ns = given.t_ns.tolist()
+        if not t_ns:
+            return
+        if self._first_ns is None:
+            self._first_ns, self.last_ns = t_ns[0], t_ns[0] - 1
+        if t_ns[0] > self.last_ns and bool((given.t_ns[1:] > given.t_ns[:-1]).all()):
+            self.last_ns = t_ns[-1]
+            yield given, 0
+            return
+        keep = np.zeros(len(t_ns), dtype=np.bool_)
+        begin, back, run = 0, 0, list[int]()
+        for k, now in enumerate(t_ns):
+            if now > self.last_ns:
+                keep[k], self.last_ns, run = True, now, []
+                continue
+            if now == self.last_ns or (run and now == t_ns[run[-1]]):
+                self._left_out(0)
+                continue
+            again = self.last_ns > self._first_ns >= now or now < self.last_ns - _RESTART_NS
+            if again or (run and now < t_ns[run[-1]]):
+                run = []
+            run.append(k)
+            if not again and k >= known:
+                self._left_out(now - self.last_ns)
+            if not again and len(run) < _IN_A_ROW:
+                continue
+            self._taken_back(0 if again else len(run))
+            if keep[begin:].any():
+                yield given.at(slice(begin, None)).at(keep[begin:]), back
+            begin, self._first_ns = run[0], t_ns[run[0]]
+            back = self.last_ns - self._first_ns
+            keep[:begin], keep[run] = False, True
+            self.last_ns, run = now, []
+        if keep[begin:].any():
+            yield given.at(slice(begin, None)).at(keep[begin:]), back
+        if run:
+            waiting = np.zeros(len(t_ns), dtype=np.bool_)
+            waiting[run] = True
+            self._waiting = given.at(waiting)
 
 
 class Conventions:
@@ -305,10 +385,14 @@ class Differentiator:
         """Begin with the next message."""
         self.span = parameters.input.odometry_span
         self._gravity_w = gravity_vector(parameters)[:, None]
-        self._t_ns, self._rows = np.empty(0, np.int64), np.empty((10, 0))
+        self.begin()
 
     def begin(self) -> None:
         """Forget what was before."""
+        self._order = Order()
+        self._forget()
+
+    def _forget(self) -> None:
         self._t_ns, self._rows = np.empty(0, np.int64), np.empty((10, 0))
 
     def apply(self, t_ns: Times, q_wb: Array, velocity_b: Array, rate_b: Array) -> GivenReadings:
@@ -318,10 +402,20 @@ class Differentiator:
         :param velocity_b: (3, n) [m/s].
         :param rate_b: (3, n) [rad/s].
         """
-        wrong = np.flatnonzero(np.diff(t_ns, prepend=self._t_ns[-1:]) <= 0)
-        if len(wrong):
-            k = int(wrong[0]) + 1 - len(self._t_ns[-1:])
-            return self._around(k, GivenReadings(t_ns, velocity_b, rate_b, q_wb))
+        none = np.empty((3, 0))
+        known = GivenReadings(np.empty(0, np.int64), none, none, np.empty((4, 0)))
+        # Velocities in the body in place of rates, rates in place of forces.
+        for part, back in self._order.parts(GivenReadings(t_ns, velocity_b, rate_b, q_wb)):
+            if back:
+                self._forget()
+            assert part.q_wb is not None
+            known = _joined(known, self._differences(part.t_ns, part.q_wb, part.gyro, part.accel))
+        return known
+
+    def _differences(
+        self, t_ns: Times, q_wb: Array, velocity_b: Array, rate_b: Array
+    ) -> GivenReadings:
+        """Return the readings that are known after n messages whose stamps increase."""
         velocity_w = rotation.components.rotate(q_wb, velocity_b)
         times = np.concatenate([self._t_ns, t_ns])
         rows = np.concatenate([self._rows, np.concatenate([q_wb, velocity_w, rate_b])], axis=1)
@@ -336,23 +430,6 @@ class Differentiator:
         q = rows[:4, middle]
         force = rotate_inverse(q, acceleration - self._gravity_w)
         return GivenReadings(times[middle], rows[7:, middle], force, q)
-
-    def _around(self, k: int, states: GivenReadings) -> GivenReadings:
-        """Return the readings of messages of which number k is not later than the one before.
-
-        :param states: velocities in the body in place of rates, rates in place of forces.
-        """
-
-        def part(rows: slice) -> GivenReadings:
-            some = states.at(rows)
-            assert some.q_wb is not None
-            return self.apply(some.t_ns, some.q_wb, some.gyro, some.accel)
-
-        before = part(slice(0, k))
-        if self._t_ns[-1] - states.t_ns[k] > RESTART_NS:
-            self.begin()
-            return _joined(before, part(slice(k, None)))
-        return _joined(before, part(slice(k + 1, None)))
 
 
 _LOOK_NS: Final = 2_000_000_000

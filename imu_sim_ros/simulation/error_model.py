@@ -9,6 +9,7 @@ simulation's, bit for bit, in blocks of any size.
 """
 
 import dataclasses
+from collections import deque
 from collections.abc import Callable, Collection, Iterator
 from typing import Any, Final
 
@@ -27,18 +28,20 @@ from imu_sim_ros.sensors.imu.model import CHUNK, NOWHERE, Imu, ImuSample, unknow
 from imu_sim_ros.sensors.registry import board
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.error_input import (
-    RESTART_NS,
     Conventions,
     GivenReadings,
+    Order,
     Resampler,
     StartCheck,
 )
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
 from imu_sim_ros.trajectory.motion import Motion
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Times
 
 _SAMPLES_AT_ONCE: Final = 65536
 """Most samples of a gap that are taken at once."""
+_LOOKED_BACK: Final = 4
+"""Intervals in which a burst of readings may make up for a long one."""
 _REPORTED: Final = 3
 """Irregularities of a kind that are remarked on; all of them are counted."""
 
@@ -86,6 +89,7 @@ class ErrorModel:
         )
         self._gravity_w = gravity_vector(parameters)[:, None]
         self._check = StartCheck(parameters)
+        self._order = self._new_order()
         self._begin(parameters.seed)
 
     @property
@@ -100,6 +104,8 @@ class ErrorModel:
         """Samples since the last restart, missing ones too."""
         self._imu: Imu | None = None
         self._last_ns: int | None = None
+        self._recent_ns: deque[int] = deque(maxlen=_LOOKED_BACK)
+        """The last stamps."""
         self._held: GivenReadings | ImuSample | None = None
         """The last reading, which the sensor goes on with during a gap."""
         self._pending: ErrorModelParameters | None = None
@@ -110,8 +116,15 @@ class ErrorModel:
         self._is_direct = self._conventions.nothing and alone
 
     def reset(self) -> None:
-        """Begin again with the next reading, as if nothing had been; parameters stay."""
-        self._begin(self.parameters.seed)
+        """Begin again with the next reading, with the seed that input.restart gives."""
+        self._order = self._new_order()
+        self._begin(self._seed_of_restart())
+
+    def _new_order(self) -> Order:
+        return Order(self._leave_out, self._take_back)
+
+    def _seed_of_restart(self) -> int:
+        return self.seed + (self.parameters.input.restart == "next_seed")
 
     def update(self, parameters: ErrorModelParameters) -> None:
         """Take new values of live parameters, from the next multiple of 64 samples on.
@@ -159,14 +172,18 @@ class ErrorModel:
     def read(self, given: GivenReadings) -> list[ImuBlock]:
         """Return the samples that readings give, in one block or several.
 
-        Where stamps jump back the errors begin again; readings that repeat a stamp, or come late,
+        If stamps jump back the errors begin again; readings that repeat a stamp, or come late,
         are left out. ``first`` of a block is the index of its first sample since the restart.
 
         :param given: as they come from the other simulator; they have passed the gate.
         :raises InputError: if gravity is missing and there is no orientation.
         """
         self.counts.readings += len(given.t_ns)
-        blocks = [block for part in self._in_order(given) for block in self._read(part)]
+        blocks = [
+            block
+            for part, back_ns in self._order.parts(given)
+            for block in self._read(part, back_ns)
+        ]
         for block in blocks:
             self.counts.samples += len(block.true_t_ns)
         return blocks
@@ -180,6 +197,8 @@ class ErrorModel:
         last, imu = self._last_ns, self._imu
         if imu is None or last is None or self._pending is not None or not self._is_direct:
             return None
+        if not self._order.is_clear:
+            return None
         if not last < t_ns <= last + 1.5 * self._nominal_ns:
             return None
         sample = imu.apply_one(self.position, t_ns, gyro, accel)
@@ -187,7 +206,8 @@ class ErrorModel:
             self.counts.readings += 1
             self.counts.samples += 1
             self.position += 1
-            self._last_ns = t_ns
+            self._last_ns = self._order.last_ns = t_ns
+            self._recent_ns.append(t_ns)
             self._held = sample
             if not self._check.done:
                 self._look(_given(sample))
@@ -198,31 +218,6 @@ class ErrorModel:
         if self._imu is not None and self._pending is None and self.position % CHUNK == 0:
             self._imu.prepare_one(self.position)
 
-    def _in_order(self, given: GivenReadings) -> Iterator[GivenReadings]:
-        """Yield stretches of readings whose stamps increase, restarting when they jump back."""
-        t_ns, last = given.t_ns, self._last_ns
-        if not len(t_ns):
-            return
-        follows = last is None or t_ns[0] > last
-        if follows and (len(t_ns) == 1 or bool((t_ns[1:] > t_ns[:-1]).all())):
-            yield given
-            return
-        keep = np.zeros(len(t_ns), dtype=np.bool_)
-        begin = 0
-        for k, now in enumerate(t_ns.tolist()):
-            if last is not None and now <= last:
-                if now >= last - RESTART_NS:
-                    self._leave_out(now - last)
-                    continue
-                part = given.at(slice(begin, k))
-                if keep[begin:k].any():
-                    yield part.at(keep[begin:k])
-                self._restart(last - now)
-                begin = k
-            keep[k], last = True, now
-        if keep[begin:].any():
-            yield given.at(slice(begin, None)).at(keep[begin:])
-
     def _leave_out(self, step_ns: int) -> None:
         if step_ns:
             self.counts.backward += 1
@@ -232,6 +227,9 @@ class ErrorModel:
             self.counts.repeated += 1
             line = "a reading with the stamp of the previous one; left out"
             self._report(self.counts.repeated, line)
+
+    def _take_back(self, count: int) -> None:
+        self.counts.backward -= count
 
     def _report(self, count: int, line: str) -> None:
         """Remark on an irregularity of the stamps, unless there were a few of its kind before.
@@ -245,14 +243,15 @@ class ErrorModel:
 
     def _restart(self, back_ns: int) -> None:
         self.counts.restarts += 1
-        again = self.parameters.input.restart == "next_seed"
-        seed = self.seed + 1 if again else self.seed
+        seed = self._seed_of_restart()
         line = f"stamps jump back by {back_ns * 1e-9:.3f} s: the errors begin again, seed {seed}"
         self._report(self.counts.restarts, line)
         self._begin(seed)
 
-    def _read(self, given: GivenReadings) -> list[ImuBlock]:
-        """Return the samples of readings in order, none of them before the last one."""
+    def _read(self, given: GivenReadings, back_ns: int) -> list[ImuBlock]:
+        """Return the samples of readings in order, after a jump back of their stamps."""
+        if back_ns:
+            self._restart(back_ns)
         if not self._check.done:
             self._look(given)
         blocks = []
@@ -269,18 +268,24 @@ class ErrorModel:
 
     def _without_gaps(self, given: GivenReadings) -> Iterator[tuple[GivenReadings, int]]:
         """Yield readings without a gap, each part with the samples missing before it."""
-        t_ns, limit = given.t_ns, 1.5 * self._nominal_ns
-        before = 0 if self._last_ns is None else int(t_ns[0]) - self._last_ns
-        missing = self._missing(before) if before > limit else 0
-        steps = t_ns[1:] - t_ns[:-1]
-        begin = 0
-        for k in np.flatnonzero(steps > limit).tolist():
-            yield given.at(slice(begin, k + 1)), missing
-            begin, missing = k + 1, self._missing(int(steps[k]))
+        before = len(self._recent_ns)
+        t_ns = np.concatenate([np.array(self._recent_ns, np.int64), given.t_ns])
+        self._recent_ns.extend(t_ns[-_LOOKED_BACK:].tolist())
+        begin = missing = 0
+        for k in (np.flatnonzero(np.diff(t_ns) > 1.5 * self._nominal_ns) + 1).tolist():
+            if k < before:
+                continue
+            if k > before:
+                yield given.at(slice(begin, k - before)), missing
+            begin, missing = k - before, self._missing(t_ns[: k + 1])
         yield given.at(slice(begin, None)) if begin else given, missing
 
-    def _missing(self, step_ns: int) -> int:
-        """Return how many samples a step leaves out, for a sensor that has no clock of its own."""
+    def _missing(self, t_ns: Times) -> int:
+        """Return how many samples the last step of stamps leaves out, without a clock of its own.
+
+        Irregular stamps leave out none: over some of the last intervals there are enough of them.
+        """
+        step_ns = int(t_ns[-1] - t_ns[-2])
         if step_ns > self._longest_gap_ns:
             self.counts.pauses += 1
             line = f"no readings for {step_ns * 1e-9:.3f} s: a pause, the errors stand still"
@@ -290,7 +295,9 @@ class ErrorModel:
             return 0
         if self._resampler is not None:
             return 0
-        missing = round(step_ns / self._nominal_ns) - 1
+        before = t_ns[-_LOOKED_BACK - 1 : -1][::-1]
+        expected = np.rint((t_ns[-1] - before) / self._nominal_ns).astype(np.int64)
+        missing = max(int((expected - np.arange(1, len(before) + 1)).min()), 0)
         self.counts.missing += missing
         return missing
 

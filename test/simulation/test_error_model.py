@@ -517,3 +517,63 @@ def test_a_message_of_one_sample_has_the_bytes_of_a_block(topic: str) -> None:
         assert sample is not None
         expected = as_list(block(sample.block(), parameters).payloads)
         assert [single(sample, parameters)] == expected
+
+
+def episodes(length: int, count: int, first_ns: int = 0) -> GivenReadings:
+    """Return readings whose stamps begin again after each ``length``."""
+    t_ns = np.tile(np.arange(length, dtype=np.int64) * 5_000_000, count)
+    t_ns[length:] += first_ns
+    zero = np.zeros((3, len(t_ns)))
+    return GivenReadings(t_ns, zero, zero)
+
+
+@pytest.mark.parametrize("first_ns", [0, 7_000_000], ids=["same start", "later start"])
+@pytest.mark.parametrize("sizes", [[1], [7], [5000]], ids=str)
+def test_episodes_shorter_than_a_second_lose_nothing(sizes: list[int], first_ns: int) -> None:
+    """Episodes of 0.5 s; one may begin a period and a half later than the first."""
+    values = {"imu.gyroscope_noise_density": 0.01}
+    given = episodes(100, 10, first_ns)
+    model = model_of(values, **{"input.restart": "next_seed"})
+    found = read_in(model, given, sizes)
+    assert np.array_equal(found.true_t_ns, given.t_ns)
+    assert (model.counts.restarts, model.counts.backward) == (9, 0)
+    expected = [truth_of({**values, "seed": 5 + k}, 100).gyro_noise for k in range(10)]
+    assert np.array_equal(found.gyro_noise, np.concatenate(expected))
+    odometry = Differentiator(load_error_model({}))
+    ones = np.zeros((4, len(given.t_ns)))
+    ones[0] = 1.0
+    made = odometry.apply(given.t_ns, ones, given.gyro, given.accel)
+    assert len(made.t_ns) == 10 * 98  # two of each episode have no neighbour
+
+
+def test_a_reset_takes_the_next_seed_if_a_jump_back_does() -> None:
+    values = {"imu.gyroscope_noise_density": 0.01}
+    given = given_of(truth_of(values, 50))
+    for restart, seeds in (("same_seed", (5, 5, 5)), ("next_seed", (5, 6, 7))):
+        model = model_of(values, **{"input.restart": restart})
+        for seed in seeds:
+            found = joined(model.read(given))
+            assert np.array_equal(
+                found.gyro_noise, truth_of({**values, "seed": seed}, 50).gyro_noise
+            )
+            model.reset()
+
+
+def test_readings_that_come_late_at_the_end_are_counted() -> None:
+    model = model_of({})
+    order = np.array([0, 1, 2, 3, 2])
+    model.read(given_of(truth_of({})).at(order))
+    assert (model.counts.samples, model.counts.backward) == (4, 1)
+
+
+@pytest.mark.parametrize("sizes", [[1], [7], [1000]], ids=str)
+def test_irregular_stamps_are_no_missing_samples(sizes: list[int]) -> None:
+    """Intervals of 0.3 and 1.7 periods, and bursts of four; a real gap among them is one."""
+    for pattern in ([0.3, 1.7], [0.2, 0.2, 0.2, 3.4], [0.5, 1.5]):
+        steps = np.resize(pattern, 400)
+        steps[201] += 3.0
+        t_ns = np.concatenate([[0], np.cumsum(np.rint(steps * 5e6).astype(np.int64))])
+        zero = np.zeros((3, len(t_ns)))
+        model = model_of({})
+        read_in(model, GivenReadings(t_ns, zero, zero), sizes)
+        assert model.counts.missing == 3, pattern
