@@ -165,6 +165,8 @@ _ROUNDING: Final = 1e-12
 """Rounding error of the squared length of a quaternion that was written as a unit one."""
 _LENGTH: Final = 1e-3
 """By how much the squared length of a quaternion may miss 1 before it counts as none."""
+_FRAME: Final = 12
+"""Place of the frame's length: behind the encapsulation and the stamp."""
 _imu = MessageDecoder(IMU, _READINGS)
 _ideal = MessageDecoder(IMU, ("orientation", "orientation_covariance", *_READINGS))
 _odometry = MessageDecoder(ODOMETRY, _STATES)
@@ -191,6 +193,15 @@ def ideal_reading(payload: bytes) -> tuple[ImuReading, Q4 | None]:
     if stated < 0.0 or not abs(w * w + x * x + y * y + z * z - 1.0) < _LENGTH:
         return result, None
     return result, normalise((w, x, y, z))
+
+
+def frame_id(payload: bytes) -> str:
+    """Return the frame of a message that begins with a header; empty for other bytes."""
+    length = int.from_bytes(payload[_FRAME : _FRAME + 4], "little")
+    text = payload[_FRAME + 4 : _FRAME + 4 + length]
+    if not 0 < length == len(text):
+        return ""
+    return text[:-1].decode(errors="replace")
 
 
 def truth(payload: bytes) -> OdometryFields:

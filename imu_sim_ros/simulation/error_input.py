@@ -14,6 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros import rotation, timebase
+from imu_sim_ros.conventions import STANDARD_GRAVITY
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.rotation.components import cross, normalise, rotate_inverse, transform
 from imu_sim_ros.sensors.gravity import gravity_vector
@@ -439,6 +440,10 @@ _REST_FORCE: Final = 0.1
 """[m/s^2] The same."""
 _TOLERANCE: Final = 0.05
 """Share by which rate and gravity may miss what is declared."""
+_IN_G: Final = (0.8, 1.5)
+"""Mean length of the specific force in g over some seconds, whatever a vehicle usually does."""
+_FASTEST: Final = 35.0
+"""[rad/s] Mean angular rate that gyroscopes of 2000 deg/s cannot measure."""
 
 
 class StartCheck:
@@ -447,6 +452,7 @@ class StartCheck:
     def __init__(self, parameters: ErrorModelParameters) -> None:
         """Begin with the next reading."""
         self._parameters = parameters
+        self._g = math.hypot(*gravity_vector(parameters).tolist())
         self._seen: list[GivenReadings] = []
         self.done = not parameters.input.check
 
@@ -462,9 +468,9 @@ class StartCheck:
         rows = t_ns <= first + _LOOK_NS
         gyro = np.concatenate([one.gyro for one in seen], axis=1)[:, rows]
         accel = np.concatenate([one.accel for one in seen], axis=1)[:, rows]
-        return [*self._of_rate(t_ns[rows]), *self._of_rest(gyro, accel)]
+        return [*self._of_stamps(t_ns[rows]), *self._of_rates(gyro), *self._of_forces(gyro, accel)]
 
-    def _of_rate(self, t_ns: Times) -> Iterator[str]:
+    def _of_stamps(self, t_ns: Times) -> Iterator[str]:
         declared = self._parameters.input.rate or self._parameters.rate
         name = "input.rate" if self._parameters.input.rate else "rate"
         steps = np.diff(t_ns)
@@ -475,32 +481,56 @@ class StartCheck:
         if abs(found - declared) > _TOLERANCE * declared:
             yield f"{name} = {declared:g}: the readings come {found:.4g} times a second"
 
-    def _of_rest(self, gyro: Array, accel: Array) -> Iterator[str]:
-        turning = np.abs(gyro).max() > 10.0 * _REST_RATE or gyro.std(axis=1).max() > _REST_RATE
-        if turning or accel.std(axis=1).max() > _REST_FORCE:
-            return  # not at rest: nothing can be said
-        g = math.hypot(*gravity_vector(self._parameters).tolist())
-        declared, mean = self._parameters.input, accel.mean(axis=1)
-        size = float(np.linalg.norm(mean))
-        if declared.gravity == "missing":
-            if size > 0.5 * g:
-                yield (
-                    f"input.gravity = missing: at rest the readings are {size:.3g} m/s^2 long, so "
-                    "gravity is included"
-                )
-            return
-        if size < 0.5 * g:
+    def _of_rates(self, gyro: Array) -> Iterator[str]:
+        mean = float(np.linalg.norm(gyro, axis=0).mean())
+        if mean > _FASTEST:
             yield (
-                f"input.gravity = included: at rest the readings are {size:.3g} m/s^2 long, "
-                f"instead of {g:.4g}: gravity is missing"
+                f"input: the angular rate is {mean:.3g} rad/s on average over 2 s; are the "
+                "readings in deg/s? They must be in rad/s"
+            )
+
+    def _of_forces(self, gyro: Array, accel: Array) -> Iterator[str]:
+        turning = np.abs(gyro).max() > 10.0 * _REST_RATE or gyro.std(axis=1).max() > _REST_RATE
+        rests = not turning and accel.std(axis=1).max() <= _REST_FORCE
+        mean = accel.mean(axis=1)
+        # A body in motion turns; the length of its readings does not.
+        upwards = float(np.linalg.norm(mean))
+        size = upwards if rests else float(np.linalg.norm(accel, axis=0).mean())
+        when = "at rest" if rests else "on average over 2 s"
+        least, most = (1.0 - _TOLERANCE, 1.0 + _TOLERANCE) if rests else _IN_G
+        declared, g = self._parameters.input, self._g
+        included = declared.gravity == "included"
+        # Accelerations change their direction, gravity does not.
+        steady = rests or upwards > 0.7 * size
+        if least <= size <= most and steady and (included or rests) and g > most:
+            yield (
+                f"input: {when} the readings are {size:.3g} long, instead of {g:.4g}: they are in "
+                f"g; multiply them by {STANDARD_GRAVITY}, they must be in m/s^2"
             )
             return
-        if abs(size - g) > _TOLERANCE * g:
+        long = f"{when} the readings are {size:.3g} m/s^2 long"
+        if not included:
+            if steady and size > (0.5 if rests else _IN_G[0]) * g:
+                yield f"input.gravity = missing: {long}, so gravity is included"
+            return
+        if size < 0.5 * g:
+            yield (f"input.gravity = included: {long}, instead of {g:.4g}: gravity is missing")
+            return
+        if rests and abs(size - g) > _TOLERANCE * g:
             yield f"gravity: at rest the readings are {size:.4g} m/s^2 long, instead of {g:.4g}"
-        yield from self._of_axes(mean / size)
+        if upwards > 0.5 * g:
+            yield from self._of_axes(mean / upwards, rests)
+        else:
+            yield (
+                "input.axes: not checked, the body turns over in the first 2 s; "
+                "input.check = false if that is as it should be"
+            )
 
-    def _of_axes(self, up: Array) -> Iterator[str]:
-        """Say where upwards in the input's own axes is not where the declared ones have it."""
+    def _of_axes(self, up: Array, rests: bool) -> Iterator[str]:
+        """Say where upwards in the input's own axes is not where the declared ones have it.
+
+        In motion this is said only if other axes fit.
+        """
         declared = self._parameters.input
         turned = sensor_rotation(declared)
         z = (up if turned is None else turned @ up)[2]
@@ -516,9 +546,12 @@ class StartCheck:
             for axes, matrix in AXES_TO_FLU.items()
             if axes != declared.axes and (matrix @ up)[2] > 0.9
         ]
+        if not rests and not fits:
+            return
         would = f"; {fits[0]} would fit" if fits else ""
+        when = "at rest" if rests else "on average over 2 s"
         shown = ", ".join(f"{value:.2f}" for value in up)
         yield (
-            f"input.axes = {declared.axes}: at rest upwards is [{shown}] of the input, which is "
+            f"input.axes = {declared.axes}: {when} upwards is [{shown}] of the input, which is "
             f"not upwards of the body{would}"
         )

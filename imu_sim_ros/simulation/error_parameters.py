@@ -77,12 +77,12 @@ class InputParameters:
     restart: str = choice(
         "same_seed",
         ("same_seed", "next_seed"),
-        "seed with which the errors begin again after stamps have jumped back by more than a "
-        "second",
+        "seed with which the errors begin again after stamps have jumped back, and after a reset",
     )
     check: bool = flag(
         True,
-        "check the first 2 s and report rate, gravity or axes that contradict the declaration",
+        "check the first 2 s and report rate, gravity, units or axes that contradict the "
+        "declaration",
     )
     odometry_span: int = integer(
         1,

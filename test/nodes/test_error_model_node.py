@@ -135,6 +135,8 @@ def test_changes_faults_reset_and_bad_messages(start, listener):
     # Reading 10 is missing: row k - 1 is sample k; the fault lasts 5 of them.
     assert np.flatnonzero(read[:, 0]).tolist() == [19, 20, 21, 22, 23]
     assert np.flatnonzero(read[:, 1])[0] == 64 - 1
+    frames = {message.header.frame_id for message in listener.messages("imu/data_raw")}
+    assert frames == {"x"}  # that of the input
     fault = listener.messages("ground_truth/faults")[0]
     assert (fault.header.stamp.sec, fault.header.stamp.nanosec) == (1, 200_000_000)
     assert listener.call("error_model/reset", Trigger).success

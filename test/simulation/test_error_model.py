@@ -442,6 +442,44 @@ def test_the_check_at_the_start() -> None:
     assert "the readings come 1000 times a second" in resting([0.0, 0.0, 9.81], 1000.0)[0]
     assert resting([0.0, 0.0, 0.0], **{"input.check": False}) == []
     assert "instead of 9.81" in resting([0.0, 0.0, 1.0 * 8.0])[0]
+    assert "they are in g; multiply them by 9.80665" in resting([0.0, 0.0, 1.0])[0]
+
+
+def moving(
+    scale: float = 1.0, turn: float = 1.0, gravity: float = 1.0, **values: object
+) -> list[str]:
+    """Return the remarks on a body that pitches by up to 0.2 rad and shakes by up to 2 m/s^2."""
+    lines: list[str] = []
+    model = ErrorModel(load_error_model({"imu.preset": "perfect", **values}), remark=lines.append)
+    t = np.arange(500) / 200.0
+    pitch, zero = 0.2 * np.sin(3.0 * t), np.zeros(500)
+    up = np.stack([-np.sin(pitch), zero, np.cos(pitch)])
+    force = 9.81 * gravity * up + np.stack([2.0 * np.sin(9.0 * t), zero, zero])
+    gyro = np.stack([zero, 0.6 * np.cos(3.0 * t), zero]) * turn
+    q_wb = np.stack([np.cos(0.5 * pitch), zero, np.sin(0.5 * pitch), zero])
+    t_ns = np.rint(t * 1e9).astype(np.int64)
+    model.read(GivenReadings(t_ns, gyro, scale * force, q_wb))
+    return lines
+
+
+def test_conventions_are_checked_in_motion() -> None:
+    assert moving() == []
+    assert moving(gravity=0.0, **{"input.gravity": "missing"}) == []
+    assert "they are in g" in moving(1.0 / 9.80665)[0]
+    assert "gravity is missing" in moving(gravity=0.0)[0]
+    assert "gravity is included" in moving(**{"input.gravity": "missing"})[0]
+    assert "frd would fit" in moving(gravity=-1.0)[0]
+    assert "deg/s" in moving(turn=180.0 / np.pi * 3.0)[0]
+
+
+def test_axes_of_a_tumbling_body_are_said_to_be_unchecked() -> None:
+    t = np.arange(500) / 200.0
+    force = 9.81 * np.stack([np.sin(2 * np.pi * t), np.zeros(500), np.cos(2 * np.pi * t)])
+    gyro = np.stack([np.zeros(500), np.full(500, -2 * np.pi), np.zeros(500)])
+    lines: list[str] = []
+    model = ErrorModel(load_error_model({"imu.preset": "perfect"}), remark=lines.append)
+    model.read(GivenReadings(np.rint(t * 1e9).astype(np.int64), gyro, force))
+    assert "input.axes: not checked" in lines[0]
 
 
 def test_the_check_at_the_start_looks_at_readings_in_plain_floats() -> None:

@@ -3,6 +3,7 @@
 
 """The error model node: another simulator's ideal readings in, those of a chosen sensor out."""
 
+import dataclasses
 import sys
 import threading
 import time
@@ -32,7 +33,12 @@ from imu_sim_ros.nodes.subscriptions import MatchedInputs, RawSubscriptions, Tak
 from imu_sim_ros.rotation.scalars import Q4
 from imu_sim_ros.simulation.error_input import Differentiator, GivenReadings
 from imu_sim_ros.simulation.error_model import ErrorModel
-from imu_sim_ros.simulation.error_parameters import NODE, ErrorNodeParameters, layer_error_model
+from imu_sim_ros.simulation.error_parameters import (
+    NODE,
+    ErrorNodeParameters,
+    layer_error_model,
+    sensor_rotation,
+)
 from imu_sim_ros.simulation.topics import sensors_of
 
 Reading = tuple[decode.ImuReading, Q4 | None]
@@ -61,6 +67,10 @@ class ErrorModelNode(ConfiguredNode):
         self.model = ErrorModel(parameters, sensors, self._remark)
         self._oriented = self.model.uses_orientation
         self._odometry = Differentiator(parameters) if parameters.odometry else None
+        turned = sensor_rotation(parameters.input) is not None or parameters.input.place == "body"
+        own = "imu_frame" in self.given or parameters.imu_frame != conventions.IMU_FRAME
+        self._takes_frame = not (parameters.odometry or turned or own)
+        """Whether the frame of the readings is still to be that of the input."""
         self._is_simple = not (self._oriented or parameters.odometry)
         self.outputs = ErrorModelOutputs(self, parameters, self.lifetime.fail)
         self._faults = create(
@@ -111,6 +121,8 @@ class ErrorModelNode(ConfiguredNode):
         """Add errors to messages, as they are delivered, and publish them."""
         self._received += len(taken)
         with self._lock:
+            if self._takes_frame:
+                self._take_frame(taken)
             rest = taken
             try:
                 if self._is_simple:
@@ -121,6 +133,17 @@ class ErrorModelNode(ConfiguredNode):
             except InputError as error:
                 self._refuse(topic, error, len(rest))
             self.model.prepare()
+
+    def _take_frame(self, taken: list[Taken]) -> None:
+        """Let the readings be in the frame of the first message that has one."""
+        frame = next(filter(None, (decode.frame_id(payload) for payload, _ in taken)), "")
+        if not frame:
+            return
+        self._takes_frame = False
+        if frame != self.parameters.imu_frame:
+            self.replace(dataclasses.replace(self.parameters, imu_frame=frame))
+            self.model.parameters = self.parameters
+            self.outputs.encode_for(self.parameters)
 
     def _publish_next(self, topic: str, taken: list[Taken]) -> list[Taken]:
         """Publish the samples of readings that are simply the next; return the messages left.

@@ -52,17 +52,26 @@ class ErrorModelOutputs:
     """The publishers of the node."""
 
     def __init__(self, node: Any, parameters: ErrorNodeParameters, fail: Fail) -> None:
-        self._outputs = [
-            _Output(
-                topic,
-                encoder(topic, parameters),
-                None if topic == ORIENTATION_TOPIC else encoder_of_one(topic, parameters),
-                Counter(topic, create(node, TYPES[topic], topic, QoSProfile(depth=DEPTH))),
-            )
+        self.counters = [
+            Counter(topic, create(node, TYPES[topic], topic, QoSProfile(depth=DEPTH)))
             for topic in wanted(parameters.publish)
         ]
-        self.counters = [output.counter for output in self._outputs]
         self._delayed = Delayed(fail)
+        self.encode_for(parameters)
+
+    def encode_for(self, parameters: ErrorNodeParameters) -> None:
+        """Encode messages in the frame of parameters from now on."""
+        self._outputs = [
+            _Output(
+                counter.topic,
+                encoder(counter.topic, parameters),
+                None
+                if counter.topic == ORIENTATION_TOPIC
+                else encoder_of_one(counter.topic, parameters),
+                counter,
+            )
+            for counter in self.counters
+        ]
 
     def publish(self, block: ImuBlock, parameters: ErrorNodeParameters) -> None:
         """Publish the messages of a block; readings with the delay that they have."""
