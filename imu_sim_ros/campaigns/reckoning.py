@@ -10,9 +10,9 @@ import numpy as np
 from imu_sim_ros.campaigns.comparison import EstimatedTrack, estimate_metrics
 from imu_sim_ros.campaigns.metrics import Metrics, pose_metrics
 from imu_sim_ros.campaigns.parameters import DeadReckonEstimator
-from imu_sim_ros.campaigns.simulated import SimulatedCell
+from imu_sim_ros.campaigns.simulated import RunReadings, SimulatedCell
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation.association import align
+from imu_sim_ros.navigation.association import align, interpolate_vectors
 from imu_sim_ros.navigation.covariance import (
     ATTITUDE,
     POSITION,
@@ -23,13 +23,41 @@ from imu_sim_ros.navigation.covariance import (
 )
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA, TrueStates, attitude_errors, nees
+from imu_sim_ros.navigation.mount import mount_of
 from imu_sim_ros.navigation.noise import noise_of
-from imu_sim_ros.navigation.state import NavigationStates
+from imu_sim_ros.navigation.state import NavigationState, NavigationStates
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
 from imu_sim_ros.types import Array
 
 _NEES: Final = {"position": POSITION, "attitude": ATTITUDE, "velocity": VELOCITY}
+
+
+def reckoned(
+    cell: SimulatedCell,
+    estimator: DeadReckonEstimator,
+    block: ImuBlock,
+    readings: RunReadings,
+    start: NavigationState,
+) -> NavigationStates:
+    """Return the dead-reckoned states of a run.
+
+    :param block: all samples of the run's seed.
+    :param start: the true state at the first reading, or at the first sample if that is later.
+    """
+    world = cell.parameters
+    at = np.array([max(int(readings.t_ns[0]), int(block.true_t_ns[0]))])
+    return dead_reckon(
+        *readings,
+        start,
+        estimator.method,
+        estimator.attitude_update,
+        gravity_vector(world).tolist(),
+        earth_rate=earth_rate_vector(world).tolist(),
+        mount=mount_of(world.imu),
+        initial_rate=interpolate_vectors(block.true_t_ns, block.motion.angular_velocity, at)[0],
+    )
 
 
 class DeadReckoning:
@@ -59,13 +87,7 @@ class DeadReckoning:
                 max(int(readings.t_ns[0]), int(truth.t_ns[0]))
             )
         )
-        states = dead_reckon(
-            *readings,
-            start,
-            estimator.method,
-            estimator.attitude_update,
-            self._cell.parameters.gravity,
-        )
+        states = reckoned(self._cell, estimator, block, readings, start)
         estimate = PoseSequence(states.t_ns, states.position, states.q_wb)
         if not at_stamps:
             found = EstimatedTrack(estimate, states.velocity)
@@ -112,7 +134,8 @@ class DeadReckoning:
             accelerometer_bias=imu.accelerometer.turn_on_bias_sigma,
         )
         covariance = Covariance(noise_of(imu), initial)
-        matrix = propagate(truth, block.ideal_accel, noise_of(imu), covariance)[0]
+        mount = mount_of(imu)
+        matrix = propagate(truth, block.ideal_accel, noise_of(imu), covariance, mount=mount)[0]
         valid = covariance.largest_attitude_sigma <= LARGEST_SIGMA
         found: dict[str, Array | None] = {}
         for name, place in _NEES.items():

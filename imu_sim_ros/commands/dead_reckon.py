@@ -15,9 +15,8 @@ from typing import Final
 from imu_sim_ros import program
 from imu_sim_ros.commands.common import COMMON, output_and_plot, save_plot, skipped_rows
 from imu_sim_ros.conventions import TRUTH_TOPIC
+from imu_sim_ros.datasets.world import KnownWorld
 from imu_sim_ros.jobs.dead_reckon import (
-    CURVED_EARTH,
-    KnownWorld,
     Track,
     initial_condition,
     integrated,
@@ -95,9 +94,8 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _tracks(arguments: argparse.Namespace) -> list[Track]:
     """Return the trajectory of each way to integrate that is asked for."""
-    world = read_world(arguments.bag)
-    if world.curved_earth:
-        print(f"dead_reckon: {arguments.bag}: {CURVED_EARTH}", file=sys.stderr)
+    _settings(arguments, KnownWorld({}))  # wrong ones are refused before anything is read
+    world = read_world(arguments.bag, arguments.imu_topic, arguments.truth_topic)
     settings = _settings(arguments, world)
     recording = read_recording(
         arguments.bag,
@@ -107,6 +105,8 @@ def _tracks(arguments: argparse.Namespace) -> list[Track]:
         skipped_rows(arguments, "dead_reckon", f"the truth of {arguments.bag}"),
     )
     start = initial_condition(settings, recording.after(arguments.skip))
+    for note in world.notes:
+        print(f"dead_reckon: {arguments.bag}: {note}", file=sys.stderr)
     if not arguments.all:
         return [integrated(start, settings)]
     return [

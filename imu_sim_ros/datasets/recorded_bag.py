@@ -206,7 +206,7 @@ class RecordedImages:
         if topic.type == CAMERA_INFO:
             self._infos.setdefault(_base(topic.name), message)
         else:
-            self._transforms.update(_fixed(message))
+            self._transforms.update(fixed_transforms(message))
 
     def _describe(self, comment: str) -> None:
         for name, camera in self._cameras.items():
@@ -268,7 +268,7 @@ def pixels(topic: str, message: Any) -> NDArray[Any]:
     return values if message.encoding.startswith("rgb") else values[..., ::-1]
 
 
-def _fixed(message: Any) -> Transforms:
+def fixed_transforms(message: Any) -> Transforms:
     """Return the transforms of a message of /tf_static."""
     found: Transforms = {}
     for t in message.transforms:
@@ -282,14 +282,19 @@ def _fixed(message: Any) -> Transforms:
 
 def to_root(transforms: Transforms, frame: str) -> Array | None:
     """Return T (4, 4) from a frame to the one that everything is fixed to; None: not known."""
-    if frame not in transforms:
-        return None
-    pose, seen = np.eye(4), set()
-    while frame in transforms and frame not in seen:
-        seen.add(frame)
-        frame, step = transforms[frame]
-        pose = step @ pose
-    return pose
+    return list(ancestors(transforms, frame).values())[-1] if frame in transforms else None
+
+
+def ancestors(transforms: Transforms, frame: str) -> dict[str, Array]:
+    """Return T (4, 4) from a frame to itself, its parent, the parent's parent, ..."""
+    found = {frame: np.eye(4)}
+    while frame in transforms:
+        parent, step = transforms[frame]
+        if parent in found:
+            break
+        found[parent] = step @ found[frame]
+        frame = parent
+    return found
 
 
 def _described(info: Any) -> CameraInfo | None:

@@ -53,19 +53,33 @@ _WORLD: Final = (
 """Parameters of the world that the readings depend on; ``dead_reckon`` reads them."""
 
 
-def world_of(bag: Path) -> SimulationParameters | None:
-    """Return the simulation from the realised truth next to a bag; None without one.
+_PLACE: Final = ("imu.lever_arm", "imu.mounting")
 
+
+def simulation_of(bag: Path, imu_topic: str | None = None) -> SimulationParameters | None:
+    """Return world and place of the IMU from the realised truth next to a bag; None without one.
+
+    :param imu_topic: of one IMU of several.
     :raises ConfigurationError: for a file that is not what ``generate`` wrote.
+    :raises InputError: for IMUs of different places without a topic that names one.
     """
     bag = named(bag)
-    path = _truth(bag, "")
-    if not is_present(path):
-        path = next(iter(sorted(bag.parent.glob(f"{glob.escape(_stem(bag))}_truth_*.yaml"))), path)
-    if not is_present(path):
+    paths = [_truth(bag, "")]
+    if not is_present(paths[0]):
+        paths = sorted(bag.parent.glob(f"{glob.escape(_stem(bag))}_truth_*.yaml"))
+    if not paths:
         return None
-    values = files.load(path)
-    return load_simulation({name: values[name] for name in _WORLD if name in values})
+    found = {path: files.load(path) for path in paths}
+    of_imus = {path: values for path, values in found.items() if _PLACE[0] in values}
+    own = _truth(bag, (imu_topic or "").strip("/").split("/")[0])
+    values = found.get(own, next(iter((of_imus or found).values())))
+    if own not in found and len({str([v[n] for n in _PLACE]) for v in of_imus.values()}) > 1:
+        raise InputError(
+            f"{bag}: IMUs of different places, {', '.join(p.name for p in of_imus)}: no file has "
+            f"the name of the topic {imu_topic or 'of the readings'}; give imu.lever_arm and "
+            "imu.mounting"
+        )
+    return load_simulation({n: values[n] for n in (*_WORLD, *_PLACE) if n in values})
 
 
 def new_truths(output: Path, simulated: Mapping[str, SimulationParameters]) -> dict[Path, str]:

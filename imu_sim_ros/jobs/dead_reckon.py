@@ -19,7 +19,8 @@ import numpy as np
 from imu_sim_ros.arguments import BAG_OR_FILE, name_of, number, one_of, switch
 from imu_sim_ros.arguments import path as checked_path
 from imu_sim_ros.arguments import topic as checked_topic
-from imu_sim_ros.conventions import GRAVITY
+from imu_sim_ros.datasets import world as worlds
+from imu_sim_ros.datasets.world import KnownWorld, world_of_simulation
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.jobs import tracks
@@ -27,9 +28,11 @@ from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.output import saved
 from imu_sim_ros.jobs.readings import Odometry, Readings, checked_poses, frame
 from imu_sim_ros.navigation import initialisation
+from imu_sim_ros.navigation.association import interpolate_vectors
 from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, initial_covariance, propagate
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon as integrate
 from imu_sim_ros.navigation.evaluation import Drift, TrueStates, distances, drift_from
+from imu_sim_ros.navigation.mount import Mount, mount_of
 from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
 from imu_sim_ros.navigation.state import (
@@ -40,8 +43,6 @@ from imu_sim_ros.navigation.state import (
 )
 from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.rotation import to_euler
-from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
 from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.timebase import span
 from imu_sim_ros.types import Array, Mask, Times
@@ -52,10 +53,6 @@ if TYPE_CHECKING:
 _POSE: Final = np.r_[POSITION, ATTITUDE]
 _LONGEST_SKIP: Final = 2.0**31
 """[s]"""
-CURVED_EARTH: Final = (
-    "simulated over a curved Earth, which is integrated as a plane: the errors include what the "
-    "local level turns and gravity changes along the way"
-)
 
 
 @dataclass(frozen=True, repr=False)
@@ -218,9 +215,9 @@ def dead_reckon(
     switch("covariance", covariance)
     number("skip", skip, "seconds, from 0 to 2^31", 0.0, _LONGEST_SKIP)
     recording = _recording(readings, imu_topic, truth_topic).after(skip)
-    world = _world(readings)
-    if world.curved_earth:
-        warnings.warn(CURVED_EARTH, stacklevel=2)
+    world = _world(readings, imu_topic, truth_topic)
+    for note in world.notes:
+        warnings.warn(note, stacklevel=2)
     parameters = {**world.parameters, **parameters}
     initial = initial or "truth"
     name = initial if isinstance(initial, str) else "parameters"
@@ -235,15 +232,7 @@ def dead_reckon(
     track = integrated(start, settings)
     if not covariance:
         return track
-    return replace(track, covariance=_covariance(readings, track, start))
-
-
-class KnownWorld(NamedTuple):
-    """What integration has to know of the world that readings were simulated in."""
-
-    parameters: dict[str, Any]
-    """Gravity and the Earth's rate, if they are not the usual ones."""
-    curved_earth: bool
+    return replace(track, covariance=_covariance(readings, track, start, mount_of(settings.imu)))
 
 
 class ReadingsAndTruth(NamedTuple):
@@ -272,7 +261,10 @@ class InitialCondition(NamedTuple):
     recording: ReadingsAndTruth
     """From the start on."""
     state: NavigationState
+    """Of the body."""
     correction: Correction
+    rate: Array | None = None
+    """(3,) of the body relative to the world [rad/s]; None: as it is read."""
 
 
 def _recording(
@@ -311,27 +303,19 @@ def read_recording(
     return ReadingsAndTruth(readings, truth)
 
 
-def _world(readings: object) -> KnownWorld:
+def _world(readings: object, imu_topic: str | None, truth_topic: str | None) -> KnownWorld:
     if isinstance(readings, Flight):
-        return _known(readings.parameters)
+        return world_of_simulation(readings.parameters)
     if isinstance(readings, str | PathLike):
-        return read_world(Path(readings))
-    return _known(None)
+        return read_world(Path(readings), imu_topic, truth_topic)
+    return KnownWorld({})
 
 
-def read_world(path: Path) -> KnownWorld:
-    """Return the world of a simulated file, as the realised truth next to it describes it."""
-    from imu_sim_ros.datasets.truth_files import world_of  # most readings are at hand
-
-    return _known(world_of(path))
-
-
-def _known(world: EnvironmentParameters | None) -> KnownWorld:
-    if world is None:
-        return KnownWorld({}, False)
-    gravity, rate = gravity_vector(world).tolist(), earth_rate_vector(world).tolist()
-    found = {"gravity": gravity} if tuple(gravity) != GRAVITY else {}
-    return KnownWorld({**found, "earth_rate": rate} if any(rate) else found, world.curved_earth)
+def read_world(path: Path, imu_topic: str | None, truth_topic: str | None) -> KnownWorld:
+    """Return the world of a file; the topics are those of :func:`read_recording`."""
+    with_truth = truth_topic is not None or tracks.has_truth(path)
+    topic = tracks.truth_topic(path, truth_topic) if with_truth else None
+    return worlds.read_world(path, imu_topic, topic, with_truth)
 
 
 def _settings(
@@ -366,7 +350,8 @@ def initial_condition(
         if late.any():
             recording = recording.rows(~late)
         at = recording.readings.t_ns[0]
-        return InitialCondition(recording, _comparable(truth).at(int(at)), correction_of(settings))
+        state, known = _comparable(truth).at(int(at)), correction_of(settings)
+        return InitialCondition(recording, state, known, _true_rate(truth, int(at)))
     rest = initialisation.rest_rows(settings, readings.t_ns)
     start_ns = int(readings.t_ns[rest.stop - 1])
     position = yaw = None
@@ -377,8 +362,15 @@ def initial_condition(
         settings, readings.gyro[rest], readings.accel[rest], position=position, yaw=yaw
     )
     return InitialCondition(
-        recording.rows(slice(rest.stop - 1, None)), found.state, found.correction
+        recording.rows(slice(rest.stop - 1, None)), found.state, found.correction, found.rate
     )
+
+
+def _true_rate(truth: Odometry, t_ns: int) -> Array | None:
+    """Return the rate of the body (3,) at one time; None for a truth without rates, as EuRoC's."""
+    if not truth.angular_velocity.any():
+        return None
+    return interpolate_vectors(truth.t_ns, truth.angular_velocity, np.array([t_ns]))[0]
 
 
 def _no_truth(source: str) -> InputError:
@@ -434,12 +426,14 @@ def integrated(start: InitialCondition, settings: IntegratorParameters) -> Track
         start.correction,
         settings.max_gap,
         settings.earth_rate,
+        mount_of(settings.imu),
+        start.rate,
     )
     words = (settings.method, settings.attitude_update, None)
     return Track(*states, *words, truth, readings.name, settings.initial_state)
 
 
-def _covariance(given: object, track: Track, start: InitialCondition) -> Array:
+def _covariance(given: object, track: Track, start: InitialCondition, mount: Mount) -> Array:
     """Return the covariance (n, 6, 6) of the poses from an exact start."""
     if not isinstance(given, Flight):
         raise InputError("covariance: the sensor's errors are known of a flight alone")
@@ -451,7 +445,8 @@ def _covariance(given: object, track: Track, start: InitialCondition) -> Array:
     readings = start.recording.readings
     force = start.correction.apply(readings.gyro, readings.accel)[1]
     states = NavigationStates(track.t_ns, track.position, track.velocity, track.q_wb)
-    found = propagate(states, force, noise_of(imu), initial, range(len(track)))
+    rows = range(len(track))
+    found = propagate(states, force, noise_of(imu), initial, rows, mount)
     return found[:, _POSE[:, None], _POSE]
 
 

@@ -23,8 +23,10 @@ from imu_sim_ros.jobs.dead_reckon import Track
 from imu_sim_ros.jobs.readings import Odometry
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.evaluation import TrueStates
+from imu_sim_ros.navigation.mount import mount_of
 from imu_sim_ros.parameters import files
 from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.sensors.gravity import gravity_vector
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import SimulationParameters
 from imu_sim_ros.text_tables import TextTable
@@ -171,7 +173,11 @@ def tracks(parameters: SimulationParameters, bag: Path) -> dict[str, Track]:
     found = {}
     for label, values in readings.items():
         for method in _METHODS:
-            states = dead_reckon(noisy.t_ns, *values, initial, method, gravity=parameters.gravity)
+            states = dead_reckon(
+                *(noisy.t_ns, *values, initial, method),
+                gravity=gravity_vector(parameters).tolist(),
+                mount=mount_of(parameters.imu),
+            )
             found[f"{method}, {label}"] = Track(*states[:4], method, "so3", None, truth)
     return found
 

@@ -20,6 +20,7 @@ from imu_sim_ros.calibration.twin.pose_noise import NoisyPoses, noise_over, scat
 from imu_sim_ros.jobs.twin_recording import TwinRecording, moving
 from imu_sim_ros.json_text import plain
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
+from imu_sim_ros.navigation.mount import mount_at
 from imu_sim_ros.navigation.state import NavigationState
 from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.simulation.engine import Simulation
@@ -269,14 +270,10 @@ def _imu_motion(source: TwinRecording, t: Array, errors: Errors, world: Array) -
     """
     motion = source.motion(t)
     motion = motion._replace(q_wb=rotation.multiply(rotation.exp(world), motion.q_wb))
-    arm = errors.lever_arm
-    sweep = np.cross(motion.angular_velocity, arm)
-    q_bi = rotation.from_matrix(errors.r_ib.T)
-    return motion._replace(
-        position=motion.position + rotation.rotate(motion.q_wb, arm),
-        velocity=motion.velocity + rotation.rotate(motion.q_wb, sweep),
-        q_wb=rotation.multiply(motion.q_wb, q_bi),
-    )
+    mount = mount_at(errors.lever_arm, errors.r_ib.T)
+    body = NavigationState._make((motion.position, motion.velocity, motion.q_wb))
+    imu = mount.imu_state(body, motion.angular_velocity)
+    return motion._replace(position=imu.position, velocity=imu.velocity, q_wb=imu.q_wb)
 
 
 def flown_again(

@@ -33,9 +33,10 @@ from numpy.typing import ArrayLike
 
 from imu_sim_ros import rotation
 from imu_sim_ros.navigation.covariance_terms import SecondOrder, SlowErrors
+from imu_sim_ros.navigation.mount import ALIGNED, Mount
 from imu_sim_ros.navigation.noise import ImuErrors
 from imu_sim_ros.navigation.state import NavigationStates
-from imu_sim_ros.rotation.scalars import M9
+from imu_sim_ros.rotation.scalars import M9, ZERO
 from imu_sim_ros.types import Array
 
 SIZE: Final = 15
@@ -197,6 +198,10 @@ class Covariance:
             result[VELOCITY] = self._accel_white * h + self._accel_rounding * (h * h)
         return result
 
+    def gyro_white(self, rate_hz: float) -> Array:
+        """Return the variance (3,) of white noise and rounding of a gyroscope's reading."""
+        return self._gyro_white * rate_hz + self._gyro_rounding
+
     def _add_white(self, p: Array, h: float, turned: Array) -> None:
         """Add (R h) diag(density^2 / h) (R h)^T: white noise of one sample of length h."""
         white = self._gyro_white / h + self._gyro_rounding
@@ -284,7 +289,7 @@ class Covariance:
         result: Array = jacobian.dot(mean_square).dot(jacobian.T)
         if rate_hz != self._white_rate:
             self._white_rate = rate_hz
-            self._white[_ANGULAR] = self._gyro_white * rate_hz + self._gyro_rounding
+            self._white[_ANGULAR] = self.gyro_white(rate_hz)
         result += self._white
         return result
 
@@ -329,6 +334,7 @@ def propagate(
     noise: ImuErrors,
     initial: Array | Covariance | None = None,
     at: Sequence[int] = (-1,),
+    mount: Mount = ALIGNED,
 ) -> Array:
     """Return the covariance of a dead-reckoned record at some of its rows.
 
@@ -338,18 +344,25 @@ def propagate(
     :param initial: (15, 15) covariance at the first row, or one such as
         :func:`~imu_sim_ros.navigation.initialisation.after_rest` gives; None is no error.
     :param at: the m rows to return, increasing; -1 is the last.
+    :param mount: place of the IMU in the body, whose states are given and whose covariance is
+        returned, the biases in the IMU's axes; ``initial`` is that of the IMU's state.
     :returns: (m, 15, 15) mean squares of the error, the second order included.
     """
     covariance = initial if isinstance(initial, Covariance) else Covariance(noise, initial)
     steps = (np.diff(states.t_ns) * 1e-9).tolist()
-    turns = rotation.log(rotation.multiply(rotation.conjugate(states.q_wb[:-1]), states.q_wb[1:]))
+    q_wi = states.q_wb if mount == ALIGNED else rotation.multiply(states.q_wb, mount.q_bi)
+    turns = rotation.log(rotation.multiply(rotation.conjugate(q_wi[:-1]), q_wi[1:]))
     rates = turns / np.reshape(steps, (-1, 1))
-    matrices = rotation.to_matrix(states.q_wb)
+    matrices = rotation.to_matrix(q_wi)
     wanted = [row % len(states.t_ns) for row in at]
     result, place = np.empty((len(wanted), SIZE, SIZE)), 0
     for k in range(wanted[-1] + 1):
         while place < len(wanted) and wanted[place] == k:
             result[place] = covariance.mean_square()
+            if mount.lever_arm != ZERO:
+                last = min(k, len(steps) - 1)
+                own = (matrices[k], rates[last], covariance.gyro_white(1.0 / steps[last]))
+                result[place] = mount.state_covariance(result[place], *own)
             place += 1
         if k < wanted[-1]:
             covariance.step(steps[k], matrices[k], accel[k], rates[k])

@@ -42,6 +42,7 @@ from imu_sim_ros import rotation
 from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.navigation import angles, increments
 from imu_sim_ros.navigation.increments import Increments
+from imu_sim_ros.navigation.mount import ALIGNED, Mount
 from imu_sim_ros.navigation.state import (
     NO_CORRECTION,
     Correction,
@@ -72,26 +73,59 @@ def dead_reckon(
     correction: Correction = NO_CORRECTION,
     max_gap: float = math.inf,
     earth_rate: Sequence[float] = _STILL,
+    mount: Mount = ALIGNED,
+    initial_rate: Array | None = None,
 ) -> NavigationStates:
     """Integrate readings.
 
     :param t_ns: (n,) stamps [ns], increasing.
     :param gyro: (n, 3) angular rates as read [rad/s].
     :param accel: (n, 3) specific forces as read [m/s^2].
-    :param initial: the state at the first stamp.
+    :param initial: the state of the body at the first stamp.
     :param method: euler, midpoint or rk4.
     :param attitude: quaternion, so3 or euler_angles.
     :param gravity: (3,) in the world frame [m/s^2].
     :param correction: the known errors of the readings.
     :param max_gap: longest interval that is integrated over [s].
     :param earth_rate: (3,) rate of the world, in the world frame [rad/s].
-    :returns: the states at all stamps, the initial one first.
+    :param mount: place of the IMU in the body.
+    :param initial_rate: (3,) angular rate of the body at the first stamp, relative to the world and
+        in the body [rad/s]; with a lever arm it decides the IMU's velocity. None: as it is read.
+    :returns: the states of the body at all stamps, the initial one first.
     :raises ConfigurationError: for an unknown method or attitude update.
     :raises InputError: for readings that cannot be integrated, and for Euler angles that come
         near their gimbal lock.
     """
     check_method(method, attitude)
     check_readings(t_ns, gyro, accel, max_gap)
+    ways = (method, attitude, gravity, correction, earth_rate)
+    if mount == ALIGNED:
+        return _integrated(t_ns, gyro, accel, initial, *ways)
+
+    def rate(rows: slice, q_wi: Array) -> Array:
+        """Return the rate relative to the world (m, 3), in the IMU's axes."""
+        read = correction.apply(gyro[rows], accel[rows])[0]
+        return read - rotation.rotate_inverse(q_wi, earth_rate)
+
+    if initial_rate is None:
+        q_wi = rotation.multiply(initial.q_wb, mount.q_bi)
+        initial_rate = rotation.rotate(mount.q_bi, rate(slice(1), q_wi)[0])
+    imu = _integrated(t_ns, gyro, accel, mount.imu_state(initial, initial_rate), *ways)
+    return mount.body_states(imu, rate(slice(None), imu.q_wb))
+
+
+def _integrated(
+    t_ns: Integers,
+    gyro: Array,
+    accel: Array,
+    initial: NavigationState,
+    method: str,
+    attitude: str,
+    gravity: Sequence[float],
+    correction: Correction,
+    earth_rate: Sequence[float],
+) -> NavigationStates:
+    """Return the states of the IMU itself; the readings have been checked."""
     if attitude == "euler_angles" and any(earth_rate):
         stepper = Stepper(
             initial, method, attitude, gravity, correction, math.inf, earth_rate=earth_rate

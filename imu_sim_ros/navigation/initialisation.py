@@ -18,9 +18,11 @@ from imu_sim_ros.navigation.covariance import (
     ACCEL_BIAS,
     ATTITUDE,
     GYRO_BIAS,
+    POSITION,
     Covariance,
     initial_covariance,
 )
+from imu_sim_ros.navigation.mount import ALIGNED, Mount, mount_of
 from imu_sim_ros.navigation.noise import ImuErrors, noise_of
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import Correction, NavigationState, correction_of
@@ -84,9 +86,12 @@ class Initial(NamedTuple):
     """The initial condition of integration."""
 
     state: NavigationState
+    """Of the body."""
     correction: Correction
     covariance: Covariance
-    """Covariance of the state's error."""
+    """Covariance of the error of the IMU's state."""
+    rate: Array | None = None
+    """(3,) of the body relative to the world [rad/s]; None: as it is read."""
 
 
 def from_parameters(parameters: IntegratorParameters) -> Initial:
@@ -103,14 +108,20 @@ def given_state(parameters: IntegratorParameters) -> NavigationState:
     )
 
 
-def from_state(parameters: IntegratorParameters, state: NavigationState) -> Initial:
-    """Return the start at a known state, such as the truth's; the sensor's biases are not known."""
+def from_state(
+    parameters: IntegratorParameters, state: NavigationState, rate: Array | None = None
+) -> Initial:
+    """Return the start at a known state, such as the truth's; the sensor's biases are not known.
+
+    :param rate: (3,) of the body relative to the world [rad/s]. None: as the gyroscope reads it;
+        the covariance leaves out what its error does to the velocity at a lever arm.
+    """
     covariance = initial_covariance(
         gyroscope_bias=parameters.imu.gyroscope.turn_on_bias_sigma,
         accelerometer_bias=parameters.imu.accelerometer.turn_on_bias_sigma,
     )
     return Initial(
-        state, correction_of(parameters), Covariance(noise_of(parameters.imu), covariance)
+        state, correction_of(parameters), Covariance(noise_of(parameters.imu), covariance), rate
     )
 
 
@@ -174,6 +185,7 @@ def from_rest(
     finite = np.isfinite(rates).all(axis=1) & np.isfinite(forces).all(axis=1)
     known = correction_of(parameters)
     rates, forces = known.apply(rates[finite], forces[finite])
+    mount = mount_of(parameters.imu)
     heading = parameters.initial_orientation[2] if yaw is None else yaw
     imu = parameters.imu
     response = math.hypot(
@@ -181,8 +193,10 @@ def from_rest(
     )
     by_scale = response * np.linalg.norm(parameters.gravity)
     uncertainty = math.hypot(max(imu.accelerometer.turn_on_bias_sigma), by_scale)
-    found = level(rates, forces, parameters.gravity, heading, uncertainty)
-    turning = rotation.rotate_inverse(found.q_wb, np.asarray(parameters.earth_rate))
+    forces_b = rotation.rotate(mount.q_bi, forces)
+    found = level(rates, forces_b, parameters.gravity, heading, uncertainty)
+    q_wi = rotation.multiply(found.q_wb, mount.q_bi)
+    turning = rotation.rotate_inverse(q_wi, np.asarray(parameters.earth_rate))
     scale = np.reshape(parameters.gyroscope_scale_misalignment, (3, 3))
     bias = np.asarray(parameters.gyroscope_bias) + scale @ (found.gyroscope_bias - turning)
     x, y, z = bias.tolist()
@@ -196,8 +210,9 @@ def from_rest(
         rotation.to_matrix(found.q_wb),
         parameters.gravity,
         len(rates) / parameters.level_time,
+        mount,
     )
-    return Initial(state, correction, covariance)
+    return Initial(state, correction, covariance, np.zeros(3))
 
 
 def after_rest(
@@ -207,6 +222,7 @@ def after_rest(
     r_wb: Array,
     gravity: Sequence[float],
     rate_hz: float,
+    mount: Mount = ALIGNED,
 ) -> Covariance:
     """Return the covariance at the end of a rest, which gives roll and pitch as well.
 
@@ -215,18 +231,21 @@ def after_rest(
     ``theta_x = -e_y / g`` and ``theta_y = e_x / g`` (Groves, "Principles of GNSS, inertial, and
     multisensor integrated navigation systems", 2nd edition, section 5.6.2), and the two go
     together: what the bias does to the velocity, the tilt undoes. The remaining gyroscope bias is
-    its change since the rest.
+    its change since the rest. A body that is tilted about its origin moves the IMU.
 
     :param noise: the IMU's errors.
     :param time: length of the rest [s].
     :param accelerometer_bias: (3,) standard deviation of the constant bias, or one number [m/s^2].
-    :param r_wb: (3, 3) attitude.
+    :param r_wb: (3, 3) attitude of the body.
     :param gravity: (3,) in the world, along z [m/s^2].
     :param rate_hz: readings per second; it decides how far rounding averages out.
+    :param mount: place of the IMU in the body.
+    :returns: that of the IMU's state.
     """
     result = Covariance(noise)
     p, slow = result.matrix, result.slow
-    slow.act_on(np.zeros(3), -r_wb.T @ np.asarray(gravity))
+    r_wi = r_wb if mount == ALIGNED else r_wb @ rotation.to_matrix(mount.q_bi)
+    slow.act_on(np.zeros(3), -r_wi.T @ np.asarray(gravity))
     mean, end = slow.over(time)
     gyro, accel = slow.effect[:3], slow.effect[3:]
     # A walk w of density K is off its mean over the rest by K^2 T / 3; E[mean(w) w] = K^2 T / 2.
@@ -237,7 +256,7 @@ def after_rest(
     walk = np.square(noise.accelerometer.random_walk) * time
     constant = np.diag(np.broadcast_to(np.square(accelerometer_bias), 3))
     p[ACCEL_BIAS, ACCEL_BIAS] = constant + np.diag(walk)
-    tilt = _turn_by_bias(r_wb) / -gravity[2]
+    tilt = _turn_by_bias(r_wb) @ r_wi / -gravity[2]
     white = _mean_of_white(
         noise.accelerometer.noise_density, noise.accelerometer.resolution, time, rate_hz
     )
@@ -251,11 +270,13 @@ def after_rest(
     shared = -tilt @ (accel * mean) @ gyro.T
     p[ATTITUDE, GYRO_BIAS] = shared
     p[GYRO_BIAS, ATTITUDE] = shared.T
-    return Covariance(noise, p, slow.cross)
+    to_imu = np.eye(len(p))
+    to_imu[POSITION, ATTITUDE] = -rotation.skew(r_wb @ mount.lever_arm)
+    return Covariance(noise, to_imu @ p @ to_imu.T, to_imu @ slow.cross)
 
 
 def _turn_by_bias(r_wb: Array) -> Array:
-    """Return (3, 3) the turn of a levelled attitude by a bias of the force, times gravity.
+    """Return (3, 3) the turn of a levelled attitude by a bias in the world's axes, times gravity.
 
     A bias b along the world's axes turns by ``(-b_y, b_x) / g`` about x and y. The heading that is
     kept is Euler's: at a pitch theta, a turn t about the horizontal axis ahead turns by
@@ -264,7 +285,7 @@ def _turn_by_bias(r_wb: Array) -> Array:
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     ahead = r_wb[:2, 0]  # cos(theta) (cos psi, sin psi); r_wb[2, 0] is -sin(theta)
     turn[2] = r_wb[2, 0] / max(float(ahead @ ahead), 1e-12) * (ahead @ turn[:2])
-    return turn @ r_wb
+    return turn
 
 
 def _coning(tilt: Array, r_wb: Array) -> float:

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.navigation.parameters import IntegratorNoiseParameters
+from imu_sim_ros.navigation.parameters import IntegratorImuParameters
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.types import Array
 
@@ -52,7 +52,7 @@ class ImuErrors(NamedTuple):
     accelerometer: TriadErrors = TriadErrors()
 
 
-def noise_of(parameters: ImuParameters | IntegratorNoiseParameters) -> ImuErrors:
+def noise_of(parameters: ImuParameters | IntegratorImuParameters) -> ImuErrors:
     """Return the errors that a section of parameters describes."""
     gyroscope, accelerometer = (
         TriadErrors(*(np.asarray(getattr(triad, name), float) for name in TriadErrors._fields))

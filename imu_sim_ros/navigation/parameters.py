@@ -6,7 +6,7 @@
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from imu_sim_ros.conventions import BODY_FRAME, GRAVITY, TRIADS, WORLD_FRAME
 from imu_sim_ros.parameters.files import load
@@ -25,7 +25,7 @@ from imu_sim_ros.parameters.kinds import (
     vector,
 )
 from imu_sim_ros.parameters.sections import parameters, section
-from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.imu.parameters import ImuParameters, rotation_problems
 from imu_sim_ros.sensors.imu.presets import sensor_layer
 from imu_sim_ros.sensors.imu.triads import TriadParameters, invertible_problems, triad
 
@@ -75,16 +75,25 @@ class TriadNoiseParameters:
 
 
 @dataclass(frozen=True)
-class IntegratorNoiseParameters:
-    """The IMU's errors as the covariance of the odometry takes them; each as in the simulator."""
+class IntegratorImuParameters:
+    """The IMU's place in the body, and its errors as the covariance of the odometry takes them.
+
+    Each is as in the simulator.
+    """
 
     preset: str = text(
         DEFAULT_IMU,
         "file in config/imus, or a path, with the noise parameters; without any imu.*, the node "
         "uses those that the simulator publishes",
     )
+    lever_arm: Vector = vector(0.0, parameters(ImuParameters)["lever_arm"].text, unit="m")
+    mounting: Matrix = matrix(IDENTITY_MATRIX, parameters(ImuParameters)["mounting"].text)
     gyroscope: TriadNoiseParameters = triad(TriadNoiseParameters, "gyroscope")
     accelerometer: TriadNoiseParameters = triad(TriadNoiseParameters, "accelerometer")
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Yield problems that involve several parameters."""
+        yield from rotation_problems(self.mounting, f"{prefix}mounting")
 
 
 @dataclass(frozen=True)
@@ -144,7 +153,7 @@ class IntegratorParameters:
     world_frame: str = text(WORLD_FRAME, "frame of the pose")
     body_frame: str = text(BODY_FRAME, "frame of the body, in which the twist is given")
     covariance: bool = flag(True, "propagate the covariance of pose and twist from imu.*")
-    imu: IntegratorNoiseParameters = section(IntegratorNoiseParameters)
+    imu: IntegratorImuParameters = section(IntegratorImuParameters)
     path_rate: float = number(
         0.0, "rate of dead_reckoned/path; 0: none", unit="Hz", minimum=0.0, maximum=50.0
     )
@@ -201,6 +210,29 @@ def layer_integrator(
             short = name.removeprefix("imu.")
             result.update({key: value for key in (name, short) if key in own})
     return {**result, **given}
+
+
+PLACE: Final = ("imu.lever_arm", "imu.mounting")
+"""The IMU's place in the body, which its description states unless it is given."""
+
+
+def has_own_noise(given: Mapping[str, object]) -> bool:
+    """Return whether given parameters state the IMU's errors."""
+    return any(name.startswith("imu.") and name not in PLACE for name in given)
+
+
+def of_the_description(
+    given: Mapping[str, object], described: Mapping[str, object]
+) -> Mapping[str, object]:
+    """Return what a description of the sensor adds to given parameters: all, or only its place.
+
+    :param given, described: by dotted name.
+    :raises ConfigurationError: for a preset that cannot be read.
+    """
+    if not has_own_noise(given):
+        return described
+    place = {name: described[name] for name in PLACE if name in described}
+    return {**sensor_layer(str(given.get("imu.preset", DEFAULT_IMU))), **place}
 
 
 def outside_covariance(

@@ -157,6 +157,8 @@ class OdometryFields(NamedTuple):
     """of the body, in the body frame [m/s]"""
     angular_velocity_b: V3
     """[rad/s]"""
+    frames: tuple[str, ...] = ("", "")
+    """``header.frame_id``, that of the pose, and ``child_frame_id``, the body; empty: not named."""
 
 
 _READINGS: Final = ("angular_velocity", "linear_acceleration")
@@ -219,7 +221,8 @@ def truth(payload: bytes) -> OdometryFields:
         pose = (gate.POSITION, position), (gate.ORIENTATION, q_wb)
         raise _refused(t_ns, *pose, (gate.VELOCITY, velocity), (gate.RATE, rate))
     off = abs(w * w + x * x + y * y + z * z - 1.0) > _ROUNDING
-    return OdometryFields(t_ns, position, normalise(q_wb) if off else q_wb, velocity, rate)
+    unit = normalise(q_wb) if off else q_wb
+    return OdometryFields(t_ns, position, unit, velocity, rate, _odometry.texts)
 
 
 def _checked(second: int, nanosecond: int, gyro: V3, accel: V3) -> ImuReading:

@@ -17,6 +17,7 @@ from std_msgs.msg import String
 from imu_sim_ros.conventions import IMU_TOPIC, SENSOR_SUFFIX
 from imu_sim_ros.errors import ImuSimError, InputError
 from imu_sim_ros.json_text import as_json
+from imu_sim_ros.navigation.parameters import PLACE, has_own_noise
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import create
 from imu_sim_ros.nodes.subscriptions import Taken
@@ -77,7 +78,8 @@ def decode(text: str) -> dict[str, object]:
 class SensorDescription:
     """Holds messages back until the description of the sensor has arrived.
 
-    If the noise is given, or no covariance is requested, nothing waits.
+    If the place of the IMU is given, and its noise is given or no covariance is requested, nothing
+    waits.
 
     :param adopt: takes the description's parameters, by dotted name.
     :param release: receives a topic and messages of it that have waited; ``lock`` is held.
@@ -94,8 +96,9 @@ class SensorDescription:
         self._node, self._adopt, self._release, self._lock = node, adopt, release, lock
         self._held: list[tuple[str, list[Taken]]] = []
         self._first = 0.0
-        own = any(name.startswith("imu.") for name in node.given)
-        self.settled = own or not node.parameters.covariance
+        self.noise_known = has_own_noise(node.given) or not node.parameters.covariance
+        """Whether the noise is given, or not needed."""
+        self.settled = self.noise_known and all(name in node.given for name in PLACE)
         """Whether nothing waits any more."""
         self.described = False
         """Whether the source of the readings has described its sensor."""
@@ -147,8 +150,16 @@ class SensorDescription:
             self.settle()
 
     def warn(self) -> None:
-        """Warn that the noise is a guess."""
-        self._node.get_logger().warning(
-            f"no sensor description on {self.topic}: the covariance uses the noise of "
-            f"imu.preset {self._node.parameters.imu.preset}; --imu NAME|FILE chooses another"
-        )
+        """Say what is assumed of the sensor; a guessed noise is a warning."""
+        logger, node = self._node.get_logger(), self._node
+        unknown = f"no sensor description on {self.topic}: "
+        if not self.noise_known:
+            logger.warning(
+                f"{unknown}the covariance uses the noise of imu.preset "
+                f"{node.parameters.imu.preset}; --imu NAME|FILE chooses another"
+            )
+        if not any(name in node.given for name in PLACE):
+            logger.info(
+                f"{unknown}the IMU is taken to be in the body's origin, with its axes "
+                "(imu.lever_arm, imu.mounting)"
+            )

@@ -12,12 +12,12 @@ import numpy as np
 from imu_sim_ros.campaigns.comparison import read_estimate
 from imu_sim_ros.campaigns.parameters import CommandEstimator, DeadReckonEstimator
 from imu_sim_ros.campaigns.plan import Plan
+from imu_sim_ros.campaigns.reckoning import reckoned
 from imu_sim_ros.campaigns.results import Row
 from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.campaigns.summary import Group
 from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.navigation.association import align, common_rows, interpolate_poses
-from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.reports.page import Item
 from imu_sim_ros.reports.streams import extremes
@@ -137,8 +137,7 @@ def _tracks(
         readings = cell.readings(block)
         if not np.array_equal(readings.t_ns, truth.t_ns):
             return None
-        methods = (estimator.method, estimator.attitude_update)
-        states = dead_reckon(*readings, truth.at(0), *methods, cell.parameters.gravity)
+        states = reckoned(cell, estimator, block, readings, truth.at(0))
         estimate = PoseSequence(states.t_ns, states.position, states.q_wb)
     elif isinstance(estimator, CommandEstimator) and places:
         estimate = read_estimate(places[0], estimator.estimate_topic or None).poses

@@ -98,10 +98,17 @@ class MessageDecoder:
         except (ValueError, struct.error) as error:
             raise InputError(f"not a {self._type_name}: {error}") from None
 
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """The strings of the latest message."""
+        return self._latest.texts if self._latest else ()
+
     def _form(self, payload: bytes) -> "_Form":
-        found = layout(self._type_name, "cdr", raw_texts(self._type_name, "cdr", payload))
+        texts = raw_texts(self._type_name, "cdr", payload)
+        found = layout(self._type_name, "cdr", texts)
         fixed = [(start, stop, found.template[start:stop]) for start, stop in found.fixed]
-        return _Form(fixed, found.unpacker(self._names))
+        words = tuple(text.rstrip(b"\0").decode("utf-8", "replace") for text in texts)
+        return _Form(fixed, found.unpacker(self._names), words)
 
 
 class _Form(NamedTuple):
@@ -110,6 +117,7 @@ class _Form(NamedTuple):
     fixed: list[tuple[int, int, bytes]]
     """Spans (start, stop) with identical bytes in all of them."""
     fields: struct.Struct
+    texts: tuple[str, ...]
 
 
 def inside_order(orientation: Array) -> Array:

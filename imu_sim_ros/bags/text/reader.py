@@ -60,7 +60,7 @@ def imu_blocks(
     :param skipped: receives the number of bad rows skipped; None: they are errors.
     :raises InputError: with the first lines of every class of bad rows, at the end of the file.
     """
-    for t_ns, numbers in _blocks(_imu_file(path, name), _READING, skipped):
+    for t_ns, numbers in _blocks(imu_file(path, name), _READING, skipped):
         yield t_ns, numbers[:, :3], numbers[:, 3:]
 
 
@@ -128,7 +128,11 @@ def imu_names(path: Path) -> list[str]:
     return sorted(_imu_files(path)) if path.is_dir() else []
 
 
-def _imu_file(path: Path, name: str | None) -> Path:
+def imu_file(path: Path, name: str | None) -> Path:
+    """Return the file of the readings of a folder's IMU, imu0 or the only one.
+
+    :raises InputError: if there is none of the name, or several.
+    """
     if not path.is_dir():
         return path
     found = _imu_files(path)

@@ -32,6 +32,8 @@ class Start(NamedTuple):
     """State, correction and covariance at the first of the readings."""
     readings: list[ImuReading]
     """All readings since the start; the first one belongs to the state."""
+    frames: tuple[str, ...] = ("", "")
+    """Frames of the pose and of the body in the message that it started from; empty: none."""
 
 
 class Initialiser(Protocol):
@@ -104,8 +106,10 @@ class _FromTruth:
         # An older truth will do only once it is certain that none with this stamp follows.
         if truths[0].t_ns < t_ns and len(truths) == 1:
             return None
+        rate = np.array(truths[0].angular_velocity_b)
         state = _carried(truths[0], t_ns)
-        return Start(initialisation.from_state(self._parameters, state), list(readings))
+        initial = initialisation.from_state(self._parameters, state, rate)
+        return Start(initial, list(readings), truths[0].frames)
 
 
 class _FromRest:

@@ -28,9 +28,12 @@ from imu_sim_ros.conventions import (
     TRUTH_TOPIC,
 )
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.navigation.mount import ALIGNED, mount_of
 from imu_sim_ros.navigation.parameters import (
+    IntegratorImuParameters,
     IntegratorParameters,
     layer_integrator,
+    of_the_description,
     outside_covariance,
 )
 from imu_sim_ros.nodes import messages as decode
@@ -45,6 +48,7 @@ from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import Counter
 from imu_sim_ros.nodes.sensor_description import SensorDescription
 from imu_sim_ros.nodes.subscriptions import MatchedInputs, RawSubscriptions, Taken
+from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.rotation.scalars import to_euler
 
@@ -71,7 +75,7 @@ class Integrator(ConfiguredNode):
         self._received = {IMU_TOPIC: 0, TRUTH_TOPIC: 0}
         self._add_publishers(parameters)
         self.sensor = SensorDescription(self, self._adopt, self._integrate, self._lock)
-        if self.sensor.settled:
+        if self.sensor.noise_known:
             self._tell_what_is_left_out()
         self.create_service(Trigger, "~/reset", self._reset)
         self.reader = RawSubscriptions(
@@ -95,27 +99,39 @@ class Integrator(ConfiguredNode):
         print(f"integrator: published {sent} messages on {DEAD_RECKONED_TOPIC}", flush=True)
 
     def _add_publishers(self, parameters: IntegratorParameters) -> None:
-        world, body = parameters.world_frame, parameters.body_frame
-        self._odometry = OdometryEncoder(world, body)
         odometry_out = self._publisher(Odometry, DEAD_RECKONED_TOPIC)
         self._odometry_out = Counter(DEAD_RECKONED_TOPIC, odometry_out)
         self._angles_out = self._position_error_out = None
         self._path = None
         if parameters.roll_pitch_yaw:
-            self._angles = Vector3StampedEncoder(world)
             self._angles_out = self._publisher(Vector3Stamped, ROLL_PITCH_YAW_TOPIC)
         if parameters.error:
-            self._position_error = Vector3StampedEncoder(world)
-            self._attitude_error = Vector3StampedEncoder(body)
             self._position_error_out = self._publisher(Vector3Stamped, POSITION_ERROR_TOPIC)
             self._attitude_error_out = self._publisher(Vector3Stamped, ATTITUDE_ERROR_TOPIC)
         if parameters.path_rate:
             publisher = self.create_publisher(Path, PATH_TOPIC, 1)
-            self._path = PathPublisher(publisher, world, parameters)
+            self._path = PathPublisher(publisher, parameters.world_frame, parameters)
             steady = Clock(clock_type=ClockType.STEADY_TIME)
             self.create_timer(1.0 / parameters.path_rate, self._publish_path, clock=steady)
         if parameters.diagnostics:
             self._diagnostics = IntegratorDiagnostics(self)
+        self._use_frames((parameters.world_frame, parameters.body_frame))
+
+    def _use_frames(self, frames: tuple[str, str]) -> None:
+        """Name the frames of what is published: of the pose, and of the body."""
+        self._frames = world, body = frames
+        self._odometry = OdometryEncoder(world, body)
+        self._angles = self._position_error = Vector3StampedEncoder(world)
+        self._attitude_error = Vector3StampedEncoder(body)
+        if self._path is not None:
+            self._path.use_frame(world)
+        for name, frame in (("world_frame", world), ("body_frame", body)):
+            given = self.given.get(name, frame)
+            if given != frame:
+                self.get_logger().warning(
+                    f"{name} = {given}: {TRUTH_TOPIC}, which it starts from, is in {frame}, "
+                    "and so is the pose"
+                )
 
     def _publisher(self, message: Any, topic: str) -> Any:
         options = QoSOverridingOptions.with_default_policies()
@@ -156,6 +172,7 @@ class Integrator(ConfiguredNode):
 
         :raises ConfigurationError: for invalid values.
         """
+        sensor = of_the_description(self.given, sensor)
         new = build(IntegratorParameters, layer_integrator(self.given, sensor))
         with self._lock:
             later = not self.odometer.waiting and new.imu != self.odometer.parameters.imu
@@ -163,9 +180,10 @@ class Integrator(ConfiguredNode):
             self.odometer.correct_with(new)
         when = "; it takes effect at the next start" if later else ""
         self.get_logger().info(
-            f"the sensor is {new.imu.preset}, according to {self.sensor.topic}{when}"
+            f"the sensor is {_words(new.imu)}, according to {self.sensor.topic}{when}"
         )
-        self._tell_what_is_left_out(sensor)
+        if not self.sensor.noise_known:
+            self._tell_what_is_left_out(sensor)
 
     def _tell_what_is_left_out(self, sensor: Mapping[str, object] | None = None) -> None:
         """Name the sensor's errors that the covariance does not include."""
@@ -184,6 +202,8 @@ class Integrator(ConfiguredNode):
 
     # ----------------------------------------------------------------------------- results
     def _publish(self, rows: list[Row]) -> None:
+        if self.odometer.frames != self._frames:
+            self._use_frames(self.odometer.frames)
         for row in rows:
             self._odometry_out.send(self._odometry.message(*row))
         if self._angles_out is not None:
@@ -242,6 +262,15 @@ class Integrator(ConfiguredNode):
         new = bool(found - self._sources)
         self._sources |= found
         return new
+
+
+def _words(imu: IntegratorImuParameters) -> str:
+    """Return the sensor's name, and its place if that is not the body's."""
+    if mount_of(imu) == ALIGNED:
+        return imu.preset
+    x, y, z = imu.lever_arm
+    turned = "" if imu.mounting == IDENTITY_MATRIX else ", with the axes of imu.mounting"
+    return f"{imu.preset} at [{x:g}, {y:g}, {z:g}] m{turned}"
 
 
 def _send(publisher: Any, messages: np.ndarray) -> None:

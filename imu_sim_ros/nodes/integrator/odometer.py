@@ -9,19 +9,22 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from nav_msgs.msg import Path
 from std_msgs.msg import Header
 
+from imu_sim_ros import rotation
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.navigation.covariance import Covariance
+from imu_sim_ros.navigation.mount import ALIGNED, mount_of
 from imu_sim_ros.navigation.parameters import IntegratorParameters
-from imu_sim_ros.navigation.state import correction_of
+from imu_sim_ros.navigation.state import NavigationState, correction_of
 from imu_sim_ros.navigation.stepper import Stepper, StepperCounts
 from imu_sim_ros.nodes.integrator.initialiser import Start, initialiser
 from imu_sim_ros.nodes.messages import ImuReading, OdometryFields
-from imu_sim_ros.rotation.scalars import M9, Q4, V3, to_matrix
+from imu_sim_ros.rotation.scalars import M9, Q4, V3, ZERO, conjugate, rotate, to_matrix
 from imu_sim_ros.types import Array
 
 RESTART_NS = 1_000_000_000
@@ -69,6 +72,8 @@ class LiveIntegrator:
     ) -> None:
         self.totals = Totals()
         self.parameters = parameters
+        self.frames = (parameters.world_frame, parameters.body_frame)
+        """Of the pose, and of the body: those of the odometry that it started from."""
         self._complain, self._is_new_source = complain, is_new_source
         self.begin()
 
@@ -77,8 +82,9 @@ class LiveIntegrator:
         self._initialiser = initialiser(self.parameters, self._complain)
         self._stepper: Stepper | None = None
         self._covariance: Covariance | None = None
-        self._r_wb: M9 = to_matrix((1.0, 0.0, 0.0, 0.0))
-        """Attitude at the last reading."""
+        self._mount = ALIGNED
+        self._r_wi: M9 = to_matrix((1.0, 0.0, 0.0, 0.0))
+        """Attitude of the IMU at the last reading."""
         self._interval = 0.0
         self._uncertain = False
 
@@ -129,8 +135,11 @@ class LiveIntegrator:
         parameters = self.parameters
         self.totals.starts += 1
         self._is_new_source()
+        self._mount = mount_of(parameters.imu)
+        world, body = start.frames
+        self.frames = (world or parameters.world_frame, body or parameters.body_frame)
         self._stepper = stepper = Stepper(
-            start.initial.state,
+            self._imu_state(start),
             parameters.method,
             parameters.attitude_update,
             parameters.gravity,
@@ -144,6 +153,19 @@ class LiveIntegrator:
         rows = (self._step(stepper, reading) for reading in start.readings)
         return [row for row in rows if row is not None]
 
+    def _imu_state(self, start: Start) -> NavigationState:
+        initial, mount = start.initial, self._mount
+        if mount == ALIGNED:
+            return initial.state
+        rate = initial.rate
+        if rate is None:
+            first = start.readings[0]
+            gyro, accel = np.array([first.gyro]), np.array([first.accel])
+            read = initial.correction.apply(gyro, accel)[0][0]
+            of_earth = rotation.rotate_inverse(initial.state.q_wb, self.parameters.earth_rate)
+            rate = rotation.rotate(mount.q_bi, read) - of_earth
+        return mount.imu_state(initial.state, rate)
+
     def _step(self, stepper: Stepper, reading: ImuReading) -> Row | None:
         before = stepper.t_ns
         force, rate = stepper.specific_force, stepper.angular_velocity
@@ -152,7 +174,7 @@ class LiveIntegrator:
             h = (reading.t_ns - before) * 1e-9
             self._interval += (h - self._interval) * (_SMOOTHING if self._interval else 1.0)
             if self._covariance is not None:
-                self._covariance.step(h, self._r_wb, force, rate)
+                self._covariance.step(h, self._r_wi, force, rate)
         elif before is not None and not self._is_usable(before, reading):
             return None
         if not self._is_sound(stepper, reading.t_ns):
@@ -195,19 +217,18 @@ class LiveIntegrator:
 
     def _row(self, stepper: Stepper, t_ns: int) -> Row:
         pose = twist = None
+        q_wi, rate = stepper.q_wb, stepper.angular_velocity
+        if self.parameters.earth_rate != ZERO:
+            ex, ey, ez = rotate(conjugate(q_wi), self.parameters.earth_rate)
+            rate = (rate[0] - ex, rate[1] - ey, rate[2] - ez)
+        body = self._mount.body_motion(stepper.position, stepper.velocity, q_wi, rate)
         if self._covariance is not None:
-            self._r_wb = to_matrix(stepper.q_wb)
-            pose, twist = self._covariance.message(self._r_wb, stepper.velocity, self.rate)
+            self._r_wi = to_matrix(q_wi)
+            pose, twist = self._covariance.message(self._r_wi, stepper.velocity, self.rate)
+            pose = self._mount.pose_covariance(pose, body.q_wb)
+            twist = self._mount.twist_covariance(twist)
             self._complain_about_attitude(pose)
-        return Row(
-            t_ns,
-            stepper.position,
-            stepper.q_wb,
-            stepper.velocity_b,
-            stepper.angular_velocity,
-            pose,
-            twist,
-        )
+        return Row(t_ns, *body, pose, twist)
 
 
 class PathPublisher:
@@ -229,6 +250,12 @@ class PathPublisher:
         px, py, pz = row.position
         pose = Pose(position=Point(x=px, y=py, z=pz), orientation=Quaternion(x=x, y=y, z=z, w=w))
         self._poses.append(PoseStamped(header=self._header(row.t_ns), pose=pose))
+
+    def use_frame(self, frame_id: str) -> None:
+        """Take the frame of the poses; those in another are forgotten."""
+        if frame_id != self._frame_id:
+            self._frame_id = frame_id
+            self.clear()
 
     def clear(self) -> None:
         """Forget the path."""

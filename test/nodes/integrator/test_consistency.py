@@ -18,9 +18,19 @@ RUNS = 40
 TURN_ON = {"gyroscope_turn_on_bias_sigma": 2e-3, "accelerometer_turn_on_bias_sigma": 0.05}
 
 
-def final_errors(seed: int) -> tuple[float, float]:
+PLACES = {
+    "aligned": {},
+    # So far away that what the attitude's and the rate's errors do there decides.
+    "mounted": {
+        "imu.lever_arm": [5.0, -4.0, 3.0],
+        "imu.mounting": [1.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 1.0, 0.0],
+    },
+}
+
+
+def final_errors(seed: int, place: dict[str, list[float]]) -> tuple[float, float]:
     """Return the squared errors of pose and twist after 5 s in units of their covariance."""
-    sensor = {f"imu.{name}": value for name, value in TURN_ON.items()}
+    sensor = {f"imu.{name}": value for name, value in TURN_ON.items()} | place
     simulation = Simulation(
         load_simulation(
             {"imu.preset": "lecture", "trajectory.type": "lecture", **sensor},
@@ -56,9 +66,9 @@ def final_errors(seed: int) -> tuple[float, float]:
     )
 
 
-@pytest.fixture(scope="module")
-def squared_errors() -> np.ndarray:
-    return np.array([final_errors(seed) for seed in range(RUNS)])
+@pytest.fixture(scope="module", params=list(PLACES))
+def squared_errors(request) -> np.ndarray:
+    return np.array([final_errors(seed, PLACES[request.param]) for seed in range(RUNS)])
 
 
 @pytest.mark.parametrize(("column", "what"), [(0, "pose"), (1, "twist")])

@@ -1,0 +1,158 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The place of an IMU in the body: dead reckoning integrates the IMU, and states the body's motion.
+
+With p the lever arm ``p_bi`` and omega the angular rate relative to the world, in body axes,
+
+    p_wi = p_wb + R_wb p,   v_i = v_b + R_wb (omega x p),   R_wi = R_wb R_bi
+
+(Groves, "Principles of GNSS, inertial, and multisensor integrated navigation systems", 2nd edition,
+section 2.5.5). This way round no angular acceleration is needed, as it would be to move the
+readings to the body's origin.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from imu_sim_ros import rotation
+from imu_sim_ros.navigation.parameters import IntegratorImuParameters
+from imu_sim_ros.navigation.state import NavigationState, NavigationStates
+from imu_sim_ros.rotation import scalars
+from imu_sim_ros.rotation.scalars import Q4, V3, ZERO
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.types import Array
+
+
+class BodyState(NamedTuple):
+    """The body's motion at one time, in plain floats."""
+
+    position: V3
+    """p_wb [m]."""
+    q_wb: Q4
+    velocity_b: V3
+    """in the body [m/s]."""
+    angular_velocity_b: V3
+    """relative to the world, in the body [rad/s]."""
+
+
+class Mount(NamedTuple):
+    """Place and axes of an IMU in the body; by default the body's own."""
+
+    lever_arm: V3 = ZERO
+    """p_bi [m]."""
+    q_bi: Q4 = (1.0, 0.0, 0.0, 0.0)
+
+    @property
+    def _arm_i(self) -> Array:
+        """(3,) the lever arm in the IMU's axes."""
+        return rotation.rotate_inverse(self.q_bi, self.lever_arm)
+
+    def imu_state(self, body: NavigationState, rate_b: Array | V3) -> NavigationState:
+        """Return the IMU's state, or its states if the arrays have rows.
+
+        :param rate_b: (3,) of the body relative to the world [rad/s].
+        """
+        swing = np.cross(rate_b, self.lever_arm)
+        return NavigationState._make(
+            (
+                body.position + rotation.rotate(body.q_wb, self.lever_arm),
+                body.velocity + rotation.rotate(body.q_wb, swing),
+                rotation.multiply(body.q_wb, self.q_bi),
+            )
+        )
+
+    def body_states(self, imu: NavigationStates, rate_i: Array) -> NavigationStates:
+        """Return the body's states.
+
+        :param imu: n states of the IMU.
+        :param rate_i: (n, 3) relative to the world, in the IMU's axes [rad/s].
+        """
+        arm = self._arm_i
+        return NavigationStates(
+            imu.t_ns,
+            imu.position - rotation.rotate(imu.q_wb, arm),
+            imu.velocity - rotation.rotate(imu.q_wb, np.cross(rate_i, arm)),
+            rotation.multiply(imu.q_wb, scalars.conjugate(self.q_bi)),
+        )
+
+    def body_motion(self, position: V3, velocity: V3, q_wi: Q4, rate_i: V3) -> BodyState:
+        """Return the body's motion of one state of the IMU, as :meth:`body_states` does.
+
+        :param position: p_wi [m].
+        :param velocity: of the IMU in the world [m/s].
+        :param rate_i: relative to the world, in the IMU's axes [rad/s].
+        """
+        if self == ALIGNED:
+            velocity_b = scalars.rotate(scalars.conjugate(q_wi), velocity)
+            return BodyState(position, q_wi, velocity_b, rate_i)
+        q_wb = scalars.multiply(q_wi, scalars.conjugate(self.q_bi))
+        rate = scalars.rotate(self.q_bi, rate_i)
+        x, y, z = scalars.rotate(q_wb, self.lever_arm)
+        px, py, pz = position
+        vx, vy, vz = scalars.rotate(scalars.conjugate(q_wb), velocity)
+        sx, sy, sz = scalars.cross(rate, self.lever_arm)
+        return BodyState((px - x, py - y, pz - z), q_wb, (vx - sx, vy - sy, vz - sz), rate)
+
+    def pose_covariance(self, imu: Array, q_wb: Q4) -> Array:
+        """Return the covariance of the body's pose, position and rotation about the world's axes.
+
+        A tilt theta moves the body about the IMU: ``dp_b = dp_i - theta x (R_wb p)``.
+
+        :param imu: (6, 6) that of the IMU.
+        """
+        if self.lever_arm == ZERO:
+            return imu
+        to_body = np.eye(6)
+        to_body[:3, 3:] = rotation.skew(rotation.rotate(q_wb, self.lever_arm))
+        return to_body @ imu @ to_body.T
+
+    def twist_covariance(self, imu: Array) -> Array:
+        """Return the covariance of the body's twist, linear and angular, in the body.
+
+        :param imu: (6, 6) that of the IMU, in its own axes.
+        """
+        if self == ALIGNED:
+            return imu
+        r_bi = rotation.to_matrix(self.q_bi)
+        to_body = np.zeros((6, 6))
+        to_body[:3, :3] = to_body[3:, 3:] = r_bi
+        to_body[:3, 3:] = r_bi @ rotation.skew(self._arm_i)  # - omega x p = p x omega
+        return to_body @ imu @ to_body.T
+
+    def state_covariance(self, imu: Array, r_wi: Array, rate_i: Array, white: Array) -> Array:
+        """Return the covariance of the body's state, in the order of :mod:`.covariance`.
+
+        The biases stay in the IMU's axes. The error of the rate turns the lever arm's velocity.
+
+        :param imu: (15, 15) that of the IMU's state.
+        :param r_wi: (3, 3) attitude of the IMU.
+        :param rate_i: (3,) relative to the world, in the IMU's axes [rad/s].
+        :param white: (3,) variance of the white noise of a gyroscope's reading.
+        """
+        arm = self._arm_i
+        by_rate = -r_wi @ rotation.skew(arm)
+        to_body = np.eye(15)
+        to_body[6:9, 0:3] = rotation.skew(r_wi @ arm)
+        to_body[3:6, 0:3] = rotation.skew(r_wi @ np.cross(rate_i, arm))
+        to_body[3:6, 9:12] = by_rate
+        result: Array = to_body @ imu @ to_body.T
+        result[3:6, 3:6] += (by_rate * white) @ by_rate.T
+        return result
+
+
+ALIGNED = Mount()
+"""In the body's origin, with its axes."""
+
+
+def mount_of(imu: ImuParameters | IntegratorImuParameters) -> Mount:
+    """Return the place that parameters describe."""
+    return mount_at(np.asarray(imu.lever_arm), np.reshape(imu.mounting, (3, 3)))
+
+
+def mount_at(lever_arm: Array, r_bi: Array) -> Mount:
+    """Return the place with a lever arm (3,) [m] and a rotation (3, 3)."""
+    x, y, z = lever_arm.tolist()
+    qw, qx, qy, qz = rotation.from_matrix(r_bi).tolist()
+    return Mount((x, y, z), (qw, qx, qy, qz))
