@@ -32,7 +32,7 @@ from imu_sim_ros.navigation.association import interpolate_vectors
 from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, initial_covariance, propagate
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon as integrate
 from imu_sim_ros.navigation.evaluation import Drift, TrueStates, distances, drift_from
-from imu_sim_ros.navigation.mount import Mount, mount_of
+from imu_sim_ros.navigation.mount import ImuMount, mount_of
 from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
 from imu_sim_ros.navigation.state import (
@@ -433,7 +433,7 @@ def integrated(start: InitialCondition, settings: IntegratorParameters) -> Track
     return Track(*states, *words, truth, readings.name, settings.initial_state)
 
 
-def _covariance(given: object, track: Track, start: InitialCondition, mount: Mount) -> Array:
+def _covariance(given: object, track: Track, start: InitialCondition, mount: ImuMount) -> Array:
     """Return the covariance (n, 6, 6) of the poses from an exact start."""
     if not isinstance(given, Flight):
         raise InputError("covariance: the sensor's errors are known of a flight alone")

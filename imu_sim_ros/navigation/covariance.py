@@ -33,7 +33,7 @@ from numpy.typing import ArrayLike
 
 from imu_sim_ros import rotation
 from imu_sim_ros.navigation.covariance_terms import SecondOrder, SlowErrors
-from imu_sim_ros.navigation.mount import ALIGNED, Mount
+from imu_sim_ros.navigation.mount import ALIGNED, ImuMount
 from imu_sim_ros.navigation.noise import ImuErrors
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.rotation.scalars import M9, ZERO
@@ -334,7 +334,7 @@ def propagate(
     noise: ImuErrors,
     initial: Array | Covariance | None = None,
     at: Sequence[int] = (-1,),
-    mount: Mount = ALIGNED,
+    mount: ImuMount = ALIGNED,
 ) -> Array:
     """Return the covariance of a dead-reckoned record at some of its rows.
 

@@ -42,7 +42,7 @@ from imu_sim_ros import rotation
 from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.navigation import angles, increments
 from imu_sim_ros.navigation.increments import Increments
-from imu_sim_ros.navigation.mount import ALIGNED, Mount
+from imu_sim_ros.navigation.mount import ALIGNED, ImuMount
 from imu_sim_ros.navigation.state import (
     NO_CORRECTION,
     Correction,
@@ -73,7 +73,7 @@ def dead_reckon(
     correction: Correction = NO_CORRECTION,
     max_gap: float = math.inf,
     earth_rate: Sequence[float] = _STILL,
-    mount: Mount = ALIGNED,
+    mount: ImuMount = ALIGNED,
     initial_rate: Array | None = None,
 ) -> NavigationStates:
     """Integrate readings.

@@ -22,7 +22,7 @@ from imu_sim_ros.navigation.covariance import (
     Covariance,
     initial_covariance,
 )
-from imu_sim_ros.navigation.mount import ALIGNED, Mount, mount_of
+from imu_sim_ros.navigation.mount import ALIGNED, ImuMount, mount_of
 from imu_sim_ros.navigation.noise import ImuErrors, noise_of
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import Correction, NavigationState, correction_of
@@ -222,7 +222,7 @@ def after_rest(
     r_wb: Array,
     gravity: Sequence[float],
     rate_hz: float,
-    mount: Mount = ALIGNED,
+    mount: ImuMount = ALIGNED,
 ) -> Covariance:
     """Return the covariance at the end of a rest, which gives roll and pitch as well.
 

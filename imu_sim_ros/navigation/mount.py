@@ -37,7 +37,7 @@ class BodyState(NamedTuple):
     """relative to the world, in the body [rad/s]."""
 
 
-class Mount(NamedTuple):
+class ImuMount(NamedTuple):
     """Place and axes of an IMU in the body; by default the body's own."""
 
     lever_arm: V3 = ZERO
@@ -142,17 +142,17 @@ class Mount(NamedTuple):
         return result
 
 
-ALIGNED = Mount()
+ALIGNED = ImuMount()
 """In the body's origin, with its axes."""
 
 
-def mount_of(imu: ImuParameters | IntegratorImuParameters) -> Mount:
+def mount_of(imu: ImuParameters | IntegratorImuParameters) -> ImuMount:
     """Return the place that parameters describe."""
     return mount_at(np.asarray(imu.lever_arm), np.reshape(imu.mounting, (3, 3)))
 
 
-def mount_at(lever_arm: Array, r_bi: Array) -> Mount:
+def mount_at(lever_arm: Array, r_bi: Array) -> ImuMount:
     """Return the place with a lever arm (3,) [m] and a rotation (3, 3)."""
     x, y, z = lever_arm.tolist()
     qw, qx, qy, qz = rotation.from_matrix(r_bi).tolist()
-    return Mount((x, y, z), (qw, qx, qy, qz))
+    return ImuMount((x, y, z), (qw, qx, qy, qz))
