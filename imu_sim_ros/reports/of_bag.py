@@ -39,7 +39,7 @@ _MOVED: Final = (
     "in a frame of its own, not that of the truth; moved, and turned about z, so that its first "
     "pose is that of the truth, and compared from there on"
 )
-_NOT_MEASURED: Final = 1e5
+NOT_MEASURED: Final = 1e5
 """Variance above which a number is none: odometry of wheels states 1e6 of its height."""
 
 
@@ -197,17 +197,21 @@ def motion(
     estimates = placed
     tracks = [one for one in (truth, *estimates) if one is not None]
     series = []
-    for k, one in enumerate(tracks):
+    # An estimate has one colour in all plots, the truth that of words.
+    colours = [*([None] if truth is not None else []), *range(len(estimates))]
+    for colour, one in zip(colours, tracks, strict=True):
         x, y, z = one.poses.position[extremes(one.poses.position)].T
-        series.append({"name": one.name, "colour": k, "x": x, "y": y, "z": z})
+        series.append({"name": one.name, "colour": colour, "x": x, "y": y, "z": z})
     items: list[Item] = [{"kind": "path", "title": "Path", "series": series}]
     if truth is not None and moved:
         items.insert(0, {"kind": "text", "text": f"{', '.join(moved)}: {_MOVED}"})
     first_ns = min(int(one.poses.t_ns[0]) for one in tracks)
-    items.append({"kind": "plots", "items": _orientation(tracks, first_ns, f"{path} {title}")})
+    items.append(
+        {"kind": "plots", "items": _orientation(tracks, colours, first_ns, f"{path} {title}")}
+    )
     if truth is not None:
         for number, estimate in enumerate(estimates):
-            items += _errors(estimate, truth, f"{path} {title} {number}")
+            items += _errors(estimate, truth, f"{path} {title} {number}", number)
     return Section(f"{path.name}: {title}", items)
 
 
@@ -232,10 +236,12 @@ def _placed(estimate: BagTrack, truth: BagTrack) -> BagTrack:
     return BagTrack(estimate.name, first.apply(poses), covariance, truth.frame_id)
 
 
-def _orientation(tracks: Sequence[BagTrack], first_ns: int, link: str) -> list[Item]:
+def _orientation(
+    tracks: Sequence[BagTrack], colours: Sequence[int | None], first_ns: int, link: str
+) -> list[Item]:
     """Return roll, pitch and yaw of every trajectory over the time since the first pose."""
     drawn: list[list[Item]] = [[], [], []]
-    for colour, one in enumerate(tracks):
+    for colour, one in zip(colours, tracks, strict=True):
         angles = np.rad2deg(rotation.to_euler(one.poses.q_wb))
         t_s = (one.poses.t_ns - first_ns) * 1e-9
         for k in range(3):
@@ -253,7 +259,7 @@ def _orientation(tracks: Sequence[BagTrack], first_ns: int, link: str) -> list[I
     ]
 
 
-def _errors(estimate: BagTrack, truth: BagTrack, link: str) -> list[Item]:
+def _errors(estimate: BagTrack, truth: BagTrack, link: str, colour: int) -> list[Item]:
     """Return the error of an estimate over time, its band of 3 sigma, and its NEES.
 
     Numbers are of all poses; a picture has the extremes of each of its columns.
@@ -274,9 +280,9 @@ def _errors(estimate: BagTrack, truth: BagTrack, link: str) -> list[Item]:
         values = errors.position if first == 0 else errors.attitude
         for k, axis in enumerate(_AXES):
             variance = None if covariance is None else covariance[:, first + k, first + k]
-            if variance is not None and variance.min() >= _NOT_MEASURED:
+            if variance is not None and variance.min() >= NOT_MEASURED:
                 continue
-            series = error_series(t_s, values[:, k], variance)
+            series = error_series(t_s, values[:, k], variance, colour)
             name = f"{estimate.name}: {title} error {axis}"
             plots.append(plot(name, "time [s]", f"[{unit}]", series, link=link))
     size = np.linalg.norm(errors.position, axis=1)
@@ -297,13 +303,13 @@ def _errors(estimate: BagTrack, truth: BagTrack, link: str) -> list[Item]:
     return [{"kind": "text", "text": words}, {"kind": "plots", "items": plots}]
 
 
-def error_series(t_s: Array, values: Array, variance: Array | None) -> list[Item]:
-    """Return the lines of errors (n,) and of the band of three stated deviations."""
+def error_series(t_s: Array, values: Array, variance: Array | None, colour: int) -> list[Item]:
+    """Return the lines of errors (n,) and of the band of three stated deviations, in one colour."""
     rows = extremes(values)
-    series: list[Item] = [{"name": "error", "colour": 1, "x": t_s[rows], "y": values[rows]}]
+    series: list[Item] = [{"name": "error", "colour": colour, "x": t_s[rows], "y": values[rows]}]
     if variance is not None:
         sigma = _SIGMAS * np.sqrt(np.maximum(variance[rows], 0.0))
-        band = {"name": "3 sigma", "colour": 0, "x": t_s[rows], "low": -sigma, "high": sigma}
+        band = {"name": "3 sigma", "colour": colour, "x": t_s[rows], "low": -sigma, "high": sigma}
         series.insert(0, band)
     return series
 
@@ -319,7 +325,7 @@ def _nees(
     summary = ""
     for k, title in enumerate(("position", "attitude")):
         part = covariance[:, 3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
-        own = np.flatnonzero((part[:, range(3), range(3)] < _NOT_MEASURED).any(axis=0))
+        own = np.flatnonzero((part[:, range(3), range(3)] < NOT_MEASURED).any(axis=0))
         part = part[:, own[:, None], own]
         usable = invertible(part) if len(own) else np.zeros(len(part), np.bool_)
         if usable.any():

@@ -90,6 +90,25 @@ def test_wheels_are_compared_in_their_own_frame(drive):
     assert not any("wheel" in title for title in plots(found["drive.mcap: motion"]))
 
 
+def test_every_sensor_with_a_truth_is_drawn_with_it(drive):
+    """Speeds of the wheels and angles of the joints, whose message only rosbags knows."""
+    flight, found = drive
+    wheels = flight.wheels
+    items = found["drive.mcap: /wheel/odom (twist)"]
+    error = wheels.twist[:, 0] - wheels.true_twist[:, 0]
+    (printed,) = re.findall(r"linear: as read minus true.*?: ([0-9.e+-]+) x", words(items))
+    assert float(printed) == pytest.approx(np.sqrt(np.mean(error**2)), rel=6e-3)
+    drawn = plots(items)["/wheel/odom: linear: readings and truth"]["series"]
+    assert [line["name"] for line in drawn] == ["truth", "truth", "x", "y"]
+    assert drawn[0]["colour"] is None
+    # Forward alone: up, and what is not measured, have no plot.
+    assert "/wheel/odom: angular: error x" not in plots(items)
+    joints = found["drive.mcap: /joint_states"]
+    error = wheels.angle - wheels.ideal_angle
+    (printed,) = re.findall(r"position: as read minus true.*?: ([0-9.e+-]+) 0", words(joints))
+    assert float(printed) == pytest.approx(np.sqrt(np.mean(error[:, 0] ** 2)), rel=6e-3)
+
+
 def test_without_a_truth_the_stated_deviation_is_drawn(tmp_path):
     flight = ims.simulate(**{**DRIVE, "duration": 5})
     bag = flight.save(tmp_path / "drive.mcap", topics=["imu/data_raw", "gps/fix"])
