@@ -75,7 +75,7 @@ class Timing(NamedTuple):
     rate: float
     """Samples over the time that they take, gaps apart [Hz]."""
     jitter: float
-    """Standard deviation of the intervals between neighbours, losses apart [s]."""
+    """Standard deviation of a stamp against equal intervals, if each is late on its own [s]."""
     lost: int
     """Samples missing between others."""
     filled: int
@@ -226,7 +226,9 @@ class Record:
         """Return rate, jitter and losses."""
         count, total, squares = self._intervals
         mean = total / max(count, 1.0)
-        jitter = np.sqrt(max(squares / max(count, 1.0) - mean**2, 0.0)) * self._interval * 1e-9
+        # An interval between neighbours has the jitter of two stamps: twice the variance of one.
+        variance = 0.5 * max(squares / max(count, 1.0) - mean**2, 0.0)
+        jitter = np.sqrt(variance) * self._interval * 1e-9
         span, steps = self._span
         return Timing(
             float(1e9 * steps / span) if steps else self.rate,

@@ -3,7 +3,7 @@
 
 """Allan analysis of an IMU at rest: from messages to noise parameters."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple, Protocol
 
@@ -17,12 +17,26 @@ from imu_sim_ros.calibration.noise.deviation import (
     explains_wander,
     usable_band,
 )
-from imu_sim_ros.calibration.noise.estimate import KEYS, RAMP, AxisNoise, Estimate, estimate
+from imu_sim_ros.calibration.noise.estimate import (
+    KEYS,
+    RAMP,
+    AxisNoise,
+    Estimate,
+    either,
+    estimate,
+)
 from imu_sim_ros.calibration.noise.gauss_markov import GAUSS_MARKOV_KEYS, estimate_gauss_markov
 from imu_sim_ros.calibration.noise.losses import LossFiller
 from imu_sim_ros.calibration.noise.slow_lines import Line
 from imu_sim_ros.calibration.noise.spectrum import Spectrum, SpectrumAccumulator
-from imu_sim_ros.calibration.noise.terms import FLICKER, FLICKER_FLOOR, QUANTISATION, WALK, WHITE
+from imu_sim_ros.calibration.noise.terms import (
+    FLICKER,
+    FLICKER_FLOOR,
+    QUANTISATION,
+    WALK,
+    WHITE,
+    name_of,
+)
 from imu_sim_ros.calibration.record import AXES, Record, Timing
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.types import Array, Integers
@@ -145,12 +159,15 @@ def analyse(
         raise InputError(problems)
     reasons = _not_analysed(record)
     bands = [None if k in reasons else usable_band(spectrum, k) for k in range(6)]
+    lines, doubtful = sinks.spectrum.lines, sinks.spectrum.doubtful
+    smoother = sinks.spectrum.result(doubtful=False).at_rate(timing.rate).with_losses(lost)
+    cases = (_Case(spectrum, lines), _Case(smoother, lines + doubtful))
     noise = [
-        None if band is None else _rounded(_noise(spectrum, k, band, model), record, k)
+        None if band is None else _rounded(_noise(cases, k, band, model), record, k)
         for k, band in enumerate(bands)
     ]
     warnings += problems + list(_band_warnings(bands, timing.rate))
-    warnings += _line_warnings(sinks.spectrum.lines, timing.rate)
+    warnings += _line_warnings(lines, doubtful, noise, timing.rate)
     deviation = sinks.deviation.result()
     return AllanResult(
         timing,
@@ -174,9 +191,26 @@ def _not_analysed(record: Record) -> dict[int, str]:
     }
 
 
-def _noise(spectrum: Spectrum, axis: int, band: UsableBand, model: str) -> AxisNoise:
-    rows = spectrum.rows(band.used)
-    return estimate(rows, axis) if model == "standard" else estimate_gauss_markov(rows, axis)
+class _Case(NamedTuple):
+    """A spectrum and the slow lines that were taken out of it."""
+
+    spectrum: Spectrum
+    lines: list[Line]
+
+
+def _noise(cases: tuple[_Case, _Case], axis: int, band: UsableBand, model: str) -> AxisNoise:
+    """Return the random error of an axis: what holds with its doubtful lines and without them."""
+    of_model = estimate if model == "standard" else estimate_gauss_markov
+    with_them, without = (
+        (spectrum, [line for line in lines if line.axis == axis]) for spectrum, lines in cases
+    )
+    found = [
+        of_model(spectrum.rows(band.used & ~spectrum.around(lines)), axis)
+        for spectrum, lines in (
+            (with_them, without) if with_them[1] != without[1] else (with_them,)
+        )
+    ]
+    return found[0] if len(found) == 1 else either(*found)
 
 
 def _rounded(noise: AxisNoise, record: Record, axis: int) -> AxisNoise:
@@ -376,10 +410,24 @@ def _band_warnings(bands: Iterable[UsableBand | None], rate: float) -> Iterable[
             yield f"{AXES[axis]}: vibration at {shown} Hz was left out"
 
 
-def _line_warnings(lines: Iterable[Line], rate: float) -> list[str]:
-    """Report the slow lines that were taken out."""
-    return [
-        f"{AXES[line.axis]}: a sinusoid of {line.amplitude:.3g} {UNITS[line.axis // 3]} with a "
-        f"period of {1.0 / (line.frequency * rate):.4g} s was taken out"
-        for line in lines
-    ]
+def _line_warnings(
+    lines: Iterable[Line],
+    doubtful: Iterable[Line],
+    noise: Sequence[AxisNoise | None],
+    rate: float,
+) -> Iterable[str]:
+    """Report the slow lines that were taken out, and those that may be there instead of a term."""
+
+    def sinusoid(line: Line) -> str:
+        return (
+            f"{AXES[line.axis]}: a sinusoid of {line.amplitude:.3g} {UNITS[line.axis // 3]} with a "
+            f"period of {1.0 / (line.frequency * rate):.4g} s"
+        )
+
+    for line in lines:
+        yield f"{sinusoid(line)} was taken out"
+    for line in doubtful:
+        own = noise[line.axis]
+        if own is not None and own.withheld:
+            words = " and ".join(name_of(key) for key in own.withheld)
+            yield f"{sinusoid(line)} explains the record as well as {words}: only bounded"

@@ -75,6 +75,8 @@ class AxisNoise(NamedTuple):
     """(m,) fitted rows of the spectrum."""
     trend: float = 0.0
     """The ramp with its sign, if it has a value."""
+    withheld: tuple[str, ...] = ()
+    """Keys of the terms that have a value only if there is no slow sinusoid, which may be there."""
 
 
 def axis_data(spectrum: Spectrum, axis: int) -> Data:
@@ -112,6 +114,23 @@ def estimate(spectrum: Spectrum, axis: int) -> AxisNoise:
         for key, end in ends.items()
     }
     return AxisNoise(estimates, chosen, best.expected[0], float(best.slope[0]))
+
+
+def either(one: AxisNoise, other: AxisNoise) -> AxisNoise:
+    """Return what holds in both of two cases.
+
+    Values are those of the first, but for terms that are certain in it and not shown in the other.
+    """
+    estimates = {}
+    for key, found in one.estimates.items():
+        second = other.estimates[key]
+        value = None if second.value is None and found.low > 0.0 else found.value
+        low, high = min(found.low, second.low), max(found.high, second.high)
+        estimates[key] = Estimate(value, low, high)
+    shown = {key for key, found in estimates.items() if found.value is not None}
+    chosen = tuple(key for key in one.chosen if key in shown)
+    withheld = tuple(key for key in one.chosen if key not in shown)
+    return one._replace(estimates=estimates, chosen=chosen, withheld=withheld)
 
 
 def _with_flicker(

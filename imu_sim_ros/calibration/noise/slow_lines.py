@@ -3,31 +3,60 @@
 
 """Sinusoids among the slow changes of a record: a room's heating, the course of a day.
 
-Such a line leaks over all of the slow coefficients and looks like a random walk. It is searched in
-the spectrum under a Hann window, and taken from the readings if the likelihood of what is left
-as white noise, flicker and a walk says that it is no noise.
+Such a line leaks over all of the slow coefficients and looks like a random walk. Lines, a ramp, and
+white noise, flicker and a walk are fitted together to the coefficients of the cosine transform, in
+which a line has a closed form and the noise is independent. A line that gains enough likelihood is
+taken from the readings. One that gains less may be there or not: what rests on the slow
+coefficients is then to hold with it and without it.
 """
 
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from imu_sim_ros.calibration.noise.likelihood import Data, fit
+from imu_sim_ros.calibration.noise.likelihood import Data, first_guesses, fit_many
 from imu_sim_ros.types import Array
 
 _MAX_LINES: Final = 5
-_MIN_POINTS: Final = 64
-_SLOWEST: Final = 3
-"""Periods in the record; fewer cannot be told from a walk."""
-_PEAK: Final = 14.0
-"""Power over its surroundings that makes a candidate: noise has one in 300 long records."""
+_MIN_POINTS: Final = 400
+"""Values with which there are coefficients enough for a line and the noise around it."""
+_SLOWEST: Final = 0.6
+"""Periods in the record; fewer are a ramp and a constant."""
 _EVIDENCE: Final = 20.0
 """Log-likelihood that a line must gain with its three parameters at any of 10^4 frequencies: noise
 does in fewer than one record in 10^4."""
+_DOUBT: Final = (3.5, 1.5)
+"""Log-likelihood from which on it may be a line, and what is added for each factor e of its periods
+in the record: the more frequencies, the better is the best of noise, and the less do they matter to
+a walk. Noise has such a line in one record in six, most often of a few periods."""
+_SINGLE: Final = 192
+"""Coefficients that are looked at one by one, and that are searched for lines exactly."""
+_WIDTH: Final = 0.05
+"""Relative width of the rows in which the others are averaged."""
+_APART: Final = 1.0
+"""Periods in the record by which two lines differ; nearer ones cannot be told from one that is no
+sinusoid."""
+_SPACING: Final = 0.125
+"""Periods in the record between the frequencies that are tried."""
+_ALTERNATIONS: Final = 12
+"""At most, of fits of the lines and of the noise; each leaves a few percent of the difference."""
+_TOLERANCE: Final = 0.02
+"""Log-likelihood whose gain is not worth another."""
+_OFF: Final = 1e-4
+"""Periods in the record over which a line is differentiated by its frequency."""
+
+_PEAK: Final = 14.0
+"""Power over its surroundings that makes a candidate of a faster line: noise has one in 300 long
+records."""
 _STEP: Final = 1.05
 """Ratio of the frequencies at which the surroundings are looked at."""
 _AROUND: Final = 1.5
 """Ratio of frequencies that are surroundings, with four more on each side."""
+
+_ALL: Final = slice(None)
+Waves = NDArray[np.complex128]
 
 
 class Line(NamedTuple):
@@ -39,88 +68,244 @@ class Line(NamedTuple):
     amplitude: float
 
 
-def without_lines(values: Array, highest: float) -> tuple[Array, list[Line]]:
-    """Return values (axes, n) without the lines that were found, and these.
+class SlowLines(NamedTuple):
+    """What was found in the values (axes, n) of a piece."""
+
+    values: Array
+    """Without the lines."""
+    lines: list[Line]
+    doubtful: list[Line]
+    """That may be there or not."""
+    without_doubtful: Array
+    """The values without these as well."""
+
+
+def find_lines(values: Array, highest: float) -> SlowLines:
+    """Return the lines of values (axes, n).
 
     :param highest: frequency up to which lines are searched, cycles per value.
     """
     lines: list[Line] = []
-    for axis, column in enumerate(values):
-        for line, curve in _lines(column - column.mean(), highest):
-            if not lines:
-                values = values.copy()
-            values[axis] -= curve
-            lines.append(line._replace(axis=axis))
-    return values, lines
+    doubtful: list[Line] = []
+    without, either = values, values
+    if values.shape[1] >= _MIN_POINTS:
+        search = _Search(values.shape[1], highest)
+        for axis, column in enumerate(values):
+            if not (column != column[0]).any():
+                continue
+            for line, curve, gain in search.lines(column - column.mean()):
+                if gain > _EVIDENCE:
+                    if without is values:
+                        without = values.copy()
+                    without[axis] -= curve
+                    lines.append(line._replace(axis=axis))
+                else:
+                    if either is values:
+                        either = np.zeros_like(values)
+                    either[axis] += curve
+                    doubtful.append(line._replace(axis=axis))
+    return SlowLines(without, lines, doubtful, without - either if doubtful else without)
 
 
-def _lines(rest: Array, highest: float) -> list[tuple[Line, Array]]:
-    """Return the lines of one axis with their values.
+class _Fit(NamedTuple):
+    """Ramp, lines and noise that fit together."""
 
-    All candidates are taken out, and those put back that the rest explains.
-    """
-    if len(rest) < _MIN_POINTS or not rest.any():
-        return []
-    found: list[tuple[Line, Array]] = []
-    while len(found) < _MAX_LINES and (candidate := _candidate(rest, highest)) is not None:
-        frequency = _refined(rest, candidate)
-        angle = 2.0 * np.pi * frequency * np.arange(len(rest))
-        columns = np.column_stack([np.sin(angle), np.cos(angle), np.ones(len(rest))])
-        parts = np.linalg.lstsq(columns, rest, rcond=None)[0]
-        found.append((Line(0, frequency, float(np.hypot(parts[0], parts[1]))), columns @ parts))
-        rest = rest - found[-1][1]
-    if not found:
-        return []
-    limit = _objective(rest, highest) + _EVIDENCE
-    return [one for one in found if _objective(rest + one[1], highest) > limit]
+    objective: float
+    """Minus the log-likelihood."""
+    rows: Array
+    """Expected rows."""
+    variance: Array
+    """(m,) of each coefficient."""
+    periods: Array
+    """(lines,) in the record."""
+    parts: Array
+    """(lines,) factors of ``exp(2 pi i periods (j + 1/2) / n)``, of which the real part counts."""
+    left: Array
+    """(m,) the coefficients without them."""
 
 
-def _candidate(x: Array, highest: float) -> float | None:
-    """Return the frequency of the highest peak over its surroundings."""
-    line = np.linspace(-1.0, 1.0, len(x))
-    level = x - line * (line @ x) / (line @ line)
-    power = np.abs(np.fft.rfft(np.hanning(len(x)) * level)) ** 2
-    last = min(int(highest * len(x)) + 1, len(power))
-    if last <= _SLOWEST + 1:
-        return None
-    count = int(np.log(last / _SLOWEST) / np.log(_STEP)) + 2
-    places = np.unique((_SLOWEST * _STEP ** np.arange(count)).astype(np.int64))
-    # The median of exponentially distributed powers is ln 2 of their mean.
-    usual = [
-        np.median(power[max(int(k / _AROUND) - 4, 1) : int(k * _AROUND) + 5]) / np.log(2.0)
-        for k in places
-    ]
-    orders = np.arange(_SLOWEST, last)
-    levels = np.log(np.maximum(usual, 1e-300))
-    surroundings = np.exp(np.interp(np.log(orders), np.log(places), levels))
-    ratio = power[_SLOWEST:last] / surroundings
-    best = int(np.argmax(ratio))
-    return (best + _SLOWEST) / len(x) if ratio[best] > _PEAK else None
+class _Search:
+    """The search in records of n values, one after the other."""
+
+    def __init__(self, n: int, highest: float) -> None:
+        from scipy.fft import dct
+
+        self._transform = partial(dct, norm="ortho")
+        self._n, self._last = n, highest * n  # periods
+        self._order = np.arange(1, min(int(2.0 * self._last) + 2, n))
+        count = len(self._order)
+        self._ramp = self._transform(np.arange(n) / n)[self._order]
+        single = min(_SINGLE, count)
+        bins = single * np.exp(_WIDTH * np.arange(np.log(count / single) / _WIDTH))
+        self._starts = np.unique(np.concatenate([np.arange(single), bins]).astype(np.int64))
+        self._starts = self._starts[self._starts < count]
+        self._sizes = np.diff(np.append(self._starts, count))
+        mean_order = np.exp(np.add.reduceat(np.log(self._order), self._starts) / self._sizes)
+        f = mean_order / (2.0 * self._n)
+        self._design = np.stack([f**0, 1.0 / f, f**-2.0], axis=1)
+        self._single = slice(0, single)
+        self._tried = np.arange(_SLOWEST, min(0.5 * single, self._last), _SPACING)
+        self._columns = self._of_lines(self._tried, self._single)
+
+    def lines(self, x: Array) -> list[tuple[Line, Array, float]]:
+        """Return the lines that may be in x (n,), with their values (n,), and what each gains."""
+        self._x, self._y = x, self._transform(x)[self._order]
+        nothing = np.empty(0)
+        first = self._noise(self._y, first_guesses(self._data(self._y))[0])
+        best = self._fit(nothing, first)
+        while len(best.periods) < _MAX_LINES:
+            more = [
+                self._fit(np.append(best.periods, one), best)
+                for one in {*self._slow_candidates(best), *self._fast_candidates(best)}
+            ]
+            found = min(more, key=lambda one: one.objective, default=best)
+            if best.objective - found.objective <= _doubt(found.periods[-1:]).sum():
+                break
+            best = found
+        result = []
+        angle = 2.0j * np.pi / self._n * (np.arange(self._n) + 0.5)
+        for k, (periods, part) in enumerate(zip(best.periods, best.parts, strict=True)):
+            gain = self._fit(np.delete(best.periods, k), best).objective - best.objective
+            if gain > _doubt(periods):
+                line = Line(0, float(periods) / self._n, float(abs(part)))
+                result.append((line, (part * np.exp(angle * periods)).real, gain))
+        return result
+
+    def _of_lines(self, periods: Array, rows: slice = _ALL) -> Waves:
+        """Return the coefficients (m, lines) of ``exp(2 pi i periods (j + 1/2) / n)``.
+
+        Sums over j of ``cos(pi k (j + 1/2) / n)`` times it are two geometric series.
+        """
+        w = 2.0 * np.pi * periods / self._n
+        k = np.pi * self._order[rows, None] / self._n
+        return (self._sum(w + k) + self._sum(w - k)) / np.sqrt(2.0 * self._n)
+
+    def _sum(self, angle: Array) -> Waves:
+        """Return ``sum_j exp(i angle (j + 1/2))`` for j from 0 to n - 1."""
+        half = 0.5 * angle
+        flat = np.abs(half) < 1e-12
+        kernel = np.where(flat, self._n, np.sin(self._n * half) / np.sin(np.where(flat, 1.0, half)))
+        return kernel * np.exp(1j * self._n * half)
+
+    def _noise(self, left: Array, guess: Array) -> _Fit:
+        """Return the noise of coefficients (m,) in which nothing else is.
+
+        :param guess: of the expected rows.
+        """
+        free, level = np.full((1, self._design.shape[1]), np.nan), np.zeros(1)
+        found = fit_many(self._data(left), self._design, free, slope=level, guess=guess[None])
+        rows = found.expected[0]
+        nothing = np.empty(0)
+        return _Fit(found.lowest, rows, np.repeat(rows, self._sizes), nothing, nothing, left)
+
+    def _data(self, left: Array) -> Data:
+        power = np.add.reduceat(left**2, self._starts) / self._sizes
+        zeros = np.zeros(len(power))
+        return Data(power, self._sizes.astype(np.float64), zeros, zeros)
+
+    def _fit(self, periods: Array, start: _Fit) -> _Fit:
+        """Return the fit with lines near some frequencies, in turns with the noise.
+
+        The frequencies follow by Gauss's and Newton's steps.
+        """
+        best = self._with_lines(periods, start)
+        for _ in range(_ALTERNATIONS):
+            if len(periods):
+                periods = np.maximum(best.periods + self._step(best), 0.5 * _SLOWEST)
+            found = self._with_lines(periods, best)
+            gain = best.objective - found.objective
+            if gain > 0.0:
+                best = found
+            if gain < _TOLERANCE:
+                break
+        return best
+
+    def _with_lines(self, periods: Array, before: _Fit) -> _Fit:
+        """Return the least-squares fit of ramp and lines, and of noise to what it leaves.
+
+        :param before: its noise is that of the coefficients.
+        """
+        waves, root = self._of_lines(periods), np.sqrt(before.variance)
+        columns = np.column_stack([self._ramp, waves.real, -waves.imag])
+        sizes = _solved(columns / root[:, None], self._y / root)
+        _, cosines, sines = np.split(sizes, [1, 1 + len(periods)])
+        found = self._noise(self._y - columns @ sizes, before.rows)
+        return found._replace(periods=periods, parts=cosines + 1j * sines)
+
+    def _step(self, found: _Fit) -> Array:
+        """Return by how much the frequencies of the lines are off, to first order."""
+        root = np.sqrt(found.variance)
+        columns = self._tangent(found, _ALL) / root[:, None]
+        step = _solved(columns, found.left / root)[-len(found.periods) :]
+        return np.clip(step, -_SPACING, _SPACING)
+
+    def _tangent(self, found: _Fit, rows: slice) -> Array:
+        """Return the derivatives (m, p) by the sizes of ramp and lines, and by the frequencies."""
+        waves = self._of_lines(found.periods, rows)
+        slopes = (self._of_lines(found.periods + _OFF, rows) - waves) / _OFF * found.parts
+        return np.column_stack([self._ramp[rows], waves.real, waves.imag, slopes.real])
+
+    def _slow_candidates(self, best: _Fit) -> list[float]:
+        """Return the frequencies that fit best to the noise, and to a smooth spectrum."""
+        rows = self._single
+        known, price = self._tangent(best, rows), _doubt(self._tried)
+        smooth = np.repeat(first_guesses(self._data(best.left))[0], self._sizes)
+        result = []
+        for variance in (best.variance, np.maximum(smooth, 1e-300)):
+            root = np.sqrt(variance[rows])[:, None]
+            q = np.linalg.qr(known / root)[0]
+            y, c = best.left[rows] / root[:, 0], self._columns / root
+            gain = 0.5 * _explained(c - q @ (q.T @ c), y - q @ (q.T @ y))
+            gain[(np.abs(self._tried[:, None] - best.periods) < _APART).any(axis=1)] = 0.0
+            k = int(np.argmax(gain - price))
+            if gain[k] > 0.5 * price[k]:  # more of it is found with the noise that fits to it
+                result.append(float(self._tried[k]))
+        return result
+
+    def _fast_candidates(self, best: _Fit) -> list[float]:
+        """Return the highest peak over its surroundings among the averaged coefficients."""
+        slowest, last = int(0.45 * _SINGLE), int(self._last) + 1
+        if last <= slowest + 1:
+            return []
+        angle = 2.0j * np.pi / self._n * (np.arange(self._n) + 0.5)
+        waves = [one * np.exp(angle * p) for one, p in zip(best.parts, best.periods, strict=True)]
+        rest = self._x - np.sum(np.real(waves), axis=0) if waves else self._x
+        line = np.linspace(-1.0, 1.0, self._n)
+        level = rest - line * (line @ rest) / (line @ line)
+        power = np.abs(np.fft.rfft(np.hanning(self._n) * level))[:last] ** 2
+        count = int(np.log(last / slowest) / np.log(_STEP)) + 2
+        places = np.unique((slowest * _STEP ** np.arange(count)).astype(np.int64))
+        # The median of exponentially distributed powers is ln 2 of their mean.
+        usual = [
+            np.median(power[int(k / _AROUND) - 4 : int(k * _AROUND) + 5]) / np.log(2.0)
+            for k in places[places < last]
+        ]
+        orders = np.arange(slowest, last)
+        levels = np.log(np.maximum(usual, 1e-300))
+        surroundings = np.exp(np.interp(np.log(orders), np.log(places[places < last]), levels))
+        ratio = power[slowest:] / surroundings
+        k = int(np.argmax(ratio))
+        return [float(k + slowest)] if ratio[k] > _PEAK else []
 
 
-def _refined(x: Array, frequency: float) -> float:
-    """Return the frequency of the most power within one cycle per record of a peak."""
-    from scipy.optimize import minimize_scalar
-
-    t = np.arange(len(x))
-    weighted = np.hanning(len(x)) * x
-
-    def power(f: float) -> float:
-        return -float(np.abs(np.exp(-2j * np.pi * f * t) @ weighted) ** 2)
-
-    width = 1.0 / len(x)
-    bounds = (frequency - width, frequency + width)
-    options = {"xatol": 1e-3 * width}
-    return float(minimize_scalar(power, bounds=bounds, method="bounded", options=options).x)
+def _doubt(periods: Array) -> Array:
+    """Return the log-likelihood that makes a line of so many periods possible."""
+    return _DOUBT[0] + _DOUBT[1] * np.log(np.maximum(periods, 1.0))
 
 
-def _objective(x: Array, highest: float) -> float:
-    """Return minus the log-likelihood as white noise, flicker and a walk, up to a frequency."""
-    from scipy.fft import dct
+def _solved(columns: Array, y: Array) -> Array:
+    """Return the least-squares solution with columns of any size."""
+    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    found: Array = np.linalg.lstsq(columns / size, y, rcond=1e-10)[0]
+    return found / size
 
-    order = np.arange(1, min(int(2.0 * len(x) * highest) + 2, len(x)))
-    power = dct(x, norm="ortho")[order] ** 2
-    zeros = np.zeros(len(order))
-    f = order / (2.0 * len(x))
-    design = np.stack([f**0, 1.0 / f, f**-2.0], axis=1)
-    return fit(Data(power, zeros + 1.0, zeros, zeros), design).lowest
+
+def _explained(waves: Waves, y: Array) -> Array:
+    """Return how much of ``y @ y`` cosine and sine of each wave explain; y (m,), waves (m, f)."""
+    c, s = waves.real, waves.imag
+    cc, ss, cs = (np.sum(one * other, axis=0) for one, other in ((c, c), (s, s), (c, s)))
+    yc, ys = y @ c, y @ s
+    determinant = cc * ss - cs * cs
+    sound = determinant > 1e-9 * cc * ss
+    safe = np.where(sound, determinant, 1.0)
+    return np.where(sound, (ss * yc * yc - 2.0 * cs * yc * ys + cc * ys * ys) / safe, 0.0)

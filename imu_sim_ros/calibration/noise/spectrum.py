@@ -10,12 +10,13 @@ second difference matrix with free ends, whose eigenvectors are the DCT-II's; St
 cosine transform", SIAM Review 41, 1999.) No window, no differencing and no leakage.
 """
 
+from collections.abc import Iterable
 from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.calibration.noise.slow_lines import Line, without_lines
+from imu_sim_ros.calibration.noise.slow_lines import Line, find_lines
 from imu_sim_ros.types import Array, Integers, Mask
 
 CLUSTER: Final = 16
@@ -30,6 +31,8 @@ _SINGLE: Final = 128
 """Coefficients of each piece that are kept one by one."""
 _WIDTH: Final = 0.02
 """Relative width of the bins in which the others are averaged."""
+_NEAR: Final = 1.5
+"""Half periods in the record by which a coefficient differs from a line that took its power."""
 
 
 class Spectrum(NamedTuple):
@@ -55,6 +58,17 @@ class Spectrum(NamedTuple):
     def rows(self, chosen: Mask) -> "Spectrum":
         """Return some of the rows."""
         return concatenate([self], chosen)
+
+    def around(self, lines: Iterable[Line]) -> Mask:
+        """Return the single coefficients (m,) whose power went into the lines that were taken out.
+
+        A line has three parameters and coefficients at every half period in the record.
+        """
+        result = np.zeros(len(self.order), dtype=np.bool_)
+        for line in lines:
+            apart = self.frequency - line.frequency / self.sample_interval
+            result |= (self.order > 0) & (np.abs(apart) * 2.0 * self.duration < _NEAR)
+        return result
 
     def at_rate(self, rate: float) -> "Spectrum":
         """Return the spectrum of the same samples, taken at another rate [Hz]."""
@@ -111,8 +125,11 @@ class SpectrumAccumulator:
         self._log_frequency = np.zeros(count)
         self._whole = self._bins(_SEGMENT)
         self._low: list[Spectrum] = []
+        self._low_without_doubtful: list[Spectrum] = []
         self.lines: list[Line] = []
         """Slow sinusoids that were taken out; their frequencies in cycles per sample."""
+        self.doubtful: list[Line] = []
+        """Those that may be there or not; they were left in."""
         self._segment = np.empty((axes, _SEGMENT))
         self._workspace = np.empty((axes, _SEGMENT))
         self._begin()
@@ -137,7 +154,7 @@ class SpectrumAccumulator:
         """Close the piece: what follows is not connected to it."""
         self._flush()
         if self._clusters:
-            self._low.append(self._low_part(np.concatenate(self._clusters, axis=1)))
+            self._end_low_part(np.concatenate(self._clusters, axis=1))
         self._begin()
 
     def _flush(self) -> None:
@@ -180,12 +197,19 @@ class SpectrumAccumulator:
         log_frequency: Array = np.bincount(bins, weights=logs, minlength=size).astype(np.float64)
         return _Bins(first, last, starts, bins[starts], freedom, log_frequency)
 
+    def _end_low_part(self, clusters: Array) -> None:
+        found = find_lines(clusters, _SPLIT * CLUSTER)
+        for known, new in ((self.lines, found.lines), (self.doubtful, found.doubtful)):
+            known += [line._replace(frequency=line.frequency / CLUSTER) for line in new]
+        self._low.append(self._low_part(found.values))
+        self._low_without_doubtful.append(
+            self._low_part(found.without_doubtful) if found.doubtful else self._low[-1]
+        )
+
     def _low_part(self, clusters: Array) -> Spectrum:
         n = clusters.shape[1]
         interval = CLUSTER * self._dt
         last = int(np.ceil(2.0 * n * _SPLIT * CLUSTER))  # the first coefficient at the split
-        clusters, lines = without_lines(clusters, _SPLIT * CLUSTER)
-        self.lines += [line._replace(frequency=line.frequency / CLUSTER) for line in lines]
         centred = clusters - clusters.mean(axis=1, keepdims=True)
         amplitude = self._dct(centred)[:, 1:last].T * np.sqrt(interval)
         order = np.arange(1, last)
@@ -206,8 +230,11 @@ class SpectrumAccumulator:
             self._dt,
         )
 
-    def result(self) -> Spectrum:
-        """Return the rows of all pieces, low frequencies first."""
+    def result(self, *, doubtful: bool = True) -> Spectrum:
+        """Return the rows of all pieces, low frequencies first.
+
+        :param doubtful: with the lines that may be there or not.
+        """
         used = self._freedom > 0
         freedom = self._freedom[used]
         frequency = np.exp(self._log_frequency[used] / freedom) / self._dt
@@ -222,7 +249,7 @@ class SpectrumAccumulator:
             np.zeros((len(freedom), self._axes)),
             self._dt,
         )
-        return concatenate([*self._low, high])
+        return concatenate([*(self._low if doubtful else self._low_without_doubtful), high])
 
 
 def concatenate(parts: list[Spectrum], chosen: Mask | None = None) -> Spectrum:

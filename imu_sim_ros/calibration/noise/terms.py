@@ -62,6 +62,11 @@ def quantity(triad: str, key: str) -> QuantityFormat:
     return QuantityFormat(*_TEXTS[key], unit, field_unit, float(factor))
 
 
+def name_of(key: str) -> str:
+    """Return a parameter in words."""
+    return _TEXTS[key][1]
+
+
 FLICKER_FLOOR: Final = float(np.sqrt(2.0 * np.log(2.0) / np.pi))
 """Flat Allan deviation of a bias instability of 1: 0.664."""
 
