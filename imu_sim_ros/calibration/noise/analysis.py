@@ -201,16 +201,14 @@ class _Case(NamedTuple):
 def _noise(cases: tuple[_Case, _Case], axis: int, band: UsableBand, model: str) -> AxisNoise:
     """Return the random error of an axis: what holds with its doubtful lines and without them."""
     of_model = estimate if model == "standard" else estimate_gauss_markov
-    with_them, without = (
-        (spectrum, [line for line in lines if line.axis == axis]) for spectrum, lines in cases
-    )
-    found = [
-        of_model(spectrum.rows(band.used & ~spectrum.around(lines)), axis)
-        for spectrum, lines in (
-            (with_them, without) if with_them[1] != without[1] else (with_them,)
-        )
-    ]
-    return found[0] if len(found) == 1 else either(*found)
+
+    def found(case: _Case, lines: list[Line]) -> AxisNoise:
+        used = band.used & ~case.spectrum.around(lines)
+        return of_model(case.spectrum.rows(used), axis)
+
+    certain, all_lines = ([line for line in case.lines if line.axis == axis] for case in cases)
+    noise = found(cases[0], certain)
+    return noise if certain == all_lines else either(noise, found(cases[1], all_lines))
 
 
 def _rounded(noise: AxisNoise, record: Record, axis: int) -> AxisNoise:
