@@ -308,7 +308,8 @@ def error_series(t_s: Array, values: Array, variance: Array | None, colour: int)
     rows = extremes(values)
     series: list[Item] = [{"name": "error", "colour": colour, "x": t_s[rows], "y": values[rows]}]
     if variance is not None:
-        sigma = _SIGMAS * np.sqrt(np.maximum(variance[rows], 0.0))
+        known = np.where(variance[rows] < NOT_MEASURED, variance[rows], np.nan)
+        sigma = _SIGMAS * np.sqrt(np.maximum(known, 0.0))
         band = {"name": "3 sigma", "colour": colour, "x": t_s[rows], "low": -sigma, "high": sigma}
         series.insert(0, band)
     return series
@@ -328,6 +329,7 @@ def _nees(
         own = np.flatnonzero((part[:, range(3), range(3)] < NOT_MEASURED).any(axis=0))
         part = part[:, own[:, None], own]
         usable = invertible(part) if len(own) else np.zeros(len(part), np.bool_)
+        usable &= (np.diagonal(part, axis1=1, axis2=2) < NOT_MEASURED).all(axis=1)
         if usable.any():
             values, at_s = nees(errors[k][usable][:, own], part[usable]), t_s[usable]
             rows = extremes(values)
@@ -336,4 +338,6 @@ def _nees(
             summary += (
                 f"; mean NEES of the {title} {float(np.mean(values)):.4g} ({len(own)} expected)"
             )
+            if not usable.all():
+                summary += f" over the {int(usable.sum()):,} poses that state one"
     return summary, plot(f"{name}: NEES", "time [s]", "NEES, 3 expected", series, "y", link=link)

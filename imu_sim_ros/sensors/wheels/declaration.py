@@ -14,6 +14,7 @@ from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.carried import CarriedReadings
 from imu_sim_ros.sensors.declaration import Payloads, Sensor, Topic, on_demand, topic
 from imu_sim_ros.sensors.wheels.parameters import WheelsParameters
+from imu_sim_ros.sensors.wheels.uncertainty import UNKNOWN
 from imu_sim_ros.types import Array
 
 if TYPE_CHECKING:
@@ -24,8 +25,6 @@ JOINT_STATE: Final = "sensor_msgs/msg/JointState"
 VECTOR: Final = ("geometry_msgs/msg/Vector3Stamped", "Vector3StampedEncoder")
 TOPIC: Final = "wheel/odom"
 _MODEL: Final = "imu_sim_ros.sensors.wheels.model"
-NOT_MEASURED: Final = 1e6
-"""Variance of what wheels do not measure, as ros2_controllers state it."""
 _NAMES: Final = "x,y,yaw,speed_x,speed_y,yaw_rate,variance_x,variance_y,variance_yaw_rate"
 _UNITS: Final = (
     "x [m],y [m],yaw [rad],speed_x [m s^-1],speed_y [m s^-1],yaw_rate [rad s^-1],"
@@ -130,7 +129,7 @@ def _planar(measured: Array) -> Array:
     covariance = np.zeros((len(measured), 6, 6))
     planar = np.array([0, 1, 5])
     covariance[:, planar[:, None], planar] = measured
-    covariance[:, [2, 3, 4], [2, 3, 4]] = NOT_MEASURED
+    covariance[:, [2, 3, 4], [2, 3, 4]] = UNKNOWN
     return covariance
 
 

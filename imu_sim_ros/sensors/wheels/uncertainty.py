@@ -8,6 +8,7 @@ turns and on patches, nor temperature.
 """
 
 import math
+from statistics import NormalDist
 from typing import Final
 
 import numpy as np
@@ -18,6 +19,15 @@ from imu_sim_ros.types import Array
 _UPPER: Final = np.triu_indices(3)
 """The six different elements of a covariance: xx, xy, x yaw, yy, y yaw, yaw yaw."""
 _ELEMENTS: Final = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
+UNKNOWN: Final = 1e6
+"""Variance of what wheels do not measure, or no longer know, as ros2_controllers state it."""
+_LOST: Final = 0.3
+"""[rad] Standard deviation of the heading above which the places of a seed form a bent band, which
+no covariance describes: the NEES of what would be stated leaves chi-square's band."""
+_PAIRS: Final = 64
+"""Of vehicles with opposite errors; enough for the NEES of all presets."""
+_ROWS: Final = 512
+"""Readings for which all vehicles move at once: some megabytes."""
 
 
 def applied(matrix: Array, rows: Array) -> Array:
@@ -26,6 +36,23 @@ def applied(matrix: Array, rows: Array) -> Array:
     for k in range(1, matrix.shape[1]):
         result = result + rows[:, k : k + 1] * matrix[:, k]
     return result
+
+
+def spread_normals(pairs: int, count: int) -> Array:
+    """Return columns (count, 2 pairs) that are evenly spread standard normals, in opposite pairs.
+
+    Their mean is 0, and their covariance is 1. They follow Kronecker's sequence in as many
+    dimensions, whose steps are powers of the root g of ``g^(count + 1) = g + 1``.
+    """
+    root = 2.0
+    for _ in range(100):
+        root = (1.0 + root) ** (1.0 / (count + 1))
+    steps = root ** -np.arange(1.0, count + 1.0)
+    shares = (0.5 + np.outer(steps, np.arange(1.0, pairs + 1.0))) % 1.0
+    quantile = NormalDist().inv_cdf
+    half = np.array([[quantile(share) for share in row] for row in shares.tolist()])
+    half = np.linalg.solve(np.linalg.cholesky(half @ half.T / pairs), half)
+    return np.concatenate([half, -half], axis=1)
 
 
 class StatedCovariance:
@@ -42,14 +69,17 @@ class StatedCovariance:
         tick = math.tau / parameters.ticks if parameters.ticks else 0.0
         self._of_angle = parameters.encoder_noise**2 + tick**2 / 12.0
         wheels, steered = parameters.wheels, parameters.model == "ackermann"
-        self._of_constants = np.array(
+        constants = np.array(
             [0.01 * parameters.radius_sigma_percent] * wheels
             + [0.01 * parameters.base_sigma_percent]
             + [parameters.steering_offset_sigma] * steered
         )
+        # The first vehicle is that of the readings, without errors.
+        drawn = constants[:, None] * spread_normals(_PAIRS, len(constants))
+        self._constants = np.insert(drawn, 0, 0.0, axis=1) if constants.any() else None
+        self._vehicles = np.zeros((3, 1 + 2 * _PAIRS))
         self._pose: Array | None = None
         self._white = np.zeros(6)
-        self._constant = np.zeros((len(self._of_constants), 3))
         self._count = np.zeros((wheels, 3))
 
     def of_twist(self, twist: Array, angle: Array) -> Array:
@@ -82,11 +112,15 @@ class StatedCovariance:
     def of_pose(self, pose: Array, twist: Array, angle: Array) -> Array:
         """Return the covariance (n, 3, 3) of the poses (n, 3) that the next n twists add up to.
 
-        To first order. With ``T(p) = [[1, 0, -y], [0, 1, x], [0, 0, 1]]`` errors e of pose k are
-        ``T(p_k) sum_j a_j s_j``, a_j (3,) of source s in the interval before reading j: the way
-        that it adds, as a motion about the origin. Random slip and steering noise are white,
-        radii, base and offset constant; the error n of an angle enters as ``n_j - n_(j-1)``, so
-        that it does not add up.
+        Radii, base and steering offset are constant and soon turn the heading so far that errors
+        of place are not linear in them. Their part is the mean square of the errors of many
+        vehicles, each with its own constants, whose wheels turn as read. Once the heading is lost,
+        x and y are unknown.
+
+        The rest is of first order. With ``T(p) = [[1, 0, -y], [0, 1, x], [0, 0, 1]]`` errors e of
+        pose k are ``T(p_k) sum_j a_j s_j``, a_j (3,) of source s in the interval before reading j:
+        the way that it adds, as a motion about the origin. Random slip and steering noise are
+        white; the error n of an angle enters as ``n_j - n_(j-1)``, so that it does not add up.
         """
         if not len(pose):
             return np.zeros((0, 3, 3))
@@ -95,7 +129,7 @@ class StatedCovariance:
         dt = np.full(len(pose), self._dt)
         dt[0] = 0.0 if self._pose is None else self._dt
         self._pose = pose[-1].copy()
-        wheels, steering, base = self._ways(before, pose, twist, angle, dt)
+        wheels, steering = self._ways(before, pose, twist, angle, dt)
         rims = applied(self._known, twist)
         p = self._parameters
         slip = p.slip_noise * np.sqrt(np.abs(rims) / self._dt)
@@ -103,26 +137,55 @@ class StatedCovariance:
         previous = np.concatenate([self._count[None], counts[:-1]])
         self._count = counts[-1].copy()
         white = [slip[:, :, None] * wheels, counts - previous]
-        constant = [rims[:, :, None] * wheels, base]
         if p.model == "ackermann":
             white.append(p.steering_noise * steering)
-            constant.append(steering)
         summed = np.concatenate([self._white[None], _squared(np.concatenate(white, axis=1))])
         white_sum = np.cumsum(summed, axis=0)
         self._white = white_sum[-1].copy()
-        ways = np.concatenate([self._constant[None], np.concatenate(constant, axis=1)])
-        constant_sum = np.cumsum(ways, axis=0)
-        self._constant = constant_sum[-1].copy()
-        lasting = constant_sum[1:] * self._of_constants[:, None]
-        return _moved(white_sum[1:] + _squared(np.concatenate([lasting, counts], axis=1)), pose)
+        result = _moved(white_sum[1:] + _squared(counts), pose)
+        if self._constants is not None:
+            for k in range(0, len(pose), _ROWS):
+                rows = slice(k, k + _ROWS)
+                result[rows] += self._of_vehicles(rims[rows], angle[rows], dt[rows])
+        lost = result[:, 2, 2] > _LOST**2
+        result[lost, :2] = result[lost, :, :2] = 0.0
+        result[lost, [[0], [1]], [[0], [1]]] = UNKNOWN
+        return result
+
+    def _of_vehicles(self, rims: Array, angle: Array, dt: Array) -> Array:
+        """Return the part (n, 3, 3) of the constants, of the next n intervals.
+
+        :param rims: (n, m) speeds as read.
+        :param angle: (n, j) of the joints.
+        :param dt: (n,) lengths of the intervals [s].
+        """
+        assert self._constants is not None
+        p, m = self._parameters, rims.shape[1]
+        shares = 1.0 + self._constants[: m + 1]
+        forward, left, turning = (
+            applied((row[:, None] * shares[:m]).T, rims) for row in self._to_twist
+        )
+        if p.model == "ackermann":
+            turning = forward * np.tan(angle[:, -1:] + self._constants[-1]) / p.wheelbase
+        turned = dt[:, None] * turning * shares[m]
+        start = self._vehicles
+        yaw = np.cumsum(np.concatenate([start[None, 2], turned]), axis=0)
+        middle = 0.5 * (yaw[1:] + yaw[:-1])
+        cosine, sine = dt[:, None] * np.cos(middle), dt[:, None] * np.sin(middle)
+        ways = np.stack([cosine * forward - sine * left, sine * forward + cosine * left], axis=1)
+        places = np.cumsum(np.concatenate([start[None, :2], ways]), axis=0)
+        every = np.concatenate([places, yaw[:, None]], axis=1)[1:]
+        self._vehicles = every[-1].copy()
+        error = every[:, :, 1:] - every[:, :, :1]
+        mean: Array = np.matmul(error, error.transpose(0, 2, 1)) / error.shape[2]
+        return mean
 
     def _ways(
         self, before: Array, pose: Array, twist: Array, angle: Array, dt: Array
-    ) -> tuple[Array, Array, Array]:
+    ) -> tuple[Array, Array]:
         """Return the motions about the origin that errors add in an interval.
 
-        Of the speed of each rim (n, m, 3), of the steering angle (n, 1, 3), of the base, as a
-        share (n, 1, 3).
+        Of the speed of each rim (n, m, 3), and of the steering angle (n, 1, 3).
         """
         x, y, yaw = (0.5 * (before + pose)).T
         chord = dt * np.sinc((pose[:, 2] - before[:, 2]) / math.tau)
@@ -139,7 +202,7 @@ class StatedCovariance:
         across = np.stack([-sine, cosine, 0.0 * dt], axis=1)
         wheels = forward * along[:, None] + left * across[:, None]
         wheels = wheels + turned[:, :, None] * about[:, None]
-        return wheels, (slope[:, None] * about)[:, None], (twist[:, 2:] * about)[:, None]
+        return wheels, (slope[:, None] * about)[:, None]
 
 
 def _squared(rows: Array) -> Array:

@@ -10,6 +10,8 @@ import pytest
 from scipy.stats import chi2
 
 import imu_sim_ros as ims
+from imu_sim_ros.parameters import files
+from imu_sim_ros.sensors.wheels.uncertainty import spread_normals
 from imu_sim_ros.simulation.engine import Simulation
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -80,31 +82,46 @@ def test_radii_last() -> None:
     np.testing.assert_allclose(deviation, expected, rtol=1e-6)
 
 
-@pytest.mark.parametrize("model", ["differential", "ackermann", "omnidirectional"])
-def test_the_stated_covariance_is_that_of_the_pose_errors(model: str) -> None:
-    """NEES of the last pose of each of 300 seeds, after 40 m in curves, with all known errors.
+@pytest.mark.parametrize("name", files.names("wheels"))
+def test_the_stated_covariance_of_every_preset_is_that_of_its_errors(name: str) -> None:
+    """NEES of 150 seeds on `yard`, while the heading is known, and of the heading alone at the end.
 
-    Their sum is chi-square with 900 degrees of freedom; the band leaves out 1e-4 on each side.
-    Headings are off by 0.02, whose squares, left out, move the end by a tenth of its deviation.
+    Their sums are chi-square with 450 and 150 degrees of freedom; the band leaves out 1e-4 on each
+    side, 2.26 to 3.86 and 0.61 to 1.51 for the means.
     """
-    own = {
-        "model": model, "radius_sigma_percent": 0.05, "base_sigma_percent": 0.1, "ticks": 500,
-        "steering_offset_sigma": 5e-4, "slip_noise": 0.002, "radius": 0.3, "track": 2.0,
-        "wheelbase": 2.0, "steering_noise": 0.001,
-    }  # fmt: skip
     values = {
-        "sensors": ["wheels"], "imu.preset": "perfect", "trajectory.type": "drive",
-        "trajectory.positions": [0.0, 0.0, 20.0, 0.0, 20.0, 20.0], "rate": 50.0,
-        **{f"wheels.{k}": v for k, v in own.items()},
+        "sensors": ["wheels"], "imu.preset": "perfect", "trajectory.type": "yard", "rate": 50.0,
+        "duration": 30.0, "wheels.preset": name,
     }  # fmt: skip
     run = Simulation(load_simulation(values), sensors={"wheels"})
-    total = 0.0
-    for seed in range(300):
+    errors, stated = [], []
+    for seed in range(150):
         read = run.with_seed(seed).next_block(10**6).auxiliary["wheels"]
-        q = read.true_pose[-1, 3:]
-        yaw = 2.0 * np.arctan2(q[3], q[0])
-        error = read.pose[-1] - np.array([*read.true_pose[-1, :2], yaw])
-        error[2] = (error[2] + np.pi) % (2.0 * np.pi) - np.pi
-        total += error @ np.linalg.solve(read.pose_covariance[-1], error)
-    low, high = chi2.ppf([1e-4, 1.0 - 1e-4], 900)
-    assert low < total < high, total / 300
+        q = read.true_pose[:, 3:]
+        yaw = np.unwrap(2.0 * np.arctan2(q[:, 3], q[:, 0]))
+        errors.append(read.pose - np.column_stack([read.true_pose[:, :2], yaw]))
+        stated.append(read.pose_covariance)
+    error, covariance = np.stack(errors, axis=1), np.stack(stated, axis=1)
+    known = (covariance[:, :, 0, 0] < 1e6).all(axis=1)
+    moved = np.sqrt(covariance[:, :, 2, 2].mean(axis=1)) > 0.03
+    low, high = chi2.ppf([1e-4, 1.0 - 1e-4], 450)
+    for k in np.flatnonzero(known & moved)[:: len(error) // 10]:
+        nees = np.einsum(
+            "si,si->", error[k], np.linalg.solve(covariance[k], error[k][..., None])[..., 0]
+        )
+        assert low < nees < high, (k, nees / 150)
+    low, high = chi2.ppf([1e-4, 1.0 - 1e-4], 150)
+    assert low < (error[-1, :, 2] ** 2 / covariance[-1, :, 2, 2]).sum() < high
+    # Where the heading is lost the place is unknown, and says so to whoever inverts it.
+    lost = covariance[covariance[:, :, 2, 2] > 0.3**2]
+    assert (lost[:, 0, 0] == 1e6).all()
+    assert (lost[:, 1, 1] == 1e6).all()
+    assert known.all() == (name in ("husky_a200", "rosbot_xl"))
+
+
+def test_vehicles_have_the_moments_of_a_standard_normal() -> None:
+    """Mean, covariance and skewness by construction; the fourth moment, 3, to 25 %."""
+    drawn = spread_normals(64, 5)
+    np.testing.assert_allclose(drawn.mean(axis=1), 0.0, atol=1e-15)
+    np.testing.assert_allclose(drawn @ drawn.T / 128, np.eye(5), atol=1e-12)
+    np.testing.assert_allclose((drawn**4).mean(axis=1), 3.0, rtol=0.25)
