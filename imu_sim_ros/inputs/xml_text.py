@@ -75,7 +75,8 @@ def parsed(path: str | Path, longest_text: int = _LONGEST_TEXT) -> Element:
     def refuse(*_: object) -> None:
         raise InputError(f"{path}: has a document type (<!DOCTYPE ...>), which is not read")
 
-    parser = expat.ParserCreate()
+    # Its text is known to be UTF-8, whatever encoding it declares; Python knows not all of these.
+    parser = expat.ParserCreate("utf-8")
     parser.buffer_text, parser.buffer_size = True, _BUFFER
     parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.CharacterDataHandler = text

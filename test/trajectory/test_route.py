@@ -167,6 +167,19 @@ def test_bad_files_are_named(tmp_path, name, text, words):
     assert str(path) in caught.value.problems[0]
 
 
+@pytest.mark.parametrize("encoding", ["klingon", "cp037", "ISO-8859-1", "utf-16"])
+def test_xml_is_read_as_utf_8_whatever_it_declares(tmp_path, encoding):
+    """Python's parser asks for the codec, which raises a LookupError of its own."""
+    path = tmp_path / "a.gpx"
+    points = "".join(f'<wpt lat="48" lon="11.00{k}"><name>\u00e9</name></wpt>' for k in (0, 1))
+    text = f'<?xml version="1.0" encoding="{encoding}"?><gpx>{points}</gpx>'
+    path.write_text(text, encoding="utf-8")
+    assert len(read_route(path).places) == 2
+    path.write_text(text, encoding="latin-1")
+    with pytest.raises(InputError, match="not a text file in UTF-8"):
+        read_route(path)
+
+
 def test_entities_are_refused(tmp_path):
     bomb = (
         '<!DOCTYPE gpx [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]>'

@@ -33,6 +33,8 @@ _RECORD: Final = (
 )
 """Numbers of an ephemeris, line by line; those of the first follow satellite and clock's time."""
 
+_MAY_BE_BLANK: Final = ("codes", "l2p", "accuracy", "health", "tgd", "iodc")
+
 
 class Epochs(NamedTuple):
     """n times at which k satellites were measured."""
@@ -169,7 +171,7 @@ def read_navigation(path: Path) -> tuple[Ephemerides, Array | None]:
     try:
         read = [_read_record(record, old) for record in records]
         ionosphere = _read_ionosphere(head)
-    except (ValueError, IndexError) as error:
+    except (ValueError, IndexError, OverflowError) as error:
         raise InputError(f"{path}: not an ephemeris of GPS: {error}") from None
     sound = [one for one in read if one["health"] == 0.0]
     if not sound:
@@ -185,7 +187,7 @@ def read_navigation(path: Path) -> tuple[Ephemerides, Array | None]:
 def _records(lines: Sequence[str], old: bool) -> Iterator[list[str]]:
     """Yield the eight lines of each ephemeris of GPS."""
     if old:
-        yield from (list(lines[k : k + 8]) for k in range(0, len(lines) - 7, 8))
+        yield from (list(lines[k : k + 8]) for k in range(0, len(lines), 8) if any(lines[k:]))
         return
     starts = [k for k, line in enumerate(lines) if line[:1].isalpha()]
     yield from (list(lines[k : k + 8]) for k in starts if lines[k].startswith("G"))
@@ -200,10 +202,13 @@ def _read_record(lines: Sequence[str], old: bool) -> dict[str, float]:
     clock = datetime(year, month, day, hour, minute, tzinfo=GPS_EPOCH.tzinfo)
     toc = (clock - GPS_EPOCH).total_seconds() + float(head[6])
     found: dict[str, float] = {"prn": prn}
-    for names, line in zip(_RECORD, lines, strict=False):
-        first = place if names is _RECORD[0] else place - 19
+    for number, names in enumerate(_RECORD):
+        line = lines[number] if number < len(lines) else ""
+        first = place if number == 0 else place - 19
         for k, name in enumerate(names):
-            word = line[first + 19 * k : first + 19 * (k + 1)].replace("D", "E").strip()
+            word = line[first + 19 * k : first + 19 * (k + 1)].replace("D", "E").rstrip()
+            if (word and len(word) < 19) or not (word or name in _MAY_BE_BLANK):
+                raise ValueError(f"that of satellite {prn} at {clock} is cut short")
             found[name] = float(word) if word else 0.0
     # Files of old receivers count weeks modulo 1024; the clock's date says which are meant.
     near = round((toc - found["toe"]) / WEEK)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.sensors.gnss import rinex
 from imu_sim_ros.sensors.gnss.observations import Antenna, klobuchar, ranges, saastamoinen
 from imu_sim_ros.sensors.gnss.satellites import LIGHT, GpsTime, almanac, gps_time, orbits
@@ -261,6 +261,19 @@ def test_files_of_ephemerides_are_the_sky(tmp_path: Path) -> None:
         ).gnss  # fmt: skip
         np.testing.assert_allclose(again.pseudorange, first.pseudorange, rtol=0, atol=1e-6)
         assert np.array_equal(again.used, first.used)
+
+
+def test_an_ephemeris_that_is_cut_short_is_told(tmp_path: Path) -> None:
+    """Wherever its numbers end: none of those that follow is taken for 0."""
+    made(tmp_path / "a", gnss=raw(**QUIET), duration=10.0)
+    lines = (tmp_path / "a.nav").read_text().splitlines()
+    path, whole, record = tmp_path / "cut.nav", lines[:14], "\n".join(lines[14:22])
+    for size in range(5, len("\n".join(lines[14:20])), 23):
+        path.write_text("\n".join([*whole, record[:size]]))
+        with pytest.raises(InputError, match="not an ephemeris of GPS"):
+            rinex.read_navigation(path)
+    path.write_text("\n".join([*whole, record]))
+    assert len(rinex.read_navigation(path)[0].prn) == 2
 
 
 def test_a_satellite_that_comes_back_has_another_ambiguity() -> None:
