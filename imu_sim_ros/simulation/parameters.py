@@ -30,6 +30,7 @@ from imu_sim_ros.trajectory.parameters import (
     TYPES,
     TrajectoryParameters,
     find_trajectory,
+    names_a_file,
     trajectory_layer,
 )
 
@@ -249,7 +250,7 @@ def _layered(layers: Iterable[Mapping[str, object]], node: str) -> dict[str, obj
     motion = {name: sensor.pop(name) for name in list(sensor) if name.startswith("trajectory.")}
     if "trajectory.type" not in given:
         given = {"trajectory.type": DEFAULT_TRAJECTORY, **motion, **given}
-    if str(given["trajectory.type"]) in names("trajectories"):
+    if names_a_file(str(given["trajectory.type"])):
         sensor.update(trajectory_layer(str(given.pop("trajectory.type")), node))
     return {**sensor, **barometer_layer(given, node), **_carried_layers(given, node), **given}
 

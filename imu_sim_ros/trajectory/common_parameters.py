@@ -18,7 +18,7 @@ from imu_sim_ros.parameters.kinds import (
 )
 from imu_sim_ros.parameters.sections import section
 
-TYPE_TEXT = "kind of trajectory, or the name of a file in config/trajectories"
+TYPE_TEXT = "kind of trajectory, a name in config/trajectories, or a file as --trajectory takes it"
 
 
 @dataclass(frozen=True)

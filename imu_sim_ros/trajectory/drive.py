@@ -27,7 +27,7 @@ from imu_sim_ros.trajectory.ground import (
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.path import Path, UniformSpline, find_path
 from imu_sim_ros.trajectory.profile import Derivatives, attitude
-from imu_sim_ros.trajectory.route import Route, read_route
+from imu_sim_ros.trajectory.route import MOST_POINTS, Route, read_route
 from imu_sim_ros.trajectory.schedule import Visits, driven, find_schedule
 from imu_sim_ros.trajectory.vibration import Vibrating, Vibration
 from imu_sim_ros.types import Array
@@ -143,6 +143,10 @@ def _waypoints(p: DriveParameters) -> tuple[Route, Visits | None]:
         route = Route(np.reshape(p.positions, (-1, 2)), None, None, heights)
         times = np.array(p.times) if p.times else None
     places, heights = route.places, _elevations(p, route)
+    if p.laps * len(places) > MOST_POINTS:
+        raise ConfigurationError(
+            f"{_PREFIX}laps = {p.laps}: {p.laps * len(places)} waypoints; at most {MOST_POINTS}"
+        )
     if p.laps:
         places = np.vstack([*[places] * p.laps, places[:1]])
         heights = np.concatenate([*[heights] * p.laps, heights[:1]])

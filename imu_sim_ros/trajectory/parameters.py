@@ -3,6 +3,7 @@
 
 """Parameters of the trajectories, one section for each ``trajectory.type``."""
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -379,7 +380,7 @@ def find_trajectory(name: str) -> type[TrajectoryParameters]:
     offered = {point.name: point for point in entry_points(group=ENTRY_POINTS)}
     if name not in offered:
         known = [*TYPES, *sorted(offered)]
-        otherwise = f"must be one of {', '.join(known)}, or a name in config/trajectories"
+        otherwise = f"must be one of {', '.join(known)}, a name in config/trajectories, or a file"
         hint = suggestion(name, [*known, *names("trajectories")], otherwise)
         raise ConfigurationError(f"trajectory.type = {name!r}: {hint}")
     point = offered[name]
@@ -397,18 +398,24 @@ def find_trajectory(name: str) -> type[TrajectoryParameters]:
     return found
 
 
+def names_a_file(trajectory: str) -> bool:
+    """Return whether a trajectory is a file, in config/trajectories or anywhere, and no kind."""
+    return trajectory in files.names("trajectories") or (
+        trajectory not in (*TYPES, GIVEN) and os.path.exists(trajectory)
+    )
+
+
 def trajectory_layer(name_or_file: str, node: str = "simulator") -> dict[str, object]:
-    """Return what ``--trajectory`` stands for.
+    """Return what ``--trajectory``, in a node ``trajectory.type``, stands for.
 
     :param name_or_file: a name in config/trajectories, a kind of trajectory, a parameter file, a
         route to drive (GPX or KML), or recorded poses: a text file, or a bag.
     """
     path = Path(name_or_file)
-    if name_or_file not in files.names("trajectories"):
-        if not path.exists() and _is_kind(name_or_file):
-            return {"trajectory.type": name_or_file}
-        if path.is_dir():
-            return {"trajectory.type": "poses", "trajectory.file": str(path)}
+    if not names_a_file(name_or_file) and _is_kind(name_or_file):
+        return {"trajectory.type": name_or_file}
+    if name_or_file not in files.names("trajectories") and path.is_dir():
+        return {"trajectory.type": "poses", "trajectory.file": str(path)}
     path = files.find("trajectories", name_or_file)
     if path.suffix.lower() in (".yaml", ".yml"):
         return files.load(path, node)

@@ -20,7 +20,8 @@ from imu_sim_ros.types import Array, Mask
 
 _SAMPLES: Final = 8
 """Per segment, to look at curvature and length."""
-_MOST_SEGMENTS: Final = 2_000_000
+_MOST_SEGMENTS: Final = 250_000
+"""Of the finest path that is tried: some seconds, and less than 1 GB."""
 _WIDTHS: Final = 2.0 ** np.arange(-2.0, 5.1, 0.25)
 """Lengths of a segment that are tried, over the smallest radius."""
 _OFF_LINE: Final = 1e-3
@@ -169,6 +170,7 @@ def find_path(
     """
     if backward is None:
         backward = np.zeros(len(places) - 1, dtype=bool)
+    _check_length(places, radius, prefix)
     turns = (1 + np.flatnonzero(np.diff(backward))).tolist()
     places = _straight_at_turns(places, turns, prefix)
     ends = zip([0, *turns], [*turns, len(places) - 1], strict=True)
@@ -191,6 +193,19 @@ def find_path(
                 f"turns back; move the waypoints next to it away, or reduce {prefix}turning_radius"
             )
     return path
+
+
+def _check_length(places: Array, radius: float, prefix: str) -> None:
+    """Refuse what would take minutes, with the leg that a wrong waypoint makes long."""
+    legs = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    least = float(legs.sum()) / (_WIDTHS[0] * _MOST_SEGMENTS)
+    if radius < least:
+        k = int(np.argmax(legs))
+        raise ConfigurationError(
+            f"{prefix}turning_radius = {radius:g}: must be at least {least:.3g} m for a route of "
+            f"{legs.sum() * 1e-3:.3g} km; its longest leg, {legs[k] * 1e-3:.3g} km, is that from "
+            f"waypoint {k + 1} to {k + 2}"
+        )
 
 
 def _straight_at_turns(places: Array, turns: list[int], prefix: str) -> Array:
@@ -245,8 +260,6 @@ def _find_part(
     for width in _WIDTHS * radius:
         if not deviation and width > longest:
             break
-        if at[-1] / width > _MOST_SEGMENTS:
-            continue
         path, miss = _rounded(places, at, waypoint, width, deviation)
         if miss.max() > max(deviation, _MISS):
             far = int(np.argmax(miss))

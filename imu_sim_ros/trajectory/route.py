@@ -31,7 +31,7 @@ _LATITUDES: Final = ("latitude", "lat", "latitude_deg")
 _LONGITUDES: Final = ("longitude", "lon", "lng", "long", "longitude_deg")
 _HEIGHTS: Final = ("z", "z_m", "up", "altitude", "alt", "elevation", "ele", "height")
 _TIMES: Final = ("t", "time", "time_s", "timestamp")
-_MOST_POINTS: Final = 1_000_000
+MOST_POINTS: Final = 1_000_000
 _FARTHEST: Final = 1e6
 """[m] from the origin; farther, a plane is no longer like the Earth."""
 _HIGHEST: Final = 1e5
@@ -142,8 +142,8 @@ def _checked(rows: Iterator[_Row], bad: BadRows, is_geographic: bool) -> _Points
     """Return the points of rows."""
     points: list[tuple[float, float, float, float]] = []
     for number, first, second, height, t in rows:
-        if len(points) >= _MOST_POINTS:
-            raise InputError(f"{bad.source}: more than {_MOST_POINTS} points")
+        if len(points) >= MOST_POINTS:
+            raise InputError(f"{bad.source}: more than {MOST_POINTS} points")
         try:
             pair = number_of(first.strip()), number_of(second.strip())
         except ValueError:

@@ -24,7 +24,8 @@ from imu_sim_ros.types import Array, Mask
 
 _KERNEL: Final = 3.0
 """Half of the reach of a control point, in steps: how long a rest has to be for one to show."""
-_MOST_STEPS: Final = 20_000_000
+_MOST_STEPS: Final = 2_000_000
+"""Of a schedule: less than 2 GB."""
 _ROUNDING: Final = 1e-6
 """[steps]"""
 _AIMS: Final = 6
@@ -198,11 +199,21 @@ def _controls(way: _Way, square: Array, waits: Array, step: float) -> tuple[Arra
     durations = _durations(way, square)
     arrival = margin + np.concatenate([[0.0], np.cumsum(durations + rest[:-1])])
     end = float(arrival[-1]) + margin
-    if end / step > _MOST_STEPS:
-        raise ConfigurationError(f"the drive takes {end:.3g} s: too long for its smoothing_time")
+    _check_steps(end / step, np.diff(arrival[way.at]))
     count = math.ceil(end / step - _ROUNDING) + DEGREE
     t: Array = (np.arange(count, dtype=np.float64) - 2.0) * step
     return t, _at_times(way, square, arrival, arrival + rest, t)
+
+
+def _check_steps(count: float, legs: Array) -> None:
+    """Refuse a drive of too many steps, with the leg (of w - 1, [s]) that takes longest."""
+    if count > _MOST_STEPS:
+        k = int(np.argmax(legs))
+        raise ConfigurationError(
+            f"the drive takes {legs.sum():.3g} s, of which {legs[k]:.3g} s are from waypoint "
+            f"{k + 1} to {k + 2}: too long for its smoothing_time, which would have to be "
+            f"{count / _MOST_STEPS:.3g} times as long"
+        )
 
 
 def _at_times(way: _Way, square: Array, arrival: Array, departure: Array, t: Array) -> Array:
@@ -219,7 +230,9 @@ def _at_times(way: _Way, square: Array, arrival: Array, departure: Array, t: Arr
 
 def _timed(path: Path, p: DriveParameters, visits: Visits, prefix: str) -> UniformSpline:
     """Return a schedule that keeps given times, with even speeds as far as limits allow."""
-    way, end = _way(path, p), float(visits.arrivals[-1])
+    end = float(visits.arrivals[-1])
+    _check_steps(end * 2.0 * _KERNEL / p.smoothing_time, np.diff(visits.arrivals))
+    way = _way(path, p)
     step = end / math.ceil(end * 2.0 * _KERNEL / p.smoothing_time)
     waits = visits.departures - visits.arrivals
     rests = waits > 0.0

@@ -11,6 +11,7 @@ import pytest
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.nodes import help
 from imu_sim_ros.nodes.arguments import ros_arguments
+from imu_sim_ros.nodes.launching import command_line
 from imu_sim_ros.parameters.sections import build, parameters
 from imu_sim_ros.simulation.playback import SimulatorParameters, layer_simulator, simulator_section
 
@@ -97,6 +98,21 @@ def test_files_of_every_form_are_read(start: Any, tmp_path: Path) -> None:
     node = start("simulator", "--ros-args", *files, real_time_factor=10.0)
     assert node.status() == 0, node.output
     assert "published 50 messages on imu/data_raw" in node.output
+
+
+def test_the_short_trajectory_is_a_file_of_poses_too(start: Any, tmp_path: Path) -> None:
+    """By the node's argument, which launch files pass on, and in a parameter file."""
+    poses = tmp_path / "poses.tum"
+    rows = [f"{0.05 * k:.2f} {0.1 * k:.1f} 0 0 0 0 0 1" for k in range(40)]
+    poses.write_text("\n".join(rows) + "\n")
+    node = start("simulator", "--trajectory", str(poses), "--duration", "0.2")
+    assert node.status() == 0, node.output
+    assert f"trajectory {poses}" in node.output
+    words = command_line(SimulatorParameters, {"trajectory": str(poses), "duration": "0.2"})
+    assert words == ["--trajectory", str(poses), "--duration", "0.2"]
+    found = layer_simulator({"trajectory.type": str(poses)})
+    assert found["trajectory.type"] == "poses"
+    assert found["trajectory.file"] == str(poses)
 
 
 def test_parameters_are_described(start: Any, listener: Any) -> None:

@@ -9,6 +9,7 @@ import pytest
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.trajectory import path
 
 BLOCK = [0.0, 0.0, 60.0, 0.0, 60.0, 40.0, 0.0, 40.0]
 
@@ -364,3 +365,27 @@ def test_what_cannot_be_backed_up_is_named():
     assert "elevations: must be left out with trajectory.slope" in lines[0]
     assert "speeds: must be above 0 with trajectory.elevations" in lines[1]
     assert "elevations: 3 entries" in refused(elevations=[1.0, 2.0, 3.0])[0]
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({}, "longest leg, 890 km, is that from waypoint 4 to 5"),
+        ({"deviation": 0.5}, "longest leg, 890 km, is that from waypoint 4 to 5"),
+        (
+            {"speeds": [2.0, 2.0, 2.0, 2.0, -2.0]},
+            "longest leg, 890 km, is that from waypoint 4 to 5",
+        ),
+    ],
+)
+def test_one_wrong_waypoint_is_named_before_any_work(build, values, words, monkeypatch):
+    """A point 890 km away took minutes and 3.2 GB; nothing that takes long may have begun."""
+    monkeypatch.setattr(path, "UniformSpline", None)
+    route = [0.0, 0.0, 20.0, 0.0, 20.0, 20.0, 40.0, 20.0, 890e3, 20.0, 60.0, 20.0]
+    with pytest.raises(ConfigurationError, match=words):
+        build(type="drive", positions=route, **values)
+
+
+def test_a_wrong_time_is_named(build):
+    with pytest.raises(ConfigurationError, match="3e\\+07 s are from waypoint 2 to 3"):
+        build(type="drive", times=[0.0, 30.0, 3e7, 3e7 + 30.0])
