@@ -3,6 +3,7 @@
 
 """RINEX: observation and navigation files of GPS are written (3.04), the latter read (2 and 3)."""
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -210,6 +211,8 @@ def _read_record(lines: Sequence[str], old: bool) -> dict[str, float]:
             if (word and len(word) < 19) or not (word or name in _MAY_BE_BLANK):
                 raise ValueError(f"that of satellite {prn} at {clock} is cut short")
             found[name] = float(word) if word else 0.0
+            if not math.isfinite(found[name]):
+                raise ValueError(f"{name} = {word.strip()} of satellite {prn}: must be finite")
     # Files of old receivers count weeks modulo 1024; the clock's date says which are meant.
     near = round((toc - found["toe"]) / WEEK)
     return {**found, "week": near, "toc": toc - near * WEEK}

@@ -272,6 +272,9 @@ def test_an_ephemeris_that_is_cut_short_is_told(tmp_path: Path) -> None:
         path.write_text("\n".join([*whole, record[:size]]))
         with pytest.raises(InputError, match="not an ephemeris of GPS"):
             rinex.read_navigation(path)
+    path.write_text("\n".join([*whole, record.replace(lines[15][23:42], f"{'nan':>19}")]))
+    with pytest.raises(InputError, match="= nan of satellite 2: must be finite"):
+        rinex.read_navigation(path)
     path.write_text("\n".join([*whole, record]))
     assert len(rinex.read_navigation(path)[0].prn) == 2
 
