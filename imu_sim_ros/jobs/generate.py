@@ -53,7 +53,7 @@ from imu_sim_ros.simulation.playback import (
     of_the_node,
     simulations,
 )
-from imu_sim_ros.trajectory.build import PoseReader
+from imu_sim_ros.trajectory.common_parameters import PoseReader
 from imu_sim_ros.trajectory.motion import Trajectory
 
 if TYPE_CHECKING:

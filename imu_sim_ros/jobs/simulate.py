@@ -29,10 +29,11 @@ from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.simulation.engine import BLOCK_SIZE, Simulation
 from imu_sim_ros.simulation.parameters import SimulationParameters, carried, load_simulation
 from imu_sim_ros.simulation.playback import SimulatorParameters, of_the_node
-from imu_sim_ros.trajectory.build import PoseReader, build_trajectory
+from imu_sim_ros.trajectory.build import build_trajectory
+from imu_sim_ros.trajectory.common_parameters import GIVEN, PoseReader
 from imu_sim_ros.trajectory.given import given_trajectory
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.trajectory.parameters import GIVEN, trajectory_layer
+from imu_sim_ros.trajectory.parameters import trajectory_layer
 from imu_sim_ros.types import Array
 
 _PROBE: Final = 16

@@ -38,7 +38,8 @@ from imu_sim_ros.sensors.imu.model import Imu
 from imu_sim_ros.sensors.registry import board, find_sensor
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.parameters import SimulationParameters, carried
-from imu_sim_ros.trajectory.build import PoseReader, build_trajectory
+from imu_sim_ros.trajectory.build import build_trajectory
+from imu_sim_ros.trajectory.common_parameters import PoseReader
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.trajectory.parameters import DriveParameters, PosesParameters
 

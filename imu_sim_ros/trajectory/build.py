@@ -4,32 +4,19 @@
 """From parameters to a trajectory, with its lead-in; whether a sensor could follow it."""
 
 import math
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from imu_sim_ros import rotation
-from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.poses import PoseSequence, read_poses
-from imu_sim_ros.trajectory.motion import Motion, Trajectory
-from imu_sim_ros.trajectory.parameters import (
-    GIVEN,
-    DriveParameters,
-    FreeFallParameters,
-    HarmonicParameters,
+from imu_sim_ros.poses import read_poses
+from imu_sim_ros.trajectory.common_parameters import (
     LeadInParameters,
-    PolarParameters,
-    PosesParameters,
-    SixPositionParameters,
-    StaticParameters,
-    TourParameters,
+    PoseReader,
     TrajectoryParameters,
-    TurntableParameters,
-    WaypointsParameters,
 )
+from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.retime import retimed
 from imu_sim_ros.types import Array
 
@@ -142,10 +129,6 @@ def _keep_peaks(peaks: Array, times: Array, values: Array, t: Array) -> None:
     times[higher] = t[rows][higher]
 
 
-PoseReader: TypeAlias = Callable[..., PoseSequence]
-"""Reads the poses of a file; called with the path, and the topic if one is given."""
-
-
 def build_trajectory(
     parameters: TrajectoryParameters,
     pose_reader: PoseReader = read_poses,
@@ -159,7 +142,7 @@ def build_trajectory(
     :raises ConfigurationError: for parameters that do not describe a motion.
     :raises InputError: for a file of poses that cannot be used.
     """
-    bare = _motion(parameters, pose_reader) if given is None else given
+    bare = parameters.motion(pose_reader) if given is None else given
     trajectory = retimed(bare, parameters)
     if parameters.lead_in.rest > 0.0:
         trajectory = LeadIn(trajectory, parameters.lead_in)
@@ -169,73 +152,3 @@ def build_trajectory(
 
         return Vibrating(trajectory, Vibration(v))
     return trajectory
-
-
-def _motion(parameters: TrajectoryParameters, pose_reader: PoseReader) -> Trajectory:
-    """Return the bare motion; each kind is imported on demand, some with SciPy."""
-    match parameters:
-        case StaticParameters():
-            from imu_sim_ros.trajectory.kinds import Static
-
-            return Static(parameters)
-        case HarmonicParameters():
-            from imu_sim_ros.trajectory.kinds import Harmonic
-
-            return Harmonic(parameters)
-        case PolarParameters():
-            from imu_sim_ros.trajectory.kinds import Polar
-
-            return Polar(parameters)
-        case FreeFallParameters():
-            from imu_sim_ros.trajectory.kinds import FreeFall
-
-            return FreeFall(parameters)
-        case WaypointsParameters():
-            from imu_sim_ros.trajectory.kinds import Waypoints
-
-            return Waypoints(parameters)
-        case DriveParameters():
-            from imu_sim_ros.trajectory.drive import drive
-
-            return drive(parameters)
-        case TourParameters():
-            from imu_sim_ros.trajectory.tour import tour
-
-            return tour(parameters)
-        case TurntableParameters():
-            from imu_sim_ros.trajectory.calibration_motion import turntable
-
-            return turntable(parameters)
-        case SixPositionParameters():
-            from imu_sim_ros.trajectory.calibration_motion import six_position
-
-            return six_position(parameters)
-        case PosesParameters():
-            from imu_sim_ros.trajectory.recorded import RecordedMotion
-
-            topic = (parameters.topic,) if parameters.topic else ()
-            return RecordedMotion(pose_reader(Path(parameters.file), *topic), parameters)
-    return _own_motion(parameters)
-
-
-def _own_motion(parameters: TrajectoryParameters) -> Trajectory:
-    """Return a user's own trajectory: parameters that know how to ``sample`` themselves."""
-    if parameters.type == GIVEN:
-        raise ConfigurationError(
-            "trajectory.type = 'given': an object or a function from Python; give it as trajectory="
-        )
-    if not (hasattr(parameters, "sample") and hasattr(parameters, "duration")):
-        raise ConfigurationError(
-            f"trajectory.type = {parameters.type!r}: {type(parameters).__name__} lacks "
-            "duration or sample(t)"
-        )
-    return _Own(parameters)
-
-
-class _Own:
-    """The motion of a user's own parameters, which may leave out the highest frequency."""
-
-    def __init__(self, parameters: Any) -> None:
-        self.sample = parameters.sample
-        self.duration: float = parameters.duration
-        self.highest_frequency: float = getattr(parameters, "highest_frequency", 0.0)

@@ -3,9 +3,11 @@
 
 """Parameters that every kind of trajectory has: repetition, rests, vibration, lead-in."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
+from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters.kinds import (
     ZERO_VECTOR,
     Vector,
@@ -18,6 +20,14 @@ from imu_sim_ros.parameters.kinds import (
 )
 from imu_sim_ros.parameters.sections import section
 
+if TYPE_CHECKING:
+    from imu_sim_ros.poses import PoseSequence
+    from imu_sim_ros.trajectory.motion import Trajectory
+
+PoseReader: TypeAlias = "Callable[..., PoseSequence]"
+"""Reads the poses of a file; called with the path, and the topic if one is given."""
+GIVEN: Final = "given"
+"""The type of a motion that Python gives as an object or a function; no file can name it."""
 TYPE_TEXT = "kind of trajectory, a name in config/trajectories, or a file as --trajectory takes it"
 
 
@@ -133,3 +143,32 @@ class TrajectoryParameters:
     )
     lead_in: LeadInParameters = section(LeadInParameters)
     vibration: VibrationParameters = section(VibrationParameters)
+
+    def motion(self, pose_reader: "PoseReader") -> "Trajectory":
+        """Return the bare motion; here that of a user's own parameters, which sample themselves.
+
+        A type imports what it needs when it is asked, some SciPy.
+
+        :param pose_reader: reads a file of poses.
+        :raises ConfigurationError: for parameters that do not describe a motion.
+        """
+        if self.type == GIVEN:
+            raise ConfigurationError(
+                "trajectory.type = 'given': an object or a function from Python; give it as "
+                "trajectory="
+            )
+        if not (hasattr(self, "sample") and hasattr(self, "duration")):
+            raise ConfigurationError(
+                f"trajectory.type = {self.type!r}: {type(self).__name__} lacks "
+                "duration or sample(t)"
+            )
+        return _Own(self)
+
+
+class _Own:
+    """The motion of a user's own parameters, which may leave out the highest frequency."""
+
+    def __init__(self, parameters: Any) -> None:
+        self.sample = parameters.sample
+        self.duration: float = parameters.duration
+        self.highest_frequency: float = getattr(parameters, "highest_frequency", 0.0)

@@ -5,14 +5,19 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from imu_sim_ros.parameters.kinds import flag, integer, number, numbers, text
 from imu_sim_ros.parameters.sections import section
 from imu_sim_ros.trajectory.common_parameters import (
     TYPE_TEXT,
+    PoseReader,
     TrajectoryParameters,
     VibrationParameters,
 )
+
+if TYPE_CHECKING:
+    from imu_sim_ros.trajectory.motion import Trajectory
 
 
 @dataclass(frozen=True)
@@ -226,3 +231,9 @@ class DriveParameters(TrajectoryParameters):
                     f"{prefix}times: waypoint {k + 1} at {self.times[k]:g} s: must be after "
                     f"waypoint {k} at {self.times[k - 1]:g} s"
                 )
+
+    def motion(self, pose_reader: PoseReader) -> "Trajectory":
+        """Return the motion that these parameters describe."""
+        from imu_sim_ros.trajectory.drive import drive
+
+        return drive(self)

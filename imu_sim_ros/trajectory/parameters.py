@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING
 
 from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import ConfigurationError
@@ -28,12 +28,17 @@ from imu_sim_ros.parameters.kinds import (
 from imu_sim_ros.parameters.sections import section
 from imu_sim_ros.places.catalogue import KINDS, size_problems
 from imu_sim_ros.trajectory.common_parameters import (
+    GIVEN,
     TYPE_TEXT,
     LeadInParameters,
+    PoseReader,
     TrajectoryParameters,
     VibrationParameters,
 )
 from imu_sim_ros.trajectory.drive_parameters import DriveParameters
+
+if TYPE_CHECKING:
+    from imu_sim_ros.trajectory.motion import Trajectory
 
 
 @dataclass(frozen=True)
@@ -103,6 +108,12 @@ class StaticParameters(TrajectoryParameters):
     position: Vector = vector(ZERO_VECTOR, "position in the world", unit="m")
     roll_pitch_yaw: Vector = vector(ZERO_VECTOR, "attitude", unit="rad")
 
+    def motion(self, pose_reader: PoseReader) -> "Trajectory":
+        """Return the motion that these parameters describe."""
+        from imu_sim_ros.trajectory.kinds import Static
+
+        return Static(self)
+
 
 @dataclass(frozen=True)
 class HarmonicParameters(TrajectoryParameters):
@@ -116,6 +127,12 @@ class HarmonicParameters(TrajectoryParameters):
     pitch: SeriesParameters = section(SeriesParameters)
     yaw: SeriesParameters = section(SeriesParameters)
 
+    def motion(self, pose_reader: PoseReader) -> "Trajectory":
+        """Return the motion that these parameters describe."""
+        from imu_sim_ros.trajectory.kinds import Harmonic
+
+        return Harmonic(self)
+
 
 @dataclass(frozen=True)
 class PolarParameters(TrajectoryParameters):
@@ -125,6 +142,12 @@ class PolarParameters(TrajectoryParameters):
     radius: SeriesParameters = section(SeriesParameters)
     angle: SeriesParameters = section(SeriesParameters)
     height: float = number(0.0, "height of the plane in the world", unit="m")
+
+    def motion(self, pose_reader: PoseReader) -> "Trajectory":
+        """Return the motion that these parameters describe."""
+        from imu_sim_ros.trajectory.kinds import Polar
+
+        return Polar(self)
 
 
 @dataclass(frozen=True)
@@ -141,6 +164,12 @@ class FreeFallParameters(TrajectoryParameters):
         "acceleration of the fall; equal to the simulation's gravity for true free fall",
         unit="m/s^2",
     )
+
+    def motion(self, pose_reader: PoseReader) -> "Trajectory":
+        """Return the motion that these parameters describe."""
+        from imu_sim_ros.trajectory.kinds import FreeFall
+
+        return FreeFall(self)
 
 
 @dataclass(frozen=True)
@@ -215,6 +244,12 @@ class WaypointsParameters(TrajectoryParameters):
                     f"waypoint {k} at {self.times[k - 1]:g} s"
                 )
 
+    def motion(self, pose_reader: PoseReader) -> "Trajectory":
+        """Return the motion that these parameters describe."""
+        from imu_sim_ros.trajectory.kinds import Waypoints
+
+        return Waypoints(self)
+
 
 @dataclass(frozen=True)
 class TourParameters(TrajectoryParameters):
@@ -246,6 +281,12 @@ class TourParameters(TrajectoryParameters):
         """Yield whether the place is too small."""
         yield from size_problems(self.place, self.place_size, f"{prefix}place_size")
 
+    def motion(self, pose_reader: PoseReader) -> "Trajectory":
+        """Return the motion that these parameters describe."""
+        from imu_sim_ros.trajectory.tour import tour
+
+        return tour(self)
+
 
 @dataclass(frozen=True)
 class SixPositionParameters(TrajectoryParameters):
@@ -267,6 +308,12 @@ class SixPositionParameters(TrajectoryParameters):
     transition: float = number(
         3.0, "time of a turn to the next position", unit="s", minimum=0.0, above_minimum=True
     )
+
+    def motion(self, pose_reader: PoseReader) -> "Trajectory":
+        """Return the motion that these parameters describe."""
+        from imu_sim_ros.trajectory.calibration_motion import six_position
+
+        return six_position(self)
 
 
 @dataclass(frozen=True)
@@ -298,6 +345,12 @@ class TurntableParameters(SixPositionParameters):
         """Yield whether there is nothing to do."""
         if not self.rates:
             yield f"{prefix}rates = []: must have at least one entry [rad/s]"
+
+    def motion(self, pose_reader: PoseReader) -> "Trajectory":
+        """Return the motion that these parameters describe."""
+        from imu_sim_ros.trajectory.calibration_motion import turntable
+
+        return turntable(self)
 
 
 @dataclass(frozen=True)
@@ -347,6 +400,16 @@ class PosesParameters(TrajectoryParameters):
                 f"{LEAST_KNOTS} / {prefix}cutoff, {least:.3g} s"
             )
 
+    def motion(self, pose_reader: PoseReader) -> "Trajectory":
+        """Return splines through the poses of the file.
+
+        :raises InputError: for a file of poses that cannot be used.
+        """
+        from imu_sim_ros.trajectory.recorded import RecordedMotion  # SciPy
+
+        topic = (self.topic,) if self.topic else ()
+        return RecordedMotion(pose_reader(Path(self.file), *topic), self)
+
 
 TYPES: dict[str, type[TrajectoryParameters]] = {
     "static": StaticParameters,
@@ -360,10 +423,6 @@ TYPES: dict[str, type[TrajectoryParameters]] = {
     "turntable": TurntableParameters,
     "poses": PosesParameters,
 }
-
-
-GIVEN: Final = "given"
-"""The type of a motion that Python gives as an object or a function; no file can name it."""
 
 
 def find_trajectory(name: str) -> type[TrajectoryParameters]:
