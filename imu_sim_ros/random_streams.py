@@ -31,6 +31,14 @@ def generator(seed: int, source: str) -> Generator:
     return Generator(SFC64(SeedSequence(words)))
 
 
+def seed_of_node(name: str) -> int:
+    """Return the seed of a node that is given none: 0 for ``/simulator``, another for others.
+
+    :param name: its namespace and name.
+    """
+    return zlib.crc32(name.encode()) ^ zlib.crc32(b"/simulator")
+
+
 def generator_at(seed: int, source: str, index: int) -> Generator:
     """Return the random stream of one source for one item, a frame for instance.
 

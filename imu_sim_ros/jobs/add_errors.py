@@ -237,14 +237,16 @@ def from_sdf(file: str | Path, sensor: str | None = None) -> dict[str, Any]:
     """Return the parameters of an IMU from a model file of Gazebo.
 
     Three forms are read: SDF's ``<noise>``, the IMU plugin of Gazebo classic, and the plugin of
-    RotorS. Pass the result as ``imu=`` to :func:`add_errors`, :func:`simulate` or
-    :class:`ErrorModel`.
+    RotorS and PX4. What a model does not write has the plugin's own default. Pass the result as
+    ``imu=`` to :func:`add_errors`, :func:`simulate` or :class:`ErrorModel`.
 
     :param file: ``model.sdf``, a world, or a URDF with Gazebo's elements.
     :param sensor: name of the sensor or plugin, if the file has several.
-    :returns: parameters by name, as accepted by ``imu=``.
+    :returns: parameters by name, as accepted by ``imu=``: ``preset`` says which sensor was taken,
+        ``rate`` and ``imu_frame`` are those of the model, if it has them.
     :raises ConfigurationError: for an invalid argument.
-    :raises InputError: for a file in another form, or without an IMU.
+    :raises InputError: for a file in another form, without an IMU, or with several of which none
+        is named.
 
     >>> import imu_sim_ros as ims
     >>> noise = "<noise type='gaussian'><stddev>0.01</stddev></noise>"
@@ -258,9 +260,11 @@ def from_sdf(file: str | Path, sensor: str | None = None) -> dict[str, Any]:
     """
     path = arguments.path("file", file)
     name = None if sensor is None else arguments.text("sensor", sensor, "the name of a sensor")
-    found = sdf.read(path, name)
-    own = {k.removeprefix("imu."): v for k, v in found.parameters.items() if k.startswith("imu.")}
-    return {"preset": "perfect", **own}
+    found = sdf.read(path, name).parameters
+    own = {k.removeprefix("imu."): v for k, v in found.items() if k.startswith("imu.")}
+    if not any(np.asarray(value).any() for name, value in own.items() if name != "preset"):
+        warnings.warn(f"{own['preset']}: has no noise at all", stacklevel=2)
+    return {**own, **{k: v for k, v in found.items() if not k.startswith("imu.")}}
 
 
 def _nothing(position: int) -> ImuBlock:
@@ -336,7 +340,9 @@ def layers_of(
     given: dict[str, object] = {}
     if params_file is not None:
         given |= files.load(arguments.path("params_file", params_file), NODE)
-    given |= {**imu_parameters(imu), **flat_parameters("parameters", parameters)}
+    of_sensor = imu_parameters(imu)
+    of_sensor.pop("rate", None)  # readings have one of their own
+    given |= {**of_sensor, **flat_parameters("parameters", parameters)}
     if input is not None:
         if not isinstance(input, Mapping):
             refuse("input", input, "parameters by name", wrong_type=True)

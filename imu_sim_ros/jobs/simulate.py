@@ -280,7 +280,12 @@ def imu_parameters(imu: object) -> dict[str, object]:
     if imu is None:
         return {}
     if isinstance(imu, Mapping):
-        return {f"imu.{name}": value for name, value in flat_parameters("imu", imu).items()}
+        own = flat_parameters("imu", imu)
+        # A model of Gazebo states these with its sensor (from_sdf).
+        beside: dict[str, object] = {
+            name: own.pop(name) for name in ("rate", "imu_frame") if name in own
+        }
+        return {**beside, **{f"imu.{name}": value for name, value in own.items()}}
     allowed = "a name, the path of a file, or parameters by name"
     return {"imu.preset": str(arguments.path("imu", imu, allowed))}
 

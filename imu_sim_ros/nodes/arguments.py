@@ -10,16 +10,17 @@ and numbers are written in the one form that rcl understands.
 
 import re
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.inputs.rows import read_text
 from imu_sim_ros.names import shown
+from imu_sim_ros.nodes.help import of_other_nodes
 from imu_sim_ros.parameters import files
-from imu_sim_ros.parameters.kinds import EMPTY_LIST, Parameter
-from imu_sim_ros.parameters.sections import OF_EVERY_NODE, bad_values, parameters
+from imu_sim_ros.parameters.kinds import EMPTY_LIST
+from imu_sim_ros.parameters.sections import OF_EVERY_NODE, bad_values, parameters, unknown
 from imu_sim_ros.sensors import CARRIED
 
 _RULE = re.compile(r"(?P<name>(?:[^\s:]+:)?[^\s:=]+):=(?P<value>.*)", re.DOTALL)
@@ -42,7 +43,7 @@ def ros_arguments(arguments: Sequence[str], section: type, folder: Path) -> list
     if problems:
         raise ConfigurationError(problems)
     own, ros = _split(arguments)
-    plain = _plain(own, parameters(section), problems)
+    plain = _plain(own, section, problems)
     result = ["--ros-args"]
     position = 0
     while position < len(ros):
@@ -85,8 +86,9 @@ def _split(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
     return own, ros
 
 
-def _plain(own: Sequence[str], known: Mapping[str, Parameter], problems: list[str]) -> list[str]:
+def _plain(own: Sequence[str], section: type, problems: list[str]) -> list[str]:
     """Turn ``--rate 400`` and ``--rate=400`` into ROS's ``-p rate:=400``."""
+    known = parameters(section)
     result: list[str] = []
     words = iter(own)
     for word in words:
@@ -100,6 +102,8 @@ def _plain(own: Sequence[str], known: Mapping[str, Parameter], problems: list[st
             continue
         short = SHORT.get(name, "")
         name = short if short in known or short.partition(".")[0] in CARRIED else name
+        if of_other_nodes(section, [name]):
+            problems.append(unknown(name, known))
         if not equals:
             value = next(words, "")
         if not value:

@@ -8,7 +8,10 @@ from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from imu_sim_ros.parameters.sections import flatten
+from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.simulation.parameters import SampledParameters
 
 PERIOD: Final = 1.0
 """Between two statuses of a node [s]."""
@@ -31,6 +34,23 @@ def diagnostics(
     message = DiagnosticArray(status=[status])
     message.header.stamp = stamp
     return message
+
+
+def drawn(imus: Mapping[str, SampledParameters]) -> dict[str, str]:
+    """Return the seed of each IMU and the constants that it has drawn, by parameter.
+
+    :param imus: by name; a single one has an empty name.
+    """
+    result: dict[str, str] = {}
+    for name, parameters in imus.items():
+        prefix = f"{name}." if name else ""
+        result[f"{prefix}seed"] = str(parameters.seed)
+        before = flatten(parameters.imu)
+        for key, value in flatten(realised_imu(parameters.imu, parameters.seed)).items():
+            if value != before[key] and isinstance(value, tuple) and not key.endswith("_sigma"):
+                numbers = " ".join(f"{number:.9g}" for number in value)
+                result[f"{prefix}imu.{key}"] = numbers
+    return result
 
 
 def fault_message(name: str, fault: Fault, imu: str, stamp: Any) -> DiagnosticArray:

@@ -4,6 +4,7 @@
 """Help, version and tab completion of the nodes. Needs no ROS."""
 
 import argparse
+from collections.abc import Iterable, Mapping
 from typing import Final, NamedTuple
 
 from imu_sim_ros import __version__, completion, program
@@ -134,6 +135,17 @@ def parser(name: str) -> argparse.ArgumentParser:
         words = f"{parameter.text}{mark} ({parameter.allowed()}; default {_plainly(parameter)})"
         group.add_argument(f"--{key}", metavar="VALUE", help=words.replace("%", "%%"))
     return result
+
+
+def of_other_nodes(section: type, names: Iterable[str]) -> list[str]:
+    """Return the names among some that are parameters of other nodes only."""
+    own = parameters(section)
+    rest = [name for name in names if name not in own]
+    if not rest:
+        return []
+    others = {name for program in PROGRAMS.values() for name in parameters(program.section)}
+    passed_over: Mapping[str, Parameter] = getattr(section, "passed_over", dict)()
+    return [name for name in rest if name in others and name not in passed_over]
 
 
 def _plainly(parameter: Parameter) -> str:

@@ -11,11 +11,13 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.nodes.help import of_other_nodes
 from imu_sim_ros.nodes.lifetime import Lifetime
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import Layering, build_layered
 from imu_sim_ros.parameters.kinds import Parameter, Value
 from imu_sim_ros.parameters.sections import build, flatten, parameters, parse, unknown
+from imu_sim_ros.random_streams import seed_of_node
 
 _TYPES = {
     "number": RosParameter.Type.DOUBLE,
@@ -58,6 +60,11 @@ class ConfiguredNode(Node):
         super().__init__(name, automatically_declare_parameters_from_overrides=True, **arguments)
         given = self._take_overrides()
         self.section = section if isinstance(section, type) else section(given)
+        if "seed" in parameters(self.section):  # no two nodes of a graph have the same noise
+            given.setdefault("seed", seed_of_node(self.get_fully_qualified_name()))
+        for other in of_other_nodes(self.section, given):  # -p seed:=3 is given to all of a process
+            del given[other]
+            self.get_logger().warning(f"{other}: is a parameter of another node; no effect here")
         self.changed: frozenset[str] = frozenset()
         self.lifetime = Lifetime(self)
         self.given: dict[str, object] = given

@@ -190,6 +190,7 @@ def layer_error_model(given: Mapping[str, object]) -> dict[str, object]:
     """Return what was given above the preset that it names; what concerns motion is left out."""
     above = {"imu.preset": DEFAULT_IMU, **given}
     sensor = sensor_layer(str(above["imu.preset"]), NODE)
+    above["imu.preset"] = sensor.pop("imu.preset", above["imu.preset"])
     layers = {**sensor, **barometer_layer(above, NODE), **above}
     return {name: value for name, value in layers.items() if not name.startswith("trajectory.")}
 

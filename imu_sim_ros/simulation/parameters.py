@@ -246,6 +246,7 @@ def _layered(layers: Iterable[Mapping[str, object]], node: str) -> dict[str, obj
         given.update(values)
     given.setdefault("imu.preset", DEFAULT_IMU)
     sensor = sensor_layer(str(given["imu.preset"]), node)
+    given["imu.preset"] = sensor.pop("imu.preset", given["imu.preset"])
     # A sensor's file may be one of all parameters: its motion counts if no other is named.
     motion = {name: sensor.pop(name) for name in list(sensor) if name.startswith("trajectory.")}
     if "trajectory.type" not in given:

@@ -170,7 +170,13 @@ def test_sdf_noise(tmp_path: Path) -> None:
     assert found["accelerometer_resolution"] == [0.0, 0.0, 0.01]
     by_file = ims.simulate(imu=path, trajectory="static", duration=1, seed=2)
     by_name = ims.simulate(imu=f"{path}#front", trajectory="static", duration=1, seed=2)
-    by_value = ims.simulate(imu=found, rate=250, trajectory="static", duration=1, seed=2)
+    assert (found["rate"], found["preset"]) == (250.0, f"{path}#front")
+    by_value = ims.simulate(imu=found, trajectory="static", duration=1, seed=2)
+    assert by_value.parameters.rate == 250.0
+    assert by_file.parameters.imu.preset == f"{path}#front"
+    zero = np.zeros((200, 3))
+    added = ims.add_errors(np.arange(200) * 10**7, zero, zero, imu=found, input={"check": False})
+    assert added.parameters.rate == 100.0  # that of the stamps
     assert np.array_equal(by_file.gyro, by_value.gyro)
     assert np.array_equal(by_file.gyro, by_name.gyro)
     # A sample's deviation is that of the file: 250 samples of 3 axes, within 4 deviations.
@@ -201,10 +207,45 @@ def test_gazebo_classic_and_rotors(tmp_path: Path) -> None:
     assert found["accelerometer_turn_on_bias_sigma"] == pytest.approx(0.196)
 
 
+PX4 = (
+    "<model><link name='gimbal'><sensor name='camera_imu' type='imu'/></link>"
+    "<plugin name='gazebo_imu_plugin' filename='libgazebo_imu_plugin.so'>"
+    "<linkName>/techpod/imu_link</linkName></plugin>"
+    "<plugin name='p3d' filename='libgazebo_ros_p3d.so'><gaussianNoise>1</gaussianNoise></plugin>"
+    "<plugin name='s' filename='libignition-gazebo-imu-system.so'/></model>"
+)
+
+
+def test_a_plugin_is_known_by_its_library_and_has_its_own_defaults(tmp_path: Path) -> None:
+    """PX4's models write neither densities nor a rate; typhoon_h480's gimbal has an IMU, too."""
+    path = write(tmp_path, PX4)
+    with pytest.raises(ims.InputError, match="several IMUs, name one of camera_imu, gazebo_imu"):
+        ims.from_sdf(path)
+    found = ims.from_sdf(path, "gazebo_imu_plugin")
+    density = 2.0 * 35.0 / 3600.0 / 180.0 * math.pi  # gazebo_imu_plugin.h
+    assert found["gyroscope_noise_density"] == pytest.approx(density)
+    assert found["imu_frame"] == "techpod/imu_link"
+    silent = "<sdf><plugin name='p' filename='libgazebo_ros_imu.so'/></sdf>"
+    with pytest.warns(UserWarning, match="has no noise"):  # the default of <gaussianNoise> is 0
+        ims.from_sdf(write(tmp_path, silent))
+    nested = (
+        "<sensor name='imu' type='imu'><update_rate>100</update_rate><plugin name='p' "
+        "filename='libgazebo_ros_imu_sensor.so'><gaussianNoise>0.01</gaussianNoise></plugin></sensor>"
+    )
+    found = ims.from_sdf(write(tmp_path, nested))
+    assert found["accelerometer_noise_density"] == pytest.approx([1e-3] * 3)
+
+
 @pytest.mark.parametrize(
     ("text", "line"),
     [
         ("<sdf></sdf>", "describes no IMU"),
+        ("{% if a %}<sdf></sdf>", "is a Jinja template, not XML: render it first"),
+        ("<p><plugin name='h' filename='libhector_gazebo_ros_imu.so'/></p>", "hector_.*not known"),
+        (
+            SDF.format(axes="").replace("0.03", "{{ a }}"),
+            "must be a number; the file is a template",
+        ),
         ("<sdf>", "not XML"),
         ("nothing", "not XML"),
         ('<!DOCTYPE a [<!ENTITY b "c">]><sdf>&b;</sdf>', "has a document type"),
@@ -227,6 +268,11 @@ def test_bad_models_are_a_line(tmp_path: Path, text: str, line: str) -> None:
 
 def test_several_imus_of_a_model(tmp_path: Path) -> None:
     path = write(tmp_path, "<s><sensor type='imu' name='a'/><sensor type='imu' name='b'/></s>")
-    assert ims.from_sdf(path, "b") == {"preset": "perfect"}
+    with pytest.warns(UserWarning, match="#b: has no noise at all"):
+        assert ims.from_sdf(path, "b") == {"preset": f"{path}#b"}
+    both = write(tmp_path, "<s><sensor type='imu' name='a'/><sensor type='imu' name='a'/></s>")
+    with pytest.raises(ims.InputError, match="has several IMUs named a"):
+        ims.from_sdf(both, "a")
+    path = write(tmp_path, "<s><sensor type='imu' name='a'/><sensor type='imu' name='b'/></s>")
     with pytest.raises(ims.InputError, match="has no IMU 'c'; it has a, b"):
         ims.from_sdf(path, "c")

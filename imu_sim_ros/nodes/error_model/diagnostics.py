@@ -4,7 +4,7 @@
 """What /diagnostics reports about the error model."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -31,12 +31,14 @@ class ErrorModelReport:
         refused: int,
         remarks: Sequence[str],
         counters: Sequence[Counter],
+        drawn: Mapping[str, object],
     ) -> DiagnosticArray:
         """Return the message.
 
         :param stamp: builtin_interfaces/Time.
         :param refused: messages so far that were no readings.
         :param remarks: what contradicts the declaration of the input.
+        :param drawn: seed and what it drew.
         """
         before, self._before = self._before, dataclasses.replace(counts)
         new_refused, self._refused = refused - self._refused, refused
@@ -57,5 +59,6 @@ class ErrorModelReport:
             "refused messages": refused,
             **dataclasses.asdict(counts),
             **{f"{one.topic} published": one.count for one in counters},
+            **drawn,
         }
         return diagnostics(stamp, level, self._name, words, self._hardware, values)

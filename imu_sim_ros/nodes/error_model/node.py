@@ -24,7 +24,7 @@ from imu_sim_ros import conventions
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.nodes import messages as decode
 from imu_sim_ros.nodes import run, sensor_description, signals
-from imu_sim_ros.nodes.diagnostics import PERIOD, fault_message
+from imu_sim_ros.nodes.diagnostics import PERIOD, drawn, fault_message
 from imu_sim_ros.nodes.error_model.diagnostics import ErrorModelReport
 from imu_sim_ros.nodes.error_model.output import DEPTH, ErrorModelOutputs, wanted
 from imu_sim_ros.nodes.parameters import ConfiguredNode
@@ -244,8 +244,10 @@ class ErrorModelNode(ConfiguredNode):
     def _diagnose(self) -> None:
         stamp = self.get_clock().now().to_msg()
         counts = self.model.counts
+        unit = drawn({"": dataclasses.replace(self.parameters, seed=self.model.seed)})
+        counters = self.outputs.counters
         self._diagnostics.publish(
-            self._report.message(stamp, counts, self.refused, self._remarks, self.outputs.counters)
+            self._report.message(stamp, counts, self.refused, self._remarks, counters, unit)
         )
 
 

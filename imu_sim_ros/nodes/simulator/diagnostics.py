@@ -54,6 +54,7 @@ class StreamReport:
         counters: Sequence[Counter],
         lateness_ns: Sequence[int],
         late: Mapping[str, int],
+        drawn: Mapping[str, str],
     ) -> DiagnosticArray:
         """Return the message.
 
@@ -62,6 +63,7 @@ class StreamReport:
         :param state: running, paused or waiting, in words.
         :param lateness_ns: of the samples since the last message.
         :param late: numbers of samples caught up and skipped since the start.
+        :param drawn: seeds and what they drew.
         """
         values: dict[str, str] = {"state": state}
         p99 = 0.0
@@ -84,5 +86,6 @@ class StreamReport:
             level, words = DiagnosticStatus.WARN, "samples were late"
         elif p99 > LATE_US:
             level, words = DiagnosticStatus.WARN, f"99 % of the samples are up to {p99:.0f} us late"
+        values |= drawn
         self._late = dict(late)
         return diagnostics(stamp, level, self._name, words, self._hardware, values)

@@ -30,7 +30,7 @@ from imu_sim_ros.bags.messages.encode import CLOCK, ClockEncoder
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
 from imu_sim_ros.nodes import run, sensor_description, signals
-from imu_sim_ros.nodes.diagnostics import PERIOD, fault_message
+from imu_sim_ros.nodes.diagnostics import PERIOD, drawn, fault_message
 from imu_sim_ros.nodes.messages import message_class
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import Counter, check_overrides, create
@@ -67,6 +67,8 @@ _SWITCH_INTERVAL: Final = 1e-4
 """[s] Python's switch interval: its default of 5 ms would make 10 samples late."""
 _ACKNOWLEDGEMENT: Final = Duration(nanoseconds=50_000_000)
 _STEP_TIMEOUT: Final = 5.0
+_STALL_PERIOD: Final = 10.0
+"""[s] Between two warnings of stalls; a machine that is too slow has one after the other."""
 
 
 def _layered(given: Mapping[str, object]) -> dict[str, object]:
@@ -81,13 +83,17 @@ def _layered(given: Mapping[str, object]) -> dict[str, object]:
 class Simulator(ConfiguredNode):
     """Plays a simulation; see the module's docstring."""
 
-    def __init__(self) -> None:
-        super().__init__("simulator", simulator_section, _layered)
+    def __init__(self, **arguments: Any) -> None:
+        super().__init__("simulator", simulator_section, _layered, **arguments)
         self._counters: list[Any] = []
         self._terminals: list[PseudoTerminal] = []
         self._cameras: Any = None
         self._descriptions: dict[str, Any] = {}
         self._lateness = Histogram()
+        self._drawn_of: Any = None
+        self._drawn_values: Mapping[str, str] = {}
+        self._stalls: list[Stall] = []
+        self._stalls_reported = -_STALL_PERIOD
         self._remarks: list[str] = []
         self._notes: list[str] = []
         self._settling = Settling()
@@ -132,6 +138,7 @@ class Simulator(ConfiguredNode):
     def close(self) -> None:
         """End the threads, and print how much was published, and how late."""
         self.engine.stop()
+        self._report_stalls(0.0)
         self._lateness.add(self.engine.pacer.take_lateness())
         if self._lateness.maximum_ns:
             print(
@@ -256,7 +263,9 @@ class Simulator(ConfiguredNode):
         if not self._follows:
             return Pacer(parameters.real_time_factor, parameters.catch_up, self._after_stall)
         clock = self.get_clock()
-        pacer = RosClockPacer(lambda: clock.now().nanoseconds, parameters.catch_up)
+        pacer = RosClockPacer(
+            lambda: clock.now().nanoseconds, parameters.catch_up, self._after_stall
+        )
 
         def moved(jump: Any) -> None:
             if jump.delta.nanoseconds < 0:
@@ -335,9 +344,23 @@ class Simulator(ConfiguredNode):
         )
 
     def _after_stall(self, stall: Stall) -> None:
-        what = "skipped" if stall.skipped else "published late, none lost"
+        self._stalls.append(stall)
+        self._report_stalls(_STALL_PERIOD)
+
+    def _report_stalls(self, period: float) -> None:
+        """Warn of the stalls so far, at most once in a period [s]."""
+        now = time.monotonic()
+        if not self._stalls or now - self._stalls_reported < period:
+            return
+        self._stalls_reported = now
+        stalls, self._stalls = self._stalls, []
+        longest = max(stall.late_ns for stall in stalls) * 1e-9
+        samples = sum(stall.samples for stall in stalls)
+        often = "" if len(stalls) == 1 else f" {len(stalls)} times,"
+        skipped = any(stall.skipped for stall in stalls)
         self.get_logger().warning(
-            f"publishing stalled for {stall.late_ns * 1e-9:.3f} s: {stall.samples} samples {what}"
+            f"publishing stalled{often} for {'' if not often else 'up to '}{longest:.3f} s: "
+            f"{samples} samples {'skipped' if skipped else 'published late, none lost'}"
         )
 
     # ------------------------------------------------------------------------- control
@@ -408,6 +431,7 @@ class Simulator(ConfiguredNode):
         return response
 
     def _diagnose(self) -> None:
+        self._report_stalls(_STALL_PERIOD)
         now = time.monotonic()
         elapsed, self._reported = now - self._reported, now
         pacer = self.engine.pacer
@@ -417,8 +441,18 @@ class Simulator(ConfiguredNode):
         late = {"caught up": pacer.caught_up, "skipped": pacer.skipped}
         stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(
-            self._report.message(stamp, elapsed, state, self._counters, lateness_ns, late)
+            self._report.message(
+                stamp, elapsed, state, self._counters, lateness_ns, late, self._drawn()
+            )
         )
+
+    def _drawn(self) -> Mapping[str, str]:
+        """Return what the seeds have drawn; looked up again only after a change of parameters."""
+        if self._drawn_of is not self.parameters:
+            self._drawn_of = self.parameters
+            imus = {n: p for n, p in simulations(self.parameters).items() if n != BODY}
+            self._drawn_values = drawn(imus)
+        return self._drawn_values
 
 
 _OF_THE_NODE: Final = ("inject", "real_time_factor", "catch_up", "step_samples")

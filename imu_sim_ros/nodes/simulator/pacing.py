@@ -4,7 +4,10 @@
 """When a sample is due: simulated time against the steady clock, on absolute deadlines."""
 
 import enum
+import itertools
+import statistics
 import threading
+from collections import deque
 from collections.abc import Callable, Sequence
 from time import monotonic_ns, sleep
 from typing import Final, NamedTuple
@@ -94,6 +97,8 @@ class Pacer:
         # Where late samples began to follow at a limited speed: simulated time and steady clock.
         self._burst: tuple[int, int] | None = None
         self._stall: Stall | None = None
+        # How far simulated time usually goes at once: no sample can be more on time.
+        self._grain_ns = 0
         self.caught_up = self.skipped = 0
         self.lateness_ns: list[int] = []
 
@@ -219,11 +224,15 @@ class Pacer:
                 self._steps -= 1
                 return _GO
             self._attention.clear()
-            self._speed, self._catch_up = self._wanted
+            self._adopt()
             if self._moved:
                 self._moved = False
                 self.anchor(sim_ns, monotonic_ns())
         return None
+
+    def _adopt(self) -> None:
+        """Take what is requested."""
+        self._speed, self._catch_up = self._wanted
 
     def _settle(self) -> None:
         with self._condition:  # a request that arrives meanwhile must not be missed
@@ -246,12 +255,12 @@ class Pacer:
             self._burst = None
         elif self._burst is None or now - self._deadline(sim_ns) >= _BURST_NS:
             self._burst = (sim_ns, now)
-        if late < _ON_TIME_NS:
+        if late < _ON_TIME_NS + self._grain_ns:
             self.end_stall()
-        if self._stall is None and late < STALL_NS:
+        if self._stall is None and late < STALL_NS + self._grain_ns:
             if self._burst is None:
                 self._settle()
-            self.lateness_ns.append(late)
+            self.lateness_ns.append(max(late - self._grain_ns, 0))
             return _GO
         stall = self._stall or Stall(late, 0, skipped=not self._catch_up)
         self._stall = stall._replace(samples=stall.samples + 1)
@@ -264,16 +273,41 @@ class Pacer:
         return _GO
 
 
-class RosClockPacer(Pacer):
-    """Lets samples pass when an external clock (``use_sim_time``) reaches their times."""
+_TICKS: Final = 64
+"""Steps of an external clock from which its usual speed is taken."""
+_JUMP: Final = 10.0
+"""Steps that are so many times longer than most are jumps."""
 
-    def __init__(self, now_ns: Callable[[], int], catch_up: bool) -> None:
+
+class RosClockPacer(Pacer):
+    """Lets samples pass when an external clock (``use_sim_time``) reaches their times.
+
+    After a jump forward late samples follow at the same limit as after a stall, in terms of the
+    speed at which the clock usually goes.
+    """
+
+    def __init__(
+        self,
+        now_ns: Callable[[], int],
+        catch_up: bool,
+        on_stall: Callable[[Stall], None] = lambda stall: None,
+    ) -> None:
         """Follow a clock; :meth:`tick` must be called whenever it has advanced."""
-        super().__init__(1.0, catch_up)
+        super().__init__(1.0, catch_up, on_stall)
         self._now_ns = now_ns
+        self._ticks: deque[tuple[int, int]] = deque(maxlen=_TICKS)
 
     def tick(self) -> None:
         """Read the clock again."""
+        self._ticks.append((self._now_ns(), monotonic_ns()))
+        steps = [(b[0] - a[0], b[1] - a[1]) for a, b in itertools.pairwise(self._ticks)]
+        if steps:
+            longest = _JUMP * statistics.median(sim for sim, _ in steps)
+            usual = [(sim, wall) for sim, wall in steps if 0 < sim <= longest]
+            if usual:
+                simulated, passed = (sum(column) for column in zip(*usual, strict=True))
+                self._speed = simulated / max(passed, 1)
+                self._grain_ns = max(sim for sim, _ in usual)
         self._attention.set()
 
     def wait(self, sim_ns: int) -> SampleAction:
@@ -283,10 +317,21 @@ class RosClockPacer(Pacer):
                 verdict = self._attend(sim_ns)
                 if verdict is not None:
                     return verdict
-            late = self._now_ns() - sim_ns
-            if late >= 0:
-                if late > STALL_NS and not self._catch_up:
-                    self.skipped += 1
-                    return SampleAction.SKIP
-                return _GO
-            self._attention.wait(_LONGEST_SLEEP)
+            if self._now_ns() < sim_ns:
+                self._attention.wait(_LONGEST_SLEEP)
+                continue
+            now = monotonic_ns()
+            delay = self._deadline(sim_ns) - now
+            if delay <= 0:
+                return self._due(sim_ns, now)
+            if delay > _LONG_NS:
+                self._attention.wait((delay - _LONG_NS // 2) * 1e-9)
+            else:
+                sleep(delay * 1e-9)
+
+    def _adopt(self) -> None:
+        self._catch_up = self._wanted[1]
+
+    def _due_ns(self, sim_ns: int) -> int:
+        """Return when the sample was due on the steady clock, had the other not jumped."""
+        return monotonic_ns() - int((self._now_ns() - sim_ns) / self._speed)

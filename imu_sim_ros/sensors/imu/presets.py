@@ -13,7 +13,7 @@ from imu_sim_ros.parameters.files import find, load
 BAROMETER_PRESET: Final = "imu.barometer_preset"
 
 
-_OF_MODELS: Final = (".sdf", ".world", ".urdf", ".xacro", ".xml")
+_OF_MODELS: Final = (".sdf", ".world", ".urdf", ".xacro", ".xml", ".jinja")
 
 
 def is_model(path: str) -> bool:
@@ -23,6 +23,8 @@ def is_model(path: str) -> bool:
 
 def sensor_layer(name_or_file: str, node: str = "simulator") -> dict[str, object]:
     """Return what ``imu.preset`` stands for, above the presets that its file names in turn.
+
+    For a model of Gazebo it contains ``imu.preset`` with the name of the sensor that was taken.
 
     :param name_or_file: a name in config/imus, a parameter file, or a model of Gazebo,
         ``model.sdf`` or ``model.sdf#SENSOR``.

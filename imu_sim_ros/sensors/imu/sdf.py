@@ -3,6 +3,8 @@
 
 """The IMU that a model of Gazebo describes: SDF's ``<noise>``, Gazebo classic's plugin, RotorS'.
 
+A plugin is known by its library: what a model does not write has the plugin's own default.
+
 The XML is read without entities: a document type, with which they are declared, is refused.
 """
 
@@ -11,9 +13,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final, NamedTuple
 
+import numpy as np
+
 from imu_sim_ros.conventions import AXES, IMU_FRAME, TRIADS
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs.rows import number_of, shortened
+from imu_sim_ros.inputs.rows import number_of, read_text, shortened
 from imu_sim_ros.inputs.xml_text import Element, parsed
 
 _QUANTITIES: Final = {"gyroscope": "angular_velocity", "accelerometer": "linear_acceleration"}
@@ -34,8 +38,13 @@ _ROTORS_DEFAULTS: Final = {
     "accelerometerBiasCorrelationTime": 300.0,
     "accelerometerTurnOnBiasSigma": 20.0e-3 * 9.8,
 }
-"""The plugin's defaults, those of an ADIS16448
-(rotors_gazebo_plugins/gazebo_imu_plugin.h)."""
+"""The plugin's defaults, those of an ADIS16448 (rotors_gazebo_plugins/gazebo_imu_plugin.h, and the
+same numbers in PX4-SITL_gazebo-classic/include/gazebo_imu_plugin.h)."""
+_ROTORS_LIBRARIES: Final = ("rotors_gazebo_imu_plugin", "gazebo_imu_plugin")
+_CLASSIC_LIBRARIES: Final = ("gazebo_ros_imu", "gazebo_ros_imu_sensor")
+_NO_SENSOR: Final = "imu-system"
+"""In the names of gz-sim's own plugins, which run the sensors that a model describes."""
+_TEMPLATE: Final = ("{%", "{{", "{#")
 
 
 class Described(NamedTuple):
@@ -44,7 +53,8 @@ class Described(NamedTuple):
     name: str
     """Name of its sensor or plugin."""
     parameters: dict[str, object]
-    """By dotted name: ``imu.*``, and ``rate`` and ``imu_frame`` if they are given."""
+    """By dotted name: ``imu.*``, of which ``imu.preset`` is ``FILE#NAME``, and ``rate`` and
+    ``imu_frame`` if they are given."""
 
 
 def read(path: str | Path, sensor: str | None = None) -> Described:
@@ -57,32 +67,65 @@ def read(path: str | Path, sensor: str | None = None) -> Described:
     """
     file, _, named = str(path).partition("#")
     sensor = sensor or named or None
-    found = [one for element in parsed(file).every() for one in _described(file, element)]
+    root = _parsed(file)
+    found = list(_all_described(file, root))
+    have = ", ".join(one.name for one in found) or "none"
     if sensor is not None:
-        chosen = [one for one in found if one.name == sensor]
-        if not chosen:
-            have = ", ".join(one.name for one in found) or "none"
+        found = [one for one in found if one.name == sensor]
+        if not found:
             raise InputError(f"{file}: has no IMU {shortened(sensor)}; it has {have}")
-        return chosen[0]
     if not found:
-        raise InputError(f"{file}: describes no IMU: no <sensor type='imu'>, no IMU plugin")
-    if len(found) > 1:
-        have = ", ".join(one.name for one in found)
+        others = [one for one in root.every() if one.tag == "plugin" and "imu" in _library(one)]
+        unknown = ", ".join(one.attributes["filename"] for one in others)
+        why = f"; {unknown} is not known" if unknown else ""
+        raise InputError(f"{file}: describes no IMU: no <sensor type='imu'>, no IMU plugin{why}")
+    if len({one.name for one in found}) > 1:
         raise InputError(f"{file}: has several IMUs, name one of {have}: {file}#{found[0].name}")
-    return found[0]
+    if len(found) > 1:
+        raise InputError(f"{file}: has several IMUs named {found[0].name}; give them other names")
+    taken = found[0]
+    return taken._replace(parameters={**taken.parameters, "imu.preset": f"{file}#{taken.name}"})
 
 
-def _described(path: str, element: Element) -> Iterator[Described]:
-    """Yield the IMU that an element is, if it is one."""
-    if element.tag == "sensor" and element.attributes.get("type") in ("imu", "imu_sensor"):
-        yield _of_sensor(path, element)
-    if element.tag != "plugin":
-        return
-    library = element.attributes.get("filename", "") + element.attributes.get("name", "")
-    if "rotors_gazebo_imu" in library or element.child("gyroscopeNoiseDensity"):
-        yield _of_rotors(path, element)
-    elif element.child("gaussianNoise"):
-        yield _of_classic(path, element)
+def _parsed(file: str) -> Element:
+    """Return the root of a file.
+
+    :raises InputError: for one that is not XML, perhaps because it is a template of it.
+    """
+    try:
+        return parsed(file)
+    except InputError:
+        text = read_text(Path(file))
+        if any(mark in text for mark in _TEMPLATE):
+            raise InputError(
+                f"{file}: is a Jinja template, not XML: render it first, and give the result"
+            ) from None
+        raise
+
+
+def _library(plugin: Element) -> str:
+    """Return the library of a plugin without ``lib`` and ``.so``; empty for gz-sim's own."""
+    name = Path(plugin.attributes.get("filename", "")).name
+    return "" if _NO_SENSOR in name else name.removeprefix("lib").removesuffix(".so")
+
+
+def _all_described(path: str, root: Element) -> Iterator[Described]:
+    """Yield the IMUs of a model; a plugin within a sensor is no other IMU."""
+    inside: set[int] = set()
+    for element in root.every():
+        if element.tag == "sensor" and element.attributes.get("type") in ("imu", "imu_sensor"):
+            inside |= {id(child) for child in element.children}
+            yield _of_sensor(path, element)
+        elif element.tag == "plugin" and id(element) not in inside:
+            library = _library(element)
+            if library in _ROTORS_LIBRARIES or any(map(element.child, _ROTORS_DEFAULTS)):
+                yield _of_rotors(path, element)
+            elif library in _CLASSIC_LIBRARIES or ("imu" in library and _has_noise(element)):
+                yield _of_classic(path, element)
+
+
+def _has_noise(plugin: Element) -> bool:
+    return plugin.child("gaussianNoise") is not None
 
 
 def _of_sensor(path: str, element: Element) -> Described:
@@ -98,6 +141,12 @@ def _of_sensor(path: str, element: Element) -> Described:
             noises = [old, old, old]
         if any(noises):
             own |= _of_noise(where, f"imu.{triad}_", noises, rate)
+    for plugin in element.children:
+        if plugin.tag == "plugin" and "imu" in _library(plugin) and _has_noise(plugin):
+            added = _of_classic(path, plugin, rate).parameters
+            for key in (f"imu.{triad}_noise_density" for triad in TRIADS):
+                before = np.broadcast_to(np.asarray(own.get(key, 0.0)), (3,))
+                own[key] = np.hypot(before, np.asarray(added[key])).tolist()
     frame = element.child("gz_frame_id") or element.child("ignition_frame_id")
     return Described(name, {**_common(rate, frame), **own})
 
@@ -156,12 +205,13 @@ def _of_rotors(path: str, element: Element) -> Described:
     return Described(name, {**_common(0.0, element.child("linkName")), **own})
 
 
-def _of_classic(path: str, element: Element) -> Described:
-    """Return an IMU of Gazebo classic: one deviation for all axes."""
+def _of_classic(path: str, element: Element, rate_of_sensor: float = 0.0) -> Described:
+    """Return an IMU of Gazebo classic: one deviation for all axes, 0 if none is written."""
     name = element.attributes.get("name", "imu")
     where = f"{path}: plugin {shortened(name)}"
     deviation = _number(where, element, "gaussianNoise")
     rate = _number(where, element, "updateRateHZ") or _number(where, element, "updateRate")
+    rate = rate or rate_of_sensor
     if deviation and not rate:
         raise InputError(
             f"{where}: has no <updateRateHZ>: <gaussianNoise> is that of one sample, so its "
@@ -177,7 +227,7 @@ def _common(rate: float, frame: Element | None) -> dict[str, object]:
     result: dict[str, object] = {}
     if rate:
         result["rate"] = rate
-    words = frame.text.strip() if frame is not None else ""
+    words = frame.text.strip().lstrip("/") if frame is not None else ""
     if words and words != IMU_FRAME:
         result["imu_frame"] = words
     return result
@@ -196,5 +246,7 @@ def _number(where: str, element: Element, name: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise InputError(f"{where}: <{name}> {shortened(child.text.strip())}: must be a number")
+        words = child.text.strip()
+        hint = "; the file is a template: render it first" if "{" in words else ""
+        raise InputError(f"{where}: <{name}> {shortened(words)}: must be a number{hint}")
     return value

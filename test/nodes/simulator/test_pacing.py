@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.nodes.simulator import pacing
-from imu_sim_ros.nodes.simulator.pacing import Pacer, SampleAction, Stall
+from imu_sim_ros.nodes.simulator.pacing import Pacer, RosClockPacer, SampleAction, Stall
 
 SPACING_NS = 5_000_000
 
@@ -132,3 +132,51 @@ def test_a_stall_that_lasts_to_the_end_of_a_run_is_reported(again: bool) -> None
     (stall,) = stalls
     assert (stall.samples, stall.skipped) == (3, False)
     assert stall.late_ns >= 2 * second
+
+
+@pytest.mark.parametrize(("period_ms", "speed"), [(1, 1.0), (10, 1.0), (100, 1.0), (10, 5.0)])
+def test_samples_follow_a_jump_of_an_external_clock_at_a_limited_speed(
+    monkeypatch: pytest.MonkeyPatch, period_ms: int, speed: float
+) -> None:
+    """After +5 s, at eight times the clock's usual speed; the jump is reported, ticks are not."""
+    clock = Clock(monkeypatch, 0)
+    stalls: list[Stall] = []
+    simulated = [0]
+    pacer = RosClockPacer(lambda: simulated[0], True, stalls.append)
+
+    ticks = itertools.count(1)
+    origin = clock.now_ns
+
+    def advance() -> None:
+        clock.now_ns = max(origin + next(ticks) * period_ms * 1_000_000, clock.now_ns)
+        simulated[0] += round(period_ms * 1_000_000 * speed)
+        pacer.tick()
+
+    pacer.tick()
+    passed, k = [], 0
+    for _ in range(3000 // period_ms):
+        advance()
+        while k * SPACING_NS <= simulated[0]:
+            assert pacer.wait(k * SPACING_NS) is SampleAction.GO
+            k += 1
+    assert stalls == []
+    begin, first = clock.now_ns, k
+    simulated[0] += 5_000_000_000
+    pacer.tick()
+    while k * SPACING_NS <= simulated[0]:
+        assert pacer.wait(k * SPACING_NS) is SampleAction.GO
+        passed.append(clock.now_ns - begin)
+        k += 1
+    m = k - first
+    assert m >= 1000
+    spacing = SPACING_NS / 8.0 / speed
+    allowed = 2_000_000 / spacing + 2  # what is less than 2 ms late may follow at once
+    assert (np.array(passed) >= (np.arange(m) - allowed) * spacing * 0.99).all()
+    assert passed[-1] <= m * spacing * 1.01
+    while not stalls:
+        advance()
+        pacer.wait(k * SPACING_NS)
+        k += round(period_ms * 1_000_000 * speed) // SPACING_NS or 1
+    (stall,) = stalls
+    assert m - 110 <= stall.samples <= m + 1  # those late by less than a tick and 50 ms are on time
+    assert abs(stall.late_ns * speed / 5e9 - 1.0) < 0.05

@@ -1,0 +1,84 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Several nodes in one process, and several of one kind in a graph."""
+
+from typing import Any
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from sensor_msgs.msg import Imu
+
+from imu_sim_ros.nodes.integrator.node import Integrator
+from imu_sim_ros.nodes.simulator.node import Simulator
+from imu_sim_ros.sensors.errors.realised import realised_imu
+from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.parameters import load_simulation
+
+
+def gyro(messages: list[Any]) -> np.ndarray:
+    return np.array([[getattr(m.angular_velocity, axis) for axis in "xyz"] for m in messages])
+
+
+def test_two_simulators_have_two_seeds_and_say_which(start: Any, listener: Any) -> None:
+    """By default; each can be made again offline from the seed that its diagnostics state."""
+    chosen = {"rate": 100, "imu__preset": "bmi088", "trajectory__type": "static", "start_time": 1}
+    ready = {"wait_for_subscribers": 1}
+    spaces = ("left", "right", "")
+    for name in spaces:
+        listener.listen(f"{'/' if name else ''}{name}/imu/data_raw", Imu)
+    listener.listen("/diagnostics", DiagnosticArray)
+    for name in spaces:
+        extra = ["--ros-args", "-r", f"__ns:=/{name}"] if name else []
+        start("simulator", *extra, duration=3, **chosen, **ready)
+    for name in spaces:
+        listener.wait_for(f"{'/' if name else ''}{name}/imu/data_raw", 250)
+    stated = {}
+    for message in listener.messages("/diagnostics"):
+        values = {v.key: v.value for v in message.status[0].values}
+        stated[int(values["seed"])] = values
+    assert len(stated) == 3
+    assert 0 in stated
+    offline = {}
+    for seed, values in stated.items():
+        parameters = load_simulation(
+            {key.replace("__", "."): value for key, value in chosen.items()} | {"seed": seed}
+        )
+        offline[seed] = Simulation(parameters).next_block(250).gyro
+        drawn = realised_imu(parameters.imu, seed).gyroscope.bias
+        np.testing.assert_allclose(
+            [float(word) for word in values["imu.gyroscope_bias"].split()], drawn, rtol=1e-8
+        )
+    for name in spaces:
+        read = gyro(listener.messages(f"{'/' if name else ''}{name}/imu/data_raw"))[:250]
+        same = [seed for seed, expected in offline.items() if np.array_equal(expected, read)]
+        assert len(same) == 1
+        assert (same == [0]) == (name == "")
+        del offline[same[0]]
+
+
+def test_a_parameter_of_one_node_of_a_process_is_none_of_the_others(listener: Any, capfd: Any):
+    """``-p seed:=3`` of a composed process is given to both; a name of none is refused."""
+    context = rclpy.Context()
+    arguments = ["--ros-args", "-p", "seed:=3", "-p", "publish.clock_rate:=0.0"]
+    rclpy.init(args=arguments, context=context, domain_id=listener.context.get_domain_id())
+    nodes = [Integrator(context=context), Simulator(context=context)]
+    try:
+        assert nodes[1].parameters.seed == 3
+        said = capfd.readouterr().err
+        assert "seed: is a parameter of another node; no effect here" in said
+    finally:
+        for node in nodes:
+            node.close()
+            node.destroy_node()
+        context.try_shutdown()
+
+
+def test_a_name_that_no_node_has_is_still_refused(start: Any, listener: Any) -> None:
+    node = start("integrator", "--ros-args", "-p", "sed:=3")
+    assert listener.wait_for_end(node) == 2
+    assert "sed: unknown parameter" in node.output
+    node = start("integrator", "--seed", "3")
+    assert listener.wait_for_end(node) == 2
+    assert "seed: unknown parameter" in node.output
