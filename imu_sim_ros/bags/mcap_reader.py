@@ -3,6 +3,7 @@
 
 """MCAP files as blocks of messages; damaged and unfinished ones as far as they can be read."""
 
+import re
 import struct
 import zlib
 from collections.abc import Iterator, Mapping
@@ -28,6 +29,13 @@ from imu_sim_ros.types import Bytes
 
 _HEADER_BYTES = 9
 _SCHEMA, _CHANNEL, _FOOTER = 0x03, 0x04, 0x02
+_LAST_OPCODE, _PRIVATE = 0x0F, 0x80
+_FOOTER_BYTES = 20
+_CHUNK_BYTES = 40
+"""Size of a chunk's fields but its records and the name of their compression."""
+_LONGEST_HEAD = _HEADER_BYTES + _CHUNK_BYTES + len("zstd")
+_HEADS = re.compile(rb"(?=[\x02-\x0f].{4}\x00{4})", re.DOTALL)
+"""Where a record of less than 4 GiB may begin."""
 
 
 class _Chunk(NamedTuple):
@@ -52,13 +60,20 @@ class McapBag(ChunkedBag):
         """Open a file; arguments as for :class:`ChunkedBag`."""
         self._records: dict[int, Any] = {}
         self._schemas: dict[int, Any] = {}
+        self._summary_channels: frozenset[int] = frozenset()
+        """Channels that the summary names, in recovery: they tell messages from other bytes."""
         super().__init__(path, recover)
 
     def _open(self) -> None:
         if self._file.read(len(MAGIC)) != MAGIC:
             raise InputError(f"{self.path}: not an MCAP file")
-        counts = None if self._recover else self._read_summary()
-        self._name_topics(self._scan() if counts is None else counts)
+        counts = None
+        try:
+            counts = self._read_summary()
+        except (InputError, OSError):
+            if not self._recover:
+                raise
+        self._name_topics(self._scan() if counts is None or self._recover else counts)
 
     def _read_summary(self) -> Mapping[int, int] | None:
         """Read the summary at the end of the file; None if it has no chunk index."""
@@ -99,31 +114,38 @@ class McapBag(ChunkedBag):
         return statistics.channel_message_counts
 
     def _scan(self) -> Mapping[int, int]:
-        """Find all chunks and channels without an index, and count the messages."""
+        """Find all chunks and channels without an index, and count the messages.
+
+        In recovery, what is no record is left out up to the next place where one begins for sure.
+        """
         counts: dict[int, int] = {}
+        self._summary_channels = frozenset(self._records)
         self._records, self._schemas, self._chunks = {}, {}, []
-        end, position, opcode = self._end, len(MAGIC), 0
+        position, opcode = len(MAGIC), 0
         try:
-            while position + _HEADER_BYTES <= end and opcode != _FOOTER:
-                self._file.seek(position)
-                opcode, length = struct.unpack("<BQ", self._file.read(_HEADER_BYTES))
-                after = position + _HEADER_BYTES + length
-                if opcode == 0 or (after > end and opcode != CHUNK):
-                    break
+            while position < self._end and opcode != _FOOTER:
+                record = self._record_at(position)
+                if record is None:
+                    if not self._recover:
+                        raise InputError(f"{self.path}: no whole record at byte {position}")
+                    following = self._next_record(position + 1)
+                    self._leave_out(position, following, "no whole record")
+                    position = following
+                    continue
+                opcode, after = record
                 if opcode == CHUNK:
-                    chunk = _Chunk(position, min(after, end) - position, 0, 0, torn=after > end)
-                    self._add_scanned(chunk, counts)
+                    after = self._add_chunk(position, after, counts)
                 elif opcode == MESSAGE:
                     # Messages outside chunks: neighbours are read as if they were one chunk.
-                    after = self._end_of_messages(position, end)
-                    self._add_scanned(_Chunk(position, after - position, 0, 0), counts)
+                    after = self._add_messages(position, counts)
                 elif opcode in (_SCHEMA, _CHANNEL):
-                    self._try_definition(opcode, self._file.read(length), position)
+                    body = self._bytes(position, after - position)[_HEADER_BYTES:]
+                    self._try_definition(opcode, body, position)
                 position = after
         except ContradictionError as error:
             if not self._recover:
                 raise
-            self._leave_out_rest(position, str(error))
+            self._leave_out(position, self._end, str(error))
         else:
             self._look_at_end(position, opcode == _FOOTER)
         return counts
@@ -133,43 +155,122 @@ class McapBag(ChunkedBag):
         if whole:
             position += len(MAGIC)
             if position < self._end:
-                self._leave_out_rest(position, "they follow the end of an MCAP file")
-        elif position < self._end:
-            self._leave_out_rest(position, "no whole record")
+                self._leave_out(position, self._end, "they follow the end of an MCAP file")
         if not whole or position > self._end:
             self.found.append("no end: the recording was interrupted, or its end is lost")
 
-    def _try_definition(self, opcode: int, body: bytes, position: int) -> None:
-        """Register a schema or a channel; a damaged one is skipped when recovering."""
-        from mcap.exceptions import McapError
+    def _record_at(self, position: int) -> tuple[int, int] | None:
+        """Return the opcode of the record that begins at an offset of the file, and its end.
 
+        :returns: None if none does, or if it is not whole; the last chunk may be truncated.
+        """
+        head = self._head(position)
+        if len(head) < _HEADER_BYTES:
+            return None
+        opcode, length = struct.unpack_from("<BQ", head)
+        after = position + _HEADER_BYTES + length
+        if opcode == CHUNK:
+            plausible = _begins_chunk(head)
+        elif opcode == MESSAGE:
+            plausible = after <= self._end and self._begins_message(head)
+        elif opcode == _FOOTER:
+            plausible = length == _FOOTER_BYTES
+        else:
+            plausible = after <= self._end and (0 < opcode <= _LAST_OPCODE or opcode >= _PRIVATE)
+        return (opcode, after) if plausible else None
+
+    def _next_record(self, position: int) -> int:
+        """Return the next offset at which a record begins that another one follows."""
+        for place in self._places_of(_HEADS, position):
+            record = self._record_at(place)
+            if record is not None and (
+                record[0] == _FOOTER or record[1] >= self._end or self._record_at(record[1])
+            ):
+                return place
+        return self._end
+
+    def _begins_message(self, head: bytes) -> bool:
+        """Return whether the header is that of a message of a known channel."""
+        if len(head) < MESSAGE_HEADER.itemsize:
+            return False
+        opcode, length, channel = struct.unpack_from("<BQH", head)
+        known = self._summary_channels.union(self._records)
+        return (
+            opcode == MESSAGE
+            and length >= MESSAGE_HEADER.itemsize - _HEADER_BYTES
+            and (channel in known or not known)
+        )
+
+    def _add_chunk(self, position: int, after: int, counts: dict[int, int]) -> int:
+        """Note a chunk and count its messages; returns where to go on.
+
+        The records of a damaged chunk without compression are gone through like messages outside
+        chunks: what breaks their sequence shows which of them are lost. If nothing does, any of
+        them may be wrong.
+        """
+        chunk = _Chunk(position, min(after, self._end) - position, 0, 0, torn=after > self._end)
+        content: bytes | memoryview = b""
         try:
-            self._note_definition(opcode, body)
-        except ContradictionError:
-            raise
-        except (McapError, *DAMAGE) as error:
-            if not self._recover:
-                raise
-            self.damage.append(f"definition at byte {position}: {error}")
-
-    def _end_of_messages(self, position: int, end: int) -> int:
-        while position + _HEADER_BYTES <= end:
-            self._file.seek(position)
-            opcode, length = struct.unpack("<BQ", self._file.read(_HEADER_BYTES))
-            if opcode != MESSAGE or position + _HEADER_BYTES + length > end:
-                break
-            position += _HEADER_BYTES + length
-        return max(position, self._file.tell()) if opcode == MESSAGE else position
-
-    def _add_scanned(self, chunk: _Chunk, counts: dict[int, int]) -> None:
-        try:
-            data = self._chunk_data(chunk)
+            content = self._chunk_data(chunk)
+            problem = "cut off by the end of the file" if chunk.torn else "damaged records"
         except DAMAGE as error:
-            problem = f"chunk at byte {chunk.position}: {error}"
-            if not self._recover:
-                raise InputError(f"{self.path}: {problem}") from None
-            self.damage.append(problem)
-            return
+            problem = str(error)
+        else:
+            if not chunk.torn and (not self._recover or _are_records(content)):
+                self._add_scanned(chunk, content, counts)
+                return after
+        if not self._recover:
+            raise InputError(f"{self.path}: chunk at byte {position}: {problem}")
+        if not self._is_compressed(position):
+            inside = position + _LONGEST_HEAD - len("zstd")
+            if not self._is_sequence(inside, after):
+                return inside
+        elif chunk.torn and self._next_record(position + 1) == self._end:
+            self._add_scanned(chunk, content, counts)
+            return after
+        if after != self._end and not self._record_at(after):
+            after = self._next_record(position + 1)
+        self._leave_out(position, after, f"chunk: {problem}")
+        return after
+
+    def _add_messages(self, position: int, counts: dict[int, int]) -> int:
+        """Note messages that follow each other outside chunks; returns where to go on.
+
+        The one before a damaged place is left out: its end may be damaged as well.
+        """
+        last = end = position
+        while (record := self._record_at(end)) and record[0] == MESSAGE:
+            last, end = end, record[1]
+        after = end
+        if not record and end < self._end and not self._is_cut(end):
+            self._leave_out(last, end, "no whole record")
+            end = last
+        if end > position:
+            chunk = _Chunk(position, end - position, 0, 0)
+            self._add_scanned(chunk, self._chunk_data(chunk), counts)
+        return after
+
+    def _is_cut(self, position: int) -> bool:
+        """Return whether a message begins here that the end of the file cuts off."""
+        head = self._head(position)
+        return len(head) < MESSAGE_HEADER.itemsize or (
+            self._begins_message(head) and self._next_record(position + 1) == self._end
+        )
+
+    def _is_sequence(self, position: int, end: int) -> bool:
+        """Return whether records follow each other from one offset to another."""
+        while position < min(end, self._end) and (record := self._record_at(position)):
+            position = record[1]
+        return position == end
+
+    def _head(self, position: int) -> bytes:
+        self._file.seek(position)
+        return self._file.read(_LONGEST_HEAD)
+
+    def _is_compressed(self, position: int) -> bool:
+        return self._bytes(position + _HEADER_BYTES + 28, 4) != bytes(4)
+
+    def _add_scanned(self, chunk: _Chunk, data: bytes | memoryview, counts: dict[int, int]) -> None:
         starts, last, found = [END_NS], 0, dict[int, int]()
         for opcode, start, length in _records(memoryview(data)):
             last = start + _HEADER_BYTES + length
@@ -183,9 +284,11 @@ class McapBag(ChunkedBag):
         for channel, count in found.items():
             counts[channel] = counts.get(channel, 0) + count
         if chunk.torn:
-            self.damage.append(
-                f"chunk at byte {chunk.position}: cut off by the end of the file; "
-                f"{sum(found.values())} messages before that are kept"
+            self._leave_out(
+                chunk.position,
+                self._end,
+                "chunk: cut off by the end of the file; "
+                f"{sum(found.values())} messages before that are kept",
             )
         elif last < len(data):
             self.damage.append(
@@ -193,6 +296,19 @@ class McapBag(ChunkedBag):
             )
         if len(starts) > 1:
             self._chunks.append(chunk._replace(start_ns=min(starts)))
+
+    def _try_definition(self, opcode: int, body: bytes, position: int) -> None:
+        """Register a schema or a channel; a damaged one is skipped when recovering."""
+        from mcap.exceptions import McapError
+
+        try:
+            self._note_definition(opcode, body)
+        except ContradictionError:
+            raise
+        except (McapError, *DAMAGE) as error:
+            if not self._recover:
+                raise
+            self.damage.append(f"definition at byte {position}: {error}")
 
     def _note_definition(self, opcode: int, body: bytes) -> None:
         from io import BytesIO
@@ -301,6 +417,25 @@ class _Bounded:
         """Return at most as many bytes as remain."""
         left = max(self._end - self._file.tell(), 0)
         return self._file.read(left if size < 0 else min(size, left))
+
+
+def _are_records(data: bytes | memoryview) -> bool:
+    """Return whether data are records, each after the other, up to the end."""
+    end = 0
+    for _, start, length in _records(memoryview(data)):
+        end = start + _HEADER_BYTES + length
+    return end == len(data)
+
+
+def _begins_chunk(head: bytes) -> bool:
+    """Return whether the sizes in the header of a chunk agree with each other."""
+    if len(head) < _HEADER_BYTES + _CHUNK_BYTES:
+        return False
+    length, name_length = struct.unpack_from("<xQ28xI", head)
+    if name_length > len("zstd"):
+        return False
+    (stored,) = struct.unpack_from("<Q", head, _HEADER_BYTES + 32 + name_length)
+    return bool(length == _CHUNK_BYTES + name_length + stored)
 
 
 def _check_same(what: str, id_: int, before: object, now: object) -> None:

@@ -3,6 +3,7 @@
 
 """What all bag readers share: topics, blocks of messages, and their order in time."""
 
+import re
 import sqlite3
 import struct
 from abc import ABC, abstractmethod
@@ -35,6 +36,8 @@ DAMAGE: Final = (
 )
 """What Python, NumPy and the bag libraries raise for malformed bytes."""
 _LONGEST_REASON: Final = 200
+_SEARCHED_BYTES: Final = 1 << 20
+_LONGEST_MATCH: Final = 64
 END_NS: Final = 2**63 - 1
 """After all messages."""
 
@@ -164,6 +167,8 @@ class ChunkedBag(Bag):
         self._end = self._file.seek(0, 2)
         self._chunks: list[Any] = []
         """Each with its position in the file, and ``start_ns``."""
+        self._lost = (-1, -1, 0)
+        """The last range of lost bytes, and its line in ``damage``."""
         self._topic_of: dict[int, TopicInfo] = {}
         """Topics by number of the channel or connection that messages name."""
         try:
@@ -185,8 +190,23 @@ class ChunkedBag(Bag):
     def _blocks(self, chunk: Any, wanted: Mapping[int, TopicInfo]) -> list[MessageBlock]:
         """Return the messages of a chunk, a block for each topic."""
 
-    def _leave_out_rest(self, position: int, why: str) -> None:
-        self.damage.append(f"{self._end - position} bytes from byte {position} on: {why}")
+    def _leave_out(self, start: int, end: int, why: str) -> None:
+        """Note a range of lost bytes; neighbours are one."""
+        start_before, end_before, line = self._lost
+        if start == end_before:
+            start = start_before
+            del self.damage[line]
+        self._lost = (start, end, len(self.damage))
+        self.damage.append(f"{end - start} bytes from byte {start} on: {why}")
+
+    def _places_of(self, pattern: re.Pattern[bytes], position: int) -> Iterator[int]:
+        """Yield the offsets of the file from ``position`` on that match a lookahead."""
+        for start in range(position, self._end, _SEARCHED_BYTES):
+            self._file.seek(start)
+            data = self._file.read(_SEARCHED_BYTES + _LONGEST_MATCH)
+            for match in pattern.finditer(data):
+                if match.start() < _SEARCHED_BYTES:
+                    yield start + match.start()
 
     def _timed(self, names: Collection[str]) -> Iterator[Timed]:
         chunks = sorted(self._chunks, key=lambda chunk: chunk.start_ns)

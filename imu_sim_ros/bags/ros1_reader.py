@@ -3,10 +3,11 @@
 
 """ROS 1 bags (format 2.0) as blocks of messages; damaged ones as far as readable."""
 
+import re
 import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,23 @@ from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.types import Bytes, Integers
 
 _LONGEST_HEADER = 1 << 24
+_FIELDS: Final = {
+    OP_MESSAGE: {"conn", "time"},
+    OP_BAG_HEADER: {"index_pos", "conn_count", "chunk_count"},
+    OP_INDEX: {"ver", "conn", "count"},
+    OP_CHUNK: {"compression", "size"},
+    OP_CHUNK_INFO: {"ver", "chunk_pos", "start_time", "end_time", "count"},
+    OP_CONNECTION: {"conn", "topic"},
+}
+"""The fields that records have by their kind."""
+_NAMES: Final = "|".join(sorted({"op"}.union(*_FIELDS.values())))
+_HEADS: Final = re.compile(rb"(?=..\0\0..\0\0(?:%b)=)" % _NAMES.encode(), re.DOTALL)
+"""Where a record may begin: lengths of its header and first field, and the name of that field."""
+
+_MESSAGE_HEAD_BYTES: Final = 8 + sum(
+    4 + len(field) for field in ("op=_", "conn=____", "time=________")
+)
+"""Size of a message's header and of the length of its data."""
 
 
 class _Record(NamedTuple):
@@ -43,6 +61,11 @@ class _Record(NamedTuple):
     @property
     def op(self) -> int:
         return self.fields["op"][0]
+
+    @property
+    def after(self) -> int:
+        """The end of the record in the file or chunk."""
+        return self.start + self.size
 
     def number(self, name: str) -> int:
         """Return a field as a number of its own size."""
@@ -58,6 +81,8 @@ class _Chunk(NamedTuple):
     position: int
     start_ns: int
     indexed: bool
+    loose: int = 0
+    """Size of messages outside chunks that are read as one [bytes]; 0: a chunk."""
 
 
 class Rosbag1Bag(ChunkedBag):
@@ -106,7 +131,7 @@ class Rosbag1Bag(ChunkedBag):
                 )
                 for connection, count in struct.iter_unpack("<II", self._data(record)):
                     counts[connection] = counts.get(connection, 0) + count
-            position = record.start + record.size
+            position = record.after
         if len(self._chunks) != header.number("chunk_count") or (
             len(self._found) != header.number("conn_count")
         ):
@@ -114,32 +139,58 @@ class Rosbag1Bag(ChunkedBag):
         return counts
 
     def _scan(self) -> Mapping[int, int]:
-        """Find all chunks without an index, and count the messages."""
+        """Find all chunks without an index, and count the messages.
+
+        What is no record is left out up to the next place where one begins for sure.
+        """
         counts: dict[int, int] = {}
         position, indexed = len(MAGIC), False
         try:
             while position < self._end:
-                try:
-                    record = self._record(position)
-                    op = record.op
-                except DAMAGE:
-                    break  # the header of the last record is torn
-                if op == OP_CHUNK:
-                    self._scan_chunk(position, counts)
-                elif not record.whole:
-                    break
-                elif op == OP_CONNECTION:
-                    self._try_connection(record, self._data(record))
-                indexed |= op == OP_CHUNK_INFO
-                position = record.start + record.size
+                record = self._record_at(position)
+                if record is None:
+                    self._file.seek(position)
+                    if self._file.read(len(MAGIC)) == MAGIC:
+                        self._leave_out(position, self._end, "another bag begins there")
+                        break
+                    following = self._next_record(position + 1)
+                    self._leave_out(position, following, "no whole record")
+                    position = following
+                    continue
+                indexed |= record.op == OP_CHUNK_INFO
+                if record.op == OP_CHUNK:
+                    position = self._scan_chunk(position, record, counts)
+                elif record.op == OP_MESSAGE:
+                    position = self._add_messages(position, counts)
+                else:
+                    if record.op == OP_CONNECTION:
+                        self._try_connection(record, self._data(record))
+                    position = record.after
         except ContradictionError as error:
-            self._leave_out_rest(position, str(error))
-        else:
-            if position < self._end:
-                self._leave_out_rest(position, "no whole record")
+            self._leave_out(position, self._end, str(error))
         if not indexed:
             self.found.append("no index: the recording was interrupted, or its end is lost")
         return counts
+
+    def _record_at(self, position: int) -> _Record | None:
+        """Return the record that begins at an offset of the file.
+
+        :returns: None if none does, or if it is not whole; the last chunk may be truncated.
+        """
+        try:
+            record = self._record(position)
+            plausible = _FIELDS[record.op] <= set(record.fields)
+        except DAMAGE:
+            return None
+        return record if plausible and (record.whole or record.op == OP_CHUNK) else None
+
+    def _next_record(self, position: int) -> int:
+        """Return the next offset at which a record begins that another one follows."""
+        for place in self._places_of(_HEADS, position):
+            record = self._record_at(place)
+            if record and (record.after >= self._end or self._record_at(record.after)):
+                return place
+        return self._end
 
     def _try_connection(self, record: _Record, data: bytes) -> None:
         """Take a connection; a damaged one is left out."""
@@ -150,32 +201,81 @@ class Rosbag1Bag(ChunkedBag):
         except DAMAGE as error:
             self.damage.append(f"connection at byte {record.start}: {error}")
 
-    def _scan_chunk(self, position: int, counts: dict[int, int]) -> None:
+    def _scan_chunk(self, position: int, record: _Record, counts: dict[int, int]) -> int:
+        """Note a chunk and count its messages; returns where to go on.
+
+        The records of a damaged chunk without compression are gone through like messages outside
+        chunks, so that only the damaged ones are lost.
+        """
+        is_last = record.whole or self._next_record(position + 1) == self._end
+        stored = record.fields["compression"] == b"none"
+        problem = "" if record.whole else "cut off by the end of the file"
+        data = b""
         try:
             data = self._chunk(position)[0]
         except DAMAGE as error:
-            self.damage.append(f"chunk at byte {position}: {error}")
-            return
-        times, end, found = list[int](), 0, dict[int, int]()
-        for record in _records(data):
-            if record.op == OP_CONNECTION:
-                self._try_connection(record, data[record.start : record.start + record.size])
-            elif record.op == OP_MESSAGE and {"conn", "time"} <= set(record.fields):
-                connection = record.number("conn")
-                found[connection] = found.get(connection, 0) + 1
-                times.append(record.time("time"))
-            end = record.start + record.size
-        for connection, count in found.items():
-            counts[connection] = counts.get(connection, 0) + count
-        if not self._record(position).whole:
-            self.damage.append(
-                f"chunk at byte {position}: cut off by the end of the file; "
-                f"{len(times)} messages before that are kept"
+            problem = str(error)
+        records = list(_records(data))
+        if stored and (problem or not records or records[-1].after < len(data)):
+            return record.start
+        if problem and not (data and is_last):
+            after = record.after
+            if after != self._end and not self._record_at(after):
+                after = self._next_record(position + 1)
+            self._leave_out(position, after, f"chunk: {problem}")
+            return after
+        self._add_scanned(_Chunk(position, 0, False), data, records, counts)
+        if problem:
+            kept = sum(one.op == OP_MESSAGE for one in records)
+            problem = f"chunk: {problem}; {kept} messages before that are kept"
+            self._leave_out(position, self._end, problem)
+        elif records and records[-1].after < len(data):
+            line = (
+                f"chunk at byte {position}: damaged {records[-1].after} bytes after its beginning"
             )
-        elif end < len(data):
-            self.damage.append(f"chunk at byte {position}: damaged {end} bytes after its beginning")
+            self.damage.append(line)
+        return record.after
+
+    def _add_messages(self, position: int, counts: dict[int, int]) -> int:
+        """Note messages that follow each other outside chunks; returns where to go on.
+
+        The one before a damaged place is left out: its end may be damaged as well.
+        """
+        last = end = position
+        while (record := self._record_at(end)) and record.op in (OP_MESSAGE, OP_CONNECTION):
+            last, end = end, record.after
+        after = end
+        if not record and end < self._end and not self._is_cut(end):
+            self._leave_out(last, end, "no whole record")
+            end = last
+        if end > position:
+            chunk = _Chunk(position, 0, False, end - position)
+            data = self._content(chunk)
+            self._add_scanned(chunk, data, list(_records(data)), counts)
+        return after
+
+    def _is_cut(self, position: int) -> bool:
+        """Return whether a message begins here that the end of the file cuts off."""
+        try:
+            record = self._record(position)
+        except DAMAGE:
+            return self._end - position < _MESSAGE_HEAD_BYTES
+        whole = _FIELDS[OP_MESSAGE] <= set(record.fields)
+        return whole and self._next_record(position + 1) == self._end
+
+    def _add_scanned(
+        self, chunk: _Chunk, data: bytes, records: Sequence[_Record], counts: dict[int, int]
+    ) -> None:
+        times = []
+        for record in records:
+            if record.op == OP_CONNECTION:
+                self._try_connection(record, data[record.start : record.after])
+            elif record.op == OP_MESSAGE and _FIELDS[OP_MESSAGE] <= set(record.fields):
+                connection = record.number("conn")
+                counts[connection] = counts.get(connection, 0) + 1
+                times.append(record.time("time"))
         if times:
-            self._chunks.append(_Chunk(position, min(times), False))
+            self._chunks.append(chunk._replace(start_ns=min(times)))
 
     def _record(self, position: int) -> _Record:
         """Return the record at an offset of the file.
@@ -235,12 +335,23 @@ class Rosbag1Bag(ChunkedBag):
         compression = record.fields["compression"].decode()
         torn = not record.whole
         data = decompress(self._data(record), compression, record.number("size"), torn)
-        return data, record.start + record.size
+        return data, record.after
+
+    def _content(self, chunk: _Chunk) -> bytes:
+        """Return the content of a chunk, or of messages outside chunks."""
+        if not chunk.loose:
+            return self._chunk(chunk.position)[0]
+        self._file.seek(chunk.position)
+        return self._file.read(chunk.loose)
 
     def _blocks(self, chunk: _Chunk, wanted: Mapping[int, TopicInfo]) -> list[MessageBlock]:
-        content, after = self._chunk(chunk.position)
+        if chunk.indexed:
+            content, after = self._chunk(chunk.position)
+            index = self._indexed(after)
+        else:
+            content = self._content(chunk)
+            index = _scanned(content)
         data = np.frombuffer(content, np.uint8)
-        index = self._indexed(after) if chunk.indexed else _scanned(content)
         by_topic: dict[TopicInfo, list[MessageBlock]] = {}
         for connection, entries in index.items():
             if connection in wanted and len(entries):
@@ -257,7 +368,7 @@ class Rosbag1Bag(ChunkedBag):
                 break
             entries = np.frombuffer(self._data(record), INDEX_ENTRY, record.number("count"))
             found.setdefault(record.number("conn"), []).append(entries)
-            position = record.start + record.size
+            position = record.after
         return {connection: np.concatenate(parts) for connection, parts in found.items()}
 
 
@@ -280,7 +391,7 @@ def _scanned(data: bytes) -> dict[int, NDArray[np.void]]:
     """Return the index of a chunk, found by going from record to record."""
     found: dict[int, list[tuple[int, int, int]]] = {}
     for record in _records(data):
-        if record.op == OP_MESSAGE and {"conn", "time"} <= set(record.fields):
+        if record.op == OP_MESSAGE and _FIELDS[OP_MESSAGE] <= set(record.fields):
             second, nanosecond = struct.unpack("<II", record.fields["time"][:8])
             header = sum(len(name) + len(value) + 5 for name, value in record.fields.items())
             place = record.start - 8 - header

@@ -19,12 +19,12 @@ from imu_sim_ros.bags.mcap_reader import McapBag
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
 from imu_sim_ros.bags.messages.schemas import Schema, parse_qos
 from imu_sim_ros.bags.reader import Bag, Timed, errors_naming
+from imu_sim_ros.bags.sqlite_pages import MessagePages
 from imu_sim_ros.errors import InputError, MachineError
 from imu_sim_ros.inputs.rows import is_present, open_regular, read_text
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 from imu_sim_ros.types import Bytes
 
-_END_ID: Final = 2**63 - 1
 _ROWS: Final = 4096
 _MAX_TOPICS: Final = 10_000
 
@@ -37,16 +37,20 @@ class SqliteBag(Bag):
     def __init__(self, path: Path, recover: bool = False) -> None:
         """Open a file.
 
-        :param recover: roll an unfinished transaction back, in a copy, and stop at damaged parts.
+        :param recover: roll an unfinished transaction back, in a copy, and leave damaged parts out.
         """
         super().__init__(path)
         self._recover = recover
-        self._last_id = _END_ID
+        self._read_from = path
+        self._pages: MessagePages | None = None
+        """Of a damaged file in recovery: its messages."""
         self._stack = ExitStack()
         try:
-            file, mode = self._recoverable() if recover else (path, "mode=ro")
+            mode = "mode=ro"
+            if recover:
+                self._read_from, mode = self._recoverable()
             self._database = sqlite3.connect(
-                f"{file.absolute().as_uri()}?{mode}", uri=True, check_same_thread=False
+                f"{self._read_from.absolute().as_uri()}?{mode}", uri=True, check_same_thread=False
             )
             self._stack.callback(self._database.close)
             self._database.execute("PRAGMA trusted_schema = OFF")
@@ -143,32 +147,55 @@ class SqliteBag(Bag):
         return dict(self._database.execute(statement).fetchall())
 
     def _scan(self) -> dict[int, int]:
-        """Read and count all messages, and note where and why reading ends."""
+        """Read and count all messages; those of a damaged file page by page."""
         counts: dict[int, int] = {}
-        bad = last = 0
-        rows = self._database.execute(
-            "SELECT id, topic_id, timestamp, data FROM messages ORDER BY id"
-        )
         try:
-            for number, id_, t_ns, payload in rows:
-                last, good = number, isinstance(t_ns, int) and isinstance(payload, bytes)
-                counts[id_] = counts.get(id_, 0) + good
-                bad += not good
+            rows = self._database.execute(
+                "SELECT topic_id, timestamp, data FROM messages ORDER BY id"
+            )
+            for id_, t_ns, payload in rows:
+                if not isinstance(t_ns, int) or not isinstance(payload, bytes):
+                    raise sqlite3.DatabaseError("a message is damaged")
+                counts[id_] = counts.get(id_, 0) + 1
         except sqlite3.Error as error:
-            self._last_id = last
-            self.damage.append(f"the messages after number {last}: {error}")
-        if bad:
-            self.damage.append(f"{bad} messages whose times are no numbers, or data no bytes")
+            return self._scan_pages(str(error))
+        return counts
+
+    def _scan_pages(self, problem: str) -> dict[int, int]:
+        """Count the messages that are found in the pages, and note which are lost by their ids."""
+        columns = self._database.execute("PRAGMA table_xinfo(messages)").fetchall()
+        topics = {id_ for (id_,) in self._database.execute("SELECT id FROM topics")}
+        self._pages = MessagePages(self._read_from, [column[1] for column in columns], topics)
+        self._stack.callback(self._pages.close)
+        counts: dict[int, int] = {}
+        last = 0
+        for rows in self._pages.rows():
+            for row in rows:
+                if row.id > last + 1:
+                    lost = f"messages {last + 1} to {row.id - 1}"
+                    self.damage.append(f"{lost} ({row.id - 1 - last}): {problem}")
+                last = max(last, row.id)
+                counts[row.topic] = counts.get(row.topic, 0) + 1
+        if self._pages.is_cut:
+            self.damage.append(f"the messages after number {last}: the end of the file is missing")
+        elif not self.damage:
+            self.found.append(f"{problem}; all messages up to number {last} are there")
         return counts
 
     def _timed(self, names: Collection[str]) -> Iterator[Timed]:
-        ids = [id_ for id_, topic in self._topics.items() if topic.name in names]
-        # A torn file is read in the order of the table: its index may lead to missing pages.
+        ids = {id_ for id_, topic in self._topics.items() if topic.name in names}
+        if self._pages is not None:
+            for page in self._pages.rows():
+                found = [(row.topic, row.t_ns, row.data) for row in page if row.topic in ids]
+                if found:
+                    yield Timed(found[-1][1], self._blocks(found))
+            return
+        # What is to be recovered is read in the order of the table: its index may be damaged.
         order = "id" if self._recover else "timestamp, id"
         cursor = self._database.execute(
             "SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN "
-            f"({','.join('?' * len(ids))}) AND id <= ? ORDER BY {order}",
-            (*ids, self._last_id),
+            f"({','.join('?' * len(ids))}) ORDER BY {order}",
+            tuple(ids),
         )
         try:
             while rows := cursor.fetchmany(_ROWS):
@@ -182,11 +209,7 @@ class SqliteBag(Bag):
         by_topic: dict[int, tuple[list[int], list[bytes]]] = {}
         for id_, t_ns, payload in rows:
             if not isinstance(t_ns, int) or not isinstance(payload, bytes):
-                if not self._recover:
-                    raise ValueError(
-                        "a message whose time is not a number or whose data are not bytes"
-                    )
-                continue
+                raise ValueError("a message whose time is not a number or whose data are not bytes")
             times, payloads = by_topic.setdefault(id_, ([], []))
             times.append(t_ns)
             payloads.append(payload)

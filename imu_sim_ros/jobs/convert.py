@@ -82,7 +82,8 @@ class Converted:
         }
         if self.found is None or self.left_out is None:
             return result
-        return {**result, "found": list(self.found), "left_out": list(self.left_out)}
+        lost = {"found": list(self.found), "left_out": list(self.left_out)}
+        return {**result, **lost, "lost_ranges": len(self.left_out)}
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{count} {name}" for name, count in self.messages.items())
@@ -277,7 +278,9 @@ class _Job:
                 lines.append(f"{bag.path}: left out: and {len(bag.damage) - k} more places")
                 break
             lines.append(f"{bag.path}: left out: {line}")
-        return lines if bag.damage else [*lines, f"{bag.path}: nothing is left out"]
+        count = len(bag.damage)
+        lost = {0: "nothing is", 1: "1 range is"}.get(count, f"{count} ranges are")
+        return [*lines, f"{bag.path}: {lost} left out"]
 
     def _writer(self) -> Writer:
         writer = open_writer(

@@ -1,0 +1,225 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The messages of a damaged SQLite file, found page by page without its trees.
+
+Each page that holds rows states itself where they lie, and each row how long it is
+(https://www.sqlite.org/fileformat2.html). Pages that the trees no longer lead to are found as well,
+and those that lost or inserted bytes have shifted.
+"""
+
+import re
+from collections.abc import Collection, Iterator, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from imu_sim_ros.inputs.rows import open_regular
+
+_LEAF: Final = re.compile(rb"(?=\x0d..[\x00-\x0f])", re.DOTALL)
+"""A leaf of a table has the kind 13; the number of its rows follows 2 bytes later."""
+_LEAF_HEADER_BYTES: Final = 8
+_INTEGER_BYTES: Final = (0, 1, 2, 3, 4, 6, 8)
+"""Size of an integer by its serial type; 8 and 9 are the constants 0 and 1."""
+
+
+class Row(NamedTuple):
+    """A message."""
+
+    id: int
+    topic: int
+    t_ns: int
+    data: bytes
+
+
+class _Cell(NamedTuple):
+    """A row in its page, whose data may go on in other pages."""
+
+    place: int
+    end: int
+    row: Row | None
+
+
+class MessagePages:
+    """The pages with messages of one file."""
+
+    def __init__(self, path: Path, columns: Sequence[str], topics: Collection[int]) -> None:
+        """Look for the pages.
+
+        :param columns: those of the table of messages in their order.
+        :param topics: ids of the topics; a row of another one is none.
+        """
+        self._file = open_regular(path)
+        self._size = self._file.seek(0, 2)
+        head = self._read(0, 100)
+        stated = int.from_bytes(head[16:18], "big")
+        self._page_size = 65536 if stated == 1 else stated
+        self._usable = self._page_size - head[20]
+        self._missing = int.from_bytes(head[28:32], "big") * self._page_size - self._size
+        self._columns = list(columns)
+        self._topics = topics
+        self._broken: set[int] = set()
+        """Pages before lost or inserted bytes: their last rows may have lost their ends."""
+        self._leaves = self._find()
+        """Offsets in the file in the order of the first rows."""
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def rows(self) -> Iterator[list[Row]]:
+        """Yield the messages of each page in the order of their ids."""
+        for place in self._leaves:
+            yield self._rows(place)
+
+    @property
+    def is_cut(self) -> bool:
+        """Whether the file has fewer pages than it states."""
+        return self._missing >= self._page_size
+
+    def _read(self, place: int, size: int) -> bytes:
+        self._file.seek(place)
+        return self._file.read(size)
+
+    def _find(self) -> list[int]:
+        found: dict[int, int] = {}
+        place = self._page_size  # the first page is that of the schema
+        while place + self._page_size <= self._size:
+            rows = self._rows(place)
+            if not rows:
+                shifted = self._shifted(place)
+                if shifted is None:
+                    place += self._page_size
+                    continue
+                self._broken.add(place - self._page_size)
+                place = shifted
+                rows = self._rows(place)
+            found.setdefault(rows[0].id, place)
+            place += self._page_size
+        return [found[first] for first in sorted(found)]
+
+    def _shifted(self, place: int) -> int | None:
+        """Return where within a page's length from here a page begins, if one does."""
+        data = self._read(place, 2 * self._page_size)
+        for match in _LEAF.finditer(data, 1, self._page_size + 3):
+            cells = self._cells(data[match.start() : match.start() + self._page_size])
+            if cells and all(cell.row for cell in cells):
+                return place + match.start()
+        return None
+
+    def _rows(self, place: int) -> list[Row]:
+        """Return the messages of the page at an offset; none if it has none.
+
+        A row before a damaged one may be damaged at its end, and is left out too.
+        """
+        cells = self._cells(self._read(place, self._page_size), place)
+        if place in self._broken:
+            cells = cells[:-1]
+        good = [
+            cell.row
+            for cell, following in pairwise([*cells, None])
+            if cell is not None
+            and cell.row
+            and (following is None or (following.row is not None and cell.end <= following.place))
+        ]
+        return sorted(good)
+
+    def _cells(self, page: bytes, place: int = -1) -> list[_Cell]:
+        """Return the rows of a page by place; without that of the page, not what lies elsewhere."""
+        if len(page) < self._page_size or page[0] != 0x0D:
+            return []
+        count = int.from_bytes(page[3:5], "big")
+        array = page[_LEAF_HEADER_BYTES : _LEAF_HEADER_BYTES + 2 * count]
+        places = sorted(int.from_bytes(array[k : k + 2], "big") for k in range(0, len(array), 2))
+        if not count or len(array) < 2 * count or places[0] < _LEAF_HEADER_BYTES + 2 * count:
+            return []
+        return [self._cell(page, start, place) for start in places]
+
+    def _cell(self, page: bytes, start: int, place: int) -> _Cell:
+        try:
+            size, at = _varint(page, start)
+            id_, at = _varint(page, at)
+            local = self._local(size)
+            content, end = page[at : at + local], at + local
+            if end > self._usable:
+                raise ValueError("the row reaches past the end of its page")
+            if local < size:
+                first, end = int.from_bytes(page[end : end + 4], "big"), end + 4
+                content += self._elsewhere(first, size - local, place) if place >= 0 else b""
+            row = self._row(id_, content, size)
+        except (ValueError, IndexError):
+            return _Cell(start, start, None)
+        return _Cell(start, end, row)
+
+    def _local(self, size: int) -> int:
+        """Return how many bytes of a row lie in its leaf."""
+        least = (self._usable - 12) * 32 // 255 - 23
+        most = self._usable - 35
+        fitting = least + (size - least) % (self._usable - 4)
+        if size <= most:
+            return size
+        return fitting if fitting <= most else least
+
+    def _elsewhere(self, page: int, size: int, place: int) -> bytes:
+        """Return the rest of a row, from a chain of pages, each of which names the next one."""
+        shift = place % self._page_size
+        if shift:
+            shift = (
+                -self._missing
+                if (-self._missing - shift) % self._page_size == 0
+                else (shift - self._page_size)
+            )
+        content = b""
+        while size > len(content):
+            start = (page - 1) * self._page_size + shift
+            if page < 2 or start < 0:
+                raise ValueError("there is no such page")
+            data = self._read(start, self._usable)
+            page = int.from_bytes(data[:4], "big")
+            content += data[4 : 4 + size - len(content)]
+            if len(data) < self._usable or (page == 0) != (len(content) == size):
+                raise ValueError("the chain of pages is damaged")
+        return content
+
+    def _row(self, id_: int, content: bytes, size: int) -> Row:
+        """Return a row of a table of messages.
+
+        :raises ValueError: if it is none.
+        """
+        head, at = _varint(content, 0)
+        kinds = []
+        while at < head:
+            kind, at = _varint(content, at)
+            kinds.append(kind)
+        if at != head or len(kinds) != len(self._columns):
+            raise ValueError("it has other columns")
+        values: dict[str, bytes] = {}
+        stated = head
+        for name, kind in zip(self._columns, kinds, strict=True):
+            if name == "data":
+                width = (kind - 12) // 2 if kind >= 12 and kind % 2 == 0 else -1
+            elif name == "id":
+                width = 0 if kind == 0 else -1
+            else:
+                width = _INTEGER_BYTES[kind] if 1 <= kind <= 6 else (0 if kind in (8, 9) else -1)
+                values[name] = bytes([kind - 8]) if kind in (8, 9) else b""
+            if width < 0:
+                raise ValueError(f"{name} has another type")
+            values[name] = values.get(name, b"") or content[stated : stated + width]
+            stated += width
+        topic = int.from_bytes(values["topic_id"], "big", signed=True)
+        if stated != size or topic not in self._topics:
+            raise ValueError("it is not a message")
+        t_ns = int.from_bytes(values["timestamp"], "big", signed=True)
+        return Row(id_, topic, t_ns, values["data"])
+
+
+def _varint(data: bytes, place: int) -> tuple[int, int]:
+    """Return a number of 1 to 9 bytes, and where it ends."""
+    value = 0
+    for k in range(8):
+        byte = data[place + k]
+        value = value << 7 | byte & 0x7F
+        if byte < 0x80:
+            return value, place + k + 1
+    return value << 8 | data[place + 8], place + 9
