@@ -23,7 +23,7 @@ _INTEGER_BYTES: Final = (0, 1, 2, 3, 4, 6, 8)
 """Size of an integer by its serial type; 8 and 9 are the constants 0 and 1."""
 
 
-class Row(NamedTuple):
+class StoredMessage(NamedTuple):
     """A message."""
 
     id: int
@@ -37,7 +37,7 @@ class _Cell(NamedTuple):
 
     place: int
     end: int
-    row: Row | None
+    row: StoredMessage | None
 
 
 class MessagePages:
@@ -67,7 +67,7 @@ class MessagePages:
         """Close the file."""
         self._file.close()
 
-    def rows(self) -> Iterator[list[Row]]:
+    def rows(self) -> Iterator[list[StoredMessage]]:
         """Yield the messages of each page in the order of their ids."""
         for place in self._leaves:
             yield self._rows(place)
@@ -107,7 +107,7 @@ class MessagePages:
                 return place + match.start()
         return None
 
-    def _rows(self, place: int) -> list[Row]:
+    def _rows(self, place: int) -> list[StoredMessage]:
         """Return the messages of the page at an offset; none if it has none.
 
         A row before a damaged one may be damaged at its end, and is left out too.
@@ -181,7 +181,7 @@ class MessagePages:
                 raise ValueError("the chain of pages is damaged")
         return content
 
-    def _row(self, id_: int, content: bytes, size: int) -> Row:
+    def _row(self, id_: int, content: bytes, size: int) -> StoredMessage:
         """Return a row of a table of messages.
 
         :raises ValueError: if it is none.
@@ -211,7 +211,7 @@ class MessagePages:
         if stated != size or topic not in self._topics:
             raise ValueError("it is not a message")
         t_ns = int.from_bytes(values["timestamp"], "big", signed=True)
-        return Row(id_, topic, t_ns, values["data"])
+        return StoredMessage(id_, topic, t_ns, values["data"])
 
 
 def _varint(data: bytes, place: int) -> tuple[int, int]:
