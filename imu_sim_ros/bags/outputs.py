@@ -109,6 +109,7 @@ class OutputFile:
 
         :raises MachineError: with the system's reason, for instance that no space is left.
         """
+        self._check_untouched()
         position = self.position
         try:
             for part in parts:
@@ -121,6 +122,20 @@ class OutputFile:
             raise MachineError(f"{self.path}: {error.strerror or error}") from None
         # Only now: if the lines above are interrupted, position stays at the end of a record.
         self.position = position
+
+    def _check_untouched(self) -> None:
+        """Refuse to go on in a file that another program has truncated or deleted.
+
+        :raises MachineError: if it has.
+        """
+        there = os.fstat(self._file.fileno())
+        if there.st_size < self.position:
+            raise MachineError(
+                f"{self.path}: another program has truncated it to {there.st_size} of "
+                f"{self.position} bytes"
+            )
+        if not there.st_nlink:
+            raise MachineError(f"{self.path}: another program has deleted it")
 
     def cut(self, position: int) -> None:
         """Truncate the file at a position."""
@@ -147,6 +162,7 @@ class OutputFile:
 
     def finish(self) -> None:
         """Close the file and give it its name."""
+        self._check_untouched()
         self.cut(self.position)
         self._file.close()
         if self.current != self.path:

@@ -17,6 +17,7 @@ from numpy.lib.stride_tricks import as_strided, sliding_window_view
 
 from imu_sim_ros.bags.messages.blocks import MessageBlock, Payloads, TopicInfo, as_list
 from imu_sim_ros.bags.threads import prefetch
+from imu_sim_ros.conventions import IDEAL_IMU_TOPIC
 from imu_sim_ros.errors import ImuSimError, InputError, system_error
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.names import suggestion
@@ -121,7 +122,7 @@ class Bag(ABC):
         """Return the topic of a type: the named one, or the only one.
 
         Of ``imu/data_raw`` and ``imu/data``, the same readings with an orientation (REP-145), the
-        first is meant.
+        first is meant; of readings and their truth, ``ground_truth/imu``, the readings.
 
         :raises InputError: if there is none, or several; the line lists them.
         """
@@ -132,8 +133,10 @@ class Bag(ABC):
                 return named[0]
             hint = missing(name, self.topics, fitting)
             raise InputError(f"{self.path}: has no topic {name} of {type_name}; {hint}")
-        names = {topic.name for topic in fitting}
-        once = [topic for topic in fitting if f"{topic.name}_raw" not in names]
+        measured = [topic for topic in fitting if not topic.name.endswith("/" + IDEAL_IMU_TOPIC)]
+        candidates = measured or fitting
+        names = {topic.name for topic in candidates}
+        once = [topic for topic in candidates if f"{topic.name}_raw" not in names]
         if len(once) == 1:
             return once[0]
         if not fitting:

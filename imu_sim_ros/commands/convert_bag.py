@@ -55,7 +55,10 @@ def convert_bag(arguments: argparse.Namespace) -> None:
     last_ns = made.last_stamp_ns
     until = f", up to stamp {last_ns / 1e9:.9f} s" if last_ns is not None else ""
     word = "recovered" if made.recovered else "written"
-    program.print_result(arguments, made.to_dict(), [f"{made.output}: {word}: {counts}{until}"])
+    lines = [f"{made.output}: {word}: {counts}{until}"]
+    if made.not_converted:
+        lines.append(f"{made.output}: has no place for {', '.join(made.not_converted)}")
+    program.print_result(arguments, made.to_dict(), lines)
 
 
 main = partial(program.main, parser, convert_bag)

@@ -60,8 +60,9 @@ class ImageFolders:
         """
         self._cv2 = opencv()
         self._cv2.setNumThreads(1)  # the threads are ours
-        made = imagers(rig.views, rig.scene, rig.parameters.scene, rig.trajectory)
-        self.cameras = [CameraProgress(rig, name) for name in rig.views]
+        views = {n: view for n, view in rig.views.items() if view.parameters.images != "none"}
+        made = imagers(views, rig.scene, rig.parameters.scene, rig.trajectory)
+        self.cameras = [CameraProgress(rig, name) for name in views]
         self._imagers = list(made.values())
         self._frames: list[list[tuple[int, int]]] = [[] for _ in self.cameras]
         self._folder, self._tables, self._deep = folder, form != "csv", form == "tum_vi"

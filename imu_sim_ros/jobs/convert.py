@@ -20,7 +20,8 @@ from imu_sim_ros.bags import convert as streams
 from imu_sim_ros.bags import sensor_tables
 from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
-from imu_sim_ros.bags.messages.encode_cameras import COMPRESSED_IMAGE, IMAGE
+from imu_sim_ros.bags.messages.encode_cameras import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE
+from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.outputs import Outputs
 from imu_sim_ros.bags.read import open_bag, read_poses
 from imu_sim_ros.bags.reader import Bag
@@ -69,6 +70,8 @@ class Converted:
     found: tuple[str, ...] | None = None
     """Lines about the result of a recovery; None if nothing was recovered."""
     left_out: tuple[str, ...] | None = None
+    not_converted: tuple[str, ...] = ()
+    """Topics and tables of the input for which the output has no place."""
     warnings: tuple[str, ...] = ()
     """Lines about invalid messages that are passed on or skipped."""
 
@@ -79,6 +82,7 @@ class Converted:
             "messages": self.messages,
             "recovered": self.recovered,
             "last_stamp_ns": self.last_stamp_ns,
+            "not_converted": list(self.not_converted),
         }
         if self.found is None or self.left_out is None:
             return result
@@ -227,6 +231,7 @@ class _Job:
         self.written, self.watcher = written, watcher
         self.staged = written.where(path)
         self.is_text = text_reader.is_text(source)
+        self.not_converted: list[str] = []
         self.comment = f"converted from {source.name} by imu_sim_ros"
         self.renamed = {
             "/" + old.lstrip("/"): "/" + new.lstrip("/") for old, new in form.renamed.items()
@@ -252,6 +257,7 @@ class _Job:
                 counts, last_ns = self._bag_to_tum(bag, topics)
             else:
                 counts, last_ns = self._bag_to_dataset(bag, topics)
+        self.not_converted = self._without_place(topics, counts) if self.dataset else []
         if not self.options.recover:
             return self._result((counts, last_ns))
         if not sum(counts.values()):
@@ -268,7 +274,18 @@ class _Job:
 
     def _result(self, counts: Counts) -> Converted:
         messages, last_ns = counts
-        return Converted(self.path, messages, False, last_ns if last_ns >= 0 else None)
+        last = last_ns if last_ns >= 0 else None
+        return Converted(self.path, messages, False, last, not_converted=tuple(self.not_converted))
+
+    def _without_place(self, topics: Sequence[TopicInfo], counts: Mapping[str, int]) -> list[str]:
+        """Return the topics with messages for which a dataset has no place."""
+        placed = set(counts)
+        if streams.TRUTH in placed and self.dataset == "euroc":
+            placed |= {streams.GYRO_BIAS, streams.ACCEL_BIAS}  # columns of the states
+        seen: set[str] = set()
+        if self.staged.is_dir():
+            seen = {IMAGE, COMPRESSED_IMAGE, CAMERA_INFO, TF_MESSAGE}
+        return [t.name for t in topics if t.count and t.name not in placed and t.type not in seen]
 
     def _recovery(self, bag: Bag) -> list[str]:
         """Return lines about what a recovery has found and left out."""
@@ -403,6 +420,11 @@ class _Job:
             known = known_tables()
             skipped = self.watcher.skipped
             streams.text_to_bag(self.source, writer, renamed, advance, skipped, seen, known)
+            self.not_converted = [
+                name
+                for name, kind in text_reader.table_names(self.source, known).items()
+                if not known[kind].is_converted
+            ]
         return self._result(_tally(writer))
 
     def _poses(self) -> PoseSequence:

@@ -184,6 +184,9 @@ def _check_gltf(path: Path, content: bytes) -> None:
     try:
         text, end = content, 0
         if content[:4] == b"glTF":
+            (stated,) = struct.unpack("<I", content[8:12])
+            if stated > len(content):
+                raise ValueError(f"{len(content)} of {stated} bytes")
             end = 20 + struct.unpack("<I", content[12:16])[0]
             text = content[20:end]
         tree = json.loads(text)

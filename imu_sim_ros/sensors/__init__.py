@@ -50,7 +50,11 @@ def with_faults() -> dict[str, str]:
 
 
 def known_tables() -> "dict[str, Table]":
-    """Return the tables of readings other than an IMU's, by name."""
+    """Return the tables of readings other than an IMU's, by name.
+
+    They are those of all sensors of this package and of those that were registered.
+    """
     from imu_sim_ros.sensors.registry import in_use
 
-    return {one.table.name: one.table for one in (*auxiliary_sensors(), *in_use())}
+    carried = [import_module(f"imu_sim_ros.sensors.{name}.declaration").SENSOR for name in CARRIED]
+    return {one.table.name: one.table for one in (*auxiliary_sensors(), *carried, *in_use())}

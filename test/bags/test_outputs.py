@@ -10,7 +10,7 @@ import sys
 
 import pytest
 
-from imu_sim_ros.bags.outputs import Outputs
+from imu_sim_ros.bags.outputs import OutputFile, Outputs
 from imu_sim_ros.errors import InputError, MachineError, explain, system_error
 
 
@@ -256,3 +256,17 @@ def test_a_full_disk_is_told_with_the_name_of_the_output():
             raise OSError(number, os.strerror(number))
         expected = f"x.csv: {os.strerror(number)}" if named else os.strerror(number)
         assert explain(failed.value) == ((expected,), 1)
+
+
+@pytest.mark.parametrize("harm", ["truncated", "deleted"])
+def test_a_file_that_another_program_harms_while_it_grows_is_an_error(tmp_path, harm):
+    file = OutputFile(tmp_path / "a.bin")
+    file.write(b"x" * 1000)
+    if harm == "truncated":
+        os.truncate(file.current, 500)
+    else:
+        file.current.unlink()
+    with pytest.raises(MachineError, match=f"another program has {harm} it"):
+        file.write(b"y")
+    with pytest.raises(MachineError, match=harm):
+        file.finish()

@@ -6,6 +6,7 @@
 import numpy as np
 import pytest
 
+import imu_sim_ros as ims
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import (
     imu_blocks,
@@ -124,3 +125,12 @@ def test_writing_another_softwares_way_is_read(tmp_path, content):
         imu = read_imu(path)
         np.testing.assert_array_equal(imu.gyro, content.gyro[:500])
         np.testing.assert_array_equal(imu.t_ns, content.t_ns[:500])
+
+
+def test_the_truth_of_readings_is_not_taken_for_them(tmp_path):
+    made = ims.generate(
+        tmp_path / "a.mcap", duration=1, topics=["imu/data_raw", "ground_truth/imu"]
+    )
+    assert set(made.messages) == {"/imu/data_raw", "/ground_truth/imu"}
+    by_default, named = (ims.read_imu(made.output, topic) for topic in (None, "/imu/data_raw"))
+    np.testing.assert_array_equal(by_default.gyro, named.gyro)

@@ -4,6 +4,8 @@
 """convert_bag: every form into every other, recovery, refusals."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -61,6 +63,7 @@ def test_bags_into_bags(sources, source, target, tmp_path, capsys):
         "messages": {f"/{name}": 800 for name in EXTRA.split(",")},
         "recovered": False,
         "last_stamp_ns": 10**9 + 799 * 5_000_000,
+        "not_converted": [],
     }
     _same(sources[source], output)
     with AnyReader([output]) as reader:
@@ -279,11 +282,12 @@ def test_refusals(sources, tmp_path, monkeypatch, capsys, arguments, words):
 def test_two_imus_and_none_named(tmp_path, capsys):
     source = tmp_path / "two.mcap"
     topics = ["--topics", "imu/data_raw,ground_truth/imu,ground_truth/odom"]
+    topics += ["--topic", "ground_truth/imu=second/imu"]
     assert generate.main(["-o", str(source), "--duration", "1s", *topics, "--quiet"]) == 0
     assert convert_bag.main([str(source), "-o", str(tmp_path / "e"), "--format", "euroc"]) == 2
     error = capsys.readouterr().err
     assert "/imu/data_raw" in error
-    assert "/ground_truth/imu" in error
+    assert "/second/imu" in error
     named = ["--format", "euroc", "--topics", "/imu/data_raw,/ground_truth/odom"]
     assert convert_bag.main([str(source), "-o", str(tmp_path / "e"), *named, "--quiet"]) == 0
 
@@ -296,3 +300,24 @@ def test_a_real_flight(tmp_path, capsys):
     assert generate.main(["-o", str(tmp_path / "mav0"), *options]) == 0
     result = _convert(capsys, tmp_path / "mav0", "-o", tmp_path / "x.bag")
     assert result["messages"]["/imu/data_raw"] == 1000
+
+
+def test_topics_without_a_place_in_a_dataset_are_named_whatever_was_loaded(tmp_path, capsys):
+    """In processes of their own, one of which has used the sensors before."""
+    bag = tmp_path / "a.bag"
+    assert generate.main(["-o", str(bag), "--duration", "2s", "--gnss", "ublox_m8", "--quiet"]) == 0
+    named = []
+    for before in ("", "from imu_sim_ros.sensors.registry import all_sensors; all_sensors(); "):
+        program = f"{before}from imu_sim_ros.commands.convert_bag import main; main()"
+        output = tmp_path / f"out{len(named)}"
+        words = [str(bag), "-o", str(output), "--format", "csv", "--json"]
+        done = subprocess.run(
+            [sys.executable, "-c", program, *words], capture_output=True, text=True, check=True
+        )
+        named.append(json.loads(done.stdout)["not_converted"])
+    assert "/gps/fix" in named[0]
+    assert "/imu/data_raw" not in named[0]
+    assert named[0] == named[1]
+    capsys.readouterr()
+    assert convert_bag.main([str(bag), "-o", str(tmp_path / "text"), "--format", "csv"]) == 0
+    assert "has no place for" in capsys.readouterr().out
