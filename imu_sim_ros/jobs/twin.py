@@ -19,6 +19,7 @@ from imu_sim_ros.calibration.twin import model
 from imu_sim_ros.calibration.twin.analysis import (
     Analysis,
     analyse,
+    beyond,
     constant_errors,
     foreseen,
     noise_residuals,
@@ -301,7 +302,7 @@ class Twin:
         return flown_again(self.source, self.analysis.fit, self.parameters, seed)
 
     def simulate(self, seed: int = 0) -> Flight:
-        """Return the twin's flight along the truth.
+        """Return the twin's flight along the truth, at the truth's times.
 
         :raises ConfigurationError: for an invalid seed.
         """
@@ -366,12 +367,15 @@ def _found(source: TwinRecording, fit: float | None) -> Twin:
     used, held_out = whole, None
     if fit is not None:
         used, held_out = _split(whole, fit, source.name)
-    found = constant_errors(used, source.truth, perfect(source.r_ib, source.offset))
+    found = constant_errors(used, source.sharp_truth, perfect(source.r_ib, source.offset))
     _check_likeness(source, used, found)
     check_settled(source, found)
-    others = foreseen(used, source.truth, found)
+    others = foreseen(used, source.sharp_truth, found)
     trust = judged(found, others.disagreement, source.noise)
-    analysis = _analysed(source, used, trust.fit, others.residuals)
+    # Above the cut-off, motion counts as vibration.
+    fast = beyond(used, source.sharp_truth, source.truth, found)
+    with_vibration = trust.fit._replace(residuals=found.residuals + fast)
+    analysis = _analysed(source, used, with_vibration, others.residuals + fast)
     parameters = simulator_parameters(analysis, whole.rate, _steps(whole.readings))
     if source.gravity != -GRAVITY[2]:
         parameters["gravity"] = (0.0, 0.0, -source.gravity)

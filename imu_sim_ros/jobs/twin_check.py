@@ -213,12 +213,11 @@ def simulation(source: TwinRecording, parameters: dict[str, Value], seed: int) -
     own: dict[str, object] = {
         **parameters,
         "seed": seed,
-        "start_time": 1.0,
         "trajectory.type": "poses",
         "trajectory.file": source.name,
         "gravity": [0.0, 0.0, -source.gravity],
     }
-    return Simulation(load_simulation(own), trajectory=source.trajectory)
+    return Simulation(load_simulation(own), t0_ns=source.t0_ns, trajectory=source.trajectory)
 
 
 def _simulated(

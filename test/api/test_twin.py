@@ -152,6 +152,36 @@ def test_a_truth_with_noise_is_no_sensor(motion, white, decimals):
     assert found.source.cutoff < 12.0
 
 
+def test_rough_motion_up_to_the_cut_off_is_no_error_of_the_sensor():
+    """Of a spline smooth above 12 Hz 5e-4 of the rates at 6 Hz passed for the gyroscope's scale.
+
+    Standard errors are 4e-5 at most.
+    """
+    rough = {
+        "type": "excitation",
+        "vibration": {
+            "frequency": [5.3, 5.9, 8.0, 9.0, 10.0, 11.0],
+            "acceleration": np.ravel([[0.4, 0.3, 0.5], [0.3, 0.5, 0.4]] * 3).tolist(),
+            "angular_rate": np.ravel([[0.2, 0.3, 0.25], [0.3, 0.2, 0.25]] * 3).tolist(),
+        },
+    }
+    sensor = {
+        "preset": "perfect",
+        "gyroscope_noise_density": 1e-4,
+        "accelerometer_noise_density": 1e-3,
+    }
+    flight = ims.simulate(
+        imu=sensor, trajectory=rough, duration=30, rate=200, seed=8, start_time=5.0
+    )
+    found = ims.twin(flight, flight.truth)
+    scale = found.errors["gyroscope_scale_misalignment"]
+    assert np.abs(scale.value[::4] - 1.0).max() < 1.6e-4
+    assert np.abs(scale.value[::4] - 1.0).max() < 4.0 * scale.sigma.max()
+    bias = found.errors["accelerometer_bias"]
+    assert np.abs(bias.value / bias.sigma).max() < 4.0
+    assert found.simulate(seed=1).truth.t_ns[0] == flight.truth.t_ns[0]
+
+
 def test_a_clock_that_is_first_guessed_200_ms_off_is_no_wandering_clock(monkeypatch):
     """A sensor of the benchmark on ``lecture``, whose turns repeat, with poses of 0.01 mm."""
     monkeypatch.syspath_prepend(Path(__file__).parents[1] / "bench")

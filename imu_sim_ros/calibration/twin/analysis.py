@@ -113,6 +113,13 @@ def noise_residuals(recording: Recording, truth: KnownMotion, found: Fit) -> lis
     return [own - predicted(found.errors, other, t)[0] for other in truth.noisy]
 
 
+def beyond(recording: Recording, whole: KnownMotion, slow: KnownMotion, found: Fit) -> Array:
+    """Return what the whole motion reads in addition to its slow part (n, 6)."""
+    t = true_times(found.errors, recording.stamps, found.reference, found.wander)
+    each = [predicted(found.errors, motion.motion_at, t)[0] for motion in (whole, slow)]
+    return each[0] - each[1]
+
+
 def analyse(
     recording: Recording,
     found: Fit,
