@@ -373,7 +373,10 @@ def test_a_real_flight_and_its_twin():
     assert np.all(np.abs(check.decibels[3:]) < 2.0), check.decibels.round(1)
     # Disturbances, counted in the real density, are left out of the twin's.
     assert np.all(np.abs(check.decibels[2]) < 2.5), check.decibels.round(1)
-    assert np.count_nonzero(np.abs(check.decibels) < 2.0) >= 24
+    assert np.count_nonzero(np.abs(check.decibels) < 2.0) >= 23
+    assert np.all(np.abs(check.decibels) < 4.6), check.decibels.round(
+        1
+    )  # 4.7 along a smoother truth
     assert np.all(np.abs(check.simulated_drift / check.real_drift - 1.0) < 0.25)
     # Windows of twin and real sensor differ no more than those of the real sensor on both parts:
     # 5 points, and the deviation of a share of 66 windows, 6.2 points, over the root of 5 twins.
