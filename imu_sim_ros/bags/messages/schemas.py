@@ -65,17 +65,18 @@ def schema(type_name: str, encoding: str, types: "Typestore | None" = None) -> S
     """
     if types is None and (found := _written(type_name, encoding)) is not None:
         return found
-    types = types or known_types(encoding)
-    if type_name not in types.fielddefs and encoding == "ros1":
+    standard = known_types(encoding)
+    if type_name not in standard.fielddefs and encoding == "ros1":
         # Noetic's types are known without tf2_msgs, whose fields are those of ROS 2.
-        types = translated(known_types("cdr"), encoding)
+        standard = translated(known_types("cdr"), encoding)
+    types = types or standard
     if type_name not in types.fielddefs:
         raise InputError(f"{type_name}: the definition of this message type is not known")
     if encoding == "cdr":
         text, _ = types.generate_msgdef(type_name, ros_version=2)
         return Schema(text, types.hash_rihs01(type_name))
     text, md5 = types.generate_msgdef(type_name, ros_version=1)
-    own = known_types("ros1").fielddefs.get(type_name)
+    own = standard.fielddefs.get(type_name)
     full = full_text(ros1_name(type_name))
     # The text with its comments, unless the bag's type of that name is another one.
     return Schema(full if full and own == types.fielddefs[type_name] else text, md5)

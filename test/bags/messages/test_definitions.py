@@ -31,9 +31,13 @@ def test_texts_and_digests_are_those_of_rosbags(name, encoding):
 
 
 def test_both_encodings_know_the_same_types():
-    # Bags of ROS 1 have the joints' definition of rosbags, without comments.
-    others = set(RIHS01) - {"sensor_msgs/JointState"}
-    assert set(MD5_SUMS) == {ros1_name(name) for name in others}
+    assert set(MD5_SUMS) == {ros1_name(name) for name in RIHS01}
+
+
+def test_transforms_have_the_digest_and_the_text_of_ros_1():
+    text, digest, *_ = schema("tf2_msgs/msg/TFMessage", "ros1")
+    assert digest == "94810edda583a504dfda3829e70d7eec"  # rosmsg md5 tf2_msgs/TFMessage
+    assert "string child_frame_id # the frame id of the child frame\nTransform transform" in text
 
 
 @pytest.mark.parametrize("encoding", ["cdr", "ros1"])

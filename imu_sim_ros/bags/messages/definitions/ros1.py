@@ -306,6 +306,7 @@ MD5_SUMS: Final[dict[str, str]] = {
     "sensor_msgs/FluidPressure": "804dc5cea1c5306d6a2eb80b9833befe",
     "sensor_msgs/Image": "060021388200f6f0f447d0fcd9c64743",
     "sensor_msgs/Imu": "6a62c6daae103f4ff57a132d6f95cec2",
+    "sensor_msgs/JointState": "3066dcd76a6cfaef579bd0f34173e9fd",
     "sensor_msgs/MagneticField": "2f3b0b43eed0c9501de0fa3ff89a45aa",
     "sensor_msgs/NavSatFix": "2d3a8cd499b9b4a0249fb98fd05cfa48",
     "sensor_msgs/PointCloud": "d8e9c3f5afbdd8a130fd1d2763945fca",

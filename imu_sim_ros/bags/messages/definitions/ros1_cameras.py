@@ -2,15 +2,62 @@
 # SPDX-License-Identifier: Apache-2.0
 
 # ruff: noqa: E501 - the lines of the definitions are as long as their authors made them
-"""The text of the ROS 1 definitions of images, camera parameters and point clouds.
+"""The text of the ROS 1 definitions of images, camera parameters, point clouds, joints and transforms.
 
-To the letter, as those in ``ros1``: common_msgs 1.13.1, Copyright 2008-2010 Willow Garage,
+To the letter, as those in ``ros1``: common_msgs 1.13.1 and geometry2 0.7.5, Copyright 2008-2010 Willow Garage,
 Inc., BSD-3-Clause.
 """
 
 from typing import Final
 
 TEXTS: Final[dict[str, str]] = {
+    "geometry_msgs/Transform": (
+        "# This represents the transform between two coordinate frames in free space.\n"
+        "\n"
+        "Vector3 translation\n"
+        "Quaternion rotation\n"
+    ),
+    "geometry_msgs/TransformStamped": (
+        "# This expresses a transform from coordinate frame header.frame_id\n"
+        "# to the coordinate frame child_frame_id\n"
+        "#\n"
+        "# This message is mostly used by the \n"
+        '# <a href="http://wiki.ros.org/tf">tf</a> package. \n'
+        "# See its documentation for more information.\n"
+        "\n"
+        "Header header\n"
+        "string child_frame_id # the frame id of the child frame\n"
+        "Transform transform\n"
+    ),
+    "sensor_msgs/JointState": (
+        "# This is a message that holds data to describe the state of a set of torque controlled joints. \n"
+        "#\n"
+        "# The state of each joint (revolute or prismatic) is defined by:\n"
+        "#  * the position of the joint (rad or m),\n"
+        "#  * the velocity of the joint (rad/s or m/s) and \n"
+        "#  * the effort that is applied in the joint (Nm or N).\n"
+        "#\n"
+        "# Each joint is uniquely identified by its name\n"
+        "# The header specifies the time at which the joint states were recorded. All the joint states\n"
+        "# in one message have to be recorded at the same time.\n"
+        "#\n"
+        "# This message consists of a multiple arrays, one for each part of the joint state. \n"
+        "# The goal is to make each of the fields optional. When e.g. your joints have no\n"
+        "# effort associated with them, you can leave the effort array empty. \n"
+        "#\n"
+        "# All arrays in this message should have the same size, or be empty.\n"
+        "# This is the only way to uniquely associate the joint name with the correct\n"
+        "# states.\n"
+        "\n"
+        "\n"
+        "Header header\n"
+        "\n"
+        "string[] name\n"
+        "float64[] position\n"
+        "float64[] velocity\n"
+        "float64[] effort\n"
+    ),
+    "tf2_msgs/TFMessage": ("geometry_msgs/TransformStamped[] transforms\n"),
     "geometry_msgs/Point32": (
         "# This contains the position of a point in free space(with 32 bits of precision).\n"
         "# It is recommeded to use Point wherever possible instead of Point32.  \n"
@@ -327,5 +374,13 @@ NESTED: Final[dict[str, tuple[str, ...]]] = {
     "sensor_msgs/PointCloud2": (
         "std_msgs/Header",
         "sensor_msgs/PointField",
+    ),
+    "sensor_msgs/JointState": ("std_msgs/Header",),
+    "tf2_msgs/TFMessage": (
+        "geometry_msgs/TransformStamped",
+        "std_msgs/Header",
+        "geometry_msgs/Transform",
+        "geometry_msgs/Vector3",
+        "geometry_msgs/Quaternion",
     ),
 }
