@@ -26,6 +26,7 @@ from imu_sim_ros.campaigns.simulated import RunReadings, SimulatedCell
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.errors.realised import realised_imu
+from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.simulation.parameters import SimulationParameters
 from imu_sim_ros.simulation.topics import delivered
 from imu_sim_ros.types import Array
@@ -46,10 +47,8 @@ def run_calibration(cell: SimulatedCell, estimator: CalibrationEstimator, seed: 
 
 
 def _blocks(cell: SimulatedCell, seed: int) -> Iterator[RunReadings]:
-    simulation = cell.simulation(seed)
-    for first in range(0, cell.total, _BLOCK):
-        block = simulation.next_block(min(_BLOCK, cell.total - first))
-        yield RunReadings(*delivered(block))
+    for read in cell.simulation(seed).windows(_BLOCK):
+        yield RunReadings(*delivered(read[IMU]))
 
 
 def _allan(blocks: Iterator[RunReadings], parameters: SimulationParameters, model: str) -> Metrics:

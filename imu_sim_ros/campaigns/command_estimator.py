@@ -79,7 +79,7 @@ def run_command(
     failed = True
     try:
         place.mkdir(parents=True)
-        words = _words(cell, estimator, seed, block, place)
+        words = _words(cell, estimator, seed, place)
         if not estimator.shell:
             variables = cell.plan.environment.get(name, {})
             words[0] = program(cell.plan, words[0], variables.get("PATH")) or words[0]
@@ -107,9 +107,7 @@ def _duration(block: ImuBlock) -> float:
     return float(block.true_t_ns[-1] - block.true_t_ns[0]) * 1e-9
 
 
-def _words(
-    cell: SimulatedCell, estimator: CommandEstimator, seed: int, block: ImuBlock, place: Path
-) -> list[str]:
+def _words(cell: SimulatedCell, estimator: CommandEstimator, seed: int, place: Path) -> list[str]:
     """Write the files that the command refers to; return its words with all placeholders filled."""
 
     wanted = set(re.findall(r"{(\w+)}", estimator.command))
@@ -124,7 +122,7 @@ def _words(
         "config": "",
     }
     if "dataset" in wanted:
-        values["dataset"] = str(write_dataset(cell, estimator.dataset, seed, block, place))
+        values["dataset"] = str(write_dataset(cell, estimator.dataset, seed, place))
     if "config" in wanted:
         values["config"] = str(write_config(cell, seed, place))
 

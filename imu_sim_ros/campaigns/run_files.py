@@ -4,7 +4,7 @@
 """What a program reads: the dataset and the configuration of one run."""
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -13,13 +13,14 @@ import numpy as np
 from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.campaigns.simulated import SimulatedCell
-from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
+from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.datasets.consumers.folder import write_all
 from imu_sim_ros.datasets.consumers.rig import RigValues
 from imu_sim_ros.datasets.consumers.values import ImuValues
 from imu_sim_ros.datasets.topics import (
     BagTarget,
     DatasetTarget,
+    Read,
     in_tables,
     resolved,
     usual_topics,
@@ -27,10 +28,11 @@ from imu_sim_ros.datasets.topics import (
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
-from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.errors.realised import realised_imu
-from imu_sim_ros.simulation.engine import Simulation
-from imu_sim_ros.simulation.parameters import carried
+from imu_sim_ros.sensors.pose.declaration import NAME as POSE
+from imu_sim_ros.simulation.engine import Body
+from imu_sim_ros.simulation.sensors import mounted
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.camera.rig import Rig
@@ -41,35 +43,33 @@ _BLOCK: Final = 512
 """Samples in a block if there are cameras: the images of a block lie in memory."""
 
 
-def write_dataset(cell: SimulatedCell, form: str, seed: int, block: ImuBlock, place: Path) -> Path:
+def write_dataset(cell: SimulatedCell, form: str, seed: int, place: Path) -> Path:
     """Write the readings, the truth, and what the cameras see, if there are any.
 
     :param form: euroc, tracks, rosbag2, ros1 or mcap.
-    :param block: all samples of the run.
     :param place: folder of the run.
     :returns: the dataset.
     """
-    simulation = cell.simulation(seed)
-    rig = _rig(cell, simulation)
-    blocks = iter([block]) if rig is None else _blocks(simulation, cell.total)
+    body, path = cell.simulation(seed), place / "dataset"
+    rig, sensors = _rig(cell, body), mounted(cell.parameters)
+    windows = body.windows(cell.total if rig is None else _BLOCK)
     if form in _BAGS:
-        return _bag(cell, place / _BAGS[form], rig, blocks)
+        return _bag(place / _BAGS[form], sensors, rig, windows)
     if form == "tracks":
-        return _tracks(place / "dataset", rig, blocks)
-    path, further = place / "dataset", tuple(carried(cell.parameters))
+        return _tracks(path, sensors, rig, windows)
     path.mkdir()
-    names = usual_topics(further, "euroc", path, imu_only=False)
-    tables = in_tables(names, "euroc", further=further)
+    names = usual_topics(sensors, "euroc", path, imu_only=False)
+    tables = in_tables(names, "euroc", sensors)
     with Dataset(path / "mav0", "euroc", True, tables=tables) as dataset:
-        target = DatasetTarget(dataset, further=further)
+        target = DatasetTarget(dataset, sensors)
         if rig is None:
-            _write(target, None, blocks)
+            _write(target, None, windows)
         else:
             from imu_sim_ros.datasets.images import ImageFolders
 
             comment = f"simulated by imu_sim_ros, seed {seed}"
             with ImageFolders(path / "mav0", rig, "euroc", 1, comment) as images:
-                _write(target, images, blocks)
+                _write(target, images, windows)
     return path
 
 
@@ -106,52 +106,49 @@ def _rig_values(values: ImuValues, rig: "RigParameters") -> RigValues | None:
     return RigValues(values, rig.each(), topics, rig.scene)
 
 
-def _rig(cell: SimulatedCell, simulation: Simulation) -> "Rig | None":
+def _rig(cell: SimulatedCell, body: Body) -> "Rig | None":
     if cell.rig is None:
         return None
     from imu_sim_ros.sensors.camera.rig import Rig
 
     seconds = cell.total / cell.parameters.rate
-    seed = simulation.parameters.seed
-    return Rig(cell.rig, simulation.trajectory, simulation.t0_ns, seconds, seed)
+    seed = body.parameters.seed
+    return Rig(cell.rig, body.trajectory, body.t0_ns, seconds, seed)
 
 
-def _blocks(simulation: Simulation, total: int) -> Iterator[ImuBlock]:
-    """Yield all samples in blocks small enough for their images to lie in memory."""
-    for first in range(0, total, _BLOCK):
-        yield simulation.next_block(min(_BLOCK, total - first))
-
-
-def _write(target: Any, seen: Any, blocks: Iterator[ImuBlock]) -> None:
-    """Write the rows of all blocks, and the frames taken until the end of each."""
-    for block in blocks:
-        target.write({"": block})
+def _write(target: Any, seen: Any, windows: Iterator[Read]) -> None:
+    """Write the rows of all windows, and the frames taken until the end of each."""
+    for read in windows:
+        target.write(read)
         if seen is not None:
-            seen.until(int(block.true_t_ns[-1]) + 1)
+            seen.until(int(read[POSE].true_t_ns[-1]) + 1)
 
 
-def _tracks(path: Path, rig: "Rig | None", blocks: Iterator[ImuBlock]) -> Path:
+def _tracks(
+    path: Path, sensors: Mapping[str, Mounted], rig: "Rig | None", windows: Iterator[Read]
+) -> Path:
     if rig is None:
         raise ConfigurationError("dataset tracks: there is no camera")
     from imu_sim_ros.datasets.tracks import TrackFiles
 
     with Dataset(path, "csv", True) as dataset, TrackFiles(path, rig) as tracks:
-        _write(DatasetTarget(dataset), tracks, blocks)
+        _write(DatasetTarget(dataset, sensors), tracks, windows)
     return path
 
 
-def _bag(cell: SimulatedCell, path: Path, rig: "Rig | None", blocks: Iterator[ImuBlock]) -> Path:
-    of_body = usual_topics(carried(cell.parameters), None, path, imu_only=False)
-    topics = {name: name for name in (IMU_TOPIC, TRUTH_TOPIC, *of_body)}
+def _bag(
+    path: Path, sensors: Mapping[str, Mounted], rig: "Rig | None", windows: Iterator[Read]
+) -> Path:
+    topics = {name: name for name in usual_topics(sensors, None, path, imu_only=False)}
     with open_writer(path) as writer:
-        target = BagTarget(writer, {"": cell.parameters}, topics)
+        target = BagTarget(writer, sensors, topics)
         if rig is None:
-            _write(target, None, blocks)
+            _write(target, None, windows)
             return path
         from imu_sim_ros.datasets.camera_bag import CameraBag
         from imu_sim_ros.datasets.features import camera_topics
 
         names = {name: name for name in camera_topics(rig.parameters)}
         with CameraBag(target, rig, names, 1) as bag:
-            _write(bag, None, blocks)
+            _write(bag, None, windows)
     return path

@@ -14,7 +14,9 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensors.block import ImuBlock
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.sensors.imu.declaration import NAME as IMU
+from imu_sim_ros.sensors.pose.declaration import NAME as POSE
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import carried
 from imu_sim_ros.simulation.topics import delivered
 from imu_sim_ros.trajectory.motion import RememberedTrajectory
@@ -47,9 +49,8 @@ class SimulatedCell:
         self.plan, self.cell = plan, cell
         self.parameters = plan.simulation(cell)
         self.rig = plan.rig(cell)
-        self._base = Simulation(
-            self.parameters, pose_reader=read_poses, sensors=tuple(carried(self.parameters))
-        )
+        sensors = (POSE, *carried(self.parameters))
+        self._base = Body(self.parameters, pose_reader=read_poses, sensors=sensors)
         if self._base.total is None:
             raise ConfigurationError(
                 f"cell {cell.name}: duration = 0: this trajectory has no end; give a duration in "
@@ -61,11 +62,12 @@ class SimulatedCell:
         self._truth: TrueMotion | None = None
 
     def block(self, seed: int) -> ImuBlock:
-        """Return all samples of a seed."""
-        return self.simulation(seed).next_block(self.total)
+        """Return all samples of the IMU of a seed."""
+        block: ImuBlock = self.simulation(seed).next(self.total)[IMU]
+        return block
 
-    def simulation(self, seed: int) -> Simulation:
-        """Return a simulation of this cell at its first sample, with the plan's faults."""
+    def simulation(self, seed: int) -> Body:
+        """Return the body of this cell at its first sample, with the plan's faults."""
         simulation = self._base.with_seed(seed)
         for timed in self.plan.faults:
             simulation.inject(timed.fault, timed.at)

@@ -18,7 +18,7 @@ from imu_sim_ros.bags.read import read_poses
 from imu_sim_ros.commands.common import FORCE, outputs
 from imu_sim_ros.jobs import demo
 from imu_sim_ros.jobs.dead_reckon import plot_named_tracks
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 from imu_sim_ros.text_tables import print_lines
 from imu_sim_ros.trajectory.parameters import trajectory_layer
@@ -56,7 +56,7 @@ def run(arguments: argparse.Namespace) -> None:
         "duration": arguments.duration,
     }
     parameters = load_simulation(layers)
-    Simulation(parameters, read_poses)  # a file that cannot be flown is refused before the start
+    Body(parameters, read_poses)  # a file that cannot be flown is refused before the start
     written = outputs(arguments)
     folder = written.add(arguments.output)
     with written:

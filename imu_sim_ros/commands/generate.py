@@ -17,8 +17,9 @@ from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.jobs.generate import GenerateOptions, Setup, write
 from imu_sim_ros.jobs.output import Watcher
 from imu_sim_ros.sensors import catalogue
-from imu_sim_ros.simulation.parameters import load_simulation
-from imu_sim_ros.simulation.topics import types
+from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
+from imu_sim_ros.simulation.sensors import mounted
+from imu_sim_ros.simulation.topics import offered
 from imu_sim_ros.trajectory.parameters import TourParameters
 
 EXAMPLES: Final = """
@@ -44,10 +45,11 @@ def parser() -> program.Parser:
     return result
 
 
+_ALL: Final = ", ".join(offered(mounted(SimulationParameters())))
 _OUTPUT: Final = {
     "--topics NAME,...": {
         "default": "",
-        "help": f"topics to write (default: {IMU_TOPIC},{TRUTH_TOPIC}); all: {', '.join(types())}",
+        "help": f"topics to write (default: {IMU_TOPIC},{TRUTH_TOPIC}); all: {_ALL}",
     },
     "--imu-only": "leave out the ground truth",
     "--with-configs": "write all parameters and a configuration file for each supported stack "

@@ -30,10 +30,11 @@ from imu_sim_ros.datasets.features import (
     imagers,
     landmarks,
 )
-from imu_sim_ros.datasets.topics import BagTarget, Blocks, resolved
+from imu_sim_ros.datasets.topics import BagTarget, Read, resolved
 from imu_sim_ros.datasets.tracks import CameraProgress
 from imu_sim_ros.sensors.camera.images.renderer import opencv
 from imu_sim_ros.sensors.camera.rig import Rig
+from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 
 _SPAN: Final = 0.5
 """Simulated seconds in a block: two of them are in memory, with their images."""
@@ -42,8 +43,8 @@ _SPAN: Final = 0.5
 class _Waiting:
     """A window of readings, and its frames in progress."""
 
-    def __init__(self, blocks: Blocks) -> None:
-        self.blocks = blocks
+    def __init__(self, read: Read) -> None:
+        self.read = read
         self.frames: list[tuple[str, int, Future[dict[str, bytes]]]] = []
         """Camera, stamp [ns], messages by topic."""
         self.features: list[tuple[int, bytes]] = []
@@ -117,11 +118,11 @@ class CameraBag:
         """Return how much was written."""
         return self.bag.described()
 
-    def write(self, blocks: Blocks) -> None:
+    def write(self, read: Read) -> None:
         """Request the frames taken until a window's end, and write the window before it."""
-        waiting = _Waiting(blocks)
-        if self.bag.body in blocks:
-            self._order(waiting, int(blocks[self.bag.body].true_t_ns[-1]) + 1)
+        waiting, poses = _Waiting(read), read[POSE].true_t_ns
+        if len(poses):
+            self._order(waiting, int(poses[-1]) + 1)
         self._waiting.append(waiting)
         if len(self._waiting) > 1:
             self._put(self._waiting.popleft())
@@ -163,7 +164,7 @@ class CameraBag:
 
     def _put(self, waiting: _Waiting) -> None:
         """Write a block with its frames."""
-        blocks = [*self._latched(waiting.blocks), *self.bag.messages(waiting.blocks)]
+        blocks = [*self._latched(waiting.read), *self.bag.messages(waiting.read)]
         if waiting.features:
             times = np.array([t_ns for t_ns, _ in waiting.features])
             clouds = [payload for _, payload in waiting.features]
@@ -183,12 +184,12 @@ class CameraBag:
         blocks += [Block(t, np.array(stamps), rows) for t, (stamps, rows) in found.items()]
         self.bag.writer.write_blocks(blocks)
 
-    def _latched(self, blocks: Blocks) -> list[Block]:
+    def _latched(self, read: Read) -> list[Block]:
         """Return the landmarks, once."""
-        if self._begun or LANDMARKS_TOPIC not in self._topics or self.bag.body not in blocks:
+        if self._begun or LANDMARKS_TOPIC not in self._topics or not len(read[POSE].true_t_ns):
             return []
         self._begun = True
-        t_ns = int(blocks[self.bag.body].true_t_ns[0])
+        t_ns = int(read[POSE].true_t_ns[0])
         encoding = self.bag.writer.encoding
         cloud = landmarks(self._rig.scene, self.bag.world_frame, t_ns, encoding)
         return [Block(self._topics[LANDMARKS_TOPIC], np.array([t_ns]), [cloud])]

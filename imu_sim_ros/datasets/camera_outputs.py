@@ -3,7 +3,7 @@
 
 """Datasets and bags with cameras in addition to readings and truth."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any, Final
 from imu_sim_ros.bags.text import writer
 from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.conventions import TRUTH_TOPIC
-from imu_sim_ros.datasets.topics import DatasetTarget, body_of, imus_of
+from imu_sim_ros.datasets.topics import DatasetTarget, Read
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.sensors.block import ImuBlock
-from imu_sim_ros.simulation.parameters import SimulationParameters
+from imu_sim_ros.sensors.declaration import Mounted
+from imu_sim_ros.sensors.pose.declaration import NAME as POSE
+from imu_sim_ros.simulation.sensors import imus_in
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.camera.rig import Rig
@@ -50,12 +51,9 @@ class CameraTarget(DatasetTarget):
     block_size: Final = 512
     """Samples in a block at most: frames take far longer, and the progress bar should move."""
 
-    def __init__(
-        self, dataset: Dataset, seen: Any, imus: Sequence[str], further: Sequence[str] = ()
-    ) -> None:
-        super().__init__(dataset, imus, further)
+    def __init__(self, dataset: Dataset, seen: Any, sensors: Mapping[str, Mounted]) -> None:
+        super().__init__(dataset, sensors)
         self.seen = seen
-        self._body = body_of(imus)
 
     def described(self) -> str:
         """Return how much was written, of readings and of what each camera saw."""
@@ -66,11 +64,11 @@ class CameraTarget(DatasetTarget):
         """Rows by table, images by camera."""
         return {**super().counts, **self.seen.counts}
 
-    def write(self, blocks: Mapping[str, ImuBlock]) -> None:
-        """Write the rows of a window, and those of the frames taken until the body's last."""
-        super().write(blocks)
-        if self._body in blocks:
-            self.seen.until(int(blocks[self._body].true_t_ns[-1]) + 1)
+    def write(self, read: Read) -> None:
+        """Write the rows of a window, and those of the frames taken until its last pose."""
+        super().write(read)
+        if len(t_ns := read[POSE].true_t_ns):
+            self.seen.until(int(t_ns[-1]) + 1)
 
 
 @contextmanager
@@ -79,23 +77,23 @@ def opened(
     output: Path,
     cameras: "Rig",
     names: dict[str, str],
-    simulated: Mapping[str, SimulationParameters],
+    sensors: Mapping[str, Mounted],
     jobs: int,
     warn: Warn,
 ) -> Iterator[Any]:
     """Open a dataset with cameras; it is complete when the block ends without an error.
 
     :param names: of the topics that are written.
-    :param simulated: the parameters of each IMU.
+    :param sensors: of the body.
     :param jobs: threads that render images.
     """
     from imu_sim_ros.datasets.tracks import TrackFiles
     from imu_sim_ros.datasets.tum_vi import TumVi
     from imu_sim_ros.datasets.vio_data_simulation import VioDataSimulation
 
-    imus = imus_of(simulated)
+    imus = imus_in(sensors)
     if form == "tum_vi":
-        with TumVi(output, cameras, simulated[imus[0]].imu, jobs) as sequence:
+        with TumVi(output, cameras, sensors[imus[0]].own, jobs) as sequence:
             yield sequence
         return
     if form == "vio_data_simulation":
@@ -108,7 +106,7 @@ def opened(
         Dataset(output, "csv", TRUTH_TOPIC in names, len(imus)) as dataset,
         TrackFiles(output, cameras) as tracks,
     ):
-        combined = CameraTarget(dataset, tracks, imus)
+        combined = CameraTarget(dataset, tracks, sensors)
         yield combined
     for line in tracks.warnings():
         warn(line)

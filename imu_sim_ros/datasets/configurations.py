@@ -19,11 +19,10 @@ from imu_sim_ros.datasets.consumers.rig import InitialMotion, RigValues, start_w
 from imu_sim_ros.datasets.consumers.values import ImuValues
 from imu_sim_ros.datasets.topics import resolved
 from imu_sim_ros.inputs.tables import Table
-from imu_sim_ros.sensors import auxiliary_sensors
+from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.errors.realised import realised_imu
-from imu_sim_ros.sensors.registry import find_sensor
-from imu_sim_ros.simulation.engine import Simulation
-from imu_sim_ros.simulation.parameters import SimulationParameters, carried
+from imu_sim_ros.simulation.engine import Body
+from imu_sim_ros.simulation.parameters import SimulationParameters, imus
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
@@ -36,7 +35,7 @@ _EVERY: Final = 0.01
 
 def write_configs(
     folder: Path,
-    imus: Mapping[str, Simulation],
+    body: Body,
     names: Mapping[str, str],
     rig: "RigParameters | None",
 ) -> list[str]:
@@ -48,30 +47,31 @@ def write_configs(
     :param rig: the cameras, if there are some.
     """
     warnings = []
-    if "" not in imus:
+    every = imus(body.parameters)
+    if "" not in every:
         make_folder(folder)
-    for name, simulation in imus.items():
+    for name, parameters in every.items():
         own = f"{name}/{IMU_TOPIC}".lstrip("/")
-        duration = simulation.position / simulation.parameters.rate
-        values = _values(simulation.parameters, resolved(names.get(own, own)), duration)
+        seconds = body.position / body.rate
+        values = _values(parameters, resolved(names.get(own, own)), seconds)
         seen = None
         if rig is not None and rig.cameras:
             from imu_sim_ros.datasets.features import image_topic
 
             topics = {camera: image_topic(camera, names) for camera in rig.cameras}
-            lines = tuple(start_warnings(values, _start(simulation)))
+            lines = tuple(start_warnings(values, _start(body)))
             warnings += [f"{name}: {line}" if name else line for line in lines]
             seen = RigValues(values, rig.each(), topics, rig.scene, lines)
-        write_all(folder / name, values, seen, simulation.parameters)
+        write_all(folder / name, values, seen, parameters)
     return warnings
 
 
-def _start(simulation: Simulation) -> InitialMotion:
+def _start(body: Body) -> InitialMotion:
     """Return the true motion at the start of a flight, every 10 ms."""
-    length = min(simulation.position / simulation.parameters.rate, _START)
+    length = min(body.position / body.rate, _START)
     t = np.arange(0.0, max(length, 2.0 * _EVERY), _EVERY)
-    motion = simulation.trajectory.sample(np.minimum(t, simulation.trajectory.duration))
-    force = motion.acceleration - np.asarray(simulation.parameters.gravity)
+    motion = body.trajectory.sample(np.minimum(t, body.trajectory.duration))
+    force = motion.acceleration - np.asarray(body.parameters.gravity)
     speed = np.linalg.norm(motion.velocity, axis=1)
     return InitialMotion(t, rotation.rotate_inverse(motion.q_wb, force), speed)
 
@@ -100,28 +100,31 @@ def write_tum_vi_calibration(
 def describe(
     folder: Path,
     index: int,
-    parameters: SimulationParameters,
+    of_imu: Mounted,
     states: bool,
-    tables: Iterable[Table] = (),
-    body: SimulationParameters | None = None,
+    tables: Iterable[Table],
+    sensors: Mapping[str, Mounted],
 ) -> None:
     """Write the sensor.yaml files of an IMU of a EuRoC folder.
 
     :param index: of the IMU.
     :param states: whether the folder has its truth.
     :param tables: the further tables of this IMU.
-    :param body: has the parameters of the sensors of the body.
+    :param sensors: all of the body.
     """
-    imu = parameters.imu
+    imu, parameters = of_imu.own, of_imu.environment
     mounting, lever_arm = np.reshape(imu.mounting, (3, 3)), np.asarray(imu.lever_arm)
     comment = f"simulated by imu_sim_ros, preset {imu.preset}, seed {parameters.seed}"
-    places = {
-        sensor.table.name: (getattr(imu, sensor.name).rate or parameters.rate, mounting, lever_arm)
-        for sensor in auxiliary_sensors()
-    }
-    for name, own in carried(body).items():
-        at = (own.rate, np.eye(3), np.asarray(own.lever_arm))
-        places[find_sensor(name).table.name] = at
+    places = {}
+    for one in sensors.values():
+        if one.sensor.table is None:
+            continue
+        if one.own is imu:
+            rate = getattr(imu, one.sensor.name).rate or parameters.rate
+            places[one.sensor.table.name] = (rate, mounting, lever_arm)
+        elif not one.on_board:
+            at = (one.own.rate, np.eye(3), np.asarray(one.own.lever_arm))
+            places[one.sensor.table.name] = at
     for table in tables:
         text_writer.write_euroc_table(folder, table, index, *places[table.name], comment)
     text_writer.write_euroc_descriptions(

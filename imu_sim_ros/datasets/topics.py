@@ -8,98 +8,63 @@ One home for ``generate``, the public interface and campaigns.
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from imu_sim_ros.bags.text.writer import WITH_TABLES, BodyStates, Dataset
 from imu_sim_ros.bags.writer import BagTopic, Block, Writer, amount, described
-from imu_sim_ros.conventions import (
-    IMU_TOPIC,
-    TRUTH_TOPIC,
-)
+from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.names import unknown
-from imu_sim_ros.sensors import auxiliary_sensors
 from imu_sim_ros.sensors.block import ImuBlock
-from imu_sim_ros.sensors.declaration import Sensor
-from imu_sim_ros.sensors.registry import find_sensor
-from imu_sim_ros.simulation.parameters import SampledParameters, carried
-from imu_sim_ros.simulation.playback import BODY
+from imu_sim_ros.sensors.declaration import Mounted
+from imu_sim_ros.sensors.pose.declaration import NAME as POSE
+from imu_sim_ros.simulation.playback import SimulatorParameters
+from imu_sim_ros.simulation.sensors import imus_in
 from imu_sim_ros.simulation.topics import (
-    MOUNTINGS,
-    OF_A_BAG,
-    OF_THE_BODY,
-    TYPES,
     Encode,
+    Offered,
     delivered,
-    encoder,
-    mountings,
-    sensors_of,
-    topics_of,
-    types,
+    delivered_rows,
+    is_published,
+    offered,
 )
-from imu_sim_ros.types import Array, Integers
+from imu_sim_ros.types import Array
 
-Blocks = Mapping[str, ImuBlock]
-"""Blocks of the simulations of one body by name; a single IMU has an empty name."""
-SINGLE = ("",)
-"""The names of the IMUs if there is one only."""
-
-
-def _tables(further: Iterable[str] = ()) -> dict[str, Sensor]:
-    """Return the auxiliary sensors by the topic that has a table of its own in a dataset.
-
-    :param further: names of sensors of the body.
-    """
-    known = (*auxiliary_sensors(), *map(find_sensor, further))
-    return {sensor.topics[0].name: sensor for sensor in known}
+Read = Mapping[str, Any]
+"""Samples of the sensors of one body in a window of time, by name."""
 
 
 class _Output(NamedTuple):
     topic: BagTopic
-    simulation: str
-    parameters: SampledParameters
+    sensor: str
+    valid: Any
     encode: Encode
 
 
 class BagTarget:
-    """Blocks of samples into a bag."""
+    """Samples into a bag."""
 
     def __init__(
-        self,
-        writer: Writer,
-        parameters: Mapping[str, SampledParameters],
-        names: Mapping[str, str],
+        self, writer: Writer, sensors: Mapping[str, Mounted], names: Mapping[str, str]
     ) -> None:
         """Make the topics.
 
-        :param parameters: of each simulation, by name.
-        :param names: for each topic of :func:`offered` that is written its name in the bag.
+        :param sensors: of the body.
+        :param names: for each topic of the sensors that is written its name in the bag.
         """
         self.writer = writer
-        simulated = imus_of(parameters)
-        self.body = body_of(simulated)
-        further = tuple(carried(parameters[self.body]))
-        sources, known = offered(simulated, further), types(further)
-        self.world_frame = parameters[self.body].world_frame
-        self.fastest = max(simulation.rate for simulation in parameters.values())
-        self._outputs = [
-            _Output(
-                writer.add_topic(resolved(name), known[key]),
-                simulation,
-                parameters[simulation],
-                self._encoder(key, parameters, simulation),
-            )
-            for (simulation, key), name in ((sources[full], name) for full, name in names.items())
-        ]
-
-    def _encoder(
-        self, key: str, parameters: Mapping[str, SampledParameters], simulation: str
-    ) -> Encode:
-        if key == MOUNTINGS:  # one message for all sensors
-            imus = [one for name, one in parameters.items() if name != BODY]
-            return mountings(imus, parameters[self.body], self.writer.encoding)
-        return encoder(key, parameters[simulation], self.writer.encoding)
+        known = offered(sensors)
+        self.world_frame = sensors[POSE].environment.world_frame
+        self.fastest = max(one.environment.rate for one in sensors.values())
+        self._outputs = []
+        for full, name in names.items():
+            sensor, mounted, topic = known[full]
+            made = writer.add_topic(resolved(name), topic.type)
+            encode = known[full].encoder(writer.encoding)
+            self._outputs.append(_Output(made, sensor, mounted.valid, encode))
 
     @property
     def counts(self) -> dict[str, int]:
@@ -116,38 +81,50 @@ class BagTarget:
         path = self.writer.path
         return list(path.iterdir()) if path.is_dir() else self.writer.files
 
-    def write(self, blocks: Blocks) -> None:
+    def write(self, read: Read) -> None:
         """Write the messages of a window of time, all topics in order."""
-        self.writer.write_blocks(self.messages(blocks))
+        self.writer.write_blocks(self.messages(read))
 
-    def messages(self, blocks: Blocks) -> list[Block]:
+    def messages(self, read: Read) -> list[Block]:
         """Return the messages of a window of time, by topic."""
-        made = [
-            (topic, encode(blocks[name], parameters))
-            for topic, name, parameters, encode in self._outputs
-            if name in blocks
-        ]
+        made = [(topic, encode(read[name], valid)) for topic, name, valid, encode in self._outputs]
         return [Block(topic, m.t_ns, m.payloads) for topic, m in made if len(m.t_ns)]
 
 
+class _InTable(NamedTuple):
+    """The rows of a sensor in a dataset."""
+
+    table: Table
+    number: int
+    """Of the IMU on whose board it is; 0 for others."""
+    name: str
+    mounted: Mounted
+
+
+def _tables(sensors: Mapping[str, Mounted]) -> list[_InTable]:
+    """Return the tables of the sensors that have one of their own in a dataset."""
+    spaces = [sensors[name].space for name in imus_in(sensors)]
+    return [
+        _InTable(one.sensor.table, spaces.index(one.space) if one.space in spaces else 0, name, one)
+        for name, one in sensors.items()
+        if one.sensor.table is not None
+    ]
+
+
 class DatasetTarget:
-    """Blocks of samples into text."""
+    """Samples into text."""
 
-    def __init__(
-        self, dataset: Dataset, imus: Sequence[str] = SINGLE, further: Sequence[str] = ()
-    ) -> None:
-        """Join simulations with the files of a dataset.
+    def __init__(self, dataset: Dataset, sensors: Mapping[str, Mounted]) -> None:
+        """Join the sensors of a body with the files of a dataset.
 
-        :param imus: the names of the IMUs: imu0, imu1, ... of the dataset.
-        :param further: names of the sensors of the body.
+        :param sensors: its IMUs are imu0, imu1, ... of the dataset.
         """
-        self._tables = {one.table.name: one for one in _tables(further).values()}
-        self._further = tuple(further)
-        self.dataset = dataset
+        self.dataset, self._sensors = dataset, sensors
         self.files: Sequence[Path] = ()
-        self._imus = tuple(imus)
+        self._imus = imus_in(sensors)
+        self._tables = {(one.table.name, one.number): one for one in _tables(sensors)}
         # EuRoC's states hold biases: each IMU has its own. Poses alone are the body's.
-        self._states = self._imus if dataset.form == "euroc" else (body_of(imus),)
+        self._states = self._imus if dataset.form == "euroc" else [POSE]
 
     def described(self) -> str:
         """Return how much was written."""
@@ -158,87 +135,87 @@ class DatasetTarget:
         """Rows by topic."""
         readings = zip(self._imus, self.dataset.imus, strict=False)  # a TUM file has none
         states = zip(self._states, self.dataset.truths, strict=False)
+        tables = ((self._tables[key], file) for key, file in self.dataset.tables.items())
         return {
-            **{resolved(f"{name}/{IMU_TOPIC}"): file.rows for name, file in readings},
-            **{resolved(f"{_space(name)}{TRUTH_TOPIC}"): file.rows for name, file in states},
+            **{resolved(self._sensors[name].space + IMU_TOPIC): f.rows for name, f in readings},
+            **{resolved(self._sensors[name].space + TRUTH_TOPIC): f.rows for name, f in states},
             **{
-                resolved(
-                    f"{_space(self._of(kind, k))}{self._tables[kind].topics[0].name}"
-                ): file.rows
-                for (kind, k), file in self.dataset.tables.items()
+                resolved(f"{one.mounted.space}{one.mounted.sensor.topics[0].name}"): file.rows
+                for one, file in tables
             },
         }
 
-    def write(self, blocks: Blocks) -> None:
+    def write(self, read: Read) -> None:
         """Write the rows of a window of time."""
         for k, name in enumerate(self._imus[: len(self.dataset.imus)]):
-            if name in blocks:
-                self.dataset.write_imu(*delivered(blocks[name]), k)
+            self.dataset.write_imu(*delivered(read[name]), k)
         for kind, k in self.dataset.tables:
-            name = self._of(kind, k)
-            if name in blocks:
-                self.dataset.write_table(kind, k, *_rows(self._tables[kind], blocks[name]))
+            _, _, name, mounted = self._tables[kind, k]
+            samples, rows = read[name], delivered_rows(read[name])
+            self.dataset.write_table(
+                kind, k, samples.t_ns[rows], mounted.sensor.values(samples)[rows]
+            )
         for k, name in enumerate(self._states[: len(self.dataset.truths)]):
-            if name in blocks:
-                self.dataset.write_states(_states(blocks[name]), k)
-
-    def _of(self, kind: str, k: int) -> str:
-        """Return the name of the simulation that a table is from."""
-        return body_of(self._imus) if self._tables[kind].name in self._further else self._imus[k]
+            self.dataset.write_states(_states(read[name]), k)
 
 
-def _states(block: ImuBlock) -> BodyStates:
-    motion = block.motion
-    return BodyStates(
-        block.true_t_ns,
-        motion.position,
-        motion.q_wb,
-        motion.velocity,
-        block.gyro_bias,
-        block.accel_bias,
-    )
+def _states(read: Any) -> BodyStates:
+    """Return the true states at the samples of an IMU, or of the pose, which has no biases."""
+    t_ns = read.true_t_ns
+    if isinstance(read, ImuBlock):
+        biases = read.gyro_bias, read.accel_bias
+        return BodyStates(t_ns, *_moving(read.motion), *biases)
+    none = np.zeros((len(t_ns), 3))
+    return BodyStates(t_ns, *_moving(read), none, none)
 
 
-def _rows(sensor: Sensor, block: ImuBlock) -> tuple[Integers, Array]:
-    """Return stamps (n,) and values (n, m) of the samples of a sensor."""
-    read = block.auxiliary[sensor.quantity]
-    return read.t_ns[read.delivered], sensor.values(read)[read.delivered]
+def _moving(motion: Any) -> tuple[Array, Array, Array]:
+    return motion.position, motion.q_wb, motion.velocity
 
 
 def in_tables(
-    names: Iterable[str], form: str, imus: Sequence[str] = SINGLE, further: Sequence[str] = ()
+    names: Iterable[str], form: str, sensors: Mapping[str, Mounted]
 ) -> list[tuple[Table, int]]:
     """Return the tables that sensors have in a dataset, each with the number of the IMU.
 
     :param names: of topics that are written.
-    :param further: names of the sensors of the body; their tables have the number 0.
     :raises InputError: with a line for each topic that the form does not have.
     """
-    known, having, tables, unfit = offered(imus, further), _tables(further), [], []
+    having = {
+        f"{one.mounted.space}{one.mounted.sensor.topics[0].name}": one for one in _tables(sensors)
+    }
+    known, tables, unfit = offered(sensors), [], []
     for name in names:
-        imu, key = known[name]
-        if key in having and form in WITH_TABLES:
-            tables.append((having[key].table, list(imus).index(imu) if imu in imus else 0))
-        elif key not in (IMU_TOPIC, TRUTH_TOPIC):
+        if name in having and form in WITH_TABLES:
+            tables.append((having[name].table, having[name].number))
+        elif known[name].topic.name not in (IMU_TOPIC, TRUTH_TOPIC):
             unfit.append(f"topic {name}: does not exist in {form}")
     if unfit:
         raise InputError(unfit)
     return tables
 
 
-def usual_topics(further: Iterable[str], form: str | None, path: Path, imu_only: bool) -> list[str]:
-    """Return the topics of sensors of the body that are written if none is named.
+def usual_topics(
+    sensors: Mapping[str, Mounted], form: str | None, path: Path, imu_only: bool
+) -> list[str]:
+    """Return the topics that are written if none is named: those that a node usually publishes.
 
     :param form: of a dataset, which has tables of readings; None: of a bag, which has all
         but those of packages that need not be installed.
     :param imu_only: leave out the truth.
     """
-    if form is not None and (form not in WITH_TABLES or path.suffix.lower() == ".csv"):
-        return []
-    if form is not None:
-        return [topics_of(name)[0].name for name in further]
-    topics = [topic for name in further for topic in topics_of(name) if not topic.foreign]
-    return [topic.name for topic in topics if not (imu_only and topic.truth)]
+    usual = SimulatorParameters().publish
+    in_text = form is not None
+    tables = in_text and form in WITH_TABLES and path.suffix.lower() != ".csv"
+
+    def written(one: Offered) -> bool:
+        sensor = one.mounted.sensor
+        if in_text and sensor.table is not None and not (tables and one.topic is sensor.topics[0]):
+            return False
+        return not (one.topic.foreign or (imu_only and one.topic.truth))
+
+    known = offered(sensors).items()
+    return [name for name, one in known if is_published(one.topic, usual) and written(one)]
 
 
 def resolved(name: str) -> str:
@@ -246,79 +223,24 @@ def resolved(name: str) -> str:
     return "/" + name.lstrip("/")
 
 
-def imus_of(simulations: Mapping[str, object]) -> list[str]:
-    """Return the names of the IMUs among simulations of one body."""
-    return [name for name in simulations if name != BODY]
-
-
-def body_of(imus: Sequence[str]) -> str:
-    """Return the name of the simulation that provides the truth of IMUs."""
-    return "" if tuple(imus) == SINGLE else BODY
-
-
-def _space(name: str) -> str:
-    """Return the namespace of a simulation's topics."""
-    return "" if name in ("", BODY) else f"{name}/"
-
-
-def offered(
-    imus: Sequence[str] = SINGLE, further: Iterable[str] = ()
-) -> dict[str, tuple[str, str]]:
-    """Return all topics as the simulator node names them: each one's simulation and own name.
-
-    Several IMUs have a namespace each; the body's motion is the truth of all.
-
-    :param further: names of the sensors of the body.
-    """
-    body = body_of(imus)
-    own = {
-        f"{_space(name)}{key}": (name, key)
-        for name in imus
-        for key in TYPES
-        if key not in OF_THE_BODY
-    }
-    of_body = (
-        *OF_THE_BODY,
-        *OF_A_BAG,
-        *(topic.name for name in further for topic in topics_of(name)),
-    )
-    return {**own, **{key: (body, key) for key in of_body}}
-
-
-def sensors(
-    names: Iterable[str], imus: Sequence[str] = SINGLE, further: Sequence[str] = ()
-) -> dict[str, frozenset[str]]:
-    """Return the other sensors to read for each IMU, by name, for topics of :func:`offered`.
-
-    :param further: names of the sensors of the body.
-    """
-    known = offered(imus, further)
-    pairs = [known[name] for name in names if name in known]
-    every = dict.fromkeys([*imus, body_of(imus)])
-    return {imu: sensors_of((key for name, key in pairs if name == imu), further) for imu in every}
-
-
 def chosen_topics(
     topics: Sequence[str],
-    imu_only: bool,
     renamed: Mapping[str, str],
-    imus: Sequence[str] = SINGLE,
+    sensors: Mapping[str, Mounted],
+    usual: Iterable[str],
     more: Iterable[str] = (),
-    further: Sequence[str] = (),
 ) -> dict[str, str]:
     """Return the topics to write, each with its name in the bag.
 
-    :param topics: a name without a namespace selects that topic of every IMU.
-    :param imus: the names of the IMUs.
-    :param more: topics in addition to those of the IMUs and the body: of cameras.
-    :param further: names of the sensors of the body.
+    :param topics: a name without a namespace selects that topic of every IMU; none: the usual ones.
+    :param more: topics that are not of the sensors: of cameras.
     :raises InputError: with a line for every name that is unknown or given twice.
     """
-    more, known = tuple(more), offered(imus, further)
-    wanted = list(topics) or [IMU_TOPIC, *([] if imu_only else [TRUTH_TOPIC]), *more]
+    more, known = tuple(more), offered(sensors)
+    wanted = list(topics) or [*usual, *more]
     names: list[str] = []
     for name in (name.strip().lstrip("/") for name in wanted):
-        of_all = [full for full, (_, key) in known.items() if key == name and full != name]
+        of_all = [full for full, one in known.items() if one.topic.name == name and full != name]
         names += of_all if of_all else [name]
     problems = list(_topic_problems(names, renamed, tuple(dict.fromkeys((*known, *more)))))
     if problems:

@@ -5,19 +5,18 @@
 
 import dataclasses
 import glob
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
 from imu_sim_ros.bags.outputs import named
-from imu_sim_ros.datasets.topics import body_of, imus_of
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import is_present
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.sensors.registry import find_sensor
-from imu_sim_ros.simulation.parameters import SimulationParameters, carried, load_simulation
+from imu_sim_ros.simulation.parameters import SimulationParameters, carried, imus, load_simulation
 
 _SUFFIXES: Final = (".bag", ".mcap", ".csv")
 """Endings that are not part of the name of the truth; folders have none."""
@@ -82,7 +81,7 @@ def simulation_of(bag: Path, imu_topic: str | None = None) -> SimulationParamete
     return load_simulation({n: values[n] for n in (*_WORLD, *_PLACE) if n in values})
 
 
-def new_truths(output: Path, simulated: Mapping[str, SimulationParameters]) -> dict[Path, str]:
+def new_truths(output: Path, parameters: SimulationParameters) -> dict[Path, str]:
     """Return the files of the realised truth that are to be written, each with its text.
 
     An existing file with the same text is left out, because the outputs share it.
@@ -90,9 +89,8 @@ def new_truths(output: Path, simulated: Mapping[str, SimulationParameters]) -> d
     :raises InputError: if another output of this name has another sensor.
     """
     result, problems = {}, []
-    texts = {name: _truth_text(simulated[name]) for name in imus_of(simulated)}
-    body = simulated[body_of(imus_of(simulated))]
-    texts |= {name: _sensor_text(body, name) for name in carried(body)}
+    texts = {name: _truth_text(one) for name, one in imus(parameters).items()}
+    texts |= {name: _sensor_text(parameters, name) for name in carried(parameters)}
     for name, text in texts.items():
         path = _truth(output, name)
         there = _read(path)

@@ -11,7 +11,6 @@ same poses), and ``dso/camN`` with ``times.txt`` (name, seconds, exposure in ms)
 upper 8 are the simulated camera's.
 """
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -26,9 +25,11 @@ from imu_sim_ros.bags.text.writer import EUROC_IMU_HEADER
 from imu_sim_ros.bags.writer import amount
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets.images import ImageFolders, image_name, write_png
+from imu_sim_ros.datasets.topics import Read
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.rig import Rig
+from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.simulation.topics import delivered
 from imu_sim_ros.types import Array, Times
@@ -106,12 +107,12 @@ class TumVi:
         readings = amount(self.rows["imu"], self._last_ns, "rows")
         return f"{readings}, {self._images.described()}"
 
-    def write(self, blocks: Mapping[str, ImuBlock]) -> None:
+    def write(self, read: Read) -> None:
         """Write the samples of a window, and request the images taken until its end.
 
-        :param blocks: that of the only IMU, whose name is empty.
+        :param read: of the only IMU, among others.
         """
-        block = blocks[""]
+        block: ImuBlock = read[IMU]
         t_ns, gyro, accel = delivered(block)
         readings = [t_ns, np.concatenate([gyro, accel], axis=1)]
         self._open["mav0/imu0/data.csv"].write(decimals.lines(readings))

@@ -11,7 +11,6 @@ index; the original applies no noise and has no border, so its readers see a lan
 camera does not.
 """
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -20,11 +19,13 @@ import numpy as np
 from imu_sim_ros.bags.outputs import make_folder, write_bytes
 from imu_sim_ros.bags.text import decimals
 from imu_sim_ros.bags.writer import amount
+from imu_sim_ros.datasets.topics import Read
 from imu_sim_ros.datasets.tracks import CameraProgress
 from imu_sim_ros.errors import InputError, system_error
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.camera.rig import Rig
 from imu_sim_ros.sensors.camera.view import View
+from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.types import Array
 
@@ -95,12 +96,12 @@ class VioDataSimulation:
         """Return how much was written."""
         return amount(self._files["imu_pose"].rows, self._last_ns, "rows")
 
-    def write(self, blocks: Mapping[str, ImuBlock]) -> None:
+    def write(self, read: Read) -> None:
         """Write the samples of a block, and the frames taken until its end.
 
-        :param blocks: that of the only IMU, whose name is empty.
+        :param read: of the only IMU, among others.
         """
-        block = blocks[""]
+        block: ImuBlock = read[IMU]
         m = block.motion
         t = (block.true_t_ns - self._t0_ns)[:, None] * _SECOND
         pose = [t, m.q_wb, m.position]

@@ -33,6 +33,7 @@ from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.faults import KINDS, Fault
 from imu_sim_ros.sensors.imu import sdf
+from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.imu.model import NOWHERE, ImuSample, unknown_motion
 from imu_sim_ros.sensors.own_rate_parameters import LONGEST
 from imu_sim_ros.simulation import error_model
@@ -97,11 +98,11 @@ def add_errors(
     layers = layers_of(imu, seed, params_file, input, parameters, rate)
     built = with_rate(layers, lambda: rate_of(given.t_ns))
     model = error_model.ErrorModel(built, remark=_warn)
-    blocks: list[ImuBlock] = []
+    windows: list[dict[str, Any]] = []
     for begin in range(0, len(given.t_ns), ROWS_AT_ONCE):
-        blocks += model.read(given.at(slice(begin, begin + ROWS_AT_ONCE)))
+        windows += model.read(given.at(slice(begin, begin + ROWS_AT_ONCE)))
     name = f"{_sensor_name(imu, built)} on given readings"
-    return Flight(Source(built, NOWHERE, int(given.t_ns[0])), blocks, name, TOPICS)
+    return Flight(Source(built, NOWHERE, int(given.t_ns[0])), windows, name, TOPICS)
 
 
 class ErrorModel:
@@ -164,7 +165,7 @@ class ErrorModel:
             if sample is not None:
                 return sample.block()
         given = _given(t_ns, gyro, accel, orientation, "read")
-        blocks = self._model.read(given)
+        blocks = [read[IMU] for read in self._model.read(given)]
         if len(blocks) == 1:
             return blocks[0]
         return error_model.joined(blocks) if blocks else _nothing(self._model.position)

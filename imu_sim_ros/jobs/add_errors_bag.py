@@ -28,7 +28,8 @@ from imu_sim_ros.jobs.add_errors import rate_of
 from imu_sim_ros.simulation.error_input import Differentiator, GivenReadings
 from imu_sim_ros.simulation.error_model import ErrorModel
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
-from imu_sim_ros.simulation.topics import TYPES, encoder, sensors_of
+from imu_sim_ros.simulation.sensors import mounted
+from imu_sim_ros.simulation.topics import offered, sensors_of
 from imu_sim_ros.types import Array, Times
 
 USUAL: Final = (IMU_TOPIC, GYROSCOPE_BIAS_TOPIC, ACCELEROMETER_BIAS_TOPIC)
@@ -126,7 +127,8 @@ class BagErrors:
         :param remark: receives what looks like a mistake, a line each.
         """
         self._bag, self._source, self._parameters, self._names = bag, source, parameters, names
-        self.model = ErrorModel(parameters, sensors_of(names), remark)
+        self._offered = offered(mounted(parameters))
+        self.model = ErrorModel(parameters, sensors_of(names, self._offered), remark)
         self._odometry = Differentiator(parameters) if source.type == ODOMETRY else None
         of_imu = _ORIENTED if self.model.uses_orientation else _READING
         self._fields = of_imu if self._odometry is None else _STATE
@@ -148,10 +150,11 @@ class BagErrors:
         :param warned: receives what is wrong with messages that are copied.
         :raises InputError: for readings that no sensor gives.
         """
-        self._outputs = [
-            (writer.add_topic(name, TYPES[key]), encoder(key, self._parameters, writer.encoding))
-            for key, name in self._names.items()
-        ]
+        self._outputs = []
+        for key, name in self._names.items():
+            known = self._offered[key]
+            topic = writer.add_topic(name, known.topic.type)
+            self._outputs.append((topic, known.name, known.encoder(writer.encoding)))
         topics = [*copied, *([] if self._source in copied else [self._source])]
         if self._source in copied:
             more, name = self._more, self._source.name
@@ -191,9 +194,9 @@ class BagErrors:
         # What was recorded late is so by as much next to it; nothing is before 1970.
         late_ns = int(np.median(block.t_ns - decoded.t_ns))
         for given in self._passed(decoded):
-            for samples in self.model.read(given):
-                for topic, encode in self._outputs:
-                    messages = encode(samples, self._parameters)
+            for read in self.model.read(given):
+                for topic, sensor, encode in self._outputs:
+                    messages = encode(read[sensor], self._parameters)
                     if len(messages.t_ns):
                         recorded = np.maximum(messages.t_ns + late_ns, 0)
                         made.append(Block(topic, recorded, messages.payloads))

@@ -31,6 +31,7 @@ from imu_sim_ros.jobs.add_errors_bag import USUAL, BagErrors, names_in, rate_in,
 from imu_sim_ros.jobs.convert import ConversionWatcher, ConvertOptions
 from imu_sim_ros.jobs.output import Form, checked_form, checked_place, is_file
 from imu_sim_ros.names import unknown
+from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.simulation.error_input import GivenReadings
 from imu_sim_ros.simulation.error_model import Counts, ErrorModel
 from imu_sim_ros.simulation.error_parameters import orientation_problems
@@ -292,7 +293,7 @@ class _Job:
                     for samples in model.read(
                         GivenReadings(t_ns[rows], gyro[rows].T, accel[rows].T)
                     ):
-                        dataset.write_imu(*delivered(samples))
+                        dataset.write_imu(*delivered(samples[IMU]))
         if model is None:
             raise InputError(f"{self.source}: contains no readings")
         if staged.is_file():

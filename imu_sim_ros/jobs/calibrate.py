@@ -45,7 +45,7 @@ from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import correction_of
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build
-from imu_sim_ros.sensors.magnetometer.declaration import SENSOR
+from imu_sim_ros.sensors.magnetometer.declaration import SENSOR, TABLE
 from imu_sim_ros.types import Array, Times
 
 if TYPE_CHECKING:
@@ -215,7 +215,7 @@ class _Run:
             return self._given.magnetic_field.field
         if self.path is not None:
             skipped = self._skipped(f"{self.path}")
-            return read_measured(self.path, SENSOR.table, self._topic, skipped)[1]
+            return read_measured(self.path, TABLE, self._topic, skipped)[1]
         values = arguments.array("readings", self._given, (None, 3))
         gate.Verdict(None, [(gate.FIELD, values)]).complain("readings")
         return values

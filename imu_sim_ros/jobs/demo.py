@@ -27,7 +27,8 @@ from imu_sim_ros.navigation.mount import mount_of
 from imu_sim_ros.parameters import files
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensors.gravity import gravity_vector
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.sensors.imu.declaration import NAME as IMU
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SimulationParameters
 from imu_sim_ros.text_tables import TextTable
 
@@ -163,7 +164,7 @@ def tracks(parameters: SimulationParameters, bag: Path) -> dict[str, Track]:
     """Return what Euler and midpoint make of the recorded readings, with and without noise."""
     truth = Odometry.of_messages(read_odometry(bag, f"/{TRUTH_TOPIC}"), "truth")
     noisy = read_imu(bag, f"/{IMU_TOPIC}")
-    ideal = next(Simulation(parameters, read_poses).blocks(len(noisy.t_ns)))
+    ideal = Body(parameters, read_poses).next(len(noisy.t_ns))[IMU]
     readings = {
         "with noise": (noisy.gyro, noisy.accel),
         "without noise": (ideal.ideal_gyro, ideal.ideal_accel),

@@ -23,10 +23,11 @@ from imu_sim_ros.jobs.output import checked_place, renamed_topics, saved
 from imu_sim_ros.jobs.readings import Odometry, Readings, check_arrays, frame, joined, read_imu
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors import auxiliary_sensors
-from imu_sim_ros.sensors.block import ImuBlock
-from imu_sim_ros.sensors.registry import find_sensor, in_use
-from imu_sim_ros.simulation.engine import Simulation
-from imu_sim_ros.simulation.parameters import SampledParameters, carried
+from imu_sim_ros.sensors.imu.declaration import NAME as IMU
+from imu_sim_ros.sensors.registry import in_use
+from imu_sim_ros.simulation.engine import Body
+from imu_sim_ros.simulation.parameters import SampledParameters
+from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.timebase import span
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.types import Array, Integers
@@ -128,13 +129,14 @@ class Flight:
 
     def __init__(
         self,
-        source: Simulation | Source,
-        blocks: Sequence[ImuBlock],
+        source: Body | Source,
+        windows: Sequence[Mapping[str, Any]],
         name: str,
         topics: tuple[str, ...] = (),
     ) -> None:
-        """Keep the readings of a file.
+        """Keep the samples of a run.
 
+        :param windows: the samples of each sensor by name, window by window.
         :param topics: that :meth:`save` writes by default; none: the readings and the pose.
         """
         self.parameters: SampledParameters = source.parameters
@@ -146,7 +148,8 @@ class Flight:
         """True time of sample 0 [ns]."""
         self.name = name
         """Sensor and motion in words."""
-        self._blocks, self._topics = blocks, topics
+        self._windows, self._topics = windows, topics
+        self._blocks = [read[IMU] for read in windows]
 
     def _joined(self, name: str) -> Array:
         return np.concatenate([getattr(block, name)[block.delivered] for block in self._blocks])
@@ -183,14 +186,13 @@ class Flight:
         if not name.startswith("_"):
             for sensor in (*auxiliary_sensors(), *in_use()):
                 if sensor.quantity == name:
-                    found = self.__dict__[name] = joined(self._blocks, sensor)
+                    found = self.__dict__[name] = joined(self._windows, sensor)
                     return found
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def __dir__(self) -> list[str]:
-        """Return all names, those of the auxiliary sensors too."""
-        known = (*auxiliary_sensors(), *map(find_sensor, carried(self.parameters)))
-        return sorted({*super().__dir__(), *(sensor.quantity for sensor in known)})
+        """Return all names, those of the other sensors too."""
+        return sorted({*super().__dir__(), *mounted(self.parameters)})
 
     @cached_property
     def truth(self) -> Truth:
@@ -270,19 +272,19 @@ class Flight:
         'flight.bag'
         """
         from imu_sim_ros.datasets.topics import chosen_topics, usual_topics
-        from imu_sim_ros.simulation.topics import sensors_of
+        from imu_sim_ros.simulation.topics import offered, sensors_of
 
         path = checked_place(path, force)
         wanted = arguments.words("topics", topics) or self._topics
         arguments.switch("imu_only", imu_only)
         if format is not None:
             arguments.one_of("format", format, ("csv", "euroc"))
-        further = tuple(carried(self.parameters))
+        sensors = mounted(self.parameters)
         form = format or ("csv" if path.suffix == ".csv" else None)
-        usual = usual_topics(further, form, path, imu_only)
-        names = chosen_topics(wanted, imu_only, renamed_topics(rename), more=usual, further=further)
-        for sensor in sensors_of(names, further):
-            getattr(self, sensor)  # refused before anything is written
+        usual = usual_topics(sensors, form, path, imu_only)
+        names = chosen_topics(wanted, renamed_topics(rename), sensors, usual)
+        for sensor in sensors_of(names, offered(sensors)):
+            joined(self._windows, sensors[sensor].sensor)  # refused before anything is written
         with saved(path, force, flatten(self.parameters).values()) as place:
             self._write(place, format, names)
         return path
@@ -295,14 +297,14 @@ class Flight:
 
         if format is None and path.suffix != ".csv":
             with open_writer(path) as writer:
-                bag = BagTarget(writer, {"": self.parameters}, names)
-                for block in self._blocks:
-                    bag.write({"": block})
+                bag = BagTarget(writer, mounted(self.parameters), names)
+                for read in self._windows:
+                    bag.write(read)
             return
         form = format or "csv"
-        further = tuple(carried(self.parameters))
-        tables = in_tables(names, form, further=further)
+        sensors = mounted(self.parameters)
+        tables = in_tables(names, form, sensors)
         with text.Dataset(path, form, TRUTH_TOPIC in names, tables=tables) as dataset:
-            rows = DatasetTarget(dataset, further=further)
-            for block in self._blocks:
-                rows.write({"": block})
+            rows = DatasetTarget(dataset, sensors)
+            for read in self._windows:
+                rows.write(read)

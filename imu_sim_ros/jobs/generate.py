@@ -29,12 +29,8 @@ from imu_sim_ros.datasets import camera_outputs, truth_files
 from imu_sim_ros.datasets.topics import (
     BagTarget,
     DatasetTarget,
-    body_of,
     chosen_topics,
-    imus_of,
     in_tables,
-    offered,
-    sensors,
     usual_topics,
 )
 from imu_sim_ros.errors import ConfigurationError, InputError
@@ -44,15 +40,18 @@ from imu_sim_ros.machine import cores
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.declaration import Companion
-from imu_sim_ros.sensors.registry import find_sensor
-from imu_sim_ros.simulation.engine import SimulatedBody, Simulation
+from imu_sim_ros.sensors.pose.declaration import NAME as POSE
+from imu_sim_ros.simulation.engine import Body
+from imu_sim_ros.simulation.parameters import imus
 from imu_sim_ros.simulation.playback import (
     SimulatorParameters,
     has_cameras,
     load_simulator,
     of_the_node,
-    simulations,
 )
+from imu_sim_ros.simulation.sensors import imus_in, mounted
+from imu_sim_ros.simulation.topics import offered, sensors_of
+from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.common_parameters import PoseReader
 from imu_sim_ros.trajectory.motion import Trajectory
 
@@ -98,9 +97,13 @@ class Setup(NamedTuple):
 
     def values(self) -> dict[str, Any]:
         """Return everything that decides the samples and frames, by dotted name."""
-        simulated = flatten(simulations(self.simulator).get("", self.simulator))
+        simulated = flatten(self.simulator)
         node = set(of_the_node(simulated))
-        own = {name: value for name, value in simulated.items() if name not in node}
+        own = {
+            name: value
+            for name, value in simulated.items()
+            if name not in node and (value or name not in ("imus", "cameras", "sensors"))
+        }
         return {**own, **(flatten(self.rig) if self.rig else {})}
 
 
@@ -278,7 +281,7 @@ def write(
         written.add(truth_files.configs(path), companion_of=path)
     truths: dict[Path, str] = {}
     if job.dataset not in _WITHOUT_READINGS and not path.parent.is_file():  # one line is enough
-        truths = truth_files.new_truths(path, job.simulated)
+        truths = truth_files.new_truths(path, setup.simulator)
         for place in truths:
             written.add(place, companion_of=path, kept=True)
         for place in itertools.chain.from_iterable(job.companions.values()):
@@ -301,24 +304,16 @@ class _Job:
     ) -> None:
         self.path, self.form, self.options = path, form, options
         self.setup, self.watcher = setup, watcher
-        self.simulated = simulations(setup.simulator)
-        self.imus = imus_of(self.simulated)
+        self.sensors = mounted(setup.simulator)
         self.dataset = dataset_form(path, form.dataset, form.of_bags_only())
-        self.further = setup.simulator.sensors
-        self.body = self.simulated[body_of(self.imus)]
         self.companions: dict[str, list[Path]] = {}
         if self.dataset not in _WITHOUT_READINGS:
-            self.companions = truth_files.companions(path, self.body)
-        usual = usual_topics(self.further, self.dataset, path, options.imu_only)
+            self.companions = truth_files.companions(path, setup.simulator)
+        usual = usual_topics(self.sensors, self.dataset, path, options.imu_only)
         self.names = chosen_topics(
-            form.topics,
-            options.imu_only,
-            form.renamed,
-            self.imus,
-            [*self._camera_topics(), *usual],
-            self.further,
+            form.topics, form.renamed, self.sensors, usual, self._camera_topics()
         )
-        fastest = max(parameters.rate for parameters in self.simulated.values())
+        fastest = max(one.environment.rate for one in self.sensors.values())
         check_split(form.split_duration, 1.0 / fastest, setup.simulator.duration or 0.0)
         if setup.rig is not None and setup.rig.cameras:
             arguments.whole("jobs", options.jobs, f"from 1 to {_MAX_JOBS}", 1, _MAX_JOBS)
@@ -338,60 +333,60 @@ class _Job:
         self, written: Outputs, pose_reader: PoseReader, trajectory: Trajectory | None
     ) -> Generated:
         """Write the output and its configurations."""
-        topics = sensors(self.names, self.imus, self.further)
-        of_all = body_of(self.imus)
-        topics[of_all] = topics[of_all] | self.companions.keys()
-        body = SimulatedBody(self.simulated, pose_reader, topics, trajectory)
+        simulator = self.setup.simulator
+        wanted = sensors_of(self.names, offered(self.sensors)) | self.companions.keys() | {POSE}
+        moving = build_trajectory(simulator.trajectory, pose_reader, trajectory)
+        body = Body(simulator, trajectory=moving, sensors=wanted)
         if body.total is None:
             raise ConfigurationError(
                 "duration = 0: this trajectory has no end; give a duration, for instance 20s"
             )
         for warning in body.warnings():
             self.watcher.warn(warning)
-        imus = {name: body.simulations[name] for name in self.imus}
-        of_body = body.simulations[body_of(self.imus)]
-        for note in of_body.notes():
+        for note in body.notes():
             self.watcher.note(note)
         output = written.where(self.path)
-        cameras = self._cameras(of_body)
+        cameras = self._cameras(body)
         with self._target(output, cameras) as target:
             written.describe(self.path, target.described)
-            with self._companions(of_body, written) as companions:
-                self._write(body, target, companions)
+            with self._companions(body, written) as companions:
+                samples = self._write(body, target, companions)
         if self.dataset == "tum_vi":
             from imu_sim_ros.datasets.configurations import write_tum_vi_calibration
 
-            write_tum_vi_calibration(output / "dso", self.simulated[""], self.setup.rig)
+            write_tum_vi_calibration(output / "dso", simulator, self.setup.rig)
         if self.options.with_configs:
-            self._write_configs(written.where(truth_files.configs(self.path)), imus)
+            self._write_configs(written.where(truth_files.configs(self.path)), body)
         return Generated(
             self.path,
             target.counts,
-            sum(simulation.position for simulation in imus.values()),
+            samples,
             sum(file.stat().st_size for file in target.files if file.is_file()),
             0.0,
         )
 
-    def _cameras(self, simulation: Simulation) -> Rig | None:
+    def _cameras(self, body: Body) -> Rig | None:
         """Return the cameras on the body, with their scene."""
         if self.setup.rig is None or not self.setup.rig.cameras:
             return None
         from imu_sim_ros.sensors.camera.rig import Rig
 
-        own = simulation.parameters
-        duration = own.duration or simulation.trajectory.duration
-        cameras = Rig(self.setup.rig, simulation.trajectory, simulation.t0_ns, duration, own.seed)
+        own = body.parameters
+        duration = own.duration or body.trajectory.duration
+        cameras = Rig(self.setup.rig, body.trajectory, body.t0_ns, duration, own.seed)
         for name in cameras.views:
             for line in cameras.warnings(name):
                 self.watcher.warn(f"{name}: {line}")
         return cameras
 
-    def _write_configs(self, folder: Path, imus: Mapping[str, Simulation]) -> None:
+    def _write_configs(self, folder: Path, body: Body) -> None:
         """Write each stack's configuration, and all parameters."""
         from imu_sim_ros.datasets.configurations import bagcreater_topics, write_configs
 
-        topics = bagcreater_topics(imus) if self.form.dataset == "csv" else self.names
-        for warning in write_configs(folder, imus, topics, self.setup.rig):
+        topics = self.names
+        if self.form.dataset == "csv":
+            topics = bagcreater_topics(imus(body.parameters))
+        for warning in write_configs(folder, body, topics, self.setup.rig):
             self.watcher.warn(warning)
         files.write(
             self.setup.values(),
@@ -403,12 +398,12 @@ class _Job:
     @contextmanager
     def _bag(self, output: Path, cameras: Rig | None) -> Iterator[Any]:
         """Open a bag; it is complete when the block ends without an error."""
-        known, form = offered(self.imus, self.further), self.form
+        known, form = offered(self.sensors), self.form
         with open_writer(
             output, form.storage, form.compression, form.split_duration, form.split_size
         ) as writer:
             own = {name: new for name, new in self.names.items() if name in known}
-            bag = BagTarget(writer, self.simulated, own)
+            bag = BagTarget(writer, self.sensors, own)
             if cameras is None:
                 yield bag
                 return
@@ -422,7 +417,7 @@ class _Job:
     def _target(self, output: Path, cameras: Rig | None) -> Iterator[Any]:
         """Open the output; it is complete when the block ends without an error."""
         form = self.dataset
-        camera_outputs.check_form(form, output, cameras, len(self.imus))
+        camera_outputs.check_form(form, output, cameras, len(imus_in(self.sensors)))
         if form is None:
             with self._bag(output, cameras) as bag:
                 yield bag
@@ -433,7 +428,7 @@ class _Job:
                 output,
                 cameras,
                 self.names,
-                self.simulated,
+                self.sensors,
                 self.options.jobs,
                 self.watcher.warn,
             ) as folder:
@@ -445,54 +440,56 @@ class _Job:
     @contextmanager
     def _tables(self, form: str, output: Path, cameras: Rig | None) -> Iterator[Any]:
         """Open tables of text, with images on request."""
-        tables = in_tables(self.names, form, self.imus, self.further)
-        states = TRUTH_TOPIC in self.names
-        with text_writer.Dataset(output, form, states, len(self.imus), tables) as dataset:
-            target = DatasetTarget(dataset, self.imus, self.further)
+        tables = in_tables(self.names, form, self.sensors)
+        states, every = TRUTH_TOPIC in self.names, imus_in(self.sensors)
+        with text_writer.Dataset(output, form, states, len(every), tables) as dataset:
+            target = DatasetTarget(dataset, self.sensors)
             if cameras is None:
                 yield target
             else:
                 from imu_sim_ros.datasets.images import ImageFolders
 
-                comment = f"simulated by imu_sim_ros, seed {self.body.seed}"
+                comment = f"simulated by imu_sim_ros, seed {self.setup.simulator.seed}"
                 with ImageFolders(output, cameras, form, self.options.jobs, comment) as images:
-                    target = camera_outputs.CameraTarget(dataset, images, self.imus, self.further)
+                    target = camera_outputs.CameraTarget(dataset, images, self.sensors)
                     yield target
             if form == "euroc":
                 from imu_sim_ros.datasets.configurations import describe
 
-                for k, name in enumerate(self.imus):
+                for k, name in enumerate(every):
                     own = [table for table, imu in tables if imu == k]
-                    describe(output, k, self.simulated[name], states, own, self.body)
+                    describe(output, k, self.sensors[name], states, own, self.sensors)
         target.files = dataset.files
 
     @contextmanager
-    def _companions(
-        self, simulation: Simulation, written: Outputs
-    ) -> Iterator[dict[str, Companion]]:
-        """Open the files that sensors of the body have next to the output, by sensor."""
-        own, opened = simulation.parameters, {}
+    def _companions(self, body: Body, written: Outputs) -> Iterator[dict[str, Companion]]:
+        """Open the files that sensors have next to the output, by sensor."""
+        opened = {}
         with ExitStack() as stack:
             for name, places in self.companions.items():
-                wanted = find_sensor(name).companions
+                one = self.sensors[name]
+                wanted = one.sensor.companions
                 assert wanted is not None
                 files = [written.where(place) for place in places]
-                made = wanted.open(getattr(own, name), own, simulation.t0_ns, files)
+                made = wanted.open(one.own, one.environment, body.t0_ns, files)
                 opened[name] = stack.enter_context(closing(made))
             yield opened
 
-    def _write(self, body: SimulatedBody, target: Any, companions: Mapping[str, Companion]) -> None:
-        """Write all samples; they are made in a thread of their own meanwhile."""
-        of_body = body_of(self.imus)
+    def _write(self, body: Body, target: Any, companions: Mapping[str, Companion]) -> int:
+        """Write all samples, which a thread of its own makes; return how many those of IMUs are."""
+        every, samples = imus_in(self.sensors), 0
         with self.watcher.progress(body.total or 0) as advance:
             windows = prefetch(
                 body.windows(min(BLOCK_SIZE, getattr(target, "block_size", BLOCK_SIZE)))
             )
             try:
-                for blocks in windows:
-                    target.write(blocks)
-                    for name, companion in companions.items() if of_body in blocks else ():
-                        companion.write(blocks[of_body].auxiliary[name])
-                    advance(sum(len(block.t_ns) for block in blocks.values()))
+                for read in windows:
+                    target.write(read)
+                    for name, companion in companions.items():
+                        companion.write(read[name])
+                    counts = [len(read[name].t_ns) for name in every]
+                    samples += sum(counts)
+                    advance(max(counts))
             finally:
                 windows.close()
+        return samples

@@ -21,7 +21,6 @@ from imu_sim_ros.names import suggestion
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import from_euler, rotate
 from imu_sim_ros.sensors import auxiliary_sensors
-from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.declaration import Sensor
 from imu_sim_ros.sensors.registry import find_sensor, in_use
 from imu_sim_ros.timebase import span
@@ -278,17 +277,17 @@ def checked_sensors(names: Collection[str]) -> frozenset[str]:
     return frozenset(given)
 
 
-def joined(blocks: Sequence[ImuBlock], sensor: Sensor) -> Any:
-    """Return the samples of an auxiliary sensor from all blocks.
+def joined(windows: Sequence[Mapping[str, Any]], sensor: Sensor) -> Any:
+    """Return the delivered samples of a sensor from all windows.
 
     :raises ConfigurationError: if it was not simulated.
     """
     name = sensor.quantity
-    if any(name not in block.auxiliary for block in blocks):
+    if any(name not in read for read in windows):
         raise ConfigurationError(
             f"{name}: was not simulated; simulate(..., sensors=[{name!r}]) does"
         )
-    parts = [block.auxiliary[name] for block in blocks]
+    parts = [read[name] for read in windows]
     return sensor.readings(
         **{
             field.name: np.concatenate([getattr(p, field.name)[p.delivered] for p in parts])

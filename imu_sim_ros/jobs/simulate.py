@@ -26,7 +26,9 @@ from imu_sim_ros.parameters.sections import parameters as described
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensors import auxiliary_sensors
 from imu_sim_ros.sensors.block import ImuBlock
-from imu_sim_ros.simulation.engine import BLOCK_SIZE, Simulation
+from imu_sim_ros.sensors.imu.declaration import NAME as IMU
+from imu_sim_ros.sensors.pose.declaration import NAME as POSE
+from imu_sim_ros.simulation.engine import BLOCK_SIZE, Body
 from imu_sim_ros.simulation.parameters import SimulationParameters, carried, load_simulation
 from imu_sim_ros.simulation.playback import SimulatorParameters, of_the_node
 from imu_sim_ros.trajectory.build import build_trajectory
@@ -97,8 +99,8 @@ def simulate(
     array([3., 0., 0.])
     """
     given = (imu, trajectory, duration, rate, seed, params_file, sensors)
-    simulation = _simulation(*given, parameters)
-    return Flight(simulation, _all_blocks(simulation), _name(imu, trajectory, simulation))
+    body = _body(*given, parameters)
+    return Flight(body, _all_samples(body), _name(imu, trajectory, body))
 
 
 def blocks(
@@ -124,26 +126,30 @@ def blocks(
     >>> [len(block.t_ns) for block in ims.blocks(duration="1min", rate=200, block_size=5000)]
     [5000, 5000, 2000]
     """
-    simulation = _simulation(
-        imu, trajectory, duration, rate, seed, params_file, sensors, parameters
-    )
-    return simulation.blocks(block_size)
+    body = _body(imu, trajectory, duration, rate, seed, params_file, sensors, parameters)
+    return (_block(read) for read in body.windows(block_size))
 
 
-def _all_blocks(simulation: Simulation) -> list[ImuBlock]:
+def _block(read: dict[str, Any]) -> ImuBlock:
+    """Return the samples of the IMU, with those of the other sensors."""
+    block: ImuBlock = read.pop(IMU)
+    return block._replace(sensors=read)
+
+
+def _all_samples(body: Body) -> list[dict[str, Any]]:
     """Return all samples.
 
     :raises ConfigurationError: if they would not fit into memory.
     """
-    first = simulation.next_block(_PROBE)
-    samples = simulation.total or 0
-    most = memory() * len(first.t_ns) // _bytes(first)
+    first = body.next(_PROBE)
+    samples = body.total or 0
+    most = memory() * len(first[IMU].t_ns) // _bytes(first)
     if samples > most:
         raise ConfigurationError(
             f"duration: its {samples} samples, with those of all sensors, do not fit into memory, "
             f"which has room for {most}; blocks() yields them piece by piece"
         )
-    return [first, *simulation.blocks()]
+    return [first, *body.windows()]
 
 
 def _bytes(block: Any) -> int:
@@ -157,7 +163,7 @@ def _bytes(block: Any) -> int:
     return int(getattr(block, "nbytes", 0))
 
 
-def _simulation(
+def _body(
     imu: object,
     trajectory: object,
     duration: float | str | None,
@@ -166,7 +172,7 @@ def _simulation(
     params_file: str | Path | None,
     sensors: Collection[str] | None,
     parameters: Mapping[str, Any],
-) -> Simulation:
+) -> Body:
     below: dict[str, object] = {}
     auxiliary = frozenset[str]() if sensors is None else checked_sensors(sensors)
     if params_file is not None:
@@ -178,12 +184,12 @@ def _simulation(
         own["sensors"] = sorted(name for name in auxiliary if name not in quantities)
     built: SimulationParameters = load_simulation(below, own)
     moving = build_trajectory(built.trajectory, motion.pose_reader, motion.given)
-    simulation = Simulation(built, trajectory=moving, sensors={*auxiliary, *carried(built)})
-    if simulation.total is None:
+    body = Body(built, trajectory=moving, sensors={*auxiliary, *carried(built), POSE})
+    if body.total is None:
         raise ConfigurationError(
             "duration: this trajectory has no end; give a duration, duration=60"
         )
-    return simulation
+    return body
 
 
 def given_layers(
@@ -265,9 +271,9 @@ def _motion(trajectory: object) -> GivenMotion:
     return GivenMotion({"trajectory.type": GIVEN}, given=given)
 
 
-def _name(imu: object, trajectory: object, simulation: Simulation) -> str:
+def _name(imu: object, trajectory: object, body: Body) -> str:
     """Return sensor and motion in words."""
-    built = simulation.parameters
+    built = body.parameters
     changed = "modified " if isinstance(imu, Mapping) and set(imu) - {"preset"} else ""
     motion = built.trajectory.type
     if isinstance(trajectory, str | Path):

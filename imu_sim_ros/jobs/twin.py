@@ -308,7 +308,7 @@ class Twin:
         """
         _check_seed(seed)
         engine = simulation(self.source, self.parameters, seed)
-        return Flight(engine, list(engine.blocks()), f"twin of {self.source.name}")
+        return Flight(engine, list(engine.windows()), f"twin of {self.source.name}")
 
 
 def twin(

@@ -23,7 +23,9 @@ from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.mount import mount_at
 from imu_sim_ros.navigation.state import NavigationState
 from imu_sim_ros.parameters.kinds import Value
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.sensors.imu.declaration import NAME as IMU
+from imu_sim_ros.sensors.pose.declaration import NAME as POSE
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array
@@ -208,7 +210,7 @@ def _parts(source: TwinRecording, t: Array, part: Recording) -> list[slice]:
     return result or list(part.pieces)
 
 
-def simulation(source: TwinRecording, parameters: dict[str, Value], seed: int) -> Simulation:
+def simulation(source: TwinRecording, parameters: dict[str, Value], seed: int) -> Body:
     """Return the twin's simulation on the truth's own motion."""
     own: dict[str, object] = {
         **parameters,
@@ -217,7 +219,8 @@ def simulation(source: TwinRecording, parameters: dict[str, Value], seed: int) -
         "trajectory.file": source.name,
         "gravity": [0.0, 0.0, -source.gravity],
     }
-    return Simulation(load_simulation(own), t0_ns=source.t0_ns, trajectory=source.trajectory)
+    built = load_simulation(own)
+    return Body(built, t0_ns=source.t0_ns, trajectory=source.trajectory, sensors=(POSE,))
 
 
 def _simulated(
@@ -225,7 +228,7 @@ def _simulated(
 ) -> Flown:
     """Return the twin's readings over the times of the real ones, against a noisy truth."""
     engine = simulation(source, parameters, seed)
-    blocks = list(engine.blocks())
+    blocks = [read[IMU] for read in engine.windows()]
     true = np.concatenate([b.true_t_ns for b in blocks])
     times = timebase.seconds_since(true, engine.t0_ns)
     inside = (times >= t[0]) & (times <= t[-1])

@@ -28,7 +28,7 @@ from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.reports.of_bag import NOT_MEASURED, error_series, plot
 from imu_sim_ros.reports.page import Item, Section
 from imu_sim_ros.reports.streams import extremes
-from imu_sim_ros.sensors import auxiliary_sensors, known_tables
+from imu_sim_ros.sensors import known_tables
 from imu_sim_ros.types import Array, Times
 
 TRUTH: Final = "ground_truth/"
@@ -196,7 +196,7 @@ def _fields(message: Any, before: str = "") -> Iterator[tuple[str, Any]]:
 
 def _orientation(path: Path, info: TopicInfo, topics: Sequence[TopicInfo]) -> list[Item]:
     """Return the plots of a board's orientation, whose truth is that of the body."""
-    table = next(sensor.table for sensor in auxiliary_sensors() if sensor.name == "orientation")
+    table = known_tables()["orientation"]
     space = info.name.strip("/").rpartition("imu/")[0]
     truths = [f"{space}{TRUTH}odom", f"{TRUTH}odom"]
     known = [one.name for one in topics if one.type == ODOMETRY and one.name.strip("/") in truths]

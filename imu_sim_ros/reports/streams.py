@@ -173,7 +173,9 @@ def bias_series(path: Path, topics: Sequence[TopicInfo]) -> list[tuple[str, str,
 def _bias_units() -> dict[str, str]:
     """Return the units of biases by what their topics are called."""
     tables = [sensor.table for sensor in auxiliary_sensors()]
-    return _UNITS | {table.truths[1]: table.quantity.unit for table in tables if table.truths}
+    return _UNITS | {
+        table.truths[1]: table.quantity.unit for table in tables if table and table.truths
+    }
 
 
 PARTS: Final = 500

@@ -57,4 +57,5 @@ def known_tables() -> "dict[str, Table]":
     from imu_sim_ros.sensors.registry import in_use
 
     carried = [import_module(f"imu_sim_ros.sensors.{name}.declaration").SENSOR for name in CARRIED]
-    return {one.table.name: one.table for one in (*auxiliary_sensors(), *carried, *in_use())}
+    tables = (one.table for one in (*auxiliary_sensors(), *carried, *in_use()))
+    return {table.name: table for table in tables if table is not None}

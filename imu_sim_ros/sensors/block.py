@@ -18,8 +18,6 @@ class ImuBlock(NamedTuple):
 
     A reading is the digital output (rounding and saturation) of the sum ``ideal + response_error +
     bias + noise + low_pass + vibration``, for each triad.
-
-    Samples of the board's auxiliary sensors in the same window of time are with them on request.
     """
 
     first: int
@@ -69,8 +67,8 @@ class ImuBlock(NamedTuple):
     """(n, 3) vibration of the vehicle in the accelerometer [m/s^2]."""
     motion: Motion
     """The body's motion at ``true_t_ns``."""
-    auxiliary: Mapping[str, Any] = MappingProxyType({})
-    """Samples of the board's auxiliary sensors by what they measure, on request."""
+    sensors: Mapping[str, Any] = MappingProxyType({})
+    """Samples of the other sensors in the same window of time, by name."""
 
 
 class SensorBlock(NamedTuple):

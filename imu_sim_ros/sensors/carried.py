@@ -11,7 +11,7 @@ import numpy as np
 
 from imu_sim_ros import rotation
 from imu_sim_ros.sensors.block import SensorBlock
-from imu_sim_ros.sensors.declaration import AuxiliaryReadings
+from imu_sim_ros.sensors.declaration import SensorReadings
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.own_rate import OwnRate
@@ -22,7 +22,7 @@ from imu_sim_ros.types import Array, Mask, Times
 
 
 @dataclass(frozen=True, repr=False)
-class CarriedReadings(AuxiliaryReadings):
+class CarriedReadings(SensorReadings):
     """The n readings of a sensor of the body that are delivered; fields of one's own follow."""
 
     t_ns: Times

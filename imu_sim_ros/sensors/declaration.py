@@ -3,9 +3,9 @@
 
 """How a sensor is declared: parameters, model, topics, table, readings, in one place.
 
-An auxiliary sensor is on the board of an IMU, of which each has its own: its parameters are
-``imu.NAME_...``, its clock and transport the board's. A sensor of the body is named by the
-parameter ``sensors``: its parameters are ``NAME.*``, and the body has one of them.
+A sensor on the board of an IMU, of which each has its own, has the parameters ``imu.NAME_...`` and
+the clock and transport of the board. A sensor that the parameter ``sensors`` names has the
+parameters ``NAME.*``, and the body has one of them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -15,10 +15,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from imu_sim_ros.inputs.tables import Table
-from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.world import Window, World
@@ -47,24 +47,33 @@ class Model(Protocol):
         """Return the samples in a window, which begins where the last one ended."""
 
 
-class Now(Protocol):
-    """The parameters of a board that are valid for a block."""
+Payloads = Callable[[Any, Any, Any], "RowTemplate"]
+"""Turns samples and the rows of them that are sent into messages.
 
-    @property
-    def imu(self) -> "ImuParameters":
-        """The board."""
-
-    @property
-    def rate(self) -> float:
-        """Rate of the IMU [Hz]."""
-
-
-Payloads = Callable[[Any, Any, ImuBlock, Any], "RowTemplate"]
-"""Turns samples, the rows of them that are sent and the IMU's block into messages.
-
-The last argument are the parameters valid for the block: :class:`Now` of a board, or the section of
-a sensor of the body.
+The last argument are the parameters valid for the samples: those of a simulation, with ``imu`` and
+``rate``, for a sensor on the board of an IMU, else the sensor's own section.
 """
+
+
+class Mounted(NamedTuple):
+    """A sensor on a body."""
+
+    sensor: "Sensor"
+    own: Any
+    """The parameters that its model is made with: its board's, or its own section."""
+    environment: Any
+    """The world, with the rate and seed of its board."""
+    valid: Any
+    """The parameters that its messages depend on."""
+    frame: str
+    """Of its messages."""
+    space: str = ""
+    """Namespace of its topics, with a slash, if there are several IMUs."""
+
+    @property
+    def on_board(self) -> bool:
+        """Whether it is an IMU or on the board of one, whose clock and mount it shares."""
+        return self.own is not self.valid
 
 
 @dataclass(frozen=True)
@@ -73,19 +82,16 @@ class Topic:
 
     name: str
     type: str
-    flags: tuple[str, ...]
-    """The parameters ``publish.*`` that must all be true for the node to publish it; a sensor of
-    the body has none: what ``sensors`` names is published."""
-    payloads: Callable[[str, str], Payloads]
-    """Makes the encoder for a frame and an encoding, ``cdr`` or ``ros1``."""
+    flags: tuple[str, ...] | None
+    """The parameters ``publish.*`` that must all be true for the node to publish it; none for what
+    is always published. None: only a bag has it, on request."""
+    payloads: Callable[[Mounted, str], Payloads]
+    """Makes the encoder for a sensor and an encoding, ``cdr`` or ``ros1``."""
     truth: bool = False
     """At the true times of all samples, lost ones too; else what is delivered, as stamped."""
     foreign: bool = False
     """Its type is in a package that need not be installed: a bag has it on request, a node
     publishes it if it can."""
-    in_world: bool = False
-    """Its vectors are along the axes of `world_frame`, which its header names, not of the sensor's
-    frame."""
     sent: Callable[[Any], Mask] | None = None
     """Returns for which samples (n,) there is a message at all; None: for all."""
 
@@ -107,19 +113,22 @@ def topic(
     :param values: returns what its ``pattern`` takes behind the stamps, of samples, the rows of
         them that are sent, and the valid parameters.
     :param flags: as :class:`Topic` has them, like all that follows.
+    :param in_world: its vectors are along the axes of `world_frame`, which its header names, not
+        of the sensor's frame.
     """
 
-    def make(frame: str, encoding: str) -> Payloads:
+    def make(mounted: Mounted, encoding: str) -> Payloads:
         encode: Any = import_module("imu_sim_ros.bags.messages.encode")
+        frame = mounted.environment.world_frame if in_world else mounted.frame
         messages = getattr(encode, encoder)(frame, encoding)
 
-        def payloads(read: Any, rows: Any, _: ImuBlock, now: Any) -> "RowTemplate":
+        def payloads(read: Any, rows: Any, now: Any) -> "RowTemplate":
             t_ns = read.true_t_ns if truth else read.t_ns
             return messages.pattern(t_ns[rows], *values(read, rows, now))
 
         return payloads
 
-    return Topic(name, type_name, flags, make, truth, foreign, in_world, sent)
+    return Topic(name, type_name, flags, make, truth, foreign, sent)
 
 
 def on_demand(module: str, name: str) -> Callable[..., Any]:
@@ -160,27 +169,27 @@ class Serial(NamedTuple):
 
 @dataclass(frozen=True)
 class Sensor:
-    """All that the rest of the package has to know of an auxiliary sensor."""
+    """All that the rest of the package has to know of a sensor."""
 
     name: str
     """NAME in its parameters, ``imu.NAME_...`` or ``NAME.*``, and in its faults."""
     quantity: str
     """What it measures: the name in ``simulate(sensors=...)``, of ``publish.*`` and of a flight.
-    That of a sensor of the body is its name."""
+    That of a sensor that ``sensors`` names is its name."""
     section: type
-    """Its parameters, a frozen dataclass; those of a sensor of the body derive from
+    """Its parameters, a frozen dataclass; those of a sensor that ``sensors`` names derive from
     :class:`~imu_sim_ros.sensors.own_rate_parameters.CarriedParameters`."""
     model: Callable[[Any, EnvironmentParameters, int, Mapping[str, Model]], Model]
-    """Makes it: the board or its own section, environment, time of the IMU's sample 0 [ns], and
-    the sensors before it by quantity."""
+    """Makes it: the board or its own section, environment, time of the start [ns], and the sensors
+    before it by quantity."""
     topics: tuple[Topic, ...]
     """The readings first."""
-    table: Table
-    """The readings in datasets of text; ``values`` are its numbers."""
-    values: Callable[[Any], Array]
-    """The numbers (n, columns) of the table, of all n samples."""
-    readings: "type[AuxiliaryReadings]"
+    readings: "type[SensorReadings]"
     """What Python returns of a flight: a frozen dataclass of arrays of the samples."""
+    table: Table | None = None
+    """The readings in datasets of text; None: these have a form of their own, or none, for it."""
+    values: Callable[[Any], Array] = np.asarray
+    """The numbers (n, columns) of the table, of all n samples."""
     switches: Mapping[str, str] = field(default_factory=dict)
     """Those of its flags that are parameters ``publish.*`` of its own, with their texts."""
     needs: Callable[["ImuParameters"], tuple[str, ...]] = lambda imu: ()
@@ -198,7 +207,7 @@ class Sensor:
     """The folder in config/ of the files that ``NAME.preset`` names; empty: it has none."""
 
 
-class AuxiliaryReadings:
+class SensorReadings:
     """n readings with stamps."""
 
     t_ns: Times

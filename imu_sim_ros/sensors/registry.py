@@ -9,7 +9,7 @@ points are looked up only for a name that is not known otherwise, and for ``--he
 """
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
@@ -21,9 +21,7 @@ from imu_sim_ros.sensors import AUXILIARY, CARRIED, auxiliary_sensors
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-    from imu_sim_ros.sensors.declaration import Model, Sensor
-    from imu_sim_ros.sensors.environment import EnvironmentParameters
-    from imu_sim_ros.sensors.imu.parameters import ImuParameters
+    from imu_sim_ros.sensors.declaration import Sensor
 
 ENTRY_POINTS: Final = "imu_sim_ros.sensors"
 _NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
@@ -166,25 +164,3 @@ def _checked(sensor: Any, what: str) -> "Sensor":
     if problems:
         raise ConfigurationError(problems)
     return sensor
-
-
-def board(
-    imu: "ImuParameters",
-    environment: "EnvironmentParameters",
-    t0_ns: int,
-    wanted: Collection[str],
-) -> "dict[str, Model]":
-    """Return an IMU, and the wanted sensors on its board with those that they need.
-
-    :param t0_ns: time of the start [ns].
-    :param wanted: what they measure.
-    """
-    from imu_sim_ros.sensors.imu.model import Imu
-
-    known = auxiliary_sensors()
-    needed = {name for one in known if one.quantity in wanted for name in one.needs(imu)}
-    models: dict[str, Model] = {"imu": Imu(imu, environment, t0_ns)}
-    for one in known:
-        if one.quantity in wanted or one.quantity in needed:
-            models[one.quantity] = one.model(imu, environment, t0_ns, models)
-    return models

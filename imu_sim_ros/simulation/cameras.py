@@ -35,7 +35,7 @@ from imu_sim_ros.sensors.camera.target import (
     sight,
 )
 from imu_sim_ros.sensors.camera.view import View
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.motion import Trajectory
@@ -53,7 +53,7 @@ def build_rig(parameters: Mapping[str, object]) -> Rig:
     :raises InputError: for a file that cannot be used.
     """
     of_rig, others = split_rig(fitted(parameters))
-    return on_simulation(of_rig, Simulation(load_simulation(others)))
+    return on_simulation(of_rig, Body(load_simulation(others)))
 
 
 class Simulated(Protocol):

@@ -1,10 +1,10 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Trajectory and sensor joined: blocks of samples, the one engine behind node and command.
+"""A moving body and the samples of its sensors: the one engine behind node and command.
 
-For one configuration and seed the samples are the same, bit for bit, in blocks of any size. While a
-simulation runs it can be changed between two blocks:
+For one configuration and seed the samples are the same, bit for bit, in windows of any size. While
+a simulation runs it can be changed between two windows:
 
 ``update(parameters)``
     takes new values of the parameters that are marked ``live``. Nothing else changes: random walks
@@ -14,17 +14,14 @@ simulation runs it can be changed between two blocks:
     saturation, a stuck output, lost messages or latency, for a given time.
 ``reset()``
     goes back to the first sample; faults are forgotten, parameters stay.
-
-:class:`SimulatedBody` holds the simulations of several IMUs on one body, and gives their samples in
-common windows of time.
 """
 
 import copy
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from fractions import Fraction
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros import arguments, timebase
 from imu_sim_ros.errors import ConfigurationError
@@ -32,12 +29,12 @@ from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.parameters.sections import parameters as described
 from imu_sim_ros.poses import read_poses
 from imu_sim_ros.sensors import with_faults
-from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.imu.model import Imu
-from imu_sim_ros.sensors.registry import board, find_sensor
 from imu_sim_ros.sensors.world import Window, World
-from imu_sim_ros.simulation.parameters import SimulationParameters, carried
+from imu_sim_ros.simulation.parameters import SimulationParameters, carried, imus
+from imu_sim_ros.simulation.sensors import imus_in, models, mounted
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.common_parameters import PoseReader
 from imu_sim_ros.trajectory.motion import Trajectory
@@ -53,8 +50,8 @@ _SAME_PLACE: Final = 1e-6
 DEFAULT_START_NS: Final = timebase.NANOSECONDS_PER_SECOND
 
 
-class Simulation:
-    """The samples of one simulated IMU, in order, in blocks of any size."""
+class Body:
+    """A world and the sensors of a body in it, by name; their samples come in order."""
 
     def __init__(
         self,
@@ -64,18 +61,18 @@ class Simulation:
         trajectory: Trajectory | None = None,
         sensors: Collection[str] = (),
     ) -> None:
-        """Set up trajectory and sensor.
+        """Set up trajectory and sensors.
 
         :param pose_reader: reads the file of a trajectory of recorded poses.
-        :param t0_ns: time of sample 0 [ns]; None: ``start_time``, or if that is -1 the stamp
-            of recorded poses at the start of the motion, or else 1 s.
+        :param t0_ns: time of the first sample [ns]; None: ``start_time``, or if that is -1 the
+            stamp of recorded poses at the start of the motion, or else 1 s.
         :param trajectory: the one of these parameters, if it already exists.
-        :param sensors: sensors next to the IMU: ``magnetic_field``, or the name of a sensor
-            of the body; no sample of another sensor depends on it.
+        :param sensors: names of :func:`~imu_sim_ros.simulation.sensors.mounted` that are read in
+            addition to all IMUs; no sample of another sensor depends on them.
         :raises ConfigurationError: for inconsistent parameters.
         :raises InputError: for a file of poses that cannot be used.
         """
-        self.parameters, self._sensors = parameters, frozenset(sensors)
+        self.parameters, self._wanted = parameters, frozenset(sensors)
         if trajectory is None:
             trajectory = build_trajectory(parameters.trajectory, pose_reader)
         self.trajectory = trajectory
@@ -89,12 +86,14 @@ class Simulation:
             raise ConfigurationError(
                 f"duration = {duration:g}: must be at most {longest:g} s, the trajectory's length"
             )
+        self.rate = max(one.rate for one in imus(parameters).values())
+        """Of the fastest IMU [Hz]."""
         self.total: int | None = None
-        """Number of samples; None: endless."""
+        """Its number of samples; None: endless."""
         self._end: Fraction | None = None
         if not math.isinf(duration):
             self._end = Fraction(repr(float(duration)))
-            self.total = timebase.sample_count(duration, parameters.rate)
+            self.total = timebase.sample_count(duration, self.rate)
         self.reset()
 
     def _usual_start(self) -> int:
@@ -105,31 +104,22 @@ class Simulation:
     def warnings(self) -> list[str]:
         """Return warnings on settings that are allowed but may be unintended, a line each.
 
-        The parameters' own warnings, implausible recorded poses, and a motion that the
-        sensor's range does not cover.
+        The parameters' own warnings, implausible recorded poses, and a motion that a sensor's
+        range does not cover.
         """
         from imu_sim_ros.trajectory.build import implausible
 
-        imu, recorded = self.parameters.imu, self._recorded()
+        recorded = self._recorded()
         of_poses = recorded.warnings if recorded is not None else []
         duration = self.parameters.duration or self.trajectory.duration
-        return (
-            self.parameters.warnings()
-            + of_poses
-            + self._of_place()
-            + [
-                line
-                for name, own in carried(self.parameters).items()
-                for line in find_sensor(name).warnings(own, self.trajectory, duration)
-            ]
-            + implausible(
-                self.trajectory,
-                imu.gyroscope.range,
-                imu.accelerometer.range,
-                self.parameters.gravity,
-                duration,
-            )
-        )
+        every = imus(self.parameters).values()
+        lines = [line for one in every for line in one.warnings()] + of_poses + self._of_place()
+        for one in mounted(self.parameters).values():
+            lines += one.sensor.warnings(one.own, self.trajectory, duration)
+        for one in every:
+            ranges = one.imu.gyroscope.range, one.imu.accelerometer.range
+            lines += implausible(self.trajectory, *ranges, one.gravity, duration)
+        return list(dict.fromkeys(lines))
 
     def _of_place(self) -> list[str]:
         """Return a line if the world's origin on the Earth is not that of a route, or not given."""
@@ -169,20 +159,19 @@ class Simulation:
 
     def reset(self) -> None:
         """Go back to the first sample: the same samples follow again."""
-        self.position = 0
+        self._now = Fraction(0)
         p = self.parameters
         self._world = World(self.trajectory, p, self.t0_ns)
-        self._models = board(p.imu, p, self.t0_ns, self._sensors)
-        imu = self._models["imu"]
-        assert isinstance(imu, Imu)
-        imu.prepare(self.trajectory)
-        for name, own in carried(p).items():
-            if name in self._sensors:
-                made = find_sensor(name).model(own, p, self.t0_ns, self._models)
-                self._models[name] = made
+        sensors = mounted(p)
+        self._models = models(sensors, self._wanted, self.t0_ns)
+        for model in self._models.values():
+            if isinstance(model, Imu):
+                model.prepare(self.trajectory)
+        shown = self._wanted.union(imus_in(sensors))
+        self._shown = [name for name in self._models if name in shown]
 
-    def with_seed(self, seed: int) -> "Simulation":
-        """Return a simulation of the same motion and sensor with another seed, at its start.
+    def with_seed(self, seed: int) -> "Body":
+        """Return the same body and sensors with another seed, at the start.
 
         The trajectory is shared: fitting a spline or checking parameters is not done again.
         """
@@ -192,7 +181,7 @@ class Simulation:
         return other
 
     def update(self, parameters: SimulationParameters) -> None:
-        """Take new values of live parameters; they apply from the next block on.
+        """Take new values of live parameters; they apply from the next window on.
 
         :raises ConfigurationError: with a line for every changed parameter that is not live;
             nothing is changed then.
@@ -208,123 +197,77 @@ class Simulation:
         if problems:
             raise ConfigurationError(problems)
         self.parameters = parameters
-        own = carried(parameters)
+        sensors = mounted(parameters)
         for name, model in self._models.items():
-            model.configure(own.get(name, parameters.imu))
+            model.configure(sensors[name].own)
 
-    def inject(self, fault: Fault, delay: float = 0.0) -> None:
+    def inject(self, fault: Fault, delay: float = 0.0, imu: str = "") -> dict[str, int]:
         """Let a fault begin.
 
         :param delay: seconds after the next sample, >= 0.
+        :param imu: name of the one IMU that it hits, with the sensors on its board; empty: all.
+        :returns: about when it begins [ns], by the name of the IMU.
         :raises ConfigurationError: for another delay, and a sensor that is not simulated.
         """
         if not (math.isfinite(delay) and delay >= 0.0):
             raise ConfigurationError(f"fault delay = {delay}: must be at least 0 s")
-        hit = with_faults().get(fault.triad, "imu")
-        if hit not in self._models:
-            raise ConfigurationError(
-                f"fault triad = {fault.triad}: this simulation has no {fault.triad}"
-            )
-        first = self.position + timebase.sample_count(delay, self.parameters.rate)
-        self._models[hit].inject(fault, self._time(first))
+        hit = with_faults().get(fault.triad, IMU)
+        sensors = mounted(self.parameters)
+        times: dict[str, int] = {}
+        for name, one in imus(self.parameters).items():
+            sensor = f"{name}/{hit}" if f"{name}/{hit}" in sensors else hit
+            if sensor not in self._models:
+                raise ConfigurationError(
+                    f"fault triad = {fault.triad}: this simulation has no {fault.triad}"
+                )
+            # One that is not on a board is hit once, and whichever IMU is meant.
+            if imu in ("", name) and not (sensor == hit and times):
+                rate = timebase.exact_rate(one.rate)
+                first = math.ceil(self._now * rate) + timebase.sample_count(delay, one.rate)
+                self._models[sensor].inject(fault, first / rate)
+                t_ns = timebase.sample_times_ns(first, 1, one.rate, self.t0_ns)
+                times[name] = int(t_ns[0])
+        return times
 
-    def next_block(self, count: int) -> ImuBlock:
-        """Return the next samples: ``count``, fewer at the end of the run, none after it."""
-        if self.total is not None:
-            count = min(count, self.total - self.position)
-        end = self.position + count
-        stop = self._time(end)
-        if self._end is not None:  # the last interval may be longer than what is left of the run
-            stop = min(stop, self._end)
-        window = Window(min(self._time(self.position), stop), stop)
-        read = {name: model.read(window, self._world) for name, model in self._models.items()}
-        self.position = end
-        block: ImuBlock = read["imu"]
-        return block._replace(auxiliary={k: v for k, v in read.items() if k in self._sensors})
+    @property
+    def position(self) -> int:
+        """How many samples of the fastest IMU have been read."""
+        return math.ceil(self._now * timebase.exact_rate(self.rate))
 
-    def _time(self, sample: int) -> Fraction:
-        """Return when a sample of the IMU is taken, since the first [s]."""
-        return sample / timebase.exact_rate(self.parameters.rate)
+    def until(self, end: Fraction) -> dict[str, Any]:
+        """Return the samples of each sensor that were not read yet and lie before a time.
 
-    def blocks(self, block_size: int = BLOCK_SIZE, count: int | None = None) -> Iterator[ImuBlock]:
-        """Yield the samples that are left, in blocks.
+        There are none after the end of the run.
 
-        :param count: largest number of samples; otherwise an endless run continues forever.
-        :raises ConfigurationError: for a size that is none, before the first block.
+        :param end: since the start [s].
         """
-        return self._blocks(arguments.block_size("block_size", block_size), count)
+        stop = end if self._end is None else min(end, self._end)
+        window = Window(self._now, max(stop, self._now))
+        self._now = window.end
+        read = {name: model.read(window, self._world) for name, model in self._models.items()}
+        return {name: read[name] for name in self._shown}
 
-    def _blocks(self, block_size: int, count: int | None) -> Iterator[ImuBlock]:
+    def next(self, count: int) -> dict[str, Any]:
+        """Return the samples of each sensor in the next ``count`` intervals of the fastest IMU.
+
+        There are fewer at the end of the run, and none after it.
+        """
+        return self.until((self.position + count) / timebase.exact_rate(self.rate))
+
+    def windows(
+        self, block_size: int = BLOCK_SIZE, count: int | None = None
+    ) -> Iterator[dict[str, Any]]:
+        """Yield the samples that are left, window by window.
+
+        :param block_size: intervals of the fastest IMU in a window.
+        :param count: largest number of them; otherwise an endless run continues forever.
+        :raises ConfigurationError: for a size that is none, before the first window.
+        """
+        return self._windows(arguments.block_size("block_size", block_size), count)
+
+    def _windows(self, block_size: int, count: int | None) -> Iterator[dict[str, Any]]:
         end = math.inf if count is None else self.position + count
         if self.total is not None:
             end = min(end, self.total)
         while self.position < end:
-            yield self.next_block(int(min(block_size, end - self.position)))
-
-
-class SimulatedBody:
-    """The simulations of one body by name: one IMU, or several and the body's own motion.
-
-    Each gives the same samples as on its own; they share the trajectory, which is built
-    once, and the windows of time.
-    """
-
-    def __init__(
-        self,
-        parameters: Mapping[str, SimulationParameters],
-        pose_reader: PoseReader = read_poses,
-        sensors: Mapping[str, Collection[str]] | None = None,
-        given: Trajectory | None = None,
-    ) -> None:
-        """Set up all simulations; arguments and errors as for :class:`Simulation`.
-
-        :param parameters: at least one; all have the same trajectory and duration.
-        :param sensors: what is read in addition to each IMU, by the names of the simulations.
-        :param given: the bare motion of the type ``given``.
-        """
-        self.simulations: dict[str, Simulation] = {}
-        trajectory = None
-        if given is not None:
-            first = next(iter(parameters.values()))
-            trajectory = build_trajectory(first.trajectory, pose_reader, given)
-        for name, own in parameters.items():
-            auxiliary = (sensors or {}).get(name, ())
-            self.simulations[name] = Simulation(
-                own, pose_reader, trajectory=trajectory, sensors=auxiliary
-            )
-            trajectory = self.simulations[name].trajectory
-
-    @property
-    def total(self) -> int | None:
-        """Total number of samples; None: endless."""
-        totals = [simulation.total for simulation in self.simulations.values()]
-        return None if None in totals else sum(total or 0 for total in totals)
-
-    def warnings(self) -> list[str]:
-        """Return warnings on settings that are allowed but may be unintended, each line once."""
-        every = [line for one in self.simulations.values() for line in one.warnings()]
-        return list(dict.fromkeys(every))
-
-    def windows(self, block_size: int = BLOCK_SIZE) -> Iterator[dict[str, ImuBlock]]:
-        """Yield all samples, window by window: each simulation's block that lies in it.
-
-        A window has ``block_size`` samples of the fastest simulation; one that has no sample in a
-        window is left out of it. This includes blocks of simulations that have ended.
-
-        :raises ConfigurationError: for a size that is none, before the first window.
-        """
-        return self._windows(arguments.block_size("block_size", block_size))
-
-    def _windows(self, block_size: int) -> Iterator[dict[str, ImuBlock]]:
-        rates = {n: timebase.exact_rate(s.parameters.rate) for n, s in self.simulations.items()}
-        window = Fraction(block_size) / max(rates.values())
-        end = Fraction(0)
-        while any(one.position != one.total for one in self.simulations.values()):
-            end += window
-            blocks = {}
-            for name, simulation in self.simulations.items():
-                # Samples k / rate < end, as timebase.sample_count has it, in exact numbers.
-                block = simulation.next_block(math.ceil(end * rates[name]) - simulation.position)
-                if len(block.true_t_ns):
-                    blocks[name] = block
-            yield blocks
+            yield self.next(int(min(block_size, end - self.position)))

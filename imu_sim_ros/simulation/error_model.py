@@ -24,8 +24,10 @@ from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.errors.response import Floats
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.gravity import gravity_vector
+from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.imu.model import CHUNK, NOWHERE, Imu, ImuSample, unknown_motion
-from imu_sim_ros.sensors.registry import board
+from imu_sim_ros.sensors.pose.declaration import NAME as POSE
+from imu_sim_ros.sensors.pose.model import pose_samples
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.error_input import (
     Conventions,
@@ -35,6 +37,7 @@ from imu_sim_ros.simulation.error_input import (
     StartCheck,
 )
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
+from imu_sim_ros.simulation.sensors import models, mounted
 from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array, Times
 
@@ -75,13 +78,13 @@ class ErrorModel:
     ) -> None:
         """Set up the sensor; its first sample is the first reading.
 
-        :param sensors: ``orientation``, or nothing: what else the board states.
+        :param sensors: ``orientation``, if the board states it next to the readings.
         :param remark: receives a line for everything that looks like a mistake, and for the first
             irregularities of the stamps of each kind.
         """
         self.parameters = parameters
         self.counts = Counts()
-        self._sensors, self._remark = frozenset(sensors), remark
+        self._sensors, self._remark = frozenset(sensors) - {IMU}, remark
         self._nominal_ns = 1e9 / parameters.rate
         self._longest_gap_ns = parameters.input.longest_gap * 1e9
         self._resamples = bool(parameters.input.rate) and (
@@ -169,24 +172,22 @@ class ErrorModel:
             return None
         return self._last_ns + round((index - self.position + 1) * self._nominal_ns)
 
-    def read(self, given: GivenReadings) -> list[ImuBlock]:
-        """Return the samples that readings give, in one block or several.
+    def read(self, given: GivenReadings) -> list[dict[str, Any]]:
+        """Return the samples that readings give, by sensor, in one window or several.
 
         If stamps jump back the errors begin again; readings that repeat a stamp, or come late,
-        are left out. ``first`` of a block is the index of its first sample since the restart.
+        are left out. ``first`` of the IMU's is the index of the first sample since the restart.
 
         :param given: as they come from the other simulator; they have passed the gate.
         :raises InputError: if gravity is missing and there is no orientation.
         """
         self.counts.readings += len(given.t_ns)
-        blocks = [
-            block
-            for part, back_ns in self._order.parts(given)
-            for block in self._read(part, back_ns)
+        windows = [
+            read for part, back_ns in self._order.parts(given) for read in self._read(part, back_ns)
         ]
-        for block in blocks:
-            self.counts.samples += len(block.true_t_ns)
-        return blocks
+        for read in windows:
+            self.counts.samples += len(read[IMU].true_t_ns)
+        return windows
 
     def read_one(self, t_ns: int, gyro: Floats, accel: Floats) -> ImuSample | None:
         """Return the sample of one reading in plain floats; the bits of :meth:`read`, but faster.
@@ -248,7 +249,7 @@ class ErrorModel:
         self._report(self.counts.restarts, line)
         self._begin(seed)
 
-    def _read(self, given: GivenReadings, back_ns: int) -> list[ImuBlock]:
+    def _read(self, given: GivenReadings, back_ns: int) -> list[dict[str, Any]]:
         """Return the samples of readings in order, after a jump back of their stamps."""
         if back_ns:
             self._restart(back_ns)
@@ -317,7 +318,7 @@ class ErrorModel:
             self._sampled(GivenReadings(t_ns, gyro, accel, q_wb))
             count -= step
 
-    def _sampled(self, given: GivenReadings) -> list[ImuBlock]:
+    def _sampled(self, given: GivenReadings) -> list[dict[str, Any]]:
         """Return the samples of readings in the IMU's place."""
         inside = (given.gyro, given.accel)
         if self._resampler is not None:
@@ -344,14 +345,14 @@ class ErrorModel:
             done += step
         return blocks
 
-    def _apply(self, imu: Imu, given: GivenReadings, gyro: Array, accel: Array) -> ImuBlock:
+    def _apply(self, imu: Imu, given: GivenReadings, gyro: Array, accel: Array) -> dict[str, Any]:
         """Return the next samples, which are those of readings (3, n m) inside the sensor."""
         first, self.position = self.position, self.position + len(given.t_ns)
         block = imu.apply(first, given.t_ns, self._motion(given), gyro, accel)
         rate = timebase.exact_rate(self.parameters.rate)
         window = Window(first / rate, self.position / rate)
         read = {name: model.read(window, self._world) for name, model in self._others.items()}
-        return block._replace(auxiliary=read)
+        return {IMU: block, POSE: pose_samples(block.true_t_ns, block.motion), **read}
 
     def _start(self, given: GivenReadings) -> Imu:
         """Make the sensor, whose first sample is the first of the readings."""
@@ -359,7 +360,7 @@ class ErrorModel:
         environment = dataclasses.replace(parameters, seed=self.seed)
         t0_ns = int(given.t_ns[0])
         self._world = World(NOWHERE, environment, t0_ns)
-        self._others = board(parameters.imu, environment, t0_ns, self._sensors)
+        self._others = models(mounted(environment), self._sensors, t0_ns)
         imu = self._others.pop("imu")
         assert isinstance(imu, Imu)
         for fault, first in self._faults:
@@ -387,7 +388,7 @@ def _given(sample: ImuSample) -> GivenReadings:
 
 
 def joined(blocks: list[ImuBlock]) -> ImuBlock:
-    """Return blocks, at least one, as one without auxiliary samples."""
+    """Return blocks, at least one, as one."""
     if len(blocks) == 1:
         return blocks[0]
     columns: dict[str, Any] = {}
@@ -396,7 +397,7 @@ def joined(blocks: list[ImuBlock]) -> ImuBlock:
         delivered.append(block.delivered + shift)
         shift += len(block.true_t_ns)
     for name in ImuBlock._fields:
-        if name not in ("first", "delivered", "motion", "auxiliary"):
+        if name not in ("first", "delivered", "motion", "sensors"):
             columns[name] = np.concatenate([getattr(block, name) for block in blocks])
     motion = Motion(*(np.concatenate(v) for v in zip(*(b.motion for b in blocks), strict=True)))
     return ImuBlock(

@@ -5,7 +5,7 @@
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, make_dataclass
+from dataclasses import dataclass, fields, make_dataclass
 from functools import cache
 from typing import Any, Final
 
@@ -192,10 +192,21 @@ def carried(parameters: object) -> dict[str, Any]:
     return {name: getattr(parameters, name) for name in getattr(parameters, "sensors", ())}
 
 
-def carried_frames(parameters: object) -> dict[str, tuple[float, ...]]:
-    """Return the positions in the body [m] of sensors that have frames of their own, by frame."""
-    own = carried(parameters).values()
-    return {one.frame: one.lever_arm for one in own if one.frame}
+def imus(parameters: SampledParameters) -> dict[str, Any]:
+    """Return the parameters of each IMU with the world around it, by its name.
+
+    That of a single one is empty, and its parameters are all there are.
+    """
+    names = getattr(parameters, "imus", ())
+    if not names:
+        return {"": parameters}
+    shared = {field.name: getattr(parameters, field.name) for field in fields(SimulationParameters)}
+    result = {}
+    for name in names:
+        own = getattr(parameters, name)
+        of_its_own = {field.name: getattr(own, field.name) for field in fields(own)}
+        result[name] = SimulationParameters(**{**shared, **of_its_own})
+    return result
 
 
 def load_simulation(*layers: Mapping[str, object], node: str = "simulator") -> SimulationParameters:

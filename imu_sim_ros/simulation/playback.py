@@ -34,22 +34,21 @@ from imu_sim_ros.sensors.own_rate_parameters import LARGEST_LATENCY, LONGEST
 from imu_sim_ros.simulation.parameters import (
     SENSORS,
     SimulationParameters,
-    carried,
     carried_fields,
     carried_names,
+    imus,
     layer_simulation,
-    simulation_section,
 )
 
 NODE = "simulator"
 FAULTS = ("none", "bias_jump", "saturation", "stuck", "dropout", "latency")
-BODY = "/body"
-"""Name of the simulation that only gives the truth; no IMU can have it."""
 
 
 def _biases() -> str:
     """Return the topics of the biases of all auxiliary sensors, in words."""
-    names = [t.name for one in auxiliary_sensors() for t in one.topics if "biases" in t.flags]
+    names = [
+        t.name for one in auxiliary_sensors() for t in one.topics if "biases" in (t.flags or ())
+    ]
     return " and ".join(names)
 
 
@@ -221,8 +220,8 @@ class SimulatorParameters(SimulationParameters):
                 f"must be 0 if {prefix}publish.ground_truth is false"
             )
         wanted = self.publish.increments or self.publish.ground_truth_increments
-        for name, simulation in simulations(self).items() if wanted else ():
-            if name != BODY and simulation.imu.sampling != "averaged":
+        for name, simulation in imus(self).items() if wanted else ():
+            if simulation.imu.sampling != "averaged":
                 own = f"{name}." if name else prefix
                 yield (
                     f"{own}imu.sampling = {simulation.imu.sampling!r}: must be averaged if "
@@ -233,9 +232,8 @@ class SimulatorParameters(SimulationParameters):
                 f"{prefix}inject.imu = {self.inject.imu!r}: must be empty or one of imus, "
                 f"{list(self.imus)}"
             )
-        for name, simulation in simulations(self).items():
-            if name not in ("", BODY):
-                yield from simulation.problems(f"{name}.")
+        for name, simulation in imus(self).items() if self.imus else ():
+            yield from simulation.problems(f"{name}.")
         if self.cameras and isinstance(self, _rig().RigParameters):
             yield from _rig().rig_problems(self, self)
 
@@ -250,29 +248,6 @@ class OneImuParameters:
     seed: int = integer(0, "seed of all random streams", minimum=0, maximum=2**63 - 1)
     imu_frame: str = text(IMU_FRAME, "frame of the readings")
     imu: ImuParameters = section(ImuParameters)
-
-
-def simulations(parameters: SimulatorParameters) -> dict[str, SimulationParameters]:
-    """Return what is simulated, by the name of the IMU; a single IMU has an empty name.
-
-    If there are several, the body itself is simulated as well, as a perfect IMU in its origin
-    with the common rate: its motion is the truth of all.
-    """
-    fields = dataclasses.fields(SimulationParameters)
-    shared = {field.name: getattr(parameters, field.name) for field in fields}
-    with_sensors, own_of_body = SimulationParameters, carried(parameters)
-    if own_of_body:
-        with_sensors = simulation_section(tuple(own_of_body))
-        own_of_body["sensors"] = parameters.sensors
-    if not parameters.imus:
-        return {"": with_sensors(**shared, **own_of_body)}
-    result = {}
-    for name in parameters.imus:
-        own: OneImuParameters = getattr(parameters, name)
-        of_its_own = {field.name: getattr(own, field.name) for field in dataclasses.fields(own)}
-        result[name] = SimulationParameters(**{**shared, **of_its_own})
-    body = {**shared, "imu": ImuParameters(preset="perfect")}
-    return {**result, BODY: with_sensors(**body, **own_of_body)}
 
 
 def simulator_section(given: Mapping[str, object]) -> type[SimulatorParameters]:

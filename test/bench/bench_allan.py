@@ -25,7 +25,7 @@ from imu_sim_ros.calibration.noise.gauss_markov import estimate_gauss_markov
 from imu_sim_ros.calibration.noise.spectrum import SpectrumAccumulator
 from imu_sim_ros.calibration.noise.truth import compare
 from imu_sim_ros.sensors.block import ImuBlock
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.text_tables import print_table
 
@@ -59,7 +59,7 @@ KEYS = {
 }
 
 
-def simulation(values: dict[str, object], hours: float, rate: float, seed: int) -> Simulation:
+def simulation(values: dict[str, object], hours: float, rate: float, seed: int) -> Body:
     fixed = {
         "imu.preset": "perfect",
         "trajectory.type": "static",
@@ -67,12 +67,12 @@ def simulation(values: dict[str, object], hours: float, rate: float, seed: int) 
         "rate": rate,
         "seed": seed,
     }
-    return Simulation(load_simulation(fixed, values))
+    return Body(load_simulation(fixed, values))
 
 
-def estimates(run: Simulation, model: str) -> list[AxisNoise]:
+def estimates(run: Body, model: str) -> list[AxisNoise]:
     accumulator = SpectrumAccumulator(run.parameters.rate, 6)
-    for block in run.blocks():
+    for block in (read["imu"] for read in run.windows()):
         accumulator.add(np.concatenate([block.gyro, block.accel], axis=1))
     accumulator.end_piece()
     spectrum = accumulator.result()
@@ -161,8 +161,8 @@ def _triad(result: AllanResult, triad: int) -> str:
     return " ".join(f"{e.value:.2e}" if e.value else f"<{e.high:.1e}" for e in found)
 
 
-def _blocks(run: Simulation) -> Iterator[ImuBlock]:
-    yield from run.blocks()
+def _blocks(run: Body) -> Iterator[ImuBlock]:
+    yield from (read["imu"] for read in run.windows())
 
 
 def speed() -> None:

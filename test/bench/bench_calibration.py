@@ -23,7 +23,7 @@ from imu_sim_ros.calibration.deterministic.turntable import (
 )
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.state import Correction, NavigationState
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 from imu_sim_ros.text_tables import print_table
 from imu_sim_ros.trajectory.parameters import trajectory_layer
@@ -58,7 +58,7 @@ class Run:
         self.parameters: SimulationParameters = load_simulation(
             trajectory_layer(trajectory), SENSOR, *layers, {"seed": seed}
         )
-        blocks = list(Simulation(self.parameters).blocks())
+        blocks = [read["imu"] for read in Body(self.parameters).windows()]
         self.t_ns = np.concatenate([b.t_ns for b in blocks])
         self.gyro = np.concatenate([b.gyro for b in blocks])
         self.accel = np.concatenate([b.accel for b in blocks])

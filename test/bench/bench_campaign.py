@@ -39,7 +39,7 @@ from imu_sim_ros.navigation.covariance import POSITION, initial_covariance, prop
 from imu_sim_ros.navigation.evaluation import nees
 from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.state import NavigationStates
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.text_tables import print_table
 
 RATE, SECONDS, IMU = 200.0, 20.0, "mpu6000"
@@ -114,7 +114,7 @@ def plain_loop(first: int, count: int, covariance: np.ndarray) -> tuple[float, f
 def final_covariance() -> np.ndarray:
     """Return the covariance of the final position; it is the same for all seeds."""
     parameters = ims.simulate(imu=IMU, rate=RATE, duration=SECONDS, seed=0).parameters
-    block = Simulation(parameters).next_block(round(RATE * SECONDS))
+    block = Body(parameters).next(round(RATE * SECONDS))["imu"]
     motion, imu = block.motion, parameters.imu
     truth = NavigationStates(block.true_t_ns, motion.position, motion.velocity, motion.q_wb)
     initial = initial_covariance(
@@ -192,7 +192,7 @@ def stages(folder: Path) -> None:
     for first in range(5, 205, BATCH):
         seeds = plan.seeds[first : first + BATCH]
         simulations = timed("random streams and sensor of a seed", cell.simulation, seeds)
-        blocks = timed("its readings", lambda one: one.next_block(cell.total), simulations)
+        blocks = timed("its readings", lambda one: one.next(cell.total)["imu"], simulations)
         metrics = partial(reckoning.metrics, name, estimator)
         timed("dead reckoning, metrics, NEES", metrics, blocks)
         timed("a run as a whole", lambda seed: list(runs.rows([seed], [name], folder)), seeds)

@@ -19,7 +19,7 @@ from imu_sim_ros.navigation.parameters import ATTITUDE_UPDATES, METHODS
 from imu_sim_ros.navigation.preintegration import StepReadings, preintegrate
 from imu_sim_ros.navigation.state import AT_REST, NavigationState, NavigationStates
 from imu_sim_ros.navigation.stepper import Stepper
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.text_tables import print_table
 
@@ -134,8 +134,8 @@ RATES = (100.0, 200.0, 400.0, 800.0, 1600.0)
 def errors_of(trajectory: str, rate: float, method: str, attitude: str) -> tuple[float, float]:
     """Return final errors of position and attitude of ideal readings over 9.3 s."""
     values = {"imu.preset": "perfect", "trajectory.type": trajectory, "rate": rate}
-    simulation = Simulation(load_simulation({**values, "duration": 9.3 + 1.0 / rate}))
-    block = simulation.next_block(round(9.3 * rate) + 1)
+    simulation = Body(load_simulation({**values, "duration": 9.3 + 1.0 / rate}))
+    block = simulation.next(round(9.3 * rate) + 1)["imu"]
     motion = block.motion
     truth = NavigationStates(block.t_ns, motion.position, motion.velocity, motion.q_wb)
     states = dead_reckon(block.t_ns, block.gyro, block.accel, truth.at(0), method, attitude)

@@ -9,7 +9,7 @@ import sys
 import time
 from pathlib import Path
 
-from imu_sim_ros.simulation.engine import BLOCK_SIZE, Simulation
+from imu_sim_ros.simulation.engine import BLOCK_SIZE, Body
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.text_tables import print_table
 
@@ -40,13 +40,13 @@ CASES: dict[str, tuple[float, dict[str, object]]] = {
 
 def samples_per_second(values: dict[str, object], size: int = BLOCK_SIZE) -> list[float]:
     """Return the speeds of a few runs, the lowest first; all six axes and the truth are made."""
-    simulation = Simulation(load_simulation(values))
-    simulation.next_block(2000)  # imports, first chunks
+    simulation = Body(load_simulation(values))
+    simulation.next(2000)["imu"]  # imports, first chunks
     count = SAMPLES if size >= 1000 else SAMPLES // 20
     speeds = []
     for _ in range(REPEATS):
         start = time.process_time()
-        for _ in simulation.blocks(size, count):
+        for _ in simulation.windows(size, count):
             pass
         speeds.append(count / (time.process_time() - start))
     return sorted(speeds)
@@ -59,11 +59,11 @@ def cells(speeds: list[float]) -> list[str]:
 
 def growth() -> float:
     """Return by how many MiB ten million samples with every term raise the highest memory."""
-    simulation = Simulation(load_simulation(EVERY_TERM))
-    for _ in simulation.blocks(count=200_000):
+    simulation = Body(load_simulation(EVERY_TERM))
+    for _ in simulation.windows(count=200_000):
         pass
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    for _ in simulation.blocks(count=10_000_000):
+    for _ in simulation.windows(count=10_000_000):
         pass
     return (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024 / MEBIBYTE
 

@@ -14,7 +14,7 @@ import imu_sim_ros as ims
 from imu_sim_ros.calibration.deterministic.ellipsoid import calibrate_magnetometer, symmetric_root
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.sensors.magnetometer.model import realised_magnetometer
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 FIELD = 5e-5
@@ -97,11 +97,7 @@ def test_a_tumbling_board_gives_its_iron_back() -> None:
         "imu.magnetometer_resolution": 1.5e-7,
     }
     parameters = load_simulation(values)
-    block = (
-        Simulation(parameters, sensors=("magnetic_field",))
-        .next_block(6000)
-        .auxiliary["magnetic_field"]
-    )
+    block = Body(parameters, sensors=("magnetic_field",)).next(6000)["magnetic_field"]
     assert block is not None
     field = float(np.linalg.norm(parameters.magnetic_field.value))
     found = calibrate_magnetometer(block.field, field)

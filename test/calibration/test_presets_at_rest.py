@@ -7,7 +7,7 @@ import pytest
 
 from imu_sim_ros.calibration.noise.analysis import analyse
 from imu_sim_ros.parameters import files
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 PRESETS = [name for name in files.names("imus") if name != "perfect"]
@@ -26,7 +26,7 @@ def analysed(preset: str, seed: int) -> list[str]:
             "seed": seed,
         }
     )
-    return list(analyse([Simulation(parameters).blocks()]).warnings)
+    return list(analyse([(read["imu"] for read in Body(parameters).windows())]).warnings)
 
 
 def assert_at_rest(preset: str, seed: int) -> None:

@@ -28,7 +28,7 @@ from imu_sim_ros.calibration.deterministic.turntable import (
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
@@ -64,7 +64,7 @@ class Run:
     def __init__(self, trajectory: str, *layers: dict[str, object], **values: object) -> None:
         parameters = load_simulation(trajectory_layer(trajectory), *layers, values)
         self.imu: ImuParameters = parameters.imu
-        blocks = list(Simulation(parameters).blocks())
+        blocks = [read["imu"] for read in Body(parameters).windows()]
         self.t_ns = np.concatenate([block.t_ns for block in blocks])
         self.gyro = np.concatenate([block.gyro for block in blocks])
         self.accel = np.concatenate([block.accel for block in blocks])
@@ -309,8 +309,8 @@ def test_the_correction_makes_dead_reckoning_drift_less():
     correction = Correction(**{name: tuple(found.value) for name, found in values.items()})
 
     parameters = load_simulation(trajectory_layer("lecture"), FLAWS, {"seed": 12})
-    simulation = Simulation(parameters)
-    block = simulation.next_block(4000)
+    simulation = Body(parameters)
+    block = simulation.next(4000)["imu"]
     motion = block.motion
     start = NavigationState(motion.position[0], motion.velocity[0], motion.q_wb[0])
     errors = [

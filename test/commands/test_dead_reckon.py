@@ -14,7 +14,7 @@ from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.commands.dead_reckon import main
 from imu_sim_ros.commands.generate import main as generate
 from imu_sim_ros.poses import read_poses
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 KEYS = {
@@ -32,8 +32,8 @@ KEYS = {
 def block_of(trajectory="lecture", duration=5.005, **parameters):
     values = {"imu.preset": "perfect", "trajectory.type": trajectory, "duration": duration}
     values |= {name.replace("__", "."): value for name, value in parameters.items()}
-    simulation = Simulation(load_simulation(values))
-    return simulation.next_block(simulation.total)
+    simulation = Body(load_simulation(values))
+    return simulation.next(simulation.total)["imu"]
 
 
 def write(path, block, truth=slice(None), imu=slice(None), topics=("ground_truth/odom",)):

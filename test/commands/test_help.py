@@ -17,7 +17,7 @@ import pytest
 from imu_sim_ros.commands import control, simulation_arguments, start
 from imu_sim_ros.jobs.generate import Setup
 from imu_sim_ros.parameters import files
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 
 WITH_PARSER = [*start.PROGRAMS, "demo"]
 ROOT = Path(__file__).parents[2]
@@ -185,7 +185,7 @@ def test_every_dataset_of_the_manual_has_an_end_and_a_truth_of_its_own():
         named = given.trajectory in (None, *files.names("trajectories"))
         if given.duration is None and named and not given.params_file:  # those are the page's own
             setup = Setup.load(simulation_arguments.layers(given))
-            assert Simulation(setup.simulator).total is not None, line
+            assert Body(setup.simulator).total is not None, line
     assert len(written) > 30
 
 

@@ -15,7 +15,7 @@ from imu_sim_ros.datasets.consumers.values import ImuValues
 from imu_sim_ros.parameters.sections import flatten, parameters
 from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 RATE = 200.0
@@ -41,7 +41,7 @@ def simulated(**values):
     """Return a noise-free sensor with large errors, and its readings."""
     chosen = {"imu.preset": "perfect", "trajectory.type": "excitation", "seed": 3, "rate": RATE}
     loaded = load_simulation({**chosen, **values})
-    return loaded, Simulation(loaded).next_block(400)
+    return loaded, Body(loaded).next(400)["imu"]
 
 
 def files(folder, loaded, duration=7200.0):
@@ -71,7 +71,7 @@ def test_a_seed_realised_gives_the_same_readings():
         },
     )
     again = dataclasses.replace(loaded, imu=realised_imu(loaded.imu, loaded.seed), seed=99)
-    other = Simulation(again).next_block(400)
+    other = Body(again).next(400)["imu"]
     np.testing.assert_allclose(other.gyro, block.gyro, rtol=0, atol=1e-13)
     np.testing.assert_allclose(other.accel, block.accel, rtol=0, atol=1e-12)
 

@@ -21,7 +21,7 @@ from imu_sim_ros.navigation.evaluation import anees_band, nees
 from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.preintegration import StepReadings, preintegrate
 from imu_sim_ros.navigation.state import AT_REST, NavigationStates
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 RUNS = 500
@@ -44,8 +44,8 @@ def simulate(noise, trajectory="lecture", rate=200.0, duration=10.0, first_seed=
     parameters = load_simulation(values)
     blocks = []
     for seed in range(first_seed, first_seed + RUNS):
-        simulation = Simulation(dataclasses.replace(parameters, seed=seed))
-        block = simulation.next_block(round(rate * duration) + 1)
+        simulation = Body(dataclasses.replace(parameters, seed=seed))
+        block = simulation.next(round(rate * duration) + 1)["imu"]
         first = blocks[0] if blocks else block
         # The motion is the same in all runs: one copy of it is enough.
         shared = {name: getattr(first, name) for name in ("motion", "ideal_gyro", "ideal_accel")}

@@ -15,7 +15,7 @@ from imu_sim_ros.navigation.evaluation import anees_band, nees
 from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors, noise_of
 from imu_sim_ros.navigation.preintegration import StepReadings, preintegrate
 from imu_sim_ros.parameters import files
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 PRESETS = [name for name in files.names("imus") if name != "perfect"]
@@ -149,8 +149,8 @@ def mean_nees(preset, runs):
     parameters = load_simulation({"imu.preset": preset}, shape)
     rows, blocks = slice(BEFORE, BEFORE + 201), []
     for seed in range(runs):
-        simulation = Simulation(dataclasses.replace(parameters, seed=1000 + seed))
-        block = simulation.next_block(BEFORE + 201)
+        simulation = Body(dataclasses.replace(parameters, seed=1000 + seed))
+        block = simulation.next(BEFORE + 201)["imu"]
         blocks.append((block.gyro, block.accel, block.gyro_bias, block.accel_bias))
     gyro, accel, gyro_bias, accel_bias = (np.stack(x)[:, rows] for x in zip(*blocks, strict=True))
     h, noise = np.full((runs, 200), H), noise_of(parameters.imu)

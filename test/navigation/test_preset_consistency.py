@@ -23,7 +23,7 @@ from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integr
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 RATE = 200.0
@@ -47,9 +47,7 @@ def mean_nees(given, trajectory, runs, duration):
     integrator = build(IntegratorParameters, values)
     errors = []
     for seed in range(runs):
-        block = Simulation(dataclasses.replace(parameters, seed=FIRST_SEED + seed)).next_block(
-            count
-        )
+        block = Body(dataclasses.replace(parameters, seed=FIRST_SEED + seed)).next(count)["imu"]
         motion = block.motion
         truth = NavigationStates(
             *(x[rest:] for x in (block.t_ns, motion.position, motion.velocity, motion.q_wb))

@@ -18,11 +18,10 @@ from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.nodes import launching
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten, parameters
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.playback import (
     SimulatorParameters,
     layer_simulator,
-    simulations,
     simulator_section,
 )
 
@@ -119,9 +118,9 @@ def test_the_lists_of_a_users_launch_file_reach_the_readings(
     node = start("simulator", *arguments_of(entry, tmp_path), wait_for_subscribers=1)
     assert listener.wait_for_end(node) == 0, node.output
     given = files.load(tmp_path / "launch_params")
-    (simulated,) = simulations(build(SimulatorParameters, layer_simulator(given))).values()
+    simulated = build(SimulatorParameters, layer_simulator(given))
     assert simulated.imu.gyroscope.bias == (0.01, 0.0, -0.02)
-    block = Simulation(simulated).next_block(50)
+    block = Body(simulated).next(50)["imu"]
     live = [
         [m.angular_velocity.x, m.angular_velocity.y, m.angular_velocity.z]
         for m in listener.messages("/robot/imu0")

@@ -17,7 +17,7 @@ from imu_sim_ros.sensors.environment import TemperatureParameters
 from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.sensors.imu.board import ShockBias, Surroundings
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 CYCLES = [0.0, 25.0, 400.0, 65.0, 800.0, 25.0, 1200.0, 65.0]
@@ -43,19 +43,19 @@ EVERYTHING: dict[str, Any] = {
 }
 
 
-def simulation(**values: Any) -> Simulation:
+def simulation(**values: Any) -> Body:
     base = {"imu.preset": "perfect", "trajectory.type": "lecture"}
-    return Simulation(load_simulation({**base, **values}))
+    return Body(load_simulation({**base, **values}))
 
 
 def at_rest(count: int, **values: Any) -> ImuBlock:
-    return simulation(**{"trajectory.type": "static", **values}).next_block(count)
+    return simulation(**{"trajectory.type": "static", **values}).next(count)["imu"]
 
 
 def test_samples_do_not_depend_on_the_block() -> None:
-    whole = simulation(**EVERYTHING).next_block(2000)
+    whole = simulation(**EVERYTHING).next(2000)["imu"]
     other = simulation(**EVERYTHING)
-    parts = [other.next_block(n) for n in (1, 7, 92, 0, 900, 1000)]
+    parts = [other.next(n)["imu"] for n in (1, 7, 92, 0, 900, 1000)]
     for name in ("gyro", "accel", "gyro_bias", "accel_scale", "temperature"):
         joined = np.concatenate([getattr(part, name) for part in parts])
         assert np.array_equal(joined, getattr(whole, name)), name
@@ -64,7 +64,7 @@ def test_samples_do_not_depend_on_the_block() -> None:
 def test_truth_accounts_for_the_reading() -> None:
     without = ("noise", "g_squared")
     values = {k: v for k, v in EVERYTHING.items() if not any(word in k for word in without)}
-    block = simulation(**values).next_block(2000)
+    block = simulation(**values).next(2000)["imu"]
     assert block.gyro_bias.std() > 1e-3
     gyro = block.gyro_scale * block.ideal_gyro + block.gyro_bias
     accel = block.accel_scale * block.ideal_accel + block.accel_bias
@@ -84,8 +84,8 @@ def test_an_oversampled_sensor_has_the_same_board(internal: float) -> None:
             "imu.gyroscope_bandwidth": 20.0,
             "imu.accelerometer_bandwidth": 20.0,
         },
-    ).next_block(400)
-    slow = simulation(rate=50.0, **values).next_block(400)
+    ).next(400)["imu"]
+    slow = simulation(rate=50.0, **values).next(400)["imu"]
     # Jumps fall on the next reading inside the sensor, not on the next sample.
     same = np.isclose(fast.gyro_bias, slow.gyro_bias, rtol=0.0, atol=2e-3).all(axis=1)
     assert np.mean(same) > 0.9
@@ -225,7 +225,7 @@ def test_sizes_of_shock_biases() -> None:
 
 def test_a_hard_landing_shows_in_the_readings() -> None:
     values = {"imu.shock_threshold": 9.9, "imu.gyroscope_shock_bias_sigma": 0.01}
-    block = simulation(**values).next_block(2000)
+    block = simulation(**values).next(2000)["imu"]
     above = np.linalg.norm(block.ideal_accel, axis=1) > 9.9
     begins = np.flatnonzero(above[1:] & ~above[:-1]) + 1
     jumps = np.flatnonzero(np.diff(block.gyro_bias[:, 0])) + 1
@@ -237,9 +237,9 @@ def test_a_hard_landing_shows_in_the_readings() -> None:
 def test_each_accelerometer_reads_at_its_own_place() -> None:
     positions = 0.05 * np.array([[1.0, 0.2, -0.3], [0.1, -0.8, 0.4], [-0.5, 0.6, 0.7]])
     block = simulation(**{"imu.accelerometer_positions": positions.ravel().tolist()})
-    accel = block.next_block(1000).accel
+    accel = block.next(1000)["imu"].accel
     for axis, position in enumerate(positions):
-        shifted = simulation(**{"imu.lever_arm": position.tolist()}).next_block(1000).accel
+        shifted = simulation(**{"imu.lever_arm": position.tolist()}).next(1000)["imu"].accel
         assert np.allclose(accel[:, axis], shifted[:, axis], rtol=0.0, atol=1e-13)
 
 
@@ -250,8 +250,8 @@ def test_size_effect_with_mounting_and_lever_arm() -> None:
     elements = [0.0] * 6 + r_z.tolist()
     one = simulation(
         **mounted, **{"imu.lever_arm": arm.tolist(), "imu.accelerometer_positions": elements}
-    ).next_block(500)
-    two = simulation(**mounted, **{"imu.lever_arm": (arm + turn @ r_z).tolist()}).next_block(500)
+    ).next(500)["imu"]
+    two = simulation(**mounted, **{"imu.lever_arm": (arm + turn @ r_z).tolist()}).next(500)["imu"]
     assert np.allclose(one.accel[:, 2], two.accel[:, 2], rtol=0.0, atol=1e-13)
 
 
@@ -309,7 +309,7 @@ def test_noise_does_not_become_negative() -> None:
 def test_g_squared_sensitivity() -> None:
     h = 1e-5 * np.arange(1.0, 10.0).reshape(3, 3)
     block = simulation(**{"imu.gyroscope_g_squared_sensitivity": h.ravel().tolist()})
-    made = block.next_block(500)
+    made = block.next(500)["imu"]
     expected = made.ideal_gyro + np.square(made.ideal_accel) @ h.T
     assert np.allclose(made.gyro, expected, rtol=0.0, atol=1e-15)
 

@@ -16,21 +16,21 @@ from imu_sim_ros.sensors.environment import TemperatureParameters
 from imu_sim_ros.sensors.errors.noise import accel_variance_discrete, gyro_variance_discrete
 from imu_sim_ros.sensors.errors.realised import unit_of_seed
 from imu_sim_ros.sensors.errors.response import TemperatureProfile, noise_gain, polynomial
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 S = np.array([[1.01, 0.002, -0.003], [0.004, 0.98, 0.005], [-0.006, 0.007, 1.02]])
 G_SENSITIVITY = np.array([[1e-3, 2e-3, 3e-3], [4e-3, 5e-3, 6e-3], [7e-3, 8e-3, 9e-3]])
 
 
-def simulation(**values: object) -> Simulation:
+def simulation(**values: object) -> Body:
     """Return a simulation of the lecture's trajectory, where all axes move."""
     base = {"imu.preset": "perfect", "trajectory.type": "lecture"}
-    return Simulation(load_simulation({**base, **values}))
+    return Body(load_simulation({**base, **values}))
 
 
 def read(count: int = 500, **values: object) -> ImuBlock:
-    return simulation(**values).next_block(count)
+    return simulation(**values).next(count)["imu"]
 
 
 def sensor(**values: object) -> dict[str, object]:
@@ -143,7 +143,7 @@ def test_the_truths_explain_every_digit_of_the_reading(sampling: str) -> None:
     """
     rates = {"imu.internal_rate": 800.0} if sampling == "oversampled" else {}
     run = simulation(**EVERY_TERM, **{"imu.sampling": sampling}, **rates)
-    block, imu, limit = run.next_block(600), run.parameters.imu, math.floor(RANGE / STEP)
+    block, imu, limit = run.next(600)["imu"], run.parameters.imu, math.floor(RANGE / STEP)
     for triad, name in zip(TRIADS, ("gyro", "accel"), strict=True):
         x, reading = getattr(block, f"ideal_{name}"), getattr(block, name)
         truths = {error: getattr(block, f"{name}_{error}") for error in ERRORS}
@@ -263,7 +263,7 @@ def test_covariance_is_the_variance_of_the_samples(rate: float) -> None:
     noise that a low-pass at a quarter of the rate leaves.
     """
     n = 200_000
-    run = Simulation(
+    run = Body(
         load_simulation(
             {
                 "imu.preset": "perfect",
@@ -278,7 +278,7 @@ def test_covariance_is_the_variance_of_the_samples(rate: float) -> None:
             }
         )
     )
-    block = run.next_block(n)
+    block = run.next(n)["imu"]
     imu = run.parameters.imu
     ratio = block.gyro.var(axis=0) / gyro_variance_discrete(imu, rate)
     assert np.abs(ratio - 1.0).max() < 5.0 * np.sqrt(4.0 / n)

@@ -12,7 +12,7 @@ from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.sensors.errors.realised import realised_imu, unit_of_seed
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 SEEDS = 1000
@@ -70,7 +70,7 @@ def test_the_realised_sensor_has_the_same_readings() -> None:
     )
     fixed = dataclasses.replace(parameters, imu=realised_imu(parameters.imu, parameters.seed))
     assert not any(any(flatten(fixed)[name]) for name in values if name.endswith("_sigma"))
-    one, two = (Simulation(p).next_block(500) for p in (parameters, fixed))
+    one, two = (Body(p).next(500)["imu"] for p in (parameters, fixed))
     assert one.gyro == pytest.approx(two.gyro, abs=1e-12)
     assert one.accel == pytest.approx(two.accel, abs=1e-11)
     assert np.abs(one.gyro - one.ideal_gyro).max() > 1e-3
@@ -82,6 +82,6 @@ def test_no_reading_exceeds_the_range(limit: float, step: float, largest: float)
     values = {"imu.gyroscope_range": limit, "imu.gyroscope_resolution": step}
     values |= {"imu.gyroscope_noise_density": 1.0}
     shape = {"imu.preset": "perfect", "trajectory.type": "static"}
-    block = Simulation(load_simulation(shape, values)).next_block(2000)
+    block = Body(load_simulation(shape, values)).next(2000)["imu"]
     assert np.abs(block.gyro).max() == pytest.approx(largest)
     assert np.abs(block.gyro).max() <= limit * (1.0 + 1e-12)

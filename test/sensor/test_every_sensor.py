@@ -20,7 +20,7 @@ from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.sensors import AUXILIARY, CARRIED, auxiliary_sensors, known_tables, registry
 from imu_sim_ros.sensors.declaration import Sensor
 from imu_sim_ros.sensors.faults import Fault
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 ROOT = Path(__file__).parents[2]
@@ -60,19 +60,19 @@ def given(sensor: Sensor, **own: object) -> dict[str, Any]:
     return {**BOARD, **named, **values}
 
 
-def simulation(sensor: Sensor, given: dict[str, Any]) -> Simulation:
-    return Simulation(load_simulation(given), sensors={sensor.quantity})
+def simulation(sensor: Sensor, given: dict[str, Any]) -> Body:
+    return Body(load_simulation(given), sensors={sensor.quantity})
 
 
 def arrays(sensor: Sensor, blocks: Any) -> dict[str, Any]:
     """Return all that was read, and its truth, joined."""
     names = [*(field.name for field in fields(sensor.readings)), "release_t_ns"]  # type: ignore[arg-type]
-    read = [block.auxiliary[sensor.quantity] for block in blocks]
+    read = [block[sensor.quantity] for block in blocks]
     return {name: np.concatenate([getattr(one, name) for one in read]) for name in names}
 
 
 def whole(sensor: Sensor, given: dict[str, Any]) -> dict[str, Any]:
-    return arrays(sensor, [simulation(sensor, given).next_block(10**6)])
+    return arrays(sensor, [simulation(sensor, given).next(10**6)])
 
 
 def same(a: dict[str, Any], b: dict[str, Any]) -> bool:
@@ -81,8 +81,8 @@ def same(a: dict[str, Any], b: dict[str, Any]) -> bool:
 
 def test_blocks_may_have_any_size(sensor: Sensor) -> None:
     one = whole(sensor, given(sensor))
-    assert same(one, arrays(sensor, simulation(sensor, given(sensor)).blocks(37)))
-    assert same(one, arrays(sensor, simulation(sensor, given(sensor)).blocks(1)))
+    assert same(one, arrays(sensor, simulation(sensor, given(sensor)).windows(37)))
+    assert same(one, arrays(sensor, simulation(sensor, given(sensor)).windows(1)))
 
 
 def test_seeds_differ_and_repeat(sensor: Sensor) -> None:
@@ -92,8 +92,8 @@ def test_seeds_differ_and_repeat(sensor: Sensor) -> None:
 
 
 def test_no_sample_of_the_imu_depends_on_it(sensor: Sensor) -> None:
-    with_it = simulation(sensor, given(sensor)).next_block(10**6)
-    alone = Simulation(load_simulation(BOARD)).next_block(10**6)
+    with_it = simulation(sensor, given(sensor)).next(10**6)["imu"]
+    alone = Body(load_simulation(BOARD)).next(10**6)["imu"]
     assert all(np.array_equal(getattr(alone, n), getattr(with_it, n)) for n in ("gyro", "accel"))
 
 
@@ -105,8 +105,8 @@ def test_truth_is_complete_and_python_returns_it(sensor: Sensor) -> None:
     else:
         values = given(sensor, **lossy)
     run = simulation(sensor, values)
-    block = run.next_block(10**6)
-    read = block.auxiliary[sensor.quantity]
+    block = run.next(10**6)
+    read = block[sensor.quantity]
     assert 0 < len(read.delivered) < len(read.true_t_ns)
     for field in fields(sensor.readings):  # type: ignore[arg-type]
         array = getattr(read, field.name)
@@ -153,14 +153,14 @@ def test_faults(sensor: Sensor) -> None:
     plain = whole(sensor, given(sensor))
     run = simulation(sensor, given(sensor))
     run.inject(Fault("dropout", 1.0, 1.0, sensor.name))
-    block = run.next_block(10**6)
-    read = block.auxiliary[sensor.quantity]
+    block = run.next(10**6)
+    read = block[sensor.quantity]
     lost = np.setdiff1d(np.arange(len(read.t_ns)), read.delivered)
     since = (read.true_t_ns[lost] - run.t0_ns) * 1e-9
     assert len(lost) == np.count_nonzero(read.true_t_ns < run.t0_ns + 10**9) > 0
     assert since.max() < 1.0
     assert same(plain, arrays(sensor, [block]))
-    assert len(block.delivered) == len(block.t_ns)
+    assert len(block["imu"].delivered) == len(block["imu"].t_ns)
 
 
 def test_live_parameters_change_from_the_next_block_on(sensor: Sensor) -> None:
@@ -170,10 +170,10 @@ def test_live_parameters_change_from_the_next_block_on(sensor: Sensor) -> None:
         return
     plain = whole(sensor, given(sensor))
     run = simulation(sensor, given(sensor))
-    before = run.next_block(300)
+    before = run.next(300)
     run.update(load_simulation(given(sensor), {f"{prefix(sensor)}{name}": 0.0}))
-    both = arrays(sensor, [before, run.next_block(10**6)])
-    count = len(before.auxiliary[sensor.quantity].t_ns)
+    both = arrays(sensor, [before, run.next(10**6)])
+    count = len(before[sensor.quantity].t_ns)
     differs = [n for n in plain if not np.array_equal(plain[n], both[n])]
     assert differs
     assert all(np.array_equal(plain[n][:count], both[n][:count]) for n in plain)

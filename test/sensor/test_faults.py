@@ -10,21 +10,21 @@ import pytest
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensors.faults import Fault
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 
-def run(**values: object) -> Simulation:
+def run(**values: object) -> Body:
     base = {"imu.preset": "perfect", "trajectory.type": "lecture"}
-    return Simulation(load_simulation({**base, **values}))
+    return Body(load_simulation({**base, **values}))
 
 
 def test_stuck_output_repeats_the_last_reading() -> None:
     faulty, plain = run(), run()
     faulty.inject(Fault("stuck", 0.5, triad="gyroscope"), delay=0.25)
-    pieces = [faulty.next_block(30) for _ in range(10)]
+    pieces = [faulty.next(30)["imu"] for _ in range(10)]
     gyro = np.concatenate([block.gyro for block in pieces])
-    expected = plain.next_block(300)
+    expected = plain.next(300)["imu"]
     assert np.array_equal(gyro[:50], expected.gyro[:50])
     assert np.array_equal(gyro[50:150], np.tile(expected.gyro[49], (100, 1)))
     assert np.array_equal(gyro[150:], expected.gyro[150:])
@@ -34,27 +34,27 @@ def test_stuck_output_repeats_the_last_reading() -> None:
 
 def test_stuck_at_the_edge_of_a_block_and_at_the_start() -> None:
     faulty, plain = run(), run()
-    expected = plain.next_block(200).accel
+    expected = plain.next(200)["imu"].accel
     faulty.inject(Fault("stuck", 0.1, triad="accelerometer"))
-    assert np.array_equal(faulty.next_block(10).accel, np.tile(expected[0], (10, 1)))
-    faulty.next_block(40)
+    assert np.array_equal(faulty.next(10)["imu"].accel, np.tile(expected[0], (10, 1)))
+    faulty.next(40)
     faulty.inject(Fault("stuck", 0.1, triad="accelerometer"))
-    assert np.array_equal(faulty.next_block(10).accel, np.tile(expected[49], (10, 1)))
+    assert np.array_equal(faulty.next(10)["imu"].accel, np.tile(expected[49], (10, 1)))
 
 
 def test_saturation_of_one_axis() -> None:
     faulty, plain = run(), run()
     faulty.inject(Fault("saturation", math.inf, (0.0, 0.0, 9.0), "accelerometer"))
-    expected = plain.next_block(400).accel
+    expected = plain.next(400)["imu"].accel
     expected[:, 2] = np.clip(expected[:, 2], -9.0, 9.0)
-    assert np.array_equal(faulty.next_block(400).accel, expected)
+    assert np.array_equal(faulty.next(400)["imu"].accel, expected)
 
 
 def test_random_dropouts_leave_other_losses_as_they_were() -> None:
     values = {"imu.dropout_probability": 0.1}
     faulty, plain = run(**values), run(**values)
     faulty.inject(Fault("dropout", 100.0, 0.3), delay=1.0)
-    few, all_rows = faulty.next_block(20_400).delivered, plain.next_block(20_400).delivered
+    few, all_rows = faulty.next(20_400)["imu"].delivered, plain.next(20_400)["imu"].delivered
     assert np.isin(few, all_rows).all()
     kept = len(few[(few >= 200) & (few < 20_200)]) / len(
         all_rows[(all_rows >= 200) & (all_rows < 20_200)]
@@ -66,7 +66,7 @@ def test_random_dropouts_leave_other_losses_as_they_were() -> None:
 
 @pytest.mark.parametrize("size", [1, 7, 300])
 def test_faults_do_not_depend_on_the_block_size(size: int) -> None:
-    def faulty() -> Simulation:
+    def faulty() -> Body:
         simulation = run(**{"imu.dropout_probability": 0.1})
         simulation.inject(Fault("dropout", 0.7, 0.5), delay=0.1)
         simulation.inject(Fault("dropout", 0.4, 0.5), delay=0.3)
@@ -76,8 +76,8 @@ def test_faults_do_not_depend_on_the_block_size(size: int) -> None:
         simulation.inject(Fault("latency", 0.05, 0.03), delay=0.3)
         return simulation
 
-    whole = faulty().next_block(300)
-    blocks = list(faulty().blocks(size, 300))
+    whole = faulty().next(300)["imu"]
+    blocks = [read["imu"] for read in faulty().windows(size, 300)]
     for name in ("gyro", "accel", "accel_bias", "release_t_ns", "true_t_ns"):
         pieces = np.concatenate([getattr(block, name) for block in blocks])
         assert np.array_equal(pieces, getattr(whole, name)), name
@@ -107,7 +107,7 @@ def test_old_faults_are_dropped_and_streams_are_not_reused() -> None:
     lost = []
     for _ in range(1000):
         faulty.inject(Fault("dropout", 0.1, 0.5))
-        lost.append(20 - len(faulty.next_block(20).delivered))
-    assert len(faulty._imu._faults._windows) == 1
+        lost.append(20 - len(faulty.next(20)["imu"].delivered))
+    assert len(faulty._models["imu"]._faults._windows) == 1
     assert np.mean(lost) == pytest.approx(10.0, abs=5.0 * np.sqrt(5.0 / 1000))
     assert np.var(lost) == pytest.approx(5.0, rel=5.0 * np.sqrt(2.0 / 1000))

@@ -25,9 +25,10 @@ from imu_sim_ros.nodes import help as node_help
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors import registry
 from imu_sim_ros.sensors.faults import Fault
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
-from imu_sim_ros.simulation.playback import load_simulator, simulations
+from imu_sim_ros.simulation.playback import load_simulator
+from imu_sim_ros.simulation.sensors import mounted
 
 PLACE = Path(__file__).with_name("own_package.py")
 OWN = {
@@ -116,16 +117,16 @@ def test_python_reads_it_at_its_own_rate_with_its_truth(installed: Any) -> None:
 def test_samples_do_not_depend_on_blocks_and_leave_others_as_they_are(installed: Any) -> None:
     installed()
     parameters = load_simulation(GIVEN)
-    whole = Simulation(parameters, sensors={"sonar"}).next_block(10**6)
-    parts = list(Simulation(parameters, sensors={"sonar"}).blocks(37))
+    whole = Body(parameters, sensors={"sonar"}).next(10**6)
+    parts = list(Body(parameters, sensors={"sonar"}).windows(37))
     for name in ("t_ns", "range", "ideal", "bias", "release_t_ns"):
-        joined = np.concatenate([getattr(part.auxiliary["sonar"], name) for part in parts])
-        assert np.array_equal(joined, getattr(whole.auxiliary["sonar"], name)), name
+        joined = np.concatenate([getattr(part["sonar"], name) for part in parts])
+        assert np.array_equal(joined, getattr(whole["sonar"], name)), name
     without = {k: v for k, v in GIVEN.items() if not k.startswith(("sonar", "sensors"))}
-    alone = Simulation(load_simulation(without)).next_block(10**6)
-    assert np.array_equal(alone.gyro, whole.gyro)
-    other = Simulation(replace(parameters, seed=8), sensors={"sonar"}).next_block(10**6)
-    assert not np.array_equal(other.auxiliary["sonar"].range, whole.auxiliary["sonar"].range)
+    alone = Body(load_simulation(without)).next(10**6)["imu"]
+    assert np.array_equal(alone.gyro, whole["imu"].gyro)
+    other = Body(replace(parameters, seed=8), sensors={"sonar"}).next(10**6)
+    assert not np.array_equal(other["sonar"].range, whole["sonar"].range)
 
 
 @pytest.mark.parametrize("name", ["flight.mcap", "flight.bag", "folder"])
@@ -196,11 +197,11 @@ def test_its_truth_is_a_file_that_simulates_it_again(installed: Any, tmp_path: P
 def test_faults_and_live_changes(installed: Any) -> None:
     installed()
     parameters = load_simulation(GIVEN)
-    plain = Simulation(parameters, sensors={"sonar"}).next_block(10**6).auxiliary["sonar"]
-    run = Simulation(parameters, sensors={"sonar"})
-    first = run.next_block(400).auxiliary["sonar"]
+    plain = Body(parameters, sensors={"sonar"}).next(10**6)["sonar"]
+    run = Body(parameters, sensors={"sonar"})
+    first = run.next(400)["sonar"]
     run.inject(Fault("bias_jump", 1.0, 2.0, "sonar"))
-    jumped = run.next_block(400).auxiliary["sonar"]
+    jumped = run.next(400)["sonar"]
     count = len(first.range)
     rows = slice(count, count + len(jumped.range))
     added = jumped.range - plain.range[rows]
@@ -209,9 +210,9 @@ def test_faults_and_live_changes(installed: Any) -> None:
     assert np.count_nonzero(added) == 13
     run.reset()
     quiet = load_simulation(GIVEN, {"sonar.noise": 0.0})
-    run.next_block(400)
+    run.next(400)
     run.update(quiet)
-    still = run.next_block(400).auxiliary["sonar"]
+    still = run.next(400)["sonar"]
     assert np.array_equal(still.range, still.ideal + still.bias)
     with pytest.raises(ConfigurationError, match="sonar.ground: cannot be changed"):
         run.update(load_simulation(GIVEN, {"sonar.ground": -5.0}))
@@ -220,8 +221,16 @@ def test_faults_and_live_changes(installed: Any) -> None:
 def test_several_imus_have_it_once(installed: Any, tmp_path: Path) -> None:
     installed()
     several = {**GIVEN, "imus": ["left", "right"]}
-    names = simulations(load_simulator(several))
-    assert [getattr(one, "sensors", ()) for one in names.values()] == [(), (), ("sonar",)]
+    of_imus = [name for name in mounted(load_simulator(several)) if "/" in name]
+    assert "sonar" in mounted(load_simulator(several))
+    assert not any("sonar" in name for name in of_imus)
+    body = Body(load_simulator(several), sensors=("sonar",))
+    assert list(body.inject(Fault("dropout", 1.0, 1.0, "sonar"))) == ["left"]
+    read = body.next(10**6)
+    assert 0 < len(read["sonar"].delivered) < len(read["sonar"].t_ns)
+    assert all(
+        len(read[f"{n}/imu"].delivered) == len(read[f"{n}/imu"].t_ns) for n in several["imus"]
+    )
     path = tmp_path / "both"
     options = [*OPTIONS, "--set", "imus=[left,right]", "--format", "csv"]
     assert generate.main(["-o", str(path), *options]) == 0

@@ -16,7 +16,7 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors import catalogue
 from imu_sim_ros.sensors.errors.noise import accel_variance_discrete, gyro_variance_discrete
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 PRESETS = files.names("imus")
@@ -75,7 +75,7 @@ def test_every_number_has_a_source_and_follows_from_it(kind: str, preset: str) -
 def test_every_preset_runs(preset: str, rate: float) -> None:
     parameters = load_simulation({"imu.preset": preset, "trajectory.type": "lecture", "rate": rate})
     assert parameters.warnings() == []
-    block = Simulation(parameters).next_block(1000)
+    block = Body(parameters).next(1000)["imu"]
     assert np.isfinite(block.gyro).all()
     assert np.isfinite(block.accel).all()
     gyro = gyro_variance_discrete(parameters.imu, rate)
@@ -159,7 +159,7 @@ def test_noise_in_a_bandwidth_is_the_data_sheets(
     parameters = load_simulation(
         {"imu.preset": preset, "trajectory.type": "static", "rate": rate}, values
     )
-    block = Simulation(parameters).next_block(int(seconds * rate))
+    block = Body(parameters).next(int(seconds * rate))["imu"]
     readings = block.gyro if triad == "gyroscope" else block.accel
     spectrum = np.fft.rfft(readings - readings.mean(axis=0), axis=0)
     spectrum[np.fft.rfftfreq(len(readings), 1.0 / rate) > bandwidth] = 0.0
@@ -173,7 +173,7 @@ def test_a_low_pass_acts_if_half_the_rate_is_above_it() -> None:
 
     def readings(rate: float, **more: object) -> np.ndarray:
         layer = {"imu.preset": "mti3", "trajectory.type": "static", "rate": rate, **more}
-        return Simulation(load_simulation(layer)).next_block(50).gyro
+        return Body(load_simulation(layer)).next(50)["imu"].gyro
 
     for rate in (200.0, 510.0):
         assert np.array_equal(readings(rate), readings(rate, **{"imu.gyroscope_bandwidth": 0.0}))
@@ -264,7 +264,7 @@ def white(
     """Return the RMS (3,) of readings at rest in half a second, before they are rounded."""
     parameters = {"imu.preset": preset, "rate": rate, "trajectory.type": "static"}
     parameters |= {f"imu.{triad}_resolution": 0.0 for triad in TRIADS}
-    run = Simulation(load_simulation({**parameters, **sensor})).next_block(round(seconds * rate))
+    run = Body(load_simulation({**parameters, **sensor})).next(round(seconds * rate))["imu"]
     size = round(0.5 * rate)
     rows = round(seconds * rate) // size * size
     return {

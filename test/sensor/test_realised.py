@@ -12,7 +12,7 @@ from imu_sim_ros.datasets.truth_files import _truth_text
 from imu_sim_ros.parameters.sections import flatten, parameters
 from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 FIELDS = parameters(ImuParameters)
@@ -120,19 +120,17 @@ def test_the_realised_unit_reads_the_same_whatever_the_field(name):
     loaded = load_simulation(changed(name)[1])
     sensors = ("magnetic_field", "pressure")
     unit = dataclasses.replace(loaded, imu=realised_imu(loaded.imu, loaded.seed))
-    one, two = (Simulation(p, sensors=sensors).next_block(100) for p in (loaded, unit))
+    one, two = (Body(p, sensors=sensors).next(100) for p in (loaded, unit))
     for attribute in ("gyro", "accel"):
         mine, theirs = getattr(one, attribute), getattr(two, attribute)
         np.testing.assert_allclose(theirs, mine, rtol=1e-9, atol=1e-11)
     np.testing.assert_allclose(
-        two.auxiliary["magnetic_field"].field,
-        one.auxiliary["magnetic_field"].field,
+        two["magnetic_field"].field,
+        one["magnetic_field"].field,
         rtol=0.0,
-        atol=1e-9 * np.abs(one.auxiliary["magnetic_field"].field).max(),
+        atol=1e-9 * np.abs(one["magnetic_field"].field).max(),
     )
-    np.testing.assert_allclose(
-        two.auxiliary["pressure"].pressure, one.auxiliary["pressure"].pressure, rtol=1e-12
-    )
+    np.testing.assert_allclose(two["pressure"].pressure, one["pressure"].pressure, rtol=1e-12)
 
 
 def test_nothing_is_left_to_draw():

@@ -8,7 +8,7 @@ import pytest
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensors.errors.noise import accel_variance_discrete
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 RATE = 200.0
@@ -17,11 +17,11 @@ BASE = {"imu.preset": "perfect", "trajectory.type": "static", "rate": RATE}
 
 def simulation(**values):
     named = {name.replace("__", "."): value for name, value in values.items()}
-    return Simulation(load_simulation({**BASE, **named}))
+    return Body(load_simulation({**BASE, **named}))
 
 
 def read(count=2000, **values):
-    return simulation(**values).next_block(count)
+    return simulation(**values).next(count)["imu"]
 
 
 def shaken(frequency, acceleration, **values):
@@ -109,7 +109,7 @@ def test_noise_of_an_oversampled_sensor_has_the_stated_variance():
     """
     given = {"imu__accelerometer_noise_density": 2e-3, **OVERSAMPLED}
     run = simulation(**given)
-    block = run.next_block(20_000)
+    block = run.next(20_000)["imu"]
     stated = accel_variance_discrete(run.parameters.imu, RATE)
     np.testing.assert_allclose((block.accel - [0, 0, 9.81]).var(axis=0), stated, rtol=0.045)
     # A second-order Butterworth passes pi / (2 sqrt 2) of its cut-off: 2 N^2 f pi / (2 sqrt 2).
@@ -167,7 +167,7 @@ def test_variance_of_counted_readings_is_stated():
     """Two roundings per increment: step^2 / 6, where the noise is spread over steps."""
     given = {**COUNTED, "imu__accelerometer_noise_density": 2e-2}
     run = simulation(**given)
-    accel = run.next_block(40_000).accel
+    accel = run.next(40_000)["imu"].accel
     stated = accel_variance_discrete(run.parameters.imu, RATE)
     np.testing.assert_allclose(accel.var(axis=0), stated, rtol=4 * np.sqrt(2 / 40_000))
 

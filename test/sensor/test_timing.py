@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.sensors.block import ImuBlock
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 N = 100_000
@@ -16,7 +16,7 @@ N = 100_000
 def read(count: int = N, rate: float = 200.0, **values: object) -> ImuBlock:
     imu = {f"imu.{name}": value for name, value in values.items()}
     base = {"imu.preset": "perfect", "trajectory.type": "static", "rate": rate}
-    return Simulation(load_simulation({**base, **imu})).next_block(count)
+    return Body(load_simulation({**base, **imu})).next(count)["imu"]
 
 
 def test_offset_skew_and_drift() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
@@ -26,7 +26,7 @@ def residual(block_size=8192, duration=200.0, trajectory="static", **values):
     """Return reading minus ideal reading (n, 6) of an IMU with nothing but vibration."""
     own = {"imu.preset": "perfect", "rate": RATE, "duration": duration, "seed": 3}
     parameters = load_simulation(trajectory_layer(trajectory), {**own, **values})
-    blocks = list(Simulation(parameters).blocks(block_size))
+    blocks = [read["imu"] for read in Body(parameters).windows(block_size)]
     return np.concatenate(
         [np.concatenate([b.gyro - b.ideal_gyro, b.accel - b.ideal_accel], axis=1) for b in blocks]
     )
@@ -113,7 +113,7 @@ def test_intensity_follows_the_motion_with_the_given_power():
     plain = residual(**circle, **BAND)
     rate = 2.0 * np.pi / 20.0
     parameters = load_simulation(trajectory_layer("circle"), {"imu.preset": "perfect"})
-    motion = Simulation(parameters).next_block(10).motion
+    motion = Body(parameters).next(10)["imu"].motion
     rate = float(np.linalg.norm(motion.angular_velocity[0]))
     followed = residual(
         **circle,

@@ -8,7 +8,7 @@ import hashlib
 import numpy as np
 
 from imu_sim_ros.sensors.block import ImuBlock, SensorBlock
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 TRIAD_TERMS = {
@@ -58,14 +58,12 @@ EVERY_TERM: dict[str, object] = {
 SAMPLES = 3000
 
 
-def simulation(**values: object) -> Simulation:
-    return Simulation(load_simulation({"trajectory.type": "static", **values}))
+def simulation(**values: object) -> Body:
+    return Body(load_simulation({"trajectory.type": "static", **values}))
 
 
-def perfect(values: dict[str, object]) -> Simulation:
-    return Simulation(
-        load_simulation({"imu.preset": "perfect", "trajectory.type": "static", **values})
-    )
+def perfect(values: dict[str, object]) -> Body:
+    return Body(load_simulation({"imu.preset": "perfect", "trajectory.type": "static", **values}))
 
 
 def arrays(block: ImuBlock) -> list[np.ndarray]:
@@ -75,12 +73,12 @@ def arrays(block: ImuBlock) -> list[np.ndarray]:
     return flat
 
 
-def joined(run: Simulation, size: int, count: int = SAMPLES) -> list[np.ndarray]:
-    blocks = [arrays(block) for block in run.blocks(size, count)]
+def joined(run: Body, size: int, count: int = SAMPLES) -> list[np.ndarray]:
+    blocks = [arrays(read["imu"]) for read in run.windows(size, count)]
     return [np.concatenate(parts) for parts in zip(*blocks, strict=True)]
 
 
-def fingerprint(run: Simulation, size: int) -> str:
+def fingerprint(run: Body, size: int) -> str:
     digest = hashlib.sha256()
     for values in joined(run, size):
         digest.update(np.ascontiguousarray(values).tobytes())
@@ -96,14 +94,12 @@ RANDOM_TERMS = {
 }
 
 
-def read_all(run: Simulation, size: int, count: int, quantity: str) -> SensorBlock:
-    """All samples of a sensor, read in blocks; rows count from the first."""
+def read_all(run: Body, size: int, count: int, quantity: str) -> SensorBlock:
+    """All samples of a sensor, read in windows."""
     parts, before = [], 0
-    for block in run.blocks(size, count):
-        read = block.auxiliary[quantity]
-        own = {"rows": read.rows + block.first} if "rows" in read.values else {}
-        values = {**read.values, **own}
-        parts.append(read._replace(delivered=read.delivered + before, values=values))
+    for block in run.windows(size, count):
+        read = block[quantity]
+        parts.append(read._replace(delivered=read.delivered + before))
         before += len(read.t_ns)
     *times, values = zip(*parts, strict=True)
     together = {name: np.concatenate([one[name] for one in values]) for name in values[0]}

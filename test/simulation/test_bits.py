@@ -21,7 +21,7 @@ from simulation_runs import (
 )
 
 from imu_sim_ros.parameters import files
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 SAMPLINGS: dict[str, dict[str, object]] = {
@@ -52,8 +52,8 @@ def test_samples_do_not_depend_on_the_block_size(sampling: str) -> None:
 @pytest.mark.parametrize("name", [n for n in files.names("trajectories") if n != "poses"])
 def test_no_trajectory_depends_on_the_block_size(name: str) -> None:
     values = {"imu.preset": "perfect", "trajectory.type": name, "rate": 190.0}
-    whole = joined(Simulation(load_simulation(values)), SAMPLES)
-    pieces = joined(Simulation(load_simulation(values)), 37)
+    whole = joined(Body(load_simulation(values)), SAMPLES)
+    pieces = joined(Body(load_simulation(values)), 37)
     for k, (a, b) in enumerate(zip(whole, pieces, strict=True)):
         assert np.array_equal(a, b), k
 
@@ -62,9 +62,9 @@ def test_no_trajectory_depends_on_the_block_size(name: str) -> None:
 @pytest.mark.parametrize("board", [{}, {"imu.lever_arm": [0.1, 0.2, -0.3]}], ids=["", "board"])
 def test_no_mean_depends_on_the_block_size(rate: float, board: dict[str, object]) -> None:
     values = {"imu.preset": "perfect", "rate": rate, "imu.sampling": "averaged", **board}
-    whole = joined(Simulation(load_simulation(values)), 9000, 9000)
+    whole = joined(Body(load_simulation(values)), 9000, 9000)
     for size, count in ((1, 50), (37, 400), (5000, 9000)):
-        pieces = joined(Simulation(load_simulation(values)), size, count)
+        pieces = joined(Body(load_simulation(values)), size, count)
         for k, (a, b) in enumerate(zip(whole, pieces, strict=True)):
             assert np.array_equal(a[:count], b), (size, k)
 
@@ -72,7 +72,7 @@ def test_no_mean_depends_on_the_block_size(rate: float, board: dict[str, object]
 def test_irregular_pieces_are_the_whole() -> None:
     run = perfect(EVERY_TERM)
     sizes = [1, 2, 0, 500, 1023, 3, 471, 1000]
-    pieces = [arrays(run.next_block(size)) for size in sizes]
+    pieces = [arrays(run.next(size)["imu"]) for size in sizes]
     whole = joined(perfect(EVERY_TERM), SAMPLES)
     for part, expected in zip(zip(*pieces, strict=True), whole, strict=True):
         assert np.array_equal(np.concatenate(part), expected)
@@ -105,29 +105,29 @@ def test_reset_gives_the_same_samples_again() -> None:
 @pytest.mark.parametrize(("first", "second"), [*itertools.combinations(RANDOM_TERMS, 2)])
 def test_switching_one_term_on_changes_no_other(first: str, second: str) -> None:
     """At rest the ideal rate is 0, so two terms read their exact sum; addition commutes."""
-    one = perfect(RANDOM_TERMS[first]).next_block(SAMPLES).gyro
-    two = perfect(RANDOM_TERMS[second]).next_block(SAMPLES).gyro
-    both = perfect({**RANDOM_TERMS[first], **RANDOM_TERMS[second]}).next_block(SAMPLES).gyro
+    one = perfect(RANDOM_TERMS[first]).next(SAMPLES)["imu"].gyro
+    two = perfect(RANDOM_TERMS[second]).next(SAMPLES)["imu"].gyro
+    both = perfect({**RANDOM_TERMS[first], **RANDOM_TERMS[second]}).next(SAMPLES)["imu"].gyro
     assert one.any()
     assert two.any()
     assert np.array_equal(both, one + two)
 
 
 def test_other_triad_and_timing_change_no_noise() -> None:
-    alone = perfect(RANDOM_TERMS["white"]).next_block(SAMPLES)
+    alone = perfect(RANDOM_TERMS["white"]).next(SAMPLES)["imu"]
     others = {
         name: value
         for name, value in EVERY_TERM.items()
         if not name.startswith("imu.gyroscope") and "mounting" not in name and "earth" not in name
     }
-    together = perfect({**others, **RANDOM_TERMS["white"]}).next_block(SAMPLES)
+    together = perfect({**others, **RANDOM_TERMS["white"]}).next(SAMPLES)["imu"]
     assert np.array_equal(alone.gyro, together.gyro)
     assert len(together.delivered) != SAMPLES
 
 
 def test_one_axis_does_not_change_another() -> None:
-    all_axes = perfect(RANDOM_TERMS["walk"]).next_block(SAMPLES).gyro
-    only_z = perfect({"imu.gyroscope_random_walk": [0.0, 0.0, 0.01]}).next_block(SAMPLES).gyro
+    all_axes = perfect(RANDOM_TERMS["walk"]).next(SAMPLES)["imu"].gyro
+    only_z = perfect({"imu.gyroscope_random_walk": [0.0, 0.0, 0.01]}).next(SAMPLES)["imu"].gyro
     assert np.array_equal(only_z[:, 2], all_axes[:, 2])
     assert not only_z[:, :2].any()
 
@@ -145,7 +145,7 @@ def test_seeds_axes_and_triads_are_uncorrelated(term: str) -> None:
     values = {**RANDOM_TERMS[term], **accel}
     series = []
     for seed in (0, 1, 2**40):
-        block = perfect({**values, "seed": seed}).next_block(n)
+        block = perfect({**values, "seed": seed}).next(n)["imu"]
         for reading in (block.gyro, block.accel - block.ideal_accel):
             series += list(reading.T if term == "white" else np.diff(reading, axis=0).T)
     correlation = np.corrcoef(series) - np.eye(len(series))

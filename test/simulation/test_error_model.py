@@ -14,12 +14,14 @@ from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.triads import TriadParameters
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.error_input import Differentiator, GivenReadings
-from imu_sim_ros.simulation.error_model import ErrorModel, joined
+from imu_sim_ros.simulation.error_model import ErrorModel
+from imu_sim_ros.simulation.error_model import joined as joined_blocks
 from imu_sim_ros.simulation.error_parameters import load_error_model
 from imu_sim_ros.simulation.parameters import load_simulation
-from imu_sim_ros.simulation.topics import encoder, encoder_of_one
+from imu_sim_ros.simulation.sensors import mounted
+from imu_sim_ros.simulation.topics import encoder_of_one, offered
 
 COMPARED = [name for name in ImuBlock._fields if name not in ("first", "motion", "auxiliary")]
 COUNT = 700
@@ -109,9 +111,14 @@ for triad in ("gyroscope", "accelerometer"):  # percent and matrix exclude each 
     CASES["everything"].pop(f"imu.{triad}_scale_misalignment")
 
 
+def joined(read: list[object]) -> ImuBlock:
+    """Return the IMU's samples of a model's windows, and of blocks, as one block."""
+    return joined_blocks([one["imu"] if isinstance(one, dict) else one for one in read])
+
+
 def truth_of(values: dict[str, object], count: int = COUNT) -> ImuBlock:
     base = {"imu.preset": "perfect", "trajectory.type": "lecture", "seed": 5}
-    return Simulation(load_simulation({**base, **values})).next_block(count)
+    return Body(load_simulation({**base, **values})).next(count)["imu"]
 
 
 def model_of(values: dict[str, object], **more: object) -> ErrorModel:
@@ -546,7 +553,8 @@ def test_a_message_of_one_sample_has_the_bytes_of_a_block(topic: str) -> None:
     }
     parameters = load_error_model({"seed": 5, "rate": 200.0, **rough})
     model = ErrorModel(parameters)
-    block, single = encoder(topic, parameters), encoder_of_one(topic, parameters)
+    block = offered(mounted(parameters))[topic].encoder()
+    single = encoder_of_one(topic, parameters)
     begin = 10**18
     model.read(GivenReadings(np.array([begin]), np.zeros((3, 1)), np.zeros((3, 1))))
     for k in range(1, 200):

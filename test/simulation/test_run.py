@@ -6,6 +6,7 @@
 import subprocess
 import sys
 import tracemalloc
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -14,26 +15,26 @@ from simulation_runs import EVERY_TERM, RANDOM_TERMS, perfect, simulation
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensors.faults import Fault
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 
 def test_total_and_blocks() -> None:
     run = simulation(duration=20.0)
     assert run.total == 4000
-    assert [len(block.t_ns) for block in run.blocks(1500)] == [1500, 1500, 1000]
-    assert len(run.next_block(10).t_ns) == 0
+    assert [len(read["imu"].t_ns) for read in run.windows(1500)] == [1500, 1500, 1000]
+    assert len(run.next(10)["imu"].t_ns) == 0
     assert simulation().total is None
-    assert [len(block.t_ns) for block in simulation().blocks(7, count=20)] == [7, 7, 6]
+    assert [len(read["imu"].t_ns) for read in simulation().windows(7, count=20)] == [7, 7, 6]
     assert simulation(duration=1.0, rate=0.5).total == 1
 
 
 def test_start_time() -> None:
-    assert simulation().next_block(2).true_t_ns.tolist() == [1_000_000_000, 1_005_000_000]
+    assert simulation().next(2)["imu"].true_t_ns.tolist() == [1_000_000_000, 1_005_000_000]
     assert simulation(start_time=0.0).t0_ns == 0
     assert simulation(start_time=1.5).t0_ns == 1_500_000_000
     parameters = load_simulation({"trajectory.type": "static"})
-    assert Simulation(parameters, t0_ns=7).next_block(1).t_ns.tolist() == [7]
+    assert Body(parameters, t0_ns=7).next(1)["imu"].t_ns.tolist() == [7]
 
 
 def test_duration_beyond_the_trajectory_is_refused(tmp_path: Path) -> None:
@@ -41,20 +42,20 @@ def test_duration_beyond_the_trajectory_is_refused(tmp_path: Path) -> None:
     rows = [f"{k} {k * k * 0.1} 0 0 0 0 0 1" for k in range(12)]
     path.write_text("\n".join(rows))
     values = {"trajectory.type": "poses", "trajectory.file": str(path)}
-    longest = Simulation(load_simulation(values)).trajectory.duration
+    longest = Body(load_simulation(values)).trajectory.duration
     with pytest.raises(ConfigurationError, match=r"duration = 100.*trajectory's length"):
-        Simulation(load_simulation({**values, "duration": 100.0}))
-    assert Simulation(load_simulation({**values, "duration": longest})).total is not None
+        Body(load_simulation({**values, "duration": 100.0}))
+    assert Body(load_simulation({**values, "duration": longest})).total is not None
 
 
 def test_update_changes_the_strength_and_nothing_else() -> None:
     values = {**RANDOM_TERMS["white"], **RANDOM_TERMS["walk"], "imu.accelerometer_noise_density": 1}
     changed, plain = perfect(values), perfect(values)
-    before = changed.next_block(500)
-    plain.next_block(500)
+    before = changed.next(500)["imu"]
+    plain.next(500)
     new = {**values, "imu.gyroscope_noise_density": 0.02, "imu.gyroscope_bias": [1.0, 0.0, 0.0]}
     changed.update(load_simulation({"imu.preset": "perfect", "trajectory.type": "static", **new}))
-    after, unchanged = changed.next_block(500), plain.next_block(500)
+    after, unchanged = changed.next(500)["imu"], plain.next(500)["imu"]
     assert np.array_equal(after.accel, unchanged.accel)
     bias = after.gyro_bias - unchanged.gyro_bias
     assert np.allclose(bias, [1.0, 0.0, 0.0], atol=1e-14)
@@ -72,27 +73,28 @@ def test_a_slow_bias_of_twice_the_strength_has_the_same_stream(name: str) -> Non
     """Its steps are twice as large from the change on."""
     values = {"imu.gyroscope_correlation_time": 5.0, f"imu.{name}": 0.01}
     run, plain = perfect(values), perfect(values)
-    run.next_block(100)
-    plain.next_block(100)
+    run.next(100)
+    plain.next(100)
     run.update(
         load_simulation(
             {"imu.preset": "perfect", "trajectory.type": "static", **values, f"imu.{name}": 0.02}
         )
     )
-    ratio = np.diff(run.next_block(100).gyro, axis=0) / np.diff(plain.next_block(100).gyro, axis=0)
+    steps = [np.diff(each.next(100)["imu"].gyro, axis=0) for each in (run, plain)]
+    ratio = steps[0] / steps[1]
     assert np.allclose(ratio, 2.0, rtol=1e-6)
 
 
 def test_ramp_does_not_jump_when_it_changes() -> None:
     values = {"imu.gyroscope_rate_ramp": 1.0}
     run = perfect(values)
-    run.next_block(200)
+    run.next(200)
     run.update(
         load_simulation(
             {"imu.preset": "perfect", "trajectory.type": "static", "imu.gyroscope_rate_ramp": -2.0}
         )
     )
-    after = run.next_block(101).gyro[:, 0]
+    after = run.next(101)["imu"].gyro[:, 0]
     assert after[0] == pytest.approx(1.0)
     assert after[100] == pytest.approx(0.0, abs=1e-12)
 
@@ -108,17 +110,17 @@ def test_update_refuses_what_is_fixed_and_changes_nothing() -> None:
     assert len(error.value.problems) == 2
     assert "rate: cannot be changed" in error.value.problems[0]
     assert run.parameters is old
-    assert np.abs(run.next_block(10).gyro_bias).max() < 0.1
+    assert np.abs(run.next(10)["imu"].gyro_bias).max() < 0.1
 
 
 def test_faults_take_effect_for_their_time_and_are_in_the_truth() -> None:
     run = perfect({})
-    run.next_block(100)
+    run.next(100)
     run.inject(Fault("bias_jump", 0.5, (0.1, 0.2, 0.3), "gyroscope"))
     run.inject(Fault("stuck", 0.25, triad="accelerometer"), delay=1.0)
     run.inject(Fault("dropout", 0.1, 1.0), delay=0.05)
     run.inject(Fault("latency", 0.1, 0.02), delay=0.05)
-    pieces = [run.next_block(70) for _ in range(6)]
+    pieces = [run.next(70)["imu"] for _ in range(6)]
     gyro_bias = np.concatenate([block.gyro_bias for block in pieces])
     assert np.array_equal(gyro_bias[:100], np.tile([0.1, 0.2, 0.3], (100, 1)))
     assert not gyro_bias[100:].any()
@@ -135,7 +137,7 @@ def test_reset_forgets_faults() -> None:
     run = perfect({})
     run.inject(Fault("bias_jump", 1.0, 1.0, "gyroscope"))
     run.reset()
-    assert not run.next_block(10).gyro.any()
+    assert not run.next(10)["imu"].gyro.any()
 
 
 def test_a_run_of_thirty_days_ends_exactly() -> None:
@@ -149,10 +151,10 @@ def test_a_run_of_thirty_days_ends_exactly() -> None:
         "start_time": float(start),
         "imu.clock_skew_ppm": 20.0,
     }
-    run = Simulation(load_simulation(values))
+    run = Body(load_simulation(values))
     assert run.total == 30 * 86400 * 1000
-    run.position = run.total - 1000
-    block = run.next_block(5000)
+    run._now = Fraction(30 * 86400 - 1)
+    block = run.next(5000)["imu"]
     assert len(block.t_ns) == 1000
     last = (start + 30 * 86400) * 10**9 - 10**6
     assert int(block.true_t_ns[-1]) == last
@@ -161,9 +163,9 @@ def test_a_run_of_thirty_days_ends_exactly() -> None:
     assert (np.diff(block.true_t_ns) == 10**6).all()
     assert (np.diff(block.t_ns) > 0).all()
     # The motion at that time, computed with the period taken out: K = pi / 10 has a period of 20 s.
-    phase = Simulation(load_simulation({**values, "duration": 20.0}))
-    phase.position = 19_000
-    again = phase.next_block(1000)
+    phase = Body(load_simulation({**values, "duration": 20.0}))
+    phase._now = Fraction(19)
+    again = phase.next(1000)["imu"]
     assert np.allclose(block.motion.position[:, :2], again.motion.position[:, :2], atol=1e-7)
 
 
@@ -172,7 +174,7 @@ def test_stamps_increase_at_any_rate(rate: float) -> None:
     run = perfect(
         {"rate": rate, "imu.jitter": 0.25 / rate, "imu.clock_skew_ppm": -10000.0, "start_time": 4e9}
     )
-    stamps = run.next_block(20_000).t_ns
+    stamps = run.next(20_000)["imu"].t_ns
     assert (np.diff(stamps) > 0).all()
 
 
@@ -182,11 +184,11 @@ def test_scipy_is_imported_for_a_low_pass_only() -> None:
         "import sys\n"
         "from imu_sim_ros.parameters.files import names\n"
         "from imu_sim_ros.simulation.parameters import load_simulation\n"
-        "from imu_sim_ros.simulation.engine import Simulation\n"
+        "from imu_sim_ros.simulation.engine import Body\n"
         "for imu in names('imus'):\n"
-        "    Simulation(load_simulation({'imu.preset': imu})).next_block(10)\n"
+        "    Body(load_simulation({'imu.preset': imu})).next(10)\n"
         "assert not {'scipy', 'matplotlib', 'rosbags', 'rclpy'} & set(sys.modules)\n"
-        "Simulation(load_simulation({'imu.gyroscope_bandwidth': 20.0})).next_block(10)\n"
+        "Body(load_simulation({'imu.gyroscope_bandwidth': 20.0})).next(10)\n"
         "assert 'scipy.signal' in sys.modules\n"
     )
     root = str(Path(__file__).parents[2])
@@ -202,13 +204,13 @@ def test_memory_does_not_grow_with_the_run() -> None:
     When the garbage collector runs decides what of one block is still there next to the next one.
     """
     run = perfect({**EVERY_TERM, "trajectory.type": "lecture"})
-    run.next_block(2000)
+    run.next(2000)
     tracemalloc.start()
     try:
         peaks = []
         for blocks in (10, 60):
             tracemalloc.reset_peak()
-            for _ in run.blocks(1000, 1000 * blocks):
+            for _ in run.windows(1000, 1000 * blocks):
                 pass
             peaks.append(tracemalloc.get_traced_memory()[1])
     finally:

@@ -6,14 +6,14 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.motion import RememberedTrajectory
 
 
 @pytest.fixture
 def trajectory():
-    return Simulation(load_simulation({"trajectory.type": "lecture"})).trajectory
+    return Body(load_simulation({"trajectory.type": "lecture"})).trajectory
 
 
 def test_the_same_times_give_the_same_arrays_which_are_read_only(trajectory):
@@ -40,9 +40,9 @@ def test_what_it_keeps_is_limited(trajectory):
 @pytest.mark.parametrize("kind", ["lecture", "waypoints"])
 def test_means_along_a_remembered_motion_are_those_of_the_motion(kind):
     values = {"trajectory.type": kind, "imu.sampling": "averaged", "imu.preset": "perfect"}
-    alone = Simulation(load_simulation(values))
+    alone = Body(load_simulation(values))
     kept = RememberedTrajectory(alone.trajectory)
     for _ in range(2):
-        block = Simulation(load_simulation(values), trajectory=kept).next_block(300)
-        assert np.array_equal(block.accel, alone.next_block(300).accel)
+        block = Body(load_simulation(values), trajectory=kept).next(300)["imu"]
+        assert np.array_equal(block.accel, alone.next(300)["imu"].accel)
         alone.reset()

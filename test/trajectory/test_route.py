@@ -123,17 +123,17 @@ def test_elevations_of_a_file_are_above_its_first_point(tmp_path):
 
 
 def test_another_origin_is_warned_of(tmp_path, capsys):
-    from imu_sim_ros.simulation.engine import Simulation
+    from imu_sim_ros.simulation.engine import Body
 
     path = written(tmp_path, "route.gpx", GPX)
     layer = trajectory_layer(str(path))
     assert layer == {"trajectory.type": "drive", "trajectory.file": str(path)}
-    (line,) = Simulation(load_simulation(layer)).warnings()
+    (line,) = Body(load_simulation(layer)).warnings()
     assert "latitude_deg=48.1370000 and longitude_deg=11.5750000" in line
     there = {"latitude_deg": 48.137, "longitude_deg": 11.575}
-    assert Simulation(load_simulation({**layer, **there})).warnings() == []
+    assert Body(load_simulation({**layer, **there})).warnings() == []
     own = {**layer, "trajectory.origin": [48.1, 11.5], "latitude_deg": 48.1, "longitude_deg": 11.5}
-    simulation = Simulation(load_simulation(own))
+    simulation = Body(load_simulation(own))
     assert simulation.warnings() == []
     place = simulation.trajectory.sample(np.zeros(1)).position[0]
     np.testing.assert_allclose(place[:2], east_north(*np.array([PLACES[0]]).T, 48.1, 11.5)[0])

@@ -39,7 +39,6 @@ from imu_sim_ros.simulation.error_parameters import (
     layer_error_model,
     sensor_rotation,
 )
-from imu_sim_ros.simulation.topics import sensors_of
 
 Reading = tuple[decode.ImuReading, Q4 | None]
 """Reading of one message, and the orientation if it has one."""
@@ -63,7 +62,7 @@ class ErrorModelNode(ConfiguredNode):
         self._received = self.refused = 0
         self._remarks: list[str] = []
         self._said: deque[float] = deque(maxlen=_REMARKS_A_SECOND)
-        sensors = sensors_of(wanted(parameters.publish))
+        sensors = {one.name for one in wanted(parameters).values()}
         self.model = ErrorModel(parameters, sensors, self._remark)
         self._oriented = self.model.uses_orientation
         self._odometry = Differentiator(parameters) if parameters.odometry else None

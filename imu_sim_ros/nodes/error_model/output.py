@@ -6,7 +6,7 @@
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 from rclpy.qos import QoSProfile
@@ -15,18 +15,18 @@ from imu_sim_ros.bags.messages.blocks import as_list
 from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.nodes.lifetime import Fail, SupervisedThread
 from imu_sim_ros.nodes.publishing import Counter, create
-from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.imu.model import ImuSample
 from imu_sim_ros.sensors.orientation.declaration import TOPIC as ORIENTATION_TOPIC
-from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters, ErrorPublishParameters
+from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
+from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.simulation.topics import (
     OF_THE_ERROR_MODEL,
-    TYPES,
     Encode,
     EncodeOne,
-    encoder,
+    Offered,
     encoder_of_one,
     is_published,
+    offered,
 )
 
 DEPTH: Final = 4000
@@ -35,13 +35,16 @@ _READINGS: Final = (IMU_TOPIC, ORIENTATION_TOPIC)
 """What the sensor's driver releases; the truth has no latency."""
 
 
-def wanted(publish: ErrorPublishParameters) -> list[str]:
+def wanted(parameters: ErrorNodeParameters) -> dict[str, Offered]:
     """Return the topics that are published."""
-    return [topic for topic in OF_THE_ERROR_MODEL if is_published(topic, publish)]
+    known = offered(mounted(parameters))
+    every = {name: known[name] for name in OF_THE_ERROR_MODEL}
+    return {n: one for n, one in every.items() if is_published(one.topic, parameters.publish)}
 
 
 class _Output(NamedTuple):
     topic: str
+    sensor: str
     encode: Encode
     encode_one: EncodeOne | None
     """None: of an orientation, which no single sample has."""
@@ -53,18 +56,20 @@ class ErrorModelOutputs:
 
     def __init__(self, node: Any, parameters: ErrorNodeParameters, fail: Fail) -> None:
         self.counters = [
-            Counter(topic, create(node, TYPES[topic], topic, QoSProfile(depth=DEPTH)))
-            for topic in wanted(parameters.publish)
+            Counter(topic, create(node, one.topic.type, topic, QoSProfile(depth=DEPTH)))
+            for topic, one in wanted(parameters).items()
         ]
         self._delayed = Delayed(fail)
         self.encode_for(parameters)
 
     def encode_for(self, parameters: ErrorNodeParameters) -> None:
         """Encode messages in the frame of parameters from now on."""
+        known = wanted(parameters)
         self._outputs = [
             _Output(
                 counter.topic,
-                encoder(counter.topic, parameters),
+                known[counter.topic].name,
+                known[counter.topic].encoder(),
                 None
                 if counter.topic == ORIENTATION_TOPIC
                 else encoder_of_one(counter.topic, parameters),
@@ -73,23 +78,22 @@ class ErrorModelOutputs:
             for counter in self.counters
         ]
 
-    def publish(self, block: ImuBlock, parameters: ErrorNodeParameters) -> None:
-        """Publish the messages of a block; readings with the delay that they have."""
-        for topic, encode, _, counter in self._outputs:
-            messages = encode(block, parameters)
+    def publish(self, samples: Mapping[str, Any], parameters: ErrorNodeParameters) -> None:
+        """Publish the messages of samples by sensor; readings with the delay that they have."""
+        for topic, sensor, encode, _, counter in self._outputs:
+            read = samples[sensor]
+            messages = encode(read, parameters)
             payloads = as_list(messages.payloads)
             if topic not in _READINGS:
                 for payload in payloads:
                     counter.send(payload)
                 continue
-            # An orientation belongs to some of the samples only.
-            read = block if topic == IMU_TOPIC else block.auxiliary["orientation"]
             delays = (read.release_t_ns - read.true_t_ns)[read.delivered]
             self._delayed.send(counter.send, payloads, delays.tolist())
 
     def publish_singly(self, samples: Sequence[ImuSample], parameters: ErrorNodeParameters) -> None:
         """Publish the messages of samples, the same bytes as of a block."""
-        for topic, _, encode, counter in self._outputs:
+        for topic, _, _, encode, counter in self._outputs:
             if encode is None:
                 continue
             payloads: list[bytes] = []

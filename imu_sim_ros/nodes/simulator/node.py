@@ -39,26 +39,24 @@ from imu_sim_ros.nodes.simulator.diagnostics import Histogram, StreamReport
 from imu_sim_ros.nodes.simulator.engine import Engine, wanted_fault
 from imu_sim_ros.nodes.simulator.pacing import Pacer, RosClockPacer, Settling, Stall
 from imu_sim_ros.nodes.simulator.publish_queue import (
+    BodyStream,
     PublishQueue,
-    SimulationStream,
     Stream,
     TickStream,
 )
 from imu_sim_ros.nodes.simulator.serial_line import PseudoTerminal, SerialEncode
 from imu_sim_ros.poses import PoseSequence
-from imu_sim_ros.sensors.declaration import Topic
-from imu_sim_ros.sensors.registry import find_sensor
+from imu_sim_ros.sensors.declaration import Mounted, Topic
 from imu_sim_ros.simulation import topics
-from imu_sim_ros.simulation.engine import Simulation
-from imu_sim_ros.simulation.parameters import DEFAULT_TRAJECTORY, carried
+from imu_sim_ros.simulation.engine import Body
+from imu_sim_ros.simulation.parameters import DEFAULT_TRAJECTORY, imus
 from imu_sim_ros.simulation.playback import (
-    BODY,
     SimulatorParameters,
     has_cameras,
     layer_simulator,
-    simulations,
     simulator_section,
 )
+from imu_sim_ros.simulation.sensors import mounted, mounts
 
 QUEUE: Final = 4000
 """Messages kept for a reliable subscriber that has not acknowledged them: 2 s at 2 kHz."""
@@ -110,10 +108,10 @@ class Simulator(ConfiguredNode):
         streams = list(self._streams(parameters))
         if parameters.publish.tf_static:
             self._publish_mounts(parameters)
-        first = next(s.simulation for s in streams if isinstance(s, SimulationStream))
+        body = next(s.body for s in streams if isinstance(s, BodyStream))
         check_overrides(self, self._cameras.topics if self._cameras else ())
         self.engine = Engine(
-            PublishQueue(streams, parameters.duration or first.trajectory.duration),
+            PublishQueue(streams, parameters.duration or body.trajectory.duration),
             self._pacer(parameters),
             parameters.block_duration,
             ready=self._ready,
@@ -169,42 +167,29 @@ class Simulator(ConfiguredNode):
             )
 
     def _streams(self, parameters: SimulatorParameters) -> Iterator[Stream]:
-        publish = parameters.publish
-        for name, simulated in simulations(parameters).items():
-            further = tuple(carried(simulated))
-            chosen = [
-                topic
-                for topic in topics.TYPES
-                if (name in ("", BODY) if topic in topics.OF_THE_BODY else name != BODY)
-                and topics.is_published(topic, publish)
-            ]
-            offered = (topic for own in further for topic in topics.topics_of(own))
-            chosen += [topic.name for topic in offered if self._can_publish(topic)]
-            types, wanted = topics.types(further), topics.sensors_of(chosen, further)
-            simulation = Simulation(simulated, _read_poses, sensors=wanted)
-            self._remarks += simulation.warnings()
-            self._notes += [line for line in simulation.notes() if line not in self._notes]
-            # Several IMUs have a namespace each; the body's truth is one, in the node's own.
-            prefix = "" if name in ("", BODY) else f"{name}/"
-            outputs: list[Any] = [
-                (
-                    topics.encoder(topic, simulated),
-                    self._counted(prefix + topic, types[topic]),
-                )
-                for topic in chosen
-            ]
-            outputs += self._serial_lines(carried(simulated))
-            yield SimulationStream(simulation, outputs, name)
-            truth = simulation
-            if name != BODY:
-                described = sensor_description.create_publisher(self, prefix)
-                sensor_description.publish(described, simulated)
-                self._descriptions[name] = described
+        publish, sensors = parameters.publish, mounted(parameters)
+        chosen = [
+            (name, one)
+            for name, one in topics.offered(sensors).items()
+            if topics.is_published(one.topic, publish) and self._can_publish(one.topic)
+        ]
+        outputs: list[Any] = [
+            (one.name, one.encoder(), self._counted(name, one.topic.type)) for name, one in chosen
+        ]
+        outputs += self._serial_lines(sensors)
+        body = Body(parameters, _read_poses, sensors={name for name, *_ in outputs})
+        self._remarks += body.warnings()
+        self._notes += body.notes()
+        yield BodyStream(body, outputs)
+        for name, simulated in imus(parameters).items():
+            described = sensor_description.create_publisher(self, f"{name}/" if name else "")
+            sensor_description.publish(described, simulated)
+            self._descriptions[name] = described
         if publish.tf_rate:
             send = self._counted(conventions.TF_TOPIC, TF_MESSAGE, transforms.QOS)
-            yield transforms.transform_stream(publish.tf_rate, parameters, truth.trajectory, send)
+            yield transforms.transform_stream(publish.tf_rate, parameters, body.trajectory, send)
         if parameters.cameras:
-            yield from self._camera_streams(parameters, truth.trajectory.duration)
+            yield from self._camera_streams(parameters, body.trajectory.duration)
         if publish.clock_rate:
             clock = ClockEncoder()
             yield TickStream(
@@ -213,16 +198,17 @@ class Simulator(ConfiguredNode):
                 self._counted("/clock", CLOCK),
             )
 
-    def _serial_lines(self, carried: Mapping[str, Any]) -> Iterator[tuple[SerialEncode, Any]]:
-        """Yield what sensors of the body write to terminals, and how."""
-        for name, own in carried.items():
-            sensor = find_sensor(name)
-            where = sensor.serial.where(own) if sensor.serial else ""
+    def _serial_lines(
+        self, sensors: Mapping[str, Mounted]
+    ) -> Iterator[tuple[str, SerialEncode, Any]]:
+        """Yield what sensors write to terminals, and how."""
+        for name, one in sensors.items():
+            where = one.sensor.serial.where(one.own) if one.sensor.serial else ""
             if where:
                 terminal = PseudoTerminal(where)
                 self._terminals.append(terminal)
                 self._notes.append(f"{name}: serial line on {terminal.name}")
-                yield SerialEncode(sensor), terminal.send
+                yield name, SerialEncode(one.sensor), terminal.send
 
     def _can_publish(self, topic: Topic) -> bool:
         """Return whether a topic's type is installed, if it need not be."""
@@ -243,12 +229,12 @@ class Simulator(ConfiguredNode):
         yield from self._cameras.streams
 
     def _publish_mounts(self, parameters: SimulatorParameters) -> None:
-        mounts = transforms.imu_mounts(simulations(parameters))
-        mounts += self._cameras.mounts if self._cameras else []
+        placed = [transforms.Mount(*one) for one in mounts(mounted(parameters)).items()]
+        placed += self._cameras.mounts if self._cameras else []
         t_ns = int(self.get_clock().now().nanoseconds)
         try:
             # Kept: later subscribers get it from the publisher.
-            self._mounts = transforms.publish_mounts(self, parameters.body_frame, mounts, t_ns)
+            self._mounts = transforms.publish_mounts(self, parameters.body_frame, placed, t_ns)
         except MissingDependencyError as error:
             if "publish.tf_static" in self.given:
                 raise
@@ -297,15 +283,14 @@ class Simulator(ConfiguredNode):
         self.create_timer(PERIOD, self._diagnose, clock=steady)
 
     def _summary(self, parameters: SimulatorParameters) -> str:
-        imus = ", ".join(
+        described = ", ".join(
             f"{name + ': ' if name else ''}{p.imu.preset} at {p.rate:g} Hz, seed {p.seed}"
-            for name, p in simulations(parameters).items()
-            if name != BODY
+            for name, p in imus(parameters).items()
         )
         seen = f"; cameras {', '.join(parameters.cameras)}" if parameters.cameras else ""
         of_file = getattr(parameters.trajectory, "file", "")
         motion = of_file or self.given.get("trajectory.type", DEFAULT_TRAJECTORY)
-        return f"{imus}; trajectory {motion}{seen}"
+        return f"{described}; trajectory {motion}{seen}"
 
     # ------------------------------------------------------------------------- the run
     def _ready(self) -> bool:
@@ -375,10 +360,9 @@ class Simulator(ConfiguredNode):
             self._inject(new)
         self.engine.pacer.configure(new.real_time_factor, new.catch_up)
         if any(name.partition(".")[0] not in _OF_THE_NODE for name in self.changed):
-            parameters = simulations(new)
-            self.engine.change(lambda queue: queue.update(parameters))
-            for name, publisher in self._descriptions.items():
-                sensor_description.publish(publisher, parameters[name])
+            self.engine.change(lambda queue: queue.update(new))
+            for name, simulated in imus(new).items():
+                sensor_description.publish(self._descriptions[name], simulated)
 
     def _inject(self, parameters: SimulatorParameters) -> None:
         wanted = parameters.inject
@@ -450,8 +434,7 @@ class Simulator(ConfiguredNode):
         """Return what the seeds have drawn; looked up again only after a change of parameters."""
         if self._drawn_of is not self.parameters:
             self._drawn_of = self.parameters
-            imus = {n: p for n, p in simulations(self.parameters).items() if n != BODY}
-            self._drawn_values = drawn(imus)
+            self._drawn_values = drawn(imus(self.parameters))
         return self._drawn_values
 
 

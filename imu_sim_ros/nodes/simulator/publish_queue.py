@@ -3,7 +3,8 @@
 
 """Everything to be published, merged in the order in which it is due."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from fractions import Fraction
 from itertools import repeat
 from typing import Any, NamedTuple, Protocol
 
@@ -11,17 +12,16 @@ import numpy as np
 
 from imu_sim_ros import timebase
 from imu_sim_ros.bags.messages.blocks import as_list
-from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.faults import Fault
-from imu_sim_ros.simulation.engine import Simulation
-from imu_sim_ros.simulation.parameters import SampledParameters, SimulationParameters
-from imu_sim_ros.simulation.playback import BODY
+from imu_sim_ros.simulation.engine import Body
+from imu_sim_ros.simulation.parameters import SimulationParameters
+from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.simulation.topics import Encode, TextMessages
 from imu_sim_ros.types import Times
 
 Send = Callable[[Any], None]
-Say = Callable[[ImuBlock, SampledParameters], TextMessages]
-"""Turns a block into the messages of a serial line."""
+Say = Callable[[Any, Any], TextMessages]
+"""Turns samples into the messages of a serial line."""
 Group = tuple[int, Sequence[tuple[Send, Any]]]
 """Functions due at one time [ns], with the messages that they publish."""
 
@@ -45,41 +45,31 @@ class Stream(Protocol):
         """Yield the messages that were not yielded yet, up to ``end`` seconds after zero."""
 
 
-class SimulationStream:
-    """The topics of one simulation."""
+class BodyStream:
+    """The topics of the sensors of a body."""
 
-    def __init__(
-        self, simulation: Simulation, outputs: Sequence[tuple[Encode | Say, Send]], name: str = ""
-    ) -> None:
-        """Connect a simulation with its topics.
-
-        :param name: of the IMU, if there are several.
-        """
-        self.simulation = simulation
-        self.name = name
-        self._outputs = outputs
+    def __init__(self, body: Body, outputs: Sequence[tuple[str, Encode | Say, Send]]) -> None:
+        """Connect sensors, by name, with their topics."""
+        self.body, self._outputs = body, outputs
+        self._sensors = mounted(body.parameters)
 
     def restart(self, t0_ns: int) -> None:
-        """Return to the first sample: the same samples follow again."""
-        self.simulation.t0_ns = t0_ns
-        self.simulation.reset()
+        """Return to the first samples: the same follow again."""
+        self.body.t0_ns = t0_ns
+        self.body.reset()
 
     def advance(self, end: float) -> Iterator[Piece]:
         """Yield the messages of the samples before ``end``."""
-        rate = self.simulation.parameters.rate
-        count = timebase.sample_count(end, rate) - self.simulation.position
-        if count <= 0:
-            return
-        block = self.simulation.next_block(count)
-        for encode, send in self._outputs:
-            messages = encode(block, self.simulation.parameters)
-            yield Piece(messages.due_t_ns, send, as_list(messages.payloads))
+        read = self.body.until(Fraction(repr(float(end))))
+        for sensor, encode, send in self._outputs:
+            messages = encode(read[sensor], self._sensors[sensor].valid)
+            if len(messages.due_t_ns):
+                yield Piece(messages.due_t_ns, send, as_list(messages.payloads))
 
-    def next_time_ns(self, delay: float = 0.0) -> int:
-        """Return the time of the first sample that is at least ``delay`` s after the next one."""
-        rate = self.simulation.parameters.rate
-        index = self.simulation.position + timebase.sample_count(delay, rate)
-        return int(timebase.sample_times_ns(index, 1, rate, self.simulation.t0_ns)[0])
+    def update(self, parameters: SimulationParameters) -> None:
+        """Take new values of live parameters."""
+        self.body.update(parameters)
+        self._sensors = mounted(parameters)
 
 
 class TickStream:
@@ -122,9 +112,9 @@ class PublishQueue:
         self.restart(0)
 
     @property
-    def simulations(self) -> list[SimulationStream]:
-        """The streams that are simulations."""
-        return [stream for stream in self._streams if isinstance(stream, SimulationStream)]
+    def bodies(self) -> list[BodyStream]:
+        """The streams that are bodies with sensors."""
+        return [stream for stream in self._streams if isinstance(stream, BodyStream)]
 
     @property
     def finished(self) -> bool:
@@ -139,10 +129,10 @@ class PublishQueue:
         for stream in self._streams:
             stream.restart(t0_ns)
 
-    def update(self, parameters: Mapping[str, SimulationParameters]) -> None:
-        """Pass new live parameters, by the IMU's name, to the simulations."""
-        for stream in self.simulations:
-            stream.simulation.update(parameters[stream.name])
+    def update(self, parameters: SimulationParameters) -> None:
+        """Pass new live parameters to the sensors."""
+        for stream in self.bodies:
+            stream.update(parameters)
 
     def inject(self, fault: Fault, delay: float, imu: str = "") -> dict[str, int]:
         """Start a fault; returns the time of the first sample it hits [ns] by IMU.
@@ -150,10 +140,8 @@ class PublishQueue:
         :param imu: the IMU's name; empty: all.
         """
         times: dict[str, int] = {}
-        for stream in self.simulations:
-            if imu in ("", stream.name) and stream.name != BODY:
-                times[stream.name] = stream.next_time_ns(delay)
-                stream.simulation.inject(fault, delay)
+        for stream in self.bodies:
+            times |= stream.body.inject(fault, delay, imu)
         return times
 
     def next_groups(self, length: float) -> list[Group]:

@@ -8,12 +8,10 @@ import select
 import tty
 from contextlib import suppress
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.declaration import Sensor
-from imu_sim_ros.simulation.parameters import SampledParameters
 from imu_sim_ros.simulation.topics import TextMessages
 
 PLAIN: Final = "pty"
@@ -95,15 +93,14 @@ class PseudoTerminal:
 
 
 class SerialEncode:
-    """Turns a block into the messages of a sensor with a serial line."""
+    """Turns samples into the messages of a sensor with a serial line."""
 
     def __init__(self, sensor: Sensor) -> None:
         assert sensor.serial is not None
-        self._quantity, self._lines = sensor.quantity, sensor.serial.lines
+        self._lines = sensor.serial.lines
 
-    def __call__(self, block: ImuBlock, _: SampledParameters) -> TextMessages:
+    def __call__(self, read: Any, _: Any) -> TextMessages:
         """Return the messages of the delivered samples."""
-        read = block.auxiliary[self._quantity]
         rows = read.delivered
         lines = [line.encode("ascii") for line in self._lines(read, rows)]
         return TextMessages(read.release_t_ns[rows], lines)

@@ -14,8 +14,7 @@ from imu_sim_ros.bags.messages.transforms import TransformsEncoder
 from imu_sim_ros.conventions import TF_STATIC_TOPIC
 from imu_sim_ros.nodes.publishing import create
 from imu_sim_ros.nodes.simulator.publish_queue import TickStream
-from imu_sim_ros.simulation.parameters import SimulationParameters, carried_frames
-from imu_sim_ros.simulation.playback import BODY
+from imu_sim_ros.simulation.parameters import SimulationParameters
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.types import Array, Integers
 
@@ -24,30 +23,11 @@ STATIC_QOS: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LO
 
 
 class Mount(NamedTuple):
-    """Frames that are fixed to the body."""
+    """A frame that is fixed to the body."""
 
     frame: str
     pose: Array
     """(4, 4) T_bf: maps coordinates in the frame to the body."""
-
-
-def imu_mounts(simulated: dict[str, SimulationParameters]) -> list[Mount]:
-    """Return the places of IMUs and other sensors on the body, by lever arms and mountings.
-
-    :param simulated: the parameters of each IMU by its name, and of the body.
-    """
-    mounts = []
-    for name, parameters in simulated.items():
-        if name != BODY:
-            pose = np.eye(4)
-            pose[:3, :3] = np.reshape(parameters.imu.mounting, (3, 3))
-            pose[:3, 3] = parameters.imu.lever_arm
-            mounts.append(Mount(parameters.imu_frame, pose))
-        for frame, place in carried_frames(parameters).items():
-            pose = np.eye(4)
-            pose[:3, 3] = place
-            mounts.append(Mount(frame, pose))
-    return mounts
 
 
 def publish_mounts(node: Any, body_frame: str, mounts: Iterable[Mount], t_ns: int) -> Any:

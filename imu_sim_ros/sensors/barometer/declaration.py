@@ -12,7 +12,7 @@ from typing import Final
 from imu_sim_ros.inputs.gate import PRESSURE
 from imu_sim_ros.inputs.tables import Encode, Table
 from imu_sim_ros.sensors.barometer.parameters import BarometerParameters
-from imu_sim_ros.sensors.declaration import AuxiliaryReadings, Model, Sensor, topic
+from imu_sim_ros.sensors.declaration import Model, Sensor, SensorReadings, topic
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.realised import realised_triad
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
@@ -27,7 +27,7 @@ BIAS_TOPIC: Final = "ground_truth/barometer_bias"
 
 
 @dataclass(frozen=True, repr=False)
-class PressureReadings(AuxiliaryReadings):
+class PressureReadings(SensorReadings):
     """The n readings of a barometer that are delivered, and the truth of each."""
 
     t_ns: Times
@@ -75,6 +75,19 @@ def _realised(own: BarometerParameters, seed: int) -> BarometerParameters:
     )
 
 
+TABLE: Final = Table(
+    name="pressure",
+    title="Barometer",
+    quantity=PRESSURE,
+    headers={"euroc": "#timestamp [ns],p [Pa]", "csv": "timestamp,pressure"},
+    type=TYPE,
+    topic=TOPIC,
+    fields=("fluid_pressure", "variance"),
+    encoder=_of_table,
+    truths=(IDEAL_TOPIC, BIAS_TOPIC),
+    bias_type=TYPE,
+)
+
 SENSOR = Sensor(
     name="barometer",
     quantity="pressure",
@@ -104,18 +117,7 @@ SENSOR = Sensor(
         "pressure": "publish imu/pressure, the readings of the barometer",
         "ground_truth_pressure": "publish ground_truth/pressure, the pressure without errors",
     },
-    table=Table(
-        name="pressure",
-        title="Barometer",
-        quantity=PRESSURE,
-        headers={"euroc": "#timestamp [ns],p [Pa]", "csv": "timestamp,pressure"},
-        type=TYPE,
-        topic=TOPIC,
-        fields=("fluid_pressure", "variance"),
-        encoder=_of_table,
-        truths=(IDEAL_TOPIC, BIAS_TOPIC),
-        bias_type=TYPE,
-    ),
+    table=TABLE,
     values=lambda read: read.pressure[:, None],
     readings=PressureReadings,
     realised=_realised,
@@ -137,6 +139,6 @@ def read_pressure(path: str | Path, topic: str | None = None) -> Samples:
     >>> ims.read_pressure(folder / "pressure.mcap").values.shape
     (200,)
     """
-    found = read_samples(SENSOR.table, path, topic)
+    found = read_samples(TABLE, path, topic)
     flat = found.values.reshape(-1), found.covariance.reshape(-1)
     return Samples(found.t_ns, *flat, found.name)

@@ -13,7 +13,7 @@ import numpy as np
 from imu_sim_ros.conventions import Vector
 from imu_sim_ros.inputs.gate import FIELD
 from imu_sim_ros.inputs.tables import Encode, Table
-from imu_sim_ros.sensors.declaration import AuxiliaryReadings, Model, Sensor, topic
+from imu_sim_ros.sensors.declaration import Model, Sensor, SensorReadings, topic
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
@@ -28,7 +28,7 @@ BIAS_TOPIC: Final = "ground_truth/magnetometer_bias"
 
 
 @dataclass(frozen=True, repr=False)
-class MagneticReadings(AuxiliaryReadings):
+class MagneticReadings(SensorReadings):
     """The n readings of a magnetometer that are delivered, and the truth of each."""
 
     t_ns: Times
@@ -73,6 +73,22 @@ def _realised(parameters: MagnetometerParameters, seed: int) -> Any:
     return realised_magnetometer(parameters, seed)
 
 
+TABLE: Final = Table(
+    name="mag",
+    title="Magnetometer",
+    quantity=FIELD,
+    headers={
+        "euroc": "#timestamp [ns],b_RS_S_x [T],b_RS_S_y [T],b_RS_S_z [T]",
+        "csv": "timestamp,field_x,field_y,field_z",
+    },
+    type=TYPE,
+    topic=TOPIC,
+    fields=("magnetic_field", "magnetic_field_covariance"),
+    encoder=_of_table,
+    truths=(IDEAL_TOPIC, BIAS_TOPIC),
+    bias_type=BIAS_TYPE,
+)
+
 SENSOR = Sensor(
     name="magnetometer",
     quantity="magnetic_field",
@@ -102,21 +118,7 @@ SENSOR = Sensor(
         "ground_truth_magnetic_field": "publish ground_truth/mag, the magnetic field without "
         "errors",
     },
-    table=Table(
-        name="mag",
-        title="Magnetometer",
-        quantity=FIELD,
-        headers={
-            "euroc": "#timestamp [ns],b_RS_S_x [T],b_RS_S_y [T],b_RS_S_z [T]",
-            "csv": "timestamp,field_x,field_y,field_z",
-        },
-        type=TYPE,
-        topic=TOPIC,
-        fields=("magnetic_field", "magnetic_field_covariance"),
-        encoder=_of_table,
-        truths=(IDEAL_TOPIC, BIAS_TOPIC),
-        bias_type=BIAS_TYPE,
-    ),
+    table=TABLE,
     values=lambda read: read.field,
     readings=MagneticReadings,
     realised=_realised,
@@ -138,4 +140,4 @@ def read_magnetometer(path: str | Path, topic: str | None = None) -> Samples:
     >>> ims.read_magnetometer(folder / "field.mcap").values.shape
     (200, 3)
     """
-    return read_samples(SENSOR.table, path, topic)
+    return read_samples(TABLE, path, topic)

@@ -6,29 +6,24 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.tables import Table
-from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.declaration import (
-    AuxiliaryReadings,
     Model,
-    Now,
+    Mounted,
     Payloads,
     Sensor,
+    SensorReadings,
     Topic,
 )
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.errors.noise import accel_variance_discrete, gyro_variance_discrete
+from imu_sim_ros.sensors.imu.declaration import readings
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.orientation.parameters import OrientationParameters
 from imu_sim_ros.sensors.samples import Samples, read_samples
 from imu_sim_ros.types import Array, Times
-
-if TYPE_CHECKING:
-    from imu_sim_ros.bags.messages.blocks import RowTemplate
-
 
 TYPE: Final = "sensor_msgs/msg/Imu"
 TOPIC: Final = "imu/data"
@@ -36,7 +31,7 @@ TOPIC: Final = "imu/data"
 
 
 @dataclass(frozen=True, repr=False)
-class Orientations(AuxiliaryReadings):
+class Orientations(SensorReadings):
     """The n orientations that a board reports and delivers, and the truth of each."""
 
     t_ns: Times
@@ -51,28 +46,8 @@ class Orientations(AuxiliaryReadings):
     """(n, 4) the true ones."""
 
 
-def _readings(frame: str, encoding: str) -> Payloads:
-    from imu_sim_ros.bags.messages.encode import ImuEncoder
-
-    known: Now | None = None
-    readings: ImuEncoder
-
-    def pattern(stated: Any, rows: Any, block: ImuBlock, now: Now) -> "RowTemplate":
-        nonlocal known, readings
-        if now is not known:
-            gyro = gyro_variance_discrete(now.imu, now.rate)
-            accel = accel_variance_discrete(now.imu, now.rate)
-            known, readings = now, ImuEncoder(frame, encoding, gyro, accel)
-        of_imu = stated.rows[rows]
-        return readings.pattern(
-            stated.t_ns[rows],
-            block.gyro[of_imu],
-            block.accel[of_imu],
-            stated.q_wi[rows],
-            stated.variance[rows],
-        )
-
-    return pattern
+def _readings(mounted: Mounted, encoding: str) -> Payloads:
+    return readings(mounted, encoding, "q_wi", "variance")
 
 
 def _model(
@@ -90,6 +65,20 @@ def _needs(imu: ImuParameters) -> tuple[str, ...]:
     return ("magnetic_field",) if imu.orientation.source == "filter" else ()
 
 
+TABLE: Final = Table(
+    name="orientation",
+    title="Orientation of the sensor in the world",
+    quantity=gate.ORIENTATION,
+    headers={
+        "euroc": "#timestamp [ns],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z []",
+        "csv": "timestamp,q_w,q_x,q_y,q_z",
+    },
+    type=TYPE,
+    topic=TOPIC,
+    fields=("orientation", "orientation_covariance"),
+    of_readings=True,
+)
+
 SENSOR = Sensor(
     name="orientation",
     quantity="orientation",
@@ -97,19 +86,7 @@ SENSOR = Sensor(
     model=_model,
     topics=(Topic(TOPIC, TYPE, ("orientation",), _readings),),
     switches={"orientation": "publish imu/data, the readings of imu/data_raw with an orientation"},
-    table=Table(
-        name="orientation",
-        title="Orientation of the sensor in the world",
-        quantity=gate.ORIENTATION,
-        headers={
-            "euroc": "#timestamp [ns],q_RS_w [],q_RS_x [],q_RS_y [],q_RS_z []",
-            "csv": "timestamp,q_w,q_x,q_y,q_z",
-        },
-        type=TYPE,
-        topic=TOPIC,
-        fields=("orientation", "orientation_covariance"),
-        of_readings=True,
-    ),
+    table=TABLE,
     values=lambda read: read.q_wi,
     readings=Orientations,
     needs=_needs,
@@ -133,4 +110,4 @@ def read_orientation(path: str | Path, topic: str | None = None) -> Samples:
     >>> ims.read_orientation(folder / "orientation.mcap").values.shape
     (400, 4)
     """
-    return read_samples(SENSOR.table, path, topic)
+    return read_samples(TABLE, path, topic)

@@ -208,6 +208,7 @@ class Orientation:
                 "q_wi": q.T[rows],
                 "variance": variance.T[rows],
                 "ideal_q_wi": truth.T[rows],
-                "rows": rows,
+                "gyro": block.gyro[rows],
+                "accel": block.accel[rows],
             },
         )

@@ -10,9 +10,8 @@ import numpy as np
 
 from imu_sim_ros.inputs.gate import OTHER
 from imu_sim_ros.inputs.tables import Table
-from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.carried import CarriedReadings
-from imu_sim_ros.sensors.declaration import Payloads, Sensor, Topic, on_demand, topic
+from imu_sim_ros.sensors.declaration import Mounted, Payloads, Sensor, Topic, on_demand, topic
 from imu_sim_ros.sensors.wheels.parameters import WheelsParameters
 from imu_sim_ros.sensors.wheels.uncertainty import UNKNOWN
 from imu_sim_ros.types import Array
@@ -73,10 +72,10 @@ class WheelsReadings(CarriedReadings):
 
 
 def _joints(name: str, position: str, velocity: str, truth: bool = False) -> Topic:
-    def make(_: str, encoding: str) -> Payloads:
+    def make(_: Mounted, encoding: str) -> Payloads:
         from imu_sim_ros.bags.messages.transforms import JointStateEncoder
 
-        def payloads(read: Any, rows: Any, _: ImuBlock, now: Any) -> "RowTemplate":
+        def payloads(read: Any, rows: Any, now: Any) -> "RowTemplate":
             t_ns = (read.true_t_ns if truth else read.t_ns)[rows]
             encoder = JointStateEncoder(now.joints, "", encoding)
             return encoder.pattern(
@@ -89,11 +88,11 @@ def _joints(name: str, position: str, velocity: str, truth: bool = False) -> Top
 
 
 def _odometry(name: str, truth: bool = False) -> Topic:
-    def make(frame: str, encoding: str) -> Payloads:
+    def make(mounted: Mounted, encoding: str) -> Payloads:
         from imu_sim_ros.bags.messages.encode import OdometryEncoder
 
-        def payloads(read: Any, rows: Any, _: ImuBlock, now: Any) -> "RowTemplate":
-            encoder = OdometryEncoder(now.odom_frame, frame, encoding)
+        def payloads(read: Any, rows: Any, now: Any) -> "RowTemplate":
+            encoder = OdometryEncoder(now.odom_frame, mounted.frame, encoding)
             if truth:
                 pose, twist = read.true_pose[rows], read.true_twist[rows]
                 ideal = pose[:, :3], pose[:, 3:], twist[:, :3], twist[:, 3:]

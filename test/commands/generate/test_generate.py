@@ -21,7 +21,7 @@ from imu_sim_ros.commands.generate import main
 from imu_sim_ros.parameters import files
 from imu_sim_ros.rotation import rotate
 from imu_sim_ros.sensors.errors.noise import gyro_variance_discrete
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 LAYER = {"trajectory.type": "lecture", "imu.preset": "lecture", "duration": 4.0, "seed": 3}
@@ -30,8 +30,8 @@ OUTPUTS = ["x.mcap", "x.bag", "x"]
 
 
 def _all_samples(**changes):
-    simulation = Simulation(load_simulation({**LAYER, **changes}))
-    return simulation.next_block(simulation.total)
+    simulation = Body(load_simulation({**LAYER, **changes}))
+    return simulation.next(simulation.total)["imu"]
 
 
 @pytest.mark.parametrize("name", OUTPUTS)
@@ -274,7 +274,7 @@ def test_increments_of_an_averaged_sensor_are_in_the_bag(tmp_path: Path) -> None
     angles = np.array(found["/imu/delta_angle"])
     np.testing.assert_allclose(angles, np.array(found["/imu/data_raw"]) / 200.0, rtol=1e-12)
     np.testing.assert_allclose(angles / 1e-5, np.rint(angles / 1e-5), atol=1e-6)
-    block = Simulation(load_simulation({"imu.sampling": "averaged"})).next_block(400)
+    block = Body(load_simulation({"imu.sampling": "averaged"})).next(400)["imu"]
     np.testing.assert_allclose(
         found["/ground_truth/delta_velocity"], block.ideal_accel / 200.0, rtol=1e-12
     )

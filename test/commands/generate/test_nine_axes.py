@@ -13,8 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 
 import imu_sim_ros as ims
 from imu_sim_ros.commands import generate
-from imu_sim_ros.sensors.block import ImuBlock
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 PARAMETERS: dict[str, Any] = {
@@ -49,8 +48,8 @@ def run(path: Path, *options: str, **more: Any) -> int:
 
 
 @pytest.fixture(scope="module")
-def block() -> ImuBlock:
-    return Simulation(load_simulation(PARAMETERS), sensors=SENSORS).next_block(10**6)
+def block() -> dict[str, Any]:
+    return Body(load_simulation(PARAMETERS), sensors=SENSORS).next(10**6)
 
 
 def stamp(message: Any) -> int:
@@ -62,7 +61,7 @@ def stamp(message: Any) -> int:
     [("x.bag", ()), ("x.mcap", ()), ("folder", ("--storage", "sqlite3"))],
 )
 def test_bags_hold_the_samples_of_the_simulation(
-    tmp_path: Path, block: ImuBlock, name: str, options: tuple[str, ...]
+    tmp_path: Path, block: dict[str, Any], name: str, options: tuple[str, ...]
 ) -> None:
     assert run(tmp_path / name, "--topics", TOPICS, *options) == 0
     read: dict[str, list[Any]] = {}
@@ -72,7 +71,7 @@ def test_bags_hold_the_samples_of_the_simulation(
             message = reader.deserialize(raw, connection.msgtype)
             assert stamp(message) == time_ns
             read.setdefault(connection.topic, []).append(message)
-    field = block.auxiliary["magnetic_field"]
+    field = block["magnetic_field"]
     assert field is not None
     assert len(field.delivered) < len(field.t_ns) == 140
     found = read["/imu/mag"]
@@ -85,18 +84,18 @@ def test_bags_hold_the_samples_of_the_simulation(
     assert found[0].header.frame_id == "imu_link"
     ideal = [[getattr(m.magnetic_field, a) for a in "xyz"] for m in read["/ground_truth/mag"]]
     assert np.array_equal(ideal, field.ideal_field)
-    stated = block.auxiliary["orientation"]
+    stated = block["orientation"]
     assert stated is not None
     found, rows = read["/imu/data"], stated.delivered
     assert [stamp(m) for m in found] == stated.t_ns[rows].tolist()
     q = [[getattr(m.orientation, part) for part in "wxyz"] for m in found]
     assert np.array_equal(q, stated.q_wi[rows])
     gyro = [[getattr(m.angular_velocity, axis) for axis in "xyz"] for m in found]
-    assert np.array_equal(gyro, block.gyro[stated.rows[rows]])
+    assert np.array_equal(gyro, stated.gyro[rows])
     assert np.allclose(found[0].orientation_covariance, np.diag([1e-4, 1e-4, 9e-4]).ravel())
     (raw, *_) = read["/imu/data_raw"]
     assert raw.orientation_covariance[0] == -1.0
-    air = block.auxiliary["pressure"]
+    air = block["pressure"]
     assert air is not None
     found, rows = read["/imu/pressure"], air.delivered
     assert [stamp(m) for m in found] == air.t_ns[rows].tolist()
@@ -156,8 +155,8 @@ def block_resolution() -> np.ndarray:
     return np.array(load_simulation(PARAMETERS).imu.magnetometer.resolution)
 
 
-def test_folders_have_a_table_of_each(tmp_path: Path, block: ImuBlock) -> None:
-    field = block.auxiliary["magnetic_field"]
+def test_folders_have_a_table_of_each(tmp_path: Path, block: dict[str, Any]) -> None:
+    field = block["magnetic_field"]
     assert field is not None
     rows = field.delivered
     expected = np.column_stack([field.t_ns[rows], field.field[rows]])
@@ -167,10 +166,10 @@ def test_folders_have_a_table_of_each(tmp_path: Path, block: ImuBlock) -> None:
         assert np.array_equal(written, expected)
         table = table.replace("mag", "pressure")
         written = np.loadtxt(tmp_path / form / table, delimiter=",", skiprows=1)
-        air = block.auxiliary["pressure"]
+        air = block["pressure"]
         assert air is not None
         rows_of_air = air.delivered
-        stated = block.auxiliary["orientation"]
+        stated = block["orientation"]
         assert stated is not None
         table_of_q = table.replace("pressure", "orientation")
         q = np.loadtxt(tmp_path / form / table_of_q, delimiter=",", skiprows=1)
@@ -191,13 +190,13 @@ def test_boards_of_their_own_have_a_table_each(tmp_path: Path) -> None:
     assert 0.8 * 70 < len(right) < 70
 
 
-def test_the_front_door_has_the_same(tmp_path: Path, block: ImuBlock) -> None:
+def test_the_front_door_has_the_same(tmp_path: Path, block: dict[str, Any]) -> None:
     flight = ims.simulate(sensors=SENSORS, **nested(PARAMETERS))
-    field = block.auxiliary["magnetic_field"]
+    field = block["magnetic_field"]
     assert field is not None
     assert np.array_equal(flight.magnetic_field.field, field.field[field.delivered])
     assert np.array_equal(flight.magnetic_field.ideal_field, field.ideal_field[field.delivered])
-    air = block.auxiliary["pressure"]
+    air = block["pressure"]
     assert air is not None
     assert np.array_equal(flight.pressure.pressure, air.pressure[air.delivered])
     flight.save(tmp_path / "x.mcap", topics=TOPICS.split(","))

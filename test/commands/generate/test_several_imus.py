@@ -15,12 +15,13 @@ from rosbags.highlevel import AnyReader
 
 from imu_sim_ros.bags.read import read_imu, read_odometry
 from imu_sim_ros.commands import convert_bag, generate
-from imu_sim_ros.nodes.simulator.publish_queue import PublishQueue, SimulationStream
+from imu_sim_ros.nodes.simulator.publish_queue import BodyStream, PublishQueue
 from imu_sim_ros.parameters import files
 from imu_sim_ros.simulation import topics
-from imu_sim_ros.simulation.engine import SimulatedBody, Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
-from imu_sim_ros.simulation.playback import BODY, load_simulator, simulations
+from imu_sim_ros.simulation.playback import load_simulator
+from imu_sim_ros.simulation.sensors import mounted
 
 GIVEN = {
     "imus": ["left", "right"],
@@ -65,13 +66,11 @@ def raw(path):
 def test_a_bag_holds_what_the_node_publishes(bag):
     """The node's queue of all streams, played without a node, sends the same bytes."""
     sent = {name: [] for name in ALL}
-    streams = []
-    for name, parameters in simulations(load_simulator(GIVEN)).items():
-        space = "" if name == BODY else f"{name}/"
-        wanted = [key for key in topics.TYPES if f"{space}{key}" in ALL]
-        outputs = [(topics.encoder(k, parameters), sent[space + k].append) for k in wanted]
-        streams.append(SimulationStream(Simulation(parameters), outputs, name))
-    queue = PublishQueue(streams, GIVEN["duration"])
+    parameters = load_simulator(GIVEN)
+    known = topics.offered(mounted(parameters))
+    outputs = [(known[name].name, known[name].encoder(), sent[name].append) for name in ALL]
+    body = Body(parameters, sensors=("pose",))
+    queue = PublishQueue([BodyStream(body, outputs)], GIVEN["duration"])
     queue.restart(10**9)
     while not queue.finished:
         for _, messages in queue.next_groups(0.2):
@@ -129,9 +128,9 @@ def test_configurations_of_each(bag, place):
 def test_euroc_folders_have_each_imu_with_its_biases(place):
     folder = place / "mav0"
     assert generate.main([*OPTIONS, "--format", "euroc", "-o", str(folder), "--quiet"]) == 0
-    body = SimulatedBody(simulations(load_simulator(GIVEN)))
+    read = Body(load_simulator(GIVEN)).next(10**6)
     for k, name in enumerate(["left", "right"]):
-        block = body.simulations[name].next_block(10**6)
+        block = read[f"{name}/imu"]
         readings = read_imu(folder, f"imu{k}")
         np.testing.assert_array_equal(readings.gyro, block.gyro[block.delivered])
         table = folder / f"state_groundtruth_estimate{k}" / "data.csv"
@@ -210,7 +209,7 @@ def test_a_topic_of_one_imu_and_new_names(place):
 
 def test_memory_does_not_grow_with_the_duration():
     """Of 600 windows no more is held than of 100; each has 64 samples of the fastest."""
-    body = SimulatedBody(simulations(load_simulator({**GIVEN, "duration": 800 * 64 / 333.3})))
+    body = Body(load_simulator({**GIVEN, "duration": 800 * 64 / 333.3}))
     windows = body.windows(64)
     tracemalloc.start()
     few, many = (_peak(windows, count) for count in (100, 600))

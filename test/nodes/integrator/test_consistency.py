@@ -11,7 +11,7 @@ from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integr
 from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator
 from imu_sim_ros.nodes.messages import ImuReading, OdometryFields
 from imu_sim_ros.parameters.sections import build
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 RUNS = 40
@@ -31,13 +31,13 @@ PLACES = {
 def final_errors(seed: int, place: dict[str, list[float]]) -> tuple[float, float]:
     """Return the squared errors of pose and twist after 5 s in units of their covariance."""
     sensor = {f"imu.{name}": value for name, value in TURN_ON.items()} | place
-    simulation = Simulation(
+    simulation = Body(
         load_simulation(
             {"imu.preset": "lecture", "trajectory.type": "lecture", **sensor},
             {"rate": 100.0, "duration": 5.0, "seed": seed, "start_time": 1.0},
         )
     )
-    block = simulation.next_block(500)
+    block = simulation.next(500)["imu"]
     motion = block.motion
     velocity_b = rotation.rotate_inverse(motion.q_wb, motion.velocity)
     values = {"initial_state": "truth", **sensor}

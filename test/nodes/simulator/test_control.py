@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.sensors.faults import Fault
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 pytestmark = pytest.mark.ros
@@ -94,7 +94,7 @@ def test_pause_step_and_reset(start: Any, imu: Any) -> None:
     messages = imu.messages(IMU)
     t_ns = stamps(messages)
     (restart,) = np.flatnonzero(np.diff(t_ns) < 0) + 1
-    block = Simulation(load_simulation({"rate": 100, "seed": 1, "start_time": 5})).next_block(1000)
+    block = Body(load_simulation({"rate": 100, "seed": 1, "start_time": 5})).next(1000)["imu"]
     for part in (slice(0, restart), slice(restart, None)):
         assert t_ns[part].tolist() == block.t_ns[: len(t_ns[part])].tolist()
         np.testing.assert_array_equal(gyro(messages[part]), block.gyro[: len(t_ns[part])])
@@ -172,11 +172,11 @@ def test_noise_changes_between_two_blocks_and_all_or_nothing(start: Any, imu: An
     (change,) = np.flatnonzero(np.diff(variance)) + 1
 
     chosen = {"rate": 400, "seed": 2, "start_time": 1, "duration": 3}
-    simulation = Simulation(load_simulation(chosen))
-    before = simulation.next_block(change).gyro
+    simulation = Body(load_simulation(chosen))
+    before = simulation.next(change)["imu"].gyro
     new = {"imu.gyroscope_noise_density": 0.5, "imu.gyroscope_bias": [1.0, 2, 3]}
     simulation.update(load_simulation(chosen, new))
-    expected = np.concatenate([before, simulation.next_block(1200).gyro])
+    expected = np.concatenate([before, simulation.next(1200)["imu"].gyro])
     np.testing.assert_array_equal(gyro(messages), expected)
 
 
@@ -211,9 +211,9 @@ def test_bias_jump_is_in_the_truth(start: Any, imu: Any) -> None:
     assert imu.wait_for_end(node) == 0, node.output
     (said,) = imu.messages("ground_truth/faults")
     first = round((stamps([said])[0] - 10**9) / 5_000_000)
-    simulation = Simulation(load_simulation(chosen))
+    simulation = Body(load_simulation(chosen))
     simulation.inject(Fault("bias_jump", 0.5, (0.1, 0, 0.2), "gyroscope"), first / 200.0)
-    block = simulation.next_block(600)
+    block = simulation.next(600)["imu"]
     np.testing.assert_array_equal(gyro(imu.messages(IMU)), block.gyro)
     vectors = [m.vector for m in imu.messages("ground_truth/gyroscope_bias")]
     np.testing.assert_array_equal([[v.x, v.y, v.z] for v in vectors], block.gyro_bias)

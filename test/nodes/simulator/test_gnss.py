@@ -15,7 +15,7 @@ import pytest
 
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.nodes.simulator.serial_line import PseudoTerminal
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 pytestmark = pytest.mark.ros
@@ -46,8 +46,8 @@ def test_live_fixes_are_those_of_the_simulation(start: Any, listener: Any) -> No
     waiting = {"wait_for_subscribers": 1, "wait_for_truth_subscribers": 1}
     node = start("simulator", "--sensors", "[gnss]", "--ros-args", **chosen, **waiting)
     assert listener.wait_for_end(node) == 0, node.output
-    run = Simulation(load_simulation({**GIVEN, "sensors": ["gnss"]}), sensors={"gnss"})
-    read = run.next_block(10**6).auxiliary["gnss"]
+    run = Body(load_simulation({**GIVEN, "sensors": ["gnss"]}), sensors={"gnss"})
+    read = run.next(10**6)["gnss"]
     fixes, rows = listener.messages("gps/fix"), read.delivered
     assert len(fixes) == len(rows) == 16
     places = [[m.latitude, m.longitude, m.altitude] for m in fixes]
@@ -100,8 +100,8 @@ def test_nmea_comes_from_a_terminal(start: Any, listener: Any, tmp_path: Path) -
     assert not link.is_symlink()
     assert f"serial line on {link} (/dev/pts/" in node.output
     assert f"wrote 16 messages to {link}" in node.output
-    run = Simulation(load_simulation({**GIVEN, "sensors": ["gnss"]}), sensors={"gnss"})
-    read = run.next_block(10**6).auxiliary["gnss"]
+    run = Body(load_simulation({**GIVEN, "sensors": ["gnss"]}), sensors={"gnss"})
+    read = run.next(10**6)["gnss"]
     stream = pynmeagps.NMEAReader(io.BytesIO(reader.content), quitonerror=2)
     messages = [parsed for _, parsed in stream]
     assert [m.msgID for m in messages] == ["GGA", "GSA", "RMC", "VTG"] * 16

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from imu_sim_ros.sensors.block import ImuBlock
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 pytestmark = pytest.mark.ros
@@ -69,15 +68,15 @@ def test_live_samples_are_those_of_the_simulation(start: Any, listener: Any) -> 
         wait_for_truth_subscribers=1,
     )
     assert listener.wait_for_end(node) == 0, node.output
-    block = Simulation(load_simulation(PARAMETERS), sensors=SENSORS).next_block(10**6)
-    assert stamps(listener.messages("imu/data_raw")) == block.t_ns.tolist()
+    block = Body(load_simulation(PARAMETERS), sensors=SENSORS).next(10**6)
+    assert stamps(listener.messages("imu/data_raw")) == block["imu"].t_ns.tolist()
     same_field(listener, block)
     same_pressure(listener, block)
     same_orientation(listener, block)
 
 
-def same_field(listener: Any, block: ImuBlock) -> None:
-    field = block.auxiliary["magnetic_field"]
+def same_field(listener: Any, block: dict[str, Any]) -> None:
+    field = block["magnetic_field"]
     assert field is not None
     found = listener.messages("imu/mag")
     assert stamps(found) == field.t_ns.tolist()
@@ -88,8 +87,8 @@ def same_field(listener: Any, block: ImuBlock) -> None:
     assert np.array_equal([[v.x, v.y, v.z] for v in truth], field.bias)
 
 
-def same_pressure(listener: Any, block: ImuBlock) -> None:
-    air = block.auxiliary["pressure"]
+def same_pressure(listener: Any, block: dict[str, Any]) -> None:
+    air = block["pressure"]
     assert air is not None
     found = listener.messages("imu/pressure")
     assert stamps(found) == air.t_ns.tolist()
@@ -100,8 +99,8 @@ def same_pressure(listener: Any, block: ImuBlock) -> None:
     assert [m.fluid_pressure for m in truth] == air.bias.tolist()
 
 
-def same_orientation(listener: Any, block: ImuBlock) -> None:
-    stated = block.auxiliary["orientation"]
+def same_orientation(listener: Any, block: dict[str, Any]) -> None:
+    stated = block["orientation"]
     assert stated is not None
     found = listener.messages("imu/data")
     assert stamps(found) == stated.t_ns.tolist()

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.conventions import IMU_TOPIC
-from imu_sim_ros.nodes.simulator.publish_queue import PublishQueue, SimulationStream
+from imu_sim_ros.nodes.simulator.publish_queue import BodyStream, PublishQueue
 from imu_sim_ros.simulation import topics
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.simulation.sensors import mounted
 
 pytestmark = pytest.mark.ros
 
@@ -33,8 +34,8 @@ def _stamp(payload: bytes) -> Any:
 def queue_of(**imu: float) -> PublishQueue:
     given = {f"imu.{name}": value for name, value in imu.items()}
     parameters = load_simulation({"rate": RATE, "imu.preset": "perfect", **given})
-    outputs = [(topics.encoder(IMU_TOPIC, parameters), len)]
-    queue = PublishQueue([SimulationStream(Simulation(parameters), outputs)], math.inf)
+    encode = topics.offered(mounted(parameters))[IMU_TOPIC].encoder()
+    queue = PublishQueue([BodyStream(Body(parameters), [("imu", encode, len)])], math.inf)
     queue.restart(0)
     return queue
 
@@ -48,7 +49,7 @@ def test_a_lowered_latency_lets_go_of_everything_at_once(latency: dict[str, floa
     lower = load_simulation(
         {"rate": RATE, "imu.preset": "perfect"}, {"imu.latency": 0.001, "imu.latency_jitter": 0.0}
     )
-    queue.update({"": lower})
+    queue.update(lower)
     groups = queue.next_groups(1.0)
     assert stamps(groups) == [5_000_000 * k for k in range(400)]
     due = [time_ns for time_ns, _ in groups]
@@ -61,7 +62,7 @@ def test_a_raised_latency_keeps_the_order_and_loses_nothing() -> None:
     queue = queue_of(latency=0.5)
     groups = queue.next_groups(1.0)
     raised = load_simulation({"rate": RATE, "imu.preset": "perfect", "imu.latency": 2.0})
-    queue.update({"": raised})
+    queue.update(raised)
     for _ in range(3):
         groups += queue.next_groups(1.0)
     assert stamps(groups) == [5_000_000 * k for k in range(len(stamps(groups)))]

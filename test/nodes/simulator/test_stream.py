@@ -10,7 +10,7 @@ import pytest
 
 from imu_sim_ros.rotation import rotate_inverse
 from imu_sim_ros.sensors.gravity import geodetic
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 pytestmark = pytest.mark.ros
@@ -57,7 +57,7 @@ def test_readings_equal_those_of_the_stream(
     own = {key.replace("__", "."): value for key, value in chosen.items()}
     own.pop("block_duration", None)
     parameters = load_simulation(own)
-    block = Simulation(parameters).next_block(10**6)
+    block = Body(parameters).next(10**6)["imu"]
     rows = block.delivered
     readings = listener.messages(IMU)
     assert stamps(readings) == block.t_ns[rows].tolist()
@@ -114,7 +114,7 @@ def test_truth_beside_the_readings(start: Any, listener: Any) -> None:
     node = start("simulator", **chosen, **more, **READY)
     assert listener.wait_for_end(node) == 0, node.output
     parameters = load_simulation({key.replace("__", "."): v for key, v in chosen.items()})
-    block = Simulation(parameters).next_block(100)
+    block = Body(parameters).next(100)["imu"]
     np.testing.assert_array_equal(xyz([m.vector for m in listener.messages(bias)]), block.gyro_bias)
     scales = xyz([m.vector for m in listener.messages(scale)])
     np.testing.assert_array_equal(scales, block.accel_scale)
@@ -151,7 +151,7 @@ def test_increments_are_those_of_the_stream_in_whole_steps(start: Any, listener:
     node = start("simulator", **chosen, **more, **READY)
     assert listener.wait_for_end(node) == 0, node.output
     parameters = load_simulation({key.replace("__", "."): v for key, v in chosen.items()})
-    block = Simulation(parameters).next_block(100)
+    block = Body(parameters).next(100)["imu"]
     for topic, means in zip(
         topics, (block.gyro, block.accel, block.ideal_gyro, block.ideal_accel), strict=True
     ):
@@ -188,13 +188,13 @@ def test_several_imus_share_one_truth(start: Any, listener: Any) -> None:
         common, {"seed": 6, "imu.preset": "perfect", "imu.mounting": quarter_turn}
     )
     for name, parameters in (("left", left), ("right", right)):
-        block = Simulation(parameters).next_block(1000)
+        block = Body(parameters).next(1000)["imu"]
         messages = listener.messages(f"{name}/imu/data_raw")
         np.testing.assert_array_equal(xyz([m.linear_acceleration for m in messages]), block.accel)
         assert stamps(messages) == block.t_ns.tolist()
         assert messages[0].header.frame_id == f"{name}_imu_link"
     truth = listener.messages(TRUTH)
-    block = Simulation(load_simulation(common)).next_block(1000)
+    block = Body(load_simulation(common)).next(1000)["imu"]
     np.testing.assert_array_equal(xyz([m.pose.pose.position for m in truth]), block.motion.position)
     assert stamps(truth) == block.t_ns.tolist()
 
@@ -220,6 +220,6 @@ def test_namespaces_and_domains_do_not_mix(
         (here, "b/imu/data_raw", 2),
         (there, "a/imu/data_raw", 3),
     ):
-        block = Simulation(load_simulation({"duration": 0.5, "seed": seed})).next_block(1000)
+        block = Body(load_simulation({"duration": 0.5, "seed": seed})).next(1000)["imu"]
         received = xyz([m.angular_velocity for m in listener.messages(topic)])
         np.testing.assert_array_equal(received, block.gyro)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 pytestmark = pytest.mark.ros
@@ -34,8 +34,8 @@ def test_live_odometry_is_that_of_the_simulation(start: Any, listener: Any) -> N
     waiting = {"wait_for_subscribers": 1, "wait_for_truth_subscribers": 1}
     node = start("simulator", "--sensors", "[wheels]", "--ros-args", **chosen, **waiting)
     assert listener.wait_for_end(node) == 0, node.output
-    run = Simulation(load_simulation({**GIVEN, "sensors": ["wheels"]}), sensors={"wheels"})
-    read = run.next_block(10**6).auxiliary["wheels"]
+    run = Body(load_simulation({**GIVEN, "sensors": ["wheels"]}), sensors={"wheels"})
+    read = run.next(10**6)["wheels"]
     odometry, joints = listener.messages("wheel/odom"), listener.messages("joint_states")
     assert len(odometry) == len(joints) == len(read.t_ns) == 40
     twists = [m.twist.twist for m in odometry]

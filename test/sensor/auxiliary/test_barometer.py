@@ -20,7 +20,7 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.barometer.model import Atmosphere
 from imu_sim_ros.sensors.environment import AtmosphereParameters
 from imu_sim_ros.sensors.faults import Fault
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 BASE: dict[str, Any] = {"imu.preset": "perfect", "trajectory.type": "lecture", "rate": 200.0}
@@ -41,11 +41,11 @@ RANDOM = {
 }
 
 
-def simulation(*named: dict[str, Any]) -> Simulation:
+def simulation(*named: dict[str, Any]) -> Body:
     values = dict(BASE)
     for one in named:
         values.update(one)
-    return Simulation(load_simulation(values), sensors=("pressure",))
+    return Body(load_simulation(values), sensors=("pressure",))
 
 
 pressure = partial(read_all, quantity="pressure")
@@ -169,12 +169,12 @@ def test_steps_and_limits_of_the_output() -> None:
 
 def test_faults_of_the_barometer_are_its_own() -> None:
     run = simulation({"imu.barometer_rate": 50.0})
-    same = Simulation(load_simulation(BASE))
+    same = Body(load_simulation(BASE))
     run.inject(Fault("bias_jump", 1.0, 30.0, "barometer"), 1.0)
     run.inject(Fault("stuck", 1.0, 0.0, "barometer"), 3.0)
-    block = run.next_block(1000)
-    assert np.array_equal(block.accel, same.next_block(1000).accel)
-    read = block.auxiliary["pressure"]
+    block = run.next(1000)
+    assert np.array_equal(block["imu"].accel, same.next(1000)["imu"].accel)
+    read = block["pressure"]
     assert read is not None
     off = (read.pressure - read.ideal_pressure)[:150]
     assert np.allclose(off, np.repeat([0.0, 30.0, 0.0], 50), atol=1e-9)

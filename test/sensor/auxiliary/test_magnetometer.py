@@ -17,8 +17,9 @@ from simulation_runs import read_all, same_bytes
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.magnetometer.model import MagneticField, realised_magnetometer
-from imu_sim_ros.simulation.engine import SimulatedBody, Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.simulation.playback import load_simulator
 
 BASE = {"imu.preset": "perfect", "trajectory.type": "lecture", "rate": 200.0}
 MOUNTING = Rotation.from_euler("zyx", [0.4, -0.2, 1.1])
@@ -53,19 +54,17 @@ RANDOM = {
 OWN_GRID = {"imu.magnetometer_rate": 70.0, "imu.magnetometer_time_offset": 0.003}
 
 
-def simulation(
-    *named: dict[str, Any], sensors: tuple[str, ...] = ("magnetic_field",)
-) -> Simulation:
+def simulation(*named: dict[str, Any], sensors: tuple[str, ...] = ("magnetic_field",)) -> Body:
     values = dict(BASE)
     for one in named:
         values.update(one)
-    return Simulation(load_simulation(values), sensors=sensors)
+    return Body(load_simulation(values), sensors=sensors)
 
 
 magnetic = partial(read_all, quantity="magnetic_field")
 
 
-def true_field(run: Simulation, t: np.ndarray) -> np.ndarray:
+def true_field(run: Body, t: np.ndarray) -> np.ndarray:
     """Return the field in the IMU's axes (n, 3): Jackson eq. 5.56 for each dipole."""
     values, motion = DISTURBED, run.trajectory.sample(t)
     attitude = Rotation.from_quat(motion.q_wb[:, [1, 2, 3, 0]])
@@ -157,10 +156,11 @@ def test_samples_do_not_depend_on_the_block_size(size: int) -> None:
 
 def test_no_sample_of_the_imu_depends_on_the_magnetometer() -> None:
     noisy = {"imu.preset": "mpu9250", **RANDOM}
-    on, off = (simulation(noisy, sensors=s).next_block(500) for s in (("magnetic_field",), ()))
-    assert "magnetic_field" not in off.auxiliary
-    for name in on._fields[: on._fields.index("motion")]:
-        assert np.array_equal(getattr(on, name), getattr(off, name)), name
+    on, off = (simulation(noisy, sensors=s).next(500) for s in (("magnetic_field",), ()))
+    assert "magnetic_field" not in off
+    one, other = on["imu"], off["imu"]
+    for name in one._fields[: one._fields.index("motion")]:
+        assert np.array_equal(getattr(one, name), getattr(other, name)), name
 
 
 def test_a_faster_magnetometer_ends_with_the_run() -> None:
@@ -195,7 +195,7 @@ def test_the_realised_unit_reads_the_same() -> None:
     m, b = unit.response_and_bias()
     assert np.allclose(read.field, read.ideal_field @ m.T + b, rtol=0.0, atol=1e-9 * 5e-5)
     again = dataclasses.replace(run.parameters.imu, magnetometer=unit)
-    same = Simulation(dataclasses.replace(run.parameters, imu=again), sensors=("magnetic_field",))
+    same = Body(dataclasses.replace(run.parameters, imu=again), sensors=("magnetic_field",))
     assert np.allclose(
         magnetic(same, 1000, 1000).field,
         magnetic(simulation(IRON, drawn), 1000, 1000).field,
@@ -220,18 +220,18 @@ def test_temperature_range_and_steps_act_as_in_other_sensors() -> None:
 
 def test_faults_of_the_magnetometer_are_its_own() -> None:
     run, other = simulation(), simulation(sensors=())
-    run.next_block(3)
-    other.next_block(3)
+    run.next(3)
+    other.next(3)
     begin = 0.985  # a second after the start
     jump = (1e-6, 2e-6, 3e-6)
     run.inject(Fault("bias_jump", 0.5, jump, "magnetometer"), begin)
     run.inject(Fault("dropout", 0.25, 1.0, "magnetometer"), begin + 1.0)
     run.inject(Fault("latency", 0.25, 0.1, "magnetometer"), begin + 2.0)
     run.inject(Fault("stuck", 0.25, 0.0, "magnetometer"), begin + 3.0)
-    block, same = run.next_block(1000), other.next_block(1000)
-    assert np.array_equal(block.gyro, same.gyro)
-    assert np.array_equal(block.delivered, same.delivered)
-    read = block.auxiliary["magnetic_field"]
+    block, same = run.next(1000), other.next(1000)
+    assert np.array_equal(block["imu"].gyro, same["imu"].gyro)
+    assert np.array_equal(block["imu"].delivered, same["imu"].delivered)
+    read = block["magnetic_field"]
     assert read is not None
     t = (read.true_t_ns - run.t0_ns) * 1e-9
     off = np.where(((t >= 1.0 - 1e-9) & (t < 1.5 - 1e-9))[:, None], jump, 0.0)
@@ -252,30 +252,22 @@ def test_a_fault_of_a_sensor_that_is_not_simulated_is_refused() -> None:
 
 def test_live_parameters_change_between_blocks() -> None:
     run = simulation({"trajectory.type": "static"})
-    run.next_block(100)
+    run.next(100)
     run.update(
         load_simulation(BASE, {"trajectory.type": "static"}, {"imu.magnetometer_bias": 1e-6})
     )
-    read = run.next_block(100).auxiliary["magnetic_field"]
+    read = run.next(100)["magnetic_field"]
     assert read is not None
     assert np.allclose(read.field - read.ideal_field, 1e-6, rtol=1e-9)
 
 
 def test_several_boards_have_a_magnetometer_each() -> None:
     shared = {**BASE, "duration": 1.0, "imu.magnetometer_noise_density": 1e-8}
-    parameters = {
-        "left": load_simulation(shared),
-        "right": load_simulation(shared, {"seed": 1, "imu.magnetometer_rate": 50.0}),
-    }
-    body = SimulatedBody(
-        parameters, sensors={"left": {"magnetic_field"}, "right": {"magnetic_field"}}
-    )
-    read: dict[str, int] = dict.fromkeys(parameters, 0)
-    for blocks in body.windows(33):
-        for name, block in blocks.items():
-            assert "magnetic_field" in block.auxiliary
-            read[name] += len(block.auxiliary["magnetic_field"].t_ns)
-    assert read == {"left": 100, "right": 50}
+    own = {"right.seed": 1, "right.imu.magnetometer_rate": 50.0}
+    parameters = load_simulator({**shared, "imus": ["left", "right"], **own})
+    names = ["left/magnetic_field", "right/magnetic_field"]
+    windows = list(Body(parameters, sensors=names).windows(33))
+    assert [sum(len(read[name].t_ns) for read in windows) for name in names] == [100, 50]
 
 
 @pytest.mark.parametrize(

@@ -20,10 +20,10 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.block import SensorBlock
 from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.sensors.orientation.model import EXACT
-from imu_sim_ros.sensors.registry import board
 from imu_sim_ros.sensors.world import Window, World
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.simulation.sensors import models, mounted
 from imu_sim_ros.trajectory.build import build_trajectory
 
 BASE: dict[str, Any] = {"imu.preset": "perfect", "trajectory.type": "figure_eight", "rate": 100.0}
@@ -50,11 +50,11 @@ FILTER = {
 }
 
 
-def simulation(*named: dict[str, Any], sensors: tuple[str, ...] = ("orientation",)) -> Simulation:
+def simulation(*named: dict[str, Any], sensors: tuple[str, ...] = ("orientation",)) -> Body:
     values = dict(BASE)
     for one in named:
         values.update(one)
-    return Simulation(load_simulation(values), sensors=sensors)
+    return Body(load_simulation(values), sensors=sensors)
 
 
 def test_windows_need_not_begin_and_end_with_samples_of_the_imu() -> None:
@@ -64,10 +64,10 @@ def test_windows_need_not_begin_and_end_with_samples_of_the_imu() -> None:
     names = {"orientation": "q_wi", "magnetic_field": "field", "pressure": "pressure"}
 
     def read(edges: np.ndarray) -> dict[str, np.ndarray]:
-        models = board(p.imu, p, 0, tuple(names))
+        made = models(mounted(p), tuple(names), 0)
         times = [Fraction(edge) for edge in edges]
         windows = [Window(*pair) for pair in itertools.pairwise(times)]
-        found = [{n: models[n].read(w, world) for n in models} for w in windows]
+        found = [{n: made[n].read(w, world) for n in made} for w in windows]
         return {n: np.concatenate([one[n].values[v] for one in found]) for n, v in names.items()}
 
     inner = np.random.default_rng(5).uniform(0.0, 30.0, 700)
@@ -149,16 +149,14 @@ def test_samples_do_not_depend_on_the_block_size(named: dict[str, Any], size: in
 
 
 def test_the_filter_needs_no_topic_of_the_magnetometer_and_changes_nothing() -> None:
-    alone = simulation(FILTER).next_block(400)
-    together = simulation(FILTER, sensors=("orientation", "magnetic_field")).next_block(400)
-    off = simulation(FILTER, sensors=()).next_block(400)
-    assert "magnetic_field" not in alone.auxiliary
-    assert alone.auxiliary["orientation"] is not None
-    assert together.auxiliary["orientation"] is not None
-    assert np.array_equal(
-        alone.auxiliary["orientation"].q_wi, together.auxiliary["orientation"].q_wi
-    )
-    assert np.array_equal(alone.gyro, off.gyro)
+    alone = simulation(FILTER).next(400)
+    together = simulation(FILTER, sensors=("orientation", "magnetic_field")).next(400)
+    off = simulation(FILTER, sensors=()).next(400)
+    assert "magnetic_field" not in alone
+    assert alone["orientation"] is not None
+    assert together["orientation"] is not None
+    assert np.array_equal(alone["orientation"].q_wi, together["orientation"].q_wi)
+    assert np.array_equal(alone["imu"].gyro, off["imu"].gyro)
 
 
 @pytest.mark.parametrize("turn", [[0.0, 0.0, 0.0], [0.3, -0.4, 2.0]])
@@ -200,24 +198,24 @@ def test_the_tilt_is_that_of_mahony_s_filter_for_small_errors() -> None:
         "imu.orientation_time_constant": 5.0,
     }
     run = simulation(FILTER, sway)
-    block = run.next_block(6000)
-    assert block.auxiliary["orientation"] is not None
+    block = run.next(6000)
+    assert block["orientation"] is not None
     unit = realised_imu(run.parameters.imu, run.parameters.seed)
     theirs = filters.Mahony(
-        gyr=calibrated(block.gyro, unit.gyroscope),
-        acc=calibrated(block.accel, unit.accelerometer),
+        gyr=calibrated(block["imu"].gyro, unit.gyroscope),
+        acc=calibrated(block["imu"].accel, unit.accelerometer),
         frequency=100.0,
         k_P=2.0 / 5.0,
         k_I=1.0 / 25.0,
-        q0=block.auxiliary["orientation"].ideal_q_wi[0],
+        q0=block["orientation"].ideal_q_wi[0],
     ).Q
     settled = slice(4000, None)
     ups = [
         as_rotation(q[settled]).inv().apply([0.0, 0.0, 1.0])
         for q in (
-            block.auxiliary["orientation"].q_wi,
+            block["orientation"].q_wi,
             theirs,
-            block.auxiliary["orientation"].ideal_q_wi,
+            block["orientation"].ideal_q_wi,
         )
     ]
     ours, other, true = ups
@@ -230,30 +228,29 @@ def test_a_filter_of_others_finds_the_true_attitude_from_our_readings() -> None:
     filters = pytest.importorskip("ahrs.filters")
     values = {"imu.preset": "mpu9250", "imu.magnetometer_noise_density": 3e-8, "seed": 3}
     run = simulation(values, sensors=("orientation", "magnetic_field"))
-    block = run.next_block(6000)
-    assert block.auxiliary["orientation"] is not None
-    assert block.auxiliary["magnetic_field"] is not None
+    block = run.next(6000)
+    assert block["orientation"] is not None
+    assert block["magnetic_field"] is not None
     unit = realised_imu(run.parameters.imu, run.parameters.seed)
     filtered = filters.Madgwick(
-        gyr=calibrated(block.gyro, unit.gyroscope),
-        acc=calibrated(block.accel, unit.accelerometer),
-        mag=(block.auxiliary["magnetic_field"].field - block.auxiliary["magnetic_field"].bias)
-        * 1e9,
+        gyr=calibrated(block["imu"].gyro, unit.gyroscope),
+        acc=calibrated(block["imu"].accel, unit.accelerometer),
+        mag=(block["magnetic_field"].field - block["magnetic_field"].bias) * 1e9,
         frequency=100.0,
         gain=0.005,
     ).Q
     # Its x axis points to magnetic north, ours to the east.
     to_east = Rotation.from_euler("z", math.pi / 2.0)
-    truth = as_rotation(block.auxiliary["orientation"].ideal_q_wi)
+    truth = as_rotation(block["orientation"].ideal_q_wi)
     off = (to_east * as_rotation(filtered) * truth.inv()).magnitude()
     assert np.degrees(np.sqrt(np.mean(off**2))) < 2.0
 
 
 def test_stamps_are_the_readings() -> None:
-    block = simulation(FILTER, {"imu.orientation_rate": 50.0, "imu.jitter": 1e-4}).next_block(100)
-    assert block.auxiliary["orientation"] is not None
-    assert np.array_equal(block.auxiliary["orientation"].t_ns, block.t_ns[::2])
-    assert np.array_equal(block.auxiliary["orientation"].rows, np.arange(0, 100, 2))
+    block = simulation(FILTER, {"imu.orientation_rate": 50.0, "imu.jitter": 1e-4}).next(100)
+    assert block["orientation"] is not None
+    assert np.array_equal(block["orientation"].t_ns, block["imu"].t_ns[::2])
+    assert np.array_equal(block["orientation"].gyro, block["imu"].gyro[::2])
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.gravity import geodetic
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 PERFECT = {
@@ -198,7 +198,7 @@ def test_without_a_fix_nothing_of_the_motion_is_told(tmp_path: Path) -> None:
 def test_fixes_of_a_place_that_nobody_gave_are_told() -> None:
     def lines(**given: Any) -> list[str]:
         values = {"trajectory.type": "static", "duration": 1.0, "sensors": ["gnss"], **given}
-        return [w for w in Simulation(load_simulation(values)).warnings() if "latitude" in w]
+        return [w for w in Body(load_simulation(values)).warnings() if "latitude" in w]
 
     (line,) = lines()
     assert line.startswith("latitude_deg = 0 and longitude_deg = 0: fixes and satellites are those")
@@ -226,8 +226,8 @@ def test_the_walk_grows_with_the_root_of_time() -> None:
          "duration": 100.0, "gnss.random_walk": 0.1, "gnss.horizontal_sigma": [0.0] * 4,
          "gnss.vertical_sigma": [0.0] * 4}
     )  # fmt: skip
-    run = Simulation(parameters, sensors={"gnss"})
-    ends = [run.with_seed(seed).next_block(10**6).auxiliary["gnss"].error[-1] for seed in range(64)]
+    run = Body(parameters, sensors={"gnss"})
+    ends = [run.with_seed(seed).next(10**6)["gnss"].error[-1] for seed in range(64)]
     assert np.std(ends) == pytest.approx(1.0, rel=5.0 / np.sqrt(2 * 192))
 
 
@@ -243,11 +243,11 @@ def test_noisy_errors_do_not_depend_on_blocks() -> None:
         "gnss.outage_rate": 0.1,
         "gnss.outage_duration": 2.0,
     }
-    whole = Simulation(load_simulation(given), sensors={"gnss"}).next_block(10**6)
-    parts = list(Simulation(load_simulation(given), sensors={"gnss"}).blocks(53))
+    whole = Body(load_simulation(given), sensors={"gnss"}).next(10**6)
+    parts = list(Body(load_simulation(given), sensors={"gnss"}).windows(53))
     for name in ("error", "geodetic", "velocity", "mode"):
-        joined = np.concatenate([getattr(part.auxiliary["gnss"], name) for part in parts])
-        np.testing.assert_array_equal(joined, getattr(whole.auxiliary["gnss"], name), name)
+        joined = np.concatenate([getattr(part["gnss"], name) for part in parts])
+        np.testing.assert_array_equal(joined, getattr(whole["gnss"], name), name)
 
 
 def test_covariance_follows_from_the_geometry() -> None:

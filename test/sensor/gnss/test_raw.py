@@ -18,7 +18,7 @@ from imu_sim_ros.sensors.gnss import rinex
 from imu_sim_ros.sensors.gnss.observations import Antenna, klobuchar, ranges, saastamoinen
 from imu_sim_ros.sensors.gnss.satellites import LIGHT, GpsTime, almanac, gps_time, orbits
 from imu_sim_ros.sensors.gravity import earth_fixed
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 QUIET = {"code_sigma": 0.0, "phase_sigma": 0.0, "rate_sigma": 0.0}
@@ -297,11 +297,11 @@ def test_measurements_do_not_depend_on_blocks() -> None:
         "duration": 60.0, "gnss.raw.rinex": True, "gnss.outage_rate": 0.1, "rate": 50.0,
         "gnss.outage_duration": 2.0, "start_time": CHANGE - 30.0,
     }  # fmt: skip
-    whole = Simulation(load_simulation(given), sensors={"gnss"}).next_block(10**6)
-    parts = list(Simulation(load_simulation(given), sensors={"gnss"}).blocks(53))
+    whole = Body(load_simulation(given), sensors={"gnss"}).next(10**6)
+    parts = list(Body(load_simulation(given), sensors={"gnss"}).windows(53))
     for name in ("pseudorange", "carrier_phase", "doppler", "lock", "receiver_clock", "tag_ns"):
-        joined = np.concatenate([getattr(part.auxiliary["gnss"], name) for part in parts])
-        assert np.array_equal(joined, getattr(whole.auxiliary["gnss"], name), equal_nan=True), name
+        joined = np.concatenate([getattr(part["gnss"], name) for part in parts])
+        assert np.array_equal(joined, getattr(whole["gnss"], name), equal_nan=True), name
 
 
 def test_generate_writes_the_files_and_replaces_none(tmp_path: Path) -> None:

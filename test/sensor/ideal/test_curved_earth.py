@@ -13,7 +13,7 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.rotation import skew, to_matrix
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.gravity import EARTH_RATE, CurvedEarth, normal_gravity
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 A, E2 = 6378137.0, 6.69437999014e-3
@@ -122,7 +122,7 @@ def in_space(block: ImuBlock, t: np.ndarray, arm: np.ndarray) -> tuple[np.ndarra
 @pytest.mark.parametrize("arm", [(0.0, 0.0, 0.0), (0.5, -1.0, 2.0)])
 def test_readings_are_newtons_law_in_space(arm: tuple[float, ...]) -> None:
     values = {"imu.preset": "perfect", "earth_rotation": True, "imu.lever_arm": list(arm)}
-    block = Simulation(load_simulation({**PLACE, **FLIGHT, **values, "rate": 5.0})).next_block(500)
+    block = Body(load_simulation({**PLACE, **FLIGHT, **values, "rate": 5.0})).next(500)["imu"]
     t = np.arange(500) / 5.0
     rate, force = in_space(block, t, np.array(arm))
     assert np.abs(block.gyro - rate).max() < 1e-12
@@ -132,7 +132,7 @@ def test_readings_are_newtons_law_in_space(arm: tuple[float, ...]) -> None:
 def test_a_world_that_does_not_rotate_still_curves() -> None:
     values = {"imu.preset": "perfect", **PLACE, "trajectory.type": "harmonic"}
     values["trajectory.x.polynomial"] = [0.0, 250.0]
-    block = Simulation(load_simulation(values)).next_block(2)
+    block = Body(load_simulation(values)).next(2)["imu"]
     radius = A / math.sqrt(1.0 - E2 * math.sin(math.radians(48.0)) ** 2) + 500.0
     v = 250.0
     latitude = math.radians(48.0)
@@ -158,7 +158,7 @@ def navigated_by_pyins(rate: float, seconds: float) -> np.ndarray:
         "trajectory.yaw.polynomial": [0.0, 1e-3],
     }
     parameters = load_simulation(values)
-    block = Simulation(parameters).next_block(round(seconds * rate) + 1)
+    block = Body(parameters).next(round(seconds * rate) + 1)["imu"]
     earth = CurvedEarth(parameters)
     place, ground = earth.place(block.motion.position), earth.over_ground(block.motion)
     to_ned = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
@@ -197,7 +197,7 @@ def test_at_the_origin_it_is_the_flat_world() -> None:
     flat = {key: value for key, value in PLACE.items() if key not in ("curved_earth",)}
     values = {"imu.preset": "perfect", "earth_rotation": True, "trajectory.type": "static"}
     one, two = (
-        Simulation(load_simulation({**values, **place})).next_block(10) for place in (PLACE, flat)
+        Body(load_simulation({**values, **place})).next(10)["imu"] for place in (PLACE, flat)
     )
     assert np.allclose(one.gyro, two.gyro, rtol=0.0, atol=1e-18)
     assert np.allclose(one.accel, two.accel, rtol=0.0, atol=1e-14)

@@ -10,7 +10,7 @@ import pytest
 
 from imu_sim_ros import rotation
 from imu_sim_ros.sensors.imu.ideal import IdealImu, Quadrature, lobatto, quadrature
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.bspline import PoseSpline, UniformKnots
 from imu_sim_ros.trajectory.given import CheckedMotion
@@ -58,7 +58,7 @@ def case(name: str, rate: float, board: dict[str, object] | None = None) -> Case
     values = {"trajectory.type": name, "imu.preset": "perfect", "rate": rate, **(board or {})}
     parameters = load_simulation(values)
     return Case(
-        Simulation(parameters).trajectory,
+        Body(parameters).trajectory,
         IdealImu(parameters.imu, parameters),
         np.arange(2001) / rate + 1.0,
     )
@@ -132,8 +132,8 @@ def test_no_mean_is_worse_than_that_of_three_gauss_nodes(build: str, rate: float
 def test_averaged_readings_are_these_means() -> None:
     """Of the intervals before the samples; the first sample is the value at the start."""
     values = {"trajectory.type": "lecture", "imu.preset": "perfect", "rate": 200.0}
-    block = Simulation(load_simulation({**values, "imu.sampling": "averaged"})).next_block(400)
-    at_once = Simulation(load_simulation(values)).next_block(400)
+    block = Body(load_simulation({**values, "imu.sampling": "averaged"})).next(400)["imu"]
+    at_once = Body(load_simulation(values)).next(400)["imu"]
     given = case("lecture", 200.0)._replace(t=np.arange(400) * 0.005)
     expected = given.exact()
     np.testing.assert_allclose(block.gyro[1:].T, expected[:3], atol=1e-13)

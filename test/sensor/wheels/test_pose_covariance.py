@@ -12,7 +12,7 @@ from scipy.stats import chi2
 import imu_sim_ros as ims
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.wheels.uncertainty import spread_normals
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 LINE: dict[str, Any] = {
@@ -93,10 +93,10 @@ def test_the_stated_covariance_of_every_preset_is_that_of_its_errors(name: str) 
         "sensors": ["wheels"], "imu.preset": "perfect", "trajectory.type": "yard", "rate": 50.0,
         "duration": 30.0, "wheels.preset": name,
     }  # fmt: skip
-    run = Simulation(load_simulation(values), sensors={"wheels"})
+    run = Body(load_simulation(values), sensors={"wheels"})
     errors, stated = [], []
     for seed in range(150):
-        read = run.with_seed(seed).next_block(10**6).auxiliary["wheels"]
+        read = run.with_seed(seed).next(10**6)["wheels"]
         q = read.true_pose[:, 3:]
         yaw = np.unwrap(2.0 * np.arctan2(q[:, 3], q[:, 0]))
         errors.append(read.pose - np.column_stack([read.true_pose[:, :2], yaw]))

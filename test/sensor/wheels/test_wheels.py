@@ -19,7 +19,7 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.wheels.model import realised_wheels
 from imu_sim_ros.sensors.wheels.parameters import WheelsParameters
-from imu_sim_ros.simulation.engine import Simulation
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 PERFECT: dict[str, Any] = {
@@ -51,9 +51,9 @@ def draw_seeds(count: int, **own: Any) -> list[Any]:
     """Return the blocks of many seeds on a circle of 4 s."""
     given = {"sensors": ["wheels"], "imu.preset": "perfect", "trajectory.type": "circle"}
     values = {**given, "rate": 50.0, "duration": 4.0, **{f"wheels.{k}": v for k, v in own.items()}}
-    run = Simulation(load_simulation(values), sensors={"wheels"})
-    blocks = (run.with_seed(seed).next_block(10**6) for seed in range(count))
-    return [block.auxiliary["wheels"] for block in blocks]
+    run = Body(load_simulation(values), sensors={"wheels"})
+    blocks = (run.with_seed(seed).next(10**6) for seed in range(count))
+    return [block["wheels"] for block in blocks]
 
 
 @pytest.mark.parametrize(
@@ -211,8 +211,8 @@ def test_noisy_wheels_do_not_depend_on_blocks() -> None:
         "wheels.radius_temperature_coefficient": 1e-4,
         "temperature.power": 1.0,
     }
-    whole = Simulation(load_simulation(given), sensors={"wheels"}).next_block(10**6)
-    parts = list(Simulation(load_simulation(given), sensors={"wheels"}).blocks(1))
+    whole = Body(load_simulation(given), sensors={"wheels"}).next(10**6)
+    parts = list(Body(load_simulation(given), sensors={"wheels"}).windows(1))
     for name in (
         "pose",
         "twist",
@@ -223,8 +223,8 @@ def test_noisy_wheels_do_not_depend_on_blocks() -> None:
         "slip",
         "true_pose",
     ):
-        joined = np.concatenate([getattr(part.auxiliary["wheels"], name) for part in parts])
-        assert np.array_equal(joined, getattr(whole.auxiliary["wheels"], name)), name
+        joined = np.concatenate([getattr(part["wheels"], name) for part in parts])
+        assert np.array_equal(joined, getattr(whole["wheels"], name)), name
 
 
 @pytest.mark.parametrize("name", ["a.mcap", "a.bag", "a"])
@@ -293,7 +293,7 @@ def test_the_truth_file_simulates_the_same_wheels(tmp_path: Path) -> None:
 
 def warnings(**given: Any) -> list[str]:
     values = {"sensors": ["wheels"], "imu.preset": "perfect", "duration": 10.0, **given}
-    return [w for w in Simulation(load_simulation(values)).warnings() if w.startswith("wheels")]
+    return [w for w in Body(load_simulation(values)).warnings() if w.startswith("wheels")]
 
 
 def test_motion_that_wheels_cannot_do_is_told_in_a_line() -> None:

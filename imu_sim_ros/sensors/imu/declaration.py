@@ -1,0 +1,138 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The IMU as the rest of the package sees it: topics of its readings and of their truth."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from imu_sim_ros.conventions import (
+    DELTA_ANGLE_TOPIC,
+    DELTA_VELOCITY_TOPIC,
+    ERROR_TOPICS,
+    IDEAL_DELTA_ANGLE_TOPIC,
+    IDEAL_DELTA_VELOCITY_TOPIC,
+    IDEAL_IMU_TOPIC,
+    IMU_TOPIC,
+    TEMPERATURE_TOPIC,
+)
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.sensors.declaration import (
+    Model,
+    Mounted,
+    Payloads,
+    Sensor,
+    SensorReadings,
+    Topic,
+    topic,
+)
+from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.errors.noise import accel_variance_discrete, gyro_variance_discrete
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.types import Array
+
+if TYPE_CHECKING:
+    from imu_sim_ros.bags.messages.blocks import RowTemplate
+
+NAME: Final = "imu"
+TYPE: Final = "sensor_msgs/msg/Imu"
+_VECTOR: Final = ("geometry_msgs/msg/Vector3Stamped", "Vector3StampedEncoder")
+
+
+@dataclass(frozen=True, repr=False)
+class ImuReadings(SensorReadings):
+    """The n readings of an IMU that are delivered."""
+
+    gyro: Array
+    """(n, 3) [rad/s]."""
+    accel: Array
+    """(n, 3) [m/s^2]."""
+
+
+def _model(
+    imu: ImuParameters, environment: EnvironmentParameters, t0_ns: int, _: Mapping[str, Model]
+) -> Model:
+    from imu_sim_ros.sensors.imu.model import Imu
+
+    return Imu(imu, environment, t0_ns)
+
+
+def readings(mounted: Mounted, encoding: str, *orientation: str) -> Payloads:
+    """Return what encodes readings with the variances that are valid.
+
+    :param orientation: names of the samples' orientation and its variance, if there is one.
+    """
+    from imu_sim_ros.bags.messages.encode import ImuEncoder
+
+    known: Any = None
+    messages: ImuEncoder
+
+    def payloads(read: Any, rows: Any, now: Any) -> "RowTemplate":
+        nonlocal known, messages
+        if now is not known:
+            gyro = gyro_variance_discrete(now.imu, now.rate)
+            accel = accel_variance_discrete(now.imu, now.rate)
+            known, messages = now, ImuEncoder(mounted.frame, encoding, gyro, accel)
+        stated = (getattr(read, name)[rows] for name in orientation)
+        return messages.pattern(read.t_ns[rows], read.gyro[rows], read.accel[rows], *stated)
+
+    return payloads
+
+
+def _increments(name: str, means: str, flag: str, truth: bool = False) -> Topic:
+    """Return a topic of increments: mean readings times the nominal interval."""
+
+    def make(mounted: Mounted, encoding: str) -> Payloads:
+        from imu_sim_ros.bags.messages.encode import Vector3StampedEncoder
+
+        sampling, interval = mounted.own.sampling, 1.0 / mounted.environment.rate
+        if sampling != "averaged":
+            raise ConfigurationError(f"topic {name}: needs imu.sampling averaged; it is {sampling}")
+        messages = Vector3StampedEncoder(mounted.frame, encoding)
+
+        def payloads(read: Any, rows: Any, _: Any) -> "RowTemplate":
+            t_ns = read.true_t_ns if truth else read.t_ns
+            return messages.pattern(t_ns[rows], getattr(read, means)[rows] * interval)
+
+        return payloads
+
+    return Topic(name, _VECTOR[0], (flag,), make, truth)
+
+
+def _error(name: str, column: str) -> Topic:
+    """Return the topic of a true error."""
+    flag = "biases" if column.endswith("_bias") else "errors"
+    return topic(
+        name, *_VECTOR, lambda read, rows, _: (getattr(read, column)[rows],), flag, truth=True
+    )
+
+
+SENSOR = Sensor(
+    name=NAME,
+    quantity=NAME,
+    section=ImuParameters,
+    model=_model,
+    topics=(
+        Topic(IMU_TOPIC, TYPE, (), readings),
+        topic(
+            *(IDEAL_IMU_TOPIC, TYPE, "ImuEncoder"),
+            lambda read, rows, _: (read.ideal_gyro[rows], read.ideal_accel[rows]),
+            "ground_truth_imu",
+            truth=True,
+        ),
+        *(_error(name, column) for name, column in ERROR_TOPICS.items()),
+        topic(
+            *(TEMPERATURE_TOPIC, "sensor_msgs/msg/Temperature", "TemperatureEncoder"),
+            lambda read, rows, _: (read.temperature[rows],),
+            "temperature",
+            truth=True,
+        ),
+        _increments(DELTA_ANGLE_TOPIC, "gyro", "increments"),
+        _increments(DELTA_VELOCITY_TOPIC, "accel", "increments"),
+        _increments(IDEAL_DELTA_ANGLE_TOPIC, "ideal_gyro", "ground_truth_increments", True),
+        _increments(IDEAL_DELTA_VELOCITY_TOPIC, "ideal_accel", "ground_truth_increments", True),
+    ),
+    readings=ImuReadings,
+    text="gyroscope and accelerometer",
+)

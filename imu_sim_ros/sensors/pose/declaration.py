@@ -1,0 +1,101 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The true pose as the rest of the package sees it: its topics."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from imu_sim_ros.conventions import (
+    TF_TOPIC,
+    TRUTH_FIX_TOPIC,
+    TRUTH_POSE_TOPIC,
+    TRUTH_TOPIC,
+)
+from imu_sim_ros.rotation import rotate_inverse
+from imu_sim_ros.sensors.declaration import (
+    Mounted,
+    Payloads,
+    Sensor,
+    SensorReadings,
+    Topic,
+    on_demand,
+)
+from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.gravity import geodetic
+from imu_sim_ros.types import Array
+
+if TYPE_CHECKING:
+    from imu_sim_ros.bags.messages.blocks import RowTemplate
+
+NAME: Final = "pose"
+_TRANSFORMS: Final = "tf2_msgs/msg/TFMessage"
+
+
+@dataclass(frozen=True, repr=False)
+class Poses(SensorReadings):
+    """The body's motion at n times."""
+
+    position: Array
+    """(n, 3) p_wb [m]."""
+    q_wb: Array
+    """(n, 4) unit quaternions (w, x, y, z)."""
+
+
+def _odometry(mounted: Mounted, encoding: str) -> Payloads:
+    from imu_sim_ros.bags.messages.encode import OdometryEncoder
+
+    world = mounted.environment
+    messages = OdometryEncoder(world.world_frame, world.body_frame, encoding)
+
+    def payloads(read: Any, _: Any, __: Any) -> "RowTemplate":
+        velocity_b = rotate_inverse(read.q_wb, read.velocity)
+        state = (read.position, read.q_wb, velocity_b, read.angular_velocity)
+        return messages.pattern(read.true_t_ns, *state)
+
+    return payloads
+
+
+def _fix(mounted: Mounted, encoding: str) -> Payloads:
+    from imu_sim_ros.bags.messages.encode import NavSatFixEncoder
+
+    world = mounted.environment
+    messages = NavSatFixEncoder(world.body_frame, encoding)
+    return lambda read, *_: messages.pattern(read.true_t_ns, *geodetic(world, read.position))
+
+
+def _pose(mounted: Mounted, encoding: str) -> Payloads:
+    from imu_sim_ros.bags.messages.encode import PoseStampedEncoder
+
+    messages = PoseStampedEncoder(mounted.environment.world_frame, encoding)
+    return lambda read, *_: messages.pattern(read.true_t_ns, read.position, read.q_wb)
+
+
+def _transforms(mounted: Mounted, encoding: str) -> Payloads:
+    from imu_sim_ros.bags.messages.blocks import as_row_template
+    from imu_sim_ros.bags.messages.transforms import TransformsEncoder
+
+    world = mounted.environment
+    frames = TransformsEncoder([(world.world_frame, world.body_frame)], encoding)
+    return lambda read, *_: as_row_template(
+        frames.encode(read.true_t_ns, read.position[:, None], read.q_wb[:, None])
+    )
+
+
+SENSOR = Sensor(
+    name=NAME,
+    quantity=NAME,
+    section=EnvironmentParameters,
+    model=on_demand("imu_sim_ros.sensors.pose.model", "Pose"),
+    topics=(
+        Topic(TRUTH_TOPIC, "nav_msgs/msg/Odometry", ("ground_truth",), _odometry, truth=True),
+        Topic(
+            TRUTH_FIX_TOPIC, "sensor_msgs/msg/NavSatFix", ("ground_truth_fix",), _fix, truth=True
+        ),
+        Topic(TF_TOPIC.strip("/"), _TRANSFORMS, None, _transforms, truth=True),
+        Topic(TRUTH_POSE_TOPIC, "geometry_msgs/msg/PoseStamped", None, _pose, truth=True),
+    ),
+    readings=Poses,
+    faults=False,
+    text="true pose and motion of the body",
+)

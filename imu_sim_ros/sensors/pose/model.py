@@ -1,0 +1,42 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The body's motion as samples, without any error."""
+
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from imu_sim_ros.sensors.block import SensorBlock
+from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.world import SampleTimes, Window, World
+from imu_sim_ros.trajectory.motion import Motion
+from imu_sim_ros.types import Times
+
+
+def pose_samples(true_t_ns: Times, motion: Motion) -> SensorBlock:
+    """Return a known motion at times (n,) [ns] as samples."""
+    every = np.arange(len(true_t_ns))
+    return SensorBlock(true_t_ns, true_t_ns, true_t_ns, every, motion._asdict())
+
+
+class Pose:
+    """The body's motion at the rate of the simulation."""
+
+    def __init__(
+        self, environment: EnvironmentParameters, _: EnvironmentParameters, t0_ns: int, __: Any
+    ) -> None:
+        self._times = SampleTimes(environment.rate, t0_ns)
+
+    def configure(self, parameters: Any) -> None:
+        """Do nothing: the truth has no parameters."""
+
+    def inject(self, fault: Fault, begin: Fraction) -> None:
+        """Do nothing: the truth has no faults."""
+
+    def read(self, window: Window, world: World) -> SensorBlock:
+        """Return the samples in a window."""
+        samples = self._times.within(window)
+        return pose_samples(samples.true_t_ns, world.motion(samples.t))

@@ -1,0 +1,78 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The sensors of a body by name, from the parameters that users give.
+
+The one place that knows what stands where: ``imu`` and ``imus`` with the sensors on their boards,
+the true pose, and the sensors that ``sensors`` names.
+"""
+
+from collections.abc import Collection, Mapping
+
+import numpy as np
+
+from imu_sim_ros.sensors import auxiliary_sensors
+from imu_sim_ros.sensors.declaration import Model, Mounted
+from imu_sim_ros.sensors.imu import declaration as imu
+from imu_sim_ros.sensors.pose import declaration as pose
+from imu_sim_ros.sensors.registry import find_sensor
+from imu_sim_ros.simulation.parameters import SampledParameters, carried, imus
+from imu_sim_ros.types import Array
+
+
+def mounted(parameters: SampledParameters) -> dict[str, Mounted]:
+    """Return all sensors of a body by name; a sensor that another one needs comes before it.
+
+    What they measure is their name, behind that of the IMU if there are several: ``imu``,
+    ``magnetic_field``, ``pose``, ``gnss``, ``left/imu``, ``left/pressure``.
+    """
+    found: dict[str, Mounted] = {}
+    for name, one in imus(parameters).items():
+        space = f"{name}/" if name else ""
+        for sensor in (imu.SENSOR, *auxiliary_sensors()):
+            board = Mounted(sensor, one.imu, one, one, one.imu_frame, space)
+            found[space + sensor.quantity] = board
+    frame = parameters.body_frame
+    found[pose.NAME] = Mounted(pose.SENSOR, parameters, parameters, parameters, frame)
+    for name, own in carried(parameters).items():
+        found[name] = Mounted(find_sensor(name), own, parameters, own, own.frame or frame)
+    return found
+
+
+def imus_in(sensors: Mapping[str, Mounted]) -> list[str]:
+    """Return the names of the IMUs among the sensors."""
+    return [name for name, one in sensors.items() if one.sensor is imu.SENSOR]
+
+
+def models(sensors: Mapping[str, Mounted], wanted: Collection[str], t0_ns: int) -> dict[str, Model]:
+    """Return the IMUs, the wanted sensors and those that these need, at their start.
+
+    :param t0_ns: time of the start [ns].
+    """
+    needed = {*imus_in(sensors), *wanted}
+    for name in wanted:
+        one = sensors[name]
+        needed |= {one.space + quantity for quantity in one.sensor.needs(one.own)}
+    made: dict[str, Model] = {}
+    for name, one in sensors.items():
+        if name in needed:
+            before = {
+                n.removeprefix(one.space): m for n, m in made.items() if n.startswith(one.space)
+            }
+            made[name] = one.sensor.model(one.own, one.environment, t0_ns, before)
+    return made
+
+
+def mounts(sensors: Mapping[str, Mounted]) -> dict[str, Array]:
+    """Return the poses T_bf (4, 4) of frames on the body; one maps coordinates in f to the body.
+
+    What coincides with the body's own frame needs none.
+    """
+    placed: dict[str, Array] = {}
+    for one in sensors.values():
+        pose_bf = np.eye(4)
+        pose_bf[:3, :3] = np.reshape(getattr(one.own, "mounting", np.eye(3)), (3, 3))
+        pose_bf[:3, 3] = getattr(one.own, "lever_arm", 0.0)
+        placed.setdefault(one.frame, pose_bf)
+    placed.pop(sensors[pose.NAME].frame)
+    return placed
