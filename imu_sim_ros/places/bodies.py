@@ -107,7 +107,7 @@ class Course(NamedTuple):
 Landmarks = tuple[Array, Array]
 
 
-class Body(NamedTuple):
+class MovingBody(NamedTuple):
     """A rigid body."""
 
     name: str
@@ -238,7 +238,7 @@ class Crowd:
 
     def __init__(
         self,
-        bodies: Sequence[Body],
+        bodies: Sequence[MovingBody],
         site: Site,
         landmarks: Sequence[Landmarks],
         sun: Sunlight | None = None,
@@ -280,7 +280,7 @@ def _distance(points: Array, start: Array, end: Array) -> Array:
 class BodyPainter(Painter):
     """Textures of bodies: lit alike wherever they are, from above."""
 
-    def __init__(self, bodies: Sequence[Body], site: Site) -> None:
+    def __init__(self, bodies: Sequence[MovingBody], site: Site) -> None:
         everything = tuple(face for body in bodies for face in body.faces)
         nowhere = np.zeros(3)
         unlit = Place(everything, Lighting(), nowhere, nowhere, np.zeros((0, 3)))

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.places.bodies import HEIGHT, RADIUS, STEP, Body, Course, faces
+from imu_sim_ros.places.bodies import HEIGHT, RADIUS, STEP, Course, MovingBody, faces
 from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.places.place import CLEARANCE, Hinge, Place, Site
 from imu_sim_ros.places.tour import graph
@@ -91,18 +91,18 @@ class _Floor(NamedTuple):
 
 def moving(
     place: Place, site: Site, counts: dict[str, int], speed: float, passage: Passage
-) -> tuple[Body, ...]:
+) -> tuple[MovingBody, ...]:
     """Return the bodies of a place: doors, carts, then people.
 
     :param counts: of each kind.
     :param speed: of people who walk [m/s].
     :raises ConfigurationError: if so many have no room.
     """
-    found: list[Body] = []
+    found: list[MovingBody] = []
     for number, hinge in enumerate(place.hinges[: counts["door"]], start=1):
         course = _door(hinge, number, site, passage)
         look = faces("door", number, site, hinge)
-        found.append(Body(f"door_{number}", "door", look, course, hinge.foot[2]))
+        found.append(MovingBody(f"door_{number}", "door", look, course, hinge.foot[2]))
     if len(found) < counts["door"]:
         raise ConfigurationError(
             f"scene.bodies.doors = {counts['door']}: this place has {len(found)} doors that can "
@@ -125,7 +125,7 @@ def moving(
                     "larger place or another scene.bodies.speed"
                 )
             low = float(place.low[2])
-            found.append(Body(f"{kind}_{number}", kind, faces(kind, number, site), way, low))
+            found.append(MovingBody(f"{kind}_{number}", kind, faces(kind, number, site), way, low))
     return tuple(found)
 
 
@@ -203,7 +203,7 @@ class _Walkers:
                 result[k] = ~np.isfinite(away)
         return result
 
-    def _keep_off(self, others: Sequence[Body]) -> None:
+    def _keep_off(self, others: Sequence[MovingBody]) -> None:
         """Mark at which knots each cell is not off other bodies."""
         middles = self._floor.places[self._cells]
         shifts: Array = np.arange(-4.0, 5.0) * (0.5 * STEP)
@@ -216,7 +216,7 @@ class _Walkers:
                 away = np.hypot(*(middles[None] - there[:, None]).transpose(2, 0, 1))
                 self._clear[k] &= away.min(axis=0) > reach
 
-    def course(self, number: int, others: Sequence[Body]) -> Course | None:
+    def course(self, number: int, others: Sequence[MovingBody]) -> Course | None:
         """Return a course that keeps off the bodies that are there; None: none was found.
 
         :param others: those of the last call, and after them what is there since.
@@ -306,7 +306,7 @@ class _Walkers:
         at = np.linspace(0.0, lengths[-1], count + 1)[1:]
         return np.stack([np.interp(at, lengths, smooth[:, k]) for k in (0, 1)], axis=1)
 
-    def _possible(self, course: Course, others: Sequence[Body]) -> bool:
+    def _possible(self, course: Course, others: Sequence[MovingBody]) -> bool:
         t: Array = np.arange(_LOOKS, dtype=np.float64) * (PERIOD / _LOOKS)
         place = course.at(t)[:, :2]
         if (self._floor.at(place) < self._radius).any():
@@ -326,7 +326,7 @@ class _Walkers:
         return True
 
 
-def _between(other: Body, t: Array, places: Array) -> Array:
+def _between(other: MovingBody, t: Array, places: Array) -> Array:
     """Return how far places (n, 2) are from a body at times t (n,), at least [m]."""
     own = other.course.at(t)
     offset = places - own[:, :2]

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.places.bodies import Body
+from imu_sim_ros.places.bodies import MovingBody
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.view import CameraPoses, Frames, View, in_camera
@@ -170,7 +170,7 @@ class Tracker:
         return _kept(every, np.lexsort((every.landmark, every.frame)))
 
     def _look(
-        self, frames: Frames, points: Array, normals: Array, body: Body | None = None
+        self, frames: Frames, points: Array, normals: Array, body: MovingBody | None = None
     ) -> _Observed:
         """Return which points are seen in which frames, in as many steps as memory requires.
 
@@ -187,13 +187,13 @@ class Tracker:
             return _Observed(empty, empty, np.zeros((0, 2)), np.zeros(0))
         return _Observed(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
-    def _poses(self, t: Array, body: Body | None) -> CameraPoses:
+    def _poses(self, t: Array, body: MovingBody | None) -> CameraPoses:
         """Return where the camera is at times t (n,) [s], in the world or in a body's axes."""
         poses = self.view.poses(self.trajectory, t)
         return poses if body is None else CameraPoses(*body.sees(t, *poses))
 
     def _look_at_once(
-        self, frames: Frames, rows: Rows, points: Array, normals: Array, body: Body | None
+        self, frames: Frames, rows: Rows, points: Array, normals: Array, body: MovingBody | None
     ) -> _Observed:
         p, model = self.view.parameters, self.view.model
         t = self.view.seconds(frames.true_t_ns[rows])
@@ -222,7 +222,7 @@ class Tracker:
         return near // count, near % count, local[near]
 
     def _through_rolling_shutter(
-        self, t: Array, points: Array, uv: Array, body: Body | None
+        self, t: Array, points: Array, uv: Array, body: MovingBody | None
     ) -> tuple[CameraPoses, Array, Array, Array, Mask]:
         """Return poses, times, pixels and depths when each pixel's row is exposed.
 
@@ -240,7 +240,7 @@ class Tracker:
         return poses, t + shift, uv, depth, seen
 
     def _shown(
-        self, t: Array, eye: Array, points: Array, normals: Array, body: Body | None
+        self, t: Array, eye: Array, points: Array, normals: Array, body: MovingBody | None
     ) -> Mask:
         """Tell which points (n, 3) face the eye (n, 3) and are behind nothing at times t (n,)."""
         facing = (normals * (eye - points)).sum(axis=1)
