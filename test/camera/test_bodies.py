@@ -10,7 +10,7 @@ from rosbags.highlevel import AnyReader
 import imu_sim_ros as ims
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.places.bodies import HEIGHT, RADIUS, STEP, Body, Course, Crowd, faces
+from imu_sim_ros.places.bodies import HEIGHT, RADIUS, STEP, Course, Crowd, MovingBody, faces
 from imu_sim_ros.places.geometry import Caster
 from imu_sim_ros.places.place import CLEARANCE, PlaceBuilder, Site
 from imu_sim_ros.places.sheet import Print
@@ -229,7 +229,7 @@ def test_corners_printed_on_a_moving_body_are_where_its_pose_puts_them(make_rig,
                  [Print("grid", 0.0, 0.0, 1.2, 1.0)])  # fmt: skip
     t = np.arange(160) * STEP
     path = np.column_stack([2.6 + 0.3 * np.sin(t), 0.5 * np.sin(1.7 * t), 0.2 * np.sin(2.3 * t)])
-    board = Body("board", "cart", tuple(builder.faces), Course(path), -0.7)
+    board = MovingBody("board", "cart", tuple(builder.faces), Course(path), -0.7)
     crowd = Crowd([board], site, [(np.zeros((0, 3)), np.zeros((0, 3)))])
     imager, view = imager_of(rig, rig.scene._replace(crowd=crowd)), rig.views["cam0"]
     inner = np.array(
@@ -321,7 +321,7 @@ def time_of_row(view, number, row):
 def test_a_body_is_closed(kind):
     """From wherever above the floor, the first face that a ray meets shows its front."""
     site = Site(np.zeros(3), np.ones(3), np.zeros((0, 3)))
-    own = Body(kind, kind, faces(kind, 1, site), Course(np.zeros((4, 3))), 0.0).surfaces()
+    own = MovingBody(kind, kind, faces(kind, 1, site), Course(np.zeros((4, 3))), 0.0).surfaces()
     stream = np.random.default_rng(1)
     angle = stream.uniform(0.0, 2.0 * np.pi, 40_000)
     eye = np.column_stack(
