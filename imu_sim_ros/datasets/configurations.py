@@ -52,7 +52,7 @@ def write_configs(
         make_folder(folder)
     for name, parameters in every.items():
         own = f"{name}/{IMU_TOPIC}".lstrip("/")
-        seconds = body.position / body.rate
+        seconds = body.taken(parameters.rate) / parameters.rate
         values = _values(parameters, resolved(names.get(own, own)), seconds)
         seen = None
         if rig is not None and rig.cameras:

@@ -223,7 +223,7 @@ class Body:
             # One that is not on a board is hit once, and whichever IMU is meant.
             if imu in ("", name) and not (sensor == hit and times):
                 rate = timebase.exact_rate(one.rate)
-                first = math.ceil(self._now * rate) + timebase.sample_count(delay, one.rate)
+                first = self.taken(one.rate) + timebase.sample_count(delay, one.rate)
                 self._models[sensor].inject(fault, first / rate)
                 t_ns = timebase.sample_times_ns(first, 1, one.rate, self.t0_ns)
                 times[name] = int(t_ns[0])
@@ -232,7 +232,11 @@ class Body:
     @property
     def position(self) -> int:
         """How many samples of the fastest IMU have been read."""
-        return math.ceil(self._now * timebase.exact_rate(self.rate))
+        return self.taken(self.rate)
+
+    def taken(self, rate: float) -> int:
+        """Return how many samples at a rate [Hz] have been read."""
+        return math.ceil(self._now * timebase.exact_rate(rate))
 
     def until(self, end: Fraction) -> dict[str, Any]:
         """Return the samples of each sensor that were not read yet and lie before a time.

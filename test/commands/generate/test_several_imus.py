@@ -118,6 +118,8 @@ def test_configurations_of_each(bag, place):
     assert sorted(p.name for p in folder.iterdir()) == ["left", "right", "simulation.yaml"]
     assert "/left/imu/data_raw" in (folder / "left" / "imu.yaml").read_text()
     assert "update_rate: 333.3" in (folder / "right" / "imu.yaml").read_text()
+    lengths = (folder / "left" / "allan_variance_ros.yaml").read_text()
+    assert "sequence_time: 2\n" in lengths
     again = place / "again.mcap"
     file = str(folder / "simulation.yaml")
     chosen = ["--topics", "imu/data_raw,ground_truth/imu,ground_truth/odom"]
