@@ -198,7 +198,7 @@ def test_a_sensor_of_the_body(copy: Copy) -> None:
     copy.write("imu_sim_ros/sensors/sonar/__init__.py", '"""The sonar."""\n')
     copy.write("imu_sim_ros/sensors/sonar/declaration.py", example)
     init = "imu_sim_ros/sensors/__init__.py"
-    (line,) = [one for one in (ROOT / init).read_text().splitlines() if "CARRIED: Final" in one]
+    (line,) = [one for one in (ROOT / init).read_text().splitlines() if "NAMED: Final" in one]
     names = line.partition(" = (")[2].rstrip(")")
     more = f"{names.rstrip(',')}, " if names else ""
     copy.change(init, (line, line.replace(f"({names})", f'({more}"sonar",)')))

@@ -18,12 +18,12 @@ import numpy as np
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import shown
-from imu_sim_ros.sensors import CARRIED
-from imu_sim_ros.simulation.parameters import carried_names
+from imu_sim_ros.sensors import NAMED
+from imu_sim_ros.simulation.parameters import sensor_names
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 Layer = dict[str, object]
-SHORT: Final = ("imu", "trajectory", "camera", "scene", *CARRIED)
+SHORT: Final = ("imu", "trajectory", "camera", "scene", *NAMED)
 """Names of command-line arguments that stand for parameters."""
 _LARGEST_AXIS: Final = 100_000
 
@@ -67,9 +67,9 @@ def expanded(values: Mapping[str, object]) -> Layer:
             from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
 
             result.update(scene_layer(str(value)))
-        elif name in CARRIED:
+        elif name in NAMED:
             result[f"{name}.preset"] = value
-            result["sensors"] = [*carried_names(result), name]
+            result["sensors"] = [*sensor_names(result), name]
         else:
             result[name] = value
     return result
@@ -77,7 +77,7 @@ def expanded(values: Mapping[str, object]) -> Layer:
 
 def joined(below: Layer, above: Layer) -> Layer:
     """Return parameters with others above them; the sensors of the body are those of both."""
-    sensors = dict.fromkeys([*carried_names(below), *carried_names(above)])
+    sensors = dict.fromkeys([*sensor_names(below), *sensor_names(above)])
     return {**below, **above, **({"sensors": list(sensors)} if sensors else {})}
 
 

@@ -65,7 +65,7 @@ class _Parser(program.Parser):
 
     def format_help(self) -> str:
         """Return the help text."""
-        self.sensors.description = "; ".join(catalogue.carried_lines()) or "none is installed"
+        self.sensors.description = "; ".join(catalogue.sensor_lines()) or "none is installed"
         return super().format_help()
 
 
@@ -75,7 +75,7 @@ class _List(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_arguments: object) -> None:
         """Print the list."""
         folder = str(self.const)
-        tables = {"imus": catalogue.table, "sensors": catalogue.carried_table}
+        tables = {"imus": catalogue.table, "sensors": catalogue.sensor_table}
         print(tables[folder]() if folder in tables else catalogue.listing(folder))
         parser.exit()
 

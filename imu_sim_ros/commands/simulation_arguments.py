@@ -12,8 +12,8 @@ from imu_sim_ros import program
 from imu_sim_ros.jobs.generate import camera_layer
 from imu_sim_ros.machine import cores
 from imu_sim_ros.parameters import files
-from imu_sim_ros.sensors import CARRIED
-from imu_sim_ros.simulation.parameters import carried_names
+from imu_sim_ros.sensors import NAMED
+from imu_sim_ros.simulation.parameters import sensor_names
 from imu_sim_ros.simulation.playback import of_the_node
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
@@ -51,7 +51,7 @@ def add(parser: argparse.ArgumentParser) -> Any:
     program.add_parameter_arguments(parser)
     program.add_options(parser.add_argument_group("simulation"), _SIMULATION)
     sensors = parser.add_argument_group("sensors of the body (--set sensors=[NAME,...])")
-    presets = {name: ", ".join(files.names(name)) for name in CARRIED}
+    presets = {name: ", ".join(files.names(name)) for name in NAMED}
     program.add_options(
         sensors,
         {
@@ -107,10 +107,10 @@ def _put_short(given: dict[str, object], short: Mapping[str, object], cameras: i
 
 def _put_sensors(given: dict[str, object], arguments: argparse.Namespace) -> None:
     """Add sensors of the body that have an option of their own to those of the files."""
-    presets = program.given(arguments, *CARRIED)
+    presets = program.given(arguments, *NAMED)
     used = [*presets, "gnss"] if arguments.rinex else presets
     if used:
-        given["sensors"] = list(dict.fromkeys([*carried_names(given), *used]))
+        given["sensors"] = list(dict.fromkeys([*sensor_names(given), *used]))
     given.update({f"{name}.preset": preset for name, preset in presets.items()})
     if arguments.rinex:
         given["gnss.raw.rinex"] = True

@@ -12,7 +12,7 @@ import numpy as np
 from imu_sim_ros.calibration.deterministic import correction
 from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.parameters.sections import parameters
-from imu_sim_ros.sensors import auxiliary_sensors
+from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.types import Array
@@ -48,7 +48,7 @@ def calibration_lines(
     """Yield a calibration's facts, parameters and files."""
     for name, fact in facts.items():
         yield f"{name}: {_shown(fact)}"
-    sensors = (*TRIADS, *(sensor.name for sensor in auxiliary_sensors()), "reference")
+    sensors = (*TRIADS, *(sensor.name for sensor in sensors_of_imus()), "reference")
     for triad in sensors:
         own = {name: found for name, found in values.items() if name.startswith(triad)}
         if own:

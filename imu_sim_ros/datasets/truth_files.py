@@ -16,7 +16,12 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.sensors.registry import find_sensor
-from imu_sim_ros.simulation.parameters import SimulationParameters, carried, imus, load_simulation
+from imu_sim_ros.simulation.parameters import (
+    SimulationParameters,
+    imus,
+    load_simulation,
+    named_sensors,
+)
 
 _SUFFIXES: Final = (".bag", ".mcap", ".csv")
 """Endings that are not part of the name of the truth; folders have none."""
@@ -33,7 +38,7 @@ def companions(output: Path, body: SimulationParameters) -> dict[str, list[Path]
     :param body: the parameters of the body.
     """
     found = {}
-    for name, own in carried(body).items():
+    for name, own in named_sensors(body).items():
         wanted = find_sensor(name).companions
         suffixes = wanted.suffixes(own) if wanted else ()
         if suffixes:
@@ -90,7 +95,7 @@ def new_truths(output: Path, parameters: SimulationParameters) -> dict[Path, str
     """
     result, problems = {}, []
     texts = {name: _truth_text(one) for name, one in imus(parameters).items()}
-    texts |= {name: _sensor_text(parameters, name) for name in carried(parameters)}
+    texts |= {name: _sensor_text(parameters, name) for name in named_sensors(parameters)}
     for name, text in texts.items():
         path = _truth(output, name)
         there = _read(path)

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""How the readings of an auxiliary sensor stand in folders of text, and in bags.
+"""How the readings of a sensor stand in folders of text, and in bags.
 
 Sensors declare their tables; readers and writers are handed them and know none by name.
 """

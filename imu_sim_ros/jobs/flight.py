@@ -22,7 +22,7 @@ from imu_sim_ros.inputs import gate
 from imu_sim_ros.jobs.output import checked_place, renamed_topics, saved
 from imu_sim_ros.jobs.readings import Odometry, Readings, check_arrays, frame, joined, read_imu
 from imu_sim_ros.parameters.sections import flatten
-from imu_sim_ros.sensors import auxiliary_sensors
+from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.registry import in_use
 from imu_sim_ros.simulation.engine import Body
@@ -184,7 +184,7 @@ class Flight:
         :raises ConfigurationError: for one that was not simulated.
         """
         if not name.startswith("_"):
-            for sensor in (*auxiliary_sensors(), *in_use()):
+            for sensor in (*sensors_of_imus(), *in_use()):
                 if sensor.quantity == name:
                     found = self.__dict__[name] = joined(self._windows, sensor)
                     return found

@@ -37,7 +37,7 @@ from imu_sim_ros.types import Array, Times
 
 @dataclass(frozen=True, repr=False)
 class ReadingsEvaluation:
-    """The errors of an auxiliary sensor's readings, at the m times shared with the truth."""
+    """The errors of another sensor's readings, at the m times shared with the truth."""
 
     kind: str
     """The sensor's table: ``mag``, ``pressure``."""

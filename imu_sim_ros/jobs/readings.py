@@ -20,7 +20,7 @@ from imu_sim_ros.inputs import gate
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import from_euler, rotate
-from imu_sim_ros.sensors import auxiliary_sensors
+from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.declaration import Sensor
 from imu_sim_ros.sensors.registry import find_sensor, in_use
 from imu_sim_ros.timebase import span
@@ -257,12 +257,12 @@ def frame(t_ns: Times, columns: Mapping[str, Array]) -> Any:
 
 
 def checked_sensors(names: Collection[str]) -> frozenset[str]:
-    """Return the names of sensors: what auxiliary ones measure, and those of the body.
+    """Return the names of sensors: what those of IMUs measure, and those with names of their own.
 
     :raises ConfigurationError: with a line for each that does not exist.
     """
     given = words("sensors", names)
-    known = [sensor.quantity for sensor in auxiliary_sensors()]
+    known = [sensor.quantity for sensor in sensors_of_imus()]
     unknown: list[str] = []
     for name in dict.fromkeys(given):
         if name not in known:

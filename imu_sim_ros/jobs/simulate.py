@@ -24,12 +24,12 @@ from imu_sim_ros.parameters.kinds import EMPTY_LIST
 from imu_sim_ros.parameters.sections import OF_EVERY_NODE, bad_values
 from imu_sim_ros.parameters.sections import parameters as described
 from imu_sim_ros.poses import PoseSequence
-from imu_sim_ros.sensors import auxiliary_sensors
+from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.simulation.engine import BLOCK_SIZE, Body
-from imu_sim_ros.simulation.parameters import SimulationParameters, carried, load_simulation
+from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation, named_sensors
 from imu_sim_ros.simulation.playback import SimulatorParameters, of_the_node
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.common_parameters import GIVEN, PoseReader
@@ -174,17 +174,17 @@ def _body(
     parameters: Mapping[str, Any],
 ) -> Body:
     below: dict[str, object] = {}
-    auxiliary = frozenset[str]() if sensors is None else checked_sensors(sensors)
+    wanted = frozenset[str]() if sensors is None else checked_sensors(sensors)
     if params_file is not None:
         below, published = _of_file(arguments.path("params_file", params_file))
-        auxiliary = published if sensors is None else auxiliary
+        wanted = published if sensors is None else wanted
     own, motion = given_layers(imu, trajectory, duration, rate, seed, parameters)
     if sensors is not None:
-        quantities = [sensor.quantity for sensor in auxiliary_sensors()]
-        own["sensors"] = sorted(name for name in auxiliary if name not in quantities)
+        quantities = [sensor.quantity for sensor in sensors_of_imus()]
+        own["sensors"] = sorted(name for name in wanted if name not in quantities)
     built: SimulationParameters = load_simulation(below, own)
     moving = build_trajectory(built.trajectory, motion.pose_reader, motion.given)
-    body = Body(built, trajectory=moving, sensors={*auxiliary, *carried(built), POSE})
+    body = Body(built, trajectory=moving, sensors={*wanted, *named_sensors(built), POSE})
     if body.total is None:
         raise ConfigurationError(
             "duration: this trajectory has no end; give a duration, duration=60"
@@ -225,7 +225,7 @@ def _of_file(path: Path) -> tuple[dict[str, object], frozenset[str]]:
         raise ConfigurationError([f"{path}: {line}" for line in problems])
     unset = [name for name in ("imus", "cameras") if given.get(name) in ((), [], EMPTY_LIST)]
     own = {n: value for n, value in given.items() if n not in (*of_node, *unset)}
-    wanted = (sensor.quantity for sensor in auxiliary_sensors())
+    wanted = (sensor.quantity for sensor in sensors_of_imus())
     return own, frozenset(name for name in wanted if given.get(f"publish.{name}") is True)
 
 

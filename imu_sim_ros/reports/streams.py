@@ -22,7 +22,7 @@ from imu_sim_ros.calibration.noise.analysis import ReadingsBlock
 from imu_sim_ros.calibration.noise.deviation import Deviation, DeviationAccumulator
 from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.reports.page import Item, table
-from imu_sim_ros.sensors import auxiliary_sensors
+from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.types import Array, Bytes, Integers, Mask
 
 _FIRST: Final = 64
@@ -172,7 +172,7 @@ def bias_series(path: Path, topics: Sequence[TopicInfo]) -> list[tuple[str, str,
 
 def _bias_units() -> dict[str, str]:
     """Return the units of biases by what their topics are called."""
-    tables = [sensor.table for sensor in auxiliary_sensors()]
+    tables = [sensor.table for sensor in sensors_of_imus()]
     return _UNITS | {
         table.truths[1]: table.quantity.unit for table in tables if table and table.truths
     }

@@ -63,7 +63,7 @@ def _sources(head: list[str]) -> Iterator[str]:
             words.append(begin["source"] if begin else line.removeprefix(_INDENT))
 
 
-def carried_lines() -> list[str]:
+def sensor_lines() -> list[str]:
     """Return the sensors of the body that can be named, a line each; those of other packages too.
 
     What cannot be loaded has its reason.
@@ -72,7 +72,7 @@ def carried_lines() -> list[str]:
     return [f"{sensor.name}: {sensor.text or 'no description'}" for sensor in found] + problems
 
 
-def carried_table() -> str:
+def sensor_table() -> str:
     """Return the sensors of the body as text: topics, then parameters with default and unit."""
     found, problems = all_sensors()
     lines = []

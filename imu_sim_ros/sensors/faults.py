@@ -49,7 +49,7 @@ class Fault:
     value: float | Vector = 0.0
     """Strength in the unit of what it changes; one number stands for all axes."""
     triad: str = ""
-    """gyroscope or accelerometer for a fault of a triad; an auxiliary sensor for any of its own."""
+    """gyroscope or accelerometer for a fault of a triad; another sensor for any of its own."""
 
     def __post_init__(self) -> None:
         problems = list(self._problems())
@@ -103,7 +103,7 @@ class FaultSchedule:
     seed: int
     dt: float
     prefix: str = ""
-    """Prefix of the random streams' names; another for each auxiliary sensor."""
+    """Prefix of the random streams' names; another for each sensor."""
     _windows: list[_Window] = field(default_factory=list)
     _injected: int = 0
 

@@ -20,7 +20,7 @@ LONGEST = 1e6
 
 @dataclass(frozen=True)
 class OwnRateParameters:
-    """Rate and stamp grid of an auxiliary sensor."""
+    """Rate and stamp grid of a sensor."""
 
     rate: float = number(
         100.0,

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 from imu_sim_ros import arguments
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import shown, suggestion
-from imu_sim_ros.sensors import AUXILIARY, CARRIED, auxiliary_sensors
+from imu_sim_ros.sensors import NAMED, OF_IMUS, sensors_of_imus
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -63,14 +63,14 @@ def find_sensor(name: str) -> "Sensor":
     """
     if name in _REGISTERED:
         return _REGISTERED[name]
-    if name in CARRIED:
+    if name in NAMED:
         found: Sensor = import_module(f"imu_sim_ros.sensors.{name}.declaration").SENSOR
     else:
         offered = _offered()
         if name not in offered:
-            known = [*CARRIED, *_REGISTERED, *sorted(offered)]
+            known = [*NAMED, *_REGISTERED, *sorted(offered)]
             hint = suggestion(name, known, f"must be one of {', '.join(known) or 'none'}")
-            if name in AUXILIARY or name in [one.quantity for one in auxiliary_sensors()]:
+            if name in OF_IMUS or name in [one.quantity for one in sensors_of_imus()]:
                 hint = "is on the board of an IMU: publish.* and --topics choose it"
             raise ConfigurationError(f"sensors: {name!r}: {hint}")
         found = _loaded(name, offered[name])
@@ -85,7 +85,7 @@ def all_sensors() -> "tuple[list[Sensor], list[str]]":
     """
     found: list[Sensor] = []
     problems: list[str] = []
-    for name in dict.fromkeys([*CARRIED, *_REGISTERED, *sorted(_offered())]):
+    for name in dict.fromkeys([*NAMED, *_REGISTERED, *sorted(_offered())]):
         try:
             found.append(find_sensor(name))
         except ConfigurationError as error:
@@ -95,7 +95,7 @@ def all_sensors() -> "tuple[list[Sensor], list[str]]":
 
 def is_known(name: str) -> bool:
     """Return whether there is a sensor of the body of this name; entry points are looked up."""
-    return name in CARRIED or name in _REGISTERED or name in _offered()
+    return name in NAMED or name in _REGISTERED or name in _offered()
 
 
 def sections(names: Iterable[str]) -> dict[str, type]:
@@ -150,7 +150,7 @@ def _checked(sensor: Any, what: str) -> "Sensor":
     if not isinstance(given, Sensor):
         raise ConfigurationError(f"{what}: {shown(sensor)} is not a Sensor")
     problems = []
-    if not _NAME.fullmatch(sensor.name) or sensor.name in AUXILIARY:
+    if not _NAME.fullmatch(sensor.name) or sensor.name in OF_IMUS:
         problems.append(
             f"{what}: name = {sensor.name!r}: must be lower-case letters, digits and underscores, "
             "and not that of a sensor of a board"

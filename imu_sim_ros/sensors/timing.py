@@ -35,7 +35,7 @@ class Clock:
     ) -> None:
         """Set up the clock.
 
-        :param prefix: of the random streams' names; another for each auxiliary sensor.
+        :param prefix: of the random streams' names; another for each sensor.
         """
         self._t0_ns = t0_ns
         self._interval_ns = timebase.NANOSECONDS_PER_SECOND / rate

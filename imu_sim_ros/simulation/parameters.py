@@ -146,7 +146,7 @@ def _of_camera(camera: str, name: str) -> str | None:
     return f"did you mean {own}camera.{near}{' for all cameras' if camera else ''}?"
 
 
-def carried_names(given: Mapping[str, object]) -> tuple[str, ...]:
+def sensor_names(given: Mapping[str, object]) -> tuple[str, ...]:
     """Return the sensors of the body that parameters by dotted name name.
 
     :raises ConfigurationError: with a line for each name that cannot be used.
@@ -160,7 +160,7 @@ def carried_names(given: Mapping[str, object]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def carried_fields(names: tuple[str, ...]) -> list[Any]:
+def sensor_fields(names: tuple[str, ...]) -> list[Any]:
     """Return the fields of a section that has the parameters of sensors of the body.
 
     :raises ConfigurationError: with a line for each name that does not exist.
@@ -184,11 +184,11 @@ def simulation_section(names: tuple[str, ...]) -> type[SimulationParameters]:
 @cache
 def _section_of(names: tuple[str, ...], _: tuple[type, ...]) -> type[SimulationParameters]:
     bases = (SimulationParameters,)
-    return make_dataclass("SimulationParameters", carried_fields(names), bases=bases, frozen=True)
+    return make_dataclass("SimulationParameters", sensor_fields(names), bases=bases, frozen=True)
 
 
-def carried(parameters: object) -> dict[str, Any]:
-    """Return the parameters of the sensors of the body, by name."""
+def named_sensors(parameters: object) -> dict[str, Any]:
+    """Return the parameters of the sensors that ``sensors`` names, by name."""
     return {name: getattr(parameters, name) for name in getattr(parameters, "sensors", ())}
 
 
@@ -217,7 +217,7 @@ def load_simulation(*layers: Mapping[str, object], node: str = "simulator") -> S
     given: dict[str, object] = {}
     for values in layers:
         given.update(values)
-    names = carried_names(given)
+    names = sensor_names(given)
     if not names:
         given.pop("sensors", None)
     return build_layered(
@@ -264,13 +264,13 @@ def _layered(layers: Iterable[Mapping[str, object]], node: str) -> dict[str, obj
         given = {"trajectory.type": DEFAULT_TRAJECTORY, **motion, **given}
     if names_a_file(str(given["trajectory.type"])):
         sensor.update(trajectory_layer(str(given.pop("trajectory.type")), node))
-    return {**sensor, **barometer_layer(given, node), **_carried_layers(given, node), **given}
+    return {**sensor, **barometer_layer(given, node), **_sensor_layers(given, node), **given}
 
 
-def _carried_layers(given: Mapping[str, object], node: str) -> dict[str, object]:
+def _sensor_layers(given: Mapping[str, object], node: str) -> dict[str, object]:
     """Return what ``NAME.preset`` of sensors of the body stand for."""
     result: dict[str, object] = {}
-    for name in carried_names(given):
+    for name in sensor_names(given):
         preset = given.get(f"{name}.preset")
         if preset and preset != "none":
             folder = find_sensor(name).presets

@@ -27,17 +27,17 @@ from imu_sim_ros.parameters.kinds import (
     vector,
 )
 from imu_sim_ros.parameters.sections import section, section_names
-from imu_sim_ros.sensors import auxiliary_sensors
+from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.own_rate_parameters import LARGEST_LATENCY, LONGEST
 from imu_sim_ros.simulation.parameters import (
     SENSORS,
     SimulationParameters,
-    carried_fields,
-    carried_names,
     imus,
     layer_simulation,
+    sensor_fields,
+    sensor_names,
 )
 
 NODE = "simulator"
@@ -45,10 +45,8 @@ FAULTS = ("none", "bias_jump", "saturation", "stuck", "dropout", "latency")
 
 
 def _biases() -> str:
-    """Return the topics of the biases of all auxiliary sensors, in words."""
-    names = [
-        t.name for one in auxiliary_sensors() for t in one.topics if "biases" in (t.flags or ())
-    ]
+    """Return the topics of the biases of all sensors of IMUs, in words."""
+    names = [t.name for one in sensors_of_imus() for t in one.topics if "biases" in (t.flags or ())]
     return " and ".join(names)
 
 
@@ -96,10 +94,10 @@ class PublishParameters:
 
 
 def _switches() -> type[PublishParameters]:
-    """Return the same with the switches of all auxiliary sensors."""
+    """Return the same with the switches of all sensors of IMUs."""
     fields: list[Any] = [
         (name, bool, flag(False, words))
-        for sensor in auxiliary_sensors()
+        for sensor in sensors_of_imus()
         for name, words in sensor.switches.items()
     ]
     return make_dataclass("PublishParameters", fields, bases=(PublishParameters,), frozen=True)
@@ -134,7 +132,7 @@ class InjectParameters:
     )
     triad: str = choice(
         "gyroscope",
-        (*TRIADS, *(one.name for one in auxiliary_sensors() if one.faults)),
+        (*TRIADS, *(one.name for one in sensors_of_imus() if one.faults)),
         "triad that a bias_jump, saturation or stuck affects; with another sensor, any fault "
         "affects that sensor alone",
         live=True,
@@ -252,7 +250,7 @@ class OneImuParameters:
 
 def simulator_section(given: Mapping[str, object]) -> type[SimulatorParameters]:
     """Return the section that holds the parameters of all IMUs that ``imus`` names."""
-    names, further = _imus(given), carried_names(given)
+    names, further = _imus(given), sensor_names(given)
     bases: tuple[type, ...] = (SimulatorParameters,)
     if has_cameras(given):
         cameras = _rig().camera_names(given)
@@ -267,7 +265,7 @@ def simulator_section(given: Mapping[str, object]) -> type[SimulatorParameters]:
     if further:
         taken = {*names, *(field.name for base in bases for field in dataclasses.fields(base))}
         section_names("sensors", further, taken)
-        fields += [*carried_fields(further), _injected(further)]
+        fields += [*sensor_fields(further), _injected(further)]
     return dataclasses.make_dataclass("SimulatorParameters", fields, bases=bases, frozen=True)
 
 

@@ -11,12 +11,12 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from imu_sim_ros.sensors import auxiliary_sensors
+from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.declaration import Model, Mounted
 from imu_sim_ros.sensors.imu import declaration as imu
 from imu_sim_ros.sensors.pose import declaration as pose
 from imu_sim_ros.sensors.registry import find_sensor
-from imu_sim_ros.simulation.parameters import SampledParameters, carried, imus
+from imu_sim_ros.simulation.parameters import SampledParameters, imus, named_sensors
 from imu_sim_ros.types import Array
 
 
@@ -29,12 +29,12 @@ def mounted(parameters: SampledParameters) -> dict[str, Mounted]:
     found: dict[str, Mounted] = {}
     for name, one in imus(parameters).items():
         space = f"{name}/" if name else ""
-        for sensor in (imu.SENSOR, *auxiliary_sensors()):
+        for sensor in (imu.SENSOR, *sensors_of_imus()):
             board = Mounted(sensor, one.imu, one, one, one.imu_frame, space)
             found[space + sensor.quantity] = board
     frame = parameters.body_frame
     found[pose.NAME] = Mounted(pose.SENSOR, parameters, parameters, parameters, frame)
-    for name, own in carried(parameters).items():
+    for name, own in named_sensors(parameters).items():
         found[name] = Mounted(find_sensor(name), own, parameters, own, own.frame or frame)
     return found
 

@@ -17,14 +17,14 @@ import imu_sim_ros as ims
 from imu_sim_ros.bags import sensor_tables
 from imu_sim_ros.jobs.flight import Flight
 from imu_sim_ros.parameters.sections import parameters
-from imu_sim_ros.sensors import AUXILIARY, CARRIED, auxiliary_sensors, known_tables, registry
+from imu_sim_ros.sensors import NAMED, OF_IMUS, known_tables, registry, sensors_of_imus
 from imu_sim_ros.sensors.declaration import Sensor
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 ROOT = Path(__file__).parents[2]
-NAMES = (*AUXILIARY, *CARRIED, "sonar")
+NAMES = (*OF_IMUS, *NAMED, "sonar")
 BOARD = {"imu.preset": "perfect", "trajectory.type": "figure_eight", "duration": 3.0, "seed": 3}
 
 
@@ -32,8 +32,8 @@ BOARD = {"imu.preset": "perfect", "trajectory.type": "figure_eight", "duration":
 def sensor(request: Any, monkeypatch: Any) -> Sensor:
     """Return each declaration in turn; the example's is registered for the test."""
     monkeypatch.setattr(registry, "_REGISTERED", {})
-    if request.param in AUXILIARY:
-        return auxiliary_sensors()[AUXILIARY.index(request.param)]
+    if request.param in OF_IMUS:
+        return sensors_of_imus()[OF_IMUS.index(request.param)]
     if request.param == "sonar":
         spec = importlib.util.spec_from_file_location("sonar", ROOT / "examples/own_sensor.py")
         assert spec is not None
@@ -46,7 +46,7 @@ def sensor(request: Any, monkeypatch: Any) -> Sensor:
 
 
 def prefix(sensor: Sensor) -> str:
-    return f"imu.{sensor.name}_" if sensor.name in AUXILIARY else f"{sensor.name}."
+    return f"imu.{sensor.name}_" if sensor.name in OF_IMUS else f"{sensor.name}."
 
 
 def given(sensor: Sensor, **own: object) -> dict[str, Any]:
@@ -55,7 +55,7 @@ def given(sensor: Sensor, **own: object) -> dict[str, Any]:
     noisy = {
         name: 1e-3 for name in known if name.startswith("noise") and known[name].kind != "choice"
     }
-    named = {} if sensor.name in AUXILIARY else {"sensors": [sensor.name]}
+    named = {} if sensor.name in OF_IMUS else {"sensors": [sensor.name]}
     values = {f"{prefix(sensor)}{name}": value for name, value in {**noisy, **own}.items()}
     return {**BOARD, **named, **values}
 
@@ -100,7 +100,7 @@ def test_no_sample_of_the_imu_depends_on_it(sensor: Sensor) -> None:
 def test_truth_is_complete_and_python_returns_it(sensor: Sensor) -> None:
     """Each array has a row for every sample; what is lost is in the truth, not in the readings."""
     lossy = {"dropout_probability": 0.5}
-    if sensor.name in AUXILIARY:
+    if sensor.name in OF_IMUS:
         values = {**given(sensor), **{f"imu.{name}": value for name, value in lossy.items()}}
     else:
         values = given(sensor, **lossy)
@@ -182,7 +182,7 @@ def test_live_parameters_change_from_the_next_block_on(sensor: Sensor) -> None:
 def test_declared_once_for_all(sensor: Sensor) -> None:
     """Topics and tables have names of their own, and headers as many columns as numbers."""
     assert sensor.topics[0].name == sensor.table.topic
-    others = [one for one in auxiliary_sensors() if one.name != sensor.name]
+    others = [one for one in sensors_of_imus() if one.name != sensor.name]
     assert not {t.name for t in sensor.topics} & {t.name for one in others for t in one.topics}
     assert {h.count(",") for h in sensor.table.headers.values()} == {sensor.table.columns}
     assert set(sensor.table.headers) == {"euroc", "csv"}
@@ -194,7 +194,7 @@ def test_it_is_in_the_manual(sensor: Sensor) -> None:
     """Its parameters are in the reference, its topics on a page."""
     pages = [page.read_text(encoding="utf-8") for page in (ROOT / "docs").rglob("*.md")]
     assert all(any(topic.name in page for page in pages) for topic in sensor.topics)
-    if sensor.name in (*AUXILIARY, *CARRIED):
+    if sensor.name in (*OF_IMUS, *NAMED):
         reference = (ROOT / "docs/reference/parameters.md").read_text(encoding="utf-8")
         for name in parameters(sensor.section):
             assert f"`{prefix(sensor)}{name}`" in reference, name

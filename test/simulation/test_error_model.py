@@ -23,7 +23,7 @@ from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.simulation.topics import encoder_of_one, offered
 
-COMPARED = [name for name in ImuBlock._fields if name not in ("first", "motion", "auxiliary")]
+COMPARED = [name for name in ImuBlock._fields if name not in ("first", "motion", "sensors")]
 COUNT = 700
 OF_TRIADS = {  # a value for every parameter of a triad that is not a switch of another
     "noise_density": {"noise_density": 0.01},

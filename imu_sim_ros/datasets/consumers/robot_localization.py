@@ -11,7 +11,7 @@ from typing import Any, Final
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.datasets.consumers.values import ImuValues, comment
 from imu_sim_ros.datasets.topics import resolved
-from imu_sim_ros.simulation.parameters import SimulationParameters, carried
+from imu_sim_ros.simulation.parameters import SimulationParameters, named_sensors
 
 _ROWS: Final = (
     "x, y, z",
@@ -29,7 +29,7 @@ def texts(values: ImuValues, parameters: SimulationParameters) -> dict[str, str]
     :param values: the IMU of the readings.
     :param parameters: of the simulation, which has the sensors of the body.
     """
-    body = carried(parameters)
+    body = named_sensors(parameters)
     found = {}
     if body.keys() & {"gnss", "wheels"}:
         found["ekf.yaml"] = _ekf(values, parameters, body)

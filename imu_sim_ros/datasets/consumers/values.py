@@ -13,7 +13,7 @@ import numpy as np
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.parameters.sections import flatten
-from imu_sim_ros.sensors import AUXILIARY
+from imu_sim_ros.sensors import OF_IMUS
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.types import Array
 
@@ -39,7 +39,7 @@ _NO_TERMS: Final = frozenset(
         *(f"{triad}_correlation_time" for triad in TRIADS),
     ]
 )
-_OTHER_SENSORS: Final = tuple(f"{name}_" for name in AUXILIARY)
+_OTHER_SENSORS: Final = tuple(f"{name}_" for name in OF_IMUS)
 """The stacks do not read them."""
 _VIBRATION: Final = ("vibration.line_amplitude", "vibration.band_density")
 """The strengths of the vehicle's vibration; the rest of it says where and when."""

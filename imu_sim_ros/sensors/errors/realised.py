@@ -17,7 +17,7 @@ from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.parameters.kinds import ZERO_VECTOR
 from imu_sim_ros.parameters.sections import parameters as declared
 from imu_sim_ros.random_streams import axis_generators
-from imu_sim_ros.sensors import auxiliary_sensors
+from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.errors.response import TurnOn
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import NO_CROSS_AXIS, TriadParameters
@@ -109,7 +109,7 @@ def realised_imu(imu: ImuParameters, seed: int) -> ImuParameters:
     """
     realised: dict[str, Any] = {
         **{name: realised_triad(imu.triad(name), name, seed) for name in TRIADS},
-        **{one.name: one.realised(getattr(imu, one.name), seed) for one in auxiliary_sensors()},
+        **{one.name: one.realised(getattr(imu, one.name), seed) for one in sensors_of_imus()},
     }
     return dataclasses.replace(imu, **realised)
 

@@ -27,7 +27,7 @@ from imu_sim_ros.parameters.kinds import (
     vector,
 )
 from imu_sim_ros.parameters.sections import section
-from imu_sim_ros.sensors import auxiliary_sections
+from imu_sim_ros.sensors import sections_of_imus
 from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
 from imu_sim_ros.sensors.own_rate_parameters import LONGEST, TimingParameters
 from imu_sim_ros.types import Complex
@@ -270,7 +270,7 @@ class BoardParameters:
 
 @dataclass(frozen=True)
 class BareImuParameters(TimingParameters, BoardParameters, TriadsParameters):
-    """One IMU without the auxiliary sensors of its board."""
+    """One IMU without the other sensors with it."""
 
     preset: str = text("lecture", "file in config/imus, or a path, to start from")
     sampling: str = choice(
@@ -367,25 +367,25 @@ class BareImuParameters(TimingParameters, BoardParameters, TriadsParameters):
 
 if TYPE_CHECKING:
 
-    class AuxiliaryParameters:
-        """The auxiliary sensors of a board."""
+    class OtherSensorsParameters:
+        """The other sensors of an IMU."""
 
         def __getattr__(self, name: str) -> Any:
             """Return the section of one of them."""
 else:
-    AuxiliaryParameters = make_dataclass(
-        "AuxiliaryParameters",
-        [(name, cls, section(cls, joint="_")) for name, cls in auxiliary_sections().items()],
+    OtherSensorsParameters = make_dataclass(
+        "OtherSensorsParameters",
+        [(name, cls, section(cls, joint="_")) for name, cls in sections_of_imus().items()],
         frozen=True,
     )
 
 
 @dataclass(frozen=True)
-class ImuParameters(AuxiliaryParameters, BareImuParameters):
-    """One IMU, with a section for each auxiliary sensor of its board."""
+class ImuParameters(OtherSensorsParameters, BareImuParameters):
+    """One IMU, with a section for each other sensor with it."""
 
     def triad(self, name: str) -> TriadParameters:
-        """Return the errors of one triad, or of an auxiliary sensor as if it were one."""
+        """Return the errors of one triad, or of another sensor as if it were one."""
         if name in TRIADS:
             return super().triad(name)
         errors: TriadParameters = getattr(self, name).as_triad()
