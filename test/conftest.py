@@ -6,19 +6,26 @@
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
 
 MAY_BE_MISSING = {
-    "no recorded poses in": "real flights are not part of the repository",
-    "the launch package comes with": "ROS 2's launch is not on PyPI",
-    "could not import 'rerun'": "rerun has wheels for Python 3.11 and later",
-    "REAL ROS 1 NOT TESTED": "only Debian has it, and only root can install it",
+    "no recorded poses in": ("flights of EuRoC and KAIST", "test/data/recorded/README.md"),
+    "the launch package comes with": ("launch files with ROS 2's launch", "source ROS 2"),
+    "could not import 'rerun'": ("views", "Python 3.11 or later"),
+    "REAL ROS 1 NOT TESTED": ("bags in real ROS 1", "apt install python3-rosbag and its messages"),
 }
-"""What CI cannot have, by words of the skip's reason. Anything else that a test skips for, an
-oracle above all, makes it fail where IMU_SIM_CI is set, as .ci/run does."""
+"""What CI cannot have, by words of the skip's reason: what is then not tested, and how to get it.
+Anything else that a test skips for, an oracle above all, makes it fail where IMU_SIM_CI is set, as
+.ci/run does."""
+CAN_BE_INSTALLED = {
+    "no browser": ("pages in a browser", "apt install chromium chromium-driver"),
+    "rnx2rtkp": ("raw GNSS in RTKLIB", "apt install rtklib"),
+    "could not import": ("other libraries' judgement", "pip install -r .ci/requirements-test.txt"),
+    "pymcap-cli": ("MCAP files in pymcap-cli", "pip install pymcap-cli"),
+}
 _REAL_PROCESSES = (Path("test/nodes"), Path("test/commands/test_demo.py"))
 _LAST_WAITING = 0.7
 """The part of all files after which none with real nodes begins."""
@@ -68,6 +75,33 @@ def signals_as_before() -> Iterator[None]:
         signal.signal(number, handler)
 
 
+def not_tested(reasons: Iterable[str]) -> str:
+    """Return a line on what the skipped tests left out, and how to get it; "" if nothing."""
+    known = {**MAY_BE_MISSING, **CAN_BE_INSTALLED}
+    counts: dict[tuple[str, str], int] = {}
+    for reason in reasons:
+        words = next((words for words in known if words in reason), "")
+        left_out = known.get(words, ("other", "pytest's summary has the reasons"))
+        counts[left_out] = counts.get(left_out, 0) + 1
+    parts = [
+        f"{what} ({count} test{'s' * (count > 1)}; {how})" for (what, how), count in counts.items()
+    ]
+    return f"Not tested here: {', '.join(parts)}" if parts else ""
+
+
+def _reason(report: pytest.TestReport | pytest.CollectReport) -> str:
+    return str(report.longrepr[2]) if isinstance(report.longrepr, tuple) else ""
+
+
+@pytest.hookimpl(hookwrapper=True, tryfirst=True)
+def pytest_sessionfinish(session: pytest.Session) -> Iterator[None]:
+    """Say in the last line of a run, below pytest's own, what it left out."""
+    yield
+    terminal = session.config.pluginmanager.get_plugin("terminalreporter")
+    if terminal and (line := not_tested(map(_reason, terminal.stats.get("skipped", [])))):
+        terminal.write_line(line)
+
+
 def may_be_missing(reason: str) -> bool:
     """Return whether a test may be skipped in CI for this reason."""
     return any(known in reason for known in MAY_BE_MISSING)
@@ -83,7 +117,7 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
     report = outcome.get_result()
     enforced = os.environ.get("IMU_SIM_CI") and not sys.prefix.endswith(".venv-floor")
     if enforced and report.skipped and not hasattr(report, "wasxfail"):
-        reason = str(report.longrepr[2]) if isinstance(report.longrepr, tuple) else ""
+        reason = _reason(report)
         if not may_be_missing(reason):
             report.outcome = "failed"
             report.longrepr = f"{item.nodeid} is skipped in CI: {reason}"

@@ -5,16 +5,15 @@
 
 import os
 import tracemalloc
-from pathlib import Path
 
 import numpy as np
 import pytest
+from recordings import EUROC, KAIST, TUM, missing
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
 
-DATA = Path(__file__).parents[1].parent / "shared/data"
 GOOD = ["1.0 0 0 0 0 0 0 1", "1.1 1 2 3 0 0 0 1", "1.2 2 3 4 0 0 0 1", "1.3 3 4 5 0 0 0 1"]
 
 
@@ -269,17 +268,14 @@ def test_a_text_file_has_no_topics(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "count", "seconds"),
-    [
-        ("euroc_V1_02_medium_groundtruth.csv", 16702, 83.505),
-        ("kaist_vio_infinite_fast.txt", 9882, 211.44057),
-        ("tum_freiburg1_xyz_groundtruth.txt", 3000, 30.0896),
-    ],
+    ("path", "count", "seconds"),
+    [(EUROC, 16702, 83.505), (KAIST, 9882, 211.44057), (TUM, 3000, 30.0896)],
+    ids=["euroc", "kaist", "tum"],
 )
-def test_real_files(name, count, seconds):
-    if not (DATA / name).is_file():
-        pytest.skip(f"no recorded poses in {DATA}")
-    poses = read_poses(DATA / name)
+def test_real_files(path, count, seconds):
+    if not path.is_file():
+        pytest.skip(missing(path))
+    poses = read_poses(path)
     assert len(poses.t_ns) == count
     assert (poses.t_ns[-1] - poses.t_ns[0]) * 1e-9 == pytest.approx(seconds, abs=1e-6)
     assert np.all(np.diff(poses.t_ns) > 0)

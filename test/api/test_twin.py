@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from recordings import EUROC, EUROC_IMU, missing
 
 import imu_sim_ros as ims
 from imu_sim_ros.calibration.twin.pose_noise import PoseNoise
@@ -16,9 +17,6 @@ from imu_sim_ros.jobs.twin import check_settled, judged
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import conjugate, exp, log, multiply, normalise, to_matrix
 
-DATA = Path(__file__).parents[3] / "shared" / "data"
-READINGS = DATA / "euroc_V1_02_medium_imu_40s.csv"
-POSES = DATA / "euroc_V1_02_medium_groundtruth.csv"
 TURN = np.array([0.3, -0.2, 0.5])
 S_A = np.array([[1.01, 0.004, -0.006], [0.0, 0.985, 0.002], [0.0, 0.0, 1.01]])
 S_G = np.array([[0.99, 0.002, -0.003], [0.006, 1.01, 0.001], [-0.002, 0.004, 1.005]])
@@ -354,13 +352,13 @@ def test_losses_are_bridged_or_end_a_piece(flight):
         ims.twin(slow, flight.truth)
 
 
-@pytest.mark.skipif(not READINGS.exists(), reason="no recorded poses in ../shared/data")
+@pytest.mark.skipif(not EUROC_IMU.is_file(), reason=missing(EUROC_IMU))
 def test_a_real_flight_and_its_twin():
     """EuRoC V1_02: what holds of the twin of its first 20 s on the 19 s that follow.
 
     Below 5 Hz the residual is mostly the truth's own error, which changes along this flight.
     """
-    found = ims.twin(READINGS, POSES, fit=20.0)
+    found = ims.twin(EUROC_IMU, EUROC, fit=20.0)
     bias = found.errors["gyroscope_bias"]
     assert np.all(np.abs(bias.value - [-0.0022, 0.0207, 0.0758]) < 3.0 * bias.sigma)
     bias = found.errors["accelerometer_bias"]

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from recordings import TUM
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
@@ -19,7 +20,6 @@ from imu_sim_ros.bags.messages.schemas import known_types
 from imu_sim_ros.bags.read import read_imu, read_odometry, read_poses
 from imu_sim_ros.commands import convert_bag, generate
 
-DATA = Path(__file__).parents[2].parent / "shared/data"
 EXTRA = (
     "imu/data_raw,ground_truth/odom,ground_truth/gyroscope_bias,ground_truth/accelerometer_bias,"
     "imu/temperature"
@@ -293,10 +293,7 @@ def test_two_imus_and_none_named(tmp_path, capsys):
 
 
 def test_a_real_flight(tmp_path, capsys):
-    flight = DATA / "euroc_V1_02_medium_groundtruth.csv"
-    if not flight.exists():
-        pytest.skip(f"no recorded poses in {flight}")
-    options = ["--trajectory", str(flight), "--duration", "5s", "--format", "euroc", "--quiet"]
+    options = ["--trajectory", str(TUM), "--duration", "5s", "--format", "euroc", "--quiet"]
     assert generate.main(["-o", str(tmp_path / "mav0"), *options]) == 0
     result = _convert(capsys, tmp_path / "mav0", "-o", tmp_path / "x.bag")
     assert result["messages"]["/imu/data_raw"] == 1000

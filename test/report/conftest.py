@@ -102,9 +102,10 @@ def bag(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def browser():
-    """Return headless Chromium, of Debian's packages chromium and chromium-driver."""
+    """Return headless Chromium, as Debian's packages chromium and chromium-driver bring it."""
     selenium = pytest.importorskip("selenium", reason="no browser: selenium is not installed")
-    programs = [shutil.which("chromium"), shutil.which("chromedriver")]
+    names = ("chromium", "chromium-browser", "google-chrome")
+    programs = [next(filter(None, map(shutil.which, names)), None), shutil.which("chromedriver")]
     if None in programs:
         pytest.skip("no browser: apt install chromium chromium-driver")
     from selenium import webdriver

@@ -4,9 +4,11 @@
 """Recordings that no body flew: a real flight with what goes wrong in recordings done to it."""
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
+from recordings import EUROC, TUM, missing
 
 import imu_sim_ros as ims
 from imu_sim_ros import rotation
@@ -15,10 +17,7 @@ from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
 from imu_sim_ros.trajectory.recorded import RecordedMotion
 from imu_sim_ros.trajectory.repair import mended
 
-EUROC = Path(__file__).parents[3].parent / "shared/data/euroc_V1_02_medium_groundtruth.csv"
 RATE = 100.0
-
-needs_data = pytest.mark.skipif(not EUROC.is_file(), reason=f"no recorded poses in {EUROC}")
 
 
 def bad_pose(t, p, q, rng):
@@ -76,12 +75,34 @@ def everything(t, p, q, rng):
 HARMS = (bad_pose, spike, jump, stretch, updates, arrival, lost, everything)
 
 
-def flight():
-    """Return times, poses and velocities of the flight."""
-    poses = read_poses(EUROC)
-    velocity = np.loadtxt(EUROC, delimiter=",", skiprows=1, usecols=(8, 9, 10))
-    t = (poses.t_ns - poses.t_ns[0]) * 1e-9
-    return t, poses.position.copy(), rotation.continuous(poses.q_wb), velocity
+class Recording(NamedTuple):
+    """A real motion, and how closely the velocity of each pose is to be found again."""
+
+    path: Path
+    velocity: float  # m/s
+    acceleration: float  # m/s^2, the most that remains
+
+    def poses(self):
+        poses = read_poses(self.path)
+        t = (poses.t_ns - poses.t_ns[0]) * 1e-9
+        return t, poses.position.copy(), rotation.continuous(poses.q_wb)
+
+
+# A drone of up to 8.3 m/s^2: unharmed, the spline's velocities are within 0.043 m/s of the file's
+# at every pose. A hand of up to 0.59 m/s and 2.97 m/s^2, whose file has no velocities: those of the
+# spline through the unharmed poses take their place.
+FLIGHT, HAND = Recording(EUROC, 0.1, 12.0), Recording(TUM, 0.04, 3.5)
+real = pytest.mark.parametrize(
+    "recording",
+    [
+        pytest.param(
+            FLIGHT,
+            id="euroc",
+            marks=pytest.mark.skipif(not EUROC.is_file(), reason=missing(EUROC)),
+        ),
+        pytest.param(HAND, id="tum"),
+    ],
+)
 
 
 def written(path, t, p, q):
@@ -101,40 +122,43 @@ def follow(build, tmp_path):
     return write_and_build
 
 
-@needs_data
+@real
 @pytest.mark.parametrize("harm", HARMS, ids=lambda harm: harm.__name__)
-def test_robust_velocities_are_within_a_tenth_of_the_flight_s(follow, harm):
-    """Of every pose; unharmed the spline's are within 0.043 m/s of the columns."""
-    t, p, q, velocity = flight()
+def test_robust_velocities_are_those_of_the_unharmed_motion(build, follow, harm, recording):
+    t, p, q = recording.poses()
+    if recording is FLIGHT:
+        velocity = np.loadtxt(EUROC, delimiter=",", skiprows=1, usecols=(8, 9, 10))
+    else:
+        velocity = build(type="poses", file=str(recording.path)).sample(t).velocity
     trajectory = follow(*harm(t.copy(), p, q, np.random.default_rng(3)), robust=True)
     # Arrival is late by a constant as well, which nothing in the file tells.
     late = 1e-3 if harm in (arrival, lost, everything) else 0.0
     at = t[(t + late > 0.0) & (t + late < trajectory.duration)]
     found = trajectory.sample(at + late).velocity
     error = np.linalg.norm(found - velocity[np.searchsorted(t, at)], axis=1)
-    assert error.max() < 0.1, (error.max(), at[error.argmax()])
-    assert trajectory.report.peak_acceleration < 12.0  # 8.3 m/s^2 unharmed
+    assert error.max() < recording.velocity, (error.max(), at[error.argmax()])
+    assert trajectory.report.peak_acceleration < recording.acceleration
     assert trajectory.repairs
     assert not trajectory.warnings
 
 
-@needs_data
+@real
 @pytest.mark.parametrize("harm", HARMS, ids=lambda harm: harm.__name__)
-def test_without_the_option_everything_is_warned_of(follow, harm):
-    t, p, q, _ = flight()
+def test_without_the_option_everything_is_warned_of(follow, harm, recording):
+    t, p, q = recording.poses()
     trajectory = follow(*harm(t, p, q, np.random.default_rng(3)))
     assert not trajectory.repairs
     assert "--robust (trajectory.robust)" in "".join(trajectory.warnings)
 
 
-@needs_data
-def test_a_clean_flight_is_left_alone(build):
+@real
+def test_a_clean_motion_is_left_alone(build, recording):
     plain, robust = (
-        build(type="poses", file=str(EUROC), robust=robust) for robust in (False, True)
+        build(type="poses", file=str(recording.path), robust=robust) for robust in (False, True)
     )
     assert not plain.warnings
     assert not robust.repairs
-    t = np.linspace(0.0, 83.0, 500)
+    t = np.linspace(0.0, plain.duration, 500)
     for first, second in zip(plain.sample(t), robust.sample(t), strict=True):
         np.testing.assert_array_equal(first, second)
 

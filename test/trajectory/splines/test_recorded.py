@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from recordings import EUROC, KAIST, TUM, missing
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
@@ -14,14 +15,17 @@ from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.recorded import recorded_in
 
-DATA = Path(__file__).parents[3].parent / "shared/data"
-EUROC = DATA / "euroc_V1_02_medium_groundtruth.csv"
-TUM = DATA / "tum_freiburg1_xyz_groundtruth.txt"
-KAIST = DATA / "kaist_vio_infinite_fast.txt"
 DEG = np.pi / 180
 G = np.array([0.0, 0.0, -9.81])
 
-needs_data = pytest.mark.skipif(not EUROC.is_file(), reason=f"no recorded poses in {DATA}")
+
+def recording(path, *values):
+    """Return a recording as a parameter, which is skipped where the file is missing."""
+    absent = pytest.mark.skipif(not path.is_file(), reason=missing(path))
+    return pytest.param(path, *values, id=path.name.split("_")[0], marks=absent)
+
+
+REAL = [recording(path) for path in (EUROC, TUM, KAIST)]
 
 
 @pytest.fixture
@@ -59,12 +63,14 @@ def midpoint(t, motion):
     return p, q
 
 
-@needs_data
 @pytest.mark.parametrize(
     ("path", "position_rms", "angle_rms"),
-    # KAIST's stamps are times of arrival: up to ten poses, centimetres apart, within 1 ms.
-    [(EUROC, 0.1e-3, 0.03 * DEG), (TUM, 0.2e-3, 0.1 * DEG), (KAIST, 3.6e-3, 0.1 * DEG)],
-    ids=["euroc", "tum", "kaist"],
+    [
+        recording(EUROC, 0.1e-3, 0.03 * DEG),
+        recording(TUM, 0.2e-3, 0.1 * DEG),
+        # The stamps are times of arrival: up to ten poses, centimetres apart, within 1 ms.
+        recording(KAIST, 3.6e-3, 0.1 * DEG),
+    ],
 )
 def test_real_poses_are_passed_closely(build, path, position_rms, angle_rms):
     trajectory = build(type="poses", file=str(path))
@@ -85,25 +91,23 @@ def test_real_poses_are_passed_closely(build, path, position_rms, angle_rms):
     assert trajectory.duration == pytest.approx(t[-1])
 
 
-@needs_data
-@pytest.mark.parametrize("path", [EUROC, TUM, KAIST], ids=["euroc", "tum", "kaist"])
+@pytest.mark.parametrize("path", REAL)
 def test_derivatives_of_real_poses_are_exact(build, assert_exact_derivatives, path):
     trajectory = build(type="poses", file=str(path))
     times = np.random.default_rng(3).uniform(1.0, trajectory.duration - 1.0, 5000)
     assert_exact_derivatives(trajectory, times)
 
 
-@needs_data
-def test_velocity_agrees_with_the_file_s_own(build):
-    velocity = np.loadtxt(EUROC, delimiter=",", usecols=(8, 9, 10))
-    poses = read_poses(EUROC)
-    near = build(type="poses", file=str(EUROC)).sample((poses.t_ns - poses.t_ns[0]) * 1e-9)
+@pytest.mark.parametrize("path", [recording(EUROC)])
+def test_velocity_agrees_with_the_file_s_own(build, path):
+    velocity = np.loadtxt(path, delimiter=",", usecols=(8, 9, 10))
+    poses = read_poses(path)
+    near = build(type="poses", file=str(path)).sample((poses.t_ns - poses.t_ns[0]) * 1e-9)
     rms = np.sqrt(np.mean(np.sum((near.velocity - velocity) ** 2, axis=-1)))
     assert rms < 0.01  # m/s
 
 
-@needs_data
-@pytest.mark.parametrize("path", [EUROC, TUM, KAIST], ids=["euroc", "tum", "kaist"])
+@pytest.mark.parametrize("path", REAL)
 def test_integrated_readings_converge_with_order_two(build, path):
     trajectory = build(type="poses", file=str(path))
     errors = []
@@ -267,17 +271,20 @@ def test_late_stamps_count_little_on_request(follow):
     assert peaks[1] < 0.3 * peaks[0]
 
 
-@needs_data
-def test_real_late_stamps_are_overcome(build):
+@pytest.mark.parametrize("path", [recording(KAIST)])
+def test_real_late_stamps_are_overcome(build, path):
     """The drone of KAIST's file flies at no more than 1.3 m/s."""
     report = recorded_in(
-        build(type="poses", file=str(KAIST), cutoff=6.0, outlier_distance=0.002)
+        build(type="poses", file=str(path), cutoff=6.0, outlier_distance=0.002)
     ).report
     assert report.peak_speed < 1.4
     assert report.peak_acceleration < 10.0
-    # A file without late stamps is followed as before.
+
+
+@pytest.mark.parametrize("path", [recording(EUROC), recording(TUM)])
+def test_a_file_without_late_stamps_is_followed_as_before(build, path):
     plain, robust = (
-        recorded_in(build(type="poses", file=str(EUROC), outlier_distance=distance)).report
+        recorded_in(build(type="poses", file=str(path), outlier_distance=distance)).report
         for distance in (0.0, 0.002)
     )
     assert robust.rms_position == pytest.approx(plain.rms_position, rel=0.05)
