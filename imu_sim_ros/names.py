@@ -12,6 +12,8 @@ _SHOWN: Final = 60
 """Letters of a value."""
 _MAX_LISTED: Final = 8
 """So many names are listed with the nearest one."""
+_LETTERS_LISTED: Final = 400
+"""A line that lists names has about so many letters of them at the most."""
 
 
 def suggestion(name: object, known: Iterable[str], otherwise: str | None = None) -> str:
@@ -22,11 +24,18 @@ def suggestion(name: object, known: Iterable[str], otherwise: str | None = None)
     """
     known = list(known)
     near = nearest(name, known)
-    every = f"must be one of {', '.join(known)}" if otherwise is None else otherwise
+    every = f"must be one of {_listed(known)}" if otherwise is None else otherwise
     if near is None:
         return every
     hint = f"did you mean {near}?"
     return f"{every}; {hint}" if otherwise is None and len(known) <= _MAX_LISTED else hint
+
+
+def _listed(known: list[str]) -> str:
+    """Return the names, the first ones and how many more there are if they do not fit in a line."""
+    last = "".join(f"{name}, " for name in known)[:_LETTERS_LISTED].count(", ")
+    more = f" and {len(known) - last} more" if last < len(known) else ""
+    return ", ".join(known[:last]) + more
 
 
 def nearest(name: object, known: Iterable[str]) -> str | None:

@@ -86,6 +86,9 @@ def test_a_name_that_is_nearly_right_is_answered_with_the_right_one(
 
 def test_a_name_far_from_all_others_is_answered_with_all():
     assert suggestion("xyz", ["euler", "rk4"]) == "must be one of euler, rk4"
+    line = suggestion("xyz", [f"ground_truth/topic_{k:03}" for k in range(100)])
+    assert line.startswith("must be one of ground_truth/topic_000, ground_truth/topic_001, ")
+    assert line.endswith(", ground_truth/topic_015 and 84 more")
     assert unknown("IMU", "xyz", ["mpu6000"], "no file") == "unknown IMU 'xyz'; no file"
     assert (
         unknown("IMU", "MPU600", ["mpu6000"], "") == "unknown IMU 'MPU600'; did you mean mpu6000?"

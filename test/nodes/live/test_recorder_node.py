@@ -270,7 +270,7 @@ def test_a_vanished_bag_is_noticed(node, feed, tmp_path, form):
     else:
         bag.with_name(bag.name + ".active").unlink()
     assert recorder.status() == 1
-    assert form == "sqlite3" or "it was removed while it was being written" in recorder.output
+    assert form == "sqlite3" or "another program has deleted it" in recorder.output
     assert "was removed and is lost" in recorder.output
     assert "keeps the messages written" not in recorder.output
 
