@@ -41,7 +41,7 @@ OPTIONAL = {
     "view": ["rerun-sdk>=0.22"],
 }
 DEVELOPMENT = {
-    "docs": ["furo", "myst-parser", "sphinx"],
+    "docs": ["docutils>=0.21", "furo", "myst-parser", "sphinx"],
     "test": ["pytest", "allantools", "evo", "mcap-ros2-support"],
 }
 

@@ -3,10 +3,18 @@
 
 """The manual's configuration, in the layout that rosdoc2 builds (rosdoc2.yaml)."""
 
+import re
 import sys
+from html import unescape
 from importlib.util import find_spec
 from pathlib import Path
 from xml.etree import ElementTree
+
+from docutils import nodes
+from docutils.utils.math import latex2mathml
+from sphinx.application import Sphinx
+from sphinx.util.math import get_node_equation_number
+from sphinx.writers.html5 import HTML5Translator
 
 ROOT = Path(__file__).resolve().parents[1]
 
@@ -18,7 +26,7 @@ if (ROOT / "package.xml").is_file():
     sys.path.insert(0, str(ROOT))
     release = version = ElementTree.parse(ROOT / "package.xml").getroot().findtext("version")
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.mathjax"]
+extensions = ["myst_parser", "sphinx.ext.autodoc"]
 source_suffix = {".md": "markdown"}
 # All but the first are copies of the repository's files that rosdoc2 puts next to the pages.
 exclude_patterns = ["_build", "__*.rst", "README.md", "CONTRIBUTING.md", "QUALITY_DECLARATION.md"]
@@ -40,3 +48,51 @@ html_static_path = ["_static"]
 html_css_files = ["custom.css"]
 smartquotes = False  # --option stays --option
 highlight_language = "none"  # command lines are no Python
+
+
+MATHML = "http://www.w3.org/1998/Math/MathML"
+ElementTree.register_namespace("", MATHML)
+
+
+def _mathml(node: nodes.math | nodes.math_block, as_block: bool) -> str:
+    """Return a formula as MathML, which browsers draw by themselves, with its TeX as its text."""
+    tex = node.astext().strip()
+    text = latex2mathml.tex2mathml(tex, as_block=as_block)
+    text = re.sub(r"&(?!amp;|lt;|gt;)\w+;", lambda entity: unescape(entity[0]), text)
+    drawn = ElementTree.fromstring(text)
+    drawn.set("alttext", tex)
+    # docutils sets the index of a letter with a dot or a tilde below it instead of to its right.
+    for script in drawn.iter(f"{{{MATHML}}}munderover"):
+        letter, index, accent = script
+        if letter.tag == f"{{{MATHML}}}mi":
+            accented = ElementTree.Element(f"{{{MATHML}}}mover", accent="true")
+            accented.extend([letter, accent])
+            script.tag = f"{{{MATHML}}}msub"
+            script[:] = [accented, index]
+    return ElementTree.tostring(drawn, encoding="unicode")
+
+
+def _inline(self: HTML5Translator, node: nodes.math) -> None:
+    self.body.append(_mathml(node, as_block=False))
+    raise nodes.SkipNode
+
+
+def _block(self: HTML5Translator, node: nodes.math_block) -> None:
+    self.body.append(self.starttag(node, "div", CLASS="math"))
+    if node.get("number"):
+        number = get_node_equation_number(self, node)
+        self.body.append(f'<span class="eqno">({number})</span>')
+    self.body.append(_mathml(node, as_block=True) + "</div>\n")
+    raise nodes.SkipNode
+
+
+def setup(app: Sphinx) -> None:
+    """Draw formulas without a script and without a network."""
+    app.add_html_math_renderer("mathml", (_inline, None), (_block, None))
+
+
+# Before version 0.21, Ubuntu 24.04's, docutils does not turn all of our formulas into MathML.
+if hasattr(latex2mathml, "tex2mathml"):
+    html_math_renderer = "mathml"
+else:
+    extensions.append("sphinx.ext.mathjax")

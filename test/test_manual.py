@@ -1,9 +1,12 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""README and manual: every link between them leads somewhere."""
+"""README and manual: every link between them leads somewhere, and formulas need no network."""
 
 import re
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -38,6 +41,34 @@ def test_every_page_is_in_one_of_the_four_kinds_and_in_the_table_of_contents():
     assert sorted(listed) == sorted(page for page in pages if page != "index")
     kinds = {"tutorials", "how_to", "reference", "explanation", "contributing"}
     assert {page.split("/")[0] for page in listed} == kinds
+
+
+@pytest.mark.ros  # the manual's tools are not part of the run on the oldest versions
+def test_formulas_are_drawn_without_a_network(tmp_path):
+    """The page with most of them, built: no script from elsewhere, no TeX left in the text."""
+    pytest.importorskip("sphinx")
+    shutil.copytree(DOCS / "_static", tmp_path / "docs/_static")
+    shutil.copy(DOCS / "conf.py", tmp_path / "docs")
+    theory = (DOCS / "explanation/theory.md").read_text(encoding="utf-8")
+    theory = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", theory)  # links to pages that are not here
+    (tmp_path / "docs/index.md").write_text(theory, encoding="utf-8")
+    build = [
+        sys.executable,
+        "-m",
+        "sphinx",
+        "-q",
+        "-W",
+        str(tmp_path / "docs"),
+        str(tmp_path / "built"),
+    ]
+    subprocess.run(build, check=True)
+    page = (tmp_path / "built/index.html").read_text(encoding="utf-8")
+    formulas = re.findall(r"<math .*?</math>", page, re.S)
+    assert len(formulas) == len(re.findall(r"\$\$.*?\$\$|\$[^$]+\$", theory, re.S)) > 50
+    assert not re.search(r"""(src|href)=["'](https?:)?//[^"']*\.(js|css|woff2?)""", page)
+    outside = re.sub(r"<math .*?</math>|<script.*?</script>", "", page, flags=re.S)
+    assert "\\" not in outside
+    assert "<munderover>" not in "".join(formulas)
 
 
 GENERATED = ("parameters", "presets", "programs")
