@@ -17,16 +17,15 @@ from imu_sim_ros.bags.messages.encode import VECTOR3_STAMPED
 from imu_sim_ros.inputs.gate import POSITION
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.parameters.kinds import number
-from imu_sim_ros.random_streams import generator
-from imu_sim_ros.sensors.carried import CarriedReadings, CarriedSensor
-from imu_sim_ros.sensors.declaration import Sensor, topic
-from imu_sim_ros.sensors.own_rate_parameters import CarriedParameters
+from imu_sim_ros.sensors.declaration import Sensor, SensorReadings, topic
+from imu_sim_ros.sensors.model import SensorModel
+from imu_sim_ros.sensors.parameters import SensorParameters
 from imu_sim_ros.types import Array
 
 
 @dataclass(frozen=True)
-class SonarParameters(CarriedParameters):
-    """Rate, stamps, losses, frame and lever arm are inherited."""
+class SonarParameters(SensorParameters):
+    """Rate, stamps, losses, frame and mount are inherited."""
 
     rate: float = number(10.0, "pings per second", unit="Hz", minimum=0.01, maximum=100.0)
     noise: float = number(0.02, "of a range, one sigma", unit="m", minimum=0.0, live=True)
@@ -35,7 +34,7 @@ class SonarParameters(CarriedParameters):
 
 
 @dataclass(frozen=True, repr=False)
-class SonarReadings(CarriedReadings):
+class SonarReadings(SensorReadings):
     """What a flight has as its ``sonar``."""
 
     range: Array  # (n,) as read [m]
@@ -43,18 +42,19 @@ class SonarReadings(CarriedReadings):
     bias: Array  # (n,) [m]
 
 
-class Sonar(CarriedSensor):
+class Sonar(SensorModel):
     """The model: motion in, readings and their truth out."""
 
-    def __init__(self, parameters, environment, t0_ns, others):
-        super().__init__("sonar", parameters, environment, t0_ns)
-        self.noise = generator(environment.seed, "sonar.noise")  # a random stream of its own
-        self.bias = parameters.bias_sigma * generator(environment.seed, "sonar.bias").normal()
+    def __init__(self, mounted, t0_ns, others):
+        super().__init__(mounted, t0_ns)
+        self.noise = self.stream("noise")  # a random stream of its own
+        self.bias = self.parameters.bias_sigma * self.stream("bias").normal()
 
-    def measure(self, t, motion):
+    def measure(self, t, world):
         """Return the readings first, then their truth."""
-        height = self.place(motion)[:, 2] - self.parameters.ground
-        ideal = height / rotation.to_matrix(motion.q_wb)[:, 2, 2]  # along the beam
+        motion = world.motion(t)
+        height = self.position(motion)[:, 2] - self.parameters.ground
+        ideal = height / rotation.to_matrix(self.attitude(motion))[:, 2, 2]  # along the beam
         bias = np.full(len(t), self.bias)
         noise = self.parameters.noise * self.noise.standard_normal(len(t))
         return {"range": ideal + bias + noise, "ideal": ideal, "bias": bias}

@@ -19,7 +19,7 @@ import numpy as np
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import shown
 from imu_sim_ros.sensors import NAMED
-from imu_sim_ros.simulation.parameters import sensor_names
+from imu_sim_ros.sensors.registry import sensor_names
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 Layer = dict[str, object]

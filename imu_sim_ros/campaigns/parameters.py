@@ -6,11 +6,11 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import shown, suggestion
 from imu_sim_ros.navigation.parameters import ATTITUDE_UPDATES, METHODS
 from imu_sim_ros.parameters.kinds import choice, flag, integer, number, text
-from imu_sim_ros.sensors import with_faults
 from imu_sim_ros.sensors.faults import Fault
 
 ALIGNMENTS = ("none", "yaw", "se3", "sim3")
@@ -162,8 +162,9 @@ def _fault(where: str, entry: object) -> TimedFault:
     if isinstance(at, bool) or not isinstance(at, int | float) or not 0.0 <= at < 1e9:
         raise ConfigurationError(f"at = {shown(at)}: must be a time of at least 0 s")
     triad = str(entry.get("triad", ""))
-    if triad in with_faults():
-        raise ConfigurationError(f"triad = {triad}: a campaign simulates the IMU alone")
+    if triad not in ("", *TRIADS):
+        hint = suggestion(triad, TRIADS, "a campaign simulates the IMU alone")
+        raise ConfigurationError(f"triad = {triad}: {hint}")
     value = entry.get("value", 0.0)
     values = tuple(float(v) for v in value) if isinstance(value, list) else float(value)
     return TimedFault(

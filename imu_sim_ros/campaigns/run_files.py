@@ -109,11 +109,9 @@ def _rig_values(values: ImuValues, rig: "RigParameters") -> RigValues | None:
 def _rig(cell: SimulatedCell, body: Body) -> "Rig | None":
     if cell.rig is None:
         return None
-    from imu_sim_ros.sensors.camera.rig import Rig
+    from imu_sim_ros.simulation.cameras import rig_on
 
-    seconds = cell.total / cell.parameters.rate
-    seed = body.parameters.seed
-    return Rig(cell.rig, body.trajectory, body.t0_ns, seconds, seed)
+    return rig_on(cell.rig, body, cell.total / cell.parameters.rate)
 
 
 def _write(target: Any, seen: Any, windows: Iterator[Read]) -> None:

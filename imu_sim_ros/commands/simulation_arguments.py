@@ -13,7 +13,7 @@ from imu_sim_ros.jobs.generate import camera_layer
 from imu_sim_ros.machine import cores
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors import NAMED
-from imu_sim_ros.simulation.parameters import sensor_names
+from imu_sim_ros.sensors.registry import sensor_names
 from imu_sim_ros.simulation.playback import of_the_node
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
@@ -55,7 +55,12 @@ def add(parser: argparse.ArgumentParser) -> Any:
     program.add_options(
         sensors,
         {
-            f"--{name} NAME|FILE": f"simulate {name}: a preset ({known}) or a file"
+            f"--{name} NAME|FILE": {
+                "action": "append",
+                "default": [],
+                "help": f"simulate {name}: a preset ({known}) or a file; repeatable, further ones "
+                f"are named {name}1, {name}2, ...",
+            }
             for name, known in presets.items()
         },
     )
@@ -107,11 +112,16 @@ def _put_short(given: dict[str, object], short: Mapping[str, object], cameras: i
 
 def _put_sensors(given: dict[str, object], arguments: argparse.Namespace) -> None:
     """Add sensors of the body that have an option of their own to those of the files."""
-    presets = program.given(arguments, *NAMED)
-    used = [*presets, "gnss"] if arguments.rinex else presets
+    used = ["gnss"] if arguments.rinex else []
+    for kind in NAMED:
+        for k, preset in enumerate(getattr(arguments, kind)):
+            name = f"{kind}{k}" if k else kind
+            used.append(name)
+            given[f"{name}.preset"] = preset
+            if k:
+                given[f"{name}.type"] = kind
     if used:
         given["sensors"] = list(dict.fromkeys([*sensor_names(given), *used]))
-    given.update({f"{name}.preset": preset for name, preset in presets.items()})
     if arguments.rinex:
         given["gnss.raw.rinex"] = True
 

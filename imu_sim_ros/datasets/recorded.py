@@ -31,7 +31,7 @@ from imu_sim_ros.inputs.rows import (
 )
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 from imu_sim_ros.sensors.camera.images.files import JPEG, PNG, Size, decoded, examined, png
-from imu_sim_ros.sensors.imu.parameters import rotation_problems
+from imu_sim_ros.sensors.parameters import rotation_problems
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.types import Array, Integers
 

@@ -6,6 +6,7 @@
 One home for ``generate``, the public interface and campaigns.
 """
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -96,19 +97,21 @@ class _InTable(NamedTuple):
 
     table: Table
     number: int
-    """Of the IMU on whose board it is; 0 for others."""
+    """Of its IMU among the IMUs, or among the sensors of its kind."""
     name: str
     mounted: Mounted
 
 
 def _tables(sensors: Mapping[str, Mounted]) -> list[_InTable]:
     """Return the tables of the sensors that have one of their own in a dataset."""
-    spaces = [sensors[name].space for name in imus_in(sensors)]
-    return [
-        _InTable(one.sensor.table, spaces.index(one.space) if one.space in spaces else 0, name, one)
-        for name, one in sensors.items()
-        if one.sensor.table is not None
-    ]
+    numbers: Counter[str] = Counter()
+    found = []
+    for name, one in sensors.items():
+        table = one.sensor.table
+        if table is not None:
+            found.append(_InTable(table, numbers[table.name], name, one))
+            numbers[table.name] += 1
+    return found
 
 
 class DatasetTarget:
@@ -232,7 +235,7 @@ def chosen_topics(
 ) -> dict[str, str]:
     """Return the topics to write, each with its name in the bag.
 
-    :param topics: a name without a namespace selects that topic of every IMU; none: the usual ones.
+    :param topics: one without its namespace selects the topic of every IMU; none: the usual ones.
     :param more: topics that are not of the sensors: of cameras.
     :raises InputError: with a line for every name that is unknown or given twice.
     """
@@ -240,8 +243,8 @@ def chosen_topics(
     wanted = list(topics) or [*usual, *more]
     names: list[str] = []
     for name in (name.strip().lstrip("/") for name in wanted):
-        of_all = [full for full, one in known.items() if one.topic.name == name and full != name]
-        names += of_all if of_all else [name]
+        of_all = [full for full, one in known.items() if one.topic.name == name]
+        names += of_all if of_all and name not in known else [name]
     problems = list(_topic_problems(names, renamed, tuple(dict.fromkeys((*known, *more)))))
     if problems:
         raise InputError(problems)

@@ -39,10 +39,11 @@ def companions(output: Path, body: SimulationParameters) -> dict[str, list[Path]
     """
     found = {}
     for name, own in named_sensors(body).items():
-        wanted = find_sensor(name).companions
+        wanted = find_sensor(own.type or name).companions
         suffixes = wanted.suffixes(own) if wanted else ()
         if suffixes:
-            found[name] = [output.parent / f"{_stem(output)}{suffix}" for suffix in suffixes]
+            stem = f"{_stem(output)}_{name}" if own.type else _stem(output)
+            found[name] = [output.parent / f"{stem}{suffix}" for suffix in suffixes]
     return found
 
 
@@ -153,7 +154,8 @@ def _world(parameters: SimulationParameters) -> dict[str, Any]:
 
 def _sensor_text(parameters: SimulationParameters, name: str) -> str:
     """Return a sensor of the body of this run, as ``--params-file`` takes it."""
-    own = find_sensor(name).realised(getattr(parameters, name), parameters.seed)
+    given = getattr(parameters, name)
+    own = find_sensor(given.type or name).realised(given, parameters.seed, name)
     values = {f"{name}.{key}": value for key, value in flatten(own).items()}
     return files.text(
         {**_world(parameters), "sensors": (name,), **values},

@@ -35,7 +35,7 @@ from imu_sim_ros.sensors.faults import KINDS, Fault
 from imu_sim_ros.sensors.imu import sdf
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.imu.model import NOWHERE, ImuSample, unknown_motion
-from imu_sim_ros.sensors.own_rate_parameters import LONGEST
+from imu_sim_ros.sensors.parameters import LONGEST
 from imu_sim_ros.simulation import error_model
 from imu_sim_ros.simulation.error_input import GivenReadings
 from imu_sim_ros.simulation.error_parameters import (

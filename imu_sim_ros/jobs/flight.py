@@ -22,9 +22,7 @@ from imu_sim_ros.inputs import gate
 from imu_sim_ros.jobs.output import checked_place, renamed_topics, saved
 from imu_sim_ros.jobs.readings import Odometry, Readings, check_arrays, frame, joined, read_imu
 from imu_sim_ros.parameters.sections import flatten
-from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
-from imu_sim_ros.sensors.registry import in_use
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SampledParameters
 from imu_sim_ros.simulation.sensors import mounted
@@ -184,10 +182,10 @@ class Flight:
         :raises ConfigurationError: for one that was not simulated.
         """
         if not name.startswith("_"):
-            for sensor in (*sensors_of_imus(), *in_use()):
-                if sensor.quantity == name:
-                    found = self.__dict__[name] = joined(self._windows, sensor)
-                    return found
+            one = mounted(self.parameters).get(name)
+            if one is not None:
+                found = self.__dict__[name] = joined(self._windows, name, one.sensor.readings)
+                return found
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def __dir__(self) -> list[str]:
@@ -284,7 +282,7 @@ class Flight:
         usual = usual_topics(sensors, form, path, imu_only)
         names = chosen_topics(wanted, renamed_topics(rename), sensors, usual)
         for sensor in sensors_of(names, offered(sensors)):
-            joined(self._windows, sensors[sensor].sensor)  # refused before anything is written
+            joined(self._windows, sensor, sensors[sensor].sensor.readings)  # refused first
         with saved(path, force, flatten(self.parameters).values()) as place:
             self._write(place, format, names)
         return path

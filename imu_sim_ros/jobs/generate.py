@@ -369,11 +369,10 @@ class _Job:
         """Return the cameras on the body, with their scene."""
         if self.setup.rig is None or not self.setup.rig.cameras:
             return None
-        from imu_sim_ros.sensors.camera.rig import Rig
+        from imu_sim_ros.simulation.cameras import rig_on
 
-        own = body.parameters
-        duration = own.duration or body.trajectory.duration
-        cameras = Rig(self.setup.rig, body.trajectory, body.t0_ns, duration, own.seed)
+        cameras = rig_on(self.setup.rig, body)
+        body.scene = cameras.scene
         for name in cameras.views:
             for line in cameras.warnings(name):
                 self.watcher.warn(f"{name}: {line}")

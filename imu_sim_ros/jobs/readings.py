@@ -20,9 +20,8 @@ from imu_sim_ros.inputs import gate
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import from_euler, rotate
-from imu_sim_ros.sensors import sensors_of_imus
-from imu_sim_ros.sensors.declaration import Sensor
-from imu_sim_ros.sensors.registry import find_sensor, in_use
+from imu_sim_ros.sensors import NAMED, sensors_of_imus
+from imu_sim_ros.sensors.registry import find_sensor, registered
 from imu_sim_ros.timebase import span
 from imu_sim_ros.types import Array, Times
 
@@ -256,41 +255,43 @@ def frame(t_ns: Times, columns: Mapping[str, Array]) -> Any:
     return pandas.DataFrame(data, index=pandas.Index(t_ns, name="t_ns"))
 
 
-def checked_sensors(names: Collection[str]) -> frozenset[str]:
+def checked_sensors(names: Collection[str], given: Mapping[str, object]) -> frozenset[str]:
     """Return the names of sensors: what those of IMUs measure, and those with names of their own.
 
+    :param given: all other parameters by dotted name; ``NAME.type`` is a kind of sensor.
     :raises ConfigurationError: with a line for each that does not exist.
     """
-    given = words("sensors", names)
+    chosen = words("sensors", names)
     known = [sensor.quantity for sensor in sensors_of_imus()]
     unknown: list[str] = []
-    for name in dict.fromkeys(given):
+    for name in dict.fromkeys(chosen):
         if name not in known:
             try:
-                find_sensor(name)
+                find_sensor(str(given.get(f"{name}.type") or name))
             except ConfigurationError as error:
-                everything = [*known, *(sensor.name for sensor in in_use())]
+                everything = [*known, *NAMED, *(sensor.name for sensor in registered())]
                 missing = f"sensors: {name!r}: {suggestion(name, everything)}"
                 unknown += error.problems if "loaded" in str(error) else [missing]
     if unknown:
         raise ConfigurationError(unknown)
-    return frozenset(given)
+    return frozenset(chosen)
 
 
-def joined(windows: Sequence[Mapping[str, Any]], sensor: Sensor) -> Any:
+def joined(windows: Sequence[Mapping[str, Any]], name: str, readings: type) -> Any:
     """Return the delivered samples of a sensor from all windows.
 
+    :param name: of the sensor on the body.
+    :param readings: its dataclass of arrays.
     :raises ConfigurationError: if it was not simulated.
     """
-    name = sensor.quantity
     if any(name not in read for read in windows):
         raise ConfigurationError(
             f"{name}: was not simulated; simulate(..., sensors=[{name!r}]) does"
         )
     parts = [read[name] for read in windows]
-    return sensor.readings(
+    return readings(
         **{
             field.name: np.concatenate([getattr(p, field.name)[p.delivered] for p in parts])
-            for field in fields(sensor.readings)  # type: ignore[arg-type]  # all are dataclasses
+            for field in fields(readings)
         }
     )

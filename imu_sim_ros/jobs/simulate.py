@@ -174,11 +174,12 @@ def _body(
     parameters: Mapping[str, Any],
 ) -> Body:
     below: dict[str, object] = {}
-    wanted = frozenset[str]() if sensors is None else checked_sensors(sensors)
+    wanted = frozenset[str]()
     if params_file is not None:
-        below, published = _of_file(arguments.path("params_file", params_file))
-        wanted = published if sensors is None else wanted
+        below, wanted = _of_file(arguments.path("params_file", params_file))
     own, motion = given_layers(imu, trajectory, duration, rate, seed, parameters)
+    if sensors is not None:
+        wanted = checked_sensors(sensors, {**below, **own})
     if sensors is not None:
         quantities = [sensor.quantity for sensor in sensors_of_imus()]
         own["sensors"] = sorted(name for name in wanted if name not in quantities)

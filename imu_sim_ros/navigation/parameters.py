@@ -25,9 +25,10 @@ from imu_sim_ros.parameters.kinds import (
     vector,
 )
 from imu_sim_ros.parameters.sections import parameters, section
-from imu_sim_ros.sensors.imu.parameters import ImuParameters, rotation_problems
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.presets import sensor_layer
 from imu_sim_ros.sensors.imu.triads import TriadParameters, invertible_problems, triad
+from imu_sim_ros.sensors.parameters import rotation_problems
 
 DEFAULT_IMU = "lecture"
 METHODS = ("euler", "midpoint", "rk4")

@@ -38,24 +38,13 @@ def sections_of_imus() -> dict[str, type]:
     }
 
 
-def with_faults() -> dict[str, str]:
-    """Return the names of the sensors that have faults, each with what it measures.
-
-    Those that ``sensors`` names are among them once they are in use.
-    """
-    from imu_sim_ros.sensors.registry import in_use
-
-    known = (*sensors_of_imus(), *in_use())
-    return {sensor.name: sensor.quantity for sensor in known if sensor.faults}
-
-
 def known_tables() -> "dict[str, Table]":
     """Return the tables of readings other than an IMU's, by name.
 
     They are those of all sensors of this package and of those that were registered.
     """
-    from imu_sim_ros.sensors.registry import in_use
+    from imu_sim_ros.sensors.registry import registered
 
     named = [import_module(f"imu_sim_ros.sensors.{name}.declaration").SENSOR for name in NAMED]
-    tables = (one.table for one in (*sensors_of_imus(), *named, *in_use()))
+    tables = (one.table for one in (*sensors_of_imus(), *named, *registered()))
     return {table.name: table for table in tables if table is not None}

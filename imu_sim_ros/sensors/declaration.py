@@ -58,6 +58,9 @@ The last argument are the parameters valid for the samples: those of a simulatio
 class Mounted(NamedTuple):
     """A sensor on a body."""
 
+    name: str
+    """Of its parameters, faults and random streams: the kind of sensor, or another one if there
+    are several of a kind."""
     sensor: "Sensor"
     own: Any
     """The parameters that its model is made with: its board's, or its own section."""
@@ -68,7 +71,16 @@ class Mounted(NamedTuple):
     frame: str
     """Of its messages."""
     space: str = ""
-    """Namespace of its topics, with a slash, if there are several IMUs."""
+    """Namespace of its topics, with a slash, if there are several of a kind."""
+
+    @property
+    def faulty(self) -> tuple[str, ...]:
+        """What faults name: its parts, or itself; nothing if it has none."""
+        return (self.sensor.parts or (self.name,)) if self.sensor.faults else ()
+
+    def takes(self, fault: Fault) -> bool:
+        """Return whether a fault hits it; one that names nothing hits what has parts."""
+        return fault.triad in self.faulty or (not fault.triad and bool(self.sensor.parts))
 
     @property
     def on_board(self) -> bool:
@@ -178,10 +190,10 @@ class Sensor:
     That of a sensor that ``sensors`` names is its name."""
     section: type
     """Its parameters, a frozen dataclass; those of a sensor that ``sensors`` names derive from
-    :class:`~imu_sim_ros.sensors.own_rate_parameters.CarriedParameters`."""
-    model: Callable[[Any, EnvironmentParameters, int, Mapping[str, Model]], Model]
-    """Makes it: the board or its own section, environment, time of the start [ns], and the sensors
-    before it by quantity."""
+    :class:`~imu_sim_ros.sensors.parameters.SensorParameters`."""
+    model: Callable[[Mounted, int, Mapping[str, Model]], Model]
+    """Makes it of how it is mounted, the time of the start [ns], and the sensors before it by
+    quantity."""
     topics: tuple[Topic, ...]
     """The readings first."""
     readings: "type[SensorReadings]"
@@ -194,12 +206,16 @@ class Sensor:
     """Those of its flags that are parameters ``publish.*`` of its own, with their texts."""
     needs: Callable[["ImuParameters"], tuple[str, ...]] = lambda imu: ()
     """Quantities of other sensors without which it cannot read."""
-    realised: Callable[[Any, int], Any] = lambda parameters, seed: parameters
-    """Its parameters for a seed, with nothing left to draw but the noise."""
+    realised: Callable[[Any, int, str], Any] = lambda parameters, seed, name: parameters
+    """Its parameters for a seed and its name, with nothing left to draw but the noise."""
+    sees: bool = False
+    """Whether it sees or ranges: the world then has a scene, which leaves its path free."""
     faults: bool = True
+    parts: tuple[str, ...] = ()
+    """What faults name instead of the sensor itself."""
     text: str = ""
     """What it is, in a line of ``--help``."""
-    warnings: Callable[[Any, Trajectory, float], list[str]] = lambda own, trajectory, duration: []
+    warnings: Callable[[Mounted, Trajectory, float], list[str]] = lambda *_: []
     """Returns a line for each way in which a motion of this length [s] is not for this sensor."""
     serial: Serial | None = None
     companions: Companions | None = None
@@ -207,10 +223,14 @@ class Sensor:
     """The folder in config/ of the files that ``NAME.preset`` names; empty: it has none."""
 
 
+@dataclass(frozen=True, repr=False)
 class SensorReadings:
-    """n readings with stamps."""
+    """The n readings of a sensor that are delivered; fields of one's own follow."""
 
     t_ns: Times
+    """(n,) stamps [ns], with the errors of the sensor's clock."""
+    true_t_ns: Times
+    """(n,) when the sample was taken [ns]."""
 
     def __len__(self) -> int:
         return len(self.t_ns)

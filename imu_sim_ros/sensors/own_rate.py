@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.faults import Fault, FaultSchedule
-from imu_sim_ros.sensors.own_rate_parameters import (
+from imu_sim_ros.sensors.parameters import (
     LARGEST_JITTER_SIGMA,
     OwnRateParameters,
     TimingParameters,

@@ -9,13 +9,14 @@ points are looked up only for a name that is not known otherwise, and for ``--he
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros import arguments
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import shown, suggestion
+from imu_sim_ros.parameters.kinds import entries
 from imu_sim_ros.sensors import NAMED, OF_IMUS, sensors_of_imus
 
 if TYPE_CHECKING:
@@ -51,8 +52,8 @@ def register_sensor(sensor: Any) -> None:
     _REGISTERED[_checked(sensor, "sensor").name] = sensor
 
 
-def in_use() -> "tuple[Sensor, ...]":
-    """Return the sensors of the body that were registered or found so far."""
+def registered() -> "tuple[Sensor, ...]":
+    """Return the sensors of other packages that were registered or loaded."""
     return tuple(_REGISTERED.values())
 
 
@@ -65,17 +66,16 @@ def find_sensor(name: str) -> "Sensor":
         return _REGISTERED[name]
     if name in NAMED:
         found: Sensor = import_module(f"imu_sim_ros.sensors.{name}.declaration").SENSOR
-    else:
-        offered = _offered()
-        if name not in offered:
-            known = [*NAMED, *_REGISTERED, *sorted(offered)]
-            hint = suggestion(name, known, f"must be one of {', '.join(known) or 'none'}")
-            if name in OF_IMUS or name in [one.quantity for one in sensors_of_imus()]:
-                hint = "is on the board of an IMU: publish.* and --topics choose it"
-            raise ConfigurationError(f"sensors: {name!r}: {hint}")
-        found = _loaded(name, offered[name])
-    _REGISTERED[name] = found
-    return found
+        return found
+    offered = _offered()
+    if name not in offered:
+        known = [*NAMED, *_REGISTERED, *sorted(offered)]
+        hint = suggestion(name, known, f"must be one of {', '.join(known) or 'none'}")
+        if name in OF_IMUS or name in [one.quantity for one in sensors_of_imus()]:
+            hint = "each IMU has it: publish.* and --topics choose it"
+        raise ConfigurationError(f"sensors: {name!r}: {hint}")
+    _REGISTERED[name] = _loaded(name, offered[name])
+    return _REGISTERED[name]
 
 
 def all_sensors() -> "tuple[list[Sensor], list[str]]":
@@ -98,16 +98,47 @@ def is_known(name: str) -> bool:
     return name in NAMED or name in _REGISTERED or name in _offered()
 
 
-def sections(names: Iterable[str]) -> dict[str, type]:
-    """Return the sections of parameters of sensors of the body, by name.
+def sensor_kinds(given: Mapping[str, object]) -> dict[str, str]:
+    """Return the kinds of sensors by name: the name itself, or ``NAME.type``.
 
-    :raises ConfigurationError: with a line for each name that does not exist.
+    :raises ConfigurationError: with a line for each name that cannot be used.
+    """
+    return {name: str(given.get(f"{name}.type") or name) for name in sensor_names(given)}
+
+
+def sensor_names(given: Mapping[str, object]) -> tuple[str, ...]:
+    """Return the names that parameters by dotted name give to sensors.
+
+    :raises ConfigurationError: with a line for each name that cannot be used.
+    """
+    value = entries(given.get("sensors", ()))
+    if not isinstance(value, list | tuple):
+        return ()
+    names = [str(name) for name in value]
+    if len(set(names)) < len(names):
+        raise ConfigurationError(f"sensors = {names}: names must differ")
+    return tuple(names)
+
+
+def sees(kinds: Iterable[str]) -> bool:
+    """Return whether any of these kinds of sensors needs a scene.
+
+    :raises ConfigurationError: for a kind that does not exist.
+    """
+    return any(find_sensor(kind).sees for kind in kinds)
+
+
+def sections(kinds: Mapping[str, str]) -> dict[str, type]:
+    """Return the sections of parameters of sensors, by name.
+
+    :param kinds: of sensors by name.
+    :raises ConfigurationError: with a line for each kind that does not exist.
     """
     result: dict[str, type] = {}
     problems: list[str] = []
-    for name in names:
+    for name, kind in kinds.items():
         try:
-            result[name] = find_sensor(name).section
+            result[name] = find_sensor(kind).section
         except ConfigurationError as error:
             problems += error.problems
     if problems:
@@ -144,7 +175,7 @@ def _checked(sensor: Any, what: str) -> "Sensor":
     :raises ConfigurationError: with a line for each problem.
     """
     from imu_sim_ros.sensors.declaration import Sensor
-    from imu_sim_ros.sensors.own_rate_parameters import CarriedParameters
+    from imu_sim_ros.sensors.parameters import SensorParameters
 
     given: object = sensor
     if not isinstance(given, Sensor):
@@ -157,8 +188,8 @@ def _checked(sensor: Any, what: str) -> "Sensor":
         )
     if sensor.quantity != sensor.name:
         problems.append(f"{what}: quantity = {sensor.quantity!r}: must be the name, {sensor.name}")
-    if not (isinstance(sensor.section, type) and issubclass(sensor.section, CarriedParameters)):
-        problems.append(f"{what}: section = {sensor.section!r}: must derive from CarriedParameters")
+    if not (isinstance(sensor.section, type) and issubclass(sensor.section, SensorParameters)):
+        problems.append(f"{what}: section = {sensor.section!r}: must derive from SensorParameters")
     if not sensor.topics:
         problems.append(f"{what}: topics = (): must be one at least, of the readings")
     if problems:

@@ -13,7 +13,7 @@ from numpy.random import Generator
 from imu_sim_ros import timebase
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.faults import FaultSchedule
-from imu_sim_ros.sensors.own_rate_parameters import TimingParameters
+from imu_sim_ros.sensors.parameters import TimingParameters
 from imu_sim_ros.types import Integers, Mask, Times
 
 LARGEST_JITTER: Final = 0.45

@@ -3,16 +3,22 @@
 
 """What the sensors of a body are in: its motion, the environment, and the time."""
 
+from collections.abc import Callable
 from fractions import Fraction
-from typing import NamedTuple
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from imu_sim_ros import timebase
+from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.types import Array, Times
+
+if TYPE_CHECKING:
+    from imu_sim_ros.sensors.camera.scene import Scene
 
 
 class Window(NamedTuple):
@@ -26,15 +32,31 @@ class World:
     """A body's motion and its surroundings, at times since the start of a run."""
 
     def __init__(
-        self, trajectory: Trajectory, environment: EnvironmentParameters, t0_ns: int
+        self,
+        trajectory: Trajectory,
+        environment: EnvironmentParameters,
+        t0_ns: int,
+        scene: "Callable[[], Scene] | None" = None,
     ) -> None:
         """Start at a time.
 
         :param t0_ns: true time of the start [ns].
+        :param scene: returns the scene when it is first asked for; None: there is none.
         """
+        self._make_scene = scene
         self.trajectory, self.environment, self.t0_ns = trajectory, environment, t0_ns
         self.temperature = TemperatureProfile(environment.temperature)
         self._known: tuple[Array, Motion] | None = None
+
+    @cached_property
+    def scene(self) -> "Scene":
+        """What sensors see and range: surfaces, meshes, landmarks, and bodies that move.
+
+        :raises ConfigurationError: for a scene that does not fit the path, and without one.
+        """
+        if self._make_scene is None:
+            raise ConfigurationError("scene: no sensor of this simulation declares that it sees")
+        return self._make_scene()
 
     def motion(self, t: Array) -> Motion:
         """Return the body's motion at times t (n,) [s], which increase.

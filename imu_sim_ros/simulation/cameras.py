@@ -13,10 +13,21 @@ from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.places.catalogue import KINDS, usual
-from imu_sim_ros.sensors.camera.build import aprilgrid_corners
+from imu_sim_ros.sensors.camera.build import (
+    aprilgrid_corners,
+    build_scene,
+    check_path,
+    scene_span,
+)
 from imu_sim_ros.sensors.camera.rig import Rig
-from imu_sim_ros.sensors.camera.rig_parameters import load_rig, rig_problems, split_rig
-from imu_sim_ros.sensors.camera.scene_parameters import AprilgridParameters
+from imu_sim_ros.sensors.camera.rig_parameters import (
+    RigParameters,
+    load_rig,
+    rig_problems,
+    split_rig,
+)
+from imu_sim_ros.sensors.camera.scene import Scene
+from imu_sim_ros.sensors.camera.scene_parameters import AprilgridParameters, SceneParameters
 from imu_sim_ros.sensors.camera.target import (
     _ALONG,
     _BOARD,
@@ -37,6 +48,7 @@ from imu_sim_ros.sensors.camera.target import (
 from imu_sim_ros.sensors.camera.view import View
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
+from imu_sim_ros.simulation.sensors import arms_of_seeing, mounted
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.trajectory.parameters import SeriesParameters, TrajectoryParameters
@@ -78,11 +90,39 @@ def on_simulation(of_rig: Mapping[str, object], simulation: Simulated) -> Rig:
     :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be used.
     """
-    rig, own, trajectory = load_rig(of_rig), simulation.parameters, simulation.trajectory
-    problems = list(rig_problems(rig, own))
+    rig = load_rig(of_rig)
+    problems = list(rig_problems(rig, simulation.parameters))
     if problems:
         raise ConfigurationError(problems)
-    return Rig(rig, trajectory, simulation.t0_ns, own.duration or trajectory.duration, own.seed)
+    return rig_on(rig, simulation)
+
+
+def rig_on(rig: RigParameters, simulation: "Simulated", duration: float | None = None) -> Rig:
+    """Return cameras with their scene on a simulation's body.
+
+    :param duration: of the frames [s]; None: of the simulation.
+    """
+    own, trajectory = simulation.parameters, simulation.trajectory
+    if duration is None:
+        duration = own.duration or trajectory.duration
+    others = arms_of_seeing(mounted(own))
+    return Rig(rig, trajectory, simulation.t0_ns, duration, own.seed, others)
+
+
+def scene_around(simulation: "Simulated") -> Scene:
+    """Return the scene of a body's sensors that see, among them those cameras that it names.
+
+    :raises ConfigurationError: for a scene that does not fit the path.
+    :raises InputError: for a file that cannot be used.
+    """
+    own, trajectory = simulation.parameters, simulation.trajectory
+    if isinstance(own, RigParameters) and own.cameras:
+        return rig_on(own, simulation).scene
+    described: SceneParameters = getattr(own, "scene")  # noqa: B009  # sensors that see have one
+    arms, span = arms_of_seeing(mounted(own)), scene_span(described, trajectory.duration)
+    scene = build_scene(described, arms, [], trajectory, span)
+    check_path(described, arms, trajectory, own.duration or trajectory.duration, scene)
+    return scene
 
 
 def fitted(given: Mapping[str, object]) -> dict[str, object]:

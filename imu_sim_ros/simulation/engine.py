@@ -25,12 +25,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros import arguments, timebase
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.names import suggestion
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.parameters.sections import parameters as described
 from imu_sim_ros.poses import read_poses
-from imu_sim_ros.sensors import with_faults
 from imu_sim_ros.sensors.faults import Fault
-from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.imu.model import Imu
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.parameters import SimulationParameters, imus, named_sensors
@@ -41,6 +40,7 @@ from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.trajectory.parameters import DriveParameters, PosesParameters
 
 if TYPE_CHECKING:
+    from imu_sim_ros.sensors.camera.scene import Scene
     from imu_sim_ros.trajectory.recorded import RecordedMotion
 
 BLOCK_SIZE: Final = 8192
@@ -86,6 +86,8 @@ class Body:
             raise ConfigurationError(
                 f"duration = {duration:g}: must be at most {longest:g} s, the trajectory's length"
             )
+        self.scene: Scene | None = None
+        """What cameras and other sensors see, once it is made."""
         self.rate = max(one.rate for one in imus(parameters).values())
         """Of the fastest IMU [Hz]."""
         self.total: int | None = None
@@ -115,7 +117,7 @@ class Body:
         every = imus(self.parameters).values()
         lines = [line for one in every for line in one.warnings()] + of_poses + self._of_place()
         for one in mounted(self.parameters).values():
-            lines += one.sensor.warnings(one.own, self.trajectory, duration)
+            lines += one.sensor.warnings(one, self.trajectory, duration)
         for one in every:
             ranges = one.imu.gyroscope.range, one.imu.accelerometer.range
             lines += implausible(self.trajectory, *ranges, one.gravity, duration)
@@ -161,7 +163,7 @@ class Body:
         """Go back to the first sample: the same samples follow again."""
         self._now = Fraction(0)
         p = self.parameters
-        self._world = World(self.trajectory, p, self.t0_ns)
+        self._world = World(self.trajectory, p, self.t0_ns, self._made_scene)
         sensors = mounted(p)
         self._models = models(sensors, self._wanted, self.t0_ns)
         for model in self._models.values():
@@ -169,6 +171,14 @@ class Body:
                 model.prepare(self.trajectory)
         shown = self._wanted.union(imus_in(sensors))
         self._shown = [name for name in self._models if name in shown]
+
+    def _made_scene(self) -> "Scene":
+        """Return the scene that cameras share, or one around the sensors that see."""
+        if self.scene is None:
+            from imu_sim_ros.simulation.cameras import scene_around  # most runs have none
+
+            self.scene = scene_around(self)
+        return self.scene
 
     def with_seed(self, seed: int) -> "Body":
         """Return the same body and sensors with another seed, at the start.
@@ -211,22 +221,28 @@ class Body:
         """
         if not (math.isfinite(delay) and delay >= 0.0):
             raise ConfigurationError(f"fault delay = {delay}: must be at least 0 s")
-        hit = with_faults().get(fault.triad, IMU)
         sensors = mounted(self.parameters)
-        times: dict[str, int] = {}
-        for name, one in imus(self.parameters).items():
-            sensor = f"{name}/{hit}" if f"{name}/{hit}" in sensors else hit
-            if sensor not in self._models:
+        hit = [name for name, one in sensors.items() if one.takes(fault)]
+        if not hit:
+            known = dict.fromkeys(part for one in sensors.values() for part in one.faulty)
+            raise ConfigurationError(
+                f"fault triad = {fault.triad!r}: {suggestion(fault.triad, list(known))}"
+            )
+        every, times = imus(self.parameters), dict[str, int]()
+        for name in hit:
+            if name not in self._models:
                 raise ConfigurationError(
                     f"fault triad = {fault.triad}: this simulation has no {fault.triad}"
                 )
-            # One that is not on a board is hit once, and whichever IMU is meant.
-            if imu in ("", name) and not (sensor == hit and times):
-                rate = timebase.exact_rate(one.rate)
-                first = self.taken(one.rate) + timebase.sample_count(delay, one.rate)
-                self._models[sensor].inject(fault, first / rate)
-                t_ns = timebase.sample_times_ns(first, 1, one.rate, self.t0_ns)
-                times[name] = int(t_ns[0])
+            # One that no IMU has with it is hit whichever IMU is meant.
+            own = sensors[name]
+            of_imu = own.space.rstrip("/") if own.on_board else imu or next(iter(every))
+            if imu in ("", of_imu):
+                sampled = sensors[name].environment.rate
+                first = self.taken(sampled) + timebase.sample_count(delay, sampled)
+                self._models[name].inject(fault, first / timebase.exact_rate(sampled))
+                t_ns = timebase.sample_times_ns(first, 1, sampled, self.t0_ns)
+                times[of_imu] = int(t_ns[0])
         return times
 
     @property

@@ -22,9 +22,9 @@ from imu_sim_ros.parameters.kinds import (
     number,
 )
 from imu_sim_ros.parameters.sections import parameters, section
-from imu_sim_ros.sensors.imu.parameters import ImuParameters, rotation_problems
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.presets import barometer_layer, sensor_layer
-from imu_sim_ros.sensors.own_rate_parameters import LONGEST
+from imu_sim_ros.sensors.parameters import LONGEST, rotation_problems
 from imu_sim_ros.simulation.parameters import DEFAULT_IMU, SampledParameters
 from imu_sim_ros.simulation.playback import InjectParameters, SimulatorParameters
 from imu_sim_ros.timebase import exact_rate

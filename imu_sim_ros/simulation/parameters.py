@@ -12,19 +12,18 @@ from typing import Any, Final
 import numpy as np
 
 from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import nearest
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.parameters.included import names
-from imu_sim_ros.parameters.kinds import entries, texts
+from imu_sim_ros.parameters.kinds import texts
 from imu_sim_ros.parameters.sections import parameters, section, variant
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.presets import barometer_layer, sensor_layer
 from imu_sim_ros.sensors.orientation.parameters import MODEL_ERRORS
-from imu_sim_ros.sensors.own_rate_parameters import LARGEST_JITTER_SIGMA
-from imu_sim_ros.sensors.registry import find_sensor, is_known, sections
+from imu_sim_ros.sensors.parameters import LARGEST_JITTER_SIGMA
+from imu_sim_ros.sensors.registry import find_sensor, is_known, sections, sees, sensor_kinds
 from imu_sim_ros.timebase import exact_rate
 from imu_sim_ros.trajectory.parameters import (
     TYPES,
@@ -146,45 +145,44 @@ def _of_camera(camera: str, name: str) -> str | None:
     return f"did you mean {own}camera.{near}{' for all cameras' if camera else ''}?"
 
 
-def sensor_names(given: Mapping[str, object]) -> tuple[str, ...]:
-    """Return the sensors of the body that parameters by dotted name name.
+def sensor_fields(kinds: Mapping[str, str]) -> list[Any]:
+    """Return the fields of a section that has the parameters of sensors.
 
-    :raises ConfigurationError: with a line for each name that cannot be used.
+    :param kinds: of the sensors by name.
+    :raises ConfigurationError: with a line for each kind that does not exist.
     """
-    value = entries(given.get("sensors", ()))
-    if not isinstance(value, list | tuple):
-        return ()
-    names = [str(name) for name in value]
-    if len(set(names)) < len(names):
-        raise ConfigurationError(f"sensors = {names}: names must differ")
-    return tuple(names)
-
-
-def sensor_fields(names: tuple[str, ...]) -> list[Any]:
-    """Return the fields of a section that has the parameters of sensors of the body.
-
-    :raises ConfigurationError: with a line for each name that does not exist.
-    """
-    own = sections(names)
-    return [
-        ("sensors", tuple[str, ...], texts(names, SENSORS)),
+    own = sections(kinds)
+    fields: list[Any] = [
+        ("sensors", tuple[str, ...], texts(tuple(kinds), SENSORS)),
         *((name, cls, section(cls)) for name, cls in own.items()),
     ]
+    if sees(kinds.values()):
+        from imu_sim_ros.sensors.camera.rig_parameters import DEFAULT_SCENE
+        from imu_sim_ros.sensors.camera.scene_parameters import TYPES as SCENES
+        from imu_sim_ros.sensors.camera.scene_parameters import SceneParameters, find_scene
+
+        scene = variant("type", DEFAULT_SCENE, find_scene, SCENES)
+        fields.append(("scene", SceneParameters, scene))
+    return fields
 
 
-def simulation_section(names: tuple[str, ...]) -> type[SimulationParameters]:
-    """Return the section of a simulation with sensors of the body.
+def simulation_section(kinds: Mapping[str, str]) -> type[SimulationParameters]:
+    """Return the section of a simulation with sensors.
 
-    :raises ConfigurationError: with a line for each name that does not exist.
+    :param kinds: of the sensors by name.
+    :raises ConfigurationError: with a line for each kind that does not exist.
     """
-    # By their sections, too: a sensor of this name may have been registered anew.
-    return _section_of(names, tuple(sections(names).values())) if names else SimulationParameters
+    # By their sections, too: a sensor of this kind may have been registered anew.
+    every = tuple(sections(kinds).values())
+    return _section_of(tuple(kinds.items()), every) if kinds else SimulationParameters
 
 
 @cache
-def _section_of(names: tuple[str, ...], _: tuple[type, ...]) -> type[SimulationParameters]:
-    bases = (SimulationParameters,)
-    return make_dataclass("SimulationParameters", sensor_fields(names), bases=bases, frozen=True)
+def _section_of(
+    kinds: tuple[tuple[str, str], ...], _: tuple[type, ...]
+) -> type[SimulationParameters]:
+    fields, bases = sensor_fields(dict(kinds)), (SimulationParameters,)
+    return make_dataclass("SimulationParameters", fields, bases=bases, frozen=True)
 
 
 def named_sensors(parameters: object) -> dict[str, Any]:
@@ -217,11 +215,11 @@ def load_simulation(*layers: Mapping[str, object], node: str = "simulator") -> S
     given: dict[str, object] = {}
     for values in layers:
         given.update(values)
-    names = sensor_names(given)
-    if not names:
+    kinds = sensor_kinds(given)
+    if not kinds:
         given.pop("sensors", None)
     return build_layered(
-        simulation_section(names), lambda values: layer_simulation([values], node), given
+        simulation_section(kinds), lambda values: layer_simulation([values], node), given
     )
 
 
@@ -264,15 +262,23 @@ def _layered(layers: Iterable[Mapping[str, object]], node: str) -> dict[str, obj
         given = {"trajectory.type": DEFAULT_TRAJECTORY, **motion, **given}
     if names_a_file(str(given["trajectory.type"])):
         sensor.update(trajectory_layer(str(given.pop("trajectory.type")), node))
-    return {**sensor, **barometer_layer(given, node), **_sensor_layers(given, node), **given}
+    of_sensors = barometer_layer(given, node) | _sensor_layers(given, node)
+    if sees(sensor_kinds(given).values()):
+        from imu_sim_ros.sensors.camera.rig_parameters import layered_scene
+
+        own = {key: value for key, value in given.items() if not key.startswith("scene.")}
+        given = own | layered_scene(given, node)
+    return {**sensor, **of_sensors, **given}
 
 
 def _sensor_layers(given: Mapping[str, object], node: str) -> dict[str, object]:
     """Return what ``NAME.preset`` of sensors of the body stand for."""
     result: dict[str, object] = {}
-    for name in sensor_names(given):
+    for name, kind in sensor_kinds(given).items():
         preset = given.get(f"{name}.preset")
         if preset and preset != "none":
-            folder = find_sensor(name).presets
-            result.update(files.load(files.find(folder or name, str(preset)), node))
+            values = files.load(files.find(find_sensor(kind).presets or kind, str(preset)), node)
+            for key, value in values.items():
+                own = key.removeprefix(f"{kind}.")
+                result[key if own == key else f"{name}.{own}"] = value
     return result

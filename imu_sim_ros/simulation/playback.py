@@ -4,7 +4,7 @@
 """Parameters of the simulator node: those of a simulation, and how it is played."""
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, make_dataclass
 from typing import Any
 
@@ -30,14 +30,14 @@ from imu_sim_ros.parameters.sections import section, section_names
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.own_rate_parameters import LARGEST_LATENCY, LONGEST
+from imu_sim_ros.sensors.parameters import LARGEST_LATENCY, LONGEST
+from imu_sim_ros.sensors.registry import sees, sensor_kinds
 from imu_sim_ros.simulation.parameters import (
     SENSORS,
     SimulationParameters,
     imus,
     layer_simulation,
     sensor_fields,
-    sensor_names,
 )
 
 NODE = "simulator"
@@ -250,7 +250,7 @@ class OneImuParameters:
 
 def simulator_section(given: Mapping[str, object]) -> type[SimulatorParameters]:
     """Return the section that holds the parameters of all IMUs that ``imus`` names."""
-    names, further = _imus(given), sensor_names(given)
+    names, further = _imus(given), sensor_kinds(given)
     bases: tuple[type, ...] = (SimulatorParameters,)
     if has_cameras(given):
         cameras = _rig().camera_names(given)
@@ -269,7 +269,7 @@ def simulator_section(given: Mapping[str, object]) -> type[SimulatorParameters]:
     return dataclasses.make_dataclass("SimulatorParameters", fields, bases=bases, frozen=True)
 
 
-def _injected(sensors: tuple[str, ...]) -> Any:
+def _injected(sensors: Iterable[str]) -> Any:
     """Return the field ``inject`` that includes the faults of sensors of the body."""
     known = {field.name: field for field in dataclasses.fields(InjectParameters)}["triad"]
     triad: Parameter = known.metadata[METADATA]
@@ -282,8 +282,11 @@ def _injected(sensors: tuple[str, ...]) -> Any:
 
 def has_cameras(given: Mapping[str, object]) -> bool:
     """Return whether any parameter is about cameras."""
-    ours = ("camera.", "scene.", "features.")
-    return any(key == "cameras" or key.startswith(ours) for key in given)
+    if any(key == "cameras" or key.startswith(("camera.", "features.")) for key in given):
+        return True
+    if not any(key.startswith("scene.") for key in given):
+        return False
+    return not sees(sensor_kinds(given).values())
 
 
 def _rig() -> Any:

@@ -30,13 +30,21 @@ def mounted(parameters: SampledParameters) -> dict[str, Mounted]:
     for name, one in imus(parameters).items():
         space = f"{name}/" if name else ""
         for sensor in (imu.SENSOR, *sensors_of_imus()):
-            board = Mounted(sensor, one.imu, one, one, one.imu_frame, space)
+            board = Mounted(sensor.name, sensor, one.imu, one, one, one.imu_frame, space)
             found[space + sensor.quantity] = board
     frame = parameters.body_frame
-    found[pose.NAME] = Mounted(pose.SENSOR, parameters, parameters, parameters, frame)
+    found[pose.NAME] = Mounted(pose.NAME, pose.SENSOR, parameters, parameters, parameters, frame)
     for name, own in named_sensors(parameters).items():
-        found[name] = Mounted(find_sensor(name), own, parameters, own, own.frame or frame)
+        sensor = find_sensor(own.type or name)
+        space = f"{name}/" if own.type else ""
+        found[name] = Mounted(name, sensor, own, parameters, own, own.own_frame(name, frame), space)
     return found
+
+
+def arms_of_seeing(sensors: Mapping[str, Mounted]) -> Array:
+    """Return the positions (k, 3) in the body of all sensors that see or range [m]."""
+    arms = [one.own.lever_arm for one in sensors.values() if one.sensor.sees]
+    return np.reshape(arms, (-1, 3))
 
 
 def imus_in(sensors: Mapping[str, Mounted]) -> list[str]:
@@ -59,7 +67,7 @@ def models(sensors: Mapping[str, Mounted], wanted: Collection[str], t0_ns: int) 
             before = {
                 n.removeprefix(one.space): m for n, m in made.items() if n.startswith(one.space)
             }
-            made[name] = one.sensor.model(one.own, one.environment, t0_ns, before)
+            made[name] = one.sensor.model(one, t0_ns, before)
     return made
 
 

@@ -148,7 +148,7 @@ def test_text_there_and_back(sensor: Sensor, tmp_path: Path, form: str) -> None:
 def test_faults(sensor: Sensor) -> None:
     if not sensor.faults:
         with pytest.raises(ims.ConfigurationError, match="fault triad"):
-            Fault("bias_jump", 1.0, 1.0, sensor.name)
+            simulation(sensor, given(sensor)).inject(Fault("bias_jump", 1.0, 1.0, sensor.name))
         return
     plain = whole(sensor, given(sensor))
     run = simulation(sensor, given(sensor))

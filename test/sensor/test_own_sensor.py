@@ -148,7 +148,7 @@ def test_bags_hold_it(installed: Any, tmp_path: Path, name: str) -> None:
         beams = found["/sonar/beam"]
         assert [t_ns for t_ns, _ in beams] == sonar.t_ns.tolist()
         assert [-m.vector.z for _, m in beams] == sonar.range.tolist()
-        assert {m.header.frame_id for _, m in beams} == {"base_link"}
+        assert {m.header.frame_id for _, m in beams} == {"sonar_link"}
         assert [-m.vector.z for _, m in found["/ground_truth/sonar"]] == sonar.ideal.tolist()
 
 
@@ -267,7 +267,7 @@ def test_entry_points_that_lead_nowhere(installed: Any, entry_point: str, line: 
     ("given", "line"),
     [
         ({"sensors": ["sonra"]}, r"sensors: 'sonra': did you mean sonar\?"),
-        ({"sensors": ["magnetometer"]}, "is on the board of an IMU"),
+        ({"sensors": ["magnetometer"]}, "each IMU has it"),
         ({"sensors": ["sonar", "sonar"]}, "names must differ"),
         ({**GIVEN, "sonar.noise": -1.0}, "sonar.noise = -1.0: must be a finite number at least 0"),
         ({**GIVEN, "sonar.colour": 1}, "sonar.colour: unknown parameter"),
@@ -285,7 +285,7 @@ def test_mistakes_are_told(installed: Any, given: dict[str, Any], line: str) -> 
     [
         ({"name": "Sonar!", "quantity": "Sonar!"}, "must be lower-case letters"),
         ({"quantity": "range"}, "must be the name, sonar"),
-        ({"section": dict}, "must derive from CarriedParameters"),
+        ({"section": dict}, "must derive from SensorParameters"),
         ({"topics": ()}, "must be one at least"),
     ],
 )

@@ -44,6 +44,7 @@ from imu_sim_ros.nodes.simulator.markers import markers
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.sensors.camera.rig import Rig
 from imu_sim_ros.simulation.playback import simulator_section
+from imu_sim_ros.simulation.sensors import arms_of_seeing, mounted
 from imu_sim_ros.trajectory.build import build_trajectory
 
 ORIGIN_NS: Final = 10**12
@@ -138,7 +139,8 @@ class CameraNode:
         self.counters = dict(self._publishers())
         trajectory = build_trajectory(parameters.trajectory, read_poses)
         duration = parameters.duration or trajectory.duration
-        self._rig = Rig(parameters, trajectory, ORIGIN_NS, duration, parameters.seed)
+        others = arms_of_seeing(mounted(parameters))
+        self._rig = Rig(parameters, trajectory, ORIGIN_NS, duration, parameters.seed, others)
         self._view = self._rig.views[self.name]
         maker = imagers(self._rig, [self.name]).get(self.name)
         frame = parameters.frame(self.name)

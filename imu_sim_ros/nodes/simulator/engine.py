@@ -13,7 +13,7 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.nodes.lifetime import Fail, SupervisedThread
 from imu_sim_ros.nodes.simulator.pacing import Pacer, SampleAction
 from imu_sim_ros.nodes.simulator.publish_queue import Group, PublishQueue
-from imu_sim_ros.sensors import with_faults
+from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.simulation.playback import InjectParameters, PublishParameters
 
@@ -23,13 +23,11 @@ def wanted_fault(wanted: InjectParameters, publish: PublishParameters) -> Fault:
 
     :raises ConfigurationError: for a fault that cannot be, and a sensor that is not published.
     """
-    quantity = with_faults().get(wanted.triad)
-    if quantity is not None and not getattr(
-        publish, quantity, True
-    ):  # those of the body always are
-        raise ConfigurationError(
-            f"inject.triad = {wanted.triad}: needs publish.{quantity}, which is false"
-        )
+    for sensor in sensors_of_imus():
+        if sensor.name == wanted.triad and not getattr(publish, sensor.quantity):
+            raise ConfigurationError(
+                f"inject.triad = {wanted.triad}: needs publish.{sensor.quantity}, which is false"
+            )
     return wanted.fault()
 
 

@@ -12,12 +12,11 @@ from typing import Final
 from imu_sim_ros.inputs.gate import PRESSURE
 from imu_sim_ros.inputs.tables import Encode, Table
 from imu_sim_ros.sensors.barometer.parameters import BarometerParameters
-from imu_sim_ros.sensors.declaration import Model, Sensor, SensorReadings, topic
-from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.declaration import Model, Mounted, Sensor, SensorReadings, topic
 from imu_sim_ros.sensors.errors.realised import realised_triad
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.samples import Samples, read_samples
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array
 
 TYPE: Final = "sensor_msgs/msg/FluidPressure"
 _ENCODER: Final = "FluidPressureEncoder"
@@ -30,12 +29,8 @@ BIAS_TOPIC: Final = "ground_truth/barometer_bias"
 class PressureReadings(SensorReadings):
     """The n readings of a barometer that are delivered, and the truth of each."""
 
-    t_ns: Times
-    """(n,) stamps [ns], with the errors of the board's clock."""
     pressure: Array
     """(n,) as read [Pa]."""
-    true_t_ns: Times
-    """(n,) when the sample was taken [ns]."""
     ideal_pressure: Array
     """(n,) of the still air at the IMU's height [Pa]."""
     bias: Array
@@ -55,17 +50,15 @@ def _of_table(frame: str, encoding: str) -> Encode:
     return lambda t_ns, values: pressures.encode(t_ns, values[:, 0])
 
 
-def _model(
-    imu: ImuParameters, environment: EnvironmentParameters, t0_ns: int, _: Mapping[str, Model]
-) -> Model:
-    from imu_sim_ros.sensors.barometer.model import Barometer  # most boards have none
+def _model(mounted: Mounted, t0_ns: int, _: Mapping[str, Model]) -> Model:
+    from imu_sim_ros.sensors.barometer.model import Barometer  # most IMUs have none
 
-    return Barometer(imu, environment, t0_ns)
+    return Barometer(mounted.own, mounted.environment, t0_ns)
 
 
-def _realised(own: BarometerParameters, seed: int) -> BarometerParameters:
+def _realised(own: BarometerParameters, seed: int, name: str) -> BarometerParameters:
     """Return the barometer of a seed, whose errors are those of a triad's first axis."""
-    p = realised_triad(own.as_triad(), "barometer", seed)
+    p = realised_triad(own.as_triad(), name, seed)
     return dataclasses.replace(
         own,
         bias=p.bias[0],

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from imu_sim_ros.parameters.kinds import number, numbers, text
 from imu_sim_ros.sensors.imu.triads import TriadParameters
-from imu_sim_ros.sensors.own_rate_parameters import OwnRateParameters
+from imu_sim_ros.sensors.parameters import OwnRateParameters
 
 _AS_IN_TRIADS: Final = (
     "noise_density",

@@ -59,20 +59,26 @@ _FURNITURE: Final = 0.8
 
 
 def build_scene(
-    parameters: SceneParameters, views: Sequence[View], trajectory: Trajectory, span: float
+    parameters: SceneParameters,
+    arms: Array,
+    views: Sequence[View],
+    trajectory: Trajectory,
+    span: float,
 ) -> Scene:
     """Return the scene that the parameters describe.
 
-    :param views: the cameras that see it; a cloud is generated for them, a room encloses them all.
+    :param arms: (k, 3) positions in the body of all sensors that see it; a room encloses their
+        paths [m].
+    :param views: the cameras among them, for which a cloud is generated.
     :param span: of the trajectory that the scene is made for, :func:`scene_span` [s].
     :raises InputError: for a file of points or triangles that cannot be used.
     :raises MissingDependencyError: for a mesh, if trimesh or embreex is not installed.
     """
     match parameters:
         case RoomParameters():
-            return _room(parameters, _path(views, trajectory, span))
+            return _room(parameters, _path(arms, trajectory, span))
         case PlaceParameters():
-            return _place(parameters, _passage(views, trajectory, span))
+            return _place(parameters, _passage(arms, trajectory, span))
         case HouseParameters():
             return _house(parameters)
         case CloudParameters():
@@ -86,7 +92,7 @@ def build_scene(
         case PointFileParameters():
             return Scene.of_points(read_points(Path(parameters.file)))
         case MeshParameters():
-            return mesh_scene(parameters, _path(views, trajectory, span))
+            return mesh_scene(parameters, _path(arms, trajectory, span))
     raise ConfigurationError(f"scene.type = {parameters.type!r}: cannot be built as a scene")
 
 
@@ -101,16 +107,21 @@ def scene_span(parameters: SceneParameters, duration: float) -> float:
 
 
 def check_path(
-    parameters: SceneParameters, views: Sequence[View], trajectory: Trajectory, scene: Scene
+    parameters: SceneParameters,
+    arms: Array,
+    trajectory: Trajectory,
+    duration: float,
+    scene: Scene,
 ) -> None:
     """Refuse a path that leaves its room.
 
-    :param views: the cameras, with the duration of the simulation.
+    :param arms: (k, 3) as of :func:`build_scene`.
+    :param duration: of the simulation [s].
     :raises ConfigurationError: with what to give.
     """
     if not isinstance(parameters, RoomParameters | PlaceParameters):
         return
-    path = _path(views, trajectory, min(views[0].duration, _LONGEST))
+    path = _path(arms, trajectory, min(duration, _LONGEST))
     low, high = path.min(axis=0), path.max(axis=0)
     if scene.painter is not None:
         corner, end = scene.painter.place.low, scene.painter.place.high
@@ -137,14 +148,15 @@ def check_path(
         )
 
 
-def _path(views: Sequence[View], trajectory: Trajectory, duration: float) -> Array:
-    """Return places (n, 3) of all cameras along the path."""
-    return np.concatenate(_passage(views, trajectory, duration).places)
+def _path(arms: Array, trajectory: Trajectory, duration: float) -> Array:
+    """Return positions (n, 3) of all sensors that see along the path."""
+    return np.concatenate(_passage(arms, trajectory, duration).places)
 
 
-def _passage(views: Sequence[View], trajectory: Trajectory, duration: float) -> Passage:
+def _passage(arms: Array, trajectory: Trajectory, duration: float) -> Passage:
     t = np.linspace(0.0, duration, _LOOKS)
-    places = np.stack([view.poses(trajectory, t).position for view in views])
+    motion = trajectory.sample(np.clip(t, 0.0, trajectory.duration))
+    places = motion.position + rotation.rotate(motion.q_wb, arms[:, None])
     return Passage(t, places, duration >= trajectory.duration)
 
 
@@ -274,9 +286,13 @@ def _cloud(
 ) -> Scene:
     """Return points such that every frame sees ``visible`` of them, as OpenVINS' simulator does.
 
+    :raises ConfigurationError: without cameras, and for depths that they do not see.
+
     If a camera sees too few of the points so far, random pixels become points at random depths:
     first at viewpoints along the path, then in the frames between them.
     """
+    if not views:
+        raise ConfigurationError("scene.type = cloud: is made for cameras, and there is none")
     _check_depths(p, views)
     stream = generator(p.seed, "scene.landmarks")
     times = np.arange(0.0, duration, p.spacing)

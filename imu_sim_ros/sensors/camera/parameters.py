@@ -23,8 +23,7 @@ from imu_sim_ros.parameters.kinds import (
     text,
     vector,
 )
-from imu_sim_ros.sensors.imu.parameters import rotation_problems
-from imu_sim_ros.sensors.own_rate_parameters import LARGEST_LATENCY, LONGEST
+from imu_sim_ros.sensors.parameters import LARGEST_LATENCY, LONGEST, rotation_problems
 from imu_sim_ros.timebase import LOWEST_RATE
 from imu_sim_ros.types import Array
 

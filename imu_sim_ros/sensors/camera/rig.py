@@ -20,7 +20,7 @@ from imu_sim_ros.sensors.camera.target import target_warning
 from imu_sim_ros.sensors.camera.tracker import Tracker, Tracks
 from imu_sim_ros.sensors.camera.view import View
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.types import Bytes, Single
+from imu_sim_ros.types import Array, Bytes, Single
 
 BLOCK: Final = 64
 """Frames generated at once."""
@@ -36,12 +36,14 @@ class Rig:
         t0_ns: int,
         duration: float,
         seed: int,
+        others: Array | None = None,
     ) -> None:
         """Set up cameras and scene.
 
         :param t0_ns: start of the simulation [ns].
         :param duration: of the simulation [s]; may be infinite.
         :param seed: of the simulation.
+        :param others: (k, 3) positions in the body of other sensors that see the scene [m].
         :raises ConfigurationError: for a scene that does not fit the path.
         :raises InputError: for a file of points that cannot be used.
         """
@@ -56,8 +58,11 @@ class Rig:
         seen_by = [
             View(name, camera, seed, t0_ns, span) for name, camera in parameters.each().items()
         ]
-        self.scene = build_scene(parameters.scene, seen_by, trajectory, span)
-        check_path(parameters.scene, list(self.views.values()), trajectory, self.scene)
+        arms = np.array([view.p_bc for view in seen_by])
+        if others is not None:
+            arms = np.concatenate([arms, others])
+        self.scene = build_scene(parameters.scene, arms, seen_by, trajectory, span)
+        check_path(parameters.scene, arms, trajectory, self.duration, self.scene)
 
     def warnings(self, name: str) -> list[str]:
         """Return a line for whatever keeps a camera from seeing what it was put before."""

@@ -27,6 +27,7 @@ from imu_sim_ros.sensors.camera.scene_parameters import (
     known_scenes,
 )
 from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.registry import sees, sensor_kinds
 from imu_sim_ros.timebase import exact_rate
 
 DEFAULT_CAMERA: Final = "vio_data_simulation"
@@ -106,10 +107,19 @@ def camera_names(given: Mapping[str, object]) -> list[str]:
 def split_rig(
     given: Mapping[str, object],
 ) -> tuple[dict[str, object], dict[str, object]]:
-    """Return what is about cameras and scene, and all else."""
-    names = camera_names(given)
-    rig = {key: value for key, value in given.items() if is_rig_key(key, names)}
-    return rig, {key: value for key, value in given.items() if key not in rig}
+    """Return what is about cameras and their scene, and all else.
+
+    A scene that other sensors see, too, is in both.
+    """
+    names, others_see = camera_names(given), sees(sensor_kinds(given).values())
+    rig, others = {}, {}
+    for key, value in given.items():
+        of_scene = key.startswith("scene.") and others_see
+        if is_rig_key(key, names) and (names or not of_scene):
+            rig[key] = value
+        if not is_rig_key(key, names) or of_scene:
+            others[key] = value
+    return rig, others
 
 
 def rig_section(names: list[str]) -> type[RigParameters]:
@@ -132,7 +142,7 @@ def layer_rig(given: Mapping[str, object], node: str = "simulator") -> dict[str,
             raise ConfigurationError(stray)
         return {}
     result: dict[str, object] = {"cameras": tuple(names)}
-    result.update(_scene_layer(given, node))
+    result.update(layered_scene(given, node))
     result.update({k: v for k, v in given.items() if k.startswith("features.")})
     for name in names:
         own = {k.removeprefix(f"{name}."): v for k, v in given.items() if k.startswith(f"{name}.")}
@@ -142,7 +152,8 @@ def layer_rig(given: Mapping[str, object], node: str = "simulator") -> dict[str,
     return result
 
 
-def _scene_layer(given: Mapping[str, object], node: str) -> dict[str, object]:
+def layered_scene(given: Mapping[str, object], node: str) -> dict[str, object]:
+    """Return the parameters of the scene above the file that ``scene.type`` names."""
     scene = {key: value for key, value in given.items() if key.startswith("scene.")}
     kind = str(scene.get("scene.type", DEFAULT_SCENE))
     if kind in files.names("scenes"):

@@ -26,7 +26,7 @@ from imu_sim_ros.parameters.sections import section
 from imu_sim_ros.places.catalogue import size_problems
 from imu_sim_ros.places.mesh import ANCHORS, UPS
 from imu_sim_ros.places.place import LIGHTS, TEXTURES
-from imu_sim_ros.sensors.imu.parameters import rotation_problems
+from imu_sim_ros.sensors.parameters import rotation_problems
 
 MOST_BODIES = 100
 TYPE_TEXT = "kind of scene, or the name of a file in config/scenes"

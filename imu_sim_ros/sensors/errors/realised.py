@@ -109,7 +109,10 @@ def realised_imu(imu: ImuParameters, seed: int) -> ImuParameters:
     """
     realised: dict[str, Any] = {
         **{name: realised_triad(imu.triad(name), name, seed) for name in TRIADS},
-        **{one.name: one.realised(getattr(imu, one.name), seed) for one in sensors_of_imus()},
+        **{
+            one.name: one.realised(getattr(imu, one.name), seed, one.name)
+            for one in sensors_of_imus()
+        },
     }
     return dataclasses.replace(imu, **realised)
 

@@ -11,8 +11,14 @@ import numpy as np
 
 from imu_sim_ros.inputs.gate import OTHER
 from imu_sim_ros.inputs.tables import Table
-from imu_sim_ros.sensors.carried import CarriedReadings
-from imu_sim_ros.sensors.declaration import Companions, Sensor, Serial, on_demand, topic
+from imu_sim_ros.sensors.declaration import (
+    Companions,
+    Sensor,
+    SensorReadings,
+    Serial,
+    on_demand,
+    topic,
+)
 from imu_sim_ros.sensors.gnss.parameters import GnssParameters
 from imu_sim_ros.sensors.gnss.satellites import calendar_ns
 from imu_sim_ros.types import Array, Integers, Times
@@ -37,7 +43,7 @@ _rinex: Final = on_demand("imu_sim_ros.sensors.gnss.rinex_files", "RinexFiles")
 
 
 @dataclass(frozen=True, repr=False)
-class GnssReadings(CarriedReadings):
+class GnssReadings(SensorReadings):
     """The n fixes of a receiver that are delivered, and the truth of each.
 
     Without a fix the position is the last known one, NaN before the first; variances and velocity

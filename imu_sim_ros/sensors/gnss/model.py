@@ -11,60 +11,55 @@ import numpy as np
 
 from imu_sim_ros import rotation
 from imu_sim_ros.random_streams import axis_generators
-from imu_sim_ros.sensors.carried import CarriedSensor
-from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.errors.processes import Events, GaussMarkovBank
 from imu_sim_ros.sensors.gnss.observations import Observer
 from imu_sim_ros.sensors.gnss.parameters import MODES, GnssParameters
 from imu_sim_ros.sensors.gnss.sky import UNUSABLE, Geometry, Sky, constant
 from imu_sim_ros.sensors.gravity import CurvedEarth, geodetic
+from imu_sim_ros.sensors.model import SensorModel
+from imu_sim_ros.sensors.world import World
 from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array, Integers, Mask
 
-NAME: Final = "gnss"
 NO_FIX: Final = -1
 STATUS: Final = (0, 1, 2, 2)
 """Status of sensor_msgs/NavSatStatus for each mode: FIX, SBAS_FIX, GBAS_FIX."""
 
 
-class Receiver(CarriedSensor):
+class Receiver(SensorModel):
     """Fixes and velocities of one antenna."""
 
-    def __init__(
-        self,
-        parameters: GnssParameters,
-        environment: EnvironmentParameters,
-        t0_ns: int,
-        _: Mapping[str, Any],
-    ) -> None:
+    def __init__(self, mounted: Mounted, t0_ns: int, _: Mapping[str, Any]) -> None:
         """Set up all errors at their start."""
-        super().__init__(NAME, parameters, environment, t0_ns)
-        seed, dt, p = environment.seed, 1.0 / parameters.rate, parameters
+        super().__init__(mounted, t0_ns)
+        name, environment, p = mounted.name, mounted.environment, self._own_parameters
+        seed, dt = environment.seed, 1.0 / p.rate
         self._environment = environment
         self._earth = CurvedEarth(environment)
-        self._white = axis_generators(seed, f"{NAME}.white_noise")
+        self._white = axis_generators(seed, f"{name}.white_noise")
         self._slow = GaussMarkovBank(
-            axis_generators(seed, f"{NAME}.gauss_markov"), np.full((3, 1), p.correlation_time), dt
+            axis_generators(seed, f"{name}.gauss_markov"), np.full((3, 1), p.correlation_time), dt
         )
-        self._steps = axis_generators(seed, f"{NAME}.random_walk")
+        self._steps = axis_generators(seed, f"{name}.random_walk")
         self._walked = np.zeros((3, 1))
-        self._of_velocity = axis_generators(seed, f"{NAME}.velocity")
-        self._jumps = Events(seed, f"{NAME}.multipath", p.multipath_rate, p.multipath_duration, dt)
-        self._sizes, self._jump = axis_generators(seed, f"{NAME}.multipath_size"), np.zeros(3)
+        self._of_velocity = axis_generators(seed, f"{name}.velocity")
+        self._jumps = Events(seed, f"{name}.multipath", p.multipath_rate, p.multipath_duration, dt)
+        self._sizes, self._jump = axis_generators(seed, f"{name}.multipath_size"), np.zeros(3)
         self._jumped = 0
-        self._random = Events(seed, f"{NAME}.outage", p.outage_rate, p.outage_duration, dt)
+        self._random = Events(seed, f"{name}.outage", p.outage_rate, p.outage_duration, dt)
         self._known = np.full(6, np.nan)
         self._dt = dt
         self._sky = Sky(p, environment, t0_ns) if p.sky == "satellites" else None
         self._observer: Observer | None = None
         if p.raw.rinex and self._sky is not None:
             sky, raw = self._sky, p.raw
-            self._observer = Observer(raw, environment, sky.broadcast, sky.start, NAME, dt)
+            self._observer = Observer(raw, environment, sky.broadcast, sky.start, name, dt)
 
-    def measure(self, t: Array, motion: Motion) -> Mapping[str, Array]:
+    def measure(self, t: Array, world: World) -> Mapping[str, Array]:
         """Return place and velocity of the antenna as read, and the truth of both."""
-        p = self._own_parameters
-        ideal = self.place(motion)
+        p, motion = self._own_parameters, world.motion(t)
+        ideal = self.position(motion)
         mode = self._mode(t)
         seen = self._sky.over(t, ideal) if self._sky else constant(p, len(t))
         sigma = self._sigma(mode, seen)

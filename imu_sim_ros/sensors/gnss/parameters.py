@@ -10,7 +10,7 @@ from typing import Final
 
 from imu_sim_ros.parameters.kinds import choice, flag, integer, number, numbers, text
 from imu_sim_ros.parameters.sections import section
-from imu_sim_ros.sensors.own_rate_parameters import CarriedParameters
+from imu_sim_ros.sensors.parameters import SensorParameters
 from imu_sim_ros.timebase import LOWEST_RATE
 
 MODES: Final = ("single", "dgps", "float", "fixed")
@@ -72,7 +72,7 @@ class RawParameters:
 
 
 @dataclass(frozen=True)
-class GnssParameters(CarriedParameters):
+class GnssParameters(SensorParameters):
     """One receiver; its lever arm is that of the antenna."""
 
     rate: float = number(10.0, "fixes per second", unit="Hz", minimum=LOWEST_RATE, maximum=100.0)

@@ -16,6 +16,7 @@ from imu_sim_ros.conventions import (
     IDEAL_IMU_TOPIC,
     IMU_TOPIC,
     TEMPERATURE_TOPIC,
+    TRIADS,
 )
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensors.declaration import (
@@ -27,7 +28,6 @@ from imu_sim_ros.sensors.declaration import (
     Topic,
     topic,
 )
-from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.noise import accel_variance_discrete, gyro_variance_discrete
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.types import Array
@@ -50,12 +50,10 @@ class ImuReadings(SensorReadings):
     """(n, 3) [m/s^2]."""
 
 
-def _model(
-    imu: ImuParameters, environment: EnvironmentParameters, t0_ns: int, _: Mapping[str, Model]
-) -> Model:
+def _model(mounted: Mounted, t0_ns: int, _: Mapping[str, Model]) -> Model:
     from imu_sim_ros.sensors.imu.model import Imu
 
-    return Imu(imu, environment, t0_ns)
+    return Imu(mounted.own, mounted.environment, t0_ns)
 
 
 def readings(mounted: Mounted, encoding: str, *orientation: str) -> Payloads:
@@ -134,5 +132,6 @@ SENSOR = Sensor(
         _increments(IDEAL_DELTA_VELOCITY_TOPIC, "ideal_accel", "ground_truth_increments", True),
     ),
     readings=ImuReadings,
+    parts=TRIADS,
     text="gyroscope and accelerometer",
 )

@@ -29,7 +29,7 @@ from imu_sim_ros.parameters.kinds import (
 from imu_sim_ros.parameters.sections import section
 from imu_sim_ros.sensors import sections_of_imus
 from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
-from imu_sim_ros.sensors.own_rate_parameters import LONGEST, TimingParameters
+from imu_sim_ros.sensors.parameters import LONGEST, TimingParameters, rotation_problems
 from imu_sim_ros.types import Complex
 
 AXES_READ = 6
@@ -215,7 +215,6 @@ class BoardVibrationParameters:
 
 _USUAL_RATIO = 8
 """Readings inside a sensor for each sample."""
-ORTHONORMAL_TOLERANCE = 1e-6
 
 _CAUSES = {"stress_step_sigma": "stress_step_rate", "shock_bias_sigma": "shock_threshold"}
 """Errors of a triad, and the parameter of the board that makes them happen."""
@@ -390,19 +389,3 @@ class ImuParameters(OtherSensorsParameters, BareImuParameters):
             return super().triad(name)
         errors: TriadParameters = getattr(self, name).as_triad()
         return errors
-
-
-def rotation_problems(values: Matrix, name: str) -> Iterator[str]:
-    """Say why nine numbers, row by row, are not a rotation matrix.
-
-    :param name: of the parameter, for the message.
-    """
-    r = np.reshape(values, (3, 3))
-    error = float(np.abs(r @ r.T - np.eye(3)).max())
-    if error > ORTHONORMAL_TOLERANCE:
-        yield (
-            f"{name}: must be a rotation matrix; "
-            f"R R^T differs from the identity by {error:.2g}, allowed is {ORTHONORMAL_TOLERANCE:g}"
-        )
-    elif np.linalg.det(r) < 0:
-        yield f"{name}: must be a rotation matrix; this one is a reflection (determinant -1)"

@@ -13,12 +13,11 @@ import numpy as np
 from imu_sim_ros.conventions import Vector
 from imu_sim_ros.inputs.gate import FIELD
 from imu_sim_ros.inputs.tables import Encode, Table
-from imu_sim_ros.sensors.declaration import Model, Sensor, SensorReadings, topic
-from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.declaration import Model, Mounted, Sensor, SensorReadings, topic
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
 from imu_sim_ros.sensors.samples import Samples, read_samples
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array
 
 TYPE: Final = "sensor_msgs/msg/MagneticField"
 BIAS_TYPE: Final = "geometry_msgs/msg/Vector3Stamped"
@@ -31,12 +30,8 @@ BIAS_TOPIC: Final = "ground_truth/magnetometer_bias"
 class MagneticReadings(SensorReadings):
     """The n readings of a magnetometer that are delivered, and the truth of each."""
 
-    t_ns: Times
-    """(n,) stamps [ns], with the errors of the board's clock."""
     field: Array
     """(n, 3) as read [T]."""
-    true_t_ns: Times
-    """(n,) when the sample was taken [ns]."""
     ideal_field: Array
     """(n, 3) the field at the IMU in its own frame, without any error [T]."""
     bias: Array
@@ -57,15 +52,13 @@ def _of_table(frame: str, encoding: str) -> Encode:
     return MagneticFieldEncoder(frame, encoding).encode
 
 
-def _model(
-    imu: ImuParameters, environment: EnvironmentParameters, t0_ns: int, _: Mapping[str, Model]
-) -> Model:
-    from imu_sim_ros.sensors.magnetometer.model import Magnetometer  # most boards have none
+def _model(mounted: Mounted, t0_ns: int, _: Mapping[str, Model]) -> Model:
+    from imu_sim_ros.sensors.magnetometer.model import Magnetometer  # most IMUs have none
 
-    return Magnetometer(imu, environment, t0_ns)
+    return Magnetometer(mounted.own, mounted.environment, t0_ns)
 
 
-def _realised(parameters: MagnetometerParameters, seed: int) -> Any:
+def _realised(parameters: MagnetometerParameters, seed: int, _: str) -> Any:
     if parameters == MagnetometerParameters():
         return parameters
     from imu_sim_ros.sensors.magnetometer.model import realised_magnetometer

@@ -16,7 +16,7 @@ import numpy as np
 from imu_sim_ros import rotation
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX, Matrix, Vector, matrix, numbers, vector
 from imu_sim_ros.sensors.imu.triads import TriadParameters, invertible_problems
-from imu_sim_ros.sensors.own_rate_parameters import OwnRateParameters
+from imu_sim_ros.sensors.parameters import OwnRateParameters
 from imu_sim_ros.types import Array
 
 _AS_IN_TRIADS: Final = (

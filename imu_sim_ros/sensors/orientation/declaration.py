@@ -18,12 +18,11 @@ from imu_sim_ros.sensors.declaration import (
     SensorReadings,
     Topic,
 )
-from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.imu.declaration import readings
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.orientation.parameters import OrientationParameters
 from imu_sim_ros.sensors.samples import Samples, read_samples
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array
 
 TYPE: Final = "sensor_msgs/msg/Imu"
 TOPIC: Final = "imu/data"
@@ -34,14 +33,10 @@ TOPIC: Final = "imu/data"
 class Orientations(SensorReadings):
     """The n orientations that a board reports and delivers, and the truth of each."""
 
-    t_ns: Times
-    """(n,) stamps [ns]."""
     q_wi: Array
     """(n, 4) of the IMU in the world, as stated: unit quaternions (w, x, y, z)."""
     variance: Array
     """(n, 3) stated, of the error about the world's axes [rad^2]; 0: unknown."""
-    true_t_ns: Times
-    """(n,) when the sample was taken [ns]."""
     ideal_q_wi: Array
     """(n, 4) the true ones."""
 
@@ -50,15 +45,14 @@ def _readings(mounted: Mounted, encoding: str) -> Payloads:
     return readings(mounted, encoding, "q_wi", "variance")
 
 
-def _model(
-    imu: ImuParameters, environment: EnvironmentParameters, _: int, others: Mapping[str, Model]
-) -> Model:
-    from imu_sim_ros.sensors.orientation.model import Orientation  # most boards state none
+def _model(mounted: Mounted, _: int, others: Mapping[str, Model]) -> Model:
+    from imu_sim_ros.sensors.orientation.model import Orientation  # most IMUs state none
 
+    imu: ImuParameters = mounted.own
     filtered = imu.orientation.source == "filter"
     field: Any = others["magnetic_field"] if filtered else None
     source: Any = others["imu"]
-    return Orientation(imu, environment, source, field)
+    return Orientation(imu, mounted.environment, source, field)
 
 
 def _needs(imu: ImuParameters) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from imu_sim_ros.sensors.block import SensorBlock
-from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.world import SampleTimes, Window, World
 from imu_sim_ros.trajectory.motion import Motion
@@ -25,10 +25,8 @@ def pose_samples(true_t_ns: Times, motion: Motion) -> SensorBlock:
 class Pose:
     """The body's motion at the rate of the simulation."""
 
-    def __init__(
-        self, environment: EnvironmentParameters, _: EnvironmentParameters, t0_ns: int, __: Any
-    ) -> None:
-        self._times = SampleTimes(environment.rate, t0_ns)
+    def __init__(self, mounted: Mounted, t0_ns: int, _: Any) -> None:
+        self._times = SampleTimes(mounted.environment.rate, t0_ns)
 
     def configure(self, parameters: Any) -> None:
         """Do nothing: the truth has no parameters."""

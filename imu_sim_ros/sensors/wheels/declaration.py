@@ -10,8 +10,15 @@ import numpy as np
 
 from imu_sim_ros.inputs.gate import OTHER
 from imu_sim_ros.inputs.tables import Table
-from imu_sim_ros.sensors.carried import CarriedReadings
-from imu_sim_ros.sensors.declaration import Mounted, Payloads, Sensor, Topic, on_demand, topic
+from imu_sim_ros.sensors.declaration import (
+    Mounted,
+    Payloads,
+    Sensor,
+    SensorReadings,
+    Topic,
+    on_demand,
+    topic,
+)
 from imu_sim_ros.sensors.wheels.parameters import WheelsParameters
 from imu_sim_ros.sensors.wheels.uncertainty import UNKNOWN
 from imu_sim_ros.types import Array
@@ -32,7 +39,7 @@ _UNITS: Final = (
 
 
 @dataclass(frozen=True, repr=False)
-class WheelsReadings(CarriedReadings):
+class WheelsReadings(SensorReadings):
     """The n readings of the wheels that are delivered, and the truth of each.
 
     Twists are (forward speed, sideways speed, yaw rate) [m/s, m/s, rad/s], means over the interval

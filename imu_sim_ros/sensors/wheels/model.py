@@ -17,16 +17,16 @@ import numpy as np
 
 from imu_sim_ros import rotation
 from imu_sim_ros.random_streams import generator
-from imu_sim_ros.sensors.carried import CarriedSensor
-from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.errors.processes import Events
 from imu_sim_ros.sensors.errors.response import TemperatureProfile
+from imu_sim_ros.sensors.model import SensorModel
 from imu_sim_ros.sensors.wheels.parameters import WheelsParameters
 from imu_sim_ros.sensors.wheels.uncertainty import StatedCovariance, applied
+from imu_sim_ros.sensors.world import World
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.types import Array
 
-NAME: Final = "wheels"
 _LONGEST_LOOK: Final = 600.0
 """[s] of a motion that warnings look at, in steps of 0.1 s."""
 _UNSEEN: Final = 0.01
@@ -51,15 +51,18 @@ def wheel_places(model: str, track: float, wheelbase: float) -> Array:
     return np.array([[end * wheelbase, side * track, 0.0] for end in ends for side in (0.5, -0.5)])
 
 
-def realised_wheels(p: WheelsParameters, seed: int) -> WheelsParameters:
-    """Return the wheels of a seed, with the true radii, distances and offset in their places."""
+def realised_wheels(p: WheelsParameters, seed: int, name: str) -> WheelsParameters:
+    """Return the wheels of a seed, with the true radii, distances and offset in their places.
+
+    :param name: of the wheels among the sensors of the body.
+    """
 
     def drawn(source: str, percent: float, count: int) -> Array:
-        return 1.0 + 0.01 * percent * generator(seed, f"{NAME}.{source}").standard_normal(count)
+        return 1.0 + 0.01 * percent * generator(seed, f"{name}.{source}").standard_normal(count)
 
     radii = p.radius * drawn("radius", p.radius_sigma_percent, p.wheels)
     base = np.array([p.track, p.wheelbase]) * drawn("base", p.base_sigma_percent, 1)
-    offset = generator(seed, f"{NAME}.steering_offset").standard_normal()
+    offset = generator(seed, f"{name}.steering_offset").standard_normal()
     return dataclasses.replace(
         p,
         true_radii=p.true_radii or tuple(radii.tolist()),
@@ -68,32 +71,32 @@ def realised_wheels(p: WheelsParameters, seed: int) -> WheelsParameters:
     )
 
 
-def point_twist(motion: Motion, lever_arm: Array) -> tuple[Array, Array]:
-    """Return the velocity (n, 3) of a point of the body in body axes, and its derivative."""
+def point_twist(motion: Motion, lever_arm: Array, q_bs: Array) -> tuple[Array, Array]:
+    """Return the velocity (n, 3) of a point of the body in a frame on it, and its derivative.
+
+    :param lever_arm: (3,) of the point [m], and q_bs (4,) the frame's orientation, in the body.
+    """
     omega = motion.angular_velocity
     velocity = rotation.rotate_inverse(motion.q_wb, motion.velocity)
     rate = rotation.rotate_inverse(motion.q_wb, motion.acceleration) - np.cross(omega, velocity)
     return (
-        velocity + np.cross(omega, lever_arm),
-        rate + np.cross(motion.angular_acceleration, lever_arm),
+        rotation.rotate_inverse(q_bs[None], velocity + np.cross(omega, lever_arm)),
+        rotation.rotate_inverse(
+            q_bs[None], rate + np.cross(motion.angular_acceleration, lever_arm)
+        ),
     )
 
 
-class Odometer(CarriedSensor):
+class Odometer(SensorModel):
     """Encoders of all wheels, and the odometry that a robot computes from them."""
 
-    def __init__(
-        self,
-        parameters: WheelsParameters,
-        environment: EnvironmentParameters,
-        t0_ns: int,
-        _: Mapping[str, Any],
-    ) -> None:
+    def __init__(self, mounted: Mounted, t0_ns: int, _: Mapping[str, Any]) -> None:
         """Set up all errors at their start; the angles and the pose are 0 at the first reading."""
-        super().__init__(NAME, parameters, environment, t0_ns)
-        seed, p = environment.seed, parameters
+        super().__init__(mounted, t0_ns)
+        name, environment, p = mounted.name, mounted.environment, self._own_parameters
+        seed = environment.seed
         self._dt = 1.0 / p.rate
-        self._unit = realised_wheels(p, seed)
+        self._unit = realised_wheels(p, seed, name)
         self._rims = rim_speeds(p.model, self._unit.true_base[0], self._unit.true_base[1])
         known = rim_speeds(p.model, p.track, p.wheelbase)
         self._to_twist, self._to_true_twist = (
@@ -101,13 +104,14 @@ class Odometer(CarriedSensor):
         )
         self._stated = StatedCovariance(p, known, self._to_twist)
         wheels = range(p.wheels)
-        self._noise = [generator(seed, f"{NAME}.encoder.{k}") for k in wheels]
-        self._slips = [generator(seed, f"{NAME}.slip.{k}") for k in wheels]
-        self._of_patch = [generator(seed, f"{NAME}.patch_slip.{k}") for k in wheels]
-        self._steering = generator(seed, f"{NAME}.steering")
-        self._patches = Events(seed, f"{NAME}.patch", p.patch_rate, p.patch_duration, self._dt)
+        self._noise = [generator(seed, f"{name}.encoder.{k}") for k in wheels]
+        self._slips = [generator(seed, f"{name}.slip.{k}") for k in wheels]
+        self._of_patch = [generator(seed, f"{name}.patch_slip.{k}") for k in wheels]
+        self._steering = generator(seed, f"{name}.steering")
+        self._patches = Events(seed, f"{name}.patch", p.patch_rate, p.patch_duration, self._dt)
         self._patched, self._patch = 0, np.zeros(p.wheels)
-        self._places = self.lever_arm_b + wheel_places(p.model, *self._unit.true_base)
+        touching = wheel_places(p.model, *self._unit.true_base)
+        self._places = self.lever_arm_b + rotation.rotate(self.q_bs[None], touching)
         ambient = dataclasses.replace(
             environment.temperature, power=0.0, time_constant=p.temperature_time_constant
         )
@@ -119,12 +123,16 @@ class Odometer(CarriedSensor):
         self._pose = np.zeros(3)
         self._is_at_start = True
 
-    def measure(self, t: Array, motion: Motion) -> Mapping[str, Array]:
+    def measure(self, t: Array, world: World) -> Mapping[str, Array]:
         """Return the twist as read, means over the interval before each reading, and all truth."""
-        p = self._own_parameters
-        velocity, rate = point_twist(motion, self.lever_arm_b)
-        twist = np.column_stack([velocity[:, :2], motion.angular_velocity[:, 2]])
-        mean = self._mean(twist, np.column_stack([rate[:, :2], motion.angular_acceleration[:, 2]]))
+        p, motion = self._own_parameters, world.motion(t)
+        velocity, rate = point_twist(motion, self.lever_arm_b, self.q_bs)
+        omega, alpha = (
+            rotation.rotate_inverse(self.q_bs[None], one)
+            for one in (motion.angular_velocity, motion.angular_acceleration)
+        )
+        twist = np.column_stack([velocity[:, :2], omega[:, 2]])
+        mean = self._mean(twist, np.column_stack([rate[:, :2], alpha[:, 2]]))
         slipped = mean * np.array([1.0, 1.0, 1.0 + p.turn_slip])
         rims = applied(self._rims, slipped)
         ratio = self._patch_ratios(len(t)) + self._box_ratios(motion)
@@ -148,7 +156,7 @@ class Odometer(CarriedSensor):
         return {
             "twist": read,
             "ideal_twist": mean,
-            "true_twist": np.column_stack([velocity, motion.angular_velocity]),
+            "true_twist": np.column_stack([velocity, omega]),
             "true_pose": self._relative(motion),
             "angle": angle,
             "speed": speed,
@@ -263,14 +271,14 @@ class Odometer(CarriedSensor):
 
     def _relative(self, motion: Motion) -> Array:
         """Return true poses (n, 7), place and q (w, x, y, z), in the frame of the first reading."""
-        place = self.place(motion)
-        if not len(place):
+        position, q_ws = self.position(motion), self.attitude(motion)
+        if not len(position):
             return np.zeros((0, 7))
         if self._start is None:
-            self._start = place[0].copy(), motion.q_wb[0].copy()
-        origin, q_ws = self._start
-        moved = rotation.rotate_inverse(q_ws[None], place - origin)
-        turned = rotation.multiply(rotation.conjugate(q_ws)[None], motion.q_wb)
+            self._start = position[0].copy(), q_ws[0].copy()
+        origin, first = self._start
+        moved = rotation.rotate_inverse(first[None], position - origin)
+        turned = rotation.multiply(rotation.conjugate(first)[None], q_ws)
         return np.column_stack([moved, turned])
 
     def _integrated(self, twist: Array) -> Array:
@@ -292,12 +300,14 @@ class Odometer(CarriedSensor):
         return result
 
 
-def unseen(p: WheelsParameters, trajectory: Trajectory, duration: float) -> list[str]:
+def unseen(mounted: Mounted, trajectory: Trajectory, duration: float) -> list[str]:
     """Return a line if the motion is not that of such a vehicle, with the size of the rest."""
+    p: WheelsParameters = mounted.own
+    q_bs = rotation.from_matrix(np.reshape(p.mounting, (3, 3)))
     longest = min(duration, trajectory.duration, _LONGEST_LOOK)
     t = np.linspace(0.0, longest, 1 + math.ceil(10.0 * longest))[:-1]
     motion = trajectory.sample(t)
-    velocity, _ = point_twist(motion, np.array(p.lever_arm))
+    velocity, _ = point_twist(motion, np.array(p.lever_arm), q_bs)
     forward, side, up = np.abs(velocity).max(axis=0, initial=0.0)
     least = max(_UNSEEN * max(forward, side, up), 1e-3)
     rest = []
@@ -313,6 +323,6 @@ def unseen(p: WheelsParameters, trajectory: Trajectory, duration: float) -> list
     if not rest:
         return []
     return [
-        f"{NAME}: the body moves {' and '.join(rest)}, which {p.model} wheels neither do nor "
-        "measure: wheel/odom is without it"
+        f"{mounted.name}: the body moves {' and '.join(rest)}, which {p.model} wheels neither do "
+        "nor measure: wheel/odom is without it"
     ]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from imu_sim_ros.parameters.kinds import choice, integer, number, numbers, text, texts
-from imu_sim_ros.sensors.own_rate_parameters import CarriedParameters
+from imu_sim_ros.sensors.parameters import SensorParameters
 from imu_sim_ros.timebase import LOWEST_RATE
 
 _SIDES: Final = ("left", "right")
@@ -25,7 +25,7 @@ _TO_DRAW: Final = "empty: drawn with"
 
 
 @dataclass(frozen=True)
-class WheelsParameters(CarriedParameters):
+class WheelsParameters(SensorParameters):
     """The wheels of one vehicle; its lever arm is that of the point whose motion they give."""
 
     rate: float = number(

@@ -117,7 +117,7 @@ def test_true_radii_and_base_come_back_by_regression() -> None:
     deviation s sqrt(3 / n) / T; five of these, as a share of the slope. What is left of the base
     is from radii and angles: twice that.
     """
-    noise, unit = 5e-4, realised_wheels(WheelsParameters(**SPREAD), 5)
+    noise, unit = 5e-4, realised_wheels(WheelsParameters(**SPREAD), 5, "wheels")
     line = {"type": "harmonic", "x": {"polynomial": [0.0, 2.0]}}
     spin = {"type": "harmonic", "yaw": {"polynomial": [0.0, 1.0]}}
     slopes, doubt = [], []
@@ -134,7 +134,7 @@ def test_true_radii_and_base_come_back_by_regression() -> None:
     np.testing.assert_allclose(bases, unit.true_base[0], rtol=2 * max(doubt))
     # The spreads are far larger than what is in doubt, and those of other seeds are others.
     assert doubt[1] < 1e-4 < abs(unit.true_radii[0] / unit.true_radii[1] - 1.0)
-    assert unit.true_base != realised_wheels(WheelsParameters(**SPREAD), 6).true_base
+    assert unit.true_base != realised_wheels(WheelsParameters(**SPREAD), 6, "wheels").true_base
 
 
 def test_given_radii_and_base_are_taken() -> None:

@@ -1,67 +1,63 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What sensors of the body have in common: times, stamps, transport, faults, and their samples."""
+"""What sensors with a mount of their own share: times, stamps, transport, faults, samples."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
+from numpy.random import Generator
 
 from imu_sim_ros import rotation
+from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.block import SensorBlock
-from imu_sim_ros.sensors.declaration import SensorReadings
-from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.own_rate import OwnRate
-from imu_sim_ros.sensors.own_rate_parameters import CarriedParameters
+from imu_sim_ros.sensors.parameters import SensorParameters
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.trajectory.motion import Motion
-from imu_sim_ros.types import Array, Mask, Times
+from imu_sim_ros.types import Array, Mask
 
 
-@dataclass(frozen=True, repr=False)
-class CarriedReadings(SensorReadings):
-    """The n readings of a sensor of the body that are delivered; fields of one's own follow."""
+class SensorModel:
+    """A sensor with a mount of its own: a class derives from it and has :meth:`measure`."""
 
-    t_ns: Times
-    """(n,) stamps [ns], with the errors of the sensor's clock."""
-    true_t_ns: Times
-    """(n,) when the sample was taken [ns]."""
-
-
-class CarriedSensor:
-    """A sensor of the body: a class of one's own derives from it and has :meth:`measure`."""
-
-    def __init__(
-        self,
-        name: str,
-        parameters: CarriedParameters,
-        environment: EnvironmentParameters,
-        t0_ns: int,
-    ) -> None:
+    def __init__(self, mounted: Mounted, t0_ns: int) -> None:
         """Start before the first sample.
 
-        :param name: the first part of the names of its random streams.
         :param t0_ns: time of the start [ns].
         """
-        self.name, self.parameters = name, parameters
-        self.lever_arm_b: Array = np.array(parameters.lever_arm)
-        self._own = OwnRate(name, parameters, parameters, environment, t0_ns)
+        self.name, self.parameters = mounted.name, mounted.own
+        """The name is the first part of the names of its random streams."""
+        self.lever_arm_b: Array = np.array(self.parameters.lever_arm)
+        """(3,) position in the body [m]."""
+        self.q_bs: Array = rotation.from_matrix(np.reshape(self.parameters.mounting, (3, 3)))
+        """(4,) orientation in the body."""
+        self._seed = mounted.environment.seed
+        self._own = OwnRate(self.name, self.parameters, self.parameters, mounted.environment, t0_ns)
         self._before: Array | None = None
 
-    def place(self, motion: Motion) -> Array:
+    def stream(self, source: str) -> Generator:
+        """Return the random stream of one of its sources of noise."""
+        return generator(self._seed, f"{self.name}.{source}")
+
+    def position(self, motion: Motion) -> Array:
         """Return the sensor's positions (n, 3) in the world."""
         return motion.position + rotation.rotate(motion.q_wb, self.lever_arm_b[None])
 
-    def measure(self, t: Array, motion: Motion) -> Mapping[str, Array]:
+    def attitude(self, motion: Motion) -> Array:
+        """Return the sensor's attitudes q_ws (n, 4) in the world."""
+        return rotation.multiply(motion.q_wb, self.q_bs[None])
+
+    def measure(self, t: Array, world: World) -> Mapping[str, Array]:
         """Return the readings (n,) or (n, 3), first, and their truth, by name, of the next samples.
 
         An array ``bias`` of the readings' shape takes the jumps that faults add.
 
         :param t: (n,) since the start [s].
-        :param motion: of the body.
+        :param world: ``world.motion(t)`` is the body's motion, ``world.scene`` what surrounds it.
         """
         raise NotImplementedError
 
@@ -73,7 +69,7 @@ class CarriedSensor:
         """Return which samples the sensor sends (n,); None: all."""
         return None
 
-    def configure(self, parameters: CarriedParameters) -> None:
+    def configure(self, parameters: SensorParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
         self.parameters = parameters
         self._own.configure(parameters)
@@ -85,8 +81,7 @@ class CarriedSensor:
     def read(self, window: Window, world: World) -> SensorBlock:
         """Return the samples in a window, which begins where the last one ended."""
         samples = self._own.within(window)
-        motion = world.motion(samples.t)
-        values = dict(self.measure(samples.t, motion))
+        values = dict(self.measure(samples.t, world))
         self._take_faults(samples.first, values)
         values = dict(self.complete(values))
         t_ns, release_t_ns, delivered = self._own.stamp(samples)
@@ -113,7 +108,7 @@ class CarriedSensor:
             if "bias" in values:
                 added = jump[:columns].T.reshape(reading.shape)
                 values["bias"] = values["bias"] + added
-        if count:
+        if count and np.size(values[name][-1]) <= 3:
             last = values[name][-1]
             self._before = np.zeros(3)
             self._before[: np.size(last)] = last

@@ -1,12 +1,22 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters that many sensors have: rate, stamps and transport, place on the body."""
+"""Parameters that many sensors have: rate, stamps and transport, mount on the body."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from imu_sim_ros.parameters.kinds import Vector, number, text, vector
+import numpy as np
+
+from imu_sim_ros.parameters.kinds import (
+    IDENTITY_MATRIX,
+    Matrix,
+    Vector,
+    matrix,
+    number,
+    text,
+    vector,
+)
 from imu_sim_ros.timebase import LOWEST_RATE
 
 LARGEST_RATE = 20000.0
@@ -135,18 +145,55 @@ class TimingParameters:
 
 
 @dataclass(frozen=True)
-class CarriedParameters(OwnRateParameters, TimingParameters):
-    """What every sensor of the body has: rate, stamps, transport, frame and place."""
+class SensorParameters(OwnRateParameters, TimingParameters):
+    """What every sensor that `sensors` names has: rate, stamps, transport, frame and mount."""
 
-    frame: str = text("", "frame of its messages; empty: body_frame")
+    type: str = text("", "kind of sensor, if its name in `sensors` is another word")
+    frame: str = text(
+        "", "frame of its messages; empty: body_frame, or NAME_link if it has another mount"
+    )
     lever_arm: Vector = vector(0.0, "position of the sensor in the body frame", unit="m")
+    mounting: Matrix = matrix(IDENTITY_MATRIX, "rotation R_bs of the sensor in the body")
+
+    def own_frame(self, name: str, body_frame: str) -> str:
+        """Return the frame of its messages.
+
+        Another one of the same kind does not share the kind's usual frame.
+
+        :param name: of the sensor.
+        """
+        usual = type(self).frame
+        if self.frame and not (self.type and self.frame == usual):
+            return self.frame
+        at_the_body = not any(self.lever_arm) and self.mounting == IDENTITY_MATRIX
+        return body_frame if at_the_body and not usual else f"{name}_link"
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield a line for each contradiction between parameters."""
         yield from OwnRateParameters.problems(self, prefix)
         yield from TimingParameters.problems(self, prefix)
+        yield from rotation_problems(self.mounting, f"{prefix}mounting")
         if self.jitter * self.rate > LARGEST_JITTER_SIGMA:
             yield (
                 f"{prefix}jitter = {self.jitter:g}: must be at most a quarter of the "
                 f"interval, {LARGEST_JITTER_SIGMA / self.rate:g} s"
             )
+
+
+ORTHONORMAL_TOLERANCE = 1e-6
+
+
+def rotation_problems(values: Matrix, name: str) -> Iterator[str]:
+    """Say why nine numbers, row by row, are not a rotation matrix.
+
+    :param name: of the parameter, for the message.
+    """
+    r = np.reshape(values, (3, 3))
+    error = float(np.abs(r @ r.T - np.eye(3)).max())
+    if error > ORTHONORMAL_TOLERANCE:
+        yield (
+            f"{name}: must be a rotation matrix; "
+            f"R R^T differs from the identity by {error:.2g}, allowed is {ORTHONORMAL_TOLERANCE:g}"
+        )
+    elif np.linalg.det(r) < 0:
+        yield f"{name}: must be a rotation matrix; this one is a reflection (determinant -1)"
