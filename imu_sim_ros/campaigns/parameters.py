@@ -163,8 +163,9 @@ def _fault(where: str, entry: object) -> TimedFault:
         raise ConfigurationError(f"at = {shown(at)}: must be a time of at least 0 s")
     triad = str(entry.get("triad", ""))
     if triad not in ("", *TRIADS):
-        hint = suggestion(triad, TRIADS, "a campaign simulates the IMU alone")
-        raise ConfigurationError(f"triad = {triad}: {hint}")
+        raise ConfigurationError(
+            f"triad = {triad}: a campaign simulates the IMU alone, {' and '.join(TRIADS)}"
+        )
     value = entry.get("value", 0.0)
     values = tuple(float(v) for v in value) if isinstance(value, list) else float(value)
     return TimedFault(

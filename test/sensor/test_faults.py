@@ -90,7 +90,7 @@ def test_every_problem_is_named() -> None:
         Fault("explosion", -1.0, (1.0, math.nan, 0.0))
     assert len(error.value.problems) == 3
     for arguments, text in (
-        (("stuck", 1.0), "fault triad = '': must be one of gyroscope, accelerometer"),
+        (("stuck", 1.0), "fault triad = '': must be gyroscope or accelerometer"),
         (("dropout", 1.0, 1.5), "must be a probability"),
         (("latency", 1.0, -0.1), "must be at least 0"),
         (("latency", math.nan, 0.1), "must be above 0 s"),
