@@ -77,7 +77,6 @@ if TYPE_CHECKING:
     from imu_sim_ros.jobs.calibrate import calibrate_turntable as calibrate_turntable
     from imu_sim_ros.jobs.campaign import Campaign as Campaign
     from imu_sim_ros.jobs.campaign import campaign as campaign
-    from imu_sim_ros.jobs.campaign import report as report
     from imu_sim_ros.jobs.convert import Converted as Converted
     from imu_sim_ros.jobs.convert import convert as convert
     from imu_sim_ros.jobs.dead_reckon import Track as Track
@@ -95,6 +94,8 @@ if TYPE_CHECKING:
     from imu_sim_ros.jobs.readings import read_imu as read_imu
     from imu_sim_ros.jobs.readings import read_odometry as read_odometry
     from imu_sim_ros.jobs.recorded import read_images as read_images
+    from imu_sim_ros.jobs.report import Report as Report
+    from imu_sim_ros.jobs.report import report as report
     from imu_sim_ros.jobs.simulate import blocks as blocks
     from imu_sim_ros.jobs.simulate import simulate as simulate
     from imu_sim_ros.jobs.twin import Twin as Twin
@@ -126,7 +127,7 @@ _HOMES = {
         *("Calibrated", "Calibration", "TriadCalibration", "calibrate_magnetometer"),
         *("calibrate_six_position", "calibrate_temperature", "calibrate_turntable"),
     ],
-    "jobs.campaign": ["Campaign", "campaign", "report"],
+    "jobs.campaign": ["Campaign", "campaign"],
     "jobs.convert": ["Converted", "convert"],
     "jobs.flight": ["Flight", "Truth"],
     "jobs.generate": ["Generated", "generate"],
@@ -138,6 +139,7 @@ _HOMES = {
         *("Odometry", "Readings", "read_imu", "read_odometry"),
     ],
     "jobs.recorded": ["read_images"],
+    "jobs.report": ["Report", "report"],
     "jobs.simulate": ["blocks", "simulate"],
     "jobs.twin": ["Twin", "twin"],
     "jobs.twin_check": ["Check"],

@@ -54,6 +54,13 @@ class MissingDependencyError(ImuSimError):
     """An optional library that is needed but not installed; the text says how to install it."""
 
 
+class Remark(UserWarning):
+    """What a user should know besides the result, such as rows that are left out.
+
+    A program prints it as a line of standard error.
+    """
+
+
 def system_error(path: str | Path, error: OSError) -> ImuSimError:
     """Return what the system said about a path, as an error of the input or of the machine."""
     kind = MachineError if error.errno in _MACHINE else InputError

@@ -7,15 +7,16 @@ import argparse
 import os
 import re
 import sys
+import warnings
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, Final, NoReturn
+from typing import Any, Final, NoReturn, Protocol
 
 from imu_sim_ros import __version__, signals, timebase
 from imu_sim_ros.completion import complete
-from imu_sim_ros.errors import ConfigurationError, explain
+from imu_sim_ros.errors import ConfigurationError, Remark, explain
 from imu_sim_ros.json_text import as_json
 from imu_sim_ros.names import unknown
 from imu_sim_ros.parameters import files
@@ -148,6 +149,27 @@ def print_result(
         print_json(result)
     elif not arguments.quiet:
         print_lines(lines)
+
+
+class Result(Protocol):
+    """What a job returns."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it in plain types."""
+
+    def lines(self) -> Iterable[str | TextTable]:
+        """Yield it as text."""
+
+
+def show(arguments: argparse.Namespace, result: Result, **named: Any) -> None:
+    """Print a result as ``--json`` and ``--quiet`` ask for it.
+
+    :param named: come first in the JSON object.
+    """
+    if arguments.json:
+        print_json({**named, **result.to_dict()})
+    elif not arguments.quiet:
+        print_lines(result.lines())
 
 
 @contextmanager
@@ -439,13 +461,30 @@ def main(
     return run(made.prog, lambda: command(arguments), getattr(arguments, "debug", False))
 
 
+@contextmanager
+def _remarks(program: str) -> Iterator[None]:
+    """Print remarks of jobs as lines of a program."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", Remark)
+        usual = warnings.showwarning
+
+        def show(message: Any, category: type[Warning], *place: Any, **more: Any) -> None:
+            if issubclass(category, Remark):
+                print(f"{program}: {message}", file=sys.stderr)
+            else:
+                usual(message, category, *place, **more)
+
+        warnings.showwarning = show
+        yield
+
+
 def run(program: str, command: Callable[[], None], debug: bool = False) -> int:
     """Run a command; return its exit status after printing a line for each problem.
 
     :param debug: print tracebacks as well.
     """
     try:
-        with signals.raised():
+        with signals.raised(), _remarks(program):
             command()
         sys.stdout.flush()
     except BrokenPipeError:  # `| head` closed standard output

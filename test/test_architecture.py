@@ -47,6 +47,7 @@ ROOMS = {
     | {"simulation", "bags", "datasets", "navigation", "calibration", "plots"}
     | {"campaigns", "reports"},
     "signals": LOW,
+    "signatures": LOW,
     "program": LOW | {"signals", "completion", "trajectory"},
     "completion": LOW | {"navigation", "simulation"},
     "startup": LOW,

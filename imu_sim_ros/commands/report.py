@@ -4,16 +4,16 @@
 """``report``: write one self-contained HTML page about campaigns or recorded bags."""
 
 import argparse
-import shlex
-from collections.abc import Sequence
+from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Final
 
 from imu_sim_ros import program
-from imu_sim_ros.bags.outputs import named
-from imu_sim_ros.commands.common import COMMON, PoseReader, outputs, skipped_rows
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.commands.common import FORCE, outputs
+from imu_sim_ros.jobs.report import default_output, report
+from imu_sim_ros.signatures import arguments_of, call
 
 EXAMPLES: Final = """
 report results
@@ -22,27 +22,12 @@ report flight.mcap track.csv other.tum -o compared.html --title "Two filters, on
 report friday --baseline monday --baseline tuesday
 report monday tuesday -o both.html --metric final_position_error_m
 """
-
-
 _ARGUMENTS: Final = {
-    "inputs INPUT": {
-        "nargs": "+",
-        "type": Path,
-        "help": "campaign folder, bag or EuRoC folder; a file of poses (TUM, EuRoC) after a bag "
-        "is an estimate of its motion",
-    },
+    **arguments_of(report),
     "-o --output FILE": "HTML file to write; default: report.html in the first campaign's folder, "
     "or NAME.html for a bag",
-    "--title TITLE": "title of the page",
-    "--metric NAME": {"default": "", "help": "metric of a campaign to show first"},
-    "--baseline PATH": {
-        "action": "append",
-        "default": [],
-        "help": "folder, results.csv or results.parquet of an earlier campaign; repeatable, "
-        "oldest first, to show a trend",
-    },
-    "--truth-topic TOPIC": "topic of the truth, if a bag has several",
-    **COMMON,
+    **FORCE,
+    **program.JSON_AND_QUIET,
 }
 
 
@@ -52,66 +37,24 @@ def parser() -> program.Parser:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Read the inputs and write the page."""
-    from imu_sim_ros.jobs.report import Sources, page
-
-    path = arguments.output or _default_output(arguments.inputs)
-    written = outputs(_files(arguments))
+    """Write the page where all that it is about is safe."""
+    path = arguments.output or default_output(arguments.inputs)
+    inputs = [file for given in arguments.inputs for file in _files(given)]
+    written = outputs(argparse.Namespace(**{**vars(arguments), "inputs": inputs}))
     written.add(path, endings=(".html", ".htm"))
-    sources = Sources(
-        arguments.inputs,
-        arguments.metric,
-        arguments.baseline,
-        arguments.truth_topic,
-        PoseReader(arguments, "report"),
-        lambda source: skipped_rows(arguments, "report", source),
-    )
     with written:
-        title, text = page(sources, arguments.title or "", _made_by(arguments))
-        written.where(path).write_text(text, encoding="utf-8")
-    if arguments.json:
-        program.print_json({"output": str(path), "bytes": len(text.encode()), "title": title})
-    elif not arguments.quiet:
-        print(f"{path}: {len(text.encode()) / 1e6:.2f} MB; open it in a browser")
+        made = call(report, arguments, output=written.where(path))
+    program.show(arguments, replace(made, output=path))
 
 
-def _files(arguments: argparse.Namespace) -> argparse.Namespace:
-    """Return the arguments with a campaign's files for its folder: the page may lie among them."""
+def _files(path: Path) -> Iterator[Path]:
+    """Yield a campaign's files for its folder, as the page may lie among them."""
     from imu_sim_ros.reports.of_campaign import is_campaign
 
-    inputs: list[Path] = []
-    for path in arguments.inputs:
-        kept = (
-            [file for file in path.iterdir() if file.suffix != ".html"]
-            if is_campaign(path)
-            else [path]
-        )
-        inputs += kept
-    return argparse.Namespace(**{**vars(arguments), "inputs": inputs})
-
-
-def _default_output(inputs: Sequence[Path]) -> Path:
-    from imu_sim_ros.reports.of_campaign import is_campaign
-
-    first = named(inputs[0])
-    if is_campaign(first):
-        return first / "report.html"
-    if not first.name:
-        raise InputError(f"{first}: has no name for the page; give one by -o FILE")
-    return first.with_name(f"{first.stem}.html")
-
-
-def _made_by(arguments: argparse.Namespace) -> str:
-    """Return the line below the title: version and command."""
-    from imu_sim_ros import __version__
-
-    words = ["report", *map(str, arguments.inputs)]
-    for name in ("metric", "truth_topic", "title"):
-        value = getattr(arguments, name)
-        words += [f"--{name.replace('_', '-')}", value] if value else []
-    for path in arguments.baseline:
-        words += ["--baseline", str(path)]
-    return f"imu_sim_ros {__version__}: {shlex.join(words)}"
+    if is_campaign(path):
+        yield from (file for file in path.iterdir() if file.suffix != ".html")
+    else:
+        yield path
 
 
 main = partial(program.main, parser, run)

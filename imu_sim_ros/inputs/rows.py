@@ -5,11 +5,12 @@
 
 import os
 import stat
+import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import BinaryIO, Final
 
-from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.errors import InputError, Remark, system_error
 
 LARGEST_TEXT: Final = 16 << 20
 """[bytes] of a file that is read as a whole; the largest of this package have some 10 kB."""
@@ -240,5 +241,16 @@ class BadRows:
 
 Skipped = Callable[[int], object]
 """Receives the number of bad rows or messages that were left out."""
+
+
+def tell_skipped(source: object) -> Skipped:
+    """Return what tells the user how many rows of a source are left out."""
+
+    def tell(count: int) -> None:
+        warnings.warn(f"{source}: {count} bad rows skipped", Remark, stacklevel=2)
+
+    return tell
+
+
 Warned = Callable[[BadRows], object]
 """Receives what is wrong with those that were not."""

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -48,6 +48,8 @@ class AttitudeEvaluation:
     """Over the samples that state a covariance: ``mean``, ``inside_band`` and what is expected."""
     no_nees: str | None = None
     """Why there is no NEES."""
+    topic: str = ""
+    """That of the recorded orientation; empty: it is not recorded."""
 
     def __repr__(self) -> str:
         return (
@@ -73,6 +75,7 @@ class AttitudeEvaluation:
     def to_dict(self) -> dict[str, Any]:
         """Return all errors in plain types, as ``evaluate --json`` prints them."""
         return {
+            **({"topic": self.topic} if self.topic else {}),
             "kind": "orientation",
             **counts(self.t_ns, self.without_truth),
             "attitude_error_rad": statistics(np.linalg.norm(self.attitude, axis=1))._asdict(),
@@ -84,6 +87,17 @@ class AttitudeEvaluation:
             "no_nees": self.no_nees,
         }
 
+    def lines(self) -> Iterator[str | TextTable]:
+        """Yield the text of the evaluation, as ``evaluate`` prints it."""
+        yield from heading_lines(self.topic or "attitude", self.t_ns, self.without_truth)
+        sizes = np.linalg.norm(self.attitude, axis=1), self.tilt, np.abs(self.heading)
+        yield statistics_table(
+            (f"{name} [deg]", statistics(np.degrees(size))._asdict())
+            for name, size in zip(("attitude", "tilt", "heading"), sizes, strict=True)
+        )
+        yield f"mean heading error: {np.degrees(np.mean(self.heading)):.3g} deg"
+        yield nees_line(self.nees, self.no_nees)
+
 
 def counts(t_ns: Times, without_truth: int) -> dict[str, Any]:
     """Return the number of samples that are compared and left out, and the time they span."""
@@ -92,6 +106,24 @@ def counts(t_ns: Times, without_truth: int) -> dict[str, Any]:
         "samples_without_truth": without_truth,
         "duration_s": float(t_ns[-1] - t_ns[0]) * 1e-9,
     }
+
+
+def heading_lines(topic: str, t_ns: Times, without_truth: int) -> Iterator[str]:
+    """Yield what is compared, and how much of it has no truth."""
+    yield f"{topic}: {len(t_ns)} samples, {float(t_ns[-1] - t_ns[0]) * 1e-9:.6g} s"
+    if without_truth:
+        yield f"{without_truth} samples skipped: no truth at their times"
+
+
+def nees_line(nees: Mapping[str, Any] | None, why_none: str | None) -> str:
+    """Return a NEES, as :func:`stated_consistency` gives it, in words."""
+    if nees is None:
+        return f"no NEES: {why_none}"
+    low, high = nees["band_95"]
+    return (
+        f"NEES: {nees['mean']:.3g}, {nees['expected']} expected; "
+        f"{100.0 * nees['inside_band']:.0f} % between {low:.3g} and {high:.3g}, 95 % expected"
+    )
 
 
 def statistics_table(rows: Iterable[tuple[str, Mapping[str, float]]]) -> TextTable:

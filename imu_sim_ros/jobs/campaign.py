@@ -27,14 +27,14 @@ from imu_sim_ros.campaigns.statistics import power, quantile, seeds_needed
 from imu_sim_ros.campaigns.summary import Group, groups, slopes
 from imu_sim_ros.campaigns.verdict import Judgement, counts, headline, judge
 from imu_sim_ros.errors import InputError, system_error
-from imu_sim_ros.jobs.report import report, write_campaign_page
+from imu_sim_ros.jobs.report import write_campaign_page
 from imu_sim_ros.navigation.evaluation import anees_band
 from imu_sim_ros.text_tables import TextTable
 
 if TYPE_CHECKING:
     from imu_sim_ros.campaigns.engine import Engine
 
-__all__ = ["Campaign", "Options", "Workers", "campaign", "make", "report"]
+__all__ = ["Campaign", "Options", "Workers", "campaign", "make"]
 
 
 @dataclass(frozen=True)

@@ -5,10 +5,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol, overload
+from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple, Protocol, overload
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from imu_sim_ros.jobs.attitude import (
     statistics_table,
 )
 from imu_sim_ros.jobs.measured import ReadingsEvaluation, evaluate_measured, sensor_of
-from imu_sim_ros.jobs.output import saved
+from imu_sim_ros.jobs.output import SkipBadRows, saved
 from imu_sim_ros.jobs.readings import HasPoses, checked_poses
 from imu_sim_ros.jobs.tracks import RecordedTrack, read_track
 from imu_sim_ros.jobs.tracks import truth_topic as truth_topic_of
@@ -108,6 +109,8 @@ class Evaluation:
     """What was added to the estimate's stamps, on request."""
     reprojection: list[dict[str, Any]] | None = None
     """For each camera, how far its features lie from their landmarks as seen from the estimate."""
+    rpe: tuple[tuple[float, str], ...] = ()
+    """What the RPE is over in :meth:`to_dict`; empty: 1 s and tenths of the path."""
 
     def __repr__(self) -> str:
         return (
@@ -154,15 +157,10 @@ class Evaluation:
     def to_dict(self, deltas: Sequence[tuple[float, str]] = ()) -> dict[str, Any]:
         """Return all errors in plain types, as ``--json`` prints them.
 
-        :param deltas: those of :meth:`relative`; by default 1 s and tenths of the path.
+        :param deltas: those of :meth:`relative`; by default :attr:`rpe`.
         :raises InputError: for a trajectory that is shorter than a delta.
         """
-        allowed = "pairs of a number and s, m or frames"
-        if not isinstance(deltas, list | tuple):
-            refuse("deltas", deltas, allowed, wrong_type=True)
-        for delta in deltas:
-            if not isinstance(delta, list | tuple) or len(delta) != 2:
-                refuse("deltas", deltas, allowed, wrong_type=True)
+        deltas = _deltas("deltas", deltas) or self.rpe
         lengths = np.linalg.norm(self.position, axis=1)
         drift = float(lengths[-1]) / self.distance if self.distance > 0.0 else None
         speed = None if self.velocity is None else np.linalg.norm(self.velocity, axis=1)
@@ -209,6 +207,10 @@ class Evaluation:
             "translation_percent": None if percent is None else 100.0 * float(np.mean(percent)),
         }
 
+    def lines(self) -> Iterator[str | TextTable]:
+        """Yield the text of the evaluation, as ``evaluate`` prints it."""
+        return _lines(self.to_dict())
+
     def save(self, path: str | Path, *, force: bool = False) -> Path:
         """Write the aligned estimate in TUM format; returns the path.
 
@@ -231,6 +233,49 @@ class Evaluation:
         return pictures.evaluation(t, *positions, self.attitude, title)
 
 
+def delta(words: str) -> tuple[float, str]:
+    """Return the length and the unit, s, m or frames, of ``1s``, ``10m``, ``5frames``.
+
+    :raises ValueError: for anything else.
+    """
+    match = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*(s|min|m|km|frames?)", words.strip())
+    if match is None or float(match[1]) == 0.0:
+        raise ValueError(f"{words[:40]!r} is not a delta such as 1s, 10m or 5frames")
+    scale, unit = _UNITS[match[2]]
+    return float(match[1]) * scale, unit
+
+
+_UNITS: Final = {
+    "s": (1.0, "s"),
+    "min": (60.0, "s"),
+    "m": (1.0, "m"),
+    "km": (1000.0, "m"),
+    **dict.fromkeys(("frame", "frames"), (1.0, "frames")),
+}
+
+
+def _deltas(name: str, given: Any) -> tuple[tuple[float, str], ...]:
+    """Return what relative errors are over.
+
+    :raises ConfigurationError: for anything but words and pairs.
+    """
+    allowed = "pairs of a number and s, m or frames, or words such as 10m"
+    if not isinstance(given, list | tuple):
+        refuse(name, given, allowed, wrong_type=True)
+    found = []
+    for one in given:
+        if isinstance(one, str):
+            try:
+                one = delta(one)
+            except ValueError:
+                refuse(name, one, allowed)
+        if not isinstance(one, list | tuple) or len(one) != 2:
+            refuse(name, given, allowed, wrong_type=True)
+        found.append((number(name, one[0], "above 0", 0.0, above=True), one[1]))
+        one_of(name, one[1], DELTA_UNITS)
+    return tuple(found)
+
+
 class HasAttitude(Protocol):
     """Anything with attitudes in time: orientations of a board, or an object with ``q_wb``."""
 
@@ -251,6 +296,8 @@ def evaluate(  # the topic decides what it is
     time_offset: bool = ...,
     tracks: str | Path | None = ...,
     imu: str | Path | None = ...,
+    rpe: Sequence[str | tuple[float, str]] = ...,
+    skip_bad_rows: bool = ...,
 ) -> Any: ...
 
 
@@ -265,6 +312,8 @@ def evaluate(  # type: ignore[overload-overlap]  # what has positions is compare
     truth_topic: str | None = ...,
     time_offset: bool = ...,
     tracks: str | Path | None = ...,
+    rpe: Sequence[str | tuple[float, str]] = ...,
+    skip_bad_rows: bool = ...,
 ) -> Evaluation: ...
 
 
@@ -279,37 +328,50 @@ def evaluate(
     truth_topic: str | None = ...,
     time_offset: bool = ...,
     tracks: str | Path | None = ...,
+    rpe: Sequence[str | tuple[float, str]] = ...,
+    skip_bad_rows: bool = ...,
 ) -> AttitudeEvaluation: ...
 
 
 def evaluate(
-    estimate: Any,
-    truth: HasPoses | str | Path,
+    estimate: Annotated[Any, "ESTIMATE", Path],
+    truth: Annotated[HasPoses | str | Path, "TRUTH"],
     *,
-    align: str = "none",
-    max_gap: float = 0.5,
-    estimate_topic: str | None = None,
-    truth_topic: str | None = None,
-    time_offset: bool = False,
-    tracks: str | Path | None = None,
-    imu: str | Path | None = None,
+    estimate_topic: Annotated[str | None, "TOPIC"] = None,
+    truth_topic: Annotated[str | None, "TOPIC"] = None,
+    align: Annotated[str, ALIGNMENTS] = "none",
+    rpe: Annotated[Sequence[str | tuple[float, str]], "DELTA", delta] = (),
+    time_offset: Annotated[bool, "--time-offset"] = False,
+    max_gap: Annotated[float, "TIME"] = 0.5,
+    tracks: Annotated[str | Path | None, "DIR"] = None,
+    imu: Annotated[str | Path | None, "NAME|FILE"] = None,
+    skip_bad_rows: SkipBadRows = False,
 ) -> Evaluation | AttitudeEvaluation | ReadingsEvaluation:
     """Compare a trajectory, or attitudes alone, with the truth at the stamps of the estimate.
 
-    :param estimate: a track, odometry, or anything with ``t_ns``, ``position`` and ``q_wb``; a
-        ``covariance`` (n, 6, 6) of position and attitude in the world's axes gives the NEES. Or the
-        path of a TUM or EuRoC file or of a bag. Without positions (``q_wb``, ``q_wi`` or ``values``
-        (n, 4), in the frame of the truth's body) attitudes are compared.
-    :param truth: a path, or an object with ``t_ns``, ``position`` and ``q_wb``.
-    :param align: align the estimate with the truth first: none, yaw, se3 or sim3.
-    :param max_gap: the truth is not interpolated across longer gaps [s].
-    :param estimate_topic: topic of the estimate, for a bag with several; or that of an orientation
-        (``imu/data``), a magnetic field or a pressure.
-    :param truth_topic: topic of the truth; None: ``ground_truth/odom`` if the bag has it.
+    Both may also be objects with ``t_ns``, ``position`` and ``q_wb``: a track, odometry, arrays. A
+    ``covariance`` (n, 6, 6) of position and attitude in the world's axes gives the NEES. Without
+    positions (``q_wb``, ``q_wi`` or ``values`` (n, 4), in the frame of the truth's body) attitudes
+    are compared.
+
+    :param estimate: TUM or EuRoC text, or a bag
+    :param truth: TUM or EuRoC text, or a bag; may be the same bag
+    :param estimate_topic: topic of the estimate, if the bag has several; or that of an orientation
+        (``imu/data``), a magnetic field or a pressure
+    :param truth_topic: topic of the truth, if the bag has several; by default
+        ``ground_truth/odom``
+    :param align: align the estimate with the truth first. yaw: heading and position, 4 degrees of
+        freedom; se3: a rigid motion; sim3: a rigid motion and scale
+    :param rpe: relative error over 1s, 10m or 5frames; repeatable. By default 1s, and tenths of the
+        path's length up to half of it
     :param time_offset: find the time offset of the estimate from the motion (up to 1 s) and remove
-        it before comparing.
-    :param tracks: a folder of ``generate --format tracks``, to add its reprojection error.
-    :param imu: sensor of a recorded orientation, for its mounting; None: aligned with the body.
+        it before comparing
+    :param max_gap: do not interpolate the truth across longer gaps [s]
+    :param tracks: folder of generate --format tracks: report the reprojection error, in pixels, of
+        its landmarks as seen from the estimate; poses further apart than 20 ms are not interpolated
+    :param imu: for an orientation: the sensor, whose imu.mounting applies; by default aligned with
+        the body
+    :param skip_bad_rows: skip and count bad rows of text and bad messages of bags
     :returns: an :class:`Evaluation`, for attitudes alone an :class:`AttitudeEvaluation`, for the
         readings of other sensors a :class:`ReadingsEvaluation`.
     :raises ConfigurationError: for an invalid argument.
@@ -328,20 +390,27 @@ def evaluate(
     switch("time_offset", time_offset)
     folder = None if tracks is None else checked_path("tracks", tracks, "the path of a folder")
     chosen = None if align == "none" else align
-    unfit = {"align": chosen, "tracks": tracks, "time_offset": time_offset or None}
+    over = _deltas("rpe", rpe)
+    skip = switch("skip_bad_rows", skip_bad_rows)
+    unfit = {
+        "align": chosen,
+        "tracks": tracks,
+        "time_offset": time_offset or None,
+        "rpe": [f"{length:g}{unit}" for length, unit in over] or None,
+    }
     table = _table(estimate, estimate_topic)
     if table is not None:
         _refuse_all(unfit, f"omitted: {estimate_topic} is no trajectory")
         recording = (truth, truth_topic)
-        return _measured(table, (estimate, str(estimate_topic)), recording, max_gap, imu)
+        return _measured(table, (estimate, str(estimate_topic)), recording, max_gap, imu, skip)
     _refuse_all({"imu": imu}, "omitted: it is about recorded orientations")
     if has_attitude_alone(estimate):
         _refuse_all(unfit, "omitted: attitudes alone have no positions")
-        true = _track("truth", truth, truth_topic)
+        true = _track("truth", truth, truth_topic, skip)
         return evaluate_attitude(estimate, true.poses, max_gap)
-    true = _track("truth", truth, truth_topic)
-    track = _track("estimate", estimate, estimate_topic)
-    return compared(track, true, align, max_gap, time_offset, folder)
+    track = _track("estimate", estimate, estimate_topic, skip)
+    true = _track("truth", truth, truth_topic, skip)
+    return replace(compared(track, true, align, max_gap, time_offset, folder), rpe=over)
 
 
 def _table(estimate: object, topic: str | None) -> Table | None:
@@ -358,6 +427,7 @@ def _measured(
     truth: tuple[object, str | None],
     max_gap: float,
     imu: str | Path | None,
+    skip_bad_rows: bool,
 ) -> AttitudeEvaluation | ReadingsEvaluation:
     """Compare what a sensor has measured with the truth of a recording."""
     if not table.of_readings:
@@ -365,7 +435,7 @@ def _measured(
     recording = checked_path("truth", truth[0], "the path of a recording")
     topic = checked_topic("truth_topic", truth[1])
     own = (Path(estimate[0]), estimate[1])
-    return evaluate_measured(table, own, (recording, topic), max_gap, imu)
+    return evaluate_measured(table, own, (recording, topic), max_gap, imu, skip_bad_rows)
 
 
 def _refuse_all(given: Mapping[str, object], allowed: str) -> None:
@@ -444,14 +514,14 @@ def _time_offset(
     return TimeOffset(value, statistics(np.linalg.norm(before, axis=1)).rmse)
 
 
-def _track(name: str, given: Any, topic: str | None) -> RecordedTrack:
+def _track(name: str, given: Any, topic: str | None, skip_bad_rows: bool) -> RecordedTrack:
     """Return the trajectory that an argument is, or that a path leads to."""
     of_a_file = isinstance(given, str | Path)
     topic = checked_topic(f"{name}_topic", topic, of_a_file)
     if of_a_file:
         place = checked_path(name, given, BAG_OR_FILE)
         chosen = truth_topic_of(place, topic) if name == "truth" else topic
-        return read_track(place, chosen, covariance=name == "estimate")
+        return read_track(place, chosen, name == "estimate", skip_bad_rows)
     poses = checked_poses(name, given)
     speed, stated = getattr(given, "velocity", None), getattr(given, "covariance", None)
     if speed is not None:
@@ -465,7 +535,7 @@ def _rms(errors: Array) -> float:
     return float(np.sqrt(np.mean(np.sum(np.square(errors), axis=1))))
 
 
-def lines(result: Mapping[str, Any]) -> Iterator[str | TextTable]:
+def _lines(result: Mapping[str, Any]) -> Iterator[str | TextTable]:
     """Yield the text of an evaluation: its dictionary in lines and tables."""
     yield (
         f"{result['poses']} poses, {result['duration_s']:.6g} s, {result['distance_m']:.6g} m, "

@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +18,15 @@ from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.bags.sensor_tables import TableRows, read_table
 from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs.rows import Skipped
+from imu_sim_ros.inputs.rows import Skipped, tell_skipped
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.attitude import (
     AttitudeEvaluation,
     compared_attitudes,
     counts,
+    heading_lines,
+    nees_line,
     stated_consistency,
-    statistics_table,
 )
 from imu_sim_ros.jobs.tracks import read_track, truth_topic
 from imu_sim_ros.navigation.association import common_rows, interpolate_vectors
@@ -55,6 +56,8 @@ class ReadingsEvaluation:
     """Over the samples that state a covariance: ``mean``, ``inside_band`` and what is expected."""
     no_nees: str | None
     """Why there is no NEES."""
+    topic: str = ""
+    """That of the readings."""
 
     def __repr__(self) -> str:
         rms = np.array2string(np.sqrt(np.mean(self.error**2, axis=0)), precision=3)
@@ -64,6 +67,7 @@ class ReadingsEvaluation:
         """Return all errors in plain types, as ``evaluate --json`` prints them."""
         free = self.error_without_bias
         return {
+            "topic": self.topic,
             "kind": self.kind,
             **counts(self.t_ns, self.without_truth),
             "unit": self.unit,
@@ -72,6 +76,12 @@ class ReadingsEvaluation:
             "nees": self.nees,
             "no_nees": self.no_nees,
         }
+
+    def lines(self) -> Iterator[str | TextTable]:
+        """Yield the text of the evaluation, as ``evaluate`` prints it."""
+        yield from heading_lines(self.topic, self.t_ns, self.without_truth)
+        yield from _moments_tables(self)
+        yield nees_line(self.nees, self.no_nees)
 
 
 def sensor_of(path: Path, topic: str | None) -> Table | None:
@@ -88,7 +98,7 @@ def evaluate_measured(
     truth: tuple[Path, str | None],
     max_gap: float,
     imu: str | Path | None = None,
-    skipped: Callable[[Path], Skipped | None] = lambda _: None,
+    skip_bad_rows: bool = False,
 ) -> AttitudeEvaluation | ReadingsEvaluation:
     """Compare what a sensor has measured with its truth.
 
@@ -97,11 +107,11 @@ def evaluate_measured(
     :param truth: likewise; None: the topic next to that of the readings.
     :param max_gap: the truth is not interpolated across longer gaps [s].
     :param imu: name or file of the IMU with the orientation, for its mounting; None: aligned.
-    :param skipped: what receives the number of bad rows of a file; None: they are errors.
+    :param skip_bad_rows: leave out bad rows, and tell how many; else they are errors.
     :raises InputError: for what cannot be read or has no truth.
     """
     path, topic = estimate
-    measured = read_table(path, table, topic, skipped(path))
+    measured = read_table(path, table, topic, tell_skipped(path) if skip_bad_rows else None)
     where = f"{path}, {topic}"
     if table.of_readings and not len(measured.t_ns):
         raise InputError(f"{where}: no message has an orientation: orientation_covariance[0] is -1")
@@ -109,11 +119,14 @@ def evaluate_measured(
         raise InputError(f"{where}: {len(measured.t_ns)} values; two or more are needed")
     if table.of_readings:
         chosen = truth_topic(*truth)
-        poses = read_track(truth[0], chosen, skipped=skipped(truth[0])).poses
+        poses = read_track(truth[0], chosen, skip_bad_rows=skip_bad_rows).poses
         attitudes = (measured.t_ns, measured.values, poses, max_gap)
-        return compared_attitudes(*attitudes, _mounting(imu), measured.covariance)
+        turned = compared_attitudes(*attitudes, _mounting(imu), measured.covariance)
+        return replace(turned, topic=topic)
     truths = sensor_tables.truths_of(table, topic)
-    return _readings(table, measured, truths, truth, max_gap, skipped(truth[0]))
+    skipped = tell_skipped(truth[0]) if skip_bad_rows else None
+    found = _readings(table, measured, truths, truth, max_gap, skipped)
+    return replace(found, topic=topic)
 
 
 def _mounting(imu: str | Path | None) -> Array:
@@ -162,41 +175,18 @@ def _moments(errors: Array) -> dict[str, list[float]]:
     return {name: values.tolist() for name, values in moments.items()}
 
 
-def lines(result: Mapping[str, Any]) -> Iterator[str | TextTable]:
-    """Yield the text of an evaluation with its topic: its dictionary in lines and tables."""
-    yield f"{result['topic']}: {result['samples']} samples, {result['duration_s']:.6g} s"
-    if result["samples_without_truth"]:
-        yield f"{result['samples_without_truth']} samples skipped: no truth at their times"
-    if result["kind"] == "orientation":
-        kinds = ("attitude", "tilt", "heading")
-        errors = {kind: result[f"{kind}_error_rad"].items() for kind in kinds}
-        yield statistics_table(
-            (f"{kind} [deg]", {name: np.degrees(value) for name, value in values})
-            for kind, values in errors.items()
-        )
-        yield f"mean heading error: {np.degrees(result['mean_heading_error_rad']):.3g} deg"
-    else:
-        yield from _moments_tables(result)
-    if result["nees"] is None:
-        yield f"no NEES: {result['no_nees']}"
-        return
-    low, high = result["nees"]["band_95"]
-    yield (
-        f"NEES: {result['nees']['mean']:.3g}, {result['nees']['expected']} expected; "
-        f"{100.0 * result['nees']['inside_band']:.0f} % between {low:.3g} and {high:.3g}, "
-        "95 % expected"
+def _moments_tables(found: ReadingsEvaluation) -> Iterator[TextTable]:
+    parts = (
+        ("reading minus truth", found.error),
+        ("and minus the true bias", found.error_without_bias),
     )
-
-
-def _moments_tables(result: Mapping[str, Any]) -> Iterator[TextTable]:
-    names = ("mean", "std", "rms", "max")
-    titles = {"error": "reading minus truth", "error_without_bias": "and minus the true bias"}
-    for key, title in titles.items():
-        if result[key] is not None:
-            columns = np.array([result[key][name] for name in names]).T
+    for title, errors in parts:
+        if errors is not None:
+            moments = _moments(errors)
+            columns = np.array(list(moments.values())).T
             axes = "xyz" if len(columns) > 1 else ("",)
             rows = [
-                [f"{axis} [{result['unit']}]".strip(), *(f"{value:.3g}" for value in row)]
+                [f"{axis} [{found.unit}]".strip(), *(f"{value:.3g}" for value in row)]
                 for axis, row in zip(axes, columns, strict=True)
             ]
-            yield TextTable(["axis", *names], rows, title)
+            yield TextTable(["axis", *moments], rows, title)

@@ -7,9 +7,12 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeGuard
+from typing import Annotated, TypeGuard
 
 from imu_sim_ros import arguments
+
+SkipBadRows = Annotated[bool, "--skip-bad-rows"]
+"""Whether bad rows and messages are left out and counted, or errors."""
 
 
 def checked_place(path: str | Path, force: bool) -> Path:

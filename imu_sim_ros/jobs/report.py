@@ -5,20 +5,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import shlex
+from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
-from imu_sim_ros import arguments
-from imu_sim_ros.bags.read import read_poses
+from imu_sim_ros import __version__, arguments
+from imu_sim_ros.bags.outputs import named
 from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs.rows import Skipped
-from imu_sim_ros.jobs.output import saved
+from imu_sim_ros.inputs.rows import tell_skipped
+from imu_sim_ros.jobs.output import SkipBadRows, saved
 from imu_sim_ros.jobs.tracks import has_truth, odometry_topics, read_track, truth_topic
-from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.reports.page import Section, html
 
 if TYPE_CHECKING:
@@ -34,36 +34,65 @@ class Sources:
 
     inputs: Sequence[Path]
     """Folders of campaigns, bags, EuRoC folders; files of poses after a bag are estimates of it."""
-    metric: str = ""
-    baselines: Sequence[Path] = ()
+    metric: str
+    baselines: Sequence[Path]
     """Earlier campaigns, the oldest first."""
-    truth_topic: str | None = None
-    reader: Callable[..., PoseSequence] = read_poses
-    skipped: Callable[[Path], Skipped | None] = lambda path: None
-    """What receives the number of bad rows that are skipped in a source; None: they are errors."""
+    truth_topic: str | None
+    skip_bad_rows: bool
+
+    def command(self, title: str) -> str:
+        """Return the command line that makes the page."""
+        options = [
+            ("--metric", self.metric),
+            ("--truth-topic", self.truth_topic),
+            ("--title", title),
+            *(("--baseline", str(path)) for path in self.baselines),
+        ]
+        given = [word for option in options if option[1] for word in option]
+        return shlex.join(["report", *map(str, self.inputs), *map(str, given)])
+
+
+@dataclass(frozen=True)
+class Report:
+    """What :func:`report` wrote."""
+
+    output: Path
+    title: str
+    bytes: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``--json`` prints."""
+        return {"output": str(self.output), "bytes": self.bytes, "title": self.title}
+
+    def lines(self) -> list[str]:
+        """Return the text of the result."""
+        return [f"{self.output}: {self.bytes / 1e6:.2f} MB; open it in a browser"]
 
 
 def report(
-    inputs: str | PathLike[str] | Sequence[str | PathLike[str]],
-    output: str | PathLike[str],
+    inputs: Annotated[str | PathLike[str] | Sequence[str | PathLike[str]], "INPUT", Path],
+    output: str | PathLike[str] | None = None,
     *,
-    title: str = "",
-    metric: str = "",
-    baselines: Sequence[str | PathLike[str]] = (),
-    truth_topic: str | None = None,
+    title: Annotated[str, "TITLE"] = "",
+    metric: Annotated[str, "NAME"] = "",
+    baselines: Annotated[Sequence[str | PathLike[str]], "--baseline PATH", Path] = (),
+    truth_topic: Annotated[str | None, "TOPIC"] = None,
+    skip_bad_rows: SkipBadRows = False,
     force: bool = False,
-) -> Path:
-    """Write an HTML page about campaigns or recorded bags, and return its path.
+) -> Report:
+    """Write an HTML page about campaigns or recorded bags.
 
-    :param inputs: one or several of: folder of a campaign, bag, EuRoC folder. A file of poses (TUM,
-        EuRoC) after a bag is an estimate of the motion in that bag.
-    :param output: path of the page, an HTML file.
-    :param title: title of the page; if empty, the title of the inputs.
-    :param metric: metric of a campaign to show first.
-    :param baselines: earlier campaigns, the oldest first.
-    :param truth_topic: topic of the truth, for bags with several topics of Odometry.
-    :param force: overwrite an existing page.
-    :returns: the path of the page.
+    :param inputs: campaign folder, bag or EuRoC folder; a file of poses (TUM, EuRoC) after a bag
+        is an estimate of its motion
+    :param output: the page, an HTML file; by default that of :func:`default_output`
+    :param title: title of the page; by default that of the inputs
+    :param metric: metric of a campaign to show first
+    :param baselines: folder, results.csv or results.parquet of an earlier campaign; repeatable,
+        oldest first, to show a trend
+    :param truth_topic: topic of the truth, if a bag has several
+    :param skip_bad_rows: skip and count bad rows of text and bad messages of bags
+    :param force: overwrite an existing page
+    :returns: path, title and size of the page.
     :raises ConfigurationError: for an invalid argument.
     :raises InputError: for inputs that cannot be read and an output that cannot be written, with a
         line for each.
@@ -71,20 +100,40 @@ def report(
     >>> import imu_sim_ros as ims
     >>> flight = ims.simulate(imu="tactical", trajectory="figure_eight", duration=2, seed=1)
     >>> _ = flight.save(folder / "flight.mcap")
-    >>> ims.report(folder / "flight.mcap", folder / "flight.html").name
-    'flight.html'
+    >>> ims.report(folder / "flight.mcap", folder / "flight.html").title
+    'flight.mcap'
     """
     sources = Sources(
         _paths("inputs", inputs),
         arguments.text("metric", metric, "the name of a metric", empty=True),
         _paths("baselines", baselines),
         arguments.topic("truth_topic", truth_topic),
+        arguments.switch("skip_bad_rows", skip_bad_rows),
     )
     words = arguments.text("title", title, "words", empty=True)
-    target = arguments.path("output", output, "the path of a page")
+    if output is None:
+        target = default_output(sources.inputs)
+    else:
+        target = arguments.path("output", output, "the path of a page")
     with saved(target, force, sources.inputs) as place:
-        place.write_text(page(sources, words, "report() of imu_sim_ros")[1], encoding="utf-8")
-    return target
+        name, text = _page(sources, words)
+        place.write_text(text, encoding="utf-8")
+    return Report(target, name, len(text.encode()))
+
+
+def default_output(inputs: Sequence[Path]) -> Path:
+    """Return ``report.html`` in the first campaign's folder, or ``NAME.html`` for a bag.
+
+    :raises InputError: for a bag without a name.
+    """
+    from imu_sim_ros.reports.of_campaign import is_campaign
+
+    first = named(inputs[0])
+    if is_campaign(first):
+        return first / "report.html"
+    if not first.name:
+        raise InputError(f"{first}: has no name for the page; give one by -o FILE")
+    return first.with_name(f"{first.stem}.html")
 
 
 def _paths(name: str, given: object) -> list[Path]:
@@ -99,19 +148,19 @@ def _paths(name: str, given: object) -> list[Path]:
     return [arguments.path(name, one) for one in given]
 
 
-def page(sources: Sources, title: str, command: str) -> tuple[str, str]:
+def _page(sources: Sources, title: str) -> tuple[str, str]:
     """Return the title and the text of a page.
 
     :param title: empty: those of the inputs.
-    :param command: name of the program, for the footer.
     """
-    named = [*sources.inputs, *sources.baselines]
-    missing = [f"{path}: no such file or folder" for path in named if not path.exists()]
+    given = [*sources.inputs, *sources.baselines]
+    missing = [f"{path}: no such file or folder" for path in given if not path.exists()]
     if missing:
         raise InputError(missing)
     titles, sections = _sections(sources)
+    made_by = f"Generated by imu_sim_ros {__version__}: {sources.command(title)}"
     title = title or "; ".join(titles)
-    return title, html(title, [f"Generated by {command}"], sections)
+    return title, html(title, [made_by], sections)
 
 
 def write_campaign_page(
@@ -164,7 +213,7 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
     from imu_sim_ros.reports.of_sensors import sensor_sections
 
     def read(source: Path, topic: str | None, name: str) -> BagTrack:
-        track = read_track(source, topic, True, sources.reader, sources.skipped(source))
+        track = read_track(source, topic, True, sources.skip_bad_rows)
         return BagTrack(name, track.poses, track.pose_covariance, track.frame_id)
 
     truth, estimates, more = None, [], []
@@ -186,7 +235,8 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
             raise InputError(f"{path}: --truth-topic {sources.truth_topic}: no such Odometry")
         more += gnss_sections(path) + sensor_sections(path)
     estimates += [read(file, None, file.name) for file in files]
-    return bag_sections(path, truth, estimates, sources.skipped(path)) + more
+    skipped = tell_skipped(path) if sources.skip_bad_rows else None
+    return bag_sections(path, truth, estimates, skipped) + more
 
 
 def _own_truths(topics: Sequence[str]) -> dict[str, str]:

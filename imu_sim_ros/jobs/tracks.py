@@ -3,7 +3,6 @@
 
 """Trajectories from wherever the commands find them: text, folders, topics of bags."""
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,7 +13,7 @@ from imu_sim_ros.bags.read import odometry_blocks, open_bag, read_poses
 from imu_sim_ros.bags.text.reader import has_states, is_text
 from imu_sim_ros.conventions import TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs.rows import Skipped
+from imu_sim_ros.inputs.rows import Skipped, tell_skipped
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.poses import PoseSequence, write_tum
 from imu_sim_ros.rotation import rotate
@@ -60,23 +59,23 @@ def read_track(
     path: Path,
     topic: str | None = None,
     covariance: bool = False,
-    reader: Callable[..., PoseSequence] = read_poses,
-    skipped: Skipped | None = None,
+    skip_bad_rows: bool = False,
 ) -> RecordedTrack:
     """Return a trajectory.
 
     :param topic: of a bag; None: the only one of Odometry, else of PoseStamped.
     :param covariance: read the covariances as well, which need five times the memory of all else.
-    :param reader: of a text file of poses.
-    :param skipped: of Odometry and of a EuRoC folder's states: receives the number of bad ones
-        that are skipped; None: they are errors.
+    :param skip_bad_rows: leave out bad rows and messages, and tell how many; else they are errors.
     :raises InputError: for what cannot be read or is not a trajectory: stamps that do not increase,
         poses that the gate refuses, fewer than two poses.
     """
     if path.is_file() if is_text(path) else not odometry_topics(path):
-        poses = reader(path, topic, covariance=covariance)
+        poses = read_poses(path, topic, skip_bad_rows, covariance)
+        if poses.skipped:
+            tell_skipped(path)(poses.skipped)
         track = RecordedTrack(poses, pose_covariance=poses.covariance)
     else:
+        skipped = tell_skipped(path) if skip_bad_rows else None
         track = _odometry(path, topic, covariance, skipped)
     if len(track.poses.t_ns) < 2:
         raise InputError(

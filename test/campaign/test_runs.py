@@ -31,6 +31,7 @@ from imu_sim_ros.commands import dead_reckon, evaluate, generate
 from imu_sim_ros.commands.campaign import main as command
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.jobs import campaign as job
+from imu_sim_ros.jobs.report import report
 from imu_sim_ros.navigation.evaluation import anees_band
 
 GRID = {"imu": ["adis16448", "perfect"], "trajectory": ["lecture", "circle"]}
@@ -447,8 +448,8 @@ def test_a_campaign_in_python_is_that_of_the_command(plan_file, campaign, tmp_pa
     written = (tmp_path / "python" / "report.html").read_text(encoding="utf-8")
     assert '"compared with command"' in written
     assert '"metric":"final_position_error_m"' in written
-    page = job.report(tmp_path / "python", tmp_path / "page.html")
-    assert page.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
+    page = report(tmp_path / "python", tmp_path / "page.html")
+    assert page.output.read_text(encoding="utf-8").startswith("<!DOCTYPE html>")
     with pytest.raises(InputError) as error:
         job.campaign(plan, tmp_path / "no", metric="x", resume=True, force=True)
     assert len(error.value.problems) == 2

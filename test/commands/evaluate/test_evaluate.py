@@ -7,11 +7,13 @@ import shutil
 import numpy as np
 import pytest
 
+import imu_sim_ros as ims
 from imu_sim_ros import rotation
 from imu_sim_ros.bags.messages.encode import ODOMETRY, OdometryEncoder
 from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.commands import generate
 from imu_sim_ros.commands.evaluate import main
+from imu_sim_ros.errors import Remark
 from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
 
 SECOND = 1_000_000_000
@@ -302,6 +304,22 @@ def test_bad_input(tmp_path, truth, capsys):
     assert "delta = 1000 s: the trajectory has only 20 s" in line
     line = complain(capsys, truth, truth, "-o", tmp_path / "a file" / "x.txt")
     assert "is not a folder" in line
+
+
+def test_bad_rows_are_told_by_command_and_python(tmp_path, truth, capsys):
+    lines = truth.read_text().splitlines()
+    lines[9] = lines[9].replace(lines[9].split()[1], "nan", 1)
+    estimate = tmp_path / "estimate.txt"
+    estimate.write_text("\n".join(lines) + "\n")
+    assert "line 10" in complain(capsys, estimate, truth)
+    status, _, errors = run(capsys, estimate, truth, "--skip-bad-rows")
+    assert (status, errors) == (0, [f"evaluate: {estimate}: 1 bad rows skipped"])
+    with pytest.warns(Remark, match="1 bad rows skipped"):
+        found = ims.evaluate(estimate, truth, skip_bad_rows=True, rpe=["2s", (5, "m")])
+    assert [entry["unit"] for entry in found.to_dict()["rpe"]] == ["s", "m"]
+    assert len(found.t_ns) == 400
+    with pytest.raises(ims.ConfigurationError, match="rpe = '5 parsec': must be pairs"):
+        ims.evaluate(truth, truth, rpe=["5 parsec"])
 
 
 def test_bag_with_stamps_out_of_order(tmp_path, truth, capsys):

@@ -1,0 +1,143 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A program's arguments from the signature and the docstring of its job, and the call of the job.
+
+A parameter of a job is an argument of its program if its annotation says how it is written::
+
+    def job(
+        bag: Annotated[str | Path, "BAG"],  # a positional argument
+        *,
+        skip: Annotated[float, "TIME"] = 0.0,  # --skip TIME, in seconds or as 20s, 10min, 4h
+        out: Annotated[str | None, "-o --output FILE"] = None,  # names of its own
+        align: Annotated[str, ALIGNMENTS] = "none",  # one of several words
+        rpe: Annotated[Sequence[Delta], "DELTA", delta] = (),  # repeatable, read by a function
+        robust: Annotated[bool, "--robust"] = False,  # a switch
+    ) -> Result:
+
+Its help is the text of ``:param``, its default that of the signature.
+"""
+
+import inspect
+import re
+from argparse import ArgumentTypeError, Namespace
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, get_args, get_origin
+
+from imu_sim_ros import timebase
+from imu_sim_ros.errors import ConfigurationError, ImuSimError
+
+Found = TypeVar("Found")
+
+
+def arguments_of(job: Callable[..., object]) -> dict[str, dict[str, Any]]:
+    """Return the arguments of a job's program, as :func:`imu_sim_ros.program.add_options` has them.
+
+    A value that is not given is None, so that the job's own default holds.
+    """
+    texts = _texts(job)
+    return {
+        _written(parameter): _keywords(parameter, texts[parameter.name])
+        for parameter in _parameters(job)
+    }
+
+
+def call(job: Callable[..., Found], arguments: Namespace, **more: Any) -> Found:
+    """Return the result of a job with the arguments that are given.
+
+    :raises ConfigurationError: of the job; its lines name the options.
+    """
+    values = {parameter.name: getattr(arguments, parameter.name) for parameter in _parameters(job)}
+    given = {name: value for name, value in values.items() if value is not None}
+    try:
+        return job(**given, **more)
+    except ConfigurationError as error:
+        names = {p.name: _written(p).split() for p in _parameters(job) if p.default is not p.empty}
+        options = {
+            name: [word for word in words if word.startswith("--")][-1]
+            for name, words in names.items()
+        }
+        lines = [
+            re.sub(r"^(\w+) = ", lambda name: f"{options.get(name[1], name[1])} ", line)
+            if line.partition(" = ")[0] in options
+            else line
+            for line in error.problems
+        ]
+        raise type(error)(lines) from None
+
+
+def _parameters(job: Callable[..., object]) -> Iterator[inspect.Parameter]:
+    """Yield the parameters of a job that are arguments of its program."""
+    for parameter in inspect.signature(job, eval_str=True).parameters.values():
+        if get_origin(parameter.annotation) is Annotated:
+            yield parameter
+
+
+def _texts(job: Callable[..., object]) -> dict[str, str]:
+    """Return the texts of a docstring by the names of its parameters, each in a line."""
+    found = re.findall(
+        r"^:param (\w+): (.*?)(?=^:|^$|\Z)", inspect.getdoc(job) or "", re.MULTILINE | re.DOTALL
+    )
+    return {name: " ".join(text.replace("``", "").split()) for name, text in found}
+
+
+def _written(parameter: inspect.Parameter) -> str:
+    """Return names and metavariable: ``estimate ESTIMATE``, ``-o --output FILE``, ``--json``."""
+    words = next((m for m in parameter.annotation.__metadata__ if isinstance(m, str)), "")
+    if words.startswith("-"):
+        return words
+    name = parameter.name.replace("_", "-")
+    return f"{parameter.name if parameter.default is parameter.empty else f'--{name}'} {words}"
+
+
+def _keywords(parameter: inspect.Parameter, text: str) -> dict[str, Any]:
+    """Return what argparse is told about a parameter."""
+    hint, *marks = get_args(parameter.annotation)
+    default, option = parameter.default, parameter.default is not parameter.empty
+    metavar = _written(parameter).split()[-1]
+    found: dict[str, Any] = {"dest": parameter.name} if option else {}
+    if isinstance(default, bool):
+        action = "store_false" if default else "store_true"
+        return {**found, "action": action, "default": None, "help": _help(text)}
+    several = any(get_origin(one) is Sequence for one in (hint, *get_args(hint)))
+    if several:
+        found |= {"action": "append"} if option else {"nargs": "+"}
+    if (words := next((m for m in marks if isinstance(m, tuple | list)), None)) is not None:
+        found |= {"choices": words, "metavar": None}
+    else:
+        read = next((m for m in marks if callable(m)), None)
+        found["type"] = _reader(read or _kind(hint, metavar))
+    if isinstance(default, str | int | float) and default != "":
+        number = "" if isinstance(default, str) else f"{default:g}"
+        unit = "s" if number and metavar == "TIME" else ""
+        text = f"{text} (default: {number or default}{unit})"
+    return {**found, "help": _help(text)}
+
+
+def _help(text: str) -> str:
+    return text.rstrip(".").replace("%", "%%")
+
+
+def _kind(hint: Any, metavar: str) -> Callable[[str], object]:
+    """Return what reads an argument of a type."""
+    kinds = {one for part in (hint, *get_args(hint)) for one in (part, *get_args(part))}
+    if metavar == "TIME":
+        return timebase.parse_duration
+    if Path in kinds and "NAME" not in metavar:
+        return Path
+    return next((kind for kind in (float, int) if kind in kinds and str not in kinds), str)
+
+
+def _reader(read: Callable[[str], object]) -> Callable[[str], object]:
+    """Return a reader whose complaint argparse prints."""
+    if read in (str, int, float, Path):
+        return read
+
+    def convert(words: str) -> object:
+        try:
+            return read(words)
+        except (ValueError, ImuSimError) as error:
+            raise ArgumentTypeError(str(error)) from None
+
+    return convert

@@ -1,0 +1,100 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A program's arguments from the signature and the docstring of a job."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import pytest
+
+from imu_sim_ros import program
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.jobs.evaluate import delta
+from imu_sim_ros.signatures import arguments_of, call
+
+
+def job(
+    bags: Annotated[Sequence[str | Path], "BAG", Path],
+    *,
+    gap: Annotated[float, "TIME"] = 0.5,
+    strength: Annotated[float | None, "--field T"] = None,
+    count: Annotated[int, "N"] = 3,
+    align: Annotated[str, ("none", "yaw")] = "none",
+    rpe: Annotated[Sequence[Any], "DELTA", delta] = (),
+    robust: Annotated[bool, "--robust"] = False,
+    page: Annotated[bool, "--no-page"] = True,
+    imu: Annotated[str | Path | None, "NAME|FILE"] = None,
+    hidden: int = 7,
+) -> dict[str, Any]:
+    """Do something.
+
+    :param bags: the bags
+    :param gap: longest gap of ``5 %``, which
+        goes on [s]
+    :param strength: a field [T]
+    :param count: a number
+    :param align: a word
+    :param rpe: repeatable
+    :param robust: a switch
+    :param page: write no page
+    :param imu: a name
+    :param hidden: not an argument
+    """
+    if gap <= 0.0 or strength == 0.0:
+        raise ConfigurationError([f"gap = {gap:g}: too short", f"strength = {strength}: none"])
+    return dict(locals())
+
+
+def parsed(words: str) -> dict[str, Any]:
+    return call(job, program.Parser("job", arguments=arguments_of(job)).parse_every(words.split()))
+
+
+def test_defaults_are_those_of_the_signature() -> None:
+    assert parsed("a b") == {
+        **{"bags": [Path("a"), Path("b")], "gap": 0.5, "strength": None, "count": 3},
+        **{"align": "none", "rpe": (), "robust": False, "page": True, "imu": None, "hidden": 7},
+    }
+
+
+def test_values_have_their_types() -> None:
+    words = "a --gap 2min --field 5e-5 --count 4 --align yaw --rpe 1km --rpe 5frames --robust"
+    found = parsed(f"{words} --no-page --imu mpu6000")
+    assert found["gap"] == 120.0
+    assert found["strength"] == 5e-5
+    assert (found["count"], found["align"], found["imu"]) == (4, "yaw", "mpu6000")
+    assert found["rpe"] == [(1000.0, "m"), (5.0, "frames")]
+    assert (found["robust"], found["page"]) == (True, False)
+
+
+def test_help_has_the_texts_and_defaults() -> None:
+    text = " ".join(program.Parser("job", arguments=arguments_of(job)).format_help().split())
+    assert "--gap TIME longest gap of 5 %, which goes on [s] (default: 0.5s)" in text
+    assert "--count N a number (default: 3)" in text
+    assert "--align {none,yaw} a word (default: none)" in text
+    assert "--field T a field [T] --count" in text
+    assert "hidden" not in text
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ("--gap soon", "argument --gap: 'soon' is not a duration such as 20s"),
+        ("--rpe 3miles", "argument --rpe: '3miles' is not a delta"),
+        ("--align ywa", "unknown --align 'ywa'"),
+        ("--gpa 1s", "unknown option '--gpa'; did you mean --gap"),
+    ],
+)
+def test_bad_words_are_one_line(words: str, line: str, capsys: Any) -> None:
+    with pytest.raises(SystemExit):
+        parsed(f"a {words}")
+    error = capsys.readouterr().err
+    assert line in error
+    assert error.count("\n") == 1
+
+
+def test_problems_name_the_options() -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        parsed("a --gap 0s --field 0")
+    assert caught.value.problems == ("--gap 0: too short", "--field 0.0: none")
