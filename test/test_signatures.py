@@ -53,8 +53,16 @@ def parsed(words: str) -> dict[str, Any]:
 
 def test_defaults_are_those_of_the_signature() -> None:
     assert parsed("a b") == {
-        **{"bags": [Path("a"), Path("b")], "gap": 0.5, "strength": None, "count": 3},
-        **{"align": "none", "rpe": (), "robust": False, "page": True, "imu": None, "hidden": 7},
+        "bags": [Path("a"), Path("b")],
+        "gap": 0.5,
+        "strength": None,
+        "count": 3,
+        "align": "none",
+        "rpe": (),
+        "robust": False,
+        "page": True,
+        "imu": None,
+        "hidden": 7,
     }
 
 

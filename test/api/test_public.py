@@ -45,6 +45,7 @@ PUBLIC = [
     "PressureReadings",
     "Readings",
     "ReadingsEvaluation",
+    "Report",
     "Samples",
     "Track",
     "TriadCalibration",
