@@ -128,7 +128,8 @@ class _Poses(NamedTuple):
 class PoseSequence(_Poses):
     """Poses of one body over time.
 
-    They are checked on creation, also by ``_replace``, so that functions can rely on them.
+    They are checked on creation, also by ``_replace``, so that functions can rely on them. Rounded
+    quaternions get the length 1.
     """
 
     __slots__ = ()
@@ -162,6 +163,7 @@ class PoseSequence(_Poses):
         problems = [*gate.disorder(source, times), *gate.poses(times, p, q).problems(source)]
         if problems:
             raise InputError(problems)
+        q = gate.at_unit_length(q)
         return super().__new__(cls, times, p, q, dropped, skipped, lines, covariance)
 
     def _replace(self, **changes: Any) -> Self:

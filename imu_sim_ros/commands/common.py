@@ -32,7 +32,7 @@ GRAVITY_OPTION: Final = {
     "--gravity GRAVITY": {
         "type": float,
         "default": -GRAVITY[2],
-        "help": "local gravity [m/s^2] (default: %(default)s)",
+        "help": "magnitude of local gravity [m/s^2] (default: %(default)s)",
     }
 }
 COMMON: Final = {**SKIP_BAD_ROWS, **FORCE, **program.JSON_AND_QUIET}

@@ -105,7 +105,7 @@ def _tracks(arguments: argparse.Namespace) -> list[Track]:
         skipped_rows(arguments, "dead_reckon", f"the truth of {arguments.bag}"),
     )
     start = initial_condition(settings, recording.after(arguments.skip))
-    for note in world.notes:
+    for note in (*world.notes, *settings.warnings()):
         print(f"dead_reckon: {arguments.bag}: {note}", file=sys.stderr)
     if not arguments.all:
         return [integrated(start, settings)]

@@ -27,6 +27,8 @@ LAST_STAMP: Final = 2**31 * 1_000_000_000 - 1
 UNIT_TOLERANCE: Final = 0.05
 """A written quaternion is rounded; one whose length differs from 1 by more is a mix-up."""
 
+_ROUNDING: Final = 1e-12
+
 
 class Quantity(NamedTuple):
     """What a column of numbers measures, and its largest possible size on each axis."""
@@ -137,6 +139,18 @@ def poses(t_ns: Times, position: Array, q_wb: Array) -> Verdict:
     :param q_wb: (n, 4) unit quaternions, within ``UNIT_TOLERANCE``.
     """
     return Verdict(t_ns, [(POSITION, position), (ORIENTATION, q_wb)])
+
+
+def at_unit_length(q: Array) -> Array:
+    """Return quaternions that have passed at exactly unit length.
+
+    :param q: (n, 4); returned as they are if none differs from it by more than rounding in double
+        precision, so that exact attitudes keep their bits.
+    """
+    length = np.sqrt(np.einsum("ni,ni->n", q, q))
+    if np.abs(length - 1.0).max(initial=0.0) <= _ROUNDING:
+        return q
+    return np.asarray(q / length[:, None])
 
 
 def disorder(name: str | Path, t_ns: Times) -> list[str]:

@@ -216,8 +216,6 @@ def dead_reckon(
     number("skip", skip, "seconds, from 0 to 2^31", 0.0, _LONGEST_SKIP)
     recording = _recording(readings, imu_topic, truth_topic).after(skip)
     world = _world(readings, imu_topic, truth_topic)
-    for note in world.notes:
-        warnings.warn(note, stacklevel=2)
     parameters = {**world.parameters, **parameters}
     initial = initial or "truth"
     name = initial if isinstance(initial, str) else "parameters"
@@ -225,6 +223,8 @@ def dead_reckon(
     settings = (_usual_settings if usual else _settings)(
         method, attitude_update, name, **_plain(parameters)
     )
+    for note in (*world.notes, *settings.warnings()):
+        warnings.warn(note, stacklevel=2)
     if isinstance(initial, NavigationState):
         start = InitialCondition(recording, initial, correction_of(settings))
     else:

@@ -8,14 +8,14 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import arguments
 from imu_sim_ros.arguments import BAG_OR_FILE, array, name_of, refuse, stamps, words
-from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
+from imu_sim_ros.errors import ConfigurationError, InputError, MissingDependencyError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.poses import PoseSequence
@@ -221,12 +221,17 @@ def checked_poses(name: str, given: HasPoses) -> PoseSequence:
     return PoseSequence(given.t_ns, given.position, given.q_wb, name=name)
 
 
+_ROUNDED: Final = 1e-3
+"""By which rounding to three decimals or more changes the length of a quaternion."""
+
+
 def poses_of_rows(given: Array) -> PoseSequence:
     """Return poses that are rows of an array.
 
     :param given: (n, 8) time [s], position [m], quaternion (w, x, y, z); or (n, 7) time [s],
         position [m], roll, pitch, yaw [rad].
     :raises ConfigurationError: for another shape.
+    :raises InputError: for quaternions that are not rounded ones of length 1, and impossible poses.
     """
     if given.ndim != 2 or given.shape[1] not in (7, 8):
         columns = "time [s], x, y, z [m], then the quaternion w, x, y, z or roll, pitch, yaw [rad]"
@@ -235,7 +240,16 @@ def poses_of_rows(given: Array) -> PoseSequence:
     t_ns = np.round(rows[:, 0] * 1e9)
     if (np.abs(t_ns) > gate.LAST_STAMP).any():
         refuse("trajectory", given, "an array with times in seconds in its first column")
-    q_wb = rows[:, 4:] if given.shape[1] == 8 else from_euler(rows[:, 4:])
+    if given.shape[1] == 7:
+        q_wb = from_euler(rows[:, 4:])
+    else:
+        q_wb = rows[:, 4:]
+        lengths = np.linalg.norm(q_wb, axis=1)
+        for row in np.flatnonzero(np.abs(lengths - 1.0) > _ROUNDED)[:1]:
+            raise InputError(
+                f"trajectory: row {row}: a quaternion of length {lengths[row]:.4g}: must be 1, "
+                f"or rounded within {_ROUNDED:g}"
+            )
     return PoseSequence(t_ns.astype(np.int64), rows[:, 1:4], q_wb, name="trajectory")
 
 

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
 from os import PathLike
 from pathlib import Path
@@ -79,7 +80,8 @@ def simulate(
         publishes (``publish.magnetic_field``, ...) or names.
     :param parameters: any other parameter by its ROS name; sections are mappings:
         ``gravity=[0, 0, -9.8]``.
-    :returns: a :class:`Flight`: readings, their truth and the parameters.
+    :returns: a :class:`Flight`: readings, their truth and the parameters. What may be unintended,
+        such as a motion beyond the sensor's range, causes warnings, as those of ``generate``.
     :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be read.
 
@@ -100,6 +102,7 @@ def simulate(
     """
     given = (imu, trajectory, duration, rate, seed, params_file, sensors)
     body = _body(*given, parameters)
+    _warn(body)
     return Flight(body, _all_samples(body), _name(imu, trajectory, body))
 
 
@@ -127,7 +130,14 @@ def blocks(
     [5000, 5000, 2000]
     """
     body = _body(imu, trajectory, duration, rate, seed, params_file, sensors, parameters)
+    _warn(body)
     return (_block(read) for read in body.windows(block_size))
+
+
+def _warn(body: Body) -> None:
+    """Warn of what is allowed but may be unintended, at the line of the caller's caller."""
+    for line in body.warnings():
+        warnings.warn(line, stacklevel=3)
 
 
 def _block(read: dict[str, Any]) -> ImuBlock:

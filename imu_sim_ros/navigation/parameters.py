@@ -8,7 +8,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from imu_sim_ros.conventions import BODY_FRAME, GRAVITY, TRIADS, WORLD_FRAME
+from imu_sim_ros.conventions import BODY_FRAME, TRIADS, WORLD_FRAME
+from imu_sim_ros.parameters import kinds
 from imu_sim_ros.parameters.files import load
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
@@ -115,7 +116,7 @@ class IntegratorParameters:
         minimum=0.0,
         above_minimum=True,
     )
-    gravity: Vector = vector(GRAVITY, "gravity in the world frame", unit="m/s^2")
+    gravity: Vector = kinds.gravity("gravity in the world frame")
     earth_rate: Vector = vector(
         ZERO_VECTOR, "angular rate of the world in the world frame, if it rotates", unit="rad/s"
     )
@@ -178,10 +179,7 @@ class IntegratorParameters:
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield problems that involve several parameters."""
-        if max(self.gravity) == min(self.gravity) != 0:
-            such = ", ".join(f"{component:g}" for component in GRAVITY)
-            yield f"{prefix}gravity = {self.gravity[0]}: must be a vector such as [{such}]"
-        elif math.hypot(*self.gravity) > _EARTH_GRAVITY_MAXIMUM:
+        if math.hypot(*self.gravity) > _EARTH_GRAVITY_MAXIMUM:
             yield (
                 f"{prefix}gravity = {list(self.gravity)}: must be at most "
                 f"{_EARTH_GRAVITY_MAXIMUM:g} m/s^2 in magnitude"
@@ -189,6 +187,10 @@ class IntegratorParameters:
         both = (self.gyroscope_scale_misalignment, self.accelerometer_scale_misalignment)
         for name, values in zip(TRIADS, both, strict=True):
             yield from invertible_problems(values, f"{prefix}{name}_scale_misalignment")
+
+    def warnings(self) -> list[str]:
+        """Return a line for each allowed value that looks like a mistake."""
+        return list(kinds.upward_gravity(self.gravity))
 
 
 def layer_integrator(

@@ -26,6 +26,7 @@ _TYPES = {
     "text": RosParameter.Type.STRING,
     "choice": RosParameter.Type.STRING,
     "vector": RosParameter.Type.DOUBLE_ARRAY,
+    "gravity": RosParameter.Type.DOUBLE_ARRAY,
     "matrix": RosParameter.Type.DOUBLE_ARRAY,
     "numbers": RosParameter.Type.DOUBLE_ARRAY,
     "texts": RosParameter.Type.STRING_ARRAY,

@@ -5,12 +5,14 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
+
+from imu_sim_ros.conventions import GRAVITY
 
 Vector: TypeAlias = tuple[float, float, float]
 Matrix: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
@@ -40,11 +42,11 @@ class Parameter:
     """Declaration of one parameter: kind, default, unit, range and text.
 
     ``kind`` is one of number, integer, flag, text, choice, vector (three numbers, or one that
-    stands for all), matrix (nine numbers, row by row), numbers (any count, in groups of
-    ``group``), texts. ``live`` says that a node takes a new value while it runs. ``turn_on_scale``
-    says what a sensor's turn-on scale s does to an error in the realised unit: ``multiplies`` each
-    row of a coefficient of its response by 1 + s of the row's axis, ``divides`` a part of the scale
-    by it, and nothing else.
+    stands for all), gravity (a vector, or one number, its magnitude downwards), matrix (nine
+    numbers, row by row), numbers (any count, in groups of ``group``), texts. ``live`` says that a
+    node takes a new value while it runs. ``turn_on_scale`` says what a sensor's turn-on scale s
+    does to an error in the realised unit: ``multiplies`` each row of a coefficient of its response
+    by 1 + s of the row's axis, ``divides`` a part of the scale by it, and nothing else.
     """
 
     kind: str
@@ -84,6 +86,7 @@ class Parameter:
             "number": "a finite number",
             "integer": "an integer",
             "vector": "a finite number or a list of three",
+            "gravity": "a magnitude of at least 0, downwards, or a list of three",
             "matrix": "a list of nine finite numbers, row by row",
             "numbers": "a list of finite numbers"
             + (f", {self.group} for each entry" if self.group > 1 else ""),
@@ -186,6 +189,16 @@ def _vector(parameter: Parameter, value: object) -> tuple[float, ...]:
     return _counted(parameter, value, 3)
 
 
+def _gravity(parameter: Parameter, value: object) -> tuple[float, ...]:
+    value = entries(value)
+    if hasattr(value, "__iter__"):
+        return _counted(parameter, value, 3)
+    magnitude = _number(parameter, value)
+    if magnitude < 0.0:
+        raise ValueError
+    return (0.0, 0.0, 0.0 - magnitude)
+
+
 def _matrix(parameter: Parameter, value: object) -> tuple[float, ...]:
     return _counted(parameter, value, 9)
 
@@ -208,6 +221,7 @@ _PARSERS: dict[str, Callable[[Parameter, object], Value]] = {
     "text": _text,
     "choice": _choice,
     "vector": _vector,
+    "gravity": _gravity,
     "matrix": _matrix,
     "numbers": _numbers,
     "texts": _texts,
@@ -248,6 +262,25 @@ def vector(default: float | Vector, text: str, **details: Any) -> Any:
     """Describe a value per axis x, y, z; a single number applies to all three."""
     entries = default if isinstance(default, tuple) else (float(default),) * 3
     return _field("vector", entries, text, **details)
+
+
+def gravity(text: str) -> Any:
+    """Describe gravity in the world [m/s^2]; a single number is its magnitude, downwards."""
+    return _field("gravity", GRAVITY, text, unit="m/s^2")
+
+
+def upward_gravity(gravity: Vector) -> Iterator[str]:
+    """Say that a world is probably upside down, in a line.
+
+    :param gravity: g_w [m/s^2].
+    """
+    if any(gravity) and gravity[2] >= 0.0:
+        words = ", ".join(f"{component:g}" for component in gravity)
+        usual = ", ".join(f"{component:g}" for component in GRAVITY)
+        yield (
+            f"gravity = [{words}]: does not point downwards; z of the world is up, so that "
+            f"gravity is usually [{usual}], or {-GRAVITY[2]:g}, its magnitude"
+        )
 
 
 def matrix(default: Matrix, text: str, **details: Any) -> Any:

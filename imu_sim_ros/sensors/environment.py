@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from imu_sim_ros.conventions import BODY_FRAME, GRAVITY, IMU_FRAME, WORLD_FRAME
+from imu_sim_ros.parameters import kinds
 from imu_sim_ros.parameters.kinds import (
     Vector,
     choice,
@@ -186,7 +187,7 @@ class EnvironmentParameters:
     world_frame: str = text(WORLD_FRAME, "frame of the truth's pose")
     body_frame: str = text(BODY_FRAME, "frame of the body, child of the world frame")
     imu_frame: str = text(IMU_FRAME, "frame of the readings")
-    gravity: Vector = vector(GRAVITY, "gravity in the world frame", unit="m/s^2")
+    gravity: Vector = kinds.gravity("gravity in the world frame")
     gravity_model: str = choice(
         "constant",
         ("constant", "wgs84"),

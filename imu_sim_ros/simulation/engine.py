@@ -35,7 +35,7 @@ from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.parameters import SimulationParameters, imus, named_sensors
 from imu_sim_ros.simulation.sensors import imus_in, models, mounted
 from imu_sim_ros.trajectory.build import build_trajectory
-from imu_sim_ros.trajectory.common_parameters import PoseReader
+from imu_sim_ros.trajectory.common_parameters import GIVEN, PoseReader
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.trajectory.parameters import DriveParameters, PosesParameters
 
@@ -106,10 +106,11 @@ class Body:
     def warnings(self) -> list[str]:
         """Return warnings on settings that are allowed but may be unintended, a line each.
 
-        The parameters' own warnings, implausible recorded poses, and a motion that a sensor's
-        range does not cover.
+        The parameters' own warnings, implausible recorded poses, a motion that contradicts itself,
+        and one that a sensor's range does not cover.
         """
         from imu_sim_ros.trajectory.build import implausible
+        from imu_sim_ros.trajectory.given import suspicions
 
         recorded = self._recorded()
         of_poses = recorded.warnings if recorded is not None else []
@@ -120,7 +121,9 @@ class Body:
             lines += one.sensor.warnings(one, self.trajectory, duration)
         for one in every:
             ranges = one.imu.gyroscope.range, one.imu.accelerometer.range
-            lines += implausible(self.trajectory, *ranges, one.gravity, duration)
+            lines += implausible(self.trajectory, *ranges, one.gravity, duration, one.rate)
+        if self.parameters.trajectory.type == GIVEN:
+            lines += suspicions(self.trajectory, duration, self.rate)
         return list(dict.fromkeys(lines))
 
     def _of_place(self) -> list[str]:

@@ -94,6 +94,8 @@ class ErrorModel:
         self._check = StartCheck(parameters)
         self._order = self._new_order()
         self._begin(parameters.seed)
+        for line in parameters.warnings():
+            remark(line)
 
     @property
     def uses_orientation(self) -> bool:

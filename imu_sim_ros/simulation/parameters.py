@@ -16,7 +16,7 @@ from imu_sim_ros.names import nearest
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.parameters.included import names
-from imu_sim_ros.parameters.kinds import texts
+from imu_sim_ros.parameters.kinds import texts, upward_gravity
 from imu_sim_ros.parameters.sections import parameters, section, variant
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
@@ -88,6 +88,7 @@ class SampledParameters(EnvironmentParameters):
     def warnings(self) -> list[str]:
         """Return a line for each allowed value that looks like a mistake."""
         return [
+            *upward_gravity(self.gravity),
             *self.imu.warnings("imu.", math.hypot(*self.gravity)),
             *self._low_passes_without_effect(),
         ]

@@ -63,7 +63,6 @@ class LeadIn:
 
 _LONGEST_LOOK: Final = 3600.0  # s
 _SAMPLES: Final = 100_000
-_SHORTEST_STEP: Final = 1e-4  # s
 _BLOCK: Final = 10_000
 
 
@@ -73,21 +72,23 @@ def implausible(
     accelerometer_range: ArrayLike,
     gravity: ArrayLike,
     duration: float,
+    rate: float,
 ) -> list[str]:
-    """Return a line for each triad whose range the motion exceeds.
+    """Return a line for each triad whose range the motion exceeds when it is read.
 
-    At most the first hour is examined, at 100,000 times or every 0.1 ms.
+    At most the first hour is examined, at 100,000 times or fewer.
 
     :param gyroscope_range: (3,) or one number [rad/s]; 0: no limit.
     :param accelerometer_range: (3,) or one number [m/s^2]; 0: no limit.
     :param gravity: (3,) g_w [m/s^2].
     :param duration: length of the run [s]; may be infinite.
+    :param rate: of the readings [Hz].
     """
     if not (np.any(gyroscope_range) or np.any(accelerometer_range)):
         return []
     end = min(duration, trajectory.duration, _LONGEST_LOOK)
     rates, forces, times = np.zeros(3), np.zeros(3), np.zeros((2, 3))
-    samples = max(1, min(_SAMPLES, math.ceil(end / _SHORTEST_STEP)))
+    samples = max(1, min(_SAMPLES, math.ceil(end * rate)))
     for first in range(0, samples, _BLOCK):
         last = min(first + _BLOCK, samples)
         t: Array = np.arange(first, last, dtype=np.float64) * (end / samples)

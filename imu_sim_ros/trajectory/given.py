@@ -15,6 +15,7 @@ from imu_sim_ros.errors import ConfigurationError, ImuSimError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.gate import Quantity
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
+from imu_sim_ros.trajectory.repair import beyond_any_body
 from imu_sim_ros.types import Array
 
 STEP: Final = 2.0**-9
@@ -33,6 +34,19 @@ _OF_MOTION: Final = (
     _ANGULAR_ACCELERATION,
 )
 _OF_POSES: Final = (gate.POSITION, gate.ORIENTATION)
+_UNIT: Final = 1e-6
+"""By which a quaternion may differ from the length 1: what single precision leaves of it."""
+_LOOKS: Final = 10_000
+_LONGEST_LOOK: Final = 3600.0  # s
+_NEIGHBOUR: Final = 2.0**-12  # s
+_OF_PERIOD: Final = 0.04
+"""A neighbour's part of the shortest period: by trapezia, the change is worked out to 0.5 %."""
+_DISAGREES: Final = 0.02
+_OFTEN: Final = 0.01
+"""Share of the times; an acceleration may jump at some."""
+_LEAP: Final = 2.0
+_ROUNDING: Final = 1e-3
+"""[m/s, m/s^2, rad/s, rad/s^2] Far above what rounding does to differences."""
 
 
 def given_trajectory(given: Any) -> Trajectory | None:
@@ -80,6 +94,104 @@ class CheckedMotion:
         return Motion(*_checked(found, _OF_MOTION, t, "trajectory.sample(t)", "a Motion: "))
 
 
+def suspicions(trajectory: Trajectory, duration: float, rate: float) -> list[str]:
+    """Return a line for each thing that looks wrong with a motion from Python, if there is one.
+
+    No body carries an IMU through it, or a part of it does not change as its derivative says: at up
+    to 10,000 times of the first hour, the change to the next time may be at most twice what the
+    largest derivative allows, and in a very short time it must be the mean of the derivative's
+    values at its ends, at 99 % of the times: derivatives may jump.
+
+    :param duration: to examine [s]; may be infinite.
+    :param rate: of the readings [Hz], which bounds the number of times.
+    """
+    motion: object = trajectory
+    while not isinstance(motion, CheckedMotion | Differentiated):
+        if motion is None:
+            return []
+        motion = getattr(motion, "inner", None)
+    near = min(_NEIGHBOUR, _OF_PERIOD / max(motion.highest_frequency, 1e-9))
+    end = min(duration, motion.duration, _LONGEST_LOOK) - near
+    count = min(_LOOKS, math.ceil(end * rate))
+    if count < 2:
+        return []
+    t: Array = np.linspace(0.0, end, count)
+    here = motion.sample(t)
+    acceleration = np.linalg.norm(here.acceleration, axis=1)
+    turning = np.linalg.norm(here.angular_velocity, axis=1)
+    j, k = int(np.argmax(acceleration)), int(np.argmax(turning))
+    lines = beyond_any_body("trajectory", acceleration[j], t[j], turning[k], t[k])
+    if isinstance(motion, CheckedMotion):
+        lines += _contradictions(t, near, here, motion.sample(t + near))
+    return lines
+
+
+def _contradictions(t: Array, near: float, here: Motion, next_to: Motion) -> list[str]:
+    lines: list[str] = []
+    for name, derivative, unit, long, short, before, after in (
+        ("position", "velocity", "m", *_moved(here, next_to, 0), here[1], next_to[1]),
+        ("velocity", "acceleration", "m/s", *_moved(here, next_to, 1), here[2], next_to[2]),
+        ("attitude", "angular velocity", "rad", *_turned(here, next_to), here[4], next_to[4]),
+        (
+            "angular velocity",
+            "angular acceleration",
+            "rad/s",
+            *_moved(here, next_to, 4),
+            here[5],
+            next_to[5],
+        ),
+    ):
+        lines += _contradiction(
+            name, derivative, unit, t, long, short / near, 0.5 * (before + after)
+        )
+    return lines
+
+
+def _moved(here: Motion, next_to: Motion, part: int) -> tuple[Array, Array]:
+    """Return the changes of a vector: to the next time (n - 1, 3), and in a short one (n, 3)."""
+    return np.diff(here[part], axis=0), next_to[part] - here[part]
+
+
+def _turned(here: Motion, next_to: Motion) -> tuple[Array, Array]:
+    """Return the rotations to the next time (n - 1, 3), and in a short one (n, 3) [rad]."""
+    back = rotation.conjugate(here.q_wb)
+    return (
+        rotation.log(rotation.multiply(back[:-1], here.q_wb[1:])),
+        rotation.log(rotation.multiply(back, next_to.q_wb)),
+    )
+
+
+def _contradiction(
+    name: str, derivative: str, unit: str, t: Array, long: Array, measured: Array, stated: Array
+) -> list[str]:
+    """Return a line if a quantity does not change as its derivative says.
+
+    :param t: (n,) [s].
+    :param long: (n - 1, 3) its changes from each time to the next.
+    :param measured: (n, 3) its rates of change in a very short time.
+    :param stated: (n, 3) mean of its derivative in that time.
+    """
+    off = np.linalg.norm(measured - stated, axis=1)
+    size = max(np.linalg.norm(stated, axis=1).max(), np.median(np.linalg.norm(measured, axis=1)))
+    bad = off > _DISAGREES * size + _ROUNDING
+    if bad.mean() > _OFTEN:
+        k = int(np.argmax(off))
+        shown = (" ".join(f"{value:.4g}" for value in row) for row in (stated[k], measured[k]))
+        return [
+            "trajectory.sample(t): {0} contradicts {1}: at t = {2:.4g} s it is [{4}] {3}/s, but "
+            "the {1} changes by [{5}] {3}/s".format(derivative, name, t[k], unit, *shown)
+        ]
+    step = float(t[1] - t[0])
+    leaps = np.linalg.norm(long, axis=1)
+    k = int(np.argmax(leaps))
+    if leaps[k] <= _LEAP * size * step + _ROUNDING:
+        return []
+    return [
+        f"trajectory.sample(t): the {name} jumps by {leaps[k]:.4g} {unit} between t = {t[k]:.6g} "
+        f"and {t[k + 1]:.6g} s; its {derivative} is at most {size:.4g} {unit}/s"
+    ]
+
+
 class Differentiated:
     """A function's poses with derivatives from nine of them around each time.
 
@@ -110,7 +222,7 @@ class Differentiated:
         found = _called(lambda: self._poses(times.ravel()), "trajectory(t)")
         position, q_wb = _checked(found, _OF_POSES, times.ravel(), "trajectory(t)", "")
         p = position.reshape(10, -1, 3)
-        q = rotation.normalise(q_wb).reshape(10, -1, 4)
+        q = q_wb.reshape(10, -1, 4)
         step = rotation.log(rotation.multiply(rotation.conjugate(q[1:-1]), q[2:]))
         fastest = np.linalg.norm(step, axis=-1).max(initial=0.0) / STEP
         if fastest > _FASTEST:
@@ -194,4 +306,12 @@ def _checked(
     verdict = gate.Verdict(None, list(zip(quantities, arrays, strict=True)))
     for row in verdict.bad[:1]:
         raise ConfigurationError(f"{name}: at t = {t[row]:g} s {verdict.why(int(row))}")
+    at = quantities.index(gate.ORIENTATION)
+    lengths = np.linalg.norm(arrays[at], axis=1)
+    for row in np.flatnonzero(np.abs(lengths - 1.0) > _UNIT)[:1]:
+        raise ConfigurationError(
+            f"{name}: at t = {t[row]:g} s a quaternion of length {lengths[row]:.7g}: must be 1 "
+            f"within {_UNIT:g}"
+        )
+    arrays[at] = gate.at_unit_length(arrays[at])
     return arrays

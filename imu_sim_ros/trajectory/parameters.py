@@ -9,10 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import suggestion
-from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters import files, kinds
 from imu_sim_ros.parameters.included import names
 from imu_sim_ros.parameters.kinds import (
     ZERO_VECTOR,
@@ -159,10 +158,8 @@ class FreeFallParameters(TrajectoryParameters):
     velocity: Vector = vector((2.0, 0.0, 10.0), "velocity at the start, in the world", unit="m/s")
     roll_pitch_yaw: Vector = vector(ZERO_VECTOR, "attitude at the start", unit="rad")
     angular_velocity: Vector = vector((1.0, 2.0, 0.5), "constant rate in the body", unit="rad/s")
-    gravity: Vector = vector(
-        GRAVITY,
-        "acceleration of the fall; equal to the simulation's gravity for true free fall",
-        unit="m/s^2",
+    gravity: Vector = kinds.gravity(
+        "acceleration of the fall; equal to the simulation's gravity for true free fall"
     )
 
     def motion(self, pose_reader: PoseReader) -> "Trajectory":

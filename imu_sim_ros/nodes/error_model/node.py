@@ -89,8 +89,6 @@ class ErrorModelNode(ConfiguredNode):
         self.create_service(Trigger, "~/reset", self._reset)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(PERIOD, self._diagnose, clock=steady)
-        for line in parameters.warnings():
-            self.get_logger().warning(line)
         topic = next(iter(self._inputs()))
         self.get_logger().info(
             f"{parameters.imu.preset} at {parameters.rate:g} Hz, seed {parameters.seed}, "

@@ -75,6 +75,8 @@ class Integrator(ConfiguredNode):
         self._received = {IMU_TOPIC: 0, TRUTH_TOPIC: 0}
         self._add_publishers(parameters)
         self.sensor = SensorDescription(self, self._adopt, self._integrate, self._lock)
+        for line in parameters.warnings():
+            self.get_logger().warning(line)
         if self.sensor.noise_known:
             self._tell_what_is_left_out()
         self.create_service(Trigger, "~/reset", self._reset)
