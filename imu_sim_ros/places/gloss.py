@@ -25,6 +25,7 @@ import numpy as np
 
 from imu_sim_ros.places.light import GAMMA, Baked
 from imu_sim_ros.places.place import Face, Place
+from imu_sim_ros.places.sheet import Print
 from imu_sim_ros.types import Array, Integers, Mask, Single
 
 _ONE: Final = np.float32(1.0)
@@ -127,6 +128,20 @@ def regions(faces: Sequence[Face], sides: Array) -> list[Region]:
                 end = each.left + each.width - right, each.bottom + each.height - top
                 found.append(Region(m, gloss, low, (end[0] / width, end[1] / height)))
     return found
+
+
+def panes(faces: Sequence[Face], sides: Array) -> list[Region]:
+    """Return the parts of faces that are glass, windows through which it is bright, too.
+
+    :param sides: (m, 2) lengths of across and up [m].
+    """
+    dark = [face._replace(prints=tuple(map(_unlit, face.prints))) for face in faces]
+    return [region for region in regions(dark, sides) if region.gloss.clear]
+
+
+def _unlit(each: Print) -> Print:
+    """Return a window as one that does not glow."""
+    return each._replace(kind="glass", glows=False) if each.kind == "window" else each
 
 
 class Sights(NamedTuple):

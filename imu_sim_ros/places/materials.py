@@ -7,6 +7,7 @@ A material is named ``KIND`` or ``KIND:RRGGBB``, for instance ``brick`` or ``pai
 Colours are sRGB values, 0 to 255, under a light that leaves white white.
 """
 
+import math
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
@@ -264,6 +265,38 @@ def colour_of(material: str) -> Array:
     kind, _, code = material.partition(":")
     code = code or _KINDS[kind][1]
     return np.array([int(code[k : k + 2], 16) for k in (0, 2, 4)], np.float32)
+
+
+_REFLECTANCES: Final = {
+    "plaster": 0.75,
+    "concrete": 0.35,
+    "wood": 0.5,
+    "board": 0.5,
+    "brick": 0.35,
+    "tiles": 0.6,
+    "slabs": 0.35,
+    "ceiling": 0.8,
+    "metal": 0.4,
+    "ribbed": 0.6,
+    "asphalt": 0.15,
+    "cardboard": 0.55,
+    "leaves": 0.5,
+    "grass": 0.5,
+}
+"""Diffuse reflectances at 905 nm: rounded; plants, asphalt, brick and concrete as in spectral
+libraries, the rest assumed."""
+
+
+def reflectance(material: str) -> float:
+    """Return the diffuse reflectance of a material at 905 nm; NaN: it is not known.
+
+    Paint and cloth are taken to be as bright there as they are to the eye.
+    """
+    kind = material.partition(":")[0]
+    if kind in ("paint", "carpet"):
+        linear = (colour_of(material) / 255.0) ** 2.2
+        return float(np.clip(linear @ [0.2126, 0.7152, 0.0722], 0.05, 0.9))
+    return _REFLECTANCES.get(kind, math.nan)
 
 
 def tile(material: str, texel: float, seed: int, contrast: float) -> Bytes:

@@ -78,6 +78,18 @@ def normals(mesh: Mesh) -> Iterator[tuple[slice, Array, Array]]:
         yield part, a, np.cross(b - a, c - a)
 
 
+def of_rectangles(origin: Array, across: Array, up: Array) -> Mesh:
+    """Return m rectangles ``origin + s across + t up``, each (m, 3), as 2 m triangles in pairs."""
+    count = len(origin)
+    corners = np.stack([origin, origin + across, origin + across + up, origin + up], axis=1)
+    first = 4 * np.arange(count, dtype=np.int32)[:, None]
+    faces = (first[:, None] + np.array([[0, 1, 2], [0, 2, 3]], np.int32)).reshape(-1, 3)
+    places = np.zeros((2 * count, 3, 2), np.float32)
+    colours = np.full((2 * count, 3, 3), 255, np.uint8)
+    untextured = np.full(2 * count, -1, np.int32)
+    return Mesh(corners.reshape(-1, 3), faces, places, untextured, (), colours, painted=False)
+
+
 def areas(mesh: Mesh) -> Array:
     """Return the areas of all triangles (m,)."""
     result = np.empty(len(mesh.faces))

@@ -1,0 +1,177 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Rays through everything that a place, a room or a mesh has: what each of them meets first."""
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.errors import MissingDependencyError
+from imu_sim_ros.places.bodies import MovingBody, ball
+from imu_sim_ros.places.geometry import Caster, Floats, Surfaces
+from imu_sim_ros.places.mesh import MeshCaster
+from imu_sim_ros.places.mesh_file import of_rectangles
+from imu_sim_ros.types import Array, Integers, Mask
+
+_RAYS: Final = 65_536
+"""Rays that are processed at once."""
+_LOOKS: Final = 9
+"""Times at which it is looked where a body is."""
+_SLACK: Final = 0.1
+"""How far a body may be from the places between two looks, in metres, and more than it moves."""
+
+
+class Traced(NamedTuple):
+    """What n rays meet first."""
+
+    distance: Array
+    """(n,) in lengths of the ray's direction; infinite: nothing."""
+    surface: Integers
+    """(n,) number of the rectangle or triangle, within its body; -1: nothing."""
+    body: NDArray[np.uint8]
+    """(n,) number of the moving body, from 1; 0: what is at rest, or nothing."""
+    along: Array
+    """(n,) unit normal of the surface times the ray's direction; 0: nothing."""
+
+
+class _Solid(Protocol):
+    """Something rigid that rays meet."""
+
+    def meet(self, origins: Array, directions: Array) -> tuple[Floats, Integers, Array]:
+        """Return distances, numbers of surfaces and ``along`` (n,) of rays (n, 3)."""
+
+
+class _Triangles:
+    """A mesh; ``pieces`` triangles with one number."""
+
+    def __init__(self, caster: MeshCaster, pieces: int = 1) -> None:
+        self._caster, self._pieces = caster, pieces
+
+    def meet(self, origins: Array, directions: Array) -> tuple[Floats, Integers, Array]:
+        hits, along = self._caster.meet(origins, directions)
+        number = hits.surface // self._pieces if self._pieces > 1 else hits.surface
+        along[number < 0] = 0.0
+        return hits.distance, number, along
+
+
+class _Rectangles:
+    """Rectangles without embreex, which is many times as fast: the same hits."""
+
+    def __init__(self, surfaces: Surfaces) -> None:
+        self._caster, self._normals = Caster(surfaces), surfaces.normal
+
+    def meet(self, origins: Array, directions: Array) -> tuple[Floats, Integers, Array]:
+        distance, number = self._caster.cast(origins, directions)
+        along: Array = (self._normals[number] * directions).sum(axis=1)
+        along[number < 0] = 0.0
+        return distance, number, along
+
+
+def _solid(surfaces: Surfaces) -> _Solid:
+    if not len(surfaces.origin):
+        return _Nothing()
+    try:
+        return _Triangles(MeshCaster(of_rectangles(*surfaces[:3])), 2)
+    except MissingDependencyError:
+        return _Rectangles(surfaces)
+
+
+class _Nothing:
+    """An empty world."""
+
+    def meet(self, origins: Array, _: Array) -> tuple[Floats, Integers, Array]:
+        count = len(origins)
+        return np.full(count, np.inf), np.full(count, -1), np.zeros(count)
+
+
+class RayTracer:
+    """Meets rays with what is at rest and with the bodies that move, each ray at its own time.
+
+    >>> import numpy as np
+    >>> from imu_sim_ros.places.geometry import surfaces
+    >>> ground = np.array([-9.0, -9, 0]), np.array([18.0, 0, 0]), np.array([0.0, 18, 0])
+    >>> tracer = RayTracer(surfaces([ground], hides=True))
+    >>> down = np.array([[0.6, 0.0, -0.8]])
+    >>> tracer.trace(np.zeros(1), np.array([[0.0, 0, 2]]), down).distance
+    array([2.5])
+    """
+
+    def __init__(
+        self,
+        surfaces: Surfaces,
+        mesh: MeshCaster | None = None,
+        bodies: Sequence[MovingBody] = (),
+        seen_through: Mask | None = None,
+    ) -> None:
+        """Take what there is.
+
+        :param mesh: in the place of rectangles.
+        :param seen_through: (m,) which rectangles nothing meets, such as the sky.
+        """
+        kept = np.ones(len(surfaces.origin), np.bool_) if seen_through is None else ~seen_through
+        self._kept = None if kept.all() else np.append(np.flatnonzero(kept), -1)
+        self._rest = _Triangles(mesh) if mesh is not None else _solid(surfaces.some(kept))
+        self._bodies = [(body, ball(body.surfaces()), _solid(body.surfaces())) for body in bodies]
+
+    def trace(self, t: Array, origins: Array, directions: Array) -> Traced:
+        """Return what each ray ``origin + s direction``, s > 0, meets first.
+
+        :param t: (n,) time of each ray [s]; those of one call are near each other.
+        :param origins: (n, 3) [m].
+        :param directions: (n, 3) unit vectors.
+        """
+        count = len(t)
+        distance, along = np.empty(count), np.empty(count)
+        surface, body = np.empty(count, np.int64), np.zeros(count, np.uint8)
+        for first in range(0, count, _RAYS):
+            part = slice(first, first + _RAYS)
+            distance[part], surface[part], along[part] = self._rest.meet(
+                origins[part], directions[part]
+            )
+        if self._kept is not None:
+            surface = self._kept[surface]
+        found = Traced(distance, surface, body, along)
+        for number, (moving, extent, solid) in enumerate(self._bodies, start=1):
+            rows = _near(moving, extent, t, origins, directions)
+            if len(rows):
+                _put(found, rows, number, *_of_body(moving, solid, t, origins, directions, rows))
+        return found
+
+
+def _near(
+    body: MovingBody, extent: tuple[Array, float], t: Array, origins: Array, directions: Array
+) -> Integers:
+    """Return the rays that pass a ball in which the body stays while they are sent."""
+    middle, radius = extent
+    looks = np.linspace(t.min(), t.max(), _LOOKS)
+    centers = body.outside(looks, np.broadcast_to(middle, (_LOOKS, 3)))
+    center = 0.5 * (centers.min(axis=0) + centers.max(axis=0))
+    moved = np.sqrt(((centers - center) ** 2).sum(axis=1)).max()
+    reach = radius + 2.0 * float(moved) + _SLACK
+    away = [center[k] - origins[:, k] for k in range(3)]
+    ahead = sum(away[k] * directions[:, k] for k in range(3))
+    square = sum(each * each for each in away)
+    near = square - np.maximum(ahead, 0.0) ** 2 < reach * reach
+    return np.flatnonzero(near)
+
+
+def _of_body(
+    body: MovingBody, solid: _Solid, t: Array, origins: Array, directions: Array, rows: Integers
+) -> tuple[Floats, Integers, Array]:
+    state = body.state(t[rows])
+    start = rotation.rotate_inverse(state.q_wb, origins[rows] - state.position)
+    return solid.meet(start, rotation.rotate_inverse(state.q_wb, directions[rows]))
+
+
+def _put(
+    found: Traced, rows: Integers, number: int, distance: Floats, surface: Integers, along: Array
+) -> None:
+    """Put in what is nearer than what was found before."""
+    nearer = distance < found.distance[rows]
+    rows = rows[nearer]
+    found.distance[rows], found.surface[rows] = distance[nearer], surface[nearer]
+    found.along[rows], found.body[rows] = along[nearer], number
