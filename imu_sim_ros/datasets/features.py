@@ -330,5 +330,9 @@ def info_of_camera(camera: CameraParameters) -> CameraInfo:
 
 def landmarks(scene: Scene, world_frame: str, t_ns: int, encoding: str = "cdr") -> bytes:
     """Return all landmarks at rest with their ids as sensor_msgs/PointCloud2."""
-    numbers = {"id": np.arange(len(scene.landmarks))}
-    return PointCloud2Encoder(world_frame, encoding).encode(t_ns, scene.landmarks, numbers)
+    fields = [*((axis, "<f4") for axis in "xyz"), ("id", "<u4")]
+    rows = np.zeros(len(scene.landmarks), fields)
+    for k, axis in enumerate("xyz"):
+        rows[axis] = scene.landmarks[:, k]
+    rows["id"] = np.arange(len(rows))
+    return PointCloud2Encoder(world_frame, encoding).encode(t_ns, rows)

@@ -4,8 +4,8 @@
 """Images, points and transforms as the bytes of ROS messages."""
 
 import struct
-from collections.abc import Mapping, Sequence
-from typing import Final, NamedTuple
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from imu_sim_ros.bags.messages.encode import seconds
 from imu_sim_ros.bags.messages.layouts import LayoutBuilder
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.types import Array, Integers
+from imu_sim_ros.types import Array
 
 IMAGE: Final = "sensor_msgs/msg/Image"
 COMPRESSED_IMAGE: Final = "sensor_msgs/msg/CompressedImage"
@@ -164,10 +164,20 @@ class CameraInfoEncoder:
 
 POINT_CLOUD: Final = "sensor_msgs/msg/PointCloud"
 POINT_CLOUD2: Final = "sensor_msgs/msg/PointCloud2"
+LIVOX: Final = "livox_ros_driver2/msg/CustomMsg"
 
-# sensor_msgs/PointField's numbers of the types.
-_UINT32: Final = 6
-_FLOAT32: Final = 7
+POINT_TYPES: Final = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}
+"""sensor_msgs/PointField's numbers of the types."""
+
+
+LIVOX_POINT: Final = np.dtype(
+    [
+        ("offset_time", "<u4"),
+        *((axis, "<f4") for axis in "xyz"),
+        *((name, "u1") for name in ("reflectivity", "tag", "line")),
+    ]
+)
+"""livox_ros_driver2/CustomPoint, without gaps."""
 
 
 class PointCloudEncoder:
@@ -201,39 +211,57 @@ class PointCloudEncoder:
 
 
 class PointCloud2Encoder:
-    """sensor_msgs/PointCloud2: x, y, z [m] and further numbers of each point, one row."""
+    """sensor_msgs/PointCloud2: the points of a structured array, one row."""
 
     type_name = POINT_CLOUD2
 
     def __init__(self, frame_id: str, encoding: str = "cdr") -> None:
         self._frame_id, self._encoding = frame_id, encoding
 
-    def encode(self, t_ns: int, points: ArrayLike, numbers: Mapping[str, Integers]) -> bytes:
+    def encode(self, t_ns: int, rows: NDArray[np.void]) -> bytes:
         """Return a message.
 
-        :param points: (n, 3) [m].
-        :param numbers: of each point, (n,) by name, as uint32.
+        :param rows: (n,) little-endian fields x, y, z [m] and others, at their offsets in a point.
         """
-        names = ["x", "y", "z", *numbers]
-        kinds = [_FLOAT32] * 3 + [_UINT32] * len(numbers)
-        place = np.asarray(points)
-        codes = {_FLOAT32: "<f4", _UINT32: "<u4"}
-        fields = [(name, codes[kind]) for name, kind in zip(names, kinds, strict=True)]
-        rows = np.zeros(len(place), fields)
-        for k, name in enumerate("xyz"):
-            rows[name] = place[:, k]
-        for name, column in numbers.items():
-            rows[name] = column
         message = StampedBuilder(self._frame_id, self._encoding)
         message.values([1, len(rows)], "<u4")
-        message.length(len(names))
-        for k, (name, kind) in enumerate(zip(names, kinds, strict=True)):
+        fields: Any = rows.dtype.fields or {}
+        message.length(len(fields))
+        for name, (kind, offset, *_) in fields.items():
             message.text(name)
-            message.values([4 * k], "<u4")
-            message.values([kind], "u1")
+            message.values([offset], "<u4")
+            message.values([POINT_TYPES[kind.str[1:]]], "u1")
             message.values([1], "<u4")
         message.values([0], "u1")  # little-endian
         message.values([rows.itemsize, rows.nbytes, rows.nbytes], "<u4")
         message.constant(rows.tobytes())
         message.values([1], "u1")  # dense: all points are there
+        return bytes(message.stamped(t_ns))
+
+
+class LivoxEncoder:
+    """livox_ros_driver2/CustomMsg."""
+
+    type_name = LIVOX
+
+    def __init__(self, frame_id: str, encoding: str = "cdr") -> None:
+        self._frame_id, self._encoding = frame_id, encoding
+
+    def encode(self, t_ns: int, points: NDArray[np.void]) -> bytes:
+        """Return a message.
+
+        :param points: (n,) of type LIVOX_POINT.
+        """
+        message = StampedBuilder(self._frame_id, self._encoding)
+        message.values([t_ns], "<u8")
+        message.values([len(points)], "<u4")
+        message.values([0, 0, 0, 0], "u1")  # the number of the LiDAR; reserved
+        message.length(len(points))
+        content = points.tobytes()
+        if message.cdr and len(points):  # each point is aligned to its largest number
+            size = points.itemsize
+            padded = np.zeros((len(points), size + 1), np.uint8)
+            padded[:, :size] = points.view(np.uint8).reshape(-1, size)
+            content = padded.tobytes()[:-1]
+        message.constant(content)
         return bytes(message.stamped(t_ns))

@@ -11,15 +11,19 @@ from imu_sim_ros.bags.messages.encode_cameras import (
     CAMERA_INFO,
     COMPRESSED_IMAGE,
     IMAGE,
+    LIVOX,
+    LIVOX_POINT,
     POINT_CLOUD,
     POINT_CLOUD2,
     CameraInfo,
     CameraInfoEncoder,
     CompressedImageEncoder,
     ImageEncoder,
+    LivoxEncoder,
     PointCloud2Encoder,
     PointCloudEncoder,
 )
+from imu_sim_ros.bags.messages.schemas import schema, typestore
 
 STORES = {"cdr": get_typestore(Stores.ROS2_JAZZY), "ros1": get_typestore(Stores.ROS1_NOETIC)}
 T_NS = 1_700_000_000_123_456_789
@@ -99,8 +103,11 @@ def test_a_point_cloud_with_channels(encoding, size):
 @pytest.mark.parametrize("size", [0, 7])
 def test_a_cloud_of_landmarks(encoding, size):
     points, ids = RNG.random((size, 3)), np.arange(size) + 5
+    rows = np.zeros(size, [*((axis, "<f4") for axis in "xyz"), ("id", "<u4")])
+    rows["x"], rows["y"], rows["z"] = points.T
+    rows["id"] = ids
     encoder = PointCloud2Encoder("world", encoding)
-    found = read(encoder.encode(T_NS, points, {"id": ids}), POINT_CLOUD2, encoding)
+    found = read(encoder.encode(T_NS, rows), POINT_CLOUD2, encoding)
     assert (found.height, found.width, found.point_step, found.row_step) == (1, size, 16, 16 * size)
     fields = [(f.name, f.offset, f.datatype, f.count) for f in found.fields]
     assert fields == [("x", 0, 7, 1), ("y", 4, 7, 1), ("z", 8, 7, 1), ("id", 12, 6, 1)]
@@ -108,3 +115,23 @@ def test_a_cloud_of_landmarks(encoding, size):
     rows = found.data.view([("xyz", "<f4", 3), ("id", "<u4")])
     assert np.array_equal(rows["xyz"], points.astype("f4"))
     assert np.array_equal(rows["id"], ids)
+
+
+@pytest.mark.parametrize("encoding", STORES)
+@pytest.mark.parametrize("size", [0, 1, 7])
+def test_a_cloud_in_the_form_of_livox(encoding, size):
+    rows = np.zeros(size, LIVOX_POINT)
+    rows["offset_time"], rows["line"], rows["tag"] = np.arange(size) * 1000, 2, 16
+    rows["x"], rows["y"], rows["z"] = RNG.random((3, size))
+    store = typestore([(LIVOX, schema(LIVOX, encoding))], encoding)
+    payload = LivoxEncoder("lidar", encoding).encode(T_NS, rows)
+    decode = store.deserialize_cdr if encoding == "cdr" else store.deserialize_ros1
+    found = decode(payload, LIVOX)
+    assert (found.timebase, found.point_num, found.lidar_id) == (T_NS, size, 0)
+    assert found.header.frame_id == "lidar"
+    names = ("offset_time", "x", "y", "z", "reflectivity", "tag", "line")
+    assert [tuple(getattr(p, n) for n in names) for p in found.points] == [
+        tuple(row) for row in rows.tolist()
+    ]
+    write = store.serialize_cdr if encoding == "cdr" else store.serialize_ros1
+    assert bytes(write(found, LIVOX)) == payload

@@ -11,7 +11,7 @@ Copyright 2008-2010 Willow Garage, Inc., BSD-3-Clause.
 
 from typing import Final
 
-from imu_sim_ros.bags.messages.definitions import gps
+from imu_sim_ros.bags.messages.definitions import gps, livox
 
 # A line is a literal of its own because trailing blanks belong to the text.
 TEXTS: Final[dict[str, str]] = {
@@ -296,6 +296,7 @@ NESTED: Final[dict[str, tuple[str, ...]]] = {
 
 MD5_SUMS: Final[dict[str, str]] = {
     **gps.MD5_SUMS,
+    **livox.MD5_SUMS,
     "geometry_msgs/PoseStamped": "d3812c3cbc69362b77dc0b19b345f8f5",
     "geometry_msgs/TwistWithCovarianceStamped": "8927a1a12fb2607ceea095b2dc440a96",
     "geometry_msgs/Vector3Stamped": "7b324c7325e683bf02a9b14b01090ec7",
@@ -323,8 +324,8 @@ def full_text(name: str) -> str | None:
     """
     from imu_sim_ros.bags.messages.definitions import ros1_cameras
 
-    texts = {**TEXTS, **ros1_cameras.TEXTS, **gps.ROS1}
-    nested = {**NESTED, **ros1_cameras.NESTED, **gps.NESTED}
+    texts = {**TEXTS, **ros1_cameras.TEXTS, **gps.ROS1, **livox.ROS1}
+    nested = {**NESTED, **ros1_cameras.NESTED, **gps.NESTED, **livox.NESTED}
     if name not in nested:
         return None
     others = "".join(f"{'=' * 80}\nMSG: {n}\n{texts[n]}\n" for n in nested[name])

@@ -8,10 +8,11 @@ Only the fields and constants count; the types' hashes (RIHS01, REP-2011) are th
 
 from typing import Final
 
-from imu_sim_ros.bags.messages.definitions import gps
+from imu_sim_ros.bags.messages.definitions import gps, livox
 
 FIELDS: Final[dict[str, str]] = {
     **gps.ROS2,
+    **livox.ROS2,
     "builtin_interfaces/Time": ("int32 sec\nuint32 nanosec\n"),
     "geometry_msgs/Point": ("float64 x\nfloat64 y\nfloat64 z\n"),
     "geometry_msgs/Point32": ("float32 x\nfloat32 y\nfloat32 z\n"),
@@ -145,6 +146,7 @@ FIELDS: Final[dict[str, str]] = {
 
 RIHS01: Final[dict[str, str]] = {
     **gps.RIHS01,
+    **livox.RIHS01,
     "geometry_msgs/TwistWithCovarianceStamped": (
         "RIHS01_77b67434531e6529b7a0091357b186b6ebdb17fd9ffd3e0c7ce9d3fb11a44563"
     ),
