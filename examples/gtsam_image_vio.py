@@ -218,7 +218,8 @@ def run(folder: Path, configuration: Path, rate: float = 4.0) -> tuple[gtsam_vio
     first = folder / "mav0" / "state_groundtruth_estimate0" / "data.csv"
     true_t = np.loadtxt(first, np.int64, delimiter=",", skiprows=1, usecols=0)
     truth = np.loadtxt(first, delimiter=",", skiprows=1)
-    begin = imu_t[0] + round(parameters.trajectory.rest_before * 1e9)
+    motion = parameters.trajectory
+    begin = imu_t[0] + round((motion.lead_in.rest or motion.rest_before) * 1e9)
     image_t = image_t[(image_t >= begin) & (image_t <= min(imu_t[-1], true_t[-1]))]
     tracker = CornerTracker(CameraModel(camera), camera.intrinsics[0])
     stride, rows, found, keys = max(1, round(camera.rate / rate)), [], [], []

@@ -4,15 +4,17 @@
 r"""Visual-inertial odometry with gtsam on simulated readings and tracks, judged against the truth.
 
     generate -o flight --format tracks --imu adis16448 --trajectory figure_eight --duration 15s \
-        --camera euroc_cam0 --set camera.body_axes=flu --set camera.max_features=60 --with-configs
+        --camera euroc_cam0 --set camera.body_axes=flu --set camera.max_features=60 \
+        --set trajectory.lead_in.rest=2 --with-configs
     python examples/gtsam_vio.py flight
 
 A problem with known ids: CombinedImuFactor between key frames, a projection factor for each
 feature of each camera, iSAM2. ``-o`` writes the path with its covariance, which ``evaluate`` reads.
 ``gtsam_vio_node.py`` is the same on live topics. The first pose and velocity are given; the biases
 are known to within the turn-on values of the IMU preset, or from a rest before the start
-(``trajectory.rest_before``), without which a gyroscope's bias of degrees per second makes iSAM2
-fail. ``gtsam_noise.py`` has the sensor's noise in gtsam's terms. Needs gtsam (pip install gtsam).
+(``trajectory.lead_in.rest`` or ``rest_before``), without which a gyroscope's bias of degrees per
+second makes iSAM2 fail. ``gtsam_noise.py`` has the sensor's noise in gtsam's terms. Needs gtsam
+(pip install gtsam).
 """
 
 import argparse
@@ -288,7 +290,8 @@ def run(
     ours = tracks["camera"] < len(cameras)
     t_ns, ids, uv, which = (tracks[name][ours] for name in ("t_ns", "id", "uv", "camera"))
     stride = max(1, round(cameras[0].rate / rate))
-    begin = imu_t[0] + round(parameters.trajectory.rest_before * 1e9)
+    motion = parameters.trajectory
+    begin = imu_t[0] + round((motion.lead_in.rest or motion.rest_before) * 1e9)
     frames = np.unique(t_ns)
     frames = frames[(frames >= begin) & (frames <= imu_t[-1])][first::stride]
     estimator = Estimator(parameters, *cameras)
@@ -324,7 +327,7 @@ def stop_if_lost(covariance: np.ndarray, key: int) -> None:
     if not deviation < LOST:
         raise SystemExit(
             f"lost: at key frame {key} the position has a standard deviation of {deviation:.3g} m; "
-            "a rest before the flight gives biases and velocity (trajectory.rest_before=2)"
+            "a rest before the flight gives biases and velocity (trajectory.lead_in.rest=2)"
         )
 
 
