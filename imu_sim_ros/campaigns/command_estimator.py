@@ -21,8 +21,9 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from imu_sim_ros.campaigns.comparison import estimate_metrics, read_estimate
-from imu_sim_ros.campaigns.metrics import Metrics
+from imu_sim_ros.bags.read import read_poses
+from imu_sim_ros.campaigns.comparison import coverage_metrics, estimate_metrics, read_estimate
+from imu_sim_ros.campaigns.metrics import COVERED, Metrics
 from imu_sim_ros.campaigns.parameters import CommandEstimator
 from imu_sim_ros.campaigns.plan import program
 from imu_sim_ros.campaigns.run_files import write_config, write_dataset
@@ -77,6 +78,7 @@ def run_command(
     shutil.rmtree(place, ignore_errors=True)
     keep = cell.plan.options.keep
     failed = True
+    metrics.update(dict.fromkeys(COVERED, 0.0))
     try:
         place.mkdir(parents=True)
         words = _words(cell, estimator, seed, place)
@@ -86,11 +88,10 @@ def run_command(
         outcome = _run(words, estimator, cell.plan.environment.get(name, {}), place)
         metrics["wall_s"] = outcome.wall_s
         metrics["peak_memory_mb"] = outcome.peak_memory_mb
-        if outcome.reason:
-            raise InputError(outcome.reason)
-        if outcome.status != 0:
-            raise InputError(f"{_ended(outcome.status)}{_last_line(place)}")
-        metrics.update(_compare(cell, estimator, str(cell.plan.alignment(name)), block, place))
+        if outcome.reason or outcome.status != 0:
+            metrics.update(_left_behind(estimator, block, place))
+            raise InputError(outcome.reason or f"{_ended(outcome.status)}{_last_line(place)}")
+        _compare(cell, estimator, str(cell.plan.alignment(name)), block, place, metrics)
         metrics.update(_own_metrics(cell.plan.own, place / METRICS))
         metrics["real_time_factor"] = _duration(block) / max(outcome.wall_s, 1e-9)
         failed = False
@@ -381,19 +382,43 @@ def _own_metrics(names: Collection[str], path: Path) -> Metrics:
     return metrics
 
 
-def _compare(
-    cell: SimulatedCell, estimator: CommandEstimator, alignment: str, block: ImuBlock, place: Path
-) -> Metrics:
-    """Return the metrics of the trajectory that the program wrote."""
+def _written(estimator: CommandEstimator, place: Path) -> Path | None:
+    """Return the trajectory that the program wrote; None: there is none."""
     path = place / _ESTIMATE[estimator.estimate]
     if estimator.estimate == "bag":
         found = [p for p in place.glob("estimate*") if p.is_dir() or p.suffix in (".mcap", ".bag")]
         path = found[0] if found else path
-    if not os.path.lexists(path):
+    return path if os.path.lexists(path) else None
+
+
+def _left_behind(estimator: CommandEstimator, block: ImuBlock, place: Path) -> Metrics:
+    """Return how long the trajectory of a program lasts that did not end well."""
+    with contextlib.suppress(ImuSimError, OSError):
+        path = _written(estimator, place)
+        if path is not None:
+            topic = estimator.estimate_topic or None
+            poses = read_poses(path, topic, skip_bad_rows=True, recover=True)
+            return coverage_metrics(poses.t_ns, block.true_t_ns, estimator)
+    return {}
+
+
+def _compare(
+    cell: SimulatedCell,
+    estimator: CommandEstimator,
+    alignment: str,
+    block: ImuBlock,
+    place: Path,
+    metrics: Metrics,
+) -> None:
+    """Fill in the metrics of the trajectory that the program wrote."""
+    path = _written(estimator, place)
+    if path is None:
         raise InputError("no estimate was written")
     try:
         estimate = read_estimate(path, estimator.estimate_topic or None)
-        return estimate_metrics(estimate, block, alignment, cell.plan.relative)
+        metrics.update(coverage_metrics(estimate.poses.t_ns, block.true_t_ns, estimator))
+        how = (alignment, cell.plan.relative, estimator, cell.plan.options.diverged_above)
+        metrics.update(estimate_metrics(estimate, block, *how))
     except ImuSimError as error:
         # Without the run's own folder, so that the same failure of many runs reads the same.
         words = error.problems[0].removeprefix(f"{path}: ").replace(f"{place}/", "")

@@ -14,6 +14,7 @@ from imu_sim_ros.bags.messages.encode import ODOMETRY
 from imu_sim_ros.bags.read import open_bag, read_odometry, read_poses
 from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.campaigns.metrics import Metrics, Relative, pose_metrics
+from imu_sim_ros.campaigns.parameters import TrajectoryEstimator
 from imu_sim_ros.errors import ImuSimError, InputError
 from imu_sim_ros.navigation.association import (
     Alignment,
@@ -22,6 +23,7 @@ from imu_sim_ros.navigation.association import (
     interpolate_poses,
     interpolate_vectors,
 )
+from imu_sim_ros.navigation.coverage import beyond, coverage
 from imu_sim_ros.navigation.evaluation import (
     LARGEST_SIGMA,
     absolute_errors,
@@ -34,7 +36,7 @@ from imu_sim_ros.navigation.evaluation import (
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import rotate, rotate_inverse
 from imu_sim_ros.sensors.block import ImuBlock
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Mask, Times
 
 
 class EstimatedTrack(NamedTuple):
@@ -77,13 +79,33 @@ def _has_odometry(path: Path, topic: str | None) -> bool:
         )
 
 
+def coverage_metrics(
+    t_ns: Times, truth_ns: Times, estimator: TrajectoryEstimator, failed: Mask | None = None
+) -> Metrics:
+    """Return how long an estimate lasts.
+
+    :param t_ns: (n,) its stamps [ns], increasing.
+    :param truth_ns: (m,) those of the truth.
+    :param failed: (n,) poses with which it has failed.
+    """
+    limits = (estimator.max_gap, estimator.initialisation_allowance)
+    found = coverage(t_ns, truth_ns, *limits, failed=failed)
+    return {"coverage": found.share, "time_to_failure_s": found.time_to_failure_s}
+
+
 def estimate_metrics(
-    found: EstimatedTrack, block: ImuBlock, alignment: str, relative: tuple[Relative, ...]
+    found: EstimatedTrack,
+    block: ImuBlock,
+    alignment: str,
+    relative: tuple[Relative, ...],
+    estimator: TrajectoryEstimator,
+    diverged_above: float,
 ) -> Metrics:
     """Return the metrics of an estimate of the motion of a block of samples.
 
     :param alignment: of the estimate with the truth. There is a NEES with ``none`` and with
         ``yaw``, which fixes the gauge at the first pose for it.
+    :param diverged_above: error of the position with which it has failed [m]; 0: none.
     :raises ImuSimError: if both do not overlap in time, or cannot be aligned.
     """
     motion = block.motion
@@ -92,7 +114,10 @@ def estimate_metrics(
     estimate = _at_rows(found.poses, rows)
     there = interpolate_poses(truth, estimate.t_ns)
     aligned = align(estimate.position, there.position, alignment)
-    metrics = pose_metrics(aligned.apply(estimate), there, relative)
+    laid_on = aligned.apply(estimate)
+    metrics = pose_metrics(laid_on, there, relative)
+    failed = beyond(there.position - laid_on.position, diverged_above)
+    metrics.update(coverage_metrics(estimate.t_ns, truth.t_ns, estimator, failed))
     with contextlib.suppress(ImuSimError):
         metrics["scale_error"] = align(estimate.position, there.position, "sim3").scale - 1.0
     metrics["initialisation_s"] = float(found.poses.t_ns[0] - block.true_t_ns[0]) * 1e-9

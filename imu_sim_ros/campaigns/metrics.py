@@ -31,6 +31,8 @@ STATE: Final = (
     "nees_velocity",
     "attitude_sigma_rad",
 )
+COVERED: Final = ("coverage", "time_to_failure_s")
+"""How long a trajectory lasts; of failed runs, too, which have little of it."""
 SUCCESS: Final = "success"
 """The share of runs that are done, which can be compared like a metric."""
 LOWER, HIGHER = "lower", "higher"
@@ -75,7 +77,7 @@ def better(metric: str, own: Mapping[str, Better]) -> Better:
     """
     if metric in own:
         return own[metric]
-    if metric in (SUCCESS, "real_time_factor"):
+    if metric in (SUCCESS, *COVERED, "real_time_factor"):
         return HIGHER
     if metric == "scale_error":
         return 0.0
@@ -182,7 +184,8 @@ def parse_relative(content: object) -> tuple[Relative, ...]:
 
 def metric_names(relative: tuple[Relative, ...]) -> tuple[str, ...]:
     """Return the names of all metrics in the order of the results' columns."""
-    return (*POSE, *(name for one in relative for name in one.names), *STATE, *COMMAND)
+    of_relative = (name for one in relative for name in one.names)
+    return (*POSE, *COVERED, *of_relative, *STATE, *COMMAND)
 
 
 def pose_metrics(

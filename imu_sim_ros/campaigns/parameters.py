@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import shown, suggestion
+from imu_sim_ros.navigation.coverage import ALLOWANCE, LEAST, MAX_GAP
 from imu_sim_ros.navigation.parameters import ATTITUDE_UPDATES, METHODS
 from imu_sim_ros.parameters.kinds import choice, flag, integer, number, text
 from imu_sim_ros.sensors.faults import Fault
@@ -49,23 +50,48 @@ class CampaignParameters:
     )
 
 
-_ALIGN = choice(
-    "plan", ("plan", *ALIGNMENTS), "alignment with the truth; plan: that of all other estimators"
-)
+@dataclass(frozen=True)
+class TrajectoryEstimator:
+    """What all estimators of trajectories have."""
+
+    align: str = choice(
+        "plan",
+        ("plan", *ALIGNMENTS),
+        "alignment with the truth; plan: that of all other estimators",
+    )
+    coverage: float = number(
+        LEAST,
+        "share of the truth's time that has to be estimated; a run with less is failed",
+        minimum=0.0,
+        maximum=1.0,
+    )
+    max_gap: float = number(
+        MAX_GAP,
+        "poses further apart have a gap between them, which is not covered",
+        unit="s",
+        minimum=0.0,
+        above_minimum=True,
+    )
+    initialisation_allowance: float = number(
+        ALLOWANCE,
+        "time before the first pose that does not count for the coverage, up to a quarter of the "
+        "truth's time",
+        unit="s",
+        minimum=0.0,
+    )
 
 
 @dataclass(frozen=True)
-class DeadReckonEstimator:
+class DeadReckonEstimator(TrajectoryEstimator):
     """Dead reckoning from the true initial state."""
 
     type: str = choice("dead_reckon", KINDS, "kind of the estimator")
     method: str = choice("midpoint", METHODS, "how position and velocity are integrated")
     attitude_update: str = choice("so3", ATTITUDE_UPDATES, "how the attitude is integrated")
-    align: str = _ALIGN
 
 
 @dataclass(frozen=True)
-class CommandEstimator:
+class CommandEstimator(TrajectoryEstimator):
     """A program of any kind that reads a dataset and writes a trajectory."""
 
     type: str = choice("command", KINDS, "kind of the estimator")
@@ -76,7 +102,6 @@ class CommandEstimator:
     dataset: str = choice("euroc", DATASETS, "format of the dataset written for it")
     estimate: str = choice("tum", ESTIMATES, "format of the trajectory it writes")
     estimate_topic: str = text("", "topic of the trajectory in a bag; empty: the only one")
-    align: str = _ALIGN
     timeout: float = number(
         600.0, "time after which it is terminated", unit="s", minimum=0.0, above_minimum=True
     )

@@ -7,7 +7,11 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.campaigns.comparison import EstimatedTrack, estimate_metrics
+from imu_sim_ros.campaigns.comparison import (
+    EstimatedTrack,
+    coverage_metrics,
+    estimate_metrics,
+)
 from imu_sim_ros.campaigns.metrics import Metrics, pose_metrics
 from imu_sim_ros.campaigns.parameters import DeadReckonEstimator
 from imu_sim_ros.campaigns.simulated import RunReadings, SimulatedCell
@@ -21,6 +25,7 @@ from imu_sim_ros.navigation.covariance import (
     initial_covariance,
     propagate,
 )
+from imu_sim_ros.navigation.coverage import beyond
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA, TrueStates, attitude_errors, nees
 from imu_sim_ros.navigation.mount import mount_of
@@ -91,12 +96,15 @@ class DeadReckoning:
         estimate = PoseSequence(states.t_ns, states.position, states.q_wb)
         if not at_stamps:
             found = EstimatedTrack(estimate, states.velocity)
-            return estimate_metrics(found, block, alignment, plan.relative)
+            how = (alignment, plan.relative, estimator, plan.options.diverged_above)
+            return estimate_metrics(found, block, *how)
         velocity = states.velocity
         if alignment != "none":
             aligned = align(estimate.position, truth.position, alignment)
             estimate, velocity = aligned.apply(estimate), aligned.scale * velocity @ aligned.r.T
         metrics = pose_metrics(estimate, truth_poses, plan.relative)
+        failed = beyond(truth.position - estimate.position, plan.options.diverged_above)
+        metrics.update(coverage_metrics(estimate.t_ns, truth.t_ns, estimator, failed))
         metrics["final_velocity_error_m_s"] = float(
             np.linalg.norm(truth.velocity[-1] - velocity[-1])
         )

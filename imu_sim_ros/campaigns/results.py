@@ -21,6 +21,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, TextIO
 
+from imu_sim_ros.campaigns.metrics import COVERED
 from imu_sim_ros.errors import InputError, system_error
 from imu_sim_ros.inputs.rows import is_present, open_regular
 from imu_sim_ros.json_text import as_json
@@ -363,9 +364,13 @@ def _value(name: str, word: str | None) -> object:
 
 
 def numbers(rows: Iterable[Row], metric: str) -> list[float]:
-    """Return the values of a metric in the rows that have it and are done."""
+    """Return the values of a metric in the rows that have it and are done.
+
+    How long a trajectory lasts is known of failed runs, too.
+    """
     return [
         float(row[metric])
         for row in rows
-        if row["status"] == "done" and isinstance(row.get(metric), int | float)
+        if (row["status"] == "done" or metric in COVERED)
+        and isinstance(row.get(metric), int | float)
     ]

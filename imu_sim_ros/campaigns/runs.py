@@ -12,16 +12,20 @@ import numpy as np
 
 import imu_sim_ros
 from imu_sim_ros.campaigns.cells import Cell, word
-from imu_sim_ros.campaigns.metrics import Metrics
-from imu_sim_ros.campaigns.parameters import CommandEstimator, DeadReckonEstimator
-from imu_sim_ros.campaigns.plan import Plan
+from imu_sim_ros.campaigns.metrics import COVERED, Metrics
+from imu_sim_ros.campaigns.parameters import (
+    CommandEstimator,
+    DeadReckonEstimator,
+    TrajectoryEstimator,
+)
+from imu_sim_ros.campaigns.plan import Estimator, Plan
 from imu_sim_ros.campaigns.reckoning import DeadReckoning
 from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.errors import ImuSimError, InputError
 from imu_sim_ros.sensors.block import ImuBlock
 
 DONE: Final = "done"
-_USED: Final = ("wall_s", "peak_memory_mb")
+_OF_FAILED: Final = (*COVERED, "wall_s", "peak_memory_mb")
 """Metrics that a failed run has, too."""
 
 
@@ -50,17 +54,17 @@ class CellRuns:
                 metrics: Metrics = {}
                 try:
                     self._estimate(name, seed, block, folder, metrics)
-                    _check(metrics, self.plan.options.diverged_above)
+                    _check(metrics, self.plan.options.diverged_above, self.plan.estimators[name])
                 except Exception as error:  # an estimator may write anything
-                    used: Metrics = {key: metrics.get(key) for key in _USED}
-                    yield self._row(seed, name, f"failed: {_reason(error)}", used)
+                    known: Metrics = {key: metrics.get(key) for key in _OF_FAILED}
+                    yield self._row(seed, name, f"failed: {_reason(error)}", known)
                 else:
                     yield self._row(seed, name, DONE, metrics)
 
     def _estimate(
         self, name: str, seed: int, block: Callable[[], ImuBlock], folder: Path, metrics: Metrics
     ) -> None:
-        """Fill in the metrics of one run; of one that fails, the time and memory it has taken."""
+        """Fill in the metrics of one run; of one that fails, those that it has, too."""
         estimator = self.plan.estimators[name]
         if isinstance(estimator, DeadReckonEstimator):
             metrics.update(self._dead_reckoning.metrics(name, estimator, block()))
@@ -93,14 +97,24 @@ def _reason(error: Exception) -> str:
     return f"unexpected: {type(error).__name__}: {error}"
 
 
-def _check(metrics: Metrics, diverged_above: float) -> None:
-    """Refuse numbers that are not finite, and an error above the limit."""
+def _check(metrics: Metrics, diverged_above: float, estimator: Estimator) -> None:
+    """Refuse numbers that are not finite, an error above the limit, and too little of a path."""
     for name, value in metrics.items():
         if value is not None and not np.isfinite(value):
             raise InputError(f"{name} is not finite")
     final = metrics.get("final_position_error_m")
     if diverged_above and final is not None and final > diverged_above:
         raise InputError(f"diverged: {final:.4g} m at the end")
+    covered = metrics.get("coverage")
+    if (
+        covered is not None
+        and isinstance(estimator, TrajectoryEstimator)
+        and covered < estimator.coverage
+    ):
+        raise InputError(
+            f"covers {100.0 * covered:.3g} % of the truth's time, less than coverage = "
+            f"{estimator.coverage:g}; gaps are longer than max_gap = {estimator.max_gap:g} s"
+        )
 
 
 def _plain(value: object) -> object:

@@ -55,8 +55,12 @@ class Group(NamedTuple):
         return success(self.done, len(self.rows))
 
     def values(self, metric: str) -> Any:
-        """Return a metric (n,) of the runs that have it."""
+        """Return a metric (n,) of the runs that have it and are done; coverage also of others."""
         return np.array(numbers(self.rows, metric))
+
+    def coverage(self) -> float | None:
+        """Return the median coverage of all runs; None: there are no trajectories."""
+        return quantile(self.values("coverage"), 0.5).value
 
     def not_valid(self, metric: str) -> bool:
         """Whether no run has a NEES since the attitude is known too badly for a covariance."""

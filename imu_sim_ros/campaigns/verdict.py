@@ -92,6 +92,8 @@ class Standing(NamedTuple):
     """Median of all runs, failed ones being worse than any number; None: half of them failed."""
     align: str | None
     """How the trajectories are aligned; None: unknown, or there is none."""
+    coverage: float | None
+    """Median share of the truth's time that is estimated, of all runs; None: no trajectories."""
 
 
 @dataclass(frozen=True)
@@ -383,6 +385,7 @@ def _standing(group: Group, rule: Criterion) -> Standing:
         quantile(np.array(done), 0.5),
         _with_failures(values, rule),
         group.align,
+        group.coverage(),
     )
 
 
@@ -404,7 +407,7 @@ def _values(group: Group, metric: str) -> dict[int, float | None]:
     for row in group.rows:
         number = numbers([row], metric)
         failed = row["status"] != "done"
-        found[int(row["seed"])] = math.inf if failed else number[0] if number else None
+        found[int(row["seed"])] = number[0] if number else math.inf if failed else None
     return found
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from imu_sim_ros.arguments import array, refuse, stamps
 from imu_sim_ros.navigation.association import common_rows, interpolate_poses
+from imu_sim_ros.navigation.coverage import Coverage, coverage, coverage_line
 from imu_sim_ros.navigation.evaluation import (
     anees_band,
     attitude_errors,
@@ -42,6 +43,8 @@ class AttitudeEvaluation:
     """(m,) angles between the estimated and the true vertical [rad]."""
     heading: Array
     """(m,) errors of the heading [rad]."""
+    coverage: Coverage
+    """How much of the truth's time is estimated."""
     without_truth: int = 0
     """Attitudes that are left out: the truth has none at their times."""
     nees: dict[str, Any] | None = None
@@ -53,8 +56,8 @@ class AttitudeEvaluation:
 
     def __repr__(self) -> str:
         return (
-            f"<AttitudeEvaluation of {len(self.t_ns)} attitudes: tilt {self.rms_tilt:.4g} rad rms, "
-            f"heading {self.rms_heading:.4g} rad rms>"
+            f"<AttitudeEvaluation of {len(self.t_ns)} attitudes, {self.coverage.words()}: "
+            f"tilt {self.rms_tilt:.4g} rad rms, heading {self.rms_heading:.4g} rad rms>"
         )
 
     @property
@@ -77,7 +80,7 @@ class AttitudeEvaluation:
         return {
             **({"topic": self.topic} if self.topic else {}),
             "kind": "orientation",
-            **counts(self.t_ns, self.without_truth),
+            **counts(self.t_ns, self.without_truth, self.coverage),
             "attitude_error_rad": statistics(np.linalg.norm(self.attitude, axis=1))._asdict(),
             "tilt_error_rad": statistics(self.tilt)._asdict(),
             "heading_error_rad": statistics(np.abs(self.heading))._asdict(),
@@ -89,7 +92,8 @@ class AttitudeEvaluation:
 
     def lines(self) -> Iterator[str | TextTable]:
         """Yield the text of the evaluation, as ``evaluate`` prints it."""
-        yield from heading_lines(self.topic or "attitude", self.t_ns, self.without_truth)
+        topic = self.topic or "attitude"
+        yield from heading_lines(topic, self.t_ns, self.without_truth, self.coverage)
         sizes = np.linalg.norm(self.attitude, axis=1), self.tilt, np.abs(self.heading)
         yield statistics_table(
             (f"{name} [deg]", statistics(np.degrees(size))._asdict())
@@ -99,18 +103,20 @@ class AttitudeEvaluation:
         yield nees_line(self.nees, self.no_nees)
 
 
-def counts(t_ns: Times, without_truth: int) -> dict[str, Any]:
+def counts(t_ns: Times, without_truth: int, covered: Coverage) -> dict[str, Any]:
     """Return the number of samples that are compared and left out, and the time they span."""
     return {
         "samples": len(t_ns),
         "samples_without_truth": without_truth,
         "duration_s": float(t_ns[-1] - t_ns[0]) * 1e-9,
+        **covered.to_dict(),
     }
 
 
-def heading_lines(topic: str, t_ns: Times, without_truth: int) -> Iterator[str]:
+def heading_lines(topic: str, t_ns: Times, without_truth: int, covered: Coverage) -> Iterator[str]:
     """Yield what is compared, and how much of it has no truth."""
     yield f"{topic}: {len(t_ns)} samples, {float(t_ns[-1] - t_ns[0]) * 1e-9:.6g} s"
+    yield coverage_line(covered.to_dict())
     if without_truth:
         yield f"{without_truth} samples skipped: no truth at their times"
 
@@ -198,4 +204,5 @@ def compared_attitudes(
     errors = attitude_errors(q, true)
     found = (None, None) if covariance is None else stated_consistency(errors, covariance[rows])
     angles = tilt_and_heading(q, true)
-    return AttitudeEvaluation(t_ns[rows], errors, *angles, len(t_ns) - len(rows), *found)
+    covered = coverage(t_ns, truth.t_ns, max_gap)
+    return AttitudeEvaluation(t_ns[rows], errors, *angles, covered, len(t_ns) - len(rows), *found)

@@ -417,7 +417,8 @@ def lines(made: Campaign) -> Iterator[str | TextTable]:
     """Yield the text of a campaign's results."""
     metric, found = made.judgement.metric, groups(made.runs, made.plan.grid_names)
     rows = [_row(group, metric) for group in found[:_SHOWN]]
-    header = ["cell", "estimator", "done", "median", "95 % interval", "p95", "NEES (band)"]
+    header = ["cell", "estimator", "done", "coverage", "median", "95 % interval", "p95"]
+    header.append("NEES (band)")
     yield TextTable(header, rows, f"{metric}, median with 95 % interval")
     if len(found) > _SHOWN:
         yield (f"{len(found) - _SHOWN} more in {made.folder / 'summary.csv'}")
@@ -486,11 +487,17 @@ def _row(group: Group, metric: str) -> list[str]:
         group.cell,
         group.estimator,
         f"{group.done} of {len(group.rows)}",
+        _coverage(group),
         _number(median.value),
         " - ".join(ends),
         _number(p95.value),
         _consistency(group),
     ]
+
+
+def _coverage(group: Group) -> str:
+    covered = group.coverage()
+    return "-" if covered is None else f"{100.0 * covered:.3g} %"
 
 
 def _consistency(group: Group) -> str:

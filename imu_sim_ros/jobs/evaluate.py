@@ -39,6 +39,7 @@ from imu_sim_ros.navigation.association import (
 )
 from imu_sim_ros.navigation.association import align as laid_on
 from imu_sim_ros.navigation.association import time_offset as time_offset_of
+from imu_sim_ros.navigation.coverage import Coverage, coverage, coverage_line
 from imu_sim_ros.navigation.evaluation import (
     DELTA_UNITS,
     RelativeErrors,
@@ -100,6 +101,8 @@ class Evaluation:
     """none, yaw, se3 or sim3."""
     without_truth: int
     """Poses of the estimate that are left out: the truth has none at their times."""
+    coverage: Coverage
+    """How much of the truth's time is estimated, which errors cannot show."""
     nees: dict[str, Any] | None = None
     """``position``, ``attitude`` and ``velocity``, each with ``mean``, ``final`` and
     ``inside_band``; None without a covariance that allows it, see `no_nees`."""
@@ -114,7 +117,8 @@ class Evaluation:
 
     def __repr__(self) -> str:
         return (
-            f"<Evaluation of {len(self.t_ns)} poses, {self.distance:.4g} m: "
+            f"<Evaluation of {len(self.t_ns)} poses, {self.coverage.words()}, "
+            f"{self.distance:.4g} m: "
             f"position {self.rms_position:.4g} m rms, attitude {self.rms_attitude:.4g} rad rms>"
         )
 
@@ -168,6 +172,7 @@ class Evaluation:
             "poses": len(self.t_ns),
             "poses_without_truth": self.without_truth,
             "duration_s": float(self.t_ns[-1] - self.t_ns[0]) * 1e-9,
+            **self.coverage.to_dict(),
             "distance_m": self.distance,
             "alignment": {
                 "kind": self.kind,
@@ -366,7 +371,8 @@ def evaluate(
         path's length up to half of it
     :param time_offset: find the time offset of the estimate from the motion (up to 1 s) and remove
         it before comparing
-    :param max_gap: do not interpolate the truth across longer gaps [s]
+    :param max_gap: do not interpolate the truth across longer gaps, nor count them as covered by
+        the estimate [s]
     :param tracks: folder of generate --format tracks: report the reprojection error, in pixels, of
         its landmarks as seen from the estimate; poses further apart than 20 ms are not interpolated
     :param imu: for an orientation: the sensor, whose imu.mounting applies; by default aligned with
@@ -380,10 +386,10 @@ def evaluate(
     >>> import imu_sim_ros as ims
     >>> flight = ims.simulate(imu="navigation", trajectory="circle", duration=30, seed=1)
     >>> ims.evaluate(ims.dead_reckon(flight), flight.truth)
-    <Evaluation of 6000 poses, 74.99 m: position 0.1208 m rms, attitude 3.995e-05 rad rms>
+    <Evaluation of 6000 poses, coverage 100 %, 74.99 m: position 0.1208 m rms, ...>
     >>> board = ims.simulate(imu="mti3", duration=10, sensors=["orientation"], seed=1)
     >>> ims.evaluate(board.orientation, board.truth)
-    <AttitudeEvaluation of 2000 attitudes: tilt 0.02025 rad rms, heading 0.03832 rad rms>
+    <AttitudeEvaluation of 2000 attitudes, coverage 100 %: tilt 0.02025 rad rms, heading ...>
     """
     number("max_gap", max_gap, "a number of seconds above 0", 0.0, above=True)
     one_of("align", align, ALIGNMENTS)
@@ -495,6 +501,7 @@ def compared(
         alignment,
         align,
         len(estimate.poses.t_ns) - len(rows),
+        coverage(estimate.poses.t_ns, truth.poses.t_ns, max_gap),
         found,
         why,
         offset,
@@ -541,6 +548,7 @@ def _lines(result: Mapping[str, Any]) -> Iterator[str | TextTable]:
         f"{result['poses']} poses, {result['duration_s']:.6g} s, {result['distance_m']:.6g} m, "
         f"alignment: {result['alignment']['kind']}"
     )
+    yield coverage_line(result)
     if result["poses_without_truth"]:
         yield f"{result['poses_without_truth']} poses skipped: no truth at their times"
     if result["alignment"]["kind"] == "sim3":

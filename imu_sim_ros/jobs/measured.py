@@ -30,6 +30,7 @@ from imu_sim_ros.jobs.attitude import (
 )
 from imu_sim_ros.jobs.tracks import read_track, truth_topic
 from imu_sim_ros.navigation.association import common_rows, interpolate_vectors
+from imu_sim_ros.navigation.coverage import Coverage, coverage
 from imu_sim_ros.sensors import known_tables
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.text_tables import TextTable
@@ -52,6 +53,8 @@ class ReadingsEvaluation:
     """(m, k) and minus the true bias; None if the recording does not have it."""
     without_truth: int
     """Readings that are left out: the truth has none at their times."""
+    coverage: Coverage
+    """How much of the truth's time has readings."""
     nees: dict[str, Any] | None
     """Over the samples that state a covariance: ``mean``, ``inside_band`` and what is expected."""
     no_nees: str | None
@@ -61,7 +64,10 @@ class ReadingsEvaluation:
 
     def __repr__(self) -> str:
         rms = np.array2string(np.sqrt(np.mean(self.error**2, axis=0)), precision=3)
-        return f"<ReadingsEvaluation of {len(self.t_ns)} {self.kind}: {rms} {self.unit} rms>"
+        return (
+            f"<ReadingsEvaluation of {len(self.t_ns)} {self.kind}, {self.coverage.words()}: "
+            f"{rms} {self.unit} rms>"
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return all errors in plain types, as ``evaluate --json`` prints them."""
@@ -69,7 +75,7 @@ class ReadingsEvaluation:
         return {
             "topic": self.topic,
             "kind": self.kind,
-            **counts(self.t_ns, self.without_truth),
+            **counts(self.t_ns, self.without_truth, self.coverage),
             "unit": self.unit,
             "error": _moments(self.error),
             "error_without_bias": None if free is None else _moments(free),
@@ -79,7 +85,7 @@ class ReadingsEvaluation:
 
     def lines(self) -> Iterator[str | TextTable]:
         """Yield the text of the evaluation, as ``evaluate`` prints it."""
-        yield from heading_lines(self.topic, self.t_ns, self.without_truth)
+        yield from heading_lines(self.topic, self.t_ns, self.without_truth, self.coverage)
         yield from _moments_tables(self)
         yield nees_line(self.nees, self.no_nees)
 
@@ -161,8 +167,9 @@ def _readings(
         without_bias = errors - interpolate_vectors(bias_t_ns, bias, t_ns)
         found, why = stated_consistency(without_bias, measured.covariance[rows])
     left_out = len(measured.t_ns) - len(rows)
-    unit = table.quantity.unit
-    return ReadingsEvaluation(table.name, unit, t_ns, errors, without_bias, left_out, found, why)
+    covered = coverage(measured.t_ns, ideal.t_ns, max_gap)
+    what, nees = (table.name, table.quantity.unit), (found, why)
+    return ReadingsEvaluation(*what, t_ns, errors, without_bias, left_out, covered, *nees)
 
 
 def _moments(errors: Array) -> dict[str, list[float]]:

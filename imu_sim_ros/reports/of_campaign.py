@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros.campaigns.metrics import SUCCESS, Tolerance, better
+from imu_sim_ros.campaigns.metrics import COVERED, SUCCESS, Tolerance, better
 from imu_sim_ros.campaigns.plan import Plan, load_plan
 from imu_sim_ros.campaigns.results import LOG, TABLE, Row, read_results
 from imu_sim_ros.campaigns.statistics import quantile
@@ -111,7 +111,8 @@ def _results(
 ) -> Section:
     names = ["seed", "estimator", "status", *plan.grid_names, *metrics, "cell"]
     shown = [name for name in ("estimator", *plan.grid_names) if name in varying_names(found)]
-    shown = ["seed", *shown, "status", *dict.fromkeys([chosen, *metrics[:5]])]
+    first = [name for name in ("coverage", *metrics[:5]) if name in metrics]
+    shown = ["seed", *shown, "status", *dict.fromkeys([chosen, *first])]
     varying = varying_names(found)
     item: Item = {
         "kind": "campaign",
@@ -119,6 +120,7 @@ def _results(
         "metric": chosen,
         "metrics": [
             {"name": name, "label": label(name), "better": better(name, plan.own)}
+            | {"of_failed": name in COVERED}
             for name in (*metrics, SUCCESS)
         ],
         "grid": list(plan.grid_names),
@@ -296,6 +298,7 @@ def _cells(plan: Plan, found: Sequence[Group], metrics: Sequence[str], chosen: s
     items: list[Item] = [{"kind": "text", "text": text, "faint": True}]
     cells = table("cells", header, rows, search=True)
     first = [f"{chosen} {part}" for part in ("median", "low", "high", "p95")]
+    first += [name for name in ("coverage median",) if name in header]
     cells["printed"] = len(rows)
     cells["shown"] = ["no.", *varying, "done", "runs", *first]
     return Section("Cells", [*items, cells])

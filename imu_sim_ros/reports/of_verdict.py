@@ -16,6 +16,7 @@ from imu_sim_ros.campaigns.effects import (
     Effect,
 )
 from imu_sim_ros.campaigns.plan import Plan
+from imu_sim_ros.campaigns.results import numbers
 from imu_sim_ros.campaigns.statistics import ConfidenceInterval
 from imu_sim_ros.campaigns.summary import Group
 from imu_sim_ros.campaigns.verdict import (
@@ -146,14 +147,14 @@ def _table(contest: Contest, judged: Judgement) -> Item | None:
     for place, name in enumerate(contest.ranking, 1):
         standing, effect = standings[name], effects.get(name)
         row: list[Any] = [None if name in contest.unranked else place, name]
-        row += [f"{standing.done} of {standing.runs}", standing.median.value]
+        row += [f"{standing.done} of {standing.runs}", standing.coverage, standing.median.value]
         if effect is None:
             row += [""] * 3 + [None, ""]
         else:
             p = None if effect.p is None else float(f"{effect.p:.2g}")
             row += [_brief(effect, True), *_ends(effect), p, _TURNED[effect.verdict]]
         rows.append(row)
-    header = ["no.", contest.factor, "done", f"median {judged.metric}", f"than {first}"]
+    header = ["no.", contest.factor, "done", "coverage", f"median {judged.metric}", f"than {first}"]
     header += ["95 %", "95 %, all at once", "p (Holm)", "is"]
     return table("", header, rows, search=False)
 
@@ -275,11 +276,11 @@ def _members(contest: Contest, found: Sequence[Group]) -> dict[str, Group]:
 
 def _seeds(a: Group, b: Group, metric: str, ratio: bool) -> list[float]:
     """Return A / B, or A - B, of each seed on which both have the metric."""
-    theirs = {row["seed"]: row.get(metric) for row in b.rows if row["status"] == "done"}
-    pairs = [
-        (row.get(metric), theirs.get(row["seed"])) for row in a.rows if row["status"] == "done"
-    ]
-    known = [(one, other) for one, other in pairs if one is not None and other is not None]
+    ours, theirs = (
+        {row["seed"]: value for row in group.rows for value in numbers([row], metric)}
+        for group in (a, b)
+    )
+    known = [(value, theirs[seed]) for seed, value in ours.items() if seed in theirs]
     if ratio:
         return [one / other for one, other in known[:_MAX_SEEDS] if other]
     return [one - other for one, other in known[:_MAX_SEEDS]]

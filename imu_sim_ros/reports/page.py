@@ -12,6 +12,7 @@ the page's own script, by its hash, and fetch nothing.
 import base64
 import hashlib
 import html as markup
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from importlib import resources
 from typing import Any, Final, NamedTuple
@@ -28,6 +29,8 @@ SERIES_COLOURS: Final = 7
 """Colours of series, ``SERIES_COLOURS`` in base.js; beyond them lines are dashed."""
 _STYLE: Final = "page.css"
 _DIGITS: Final = 6
+_USUAL: Final = 0.9
+"""Share of a column's values from which the usual one is written once, and the others by row."""
 _PACKED: Final = 500
 """Numbers from which a column is written as floats: 5.3 letters each, not some 8."""
 
@@ -86,8 +89,13 @@ def _shortened(value: float) -> float | int:
 
 
 def column(name: str, values: Iterable[Any]) -> Item:
-    """Return a table's column; repeated strings are written once, many numbers as floats."""
+    """Return a table's column; what recurs is written once, many numbers as floats."""
     found = list(values)
+    if len(found) > _PACKED:
+        usual = max(counted := Counter(found), key=counted.__getitem__)
+        if counted[usual] > _USUAL * len(found):
+            others = [[row, value] for row, value in enumerate(found) if value != usual]
+            return {"name": name, "usual": usual, "count": len(found), "others": others}
     words = list(dict.fromkeys(value for value in found if isinstance(value, str)))
     if (
         words

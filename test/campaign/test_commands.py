@@ -140,7 +140,8 @@ with AnyReader([Path(sys.argv[1])]) as reader:
 assert counts == {"/imu/data_raw": 200, "/ground_truth/odom": 200}, counts
 open(sys.argv[2], "w").write("1 0 0 0 0 0 0 1\\n2 0 0 0 0 0 0 1\\n")
 """
-    assert run(program, "{dataset} {estimate}", dataset=form, align="none")["status"] == "done"
+    options = {"dataset": form, "align": "none", "coverage": 0.0}
+    assert run(program, "{dataset} {estimate}", **options)["status"] == "done"
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from imu_sim_ros.bags.messages.encode import VECTOR3_STAMPED, Vector3StampedEnco
 from imu_sim_ros.bags.messages.encode_cameras import IMAGE, ImageEncoder
 from imu_sim_ros.bags.read import read_imu
 from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.campaigns.metrics import COVERED
 from imu_sim_ros.campaigns.plan import load_plan
 from imu_sim_ros.campaigns.results import read_results
 from imu_sim_ros.campaigns.verdict import headline, judge
@@ -76,6 +77,13 @@ def test_numbers_are_short_and_finite():
         "name": "a",
         "words": ["x", "y"],
         "index": [0, 0, 1, 0, None],
+    }
+    values = [1.0] * 600 + [None, 0.2]
+    assert column("a", values) == {
+        "name": "a",
+        "usual": 1.0,
+        "count": 602,
+        "others": [[600, None], [601, 0.2]],
     }
 
 
@@ -138,7 +146,7 @@ def test_a_page_of_10_000_runs_is_small(results, tmp_path):
             for row in rows:
                 factor = rng.uniform(0.5, 2.0)
                 moved = {n: v * factor for n, v in row.items() if isinstance(v, float)}
-                moved["imu.gyroscope_bias"] = row["imu.gyroscope_bias"]
+                moved |= {name: row[name] for name in ("imu.gyroscope_bias", *COVERED)}
                 writer.writerow({**row, **moved, "seed": row["seed"] + 6 * k})
     (folder / "plan.yaml").write_bytes((results / "plan.yaml").read_bytes())
     page = page_of(folder, tmp_path)

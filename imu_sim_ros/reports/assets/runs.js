@@ -126,6 +126,7 @@ class Campaign {
 
   // The values of the metric in the runs that the search leaves, sorted, by the chosen division.
   // Failed runs are the worst: at the end, infinite; where lower is not better, at the beginning.
+  // How long a trajectory lasts is known of them, too.
   divided() {
     const numbers = this.values(this.metric.name), found = new Map(), worst = this.metric.better === "higher" ? -Infinity : Infinity;
     const names = this.by ? this.values(this.by) : null, cells = this.values("cell"), estimators = this.values("estimator");
@@ -133,15 +134,16 @@ class Campaign {
     for (const row of [...this.rows].sort((a, b) => a - b)) {
       const done = states[row] === "done";
       if (done && numbers[row] === null) continue;
+      const known = done || (this.metric.of_failed && numbers[row] !== null);
       const own = this.group.get(`${cells[row]}\n${estimators[row]}`);
       const name = names ? `${this.by} = ${inWords(names[row], 6)}` : own ? own.label : cells[row];
       if (!found.has(name)) found.set(name, { name, numbers: [], failed: 0, row, estimator: estimators[row], place: own ? own.place : name });
       const group = found.get(name);
       if (group.estimator !== estimators[row]) group.estimator = null;
-      group.numbers.push(done ? numbers[row] : worst);
+      group.numbers.push(known ? numbers[row] : worst);
       if (!done) group.failed += 1;
     }
-    const groups = [...found.values()].filter((group) => group.failed < group.numbers.length);
+    const groups = [...found.values()].filter((group) => group.numbers.some(Number.isFinite));
     for (const group of groups) {
       group.numbers.sort((a, b) => a - b);
       if (group.failed) group.name += ` (${group.numbers.length - group.failed} of ${group.numbers.length} done)`;

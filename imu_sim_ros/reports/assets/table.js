@@ -5,9 +5,15 @@
 const PAGE = 25;
 const PRINTED = 10;  // rows on paper, where nobody turns over; a table may ask for more
 
-// A column comes as {name, values}, as {name, words, index} where few strings stand often, or as
-// {name, f4}, the base64 of little-endian floats, NaN for what is missing.
+// A column comes as {name, values}, as {name, usual, count, others: [[row, value]]} where one value
+// stands nearly everywhere, as {name, words, index} where few strings stand often, or as {name, f4},
+// the base64 of little-endian floats, NaN for what is missing.
 function unpacked(column) {
+  if (column.others) {
+    const found = Array(column.count).fill(column.usual);
+    for (const [row, value] of column.others) found[row] = value;
+    return found;
+  }
   if (column.words) return column.index.map((k) => (k === null ? null : column.words[k]));
   if (!column.f4) return column.values;
   const bytes = Uint8Array.from(atob(column.f4), (letter) => letter.charCodeAt(0));

@@ -80,6 +80,34 @@ def test_other_stamps_are_interpolated(tmp_path, truth, capsys):
     assert found["ate_m"]["max"] < 1.1 * 0.05**2 / 8
 
 
+def test_what_is_not_estimated_is_told(tmp_path, truth, capsys):
+    """The first 1.95 s of 20 s; then two poses, which an alignment brings to the truth."""
+    poses = track()
+    start = saved(tmp_path, PoseSequence(*(part[:40] for part in poses[:3])))
+    found = result(capsys, start, truth)
+    assert found["coverage"] == pytest.approx(1.95 / 20.0)
+    assert (found["estimated_s"], found["truth_s"]) == pytest.approx((1.95, 20.0))
+    assert found["time_to_failure_s"] == pytest.approx(1.95)
+    assert found["initialisation_s"] == 0.0
+    line = (
+        "coverage: 9.75 %, 1.95 of 20 s of the truth; begins after 0 s and breaks off after "
+        "1.95 s: the errors below say nothing about the rest"
+    )
+    assert line in run(capsys, start, truth)[1].splitlines()
+    ends = saved(tmp_path, PoseSequence(*(part[[0, 400]] for part in poses[:3])))
+    assert result(capsys, ends, truth, "--align", "yaw")["ate_m"]["rmse"] < 1e-9
+    assert "coverage: 0 %, 0 of 20 s" in run(capsys, ends, truth)[1]
+    # One pose a second has gaps, unless they are allowed.
+    slow = saved(tmp_path, PoseSequence(*(part[::20] for part in poses[:3])))
+    assert result(capsys, slow, truth)["coverage"] == 0.0
+    assert result(capsys, slow, truth, "--max-gap", "1.5s")["coverage"] == 1.0
+    late = saved(tmp_path, PoseSequence(*(part[60:] for part in poses[:3])))
+    assert (
+        "coverage: 100 %, 17 of 20 s of the truth, 3 s allowed for the start\n"
+        in (run(capsys, late, truth)[1])
+    )
+
+
 def test_rpe_over_what_is_asked_for(tmp_path, truth, capsys):
     poses = track()
     t = (poses.t_ns - START) * 1e-9

@@ -1,0 +1,141 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""How much of the truth's time an estimate covers, and when it first breaks off.
+
+Errors are means over the poses that there are: an estimator that stops in time has small ones.
+"""
+
+from collections.abc import Mapping
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from imu_sim_ros.types import Array, Integers, Mask, Times
+
+LEAST: Final = 0.9
+"""Coverage below which errors do not speak for the whole motion."""
+MAX_GAP: Final = 0.5
+"""[s] Poses further apart have a gap between them, which is not covered."""
+ALLOWANCE: Final = 5.0
+"""[s] Time before the first pose that is not held against an estimate, which has to initialise."""
+LARGEST_ALLOWANCE: Final = 0.25
+"""Of the truth's time: the allowance ends there, or a short motion need not be estimated at all."""
+
+
+class Coverage(NamedTuple):
+    """The time that an estimate and its truth have in common."""
+
+    share: float
+    """Of the truth's time, without the allowance for the start: 0 to 1."""
+    estimated_s: float
+    """Truth's time between poses of the estimate that have no gap between them [s]."""
+    truth_s: float
+    """Truth's time, without gaps of the truth [s]."""
+    initialisation_s: float
+    """Truth's time before the first pose [s]."""
+    allowed_s: float
+    """The part of it that does not count [s]."""
+    time_to_failure_s: float
+    """Truth's time until the estimate first breaks off, by a gap or by its end [s]."""
+
+    def words(self) -> str:
+        """Return it as ``coverage 9.75 %``."""
+        return f"coverage {100.0 * self.share:.3g} %"
+
+    def to_dict(self) -> dict[str, float]:
+        """Return the numbers by the names that results have."""
+        return {
+            "coverage": self.share,
+            "estimated_s": self.estimated_s,
+            "truth_s": self.truth_s,
+            "initialisation_s": self.initialisation_s,
+            "initialisation_allowed_s": self.allowed_s,
+            "time_to_failure_s": self.time_to_failure_s,
+        }
+
+
+def coverage_line(result: Mapping[str, Any]) -> str:
+    """Return the numbers of :meth:`Coverage.to_dict`, and what they mean for the errors."""
+    words = (
+        f"coverage: {100.0 * result['coverage']:.4g} %, {result['estimated_s']:.6g} of "
+        f"{result['truth_s']:.6g} s of the truth"
+    )
+    if result["initialisation_allowed_s"]:
+        words += f", {result['initialisation_allowed_s']:.6g} s allowed for the start"
+    if result["coverage"] >= LEAST:
+        return words
+    return (
+        f"{words}; begins after {result['initialisation_s']:.6g} s and breaks off after "
+        f"{result['time_to_failure_s']:.6g} s: the errors below say nothing about the rest"
+    )
+
+
+class TruthTime:
+    """The clock of a truth: it stands still where the truth has a gap."""
+
+    def __init__(self, truth_ns: Times, max_gap: float) -> None:
+        """Set the clock to zero at the first stamp.
+
+        :param truth_ns: (n,) stamps [ns], increasing, n > 1.
+        :param max_gap: longer intervals are gaps [s]; if all are, the truth is slow and none is.
+        """
+        steps = np.diff(truth_ns)
+        known = steps * 1e-9 <= max_gap
+        self._known: Mask = known if known.any() else np.ones(len(steps), np.bool_)
+        self._stamps = truth_ns
+        self._at_stamps = np.concatenate([[0], np.cumsum(np.where(self._known, steps, 0))])
+
+    @property
+    def whole_ns(self) -> int:
+        """The truth's time [ns]."""
+        return int(self._at_stamps[-1])
+
+    def at(self, t_ns: Times) -> Integers:
+        """Return the truth's time at stamps (m,) [ns]; before and after it, that of its ends."""
+        inside = np.clip(t_ns, self._stamps[0], self._stamps[-1])
+        before = np.searchsorted(self._stamps, inside, side="right") - 1
+        before = np.minimum(before, len(self._known) - 1)
+        since = np.where(self._known[before], inside - self._stamps[before], 0)
+        found: Integers = self._at_stamps[before] + since
+        return found
+
+
+def coverage(
+    estimate_ns: Times,
+    truth_ns: Times,
+    max_gap: float = MAX_GAP,
+    allowance: float = ALLOWANCE,
+    *,
+    failed: Mask | None = None,
+) -> Coverage:
+    """Return how much of the truth's time an estimate covers.
+
+    With the truth's time T, the time E between poses without a gap, and the allowed part A of the
+    time before the first pose, the coverage is E / (T - A), where A is at most ``allowance`` and
+    at most a quarter of T.
+
+    :param estimate_ns: (n,) stamps of the estimate [ns], increasing.
+    :param truth_ns: (m,) stamps of the truth [ns], increasing, m > 1.
+    :param max_gap: longer intervals are gaps, of the estimate and of the truth [s].
+    :param allowance: for the start [s].
+    :param failed: (n,) poses with which the estimate has failed, however long it goes on.
+    """
+    clock = TruthTime(truth_ns, max_gap)
+    at_ns = clock.at(estimate_ns)
+    held: Mask = np.diff(estimate_ns) * 1e-9 <= max_gap
+    estimated = int(np.sum(np.diff(at_ns)[held]))
+    first = int(at_ns[0]) if len(at_ns) else clock.whole_ns
+    allowed = min(first, round(allowance * 1e9), int(LARGEST_ALLOWANCE * clock.whole_ns))
+    breaks: Mask = np.append(~held, True)
+    if failed is not None:
+        breaks = breaks | failed
+    failure = int(at_ns[np.argmax(breaks)]) if len(at_ns) else 0
+    times = (estimated, clock.whole_ns, first, allowed, failure)
+    share = estimated / (clock.whole_ns - allowed)
+    return Coverage(share, *(1e-9 * time for time in times))
+
+
+def beyond(errors: Array, limit: float) -> Mask | None:
+    """Return which lengths of errors (n, 3) are above a limit; None if it is 0, which is none."""
+    return np.linalg.norm(errors, axis=1) > limit if limit else None
