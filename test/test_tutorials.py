@@ -17,12 +17,15 @@ from imu_sim_ros import startup
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted(
-    page for page in (ROOT / "docs/tutorials").glob("*.md") if page.stem not in ("gallery",)
+    page
+    for page in (ROOT / "docs/tutorials").glob("*.md")
+    if page.stem not in ("gallery", "exercises")
 )
 GUIDES = [
     ROOT / f"docs/how_to/{name}.md"
     for name in ("ci_gate", "data_sheet", "own_place", "own_sensor", "own_trajectory")
 ]
+GUIDES += [ROOT / "docs/tutorials/exercises.md"]
 GUIDES += [ROOT / f"docs/how_to/{name}.md" for name in ("madgwick", "error_model", "migration")]
 NEEDS = {"vio_stack": "gtsam", "madgwick": "ahrs", "own_place": "embreex"}
 """Pages with a library that only the tests install."""
