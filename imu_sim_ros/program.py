@@ -20,6 +20,7 @@ from imu_sim_ros.errors import ConfigurationError, Remark, explain
 from imu_sim_ros.json_text import as_json
 from imu_sim_ros.names import unknown
 from imu_sim_ros.parameters import files
+from imu_sim_ros.progress import shown_by
 from imu_sim_ros.text_tables import TextTable, print_lines
 
 
@@ -107,18 +108,20 @@ def add_parameter_arguments(parser: argparse.ArgumentParser) -> None:
     add_options(parser.add_argument_group("parameters (later ones win)"), _PARAMETERS)
 
 
-def parameter_layers(arguments: argparse.Namespace, node: str) -> list[Mapping[str, object]]:
-    """Return what files and ``--set`` give to a node, in order; all bad files are reported."""
-    layers: list[Mapping[str, object]] = []
+def parameter_layers(
+    arguments: argparse.Namespace, node: str
+) -> tuple[dict[str, object], dict[str, object]]:
+    """Return what files give to a node, and what ``--set`` does; all bad files are reported."""
+    layers: dict[str, object] = {}
     problems: list[str] = []
     for path in arguments.params_file:
         try:
-            layers.append(files.load(path, node))
+            layers.update(files.load(path, node))
         except ConfigurationError as error:
             problems += error.problems
     if problems:
         raise ConfigurationError(problems)
-    return [*layers, dict(arguments.set)]
+    return layers, dict(arguments.set)
 
 
 def given(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
@@ -458,7 +461,11 @@ def main(
         return 1
     except Exception as error:  # an argument of an unforeseen kind
         return _report_error(made.prog, error, debug=False)
-    return run(made.prog, lambda: command(arguments), getattr(arguments, "debug", False))
+    debug = getattr(arguments, "debug", False)
+    if any(getattr(arguments, name, False) for name in ("quiet", "json")):
+        return run(made.prog, lambda: command(arguments), debug)
+    with shown_by(progress):
+        return run(made.prog, lambda: command(arguments), debug)
 
 
 @contextmanager

@@ -21,14 +21,15 @@ Its help is the text of ``:param``, its default that of the signature.
 import inspect
 import re
 from argparse import ArgumentTypeError, Namespace
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 from imu_sim_ros import timebase
-from imu_sim_ros.errors import ConfigurationError, ImuSimError
+from imu_sim_ros.errors import ImuSimError
 
 Found = TypeVar("Found")
+_NONE: Mapping[str, Any] = {}
 
 
 def arguments_of(job: Callable[..., object]) -> dict[str, dict[str, Any]]:
@@ -43,27 +44,38 @@ def arguments_of(job: Callable[..., object]) -> dict[str, dict[str, Any]]:
     }
 
 
-def call(job: Callable[..., Found], arguments: Namespace, **more: Any) -> Found:
+def call(
+    job: Callable[..., Found],
+    arguments: Namespace,
+    below: Mapping[str, Any] = _NONE,
+    above: Mapping[str, Any] = _NONE,
+) -> Found:
     """Return the result of a job with the arguments that are given.
 
-    :raises ConfigurationError: of the job; its lines name the options.
+    :param below: parameters by name, such as those of files, over which the arguments win.
+    :param above: parameters that win over the arguments, such as those of ``--set``.
+    :raises ImuSimError: of the job; its lines name the options.
     """
     values = {parameter.name: getattr(arguments, parameter.name) for parameter in _parameters(job)}
     given = {name: value for name, value in values.items() if value is not None}
+    options = {
+        parameter.name: [word for word in _written(parameter).split() if word[:2] == "--"][-1]
+        for parameter in _parameters(job)
+        if parameter.default is not parameter.empty
+    }
+    # A parameter of ROS has the name of the option: initial_state for --initial-state.
+    names = {option.strip("-").replace("-", "_"): name for name, option in options.items()}
+    below, above = (
+        {names.get(name, name): value for name, value in layer.items()} for layer in (below, above)
+    )
     try:
-        return job(**given, **more)
-    except ConfigurationError as error:
-        names = {p.name: _written(p).split() for p in _parameters(job) if p.default is not p.empty}
-        options = {
-            name: [word for word in words if word.startswith("--")][-1]
-            for name, words in names.items()
-        }
-        lines = [
-            re.sub(r"^(\w+) = ", lambda name: f"{options.get(name[1], name[1])} ", line)
-            if line.partition(" = ")[0] in options
-            else line
-            for line in error.problems
-        ]
+        return job(**{**below, **given, **above})
+    except ImuSimError as error:
+        lines = []
+        for line in error.problems:
+            name, _, rest = line.partition(" = ")
+            own = name in given and name in options and name not in above
+            lines.append(f"{options[name]} {rest}" if own else line)
         raise type(error)(lines) from None
 
 
@@ -111,7 +123,7 @@ def _keywords(parameter: inspect.Parameter, text: str) -> dict[str, Any]:
     if isinstance(default, str | int | float) and default != "":
         number = "" if isinstance(default, str) else f"{default:g}"
         unit = "s" if number and metavar == "TIME" else ""
-        text = f"{text} (default: {number or default}{unit})"
+        text = f"{text.removesuffix(' [s]')} (default: {number or default}{unit})"
     return {**found, "help": _help(text)}
 
 

@@ -23,7 +23,7 @@ LOW = {
     "__version__",
     "types",
     *("arguments", "conventions", "errors", "inputs", "json_text", "machine", "names"),
-    *("parameters", "poses", "random_streams", "rotation", "text_tables", "timebase"),
+    *("parameters", "poses", "progress", "random_streams", "rotation", "text_tables", "timebase"),
 }
 BODY = LOW | {"places", "trajectory", "sensors"}
 ROOMS = {

@@ -78,7 +78,7 @@ def test_values_have_their_types() -> None:
 
 def test_help_has_the_texts_and_defaults() -> None:
     text = " ".join(program.Parser("job", arguments=arguments_of(job)).format_help().split())
-    assert "--gap TIME longest gap of 5 %, which goes on [s] (default: 0.5s)" in text
+    assert "--gap TIME longest gap of 5 %, which goes on (default: 0.5s)" in text
     assert "--count N a number (default: 3)" in text
     assert "--align {none,yaw} a word (default: none)" in text
     assert "--field T a field [T] --count" in text
@@ -100,6 +100,14 @@ def test_bad_words_are_one_line(words: str, line: str, capsys: Any) -> None:
     error = capsys.readouterr().err
     assert line in error
     assert error.count("\n") == 1
+
+
+def test_parameters_below_and_above_the_arguments() -> None:
+    arguments = program.Parser("job", arguments=arguments_of(job)).parse_every(
+        ["a", "--gap", "2s", "--count", "4"]
+    )
+    found = call(job, arguments, below={"gap": 1.0, "field": 3.0}, above={"count": 5})
+    assert (found["gap"], found["strength"], found["count"]) == (2.0, 3.0, 5)
 
 
 def test_problems_name_the_options() -> None:

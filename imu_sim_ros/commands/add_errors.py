@@ -72,10 +72,7 @@ def add_errors(arguments: argparse.Namespace) -> None:
 
 def _layers(arguments: argparse.Namespace) -> dict[str, object]:
     """Return the parameters that files and arguments give."""
-    *of_files, own = program.parameter_layers(arguments, NODE)
-    result: dict[str, object] = {}
-    for layer in of_files:
-        result |= layer
+    result, own = program.parameter_layers(arguments, NODE)
     if arguments.imu is not None:
         result["imu.preset"] = arguments.imu
     return {**result, **program.given(arguments, "rate", "seed"), **own}

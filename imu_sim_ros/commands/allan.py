@@ -8,18 +8,17 @@ Allan curve; see imu_sim_ros.calibration.
 """
 
 import argparse
-import sys
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Final
 
 from imu_sim_ros import program
-from imu_sim_ros.bags.read import open_bag
-from imu_sim_ros.calibration.noise.analysis import MODELS
-from imu_sim_ros.calibration.noise.truth import load_truth
-from imu_sim_ros.commands.common import FORCE, SKIP_BAD_ROWS, outputs, skipped_rows
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.jobs.allan import FILES, Noise, lines, of_files, write_files
+from imu_sim_ros.calibration.noise.truth import Comparison, load_truth
+from imu_sim_ros.commands.common import FORCE, outputs
+from imu_sim_ros.jobs.allan import FILES, Noise, allan, write_files
+from imu_sim_ros.signatures import arguments_of, call
+from imu_sim_ros.text_tables import TextTable
 
 EXAMPLES: Final = """
 allan rest.mcap -o allan
@@ -29,22 +28,10 @@ allan rest.mcap --truth adis16448 --no-files --json
 
 
 _ARGUMENTS: Final = {
-    "bags BAG": {
-        "nargs": "+",
-        "help": "bag, EuRoC folder or CSV file of one IMU at rest; several bags are combined",
-    },
-    "--topic TOPIC": "sensor_msgs/Imu topic, if a bag has several",
+    **arguments_of(allan),
     "-o --output DIR": "folder for the files (default: allan)",
-    "--model": {
-        "choices": MODELS,
-        "default": "standard",
-        "help": "standard: Q, N, B, K and R as far as the data resolve them; gauss_markov: white "
-        "noise and a first-order Gauss-Markov process",
-    },
     "--truth NAME|FILE": "compare with the parameters that generated the bag: a name in "
     "config/imus or a file",
-    "--skip-checks": "continue when a check of the data fails",
-    **SKIP_BAD_ROWS,
     **FORCE,
     "--no-files": "write no files, print only",
     **program.JSON_AND_QUIET,
@@ -56,7 +43,7 @@ def parser() -> program.Parser:
     return program.Parser("allan", description=__doc__, examples=EXAMPLES, arguments=_ARGUMENTS)
 
 
-def allan(arguments: argparse.Namespace) -> None:
+def run(arguments: argparse.Namespace) -> None:
     """Analyse, write the files and print."""
     if arguments.truth:
         load_truth(arguments.truth)  # before the work begins
@@ -64,7 +51,7 @@ def allan(arguments: argparse.Namespace) -> None:
     folder = arguments.output or Path("allan")
     staging = None if arguments.no_files else written.add_files(folder, FILES)
     with written:
-        found = _analysed(arguments)
+        found = call(allan, arguments)
         comparisons = found.compare(arguments.truth) if arguments.truth else []
         if staging is not None:
             write_files(found, staging, arguments.topic or "/imu0")
@@ -74,35 +61,16 @@ def allan(arguments: argparse.Namespace) -> None:
     files = [] if arguments.no_files else [folder / name for name in found.files]
     compared = {"truth": [one.to_dict() for one in comparisons]} if comparisons else {}
     result = {**found.to_dict(), **compared}
-    program.print_result(arguments, result, lines(found.result, comparisons, files))
+    program.print_result(arguments, result, _lines(found, comparisons, files))
 
 
-def _analysed(arguments: argparse.Namespace) -> Noise:
-    count = sum(_count(bag, arguments.topic) for bag in arguments.bags)
-    with program.progress("read", count, arguments.quiet or arguments.json) as advance:
-        return of_files(
-            arguments.bags,
-            arguments.model,
-            arguments.skip_checks,
-            arguments.topic,
-            lambda path: skipped_rows(arguments, "allan", path),
-            advance,
-        )
+def _lines(
+    found: Noise, comparisons: list[Comparison], files: list[Path]
+) -> Iterator[str | TextTable]:
+    yield from found.lines(comparisons)
+    yield from map(str, files)
+    if files and found.result.reasons:
+        yield f"no configuration files: {', '.join(found.result.reasons)} not analysed"
 
 
-def _count(path: Path, topic: str | None) -> int:
-    """Return how many messages will be read, for the progress bar; 0 for text files."""
-    if not sys.stderr.isatty():
-        return 0
-    try:
-        with open_bag(path) as bag:
-            return sum(
-                info.count
-                for info in bag.topics
-                if info.type == "sensor_msgs/msg/Imu" and topic in (None, info.name)
-            )
-    except InputError:  # not a bag: a dataset, or the reader will say what is wrong
-        return 0
-
-
-main = partial(program.main, parser, allan)
+main = partial(program.main, parser, run)

@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace) -> None:
     written = outputs(argparse.Namespace(**{**vars(arguments), "inputs": inputs}))
     written.add(path, endings=(".html", ".htm"))
     with written:
-        made = call(report, arguments, output=written.where(path))
+        made = call(report, arguments, above={"output": written.where(path)})
     program.show(arguments, replace(made, output=path))
 
 

@@ -71,10 +71,8 @@ def add(parser: argparse.ArgumentParser) -> Any:
 
 def layers(arguments: argparse.Namespace) -> dict[str, object]:
     """Return all parameters by dotted name, and print warnings about unexpected effects."""
-    *in_files, last = program.parameter_layers(arguments, "simulator")
-    given: dict[str, object] = {}
-    for values in (*in_files, _short(arguments)):
-        given.update(values)
+    in_files, last = program.parameter_layers(arguments, "simulator")
+    given = {**in_files, **_short(arguments)}
     short = camera_layer(arguments.camera, arguments.scene)
     _put_short(given, short, len(arguments.camera))
     _put_sensors(given, arguments)
@@ -128,19 +126,18 @@ def _put_sensors(given: dict[str, object], arguments: argparse.Namespace) -> Non
 
 def _notes(
     arguments: argparse.Namespace,
-    in_files: Iterable[Mapping[str, object]],
+    in_files: Iterable[str],
     node: Iterable[str],
 ) -> Iterator[str]:
     """Yield a line for each allowed parameter with an unexpected effect.
 
-    :param in_files: the parameters that stand in files.
+    :param in_files: names of the parameters that stand in files.
     :param node: names of parameters that only a node has.
     """
     shown = dict.fromkeys(name.partition("./")[0] for name in node)  # one for all topics
     if shown:
         yield f"no effect in a file: {', '.join(shown)}"
-    every = dict.fromkeys(name for values in in_files for name in values)
-    above = [name for name in every if name.startswith("imu.") and name != "imu.preset"]
+    above = [name for name in in_files if name.startswith("imu.") and name != "imu.preset"]
     if arguments.imu is not None and above:
         others = f" and {len(above) - 3} more" if len(above) > 3 else ""
         yield (

@@ -13,16 +13,11 @@ from typing import Final
 from imu_sim_ros import program
 from imu_sim_ros.bags.messages.encode import NAV_SAT_FIX
 from imu_sim_ros.bags.messages.transforms import JOINT_STATE
-from imu_sim_ros.bags.read import open_bag, read_imu
+from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.bags.text.reader import is_text
-from imu_sim_ros.commands.common import COMMON, GRAVITY_OPTION, PoseReader, outputs, skipped_rows
-from imu_sim_ros.commands.tables import twin_lines
-from imu_sim_ros.jobs.readings import Readings
-from imu_sim_ros.jobs.twin import Twin
-from imu_sim_ros.jobs.twin import twin as find
-
-_OF_AIDING: Final = (NAV_SAT_FIX, JOINT_STATE)
-
+from imu_sim_ros.commands.common import FORCE, outputs
+from imu_sim_ros.jobs.twin import twin
+from imu_sim_ros.signatures import arguments_of, call
 
 EXAMPLES: Final = """
 twin flight.bag --truth mocap.tum -o twin
@@ -30,33 +25,21 @@ twin imu.csv --truth groundtruth.csv --fit 20s --json
 twin flight.mcap --truth flight.mcap --truth-topic /ground_truth/odom --no-files
 """
 _FILES: Final = ("twin.yaml", "twin.png")
-
-
+_OF_AIDING: Final = (NAV_SAT_FIX, JOINT_STATE)
 _ARGUMENTS: Final = {
-    "recording RECORDING": {"type": Path, "help": "bag, EuRoC folder or CSV file"},
+    **arguments_of(twin),
     "--truth POSES": {
         "type": Path,
         "required": True,
         "help": "true poses of the body: TUM or EuRoC text, or a bag",
-    },
-    "--topic TOPIC": "sensor_msgs/Imu topic, if the bag has several",
-    "--truth-topic TOPIC": "topic of the poses, if the bag has several",
-    "--fit TIME": "use this much of the recording, and compare the twin with the rest",
-    **GRAVITY_OPTION,
-    "--cutoff HZ": {
-        "default": 12.0,
-        "help": "count motion at higher frequencies as vibration (default: %(default)s)",
-    },
-    "--max-offset TIME": {
-        "default": 0.5,
-        "help": "largest offset between the two clocks to search for (default: %(default)s s)",
     },
     "-o --output DIR": {
         "default": Path("twin"),
         "help": "folder for twin.yaml and twin.png (default: twin)",
     },
     "--no-files": "write no files, print only",
-    **COMMON,
+    **FORCE,
+    **program.JSON_AND_QUIET,
 }
 
 
@@ -70,7 +53,7 @@ def run(arguments: argparse.Namespace) -> None:
     written = outputs(arguments)
     staging = None if arguments.no_files else written.add_files(arguments.output, _FILES)
     with written:
-        found = _found(arguments)
+        found = call(twin, arguments, above={"truth": arguments.truth})
         if staging is not None:
             from imu_sim_ros.plots import style
 
@@ -87,7 +70,7 @@ def run(arguments: argparse.Namespace) -> None:
     for warning in found.warnings:
         print(f"twin: warning: {warning}", file=sys.stderr)
     files = [] if arguments.no_files else [str(arguments.output / name) for name in _FILES]
-    program.print_result(arguments, found.as_json(), chain(twin_lines(found), files))
+    program.print_result(arguments, found.to_dict(), chain(found.lines(), files))
 
 
 def _aiding(recording: Path) -> list[str]:
@@ -97,20 +80,6 @@ def _aiding(recording: Path) -> list[str]:
     with open_bag(recording) as bag:
         topics = [one for one in bag.topics if one.count and "ground_truth/" not in one.name]
     return [t.name for t in topics if t.type in _OF_AIDING or t.name.endswith("wheel/odom")]
-
-
-def _found(arguments: argparse.Namespace) -> Twin:
-    left_out = skipped_rows(arguments, "twin", arguments.recording)
-    imu = read_imu(arguments.recording, arguments.topic, left_out)
-    poses = PoseReader(arguments, "twin")(arguments.truth, arguments.truth_topic)
-    return find(
-        Readings(imu.t_ns, imu.gyro, imu.accel, str(arguments.recording)),
-        poses,
-        fit=arguments.fit,
-        gravity=arguments.gravity,
-        cutoff=arguments.cutoff,
-        max_offset=arguments.max_offset,
-    )
 
 
 main = partial(program.main, parser, run)

@@ -5,11 +5,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import numpy as np
 
@@ -21,14 +21,16 @@ from imu_sim_ros.calibration.noise.estimate import Estimate
 from imu_sim_ros.calibration.noise.terms import quantity
 from imu_sim_ros.calibration.noise.truth import Comparison
 from imu_sim_ros.conventions import AXES, TRIADS
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.output import checked_place, saved
+from imu_sim_ros.jobs.output import SkipBadRows, checked_place, saved
 from imu_sim_ros.jobs.readings import Readings
+from imu_sim_ros.progress import progress
 from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.types import Array, Mask
 
 if TYPE_CHECKING:
-    from imu_sim_ros.inputs.rows import Skipped
     from imu_sim_ros.plots.style import Figure
 
 
@@ -146,6 +148,13 @@ class Noise:
             "warnings": list(self.warnings),
         }
 
+    def lines(self, comparisons: Sequence[Comparison] = ()) -> Iterator[str | TextTable]:
+        """Yield the text of the analysis, as ``allan`` prints it.
+
+        :param comparisons: with the truth, from :meth:`compare`.
+        """
+        return _lines(self.result, comparisons)
+
     def compare(self, imu: str | Path) -> list[Comparison]:
         """Return whether each interval contains the truth, for the sensor that was simulated.
 
@@ -221,20 +230,23 @@ def _draw(noise: Noise, path: Path) -> None:
 
 
 def allan(
-    source: Flight | Readings | str | Path | Sequence[str | Path],
+    source: Annotated[Flight | Readings | str | Path | Sequence[str | Path], "BAG"],
     *,
-    model: str = "standard",
-    force: bool = False,
-    topic: str | None = None,
+    topic: Annotated[str | None, "TOPIC"] = None,
+    model: Annotated[str, MODELS] = "standard",
+    force: Annotated[bool, "--skip-checks"] = False,
+    skip_bad_rows: SkipBadRows = False,
 ) -> Noise:
     """Return the noise parameters of an IMU at rest, with confidence.
 
-    :param source: a flight, readings, a file that :func:`imu_sim_ros.read_imu` reads, or several
-        files of one IMU, which are combined.
-    :param model: ``standard`` (quantisation, white noise, flicker, walk, ramp as far as the data
-        show them) or ``gauss_markov``.
-    :param force: continue when a check of the data fails.
-    :param topic: topic of the readings, for a bag with several IMUs.
+    The source may also be a flight or :class:`Readings`.
+
+    :param source: bag, EuRoC folder or CSV file of one IMU at rest; several bags are combined
+    :param topic: sensor_msgs/Imu topic, if a bag has several
+    :param model: standard: Q, N, B, K and R as far as the data resolve them; gauss_markov: white
+        noise and a first-order Gauss-Markov process
+    :param force: continue when a check of the data fails
+    :param skip_bad_rows: skip and count bad rows of text and bad messages of bags
     :returns: a :class:`Noise`: densities with intervals for each triad and axis.
     :raises ConfigurationError: for an invalid argument.
     :raises InputError: with a line for each check that fails.
@@ -246,36 +258,44 @@ def allan(
     """
     arguments.one_of("model", model, MODELS)
     arguments.switch("force", force)
+    arguments.switch("skip_bad_rows", skip_bad_rows)
     if isinstance(source, str | PathLike | Sequence):  # piece by piece: these records are long
         given: Any = [source] if isinstance(source, str | PathLike) else source
         paths = [arguments.path("source", one, BAG_OR_FILE) for one in given]
         if not paths:
             arguments.refuse("source", source, BAG_OR_FILE)
-        return of_files(paths, model, force, arguments.topic("topic", topic))
+        return _of_files(paths, model, force, arguments.topic("topic", topic), skip_bad_rows)
     readings = readings_of("source", source, topic)
     return _named(analyse([[readings]], model=model, force=force), readings.name)
 
 
-def of_files(
-    paths: Sequence[Path],
-    model: str = "standard",
-    force: bool = False,
-    topic: str | None = None,
-    skipped: Callable[[Path], Skipped | None] = lambda path: None,
-    advance: Callable[[int], None] = lambda count: None,
+def _of_files(
+    paths: Sequence[Path], model: str, force: bool, topic: str | None, skip_bad_rows: bool
 ) -> Noise:
-    """Return the noise parameters of an IMU from files of it at rest.
-
-    :param skipped: returns who receives how many bad rows of a file are skipped; None: they are
-        errors.
-    :param advance: called with the number of messages read.
-    :raises InputError: as for :func:`allan`.
-    """
     from imu_sim_ros.bags.read import imu_blocks
 
-    blocks = (imu_blocks(path, topic, skipped=skipped(path)) for path in paths)
-    result = analyse(blocks, model=model, force=force, advance=advance)
+    blocks = (
+        imu_blocks(path, topic, skipped=tell_skipped(path) if skip_bad_rows else None)
+        for path in paths
+    )
+    with progress("read", lambda: sum(_count(path, topic) for path in paths)) as advance:
+        result = analyse(blocks, model=model, force=force, advance=advance)
     return _named(result, ", ".join(map(name_of, paths)), ", ".join(map(str, paths)))
+
+
+def _count(path: Path, topic: str | None) -> int:
+    """Return how many messages will be read; 0 for text files."""
+    from imu_sim_ros.bags.read import open_bag
+
+    try:
+        with open_bag(path) as bag:
+            return sum(
+                info.count
+                for info in bag.topics
+                if info.type == "sensor_msgs/msg/Imu" and topic in (None, info.name)
+            )
+    except InputError:  # not a bag: a dataset, or the reader will say what is wrong
+        return 0
 
 
 def _named(result: AllanResult, name: str, source: str = "") -> Noise:
@@ -315,14 +335,7 @@ def _estimated(result: AllanResult, triad: int, key: str) -> Estimated:
 _OPTIONAL: Final = ("quantisation", "rate_ramp")
 
 
-def lines(
-    result: AllanResult, comparisons: Sequence[Comparison], files: Sequence[Path]
-) -> Iterator[str | TextTable]:
-    """Yield the text of an analysis.
-
-    :param comparisons: with the truth, from :meth:`Noise.compare`.
-    :param files: those that are written.
-    """
+def _lines(result: AllanResult, comparisons: Sequence[Comparison]) -> Iterator[str | TextTable]:
     timing = result.timing
     yield f"{result.record}, stamp jitter {timing.jitter * 1e3:.3g} ms, {timing.lost} samples lost"
     for warning in result.warnings:
@@ -333,10 +346,6 @@ def lines(
     if comparisons:
         covered = sum(c.covered for c in comparisons)
         yield f"{covered} of {len(comparisons)} intervals contain the truth"
-    for path in files:
-        yield str(path)
-    if files and result.reasons:
-        yield f"no configuration files: {', '.join(result.reasons)} not analysed"
 
 
 def _triad_tables(

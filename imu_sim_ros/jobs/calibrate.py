@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,13 +39,14 @@ from imu_sim_ros.errors import InputError, naming
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.output import saved
+from imu_sim_ros.jobs.output import SkipBadRows, saved
 from imu_sim_ros.jobs.readings import Readings
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import correction_of
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.sensors.magnetometer.declaration import SENSOR, TABLE
+from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.types import Array, Times
 
 if TYPE_CHECKING:
@@ -139,6 +140,15 @@ class Calibration:
         for name, truth in ({} if imu is None else self.true_values(imu)).items():
             found[name]["truth"] = truth.tolist()
         return {"parameters": found, **self.facts}
+
+    def lines(self, true: Mapping[str, Array] | None = None) -> Iterator[str | TextTable]:
+        """Yield the text of the calibration, as ``calibrate`` prints it.
+
+        :param true: the true values, from :meth:`true_values`.
+        """
+        from imu_sim_ros.jobs.calibration_text import calibration_lines
+
+        return calibration_lines(self.parameters, self.facts, true or {})
 
     def save(self, path: str | Path, *, for_simulator: bool = False, force: bool = False) -> Path:
         """Write a file; returns its path.
@@ -295,24 +305,27 @@ Table = tuple[Times, Array]
 
 
 def calibrate_six_position(
-    readings: Source,
+    readings: Annotated[Source, "BAG"],
     *,
-    gravity: float = -GRAVITY[2],
-    simple: bool = False,
-    fixture: str = AUTO,
-    topic: str | None = None,
-    skip_bad_rows: bool = False,
+    topic: Annotated[str | None, "TOPIC"] = None,
+    gravity: Annotated[float, "GRAVITY"] = -GRAVITY[2],
+    simple: Annotated[bool, "--simple"] = False,
+    fixture: Annotated[str, FIXTURES] = AUTO,
+    skip_bad_rows: SkipBadRows = False,
 ) -> Calibration:
     """Return the accelerometer's bias, scale and misalignment, and the gyroscope's bias.
 
-    :param readings: readings of a body that rests on each of its six faces.
-    :param gravity: magnitude of local gravity [m/s^2].
-    :param simple: the lecture's eq. 6: bias and scale per axis only.
-    :param fixture: ``exact``: each axis pointed exactly up and down; ``norm``: ten rests or more in
-        any positions, the norm of gravity is fitted and S is upper triangular; ``auto``: chosen by
-        a test of the residuals.
-    :param topic: topic of the readings, for a bag with several IMUs.
-    :param skip_bad_rows: leave out rows of a file that are not finite or not possible.
+    The readings are those of a body that rests on each of its six faces: a flight,
+    :class:`Readings` or a file. ``simple`` is the lecture's eq. 6.
+
+    :param readings: bag, EuRoC folder or CSV file
+    :param topic: topic of the readings, if the bag has several
+    :param gravity: magnitude of local gravity [m/s^2]
+    :param simple: bias and scale only, without misalignment
+    :param fixture: exact: each axis points exactly up and down; norm: ten or more rests in any
+        positions, fits the norm of gravity with an upper triangular S; auto: chooses by a test of
+        the residuals
+    :param skip_bad_rows: skip and count bad rows of text and bad messages of bags
     :returns: a :class:`Calibration` with standard errors.
     :raises ConfigurationError: for an invalid argument.
     :raises InputError: for a missing face, and a file that cannot be read.
@@ -350,26 +363,29 @@ def calibrate_six_position(
 
 
 def calibrate_turntable(
-    readings: Source,
+    readings: Annotated[Source, "BAG"],
     *,
+    topic: Annotated[str | None, "TOPIC"] = None,
     rates: ArrayLike | None = None,
-    gravity: float = -GRAVITY[2],
-    accelerometer: Calibration | str | Path | None = None,
-    topic: str | None = None,
-    truth_topic: str | None = None,
-    skip_bad_rows: bool = False,
+    truth_topic: Annotated[str | None, "TOPIC"] = None,
+    gravity: Annotated[float, "GRAVITY"] = -GRAVITY[2],
+    accelerometer: Annotated[Calibration | str | Path | None, "FILE"] = None,
+    skip_bad_rows: SkipBadRows = False,
 ) -> Calibration:
     """Return the gyroscope's bias, scale and misalignment, and its g-sensitivity if observable.
 
-    :param readings: readings of a body that turns about each axis both ways, and rests.
+    The readings are those of a body that turns about each axis both ways, and rests: a flight,
+    :class:`Readings` or a file. ``accelerometer`` may also be the :class:`Calibration` itself.
+
+    :param readings: bag, EuRoC folder or CSV file
+    :param topic: topic of the readings, if the bag has several
     :param rates: magnitudes that the table was set to [rad/s]; by default those of the truth in a
         flight or in a bag with Odometry.
-    :param gravity: magnitude of local gravity [m/s^2].
-    :param accelerometer: a six-position calibration or its correction file, for a tilted table:
-        take the specific force from the accelerometer.
-    :param topic: topic of the readings, for a bag with several IMUs.
-    :param truth_topic: Odometry topic of the truth, for a bag with several.
-    :param skip_bad_rows: leave out rows of a file that are not finite or not possible.
+    :param truth_topic: Odometry topic to take the rates from if none are given
+    :param gravity: magnitude of local gravity [m/s^2]
+    :param accelerometer: correction.yaml of a six-position run, for a tilted table: take the
+        specific force from the accelerometer
+    :param skip_bad_rows: skip and count bad rows of text and bad messages of bags
     :returns: a :class:`Calibration` with standard errors.
     :raises ConfigurationError: for an invalid argument.
     :raises InputError: for unknown rates, and an axis that is not turned both ways.
@@ -407,30 +423,33 @@ def calibrate_turntable(
 
 
 def calibrate_temperature(
-    readings: Source,
+    readings: Annotated[Source, "BAG"],
     *,
+    topic: Annotated[str | None, "TOPIC"] = None,
     temperature: ArrayLike | None = None,
+    temperature_topic: Annotated[str | None, "TOPIC"] = None,
     rates: ArrayLike | None = None,
-    reference: float = 25.0,
-    gravity: float = -GRAVITY[2],
-    topic: str | None = None,
-    temperature_topic: str | None = None,
-    truth_topic: str | None = None,
-    skip_bad_rows: bool = False,
+    truth_topic: Annotated[str | None, "TOPIC"] = None,
+    reference: Annotated[float, "DEGC"] = 25.0,
+    gravity: Annotated[float, "GRAVITY"] = -GRAVITY[2],
+    skip_bad_rows: SkipBadRows = False,
 ) -> Calibration:
     """Return bias and scale over temperature of both triads.
 
-    :param readings: readings of a body at rest, or on a rate table, at several temperatures.
+    The readings are those of a body at rest, or on a rate table, at several temperatures: a flight,
+    :class:`Readings` or a file.
+
+    :param readings: bag, EuRoC folder or CSV file
+    :param topic: topic of the readings, if the bag has several
     :param temperature: (n,) temperatures of the sensor at the readings [degC]; by default those of
         the flight, or of the bag's sensor_msgs/Temperature topic.
+    :param temperature_topic: sensor_msgs/Temperature topic, if the bag has several
     :param rates: magnitudes that the table was set to [rad/s]; by default those of the truth;
         without a truth, the body is taken to be at rest.
-    :param reference: T0 of the polynomials [degC].
-    :param gravity: magnitude of local gravity [m/s^2].
-    :param topic: topic of the readings, for a bag with several IMUs.
-    :param temperature_topic: sensor_msgs/Temperature topic, for a bag with several.
-    :param truth_topic: Odometry topic of the truth, for a bag with several.
-    :param skip_bad_rows: leave out rows of a file that are not finite or not possible.
+    :param truth_topic: Odometry topic to take the rates from if none are given
+    :param reference: reference temperature T0 of the polynomials [degC]
+    :param gravity: magnitude of local gravity [m/s^2]
+    :param skip_bad_rows: skip and count bad rows of text and bad messages of bags
     :returns: a :class:`Calibration` with standard errors.
     :raises ConfigurationError: for an invalid argument.
     :raises InputError: for temperatures that are unknown or too close together.
@@ -467,19 +486,21 @@ def calibrate_temperature(
 
 
 def calibrate_magnetometer(
-    readings: Flight | ArrayLike | str | Path,
+    readings: Annotated[Flight | ArrayLike | str | Path, "BAG", Path],
     *,
-    strength: float | None = None,
-    topic: str | None = None,
-    skip_bad_rows: bool = False,
+    topic: Annotated[str | None, "TOPIC"] = None,
+    strength: Annotated[float | None, "--field T"] = None,
+    skip_bad_rows: SkipBadRows = False,
 ) -> Calibration:
     """Return hard and soft iron of a magnetometer that was turned in all directions.
 
-    :param readings: a flight with ``sensors=["magnetic_field"]``, a bag, or an array (n, 3) [T].
-    :param strength: strength of the true field [T]; None: unknown, the soft iron then has the
-        determinant 1.
-    :param topic: topic of the readings, for a bag with several magnetometers.
-    :param skip_bad_rows: leave out rows of a file that are not finite or not possible.
+    The readings may also be a flight with ``sensors=["magnetic_field"]`` or an array (n, 3) [T].
+
+    :param readings: bag, EuRoC folder or CSV file
+    :param topic: topic of the readings, if the bag has several
+    :param strength: strength of the Earth's field [T]; without it, the soft iron is scaled to
+        determinant 1
+    :param skip_bad_rows: skip and count bad rows of text and bad messages of bags
     :returns: a :class:`Calibration` with standard errors.
     :raises ConfigurationError: for an invalid argument.
     :raises InputError: for readings that do not determine an ellipsoid.

@@ -9,10 +9,10 @@ import math
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, wraps
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
 import numpy as np
 
@@ -21,12 +21,12 @@ from imu_sim_ros.arguments import path as checked_path
 from imu_sim_ros.arguments import topic as checked_topic
 from imu_sim_ros.datasets import world as worlds
 from imu_sim_ros.datasets.world import KnownWorld, world_of_simulation
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs.rows import Skipped
+from imu_sim_ros.errors import InputError, Remark
+from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs import tracks
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.output import saved
-from imu_sim_ros.jobs.readings import Odometry, Readings, checked_poses, frame
+from imu_sim_ros.jobs.output import SkipBadRows, saved
+from imu_sim_ros.jobs.readings import Odometry, Readings, checked_poses, frame, read_imu
 from imu_sim_ros.navigation import initialisation
 from imu_sim_ros.navigation.association import interpolate_vectors
 from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, initial_covariance, propagate
@@ -34,7 +34,13 @@ from imu_sim_ros.navigation.dead_reckoning import dead_reckon as integrate
 from imu_sim_ros.navigation.evaluation import Drift, TrueStates, distances, drift_from
 from imu_sim_ros.navigation.mount import ImuMount, mount_of
 from imu_sim_ros.navigation.noise import noise_of
-from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
+from imu_sim_ros.navigation.parameters import (
+    ATTITUDE_UPDATES,
+    INITIAL_STATES,
+    METHODS,
+    IntegratorParameters,
+    layer_integrator,
+)
 from imu_sim_ros.navigation.state import (
     Correction,
     NavigationState,
@@ -174,28 +180,35 @@ def plot_named_tracks(shown: Mapping[str, Track], title: str) -> Figure:
 
 
 def dead_reckon(
-    readings: Flight | Readings | str | Path,
+    readings: Annotated[Flight | Readings | str | Path, "BAG"],
     *,
-    method: str = "midpoint",
-    attitude_update: str = "so3",
-    initial: str | NavigationState | None = None,
-    imu_topic: str | None = None,
-    truth_topic: str | None = None,
-    skip: float = 0.0,
+    imu_topic: Annotated[str | None, "TOPIC"] = None,
+    truth_topic: Annotated[str | None, "TOPIC"] = None,
+    method: Annotated[str, METHODS] = "midpoint",
+    attitude_update: Annotated[str, ATTITUDE_UPDATES] = "so3",
+    initial: Annotated[str | NavigationState, "--initial-state", INITIAL_STATES] = "truth",
+    calibration: Annotated[str | Path | None, "--correction FILE"] = None,
+    skip: Annotated[float, "TIME"] = 0.0,
+    skip_bad_rows: SkipBadRows = False,
     covariance: bool = False,
     **parameters: Any,
 ) -> Track:
     """Integrate readings into a trajectory.
 
-    :param readings: a flight, readings, or a file that :func:`imu_sim_ros.read_imu` reads.
-    :param method: euler, midpoint or rk4.
-    :param attitude_update: quaternion, so3 or euler_angles.
-    :param initial: the state at the first reading, ``"truth"``, ``"level"`` (roll, pitch and the
-        gyroscope's bias from a rest of ``level_time``; position and yaw from the truth if there is
-        one), or ``"parameters"`` (``initial_position`` and so on). By default the truth.
-    :param imu_topic: topic of the readings, for a bag with several.
-    :param truth_topic: nav_msgs/Odometry topic of the truth; by default ``ground_truth/odom``.
-    :param skip: time after the first reading to leave out [s].
+    The readings may also be a flight or :class:`Readings`, and ``initial`` a state.
+
+    :param readings: a bag of any format, or a EuRoC folder
+    :param imu_topic: topic of the readings, if the bag has several
+    :param truth_topic: topic of the truth; by default ``ground_truth/odom``
+    :param method: integration of position and velocity
+    :param attitude_update: integration of the attitude
+    :param initial: the state at the first reading. parameters: initial_position and so on; level:
+        roll, pitch and gyroscope bias from level_time at rest, position and yaw from the truth if
+        there is one
+    :param calibration: parameter file with known biases, scales and misalignments, as written by
+        calibrate
+    :param skip: skip the readings in this time after the first one [s]
+    :param skip_bad_rows: skip and count bad rows of text and bad messages of bags
     :param covariance: also propagate the covariance of the poses; for a flight that starts at an
         exact state.
     :param parameters: parameters of the integrator node by their ROS names: ``gravity``,
@@ -210,29 +223,78 @@ def dead_reckon(
     >>> round(ims.evaluate(track, flight.truth).final_position, 5)
     0.00129
     """
-    if initial is not None and not isinstance(initial, NavigationState):
-        one_of("initial", initial, ("truth", "level", "parameters", "a NavigationState"))
-    switch("covariance", covariance)
-    number("skip", skip, "seconds, from 0 to 2^31", 0.0, _LONGEST_SKIP)
-    recording = _recording(readings, imu_topic, truth_topic).after(skip)
-    world = _world(readings, imu_topic, truth_topic)
-    parameters = {**world.parameters, **parameters}
-    initial = initial or "truth"
-    name = initial if isinstance(initial, str) else "parameters"
-    usual = not parameters and isinstance(method, str) and isinstance(attitude_update, str)
-    settings = (_usual_settings if usual else _settings)(
-        method, attitude_update, name, **_plain(parameters)
+    start, settings = _begun(
+        readings,
+        {**parameters, "method": method, "attitude_update": attitude_update},
+        initial,
+        calibration,
+        (imu_topic, truth_topic),
+        skip,
+        skip_bad_rows,
     )
-    for note in (*world.notes, *settings.warnings()):
-        warnings.warn(note, stacklevel=2)
-    if isinstance(initial, NavigationState):
-        start = InitialCondition(recording, initial, correction_of(settings))
-    else:
-        start = initial_condition(settings, recording)
+    switch("covariance", covariance)
     track = integrated(start, settings)
     if not covariance:
         return track
     return replace(track, covariance=_covariance(readings, track, start, mount_of(settings.imu)))
+
+
+@wraps(dead_reckon, assigned=())
+def dead_reckon_all(
+    readings: Any,
+    *,
+    initial: str = "truth",
+    calibration: str | Path | None = None,
+    imu_topic: str | None = None,
+    truth_topic: str | None = None,
+    skip: float = 0.0,
+    skip_bad_rows: bool = False,
+    **parameters: Any,
+) -> list[Track]:
+    """Integrate readings by all methods with all attitude updates; arguments as `dead_reckon`."""
+    topics = (imu_topic, truth_topic)
+    start, settings = _begun(
+        readings, parameters, initial, calibration, topics, skip, skip_bad_rows
+    )
+    return [
+        integrated(start, replace(settings, method=method, attitude_update=attitude))
+        for method in METHODS
+        for attitude in ATTITUDE_UPDATES
+    ]
+
+
+def _begun(
+    readings: Flight | Readings | str | Path,
+    parameters: Mapping[str, Any],
+    initial: str | NavigationState,
+    calibration: str | Path | None,
+    topics: tuple[str | None, str | None],
+    skip: float,
+    skip_bad_rows: bool,
+) -> tuple[InitialCondition, IntegratorParameters]:
+    """Return where integration begins, and its settings; arguments as for :func:`dead_reckon`."""
+    if initial is None or not isinstance(initial, NavigationState):
+        one_of("initial", initial, (*INITIAL_STATES, "a NavigationState"))
+    number("skip", skip, "seconds, from 0 to 2^31", 0.0, _LONGEST_SKIP)
+    switch("skip_bad_rows", skip_bad_rows)
+    name = initial if isinstance(initial, str) else "parameters"
+    given = {"initial_state": name, **_plain(parameters)}
+    if calibration is not None:
+        allowed = "a name or the path of a file"
+        given["calibration"] = str(checked_path("calibration", calibration, allowed))
+    if isinstance(readings, str | PathLike):
+        _settings(**given)  # wrong ones are refused before anything is read
+    recording = _recording(readings, *topics, skip_bad_rows).after(skip)
+    world = _world(readings, *topics)
+    known = {**world.parameters, **given}
+    usual = all(isinstance(value, str) for value in known.values())
+    settings = (_usual_settings if usual else _settings)(**known)
+    place = f"{readings}: " if isinstance(readings, str | PathLike) else ""
+    for note in (*world.notes, *settings.warnings()):
+        warnings.warn(f"{place}{note}", Remark, stacklevel=3)
+    if isinstance(initial, NavigationState):
+        return InitialCondition(recording, initial, correction_of(settings)), settings
+    return initial_condition(settings, recording), settings
 
 
 class ReadingsAndTruth(NamedTuple):
@@ -268,12 +330,15 @@ class InitialCondition(NamedTuple):
 
 
 def _recording(
-    readings: Flight | Readings | str | Path, imu_topic: str | None, truth_topic: str | None
+    readings: Flight | Readings | str | Path,
+    imu_topic: str | None,
+    truth_topic: str | None,
+    skip_bad_rows: bool,
 ) -> ReadingsAndTruth:
     if isinstance(readings, str | PathLike):
         path = checked_path("readings", readings, BAG_OR_FILE)
         topics = checked_topic("imu_topic", imu_topic), checked_topic("truth_topic", truth_topic)
-        return read_recording(path, *topics)
+        return read_recording(path, *topics, skip_bad_rows)
     checked_topic("truth_topic", truth_topic, of_a_file=False)
     found = readings_of("readings", readings, imu_topic, "imu_topic")
     return ReadingsAndTruth(found, readings.truth if isinstance(readings, Flight) else None)
@@ -283,23 +348,20 @@ def read_recording(
     path: Path,
     imu_topic: str | None = None,
     truth_topic: str | None = None,
-    skipped: Skipped | None = None,
-    truth_skipped: Skipped | None = None,
+    skip_bad_rows: bool = False,
 ) -> ReadingsAndTruth:
     """Return the readings of a file, and its truth if it has one.
 
-    :param skipped: receives how many bad readings are left out; None: they are errors.
-    :param truth_skipped: the same for the truth.
     :raises InputError: for what cannot be read.
     """
-    from imu_sim_ros.bags.read import read_imu, read_odometry  # most readings are at hand
+    from imu_sim_ros.bags.read import read_odometry  # most readings are at hand
 
-    found = read_imu(path, imu_topic, skipped)
-    readings = Readings(found.t_ns, found.gyro, found.accel, name_of(path))
+    readings = read_imu(path, imu_topic, skip_bad_rows=skip_bad_rows)
     truth = None
     if truth_topic is not None or tracks.has_truth(path):
         topic = tracks.truth_topic(path, truth_topic)
-        truth = Odometry.of_messages(read_odometry(path, topic, truth_skipped), name_of(path))
+        skipped = tell_skipped(f"the truth of {path}") if skip_bad_rows else None
+        truth = Odometry.of_messages(read_odometry(path, topic, skipped), name_of(path))
     return ReadingsAndTruth(readings, truth)
 
 
@@ -318,15 +380,12 @@ def read_world(path: Path, imu_topic: str | None, truth_topic: str | None) -> Kn
     return worlds.read_world(path, imu_topic, topic, with_truth)
 
 
-def _settings(
-    method: str, attitude_update: str, initial: str, **parameters: object
-) -> IntegratorParameters:
-    given = {"method": method, "attitude_update": attitude_update, "initial_state": initial}
-    return build_layered(IntegratorParameters, layer_integrator, {**parameters, **given})
+def _settings(**parameters: object) -> IntegratorParameters:
+    return build_layered(IntegratorParameters, layer_integrator, parameters)
 
 
 _usual_settings = cache(_settings)
-"""Without parameters: many short records are integrated alike."""
+"""Without numbers: many short records are integrated alike."""
 
 
 def initial_condition(

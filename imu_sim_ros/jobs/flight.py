@@ -89,19 +89,22 @@ def readings_of(
     given: Flight | Readings | str | Path,
     topic: str | None = None,
     topic_name: str = "topic",
+    skip_bad_rows: bool = False,
 ) -> Readings:
     """Check given readings and return them.
 
     :param name: of the argument.
     :param topic: of a bag.
     :param topic_name: of the argument that is the topic.
+    :param skip_bad_rows: leave out bad rows of a file, and warn of their number.
     :raises ConfigurationError: for anything else.
     :raises InputError: for what cannot be read, no readings, and what no sensor reads.
     """
     if not isinstance(given, Flight | Readings):
         if isinstance(given, str | PathLike):
             path = arguments.path(name, given, BAG_OR_FILE)
-            return read_imu(path, arguments.topic(topic_name, topic))
+            topic = arguments.topic(topic_name, topic)
+            return read_imu(path, topic, skip_bad_rows=skip_bad_rows)
         arguments.refuse(name, given, f"a Flight, Readings, or {BAG_OR_FILE}", wrong_type=True)
     arguments.topic(topic_name, topic, of_a_file=False)
     found = given.readings if isinstance(given, Flight) else given

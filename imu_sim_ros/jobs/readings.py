@@ -17,6 +17,7 @@ from imu_sim_ros import arguments
 from imu_sim_ros.arguments import BAG_OR_FILE, array, name_of, refuse, stamps, words
 from imu_sim_ros.errors import ConfigurationError, InputError, MissingDependencyError
 from imu_sim_ros.inputs import gate
+from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import from_euler, rotate
@@ -146,11 +147,14 @@ class Odometry:
         )
 
 
-def read_imu(path: str | Path, topic: str | None = None) -> Readings:
+def read_imu(
+    path: str | Path, topic: str | None = None, *, skip_bad_rows: bool = False
+) -> Readings:
     """Return the IMU readings of a bag of any form, a EuRoC folder or a CSV file.
 
     :param path: the file or folder.
     :param topic: topic of type sensor_msgs/Imu; needed if a bag has several.
+    :param skip_bad_rows: leave out bad rows and messages, and warn of their number.
     :returns: the :class:`Readings` in the order of the file.
     :raises ConfigurationError: for an invalid argument.
     :raises InputError: for a file that cannot be read, or has no readings.
@@ -164,7 +168,8 @@ def read_imu(path: str | Path, topic: str | None = None) -> Readings:
     from imu_sim_ros.bags.read import read_imu as read
 
     path = arguments.path("path", path, BAG_OR_FILE)
-    messages = read(path, arguments.topic("topic", topic))
+    skipped = tell_skipped(path) if arguments.switch("skip_bad_rows", skip_bad_rows) else None
+    messages = read(path, arguments.topic("topic", topic), skipped)
     return Readings(messages.t_ns, messages.gyro, messages.accel, name_of(path))
 
 

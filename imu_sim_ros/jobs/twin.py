@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
 import numpy as np
 
@@ -39,7 +39,7 @@ from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import ArgumentTypeError, ConfigurationError, InputError, system_error
 from imu_sim_ros.jobs.calibrate import Calibrated
 from imu_sim_ros.jobs.flight import Flight
-from imu_sim_ros.jobs.output import saved
+from imu_sim_ros.jobs.output import SkipBadRows, saved
 from imu_sim_ros.jobs.readings import HasPoses, Readings
 from imu_sim_ros.jobs.twin_check import Check, check, flown_again, simulation
 from imu_sim_ros.jobs.twin_recording import TwinRecording, moving, recorded
@@ -48,6 +48,7 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.rotation import from_matrix, log
 from imu_sim_ros.sensors.imu.vibration import MotionSize
+from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.types import Array, Mask
 
 if TYPE_CHECKING:
@@ -212,12 +213,18 @@ class Twin:
             f"{len(self.analysis.lines.frequency)} lines, {len(self.analysis.vibration.low)} bands>"
         )
 
-    def as_json(self) -> Any:
+    def lines(self) -> Iterator[str | TextTable]:
+        """Yield the text of the twin, as ``twin`` prints it."""
+        from imu_sim_ros.jobs.calibration_text import twin_lines
+
+        return twin_lines(self)
+
+    def to_dict(self) -> dict[str, Any]:
         """Return all numbers by name, in plain types; None for those that are not finite."""
         found, noise = self.analysis, self.source.noise
         white, bands, lines = found.white, found.bands, found.lines
         known = np.where(bands.freedom < _LEAST_FREEDOM, np.nan, bands.density)
-        return plain(
+        result: dict[str, Any] = plain(
             {
                 "rate_hz": self.source.recording.rate,
                 "seconds": float(np.ptp(found.bias_t)) if len(found.bias_t) else 0.0,
@@ -225,7 +232,7 @@ class Twin:
                     name: {"value": v.value, "sigma": v.sigma} for name, v in self.errors.items()
                 },
                 "warnings": list(self.warnings),
-                "pose_noise": {**noise.as_json(), "cutoff_hz": self.source.cutoff},
+                "pose_noise": {**noise.to_dict(), "cutoff_hz": self.source.cutoff},
                 "undetermined": list(self.undetermined),
                 "clock_wander_s": self.clock_wander,
                 "white_floor": {
@@ -251,9 +258,10 @@ class Twin:
                     "value": found.bias,
                     "sigma": found.bias_sigma,
                 },
-                "check": None if self.check is None else self.check.as_json(),
+                "check": None if self.check is None else self.check.to_dict(),
             }
         )
+        return result
 
     @property
     def clock_wander(self) -> float:
@@ -312,15 +320,16 @@ class Twin:
 
 
 def twin(
-    recording: Flight | Readings | str | Path,
+    recording: Annotated[Flight | Readings | str | Path, "RECORDING"],
     truth: HasPoses | str | Path,
     *,
-    fit: float | None = None,
-    gravity: float = -GRAVITY[2],
-    cutoff: float = 12.0,
-    max_offset: float = 0.5,
-    topic: str | None = None,
-    truth_topic: str | None = None,
+    topic: Annotated[str | None, "TOPIC"] = None,
+    truth_topic: Annotated[str | None, "TOPIC"] = None,
+    fit: Annotated[float | None, "TIME"] = None,
+    gravity: Annotated[float, "GRAVITY"] = -GRAVITY[2],
+    cutoff: Annotated[float, "HZ"] = 12.0,
+    max_offset: Annotated[float, "TIME"] = 0.5,
+    skip_bad_rows: SkipBadRows = False,
 ) -> Twin:
     """Return the digital twin of a sensor on its vehicle, from a recording in motion and its truth.
 
@@ -328,16 +337,17 @@ def twin(
     offset and skew, mounting, lever arm, biases, scale and misalignment and g-sensitivity are found
     by one weighted least-squares fit, together with the smoothing and alignment of the truth. The
     residual is described by lines, bands and a white floor on six axes, and by the dependence of
-    their intensity on the motion.
+    their intensity on the motion. The recording may also be a flight or :class:`Readings`.
 
-    :param recording: a flight, readings, or a file that :func:`imu_sim_ros.read_imu` reads.
-    :param truth: poses of the body, for instance from motion capture: arrays or a file.
-    :param fit: use this much of the recording [s], and compare the twin with the rest.
-    :param gravity: magnitude of local gravity [m/s^2].
-    :param cutoff: motion at higher frequencies [Hz] counts as vibration.
-    :param max_offset: largest offset between the two clocks to search for [s].
-    :param topic: topic of the readings, for a bag with several.
-    :param truth_topic: topic of the poses, for a bag with several.
+    :param recording: bag, EuRoC folder or CSV file
+    :param truth: true poses of the body, for instance from motion capture: arrays or a file.
+    :param topic: sensor_msgs/Imu topic, if the bag has several
+    :param truth_topic: topic of the poses, if the bag has several
+    :param fit: use this much of the recording, and compare the twin with the rest [s]
+    :param gravity: magnitude of local gravity [m/s^2]
+    :param cutoff: count motion at higher frequencies as vibration [Hz]
+    :param max_offset: largest offset between the two clocks to search for [s]
+    :param skip_bad_rows: skip and count bad rows of text and bad messages of bags
     :returns: a :class:`Twin`: errors with standard errors, spectra, parameters.
     :raises ConfigurationError: for an invalid argument.
     :raises InputError: with a line for each reason why there is no twin.
@@ -350,6 +360,7 @@ def twin(
     True
     """
     _check_numbers(fit, gravity, cutoff, max_offset)
+    arguments.switch("skip_bad_rows", skip_bad_rows)
     source = recorded(
         recording,
         truth,
@@ -358,6 +369,7 @@ def twin(
         max_offset=max_offset,
         topic=topic,
         truth_topic=truth_topic,
+        skip_bad_rows=skip_bad_rows,
     )
     return _found(source, fit)
 

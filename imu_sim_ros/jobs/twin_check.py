@@ -96,7 +96,7 @@ class Check:
             f"{100.0 * self.real_told_apart:.0f} %>"
         )
 
-    def as_json(self) -> Any:
+    def to_dict(self) -> dict[str, Any]:
         """Return the numbers by name; None if there is none."""
         return plain(
             {

@@ -28,6 +28,7 @@ from imu_sim_ros.calibration.twin.pose_noise import (
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
+from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.readings import HasPoses, Readings, checked_poses
 from imu_sim_ros.poses import PoseSequence
@@ -148,14 +149,15 @@ def recorded(
     max_offset: float,
     topic: str | None,
     truth_topic: str | None,
+    skip_bad_rows: bool,
 ) -> TwinRecording:
     """Return readings on the spline through their truth.
 
     :raises InputError: with a line for each reason why there is no twin.
     """
-    readings = readings_of("recording", recording, topic)
+    readings = readings_of("recording", recording, topic, skip_bad_rows=skip_bad_rows)
     _check(readings)
-    poses, name = _poses(truth, truth_topic)
+    poses, name = _poses(truth, truth_topic, skip_bad_rows)
     splines = _Splines(poses, name)
     noise, highest = splines.noise(cutoff)
     visible = float(np.clip(_ROOM * highest, min(_LOWEST, cutoff), cutoff))
@@ -271,12 +273,17 @@ def _placed(
     )
 
 
-def _poses(truth: HasPoses | str | Path, topic: str | None) -> tuple[PoseSequence, str]:
+def _poses(
+    truth: HasPoses | str | Path, topic: str | None, skip_bad_rows: bool
+) -> tuple[PoseSequence, str]:
     if isinstance(truth, str | PathLike):
         from imu_sim_ros.bags.read import read_poses
 
         path = arguments.path("truth", truth, BAG_OR_FILE)
-        return read_poses(path, arguments.topic("truth_topic", topic)), f"the truth {truth}"
+        poses = read_poses(path, arguments.topic("truth_topic", topic), skip_bad_rows)
+        if poses.skipped:
+            tell_skipped(path)(poses.skipped)
+        return poses, f"the truth {truth}"
     arguments.topic("truth_topic", topic, of_a_file=False)
     return checked_poses("truth", truth), "the truth"
 

@@ -292,7 +292,7 @@ def test_the_parameter_file_flies_the_same_sensor_again(flight, found, tmp_path)
 
 
 def test_the_result_can_be_printed_saved_and_drawn(found, tmp_path):
-    numbers = found.as_json()
+    numbers = found.to_dict()
     assert numbers["errors"]["lever_arm"]["sigma"][0] > 0.0
     assert len(numbers["bias_over_time"]["t_s"]) >= 5
     assert "Twin of" in repr(found)

@@ -114,7 +114,7 @@ class PoseNoise(NamedTuple):
         white = np.mean(self.white.reshape(2, 3) ** 2, axis=1)
         return np.sqrt(white + steps**2 / 12.0)
 
-    def as_json(self) -> dict[str, float]:
+    def to_dict(self) -> dict[str, float]:
         """Return the numbers by name."""
         angle, distance = self.deviation.tolist()
         steps = {"quaternion_step": self.quaternion_step, "position_step_m": self.position_step}

@@ -64,9 +64,9 @@ def test_what_aids_the_imu_is_named_and_not_fitted(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("extra", "words"),
     [
-        (["--gravity", "nan"], "gravity = nan: must be between 1 and 30 m/s^2"),
-        (["--cutoff", "-1"], "cutoff = -1.0: must be between 0.5 and 1000 Hz"),
-        (["--fit", "19s"], "fit = 19: must leave 8 s of the"),
+        (["--gravity", "nan"], "--gravity nan: must be between 1 and 30 m/s^2"),
+        (["--cutoff", "-1"], "--cutoff -1.0: must be between 0.5 and 1000 Hz"),
+        (["--fit", "19s"], "--fit 19: must leave 8 s of the"),
         (["--truth-topic", "/nothing"], "/nothing"),
     ],
 )

@@ -3,8 +3,7 @@
 
 """Calibrations as text: deterministic errors, and twins."""
 
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -42,10 +41,9 @@ _UNITS = {
 def calibration_lines(
     values: correction.Parameters,
     facts: dict[str, Any],
-    true: dict[str, Array],
-    files: Sequence[Path],
+    true: Mapping[str, Array],
 ) -> Iterator[str | TextTable]:
-    """Yield a calibration's facts, parameters and files."""
+    """Yield a calibration's facts and parameters."""
     for name, fact in facts.items():
         yield f"{name}: {_shown(fact)}"
     sensors = (*TRIADS, *(sensor.name for sensor in sensors_of_imus()), "reference")
@@ -53,10 +51,9 @@ def calibration_lines(
         own = {name: found for name, found in values.items() if name.startswith(triad)}
         if own:
             yield _group(triad, own, true)
-    yield from map(str, files)
 
 
-def _group(triad: str, values: correction.Parameters, true: dict[str, Array]) -> TextTable:
+def _group(triad: str, values: correction.Parameters, true: Mapping[str, Array]) -> TextTable:
     """Return the parameters of one sensor, or of both; off: by how many standard errors."""
     header = ["", "value", "sigma", "unit", *(["truth", "off"] if true else [])]
     rows = []
