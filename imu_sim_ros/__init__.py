@@ -94,6 +94,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.jobs.readings import read_imu as read_imu
     from imu_sim_ros.jobs.readings import read_odometry as read_odometry
     from imu_sim_ros.jobs.recorded import read_images as read_images
+    from imu_sim_ros.jobs.recorded import read_points as read_points
     from imu_sim_ros.jobs.report import Report as Report
     from imu_sim_ros.jobs.report import report as report
     from imu_sim_ros.jobs.simulate import blocks as blocks
@@ -138,7 +139,7 @@ _HOMES = {
     "jobs.readings": [
         *("Odometry", "Readings", "read_imu", "read_odometry"),
     ],
-    "jobs.recorded": ["read_images"],
+    "jobs.recorded": ["read_images", "read_points"],
     "jobs.report": ["Report", "report"],
     "jobs.simulate": ["blocks", "simulate"],
     "jobs.twin": ["Twin", "twin"],

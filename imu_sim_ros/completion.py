@@ -17,12 +17,11 @@ _FOLDERS: Final = {
     "truth": "imus",
     "trajectory": "trajectories",
     "camera": "cameras",
-    "gnss": "gnss",
-    "wheels": "wheels",
     "scene": "scenes",
     "plan": "campaigns",
 }
-"""Arguments that take a name in config/, by their names in the parsers."""
+"""Arguments that take a name in config/, by their names in the parsers; others, those of sensors,
+take a name in the folder that is called as they are, if there is one."""
 
 
 def is_requested() -> bool:
@@ -60,8 +59,7 @@ def _names_and_files(
 
     if action.dest == "set":
         return [f"{name}=" for name in _parameters(parser) if name.startswith(prefix)]
-    folder = _FOLDERS.get(action.dest)
-    names = files.names(folder) if folder else []
+    names = files.names(_FOLDERS.get(action.dest, action.dest))
     return [*(name for name in names if name.startswith(prefix)), *FilesCompleter()(prefix)]
 
 

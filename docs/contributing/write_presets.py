@@ -12,17 +12,18 @@ from collections.abc import Iterator
 import numpy as np
 
 from imu_sim_ros.parameters import files
-from imu_sim_ros.sensors import catalogue
+from imu_sim_ros.sensors import NAMED, catalogue
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.types import Array
 
 _INTRODUCTION = """\
 # Presets
 
-This page lists the names for `--imu`, `--trajectory`, `--camera`, `--scene`, `--gnss` and
-`--wheels`, or for `imu.preset`, `trajectory.type`, `camera.preset`, `scene.type`, `gnss.preset` and
-`wheels.preset` in a parameter file. Each is a file in `config/`, and a file of your own works in
-the same way ([from a data sheet](../how_to/data_sheet.md)). `make reference` writes this page.
+This page lists the names for `--imu`, `--trajectory`, `--camera`, `--scene` and the options of
+other sensors (`--gnss`, ...), or for `imu.preset`, `trajectory.type`, `camera.preset`,
+`scene.type`, `gnss.preset`, ... in a parameter file. Each is a file in `config/`, and a file of
+your own works in the same way ([from a data sheet](../how_to/data_sheet.md)). `make reference`
+writes this page.
 
 ## IMUs
 
@@ -47,8 +48,7 @@ _FOLDERS = {
     "cameras": "Cameras",
     "scenes": "Scenes",
     "barometers": "Barometers",
-    "gnss": "GNSS receivers",
-    "wheels": "Wheels",
+    **{name: f"Sensor {name}" for name in NAMED},
 }
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Images and points that a bag holds."""
+"""Images and clouds that a bag holds."""
 
 from __future__ import annotations
 
@@ -76,41 +76,86 @@ def _images(path: Path, name: str) -> Iterator[tuple[int, NDArray[Any]]]:
                     yield t_ns, np.asarray(image)
 
 
+def read_points(path: str | Path, topic: str | None = None) -> Iterator[tuple[int, NDArray[Any]]]:
+    """Yield the clouds of a LiDAR in a bag.
+
+    :param path: the bag.
+    :param topic: topic of type sensor_msgs/PointCloud2; needed if a bag has several, but for those
+        of the truth.
+    :returns: an iterator over stamps [ns] and structured arrays (k,) with the fields of the
+        message, such as x, y, z, intensity, ring and time.
+    :raises ConfigurationError: for an invalid argument.
+    :raises InputError: for a file that cannot be read, or has no clouds.
+    """
+    from imu_sim_ros.bags.messages.encode_cameras import POINT_CLOUD2
+    from imu_sim_ros.bags.read import open_bag
+
+    path = arguments.path("path", path, BAG_OR_FILE)
+    name = arguments.topic("topic", topic)
+    with open_bag(path) as bag:
+        offered = [one.name for one in bag.topics if one.type == POINT_CLOUD2]
+    measured = [one for one in offered if not one.strip("/").startswith("ground_truth/")]
+    chosen = (
+        measured if name is None else [one for one in offered if one.strip("/") == name.strip("/")]
+    )
+    if len(chosen) != 1:
+        words = ", ".join(offered) or "no clouds"
+        options = "" if name is None else f"no clouds on {name}; "
+        raise InputError(f"{path}: {options}has {words}; topic= names one")
+    return _clouds(Path(path), chosen[0])
+
+
 def read_cloud(path: Path, name: str) -> Array:
     """Return the points (n, 3) [m] of the first PointCloud2 of a topic; (0, 3): the bag has none.
 
     :raises InputError: for a cloud without x, y and z.
     """
+    from imu_sim_ros.bags.read import open_bag
+
+    with open_bag(path) as bag:
+        topic = next((one for one in bag.topics if one.name.strip("/") == name), None)
+    if topic is None or not topic.count:
+        return np.empty((0, 3))
+    _, rows = next(_clouds(path, topic.name))
+    return np.stack([rows[axis].astype(np.float64) for axis in "xyz"], axis=-1)
+
+
+def _clouds(path: Path, name: str) -> Iterator[tuple[int, NDArray[Any]]]:
     from imu_sim_ros.bags.messages import schemas
     from imu_sim_ros.bags.messages.blocks import as_list
     from imu_sim_ros.bags.read import open_bag
     from imu_sim_ros.bags.reader import errors_naming
 
     with open_bag(path) as bag:
-        topic = next((one for one in bag.topics if one.name.strip("/") == name), None)
-        if topic is None or not topic.count:
-            return np.empty((0, 3))
+        topic = next(one for one in bag.topics if one.name == name)
         types = schemas.typestore([(topic.type, topic.schema)], bag.encoding)
         decode = types.deserialize_cdr if bag.encoding == "cdr" else types.deserialize_ros1
-        blocks = (block for group in bag.groups() for block in group)
-        payload = next(as_list(b.payloads)[0] for b in blocks if b.topic.name == topic.name)
-        with errors_naming(path, f" ({name})"):
-            return _points(decode(payload, topic.type), name)
+        for block in (block for group in bag.groups([name]) for block in group):
+            for payload in as_list(block.payloads):
+                with errors_naming(path, f" ({name})"):
+                    message: Any = decode(payload, topic.type)
+                    rows = _points(message, name)
+                stamp = message.header.stamp
+                yield int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec), rows
 
 
-def _points(cloud: Any, name: str) -> Array:
-    kinds = {7: "f4", 8: "f8"}  # sensor_msgs/PointField
-    fields = {one.name: (kinds.get(int(one.datatype)), int(one.offset)) for one in cloud.fields}
-    if any(fields.get(axis, (None, 0))[0] is None for axis in "xyz"):
-        raise InputError(f"{name}: a cloud without x, y and z as floating-point numbers")
+def _points(cloud: Any, name: str) -> NDArray[Any]:
+    """Return the points (n,) of a message with all of its fields."""
+    from imu_sim_ros.bags.messages.encode_cameras import POINT_TYPES
+
+    kinds = {number: kind for kind, number in POINT_TYPES.items()}
     order = ">" if cloud.is_bigendian else "<"
+    fields = {one.name: one for one in cloud.fields if int(one.datatype) in kinds}
+    if any(axis not in fields or int(fields[axis].datatype) not in (7, 8) for axis in "xyz"):
+        raise InputError(f"{name}: a cloud without x, y and z as floating-point numbers")
+    formats: list[Any] = [order + kinds[int(one.datatype)] for one in fields.values()]
+    counts = [max(int(one.count), 1) for one in fields.values()]
     row = np.dtype(
         {
-            "names": list("xyz"),
-            "formats": [f"{order}{fields[axis][0]}" for axis in "xyz"],
-            "offsets": [fields[axis][1] for axis in "xyz"],
+            "names": list(fields),
+            "formats": [f if n == 1 else (f, (n,)) for f, n in zip(formats, counts, strict=True)],
+            "offsets": [int(one.offset) for one in fields.values()],
             "itemsize": int(cloud.point_step),
         }
     )
-    rows = np.frombuffer(bytes(cloud.data), dtype=row)
-    return np.stack([rows[axis].astype(np.float64) for axis in "xyz"], axis=-1)
+    return np.frombuffer(bytes(cloud.data), dtype=row)

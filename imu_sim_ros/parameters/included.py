@@ -20,9 +20,8 @@ _KINDS: Final = {
     "campaigns": "campaign",
     "estimators": "estimator",
     "barometers": "barometer",
-    "gnss": "GNSS receiver",
-    "wheels": "set of wheels",
 }
+"""What a file of each kind describes; those of other sensors are called as these are."""
 
 
 @cache
@@ -62,6 +61,6 @@ def find(kind: str, name_or_file: str, option: str = "") -> Path:
         raise ConfigurationError(error.problems) from None
     known = names(kind)
     line = unknown(
-        _KINDS[kind], name_or_file, known, f"neither a file nor one of {', '.join(known)}"
+        _KINDS.get(kind, kind), name_or_file, known, f"neither a file nor one of {', '.join(known)}"
     )
     raise ConfigurationError(f"{option}: {line}" if option else line)

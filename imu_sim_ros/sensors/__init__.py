@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 OF_IMUS: Final = ("magnetometer", "orientation", "barometer")
 """Each IMU has them with it: ``imu.NAME_...``. A sensor that another one needs comes before it."""
-NAMED: Final[tuple[str, ...]] = ("gnss", "wheels")
+NAMED: Final[tuple[str, ...]] = ("gnss", "wheels", "lidar")
 """The parameter ``sensors`` switches them on: ``NAME.*``."""
 
 

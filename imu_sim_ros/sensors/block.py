@@ -87,6 +87,8 @@ class SensorBlock(NamedTuple):
     """(m,) rows that are delivered, in order."""
     values: Mapping[str, NDArray[Any]]
     """(n,) or (n, m) by name: readings and their truth."""
+    span_ns: int = 0
+    """How long after its true time a sample is complete [ns]."""
 
     def __getattr__(self, name: str) -> Any:
         """Return one of the values."""

@@ -47,7 +47,7 @@ class Model(Protocol):
         """Return the samples in a window, which begins where the last one ended."""
 
 
-Payloads = Callable[[Any, Any, Any], "RowTemplate"]
+Payloads = Callable[[Any, Any, Any], "RowTemplate | list[bytes]"]
 """Turns samples and the rows of them that are sent into messages.
 
 The last argument are the parameters valid for the samples: those of a simulation, with ``imu`` and

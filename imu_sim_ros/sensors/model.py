@@ -88,7 +88,8 @@ class SensorModel:
         sent = self.sent(values)
         if sent is not None:
             delivered = delivered[sent[delivered]]
-        return SensorBlock(samples.true_t_ns, t_ns, release_t_ns, delivered, values)
+        times = samples.true_t_ns, t_ns, release_t_ns
+        return SensorBlock(*times, delivered, values, self._own.span_ns)
 
     def _take_faults(self, first: int, values: dict[str, Array]) -> None:
         """Let faults change the readings."""

@@ -7,6 +7,7 @@ import dataclasses
 from fractions import Fraction
 from typing import TYPE_CHECKING, NamedTuple
 
+from imu_sim_ros import timebase
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.faults import Fault, FaultSchedule
 from imu_sim_ros.sensors.parameters import (
@@ -55,7 +56,8 @@ class OwnRate:
         :param t0_ns: time of the start [ns].
         """
         self._rate, self._position = own.rate, 0
-        self.times = SampleTimes(own.rate, t0_ns, own.time_offset)
+        self.times = SampleTimes(own.rate, t0_ns, own.time_offset, own.span)
+        self.span_ns = timebase.to_nanoseconds(own.span)
         self._clock = Clock(environment.seed, timing, own.rate, t0_ns, f"{name}.")
         self._transport = Transport(environment.seed, own.rate, f"{name}.")
         self.faults = FaultSchedule(environment.seed, 1.0 / own.rate, f"{name}.")
@@ -83,7 +85,7 @@ class OwnRate:
         count = len(samples.true_t_ns)
         return Stamped(
             self._clock.stamp(samples.true_t_ns),
-            self._transport.release(samples.first, samples.true_t_ns, self.faults),
+            self._transport.release(samples.first, samples.true_t_ns + self.span_ns, self.faults),
             self._transport.deliver(samples.first, count, self.faults),
         )
 

@@ -3,6 +3,7 @@
 
 """Parameters that many sensors have: rate, stamps and transport, mount on the body."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -46,6 +47,16 @@ class OwnRateParameters:
         minimum=0.0,
         maximum=1e6,
     )
+
+    @property
+    def span(self) -> float:
+        """How long a sample takes [s]; it is in the window of time in which it is complete."""
+        return 0.0
+
+    @property
+    def longest_window(self) -> float:
+        """How much may be read at once [s], if samples are large."""
+        return math.inf
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Say whether the first sample comes too late."""

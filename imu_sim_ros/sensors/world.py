@@ -100,18 +100,24 @@ class Sampled(NamedTuple):
 class SampleTimes:
     """Times of a sensor's samples: sample k is taken at ``offset + k / rate`` after the start."""
 
-    def __init__(self, rate: float, t0_ns: int, offset: float = 0.0) -> None:
+    def __init__(self, rate: float, t0_ns: int, offset: float = 0.0, span: float = 0.0) -> None:
         """Keep them as exact numbers.
 
         :param t0_ns: true time of the start [ns].
+        :param span: how long a sample takes [s].
         """
         self._rate, self._exact_rate = rate, timebase.exact_rate(rate)
-        self._offset = Fraction(repr(offset))
+        self._offset, self._span = Fraction(repr(offset)), Fraction(repr(span))
         self._t0_ns, self._first_ns = t0_ns, t0_ns + timebase.to_nanoseconds(offset)
 
     def index(self, t: Fraction) -> int:
-        """Return the index of the first sample that is not before a time since the start [s]."""
-        after = (t - self._offset) * self._exact_rate
+        """Return the index of the first sample not before a time, or not complete by then.
+
+        :param t: since the start [s].
+        """
+        after = (t - self._offset - self._span) * self._exact_rate
+        if self._span:
+            return max(after.numerator // after.denominator + 1, 0)
         return max(-(-after.numerator // after.denominator), 0)
 
     def within(self, window: Window) -> Sampled:

@@ -174,6 +174,9 @@ class Body:
                 model.prepare(self.trajectory)
         shown = self._wanted.union(imus_in(sensors))
         self._shown = [name for name in self._models if name in shown]
+        self._longest = min(
+            getattr(sensors[name].own, "longest_window", math.inf) for name in self._shown
+        )
 
     def _made_scene(self) -> "Scene":
         """Return the scene that cameras share, or one around the sensors that see."""
@@ -282,7 +285,8 @@ class Body:
     ) -> Iterator[dict[str, Any]]:
         """Yield the samples that are left, window by window.
 
-        :param block_size: intervals of the fastest IMU in a window.
+        :param block_size: intervals of the fastest IMU in a window, at most; windows are shorter if
+            the samples of a sensor are large.
         :param count: largest number of them; otherwise an endless run continues forever.
         :raises ConfigurationError: for a size that is none, before the first window.
         """
@@ -292,5 +296,6 @@ class Body:
         end = math.inf if count is None else self.position + count
         if self.total is not None:
             end = min(end, self.total)
+        most = min(block_size, max(self._longest * self.rate, 1.0))
         while self.position < end:
-            yield self.next(int(min(block_size, end - self.position)))
+            yield self.next(int(min(most, end - self.position)))

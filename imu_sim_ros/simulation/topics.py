@@ -53,7 +53,7 @@ class Messages(NamedTuple):
     """(m,) stamps; a bag takes them as record times."""
     due_t_ns: Times
     """(m,) when the driver would release them [ns]."""
-    payloads: RowTemplate
+    payloads: RowTemplate | list[bytes]
     """The messages."""
 
 
@@ -95,7 +95,7 @@ class Offered(NamedTuple):
             if topic.truth:
                 made = payloads(read, slice(None), now)
                 times = read.true_t_ns[: len(made)]
-                return Messages(times, times, made)
+                return Messages(times, times + getattr(read, "span_ns", 0), made)
             rows: Any = delivered_rows(read)
             if topic.sent is not None:
                 rows = read.delivered[topic.sent(read)[read.delivered]]

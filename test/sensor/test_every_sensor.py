@@ -111,7 +111,7 @@ def test_truth_is_complete_and_python_returns_it(sensor: Sensor) -> None:
     for field in fields(sensor.readings):  # type: ignore[arg-type]
         array = getattr(read, field.name)
         assert len(array) == len(read.true_t_ns), field.name
-        assert array.dtype in (np.int64, np.float64), field.name
+        assert np.issubdtype(array.dtype, np.number), field.name
     flight = Flight(run, [block], "all")
     found = getattr(flight, sensor.quantity)
     assert len(found) == len(read.delivered)
@@ -123,7 +123,7 @@ def test_messages_there_and_back(sensor: Sensor, tmp_path: Path, name: str) -> N
     flight = ims.simulate(**nested(given(sensor)), sensors=[sensor.quantity])
     topics = ["imu/data_raw", *(topic.name for topic in sensor.topics)]
     path = flight.save(tmp_path / name, topics=topics)
-    if not sensor.table.is_converted:  # its messages are not rows of its table
+    if sensor.table is None or not sensor.table.is_converted:  # its messages are no rows of one
         assert path.stat().st_size > 0
         return
     back = sensor_tables.read_table(path, sensor.table, f"/{sensor.table.topic}")
@@ -135,9 +135,12 @@ def test_messages_there_and_back(sensor: Sensor, tmp_path: Path, name: str) -> N
 @pytest.mark.parametrize("form", ["euroc", "csv"])
 def test_text_there_and_back(sensor: Sensor, tmp_path: Path, form: str) -> None:
     flight = ims.simulate(**nested(given(sensor)), sensors=[sensor.quantity])
-    folder = flight.save(
-        tmp_path / "text", format=form, topics=["imu/data_raw", sensor.topics[0].name]
-    )
+    topics = ["imu/data_raw", sensor.topics[0].name]
+    if sensor.table is None:
+        with pytest.raises(ims.InputError, match=f"does not exist in {form}"):
+            flight.save(tmp_path / "text", format=form, topics=topics)
+        return
+    folder = flight.save(tmp_path / "text", format=form, topics=topics)
     assert sensor.table.name in known_tables()
     back = sensor_tables.read_table(folder, sensor.table)
     read = getattr(flight, sensor.quantity)
@@ -181,11 +184,12 @@ def test_live_parameters_change_from_the_next_block_on(sensor: Sensor) -> None:
 
 def test_declared_once_for_all(sensor: Sensor) -> None:
     """Topics and tables have names of their own, and headers as many columns as numbers."""
-    assert sensor.topics[0].name == sensor.table.topic
     others = [one for one in sensors_of_imus() if one.name != sensor.name]
     assert not {t.name for t in sensor.topics} & {t.name for one in others for t in one.topics}
-    assert {h.count(",") for h in sensor.table.headers.values()} == {sensor.table.columns}
-    assert set(sensor.table.headers) == {"euroc", "csv"}
+    if sensor.table is not None:
+        assert sensor.topics[0].name == sensor.table.topic
+        assert {h.count(",") for h in sensor.table.headers.values()} == {sensor.table.columns}
+        assert set(sensor.table.headers) == {"euroc", "csv"}
     flags = {flag for topic in sensor.topics for flag in topic.flags} - {"biases"}
     assert flags == set(sensor.switches)
 

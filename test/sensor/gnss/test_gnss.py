@@ -393,7 +393,7 @@ def test_half_of_the_fixes_lie_within_the_circle_of_the_data_sheet(name: str, er
 @pytest.mark.parametrize(
     ("own", "line"),
     [
-        ({"preset": "f9"}, "unknown GNSS receiver 'f9'"),
+        ({"preset": "f9"}, "unknown gnss 'f9'"),
         ({"horizontal_sigma": [1.0, 1.0, 1.0]}, "gnss.horizontal_sigma"),
         ({"mode_changes": [5.0, 2, 5.0, 3]}, "times|must increase"),
         ({"mode_changes": [5.0, 7]}, "mode 7: must be 1, 2, 3 or 4"),

@@ -315,7 +315,7 @@ def test_motion_that_wheels_cannot_do_is_told_in_a_line() -> None:
 @pytest.mark.parametrize(
     ("own", "line"),
     [
-        ({"preset": "huskey"}, "unknown set of wheels 'huskey'"),
+        ({"preset": "huskey"}, "unknown wheels 'huskey'"),
         ({"true_radii": [0.1, 0.1, 0.1]}, "true_radii"),
         ({"joint_names": ["a"]}, "joint_names .* must be empty or 2"),
         ({"lever_arm": [-0.2, 0.0, 0.0]}, "wheels.frame: must be named"),

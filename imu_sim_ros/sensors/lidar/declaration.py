@@ -1,0 +1,163 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A LiDAR as the rest of the package sees it: topics and readings."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.sensors.declaration import (
+    Mounted,
+    Payloads,
+    Sensor,
+    SensorReadings,
+    Topic,
+    on_demand,
+)
+from imu_sim_ros.sensors.lidar.layouts import LAYOUTS, Cloud, custom_points
+from imu_sim_ros.sensors.lidar.parameters import LidarParameters
+from imu_sim_ros.types import Array, Single
+
+TOPIC: Final = "points"
+_CLOUD: Final = ("sensor_msgs/msg/PointCloud2", "PointCloud2Encoder")
+_CUSTOM: Final = ("livox_ros_driver2/msg/CustomMsg", "LivoxEncoder")
+_MODEL: Final = "imu_sim_ros.sensors.lidar.model"
+_TRUTHS: Final = (
+    *(("true_range", "range"), ("range_error",) * 2, ("incidence",) * 2, ("reflectivity",) * 2),
+    *(("time",) * 2, ("ring",) * 2, ("surface",) * 2, ("body",) * 2, ("outcome",) * 2),
+)
+"""Values and the fields of the true points that hold them."""
+_TRUE_POINT: Final = np.dtype(
+    [
+        *((axis, "<f4") for axis in "xyz"),
+        *((name, "<f4") for name in ("range", "range_error", "incidence", "reflectivity", "time")),
+        ("ring", "<u2"),
+        ("surface", "<i4"),
+        ("body", "u1"),
+        ("outcome", "u1"),
+    ]
+)
+
+
+@dataclass(frozen=True, repr=False)
+class LidarReadings(SensorReadings):
+    """The n scans of a LiDAR that are delivered, m rays each, and the truth of every ray."""
+
+    range: Single
+    """(n, m) as read [m]; NaN: nothing came back."""
+    intensity: Single
+    """(n, m) as read; 100 for a white surface square on."""
+    direction: Single
+    """(n, m, 3) nominal, in the sensor's frame."""
+    time: Array
+    """(n, m) since the start of the scan [s]."""
+    ring: NDArray[np.uint16]
+    """(n, m)"""
+    true_range: Single
+    """(n, m) along the true direction [m]; infinite: nothing there."""
+    true_point: Single
+    """(n, m, 3) what each ray met, in the sensor's frame at the start of the scan [m]."""
+    range_error: Single
+    """(n, m) as read minus true [m]."""
+    incidence: Single
+    """(n, m) angle between the ray and the surface's normal [rad]."""
+    reflectivity: Single
+    """(n, m) diffuse, of what was met; NaN: nothing there."""
+    surface: NDArray[np.int32]
+    """(n, m) number of the rectangle or triangle, within its body; -1: nothing there."""
+    body: NDArray[np.uint8]
+    """(n, m) number of the moving body, from 1; 0: what is at rest."""
+    outcome: NDArray[np.uint8]
+    """(n, m) 0: a point of a surface, 1: of several within the beam, 2: of rain or dust; without a
+    point: 3: nothing there, 4: too far, too near or too dark, 5: through glass, 6: lost."""
+
+    @property
+    def points(self) -> Single:
+        """(n, m, 3) as read, in the sensor's frame at each ray's time [m]; NaN without one."""
+        found: Single = self.range[..., None] * self.direction
+        return found
+
+    def cloud(self, k: int) -> Cloud:
+        """Return the points of scan k."""
+        return next(_clouds(self, [k]))
+
+
+def _clouds(read: Any, scans: Any) -> Iterator[Cloud]:
+    """Yield the points of some scans."""
+    for k in scans:
+        rows = np.isfinite(read.range[k])
+        distance = read.range[k][rows]
+        yield Cloud(
+            int(read.t_ns[k]),
+            distance[:, None] * read.direction[k][rows],
+            read.intensity[k][rows],
+            read.ring[k][rows],
+            read.time[k][rows],
+            distance,
+        )
+
+
+def _true_points(read: Any, k: int) -> NDArray[np.void]:
+    """Return the truth of the points of scan k, in their order."""
+    kept = np.isfinite(read.range[k])
+    rows = np.zeros(int(kept.sum()), _TRUE_POINT)
+    for axis, column in zip("xyz", read.true_point[k][kept].T, strict=True):
+        rows[axis] = column
+    for value, name in _TRUTHS:
+        rows[name] = getattr(read, value)[k][kept]
+    return rows
+
+
+Scans = Callable[[Any, Any, Any], Iterator[tuple[int, NDArray[np.void]]]]
+
+
+def _topic(name: str, kind: tuple[str, str], scans: Scans, **more: Any) -> Topic:
+    """Return a topic of a message for each scan."""
+
+    def make(mounted: Mounted, encoding: str) -> Payloads:
+        from imu_sim_ros.bags.messages import encode_cameras
+
+        messages = getattr(encode_cameras, kind[1])(mounted.frame, encoding)
+
+        def payloads(read: Any, rows: Any, now: Any) -> list[bytes]:
+            chosen = np.arange(len(read.t_ns))[rows].tolist()
+            return [messages.encode(*scan) for scan in scans(read, chosen, now)]
+
+        return payloads
+
+    return Topic(name, kind[0], (), make, **more)
+
+
+def _points(read: Any, scans: Any, now: Any) -> Iterator[tuple[int, NDArray[np.void]]]:
+    layout = LAYOUTS[now.layout]
+    return ((cloud.t_ns, layout.rows(cloud)) for cloud in _clouds(read, scans))
+
+
+def _custom(read: Any, scans: Any, _: Any) -> Iterator[tuple[int, NDArray[np.void]]]:
+    return ((cloud.t_ns, custom_points(cloud)) for cloud in _clouds(read, scans))
+
+
+def _truth(read: Any, scans: Any, _: Any) -> Iterator[tuple[int, NDArray[np.void]]]:
+    return ((int(read.true_t_ns[k]), _true_points(read, k)) for k in scans)
+
+
+SENSOR = Sensor(
+    name="lidar",
+    quantity="lidar",
+    section=LidarParameters,
+    model=on_demand(_MODEL, "Lidar"),
+    topics=(
+        _topic(TOPIC, _CLOUD, _points),
+        _topic("livox/lidar", _CUSTOM, _custom, foreign=True),
+        _topic("ground_truth/points", _CLOUD, _truth, truth=True),
+    ),
+    readings=LidarReadings,
+    realised=on_demand(_MODEL, "realised_lidar"),
+    sees=True,
+    text="LiDAR: each ray from where the sensor is at its own time, with the errors of ranges",
+    presets="lidar",
+)

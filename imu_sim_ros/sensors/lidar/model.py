@@ -1,0 +1,301 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A LiDAR: its rays through the scene, each from where the sensor is at its own time, and errors.
+
+A scan is a sample: it is stamped with its start, and complete at its end. The range of a ray is
+
+``r = round((d + b + b_ring + n) / q) q``
+
+with the distance d along the true direction, which differs from the nominal one by the error of the
+ring's elevation and by jitter; noise n with the variance ``s^2 + (s_limit (d / R)^2)^2``; and the
+step q. The power that returns of a diffuse surface that fills the beam goes with
+``reflectivity cos(incidence) / d^2`` (Wagner et al., ISPRS Journal of Photogrammetry and Remote
+Sensing 60, 2006, eq. 12), so that it is detected up to
+``R = R_0 sqrt(reflectivity cos(incidence) / reflectivity_0)``; timing noise goes with the inverse
+of the power, as the second part of n. A point is the range times the nominal direction.
+"""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.places.rays import Traced
+from imu_sim_ros.random_streams import generator
+from imu_sim_ros.sensors.declaration import Model, Mounted
+from imu_sim_ros.sensors.lidar.parameters import LidarParameters
+from imu_sim_ros.sensors.lidar.pattern import build_pattern
+from imu_sim_ros.sensors.lidar.targets import Targets
+from imu_sim_ros.sensors.model import SensorModel
+from imu_sim_ros.sensors.world import World
+from imu_sim_ros.trajectory.dense import dense_poses
+from imu_sim_ros.types import Array, Mask, Single
+
+SURFACE, MIXED, FALSE, NOTHING, OUT_OF_RANGE, GLASS, LOST = range(7)
+"""Outcomes of a ray. The first three give a point: of a surface, of several within the beam, of
+rain or dust."""
+_FALSE_INTENSITY: Final = 5.0
+"""Of rain and dust, at most."""
+_FAR: Final = 1e9
+"""[m] Where nothing is."""
+_ALIKE: Final = 1e-3
+"""[m] Difference of the range of a beam from that of its middle that makes it one of an edge."""
+_UPRIGHT: Final = 1e-12
+"""Least square of the horizontal part of a direction for which it has an azimuth."""
+
+
+def drawn_rings(p: LidarParameters, seed: int, name: str, rings: int) -> tuple[Array, Array]:
+    """Return the constant errors (rings,) of ranges [m] and of elevations [deg].
+
+    :param name: of the sensor.
+    :raises ConfigurationError: if those that are given are not as many.
+    """
+    found = []
+    for key, sigma in (
+        ("ring_bias", p.ring_bias_sigma),
+        ("ring_elevation_error_deg", p.ring_elevation_sigma_deg),
+    ):
+        given = getattr(p, key)
+        if given and len(given) != rings:
+            raise ConfigurationError(
+                f"{name}.{key}: has {len(given)} numbers; must be empty or have {rings}"
+            )
+        drawn = sigma * generator(seed, f"{name}.{key}").standard_normal(rings)
+        found.append(np.array(given) if given else drawn)
+    return found[0], found[1]
+
+
+def realised_lidar(p: LidarParameters, seed: int, name: str) -> LidarParameters:
+    """Return the parameters with the constant errors of a seed.
+
+    :param name: of the sensor.
+    """
+    rings = p.rings or int(build_pattern(p).ring.max()) + 1
+    bias, error_deg = (tuple(each.tolist()) for each in drawn_rings(p, seed, name, rings))
+    return dataclasses.replace(p, ring_bias=bias, ring_elevation_error_deg=error_deg)
+
+
+class Lidar(SensorModel):
+    """A LiDAR on a body."""
+
+    def __init__(self, mounted: Mounted, t0_ns: int, _: Mapping[str, Model]) -> None:
+        """Set up its rays.
+
+        :raises InputError: for a table of directions that cannot be used.
+        """
+        super().__init__(mounted, t0_ns)
+        p: LidarParameters = mounted.own
+        self._pattern = build_pattern(p)
+        self._streams: dict[str, Generator] = {}
+        self._targets: Targets | None = None
+        rings, ring = int(self._pattern.ring.max()) + 1, self._pattern.ring
+        bias, error_deg = drawn_rings(p, mounted.environment.seed, self.name, rings)
+        self._bias, self._tilt = bias[ring], np.radians(error_deg)[ring]
+
+    def measure(self, t: Array, world: World) -> Mapping[str, Array]:
+        """Return n scans of m rays; what no ray of a scan differs in is there once.
+
+        ``range_bias`` (n,) is the reading that faults change.
+        """
+        if self._targets is None:
+            self._targets = Targets(world.scene, self.parameters.reflectivity)
+        scans = [self._scan(start, world, self._targets) for start in t.tolist()]
+        count, rays = len(t), len(self._pattern.time)
+        values: dict[str, Any] = {"range_bias": np.full(count, self.parameters.range_bias)}
+        for name, kind, shape in _ARRAYS:
+            empty = np.empty((0, rays, *shape), kind)
+            values[name] = np.stack([scan[name] for scan in scans]) if scans else empty
+        values["time"] = np.broadcast_to(self._pattern.time, (count, rays))
+        values["ring"] = np.broadcast_to(self._pattern.ring, (count, rays))
+        return values
+
+    def complete(self, values: Mapping[str, Array]) -> Mapping[str, Array]:
+        """Return the values with the ranges that a fault has changed."""
+        added = values["range_bias"] - self.parameters.range_bias
+        if not added.any():
+            return values
+        moved = {name: values[name] + added[:, None].astype(np.float32) for name in _OF_THE_BIAS}
+        return {**values, **moved}
+
+    def _scan(self, start: float, world: World, targets: Targets) -> dict[str, NDArray[Any]]:
+        """Return the values of one scan, (m,) or (m, 3)."""
+        p, pattern = self.parameters, self._pattern
+        end, t = min(start + p.span, world.trajectory.duration), start + pattern.time
+        position, q_wb = dense_poses(world.trajectory.sample, start, end, t)
+        nominal = pattern.directions(start)
+        origin = position + rotation.rotate(q_wb, self.lever_arm_b)
+        q_ws = rotation.multiply(q_wb, self.q_bs)
+        beam = self._deflected(nominal)
+        towards = rotation.rotate(q_ws, beam)
+        traced = targets.trace(t, origin, towards)
+        reflectivity = targets.reflectivity(traced)
+        distance, cosine = traced.distance, np.abs(traced.along)
+        range_, outcome = distance.copy(), np.zeros(len(t), np.uint8)
+        power = reflectivity * cosine
+        if p.beam_divergence_deg > 0.0:
+            seen = traced, reflectivity
+            range_, power = self._within_beam(t, origin, q_ws, beam, targets, seen)
+            outcome[np.abs(range_ - np.minimum(distance, _FAR)) > _ALIKE] = MIXED
+        limit = self._limit(power)
+        range_ += p.range_bias + self._bias
+        noise = self._range_noise(range_, limit)
+        if noise is not None:
+            range_ += noise
+        intensity = 100.0 * power
+        self._lose(
+            outcome, traced, range_, limit, lambda: targets.on_glass(traced, origin, towards)
+        )
+        self._meet_rain(outcome, range_, intensity, distance)
+        if p.intensity_range > 0.0:
+            with np.errstate(invalid="ignore"):
+                intensity *= np.minimum(1.0, p.intensity_range / np.maximum(range_, 1e-9)) ** 2
+        if p.intensity_noise > 0.0:
+            intensity *= 1.0 + p.intensity_noise * self._normal("intensity", len(t))
+        if p.range_resolution > 0.0:
+            range_ = np.rint(range_ / p.range_resolution) * p.range_resolution
+        outcome[(outcome <= FALSE) & ~((range_ >= p.minimum_range) & (range_ > 0.0))] = OUT_OF_RANGE
+        outcome[(outcome <= FALSE) & (range_ > p.maximum_range)] = OUT_OF_RANGE
+        range_[outcome > FALSE] = np.nan
+        known = np.where(traced.surface < 0, np.nan, distance)
+        hit = origin + known[:, None] * towards - origin[:1]
+        return {
+            "range": range_.astype(np.float32),
+            "intensity": np.maximum(intensity, 0.0).astype(np.float32),
+            "direction": nominal.astype(np.float32),
+            "true_range": distance.astype(np.float32),
+            "true_point": rotation.rotate_inverse(q_ws[:1], hit).astype(np.float32),
+            "range_error": (range_ - known).astype(np.float32),
+            "incidence": np.arccos(np.minimum(cosine, 1.0)).astype(np.float32),
+            "reflectivity": reflectivity.astype(np.float32),
+            "surface": traced.surface.astype(np.int32),
+            "body": traced.body,
+            "outcome": outcome,
+        }
+
+    def _normal(self, source: str, count: int) -> Single:
+        """Return the next standard normals (count,) of a source."""
+        return self._next(source).standard_normal(count, np.float32)
+
+    def _next(self, source: str) -> Generator:
+        if source not in self._streams:
+            self._streams[source] = self.stream(source)
+        return self._streams[source]
+
+    def _deflected(self, nominal: Array) -> Array:
+        """Return the true directions (m, 3) of the beams in the sensor's frame."""
+        sigma = math.radians(self.parameters.angular_noise_deg)
+        if not (sigma or self._tilt.any()):
+            return nominal
+        up, side = self._tilt, np.zeros(len(nominal))
+        if sigma:
+            up = up + sigma * self._normal("elevation", len(nominal))
+            side = sigma * self._normal("azimuth", len(nominal)).astype(np.float64)
+        return _turned(nominal, up, side)
+
+    def _within_beam(
+        self,
+        t: Array,
+        origin: Array,
+        q_ws: Array,
+        beam: Array,
+        targets: Targets,
+        middle: tuple[Traced, Array],
+    ) -> tuple[Array, Array]:
+        """Return ranges and reflectivity times cosine (m,) of beams that have a width.
+
+        The beam is its middle, with half of its energy, and two opposite rays at a random place
+        of its disc. Of the surfaces that they meet the one that returns most decides; those that
+        are nearer to it than the pulse is long are one return with it, at their weighted mean.
+        """
+        p = self.parameters
+        draw = self._next("beam").random((2, len(t)))
+        radius = 0.5 * math.radians(p.beam_divergence_deg) * np.sqrt(draw[0])
+        up, side = (radius * f(2.0 * math.pi * draw[1]) for f in (np.sin, np.cos))
+        parts = [(*middle, 0.5)]
+        for sign in (1.0, -1.0):
+            towards = rotation.rotate(q_ws, _turned(beam, sign * up, sign * side))
+            traced = targets.trace(t, origin, towards)
+            parts.append((traced, targets.reflectivity(traced), 0.25))
+        distances = np.stack([traced.distance for traced, _, _ in parts])
+        powers = np.stack([share * rho * np.abs(traced.along) for traced, rho, share in parts])
+        returned = np.where(np.isfinite(distances), powers / np.maximum(distances, 1e-3) ** 2, 0.0)
+        every = np.arange(len(t))
+        strongest = distances[np.argmax(returned, axis=0), every]
+        with np.errstate(invalid="ignore"):
+            together = np.abs(distances - strongest) <= p.pulse_length
+        returned *= together
+        total = returned.sum(axis=0)
+        with np.errstate(invalid="ignore"):
+            mean = (np.where(returned > 0.0, distances, 0.0) * returned).sum(axis=0) / total
+        alone = ~(total > 0.0)
+        return np.where(alone, np.inf, mean), np.where(alone, 0.0, (powers * together).sum(axis=0))
+
+    def _limit(self, power: Array) -> Array | None:
+        """Return up to which ranges (m,) surfaces are detected; None: all are."""
+        p = self.parameters
+        if p.detection_range == 0.0:
+            return None
+        return p.detection_range * np.sqrt(power / p.detection_reflectivity)
+
+    def _range_noise(self, range_: Array, limit: Array | None) -> Array | None:
+        p = self.parameters
+        if limit is None or p.range_noise_at_limit == 0.0:
+            return p.range_noise * self._normal("range", len(range_)) if p.range_noise else None
+        with np.errstate(divide="ignore", invalid="ignore"):
+            far = p.range_noise_at_limit * np.minimum((range_ / limit) ** 2, 1.0)
+        far[~np.isfinite(far)] = p.range_noise_at_limit
+        return np.hypot(p.range_noise, far) * self._normal("range", len(range_))
+
+    def _lose(self, outcome: Any, traced: Traced, range_: Array, limit: Any, on_glass: Any) -> None:
+        """Say of which rays nothing returns."""
+        p, count = self.parameters, len(range_)
+        if limit is not None:
+            if p.detection_spread > 0.0:
+                limit = limit * np.exp(p.detection_spread * self._normal("detection", count))
+            outcome[range_ > limit] = OUT_OF_RANGE
+        outcome[~np.isfinite(range_)] = NOTHING
+        if p.glass_transmission > 0.0:
+            through = self._next("glass").random(count) < p.glass_transmission
+            outcome[on_glass() & through & (outcome <= MIXED)] = GLASS
+        if p.dropout_share > 0.0:
+            outcome[self._next("dropout").random(count) < p.dropout_share] = LOST
+
+    def _meet_rain(self, outcome: Any, range_: Array, intensity: Array, distance: Array) -> None:
+        """Put in the rays that meet rain or dust."""
+        p, count = self.parameters, len(range_)
+        if p.false_return_share == 0.0:
+            return
+        draw = self._next("rain").random((3, count))
+        far = -p.false_return_range * np.log1p(-draw[1])
+        met: Mask = (draw[0] < p.false_return_share) & (far < distance) & (outcome != LOST)
+        outcome[met], range_[met] = FALSE, far[met]
+        intensity[met] = _FALSE_INTENSITY * draw[2][met]
+
+
+_ARRAYS: Final = (
+    *((name, np.float32, ()) for name in ("range", "intensity")),
+    ("direction", np.float32, (3,)),
+    ("true_range", np.float32, ()),
+    ("true_point", np.float32, (3,)),
+    *((name, np.float32, ()) for name in ("range_error", "incidence", "reflectivity")),
+    ("surface", np.int32, ()),
+    ("body", np.uint8, ()),
+    ("outcome", np.uint8, ()),
+)
+_OF_THE_BIAS: Final = ("range", "range_error")
+
+
+def _turned(directions: Array, up: Array, side: Array) -> Array:
+    """Return unit vectors (m, 3) turned by angles (m,) [rad] upwards and counterclockwise."""
+    x, y, z = directions.T
+    flat = np.sqrt(np.maximum(x * x + y * y, _UPRIGHT))
+    result = directions + up[:, None] * np.stack([-x * z / flat, -y * z / flat, flat], axis=1)
+    result += side[:, None] * np.stack([-y / flat, x / flat, np.zeros(len(x))], axis=1)
+    return rotation.normalise(result)

@@ -1,0 +1,181 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""When a LiDAR sends its rays, and where to, in its own frame: x ahead, y to the left, z up."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.inputs.rows import open_regular
+from imu_sim_ros.sensors.lidar.parameters import MOST_RAYS, LidarParameters
+from imu_sim_ros.types import Array
+
+_LARGEST_FILE: Final = 200 << 20
+"""[bytes]"""
+
+
+class Pattern:
+    """The m rays of every scan."""
+
+    def __init__(
+        self,
+        time: Array,
+        ring: NDArray[np.uint16],
+        directions: Array | Callable[[float], Array],
+    ) -> None:
+        """Keep them.
+
+        :param time: (m,) since the start of the scan [s].
+        :param directions: (m, 3) unit vectors, or what returns them for the time from the start of
+            the run to that of the scan [s].
+        """
+        self.time, self.ring, self._directions = time, ring, directions
+
+    def directions(self, start: float) -> Array:
+        """Return the nominal directions (m, 3) of a scan.
+
+        :param start: of the scan, since the start of the run [s].
+        """
+        if callable(self._directions):
+            return self._directions(start)
+        return self._directions
+
+
+def build_pattern(p: LidarParameters) -> Pattern:
+    """Return the rays that the parameters describe.
+
+    :raises InputError: for a table that cannot be used, naming its line.
+    """
+    build = {"spinning": _spinning, "rosette": _rosette, "nodding": _nodding, "table": _table}
+    return build[p.pattern](p)
+
+
+def towards(azimuth: Array, elevation: Array) -> Array:
+    """Return unit vectors (m, 3) of azimuths, counterclockwise from x, and elevations [rad]."""
+    flat = np.cos(elevation)
+    return np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)], axis=-1)
+
+
+def _spinning(p: LidarParameters) -> Pattern:
+    """Return channels that turn; all start again at the same azimuth with each scan."""
+    elevation = np.radians(p.elevations_deg)
+    channels = len(elevation)
+    firings = max(1, math.floor(p.span / p.firing_period + 1e-9))
+    begin = np.arange(firings) * p.firing_period
+    time = (begin[:, None] + np.arange(channels) * p.channel_interval).reshape(-1)
+    offsets = np.radians(p.azimuth_offsets_deg or [0.0] * channels)
+    azimuth = _turned(p, time, p.rate) + np.tile(offsets, firings)
+    order = np.argsort(elevation, kind="stable")[:: -1 if p.top_ring_first else 1]
+    ring = np.empty(channels, np.uint16)
+    ring[order] = np.arange(channels)
+    directions = towards(azimuth, np.tile(elevation, firings))
+    return Pattern(time, np.tile(ring, firings), directions)
+
+
+def _turned(p: LidarParameters, time: Array, rate: float) -> Array:
+    """Return azimuths at times after an azimuth of ``start_azimuth_deg`` [rad]."""
+    turn = -2.0 * math.pi if p.clockwise else 2.0 * math.pi
+    return math.radians(p.start_azimuth_deg) + turn * ((rate * time) % 1.0)
+
+
+def _lines(p: LidarParameters) -> tuple[Array, NDArray[np.uint16], Array]:
+    """Return time [s], line and elevation above the middle of the lines [rad] of each ray."""
+    count = math.floor(p.point_rate * p.span + 1e-9)
+    line = np.arange(count) % p.lines
+    above = math.radians(p.line_spacing_deg) * (line - 0.5 * (p.lines - 1))
+    ring = (p.lines - 1 - line if p.top_ring_first else line).astype(np.uint16)
+    return np.arange(count) / p.point_rate, ring, above
+
+
+def _rosette(p: LidarParameters) -> Pattern:
+    """Return beams that turning prisms deflect from x, as Livox describes its Mid-40 and Avia.
+
+    To first order the deflections add up as vectors in the plane of azimuth and elevation: prism k
+    turns its own by ``2 pi rate_k t`` (Risley prisms; Marshall, Optical Engineering 38, 1999).
+    """
+    time, ring, above = _lines(p)
+
+    def directions(start: float) -> Array:
+        azimuth, elevation = np.zeros(len(time)), above.copy()
+        for rate, deflection in zip(p.prism_rates, p.prism_deflections_deg, strict=True):
+            angle = 2.0 * math.pi * ((rate * (start + time)) % 1.0)
+            azimuth += math.radians(deflection) * np.cos(angle)
+            elevation += math.radians(deflection) * np.sin(angle)
+        return towards(azimuth, elevation)
+
+    return Pattern(time, ring, directions)
+
+
+def _nodding(p: LidarParameters) -> Pattern:
+    """Return beams that turn about z and go up and down on a sine."""
+    time, ring, above = _lines(p)
+    low, high = np.radians(p.elevation_limits_deg)
+
+    def directions(start: float) -> Array:
+        t = start + time
+        nod = np.sin(2.0 * math.pi * ((p.nod_rate * t) % 1.0))
+        return towards(_turned(p, t, p.turn_rate), above + 0.5 * (low + high + (high - low) * nod))
+
+    return Pattern(time, ring, directions)
+
+
+def _table(p: LidarParameters) -> Pattern:
+    path = Path(p.table)
+    try:
+        with open_regular(path) as file:
+            text = file.read(_LARGEST_FILE).decode("utf-8")
+    except OSError as error:
+        raise system_error(path, error) from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: is no text") from None
+    rows: list[list[float]] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        words = line.split("#")[0].replace(",", " ").replace(";", " ").split()
+        try:
+            row = [float(word) for word in words]
+        except ValueError:
+            if rows:
+                raise InputError(f"{path}: line {number}: {line!r} is not numeric") from None
+            continue  # its header
+        if not row:
+            continue
+        if len(row) not in (3, 4) or (rows and len(row) != len(rows[0])):
+            raise InputError(
+                f"{path}: line {number}: {len(row)} columns; must be time, azimuth, elevation, and "
+                "a ring in all lines or in none"
+            )
+        _check_row(path, number, row, rows[-1][0] if rows else 0.0, p)
+        rows.append(row)
+    if not rows:
+        raise InputError(f"{path}: contains no rays")
+    if len(rows) > MOST_RAYS:
+        raise InputError(f"{path}: {len(rows):,} rays; at most {MOST_RAYS:,}")
+    table = np.array(rows)
+    ring = table[:, 3].astype(np.uint16) if table.shape[1] == 4 else np.zeros(len(rows), np.uint16)
+    return Pattern(table[:, 0].copy(), ring, towards(*np.radians(table[:, 1:3]).T))
+
+
+def _check_row(
+    path: Path, number: int, row: list[float], before: float, p: LidarParameters
+) -> None:
+    """Refuse a ray that no scan has.
+
+    :raises InputError: naming its line.
+    """
+    where = f"{path}: line {number}"
+    if not all(map(math.isfinite, row)):
+        raise InputError(f"{where}: a value that is not finite")
+    if not before <= row[0] < p.span:
+        raise InputError(
+            f"{where}: time {row[0]:g} s: must not decrease, from 0 to below 1 / rate, {p.span:g} s"
+        )
+    if abs(row[2]) > 90.0:
+        raise InputError(f"{where}: elevation {row[2]:g} deg: must be between -90 and 90")
+    if len(row) == 4 and row[3] not in range(65_536):
+        raise InputError(f"{where}: ring {row[3]:g}: must be an integer from 0 to 65535")

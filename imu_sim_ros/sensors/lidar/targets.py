@@ -1,0 +1,68 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What a scene is to the rays of a LiDAR: surfaces, their reflectivity, and glass."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from imu_sim_ros.places.gloss import panes
+from imu_sim_ros.places.materials import reflectance
+from imu_sim_ros.places.rays import RayTracer, Traced
+from imu_sim_ros.types import Array, Mask
+
+if TYPE_CHECKING:
+    from imu_sim_ros.sensors.camera.scene import Scene
+
+
+class Targets:
+    """A scene, with the bodies that move in it."""
+
+    def __init__(self, scene: "Scene", reflectivity: float) -> None:
+        """Take a scene.
+
+        :param reflectivity: of surfaces whose material is not known.
+        """
+        place = scene.painter.place if scene.painter is not None else None
+        bodies = scene.crowd.each if scene.crowd is not None else ()
+        sky = place.sky if place is not None else None
+        self._surfaces = scene.surfaces
+        self._panes = panes(place.faces, scene.surfaces.sides) if place is not None else []
+        self._has_panes = np.zeros(len(scene.surfaces.origin) + 1, np.bool_)
+        self._has_panes[[pane.face for pane in self._panes]] = True
+        self._tracer = RayTracer(scene.surfaces, scene.caster, bodies, sky)
+        every = [scene.surfaces, *(body.surfaces() for body in bodies)]
+        names = [name for where in every for name in where.texture]
+        values = np.array([reflectance(name) for name in names] + [np.nan])
+        self._reflectivity = np.where(np.isnan(values), reflectivity, values)
+        self._first = np.cumsum([0, *(len(where.origin) for where in every)])
+        self._mesh = scene.caster is not None
+
+    def trace(self, t: Array, origins: Array, directions: Array) -> Traced:
+        """Return what rays meet first; see :meth:`RayTracer.trace`."""
+        return self._tracer.trace(t, origins, directions)
+
+    def reflectivity(self, traced: Traced) -> Array:
+        """Return the diffuse reflectivity (n,) of what rays met, at 905 nm."""
+        number = self._first[traced.body] + traced.surface
+        # A mesh has no materials; its triangles are no rectangles.
+        number[(traced.surface < 0) | (self._mesh & (traced.body == 0))] = -1
+        return self._reflectivity[number]
+
+    def on_glass(self, traced: Traced, origins: Array, directions: Array) -> Mask:
+        """Tell which rays (n,) met glass."""
+        result = np.zeros(len(origins), np.bool_)
+        if not self._panes:
+            return result
+        rows = np.flatnonzero(self._has_panes[traced.surface] & (traced.body == 0))
+        face = traced.surface[rows]
+        at = origins[rows] + traced.distance[rows, None] * directions[rows]
+        at -= self._surfaces.origin[face]
+        across, up = self._surfaces.across[face], self._surfaces.up[face]
+        s = (at * across).sum(axis=1) / (across * across).sum(axis=1)
+        r = (at * up).sum(axis=1) / (up * up).sum(axis=1)
+        for pane in self._panes:
+            on = (face == pane.face) & (s > pane.low[0]) & (s < pane.high[0])
+            result[rows[on & (r > pane.low[1]) & (r < pane.high[1])]] = True
+        return result
