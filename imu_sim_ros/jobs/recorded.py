@@ -86,6 +86,12 @@ def read_points(path: str | Path, topic: str | None = None) -> Iterator[tuple[in
         message, such as x, y, z, intensity, ring and time.
     :raises ConfigurationError: for an invalid argument.
     :raises InputError: for a file that cannot be read, or has no clouds.
+
+    >>> import imu_sim_ros as ims
+    >>> flight = ims.simulate(duration=0.2, sensors=["lidar"], scene={"type": "ground"})
+    >>> path = flight.save(folder / "ranged.mcap")
+    >>> [(t_ns, int(points["ring"].max())) for t_ns, points in ims.read_points(path)]
+    [(1000000000, 1), (1100000000, 1)]
     """
     from imu_sim_ros.bags.messages.encode_cameras import POINT_CLOUD2
     from imu_sim_ros.bags.read import open_bag

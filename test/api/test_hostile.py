@@ -86,7 +86,7 @@ class World:
         topics = ("imu/data_raw", "ground_truth/odom", "imu/mag", "imu/data", "imu/pressure")
         self.file = self.flight.save("flight.mcap", topics=topics)
         self.seen = Path("seen.mcap")
-        words = ["--duration", "0.1s", "--camera", "euroc_cam0", "--quiet"]
+        words = ["--duration", "0.1s", "--camera", "euroc_cam0", "--lidar", "perfect", "--quiet"]
         assert generate.main(["-o", str(self.seen), *words]) == 0
         self.stamps = np.arange(9) * 10_000_000
         self.rows = np.arange(27.0).reshape(9, 3)
@@ -145,6 +145,7 @@ VALID = {
     "read_imu": (lambda w: {"path": w.file}, []),
     "read_odometry": (lambda w: {"path": w.file}, []),
     "read_images": (lambda w: {"path": w.seen}, []),
+    "read_points": (lambda w: {"path": w.seen}, []),
     "read_magnetometer": (lambda w: {"path": w.file}, []),
     "read_orientation": (lambda w: {"path": w.file}, []),
     "read_pressure": (lambda w: {"path": w.file}, []),

@@ -73,6 +73,7 @@ PUBLIC = [
     "read_magnetometer",
     "read_odometry",
     "read_orientation",
+    "read_points",
     "read_pressure",
     "register_sensor",
     "report",
