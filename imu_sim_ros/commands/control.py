@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""``control``: pause, step, reset and watch a running simulator, and inject faults into it."""
+"""``control``: pause, step, reset and watch a running simulator, change it, and inject faults."""
 
 import argparse
 import sys
@@ -9,7 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros import program, signals, startup
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.simulation.playback import InjectParameters
@@ -22,6 +22,7 @@ EXAMPLES: Final = """
   control resume
   control step 10
   control reset --node /left/simulator
+  control set imu.gyroscope_bias '[0.1, 0, 0]' imu.dropout_probability 0.01
   control inject bias_jump --value '[0.1, 0, 0]' --duration 2s
   control inject dropout --value 1 --delay 5s --node /left/simulator
   control watch
@@ -41,6 +42,7 @@ def _value(words: str) -> list[float]:
     raise argparse.ArgumentTypeError(f"{words!r} must be a number or a list such as [0.1, 0, 0]")
 
 
+_LARGEST_INTEGER: Final = 2**63 - 1
 _SHARED: Final = {
     "--node NAME": {
         "default": "/simulator",
@@ -59,6 +61,16 @@ _ACTIONS: Final[dict[str, tuple[str, dict[str, Any]]]] = {
     "step": (
         "publish samples while paused",
         {"samples N": {"nargs": "?", "help": "number of samples (default: step_samples)"}},
+    ),
+    "set": (
+        "set live parameters, each on its own; any node that has them (--node)",
+        {
+            "changes": {
+                "nargs": "+",
+                "metavar": "NAME VALUE",
+                "help": "name and new value of a parameter; a number stands for all three axes",
+            }
+        },
     ),
     "inject": (
         "start a fault with the next block",
@@ -99,6 +111,7 @@ def control(arguments: argparse.Namespace) -> None:
     samples = getattr(arguments, "samples", None)
     if samples is not None and not 1 <= samples <= 1_000_000:
         raise ConfigurationError(f"step {samples}: must be 1 to 1000000 samples")
+    changes = _changes(arguments.changes) if arguments.action == "set" else {}
     try:
         from imu_sim_ros.nodes.control import Control
     except ImportError as error:
@@ -106,8 +119,46 @@ def control(arguments: argparse.Namespace) -> None:
     with Control(arguments.node, arguments.timeout) as simulator:
         if arguments.action == "watch":
             _watch(simulator, arguments)
+        elif arguments.action == "set":
+            _set(simulator, changes)
         else:
             print(_act(simulator, arguments))
+
+
+def _changes(words: list[str]) -> dict[str, bool | int | float | str]:
+    """Return new values by name, in the types that a node of ROS takes.
+
+    :raises ConfigurationError: for a name without a value, and what is no YAML.
+    """
+    names, values = words[::2], words[1::2]
+    problems = [f"{names[-1]}: has no value"] if len(names) > len(values) else []
+    found: dict[str, bool | int | float | str] = {}
+    for name, text in zip(names, values, strict=False):
+        try:
+            value = files.parse_yaml(text)
+        except ValueError as error:
+            problems.append(f"{name}: {error}")
+            continue
+        plain = isinstance(value, bool | float) or (
+            isinstance(value, int) and abs(value) <= _LARGEST_INTEGER
+        )
+        found[name] = value if plain else text  # a node reads a list from its text
+    if problems:
+        raise ConfigurationError(problems)
+    return found
+
+
+def _set(simulator: "Control", changes: dict[str, bool | int | float | str]) -> None:
+    """Set parameters and print those that are set.
+
+    :raises InputError: with a line for each that is refused.
+    """
+    refused = simulator.set_each(changes)
+    for name, value in changes.items():
+        if name not in refused:
+            print(f"{name} = {str(value).lower() if isinstance(value, bool) else value}")
+    if refused:
+        raise InputError(refused.values())
 
 
 def _act(simulator: "Control", arguments: argparse.Namespace) -> str:

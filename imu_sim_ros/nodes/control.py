@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.srv import SetParametersAtomically
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -128,6 +128,17 @@ class Control:
         result = self._call("set_parameters_atomically", SetParametersAtomically, request).result
         if not result.successful:
             raise InputError(result.reason.split("; "))
+
+    def set_each(self, values: Mapping[str, Any]) -> dict[str, str]:
+        """Set parameters, each on its own; returns the reasons of those that are refused."""
+        request = SetParameters.Request(
+            parameters=[
+                Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
+            ]
+        )
+        results = self._call("set_parameters", SetParameters, request).results
+        answers = zip(values, results, strict=True)
+        return {name: result.reason for name, result in answers if not result.successful}
 
     def watch(self) -> Iterator[Status | InjectedFault]:
         """Yield the simulator's reports without end: a status each second, and every fault."""

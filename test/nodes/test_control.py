@@ -92,6 +92,35 @@ def test_pause_step_resume_and_reset(start: Any, listener: Any, ask: Any) -> Non
     assert taken[held:] == [5 * 10**9, 5 * 10**9 + 10_000_000]
 
 
+def test_set_live_parameters_and_say_each_refusal(start: Any, listener: Any, ask: Any) -> None:
+    from rcl_interfaces.srv import GetParameters
+
+    start("simulator", rate=100, imu__preset="perfect")
+    names = ["imu.gyroscope_bias", "imu.accelerometer_bias", "imu.dropout_probability"]
+    changes = [names[0], "[0.25, 0, -1]", names[1], "-2", names[2], "0.5"]
+    assert ask("set", *changes) == (
+        0,
+        "imu.gyroscope_bias = [0.25, 0, -1]\nimu.accelerometer_bias = -2\n"
+        "imu.dropout_probability = 0.5\n",
+        "",
+    )
+    found = listener.call("simulator/get_parameters", GetParameters, names=names).values
+    assert list(found[0].double_array_value) == [0.25, 0.0, -1.0]
+    assert list(found[1].double_array_value) == [-2.0, -2.0, -2.0]
+    assert found[2].double_value == 0.5
+    wrong = ["imu.dropout_probability", "1.5", "rate", "50", "imu.gyro_bias", "1"]
+    status, output, error = ask("set", "imu.gyroscope_bias", "0", *wrong)
+    assert (status, output) == (2, "imu.gyroscope_bias = 0\n")
+    lines = error.splitlines()
+    assert len(lines) == 3
+    assert "control: imu.dropout_probability = 1.5: must be" in lines[0]
+    assert "control: rate is read-only: it is fixed when the node starts" in lines[1]
+    assert "control: imu.gyro_bias: unknown parameter" in lines[2]
+    found = listener.call("simulator/get_parameters", GetParameters, names=names).values
+    assert list(found[0].double_array_value) == [0.0, 0.0, 0.0]
+    assert found[2].double_value == 0.5
+
+
 def test_inject_and_watch(start: Any, listener: Any, ask: Any, control: Any) -> None:
     from sensor_msgs.msg import Imu
 
@@ -145,6 +174,8 @@ def test_a_simulator_that_is_not_there_is_said(start: Any, listener: Any, contro
         (["inject", "bias_jump", "--value", "[1, 2]"], "'[1, 2]' must be a number or a list"),
         (["inject", "bias_jump", "--value", "nan"], "'nan' must be a number or a list"),
         (["inject", "bias_jump", "--value", "[1, a, 2]"], "must be a number or a list"),
+        (["set", "imu.gyroscope_bias"], "control: imu.gyroscope_bias: has no value"),
+        (["set", "rate", "[1, 2"], "control: rate: "),
         (["inject", "earthquake"], "unknown kind 'earthquake'"),
         (["watch", "--duration", "soon"], "'soon' is not a duration"),
         (["pause", "--node", "b c"], "--node 'b c': must be a node's name with its namespace"),
