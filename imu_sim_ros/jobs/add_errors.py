@@ -34,7 +34,7 @@ from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.faults import KINDS, Fault
 from imu_sim_ros.sensors.imu import sdf
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
-from imu_sim_ros.sensors.imu.model import NOWHERE, ImuSample, unknown_motion
+from imu_sim_ros.sensors.imu.model import NOWHERE, unknown_motion
 from imu_sim_ros.sensors.parameters import LONGEST
 from imu_sim_ros.simulation import error_model
 from imu_sim_ros.simulation.error_input import GivenReadings
@@ -160,28 +160,11 @@ class ErrorModel:
         :returns: stamps, readings, temperature and every true error of the samples.
         :raises InputError: for readings that are not finite or not possible; all are discarded.
         """
-        if type(t_ns) is int and orientation is None:
-            sample = self._read_one(t_ns, gyro, accel)
-            if sample is not None:
-                return sample.block()
         given = _given(t_ns, gyro, accel, orientation, "read")
         blocks = [read[IMU] for read in self._model.read(given)]
         if len(blocks) == 1:
             return blocks[0]
         return error_model.joined(blocks) if blocks else _nothing(self._model.position)
-
-    def _read_one(self, t_ns: int, gyro: Any, accel: Any) -> ImuSample | None:
-        """Return the sample of one sound reading, the usual case inside a simulator's step."""
-        try:
-            x, y, z = gyro.tolist() if isinstance(gyro, np.ndarray) else gyro
-            rate = (float(x), float(y), float(z))
-            x, y, z = accel.tolist() if isinstance(accel, np.ndarray) else accel
-            force = (float(x), float(y), float(z))
-        except (TypeError, ValueError, OverflowError):  # many, or none: said elsewhere
-            return None
-        if not gate.is_reading(t_ns, rate, force):
-            return None
-        return self._model.read_one(t_ns, rate, force)
 
     def update(self, **parameters: Any) -> None:
         """Change live parameters by their ROS names, ``imu={"gyroscope_bias": [0.1, 0, 0]}``.
@@ -290,7 +273,7 @@ def _warn(line: str) -> None:
 
 
 def _given(t_ns: Any, gyro: Any, accel: Any, orientation: Any, name: str) -> GivenReadings:
-    """Return what somebody gives as arrays with the components first, checked.
+    """Return what somebody gives as arrays, checked.
 
     :raises InputError: for what is not a reading.
     """
@@ -312,8 +295,8 @@ def _given(t_ns: Any, gyro: Any, accel: Any, orientation: Any, name: str) -> Giv
         gate.readings(times, rates, forces).complain(name)
     if q_wb is not None:
         gate.Verdict(times, [(gate.ORIENTATION, q_wb)]).complain(name)
-        return GivenReadings(times, rates.T, forces.T, np.ascontiguousarray(q_wb.T))
-    return GivenReadings(times, np.ascontiguousarray(rates.T), np.ascontiguousarray(forces.T))
+    # Copies: a simulator may fill in the same arrays for its next step.
+    return GivenReadings(times, np.array(rates, order="F"), np.array(forces, order="F"), q_wb)
 
 
 def _rows(name: str, value: Any, columns: int) -> Array:

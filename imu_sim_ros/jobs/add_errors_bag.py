@@ -226,24 +226,24 @@ class BagErrors:
             return
         t_ns = decoded.t_ns
         if self._odometry is not None:
-            q_wb = np.ascontiguousarray(inside_order(numbers["orientation"]).T)
-            given = self._odometry.apply(t_ns, q_wb, numbers["linear"].T, numbers["angular"].T)
+            q_wb = inside_order(numbers["orientation"])
+            given = self._odometry.apply(t_ns, q_wb, numbers["linear"], numbers["angular"])
             if len(given.t_ns):
                 yield given
             return
         yield GivenReadings(
             t_ns,
-            np.ascontiguousarray(numbers["angular_velocity"].T),
-            np.ascontiguousarray(numbers["linear_acceleration"].T),
+            np.asfortranarray(numbers["angular_velocity"]),
+            np.asfortranarray(numbers["linear_acceleration"]),
             _orientation(numbers) if self._fields is _ORIENTED else None,
         )
 
 
 def _orientation(numbers: Mapping[str, Array]) -> Array | None:
-    """Return q_wb (4, n) of messages; None if one of them states none."""
+    """Return q_wb (n, 4) of messages; None if one of them states none."""
     stated = np.linalg.norm(numbers["orientation"], axis=1)
     there = (numbers["orientation_covariance"][:, 0] >= 0.0) & (np.abs(stated - 1.0) < 1e-3)
-    return inside_order(numbers["orientation"]).T / stated if there.all() else None
+    return inside_order(numbers["orientation"]) / stated[:, None] if there.all() else None
 
 
 def _decoded(bag: Bag, block: MessageBlock, fields: Sequence[str]) -> Decoded:

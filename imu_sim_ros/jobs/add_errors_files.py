@@ -290,9 +290,7 @@ class _Job:
                     model = ErrorModel(parameters, remark=self.watcher.warn)
                 for begin in range(0, len(t_ns), ROWS_AT_ONCE):
                     rows = slice(begin, begin + ROWS_AT_ONCE)
-                    for samples in model.read(
-                        GivenReadings(t_ns[rows], gyro[rows].T, accel[rows].T)
-                    ):
+                    for samples in model.read(GivenReadings(t_ns[rows], gyro[rows], accel[rows])):
                         dataset.write_imu(*delivered(samples[IMU]))
         if model is None:
             raise InputError(f"{self.source}: contains no readings")

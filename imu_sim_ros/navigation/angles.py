@@ -16,10 +16,11 @@ import numpy as np
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.increments import Increments, euler_step, midpoint_step, rk4_step
-from imu_sim_ros.navigation.stepper import GIMBAL_LOCK_MARGIN
-from imu_sim_ros.rotation import components
 from imu_sim_ros.types import Array, Mask
 
+GIMBAL_LOCK_MARGIN: Final = math.radians(1.0)
+"""[rad] Nearer than this, or than two steps, to a pitch of +-90 degrees Euler angles are not
+integrated."""
 _LAST_PITCH: Final = 0.5 * math.pi - GIMBAL_LOCK_MARGIN
 _Start: TypeAlias = tuple[float, float]
 """Roll and pitch at an interval's start [rad]."""
@@ -93,49 +94,55 @@ class AngleIncrements:
         """Return the increments between the next readings.
 
         :param h: (n,) lengths of the intervals [s].
-        :param rate: (3, n + 1) angular rates at the intervals' ends [rad/s].
-        :param force: (3, n + 1) specific forces at the intervals' ends [m/s^2].
+        :param rate: (n + 1, 3) angular rates at the intervals' ends [rad/s].
+        :param force: (n + 1, 3) specific forces at the intervals' ends [m/s^2].
         :raises InputError: near gimbal lock.
         """
-        first, last = rate[:, :-1], rate[:, 1:]
+        first, last = rate[:-1], rate[1:]
         mean = 0.5 * (first + last)
         after = _NEXT[self._method]
         roll, pitch = self._roll, self._pitch
         found = []
-        rows = np.concatenate([first, mean, last]).T.tolist()
+        rows = np.concatenate([first, mean, last], axis=1).tolist()
         for length, rates in zip(h.tolist(), rows, strict=True):
             found.append((roll, pitch))
             if not -_LAST_PITCH <= pitch <= _LAST_PITCH:
                 break
             roll, pitch = after(roll, pitch, length, rates)
-        angles = np.zeros((3, len(found)))
-        angles[:2] = np.array(found).T
-        near = _near_lock(angles[1], h[: len(found)], first[:, : len(found)])
+        angles = rotation.empty((len(found),))
+        angles[:, :2], angles[:, 2] = found, 0.0
+        near = near_lock(angles[:, 1], h[: len(found)], first[: len(found)])
         if near.any():
             raise gimbal_lock(self._seconds + float(h[: int(np.argmax(near)) + 1].sum()))
         self._roll, self._pitch = roll, pitch
         self._seconds += float(h.sum())
-        return _increments(self._method, angles, h, (first, mean, last), force)
+        return increments_of(self._method, angles, h, rate, force)
 
 
-def _near_lock(pitch: Array, h: Array, rate: Array) -> Mask:
-    """Return which pitches (n,) are within 1 degree, or two steps, of +-90 degrees."""
-    turned = 2.0 * np.sqrt(np.sum(rate * rate, axis=0)) * h
+def near_lock(pitch: Array, h: Array, rate: Array) -> Mask:
+    """Return which pitches (n,) are within 1 degree, or two steps, of +-90 degrees.
+
+    :param h: (n,) lengths of the steps [s].
+    :param rate: (n, 3) [rad/s].
+    """
+    turned = 2.0 * np.sqrt(np.sum(rate * rate, axis=1)) * h
     margin = np.maximum(GIMBAL_LOCK_MARGIN, turned)
     near = (margin > 1.0) | (np.abs(np.sin(pitch)) > np.cos(margin))
     return near | (np.abs(pitch) > _LAST_PITCH)
 
 
-def _increments(
-    method: str, angles: Array, h: Array, rates: tuple[Array, Array, Array], force: Array
-) -> Increments:
-    """Return the increments from the angles (3, n) at the starts, each seen from a yaw of 0."""
-    first, mean, last = rates
-    back = _attitude(angles)
-    back[1:] *= -1.0
+def increments_of(method: str, angles: Array, h: Array, rate: Array, force: Array) -> Increments:
+    """Return the increments from the angles (n, 3) at the starts.
+
+    What they are seen from, the yaw, does not matter; the other arguments are those of
+    :func:`~imu_sim_ros.navigation.increments.of_readings`.
+    """
+    first, last, h = rate[:-1], rate[1:], h[:, None]
+    mean = 0.5 * (first + last)
+    back = rotation.conjugate(rotation.from_euler(angles))
 
     def relative(stage: Array) -> Array:
-        return components.multiply(back, _attitude(stage))
+        return rotation.multiply(back, rotation.from_euler(stage))
 
     if method == "euler":
         return euler_step(relative(angles + _slopes(angles, first) * h), h, force)
@@ -152,14 +159,10 @@ def _increments(
     return rk4_step((relative(s2), relative(s3), relative(s4), relative(end)), h, force)
 
 
-def _attitude(angles: Array) -> Array:
-    return np.ascontiguousarray(rotation.from_euler(angles.T).T)
-
-
 def _slopes(angles: Array, rate: Array) -> Array:
-    """Return the rates of roll, pitch and yaw (3, n) for body rates (3, n) (lecture eq. 38)."""
-    roll, pitch, _ = angles
-    x, y, z = rate
+    """Return the rates of roll, pitch and yaw (n, 3) for body rates (n, 3) (lecture eq. 38)."""
+    roll, pitch, _ = angles.T
+    x, y, z = rate.T
     s, c = np.sin(roll), np.cos(roll)
     across = s * y + c * z
-    return np.stack([x + np.tan(pitch) * across, c * y - s * z, across / np.cos(pitch)])
+    return np.stack([x + np.tan(pitch) * across, c * y - s * z, across / np.cos(pitch)]).T

@@ -36,13 +36,13 @@ from imu_sim_ros.navigation.covariance_terms import SecondOrder, SlowErrors
 from imu_sim_ros.navigation.mount import ALIGNED, ImuMount
 from imu_sim_ros.navigation.noise import ImuErrors
 from imu_sim_ros.navigation.state import NavigationStates
-from imu_sim_ros.rotation.scalars import M9, ZERO
 from imu_sim_ros.types import Array
 
 SIZE: Final = 15
 ATTITUDE, VELOCITY, POSITION = slice(0, 3), slice(3, 6), slice(6, 9)
 GYRO_BIAS, ACCEL_BIAS = slice(9, 12), slice(12, 15)
 
+_STILL: Final = np.zeros(3)
 _POSE = np.r_[POSITION, ATTITUDE]
 _POSE_ENTRIES: Final = np.ravel_multi_index(np.ix_(_POSE, _POSE), (SIZE, SIZE))
 
@@ -157,20 +157,19 @@ class Covariance:
     def step(
         self,
         h: float,
-        r_wb: Array | M9,
-        force_b: Array | Sequence[float],
-        rate_b: Array | Sequence[float] = (0.0, 0.0, 0.0),
+        r_wb: Array,
+        force_b: Array,
+        rate_b: Array = _STILL,
     ) -> None:
         """Propagate over an interval.
 
         :param h: its length [s].
-        :param r_wb: (3, 3) attitude in the interval, its start's or its middle's; or its nine
-            numbers, row by row.
+        :param r_wb: (3, 3) attitude in the interval, its start's or its middle's.
         :param force_b: (3,) corrected specific force in the interval, in the body [m/s^2].
         :param rate_b: (3,) corrected rate in the interval [rad/s]; an unknown scale acts on it.
         """
         transition, p = self._transition, self.matrix
-        _ROWS.pack_into(transition.data, 0, *_rows(h, _flat(r_wb), force_b))
+        _ROWS.pack_into(transition.data, 0, *_rows(h, r_wb, force_b))
         # F P F^T in its own place; half the call of the operator @
         transition.dot(p, self._half).dot(transition.T, p)
         if h != self._added_h:
@@ -250,18 +249,16 @@ class Covariance:
         """
         return self.mean_square().take(_POSE_ENTRIES)
 
-    def twist(self, r_wb: Array | M9, velocity: Array | Sequence[float], rate_hz: float) -> Array:
+    def twist(self, r_wb: Array, velocity: Array, rate_hz: float) -> Array:
         """Return the (6, 6) covariance of a message's twist: linear, then angular, in the body.
 
-        :param r_wb: (3, 3) attitude; or its nine numbers, row by row.
+        :param r_wb: (3, 3) attitude.
         :param velocity: (3,) of the body in the world [m/s].
         :param rate_hz: readings per second; it decides the white noise of one of them.
         """
         return self._twist(self.mean_square(), r_wb, velocity, rate_hz)
 
-    def message(
-        self, r_wb: Array | M9, velocity: Array | Sequence[float], rate_hz: float
-    ) -> tuple[Array, Array]:
+    def message(self, r_wb: Array, velocity: Array, rate_hz: float) -> tuple[Array, Array]:
         """Return :meth:`pose` and :meth:`twist`, in less time than one after the other."""
         mean_square = self.mean_square()
         pose: Array = mean_square.take(_POSE_ENTRIES)
@@ -270,14 +267,14 @@ class Covariance:
     def _twist(
         self,
         mean_square: Array,
-        r_wb: Array | M9,
-        velocity: Array | Sequence[float],
+        r_wb: Array,
+        velocity: Array,
         rate_hz: float,
     ) -> Array:
         # v_b = R^T v: turning the attitude turns the velocity the other way: each row of
         # R^T [v]x is a column of R times v.
-        a, b, c, d, e, g, i, j, k = _flat(r_wb)
-        x, y, z = velocity
+        a, b, c, d, e, g, i, j, k = r_wb.ravel().tolist()
+        x, y, z = velocity.tolist()
         jacobian = self._jacobian
         _JACOBIAN.pack_into(
             jacobian.data, 0,
@@ -294,18 +291,10 @@ class Covariance:
         return result
 
 
-def _flat(r_wb: Array | M9) -> M9:
-    """Return the nine numbers of a matrix, row by row."""
-    if not isinstance(r_wb, np.ndarray):
-        return r_wb
-    a, b, c, d, e, g, i, j, k = r_wb.ravel().tolist()
-    return (a, b, c, d, e, g, i, j, k)
-
-
-def _rows(h: float, r_wb: M9, force_b: Array | Sequence[float]) -> tuple[float, ...]:
+def _rows(h: float, r_wb: Array, force_b: Array) -> tuple[float, ...]:
     """Return what `_ROWS` packs: the rows of a transition that depend on the step."""
-    a, b, c, d, e, g, i, j, k = r_wb
-    fx, fy, fz = force_b.tolist() if isinstance(force_b, np.ndarray) else force_b
+    a, b, c, d, e, g, i, j, k = r_wb.ravel().tolist()
+    fx, fy, fz = force_b.tolist()
     fx, fy, fz = fx * h, fy * h, fz * h
     # The velocity that the step gains, in the world; a tilt turns it by its cross product.
     x, y, z = a * fx + b * fy + c * fz, d * fx + e * fy + g * fz, i * fx + j * fy + k * fz
@@ -359,7 +348,7 @@ def propagate(
     for k in range(wanted[-1] + 1):
         while place < len(wanted) and wanted[place] == k:
             result[place] = covariance.mean_square()
-            if mount.lever_arm != ZERO:
+            if any(mount.lever_arm):
                 last = min(k, len(steps) - 1)
                 own = (matrices[k], rates[last], covariance.gyro_white(1.0 / steps[last]))
                 result[place] = mount.state_covariance(result[place], *own)

@@ -50,7 +50,6 @@ from imu_sim_ros.navigation.state import (
     NavigationStates,
 )
 from imu_sim_ros.navigation.stepper import Stepper, check_method, check_readings
-from imu_sim_ros.rotation import components
 from imu_sim_ros.types import Array, Integers
 
 __all__ = ["Stepper", "dead_reckon"]
@@ -141,8 +140,7 @@ def _integrated(
         rows = slice(first, first + _BLOCK + 1)
         h = np.diff(t_ns[rows]) * 1e-9
         rate, force = correction.apply(gyro[rows], accel[rows])
-        rate, force = np.ascontiguousarray(rate.T), np.ascontiguousarray(force.T)
-        states.extend(h, between(h, rate, force))
+        states.extend(h, between(h, np.asfortranarray(rate), np.asfortranarray(force)))
     return states.result()
 
 
@@ -162,8 +160,7 @@ class _States:
         self._q = np.empty((n, 4))
         self._position[0], self._velocity[0] = initial.position, initial.velocity
         self._q[0] = rotation.normalise(initial.q_wb)
-        self._gravity = np.asarray(gravity, dtype=np.float64)[:, None]
-        self._earth_rate = np.asarray(earth_rate, dtype=np.float64)[:, None]
+        self._world = increments.world_of(gravity, earth_rate)
         self._last = 0
 
     @property
@@ -175,42 +172,10 @@ class _States:
         """Append the states at the ends of intervals of lengths h (n,)."""
         first, self._last = self._last, self._last + len(h)
         rows = slice(first, self._last + 1)
-        chain = np.concatenate([self._q[first][:, None], increment.dq], axis=1)
-        q = components.normalise(components.cumulative_product(chain))
-        velocity = np.empty((3, len(h) + 1))
-        velocity[:, 0] = self._velocity[first]
-        if self._earth_rate.any():
-            q = self._turned_world(h, increment, q, velocity)
-        else:
-            np.add(
-                components.rotate(q[:, :-1], increment.dv), self._gravity * h, out=velocity[:, 1:]
-            )
-            np.cumsum(velocity, axis=1, out=velocity)
-        position = np.empty_like(velocity)
-        position[:, 0] = self._position[first]
-        np.multiply(velocity[:, :-1] + velocity[:, 1:], 0.5 * h, out=position[:, 1:])
-        if increment.dp is not None:
-            position[:, 1:] += components.rotate(q[:, :-1], increment.dp)
-        np.cumsum(position, axis=1, out=position)
-        self._q[rows], self._velocity[rows] = q.T, velocity.T
-        self._position[rows] = position.T
-
-    def _turned_world(self, h: Array, increment: Increments, q: Array, velocity: Array) -> Array:
-        """Fill in the velocity and return the attitude in a world that turns.
-
-        The sums are taken in frames that do not turn: ``q_wb(t) = Exp(-E t) q(t)``, and
-        ``u(t) = Exp(2 E t) v(t)`` is free of Coriolis' acceleration.
-        """
-        t = np.concatenate([np.zeros(1), np.cumsum(h)])
-        back = components.exp(-self._earth_rate * t)
-        q_wb = components.multiply(back, q)
-        half = components.exp(-self._earth_rate * (0.5 * h))
-        force = components.rotate(components.multiply(half, q_wb[:, :-1]), increment.dv)
-        middle = components.exp(self._earth_rate * (t[:-1] + t[1:]))
-        velocity[:, 1:] = components.rotate(middle, force + self._gravity * h)
-        np.cumsum(velocity, axis=1, out=velocity)
-        velocity[:] = components.rotate(components.multiply(back, back), velocity)
-        return q_wb
+        start = (self._position[first], self._velocity[first], self._q[first])
+        self._position[rows], self._velocity[rows], self._q[rows] = increments.states(
+            *start, h, increment, self._world
+        )
 
     def result(self) -> NavigationStates:
         return NavigationStates(self._t_ns, self._position, self._velocity, self._q)
@@ -218,11 +183,10 @@ class _States:
 
 def _step_through(stepper: Stepper, t_ns: Integers, gyro: Array, accel: Array) -> NavigationStates:
     """Integrate one step at a time if there are no increments."""
-    rows: list[tuple[float, ...]] = []
-    for t, rate, force in zip(t_ns.tolist(), gyro.tolist(), accel.tolist(), strict=True):
+    rows: list[NavigationState] = []
+    for t, rate, force in zip(t_ns.tolist(), gyro, accel, strict=True):
         stepper.add(t, rate, force)
         if stepper.counts.gimbal_lock:
             raise angles.gimbal_lock((t - int(t_ns[0])) * 1e-9)
-        rows.append((*stepper.position, *stepper.velocity, *stepper.q_wb))
-    table = np.array(rows)
-    return NavigationStates(t_ns, table[:, :3], table[:, 3:6], table[:, 6:])
+        rows.append(stepper.state)
+    return NavigationStates(t_ns, *(np.array(column) for column in zip(*rows, strict=True)))

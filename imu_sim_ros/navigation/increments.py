@@ -4,15 +4,24 @@
 """What moves the body during one interval, seen from its attitude at the interval's start.
 
 An increment depends on the readings alone, not on the state, which is what makes whole records
-fast: attitudes are running products, velocities and positions running sums. Arrays here have the
-vector's components on the first axis, ``(3, n)`` and ``(4, n)``: every operand is then contiguous.
+fast: attitudes are running products, velocities and positions running sums.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.rotation.components import cross, exp, multiply, normalise, rotate
+from imu_sim_ros.rotation import (
+    IDENTITY,
+    cross,
+    cumulative_product,
+    empty,
+    exp,
+    multiply,
+    normalise,
+    rotate,
+)
 from imu_sim_ros.types import Array
 
 
@@ -24,18 +33,18 @@ class Increments(NamedTuple):
     """
 
     dq: Array
-    """(4, n) unit quaternions, attitude of the end in the frame of the start."""
+    """(n, 4) unit quaternions, attitude of the end in the frame of the start."""
     dv: Array
-    """(3, n) integral of a(s) [m/s]."""
+    """(n, 3) integral of a(s) [m/s]."""
     dp: Array | None
-    """(3, n) double integral of a(s) less ``dv h / 2`` [m]; None if it is zero."""
+    """(n, 3) double integral of a(s) less ``dv h / 2`` [m]; None if it is zero."""
 
 
 def first_order(v: Array) -> Array:
-    """Return the normalised ``(1, v / 2)`` (4, n) of rotation vectors (3, n) (lecture eq. 34)."""
-    q = np.empty((4, *v.shape[1:]))
-    q[0] = 1.0
-    np.multiply(v, 0.5, out=q[1:])
+    """Return the normalised ``(1, v / 2)`` (n, 4) of rotation vectors (n, 3) (lecture eq. 34)."""
+    q = empty((len(v),), 4)
+    q[:, 0] = 1.0
+    np.multiply(v, 0.5, out=q[:, 1:])
     return normalise(q)
 
 
@@ -48,34 +57,35 @@ def of_readings(method: str, attitude: str, h: Array, rate: Array, force: Array)
     :param method: euler, midpoint or rk4.
     :param attitude: quaternion or so3; Euler angles depend on the state and have no increments.
     :param h: (n,) lengths of the intervals [s].
-    :param rate: (3, n + 1) angular rates at the intervals' ends [rad/s].
-    :param force: (3, n + 1) specific forces at the intervals' ends [m/s^2].
+    :param rate: (n + 1, 3) angular rates at the intervals' ends [rad/s].
+    :param force: (n + 1, 3) specific forces at the intervals' ends [m/s^2].
     """
+    h = h[:, None]
     if method == "euler":
-        return euler_step(_TURNS[attitude](rate[:, :-1] * h), h, force)
-    mean_rate = 0.5 * (rate[:, :-1] + rate[:, 1:])
+        return euler_step(_TURNS[attitude](rate[:-1] * h), h, force)
+    mean_rate = 0.5 * (rate[:-1] + rate[1:])
     if method == "midpoint":
         return midpoint_step(_TURNS[attitude](mean_rate * h), h, force)
     stages = _quaternion_stages if attitude == "quaternion" else _so3_stages
-    return rk4_step(stages(h, rate[:, :-1], mean_rate, rate[:, 1:]), h, force)
+    return rk4_step(stages(h, rate[:-1], mean_rate, rate[1:]), h, force)
 
 
 def euler_step(dq: Array, h: Array, force: Array) -> Increments:
-    """Return increments of the Euler method whose attitudes turn by dq (4, n)."""
-    return Increments(dq, force[:, :-1] * h, None)
+    """Return increments of the Euler method whose attitudes turn by dq (n, 4) in h (n, 1)."""
+    return Increments(dq, force[:-1] * h, None)
 
 
 def midpoint_step(dq: Array, h: Array, force: Array) -> Increments:
-    """Return increments of the midpoint method whose attitudes turn by dq (4, n)."""
-    return Increments(dq, (force[:, :-1] + rotate(dq, force[:, 1:])) * (0.5 * h), None)
+    """Return increments of the midpoint method whose attitudes turn by dq (n, 4) in h (n, 1)."""
+    return Increments(dq, (force[:-1] + rotate(dq, force[1:])) * (0.5 * h), None)
 
 
 def rk4_step(stages: tuple[Array, Array, Array, Array], h: Array, force: Array) -> Increments:
-    """Return increments of rk4 from the attitudes (4, n) of stages 2, 3, 4 and of the end."""
+    """Return increments of rk4 from the attitudes (n, 4) of stages 2, 3, 4 and of the end."""
     q2, q3, q4, dq = stages
-    a1 = force[:, :-1]
-    a_middle = 0.5 * (a1 + force[:, 1:])
-    a2, a3, a4 = rotate(q2, a_middle), rotate(q3, a_middle), rotate(q4, force[:, 1:])
+    a1 = force[:-1]
+    a_middle = 0.5 * (a1 + force[1:])
+    a2, a3, a4 = rotate(q2, a_middle), rotate(q3, a_middle), rotate(q4, force[1:])
     dv = (a1 + 2.0 * (a2 + a3) + a4) * (h / 6.0)
     return Increments(dq, dv, (a1 - a4) * (h * h / 12.0))
 
@@ -101,10 +111,12 @@ def _quaternion_stages(
     h: Array, w0: Array, wm: Array, w1: Array
 ) -> tuple[Array, Array, Array, Array]:
     def slope(q: Array, w: Array) -> Array:
-        return 0.5 * multiply(q, np.concatenate([np.zeros((1, *w.shape[1:])), w]))
+        pure = empty((len(w),), 4)
+        pure[:, 0], pure[:, 1:] = 0.0, w
+        return 0.5 * multiply(q, pure)
 
-    start = np.zeros((4, *h.shape))
-    start[0] = 1.0
+    start = empty((len(h),), 4)
+    start[:] = IDENTITY
     k1 = slope(start, w0)
     q2 = start + k1 * (0.5 * h)
     k2 = slope(q2, wm)
@@ -114,3 +126,66 @@ def _quaternion_stages(
     k4 = slope(q4, w1)
     end = start + (k1 + 2.0 * (k2 + k3) + k4) * (h / 6.0)
     return normalise(q2), normalise(q3), normalise(q4), normalise(end)
+
+
+class World(NamedTuple):
+    """What acts on a body besides its readings; both (3,), in the world frame."""
+
+    gravity: Array
+    """[m/s^2]"""
+    earth_rate: Array
+    """Rate at which the world turns [rad/s]."""
+
+
+def world_of(gravity: Sequence[float], earth_rate: Sequence[float]) -> World:
+    """Return a world of its vectors."""
+    return World(np.array(gravity, dtype=np.float64), np.array(earth_rate, dtype=np.float64))
+
+
+class States(NamedTuple):
+    """The states at the start and at the ends of n intervals."""
+
+    position: Array
+    """(n + 1, 3) [m]."""
+    velocity: Array
+    """(n + 1, 3) in the world [m/s]."""
+    q_wb: Array
+    """(n + 1, 4)."""
+
+
+def states(
+    position: Array, velocity: Array, q_wb: Array, h: Array, increment: Increments, world: World
+) -> States:
+    """Return the states from that at the start on.
+
+    In a world that turns the sums are taken in frames that do not: ``q_wb(t) = Exp(-E t) q(t)``,
+    and ``u(t) = Exp(2 E t) v(t)`` is free of Coriolis' acceleration.
+
+    :param position: (3,) [m], as the next two at the start.
+    :param h: (n,) lengths of the intervals [s].
+    """
+    length, moved = h[:, None], world.gravity * h[:, None]
+    chain = empty((len(h) + 1,), 4)
+    chain[0], chain[1:] = q_wb, increment.dq
+    q = normalise(cumulative_product(chain))
+    velocities = empty((len(h) + 1,))
+    velocities[0] = velocity
+    if world.earth_rate.any():
+        t = np.concatenate([np.zeros(1), np.cumsum(h)])[:, None]
+        back = exp(-world.earth_rate * t)
+        q = multiply(back, q)
+        half = exp(-world.earth_rate * (0.5 * length))
+        force = rotate(multiply(half, q[:-1]), increment.dv)
+        velocities[1:] = rotate(exp(world.earth_rate * (t[:-1] + t[1:])), force + moved)
+        np.cumsum(velocities, axis=0, out=velocities)
+        velocities = rotate(multiply(back, back), velocities)
+    else:
+        np.add(rotate(q[:-1], increment.dv), moved, out=velocities[1:])
+        np.cumsum(velocities, axis=0, out=velocities)
+    positions = empty((len(h) + 1,))
+    positions[0] = position
+    np.multiply(velocities[:-1] + velocities[1:], 0.5 * length, out=positions[1:])
+    if increment.dp is not None:
+        positions[1:] += rotate(q[:-1], increment.dp)
+    np.cumsum(positions, axis=0, out=positions)
+    return States(positions, velocities, q)

@@ -19,37 +19,37 @@ import numpy as np
 from imu_sim_ros import rotation
 from imu_sim_ros.navigation.parameters import IntegratorImuParameters
 from imu_sim_ros.navigation.state import NavigationState, NavigationStates
-from imu_sim_ros.rotation import scalars
-from imu_sim_ros.rotation.scalars import Q4, V3, ZERO
+from imu_sim_ros.parameters.kinds import ZERO_VECTOR, Vector
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.types import Array
 
 
 class BodyState(NamedTuple):
-    """The body's motion at one time, in plain floats."""
+    """The body's motion at one time."""
 
-    position: V3
-    """p_wb [m]."""
-    q_wb: Q4
-    velocity_b: V3
-    """in the body [m/s]."""
-    angular_velocity_b: V3
-    """relative to the world, in the body [rad/s]."""
+    position: Array
+    """(3,) p_wb [m]."""
+    q_wb: Array
+    """(4,)."""
+    velocity_b: Array
+    """(3,) in the body [m/s]."""
+    angular_velocity_b: Array
+    """(3,) relative to the world, in the body [rad/s]."""
 
 
 class ImuMount(NamedTuple):
     """Place and axes of an IMU in the body; by default the body's own."""
 
-    lever_arm: V3 = ZERO
+    lever_arm: Vector = ZERO_VECTOR
     """p_bi [m]."""
-    q_bi: Q4 = (1.0, 0.0, 0.0, 0.0)
+    q_bi: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
 
     @property
     def _arm_i(self) -> Array:
         """(3,) the lever arm in the IMU's axes."""
         return rotation.rotate_inverse(self.q_bi, self.lever_arm)
 
-    def imu_state(self, body: NavigationState, rate_b: Array | V3) -> NavigationState:
+    def imu_state(self, body: NavigationState, rate_b: Array) -> NavigationState:
         """Return the IMU's state, or its states if the arrays have rows.
 
         :param rate_b: (3,) of the body relative to the world [rad/s].
@@ -74,35 +74,30 @@ class ImuMount(NamedTuple):
             imu.t_ns,
             imu.position - rotation.rotate(imu.q_wb, arm),
             imu.velocity - rotation.rotate(imu.q_wb, np.cross(rate_i, arm)),
-            rotation.multiply(imu.q_wb, scalars.conjugate(self.q_bi)),
+            rotation.multiply(imu.q_wb, rotation.conjugate(self.q_bi)),
         )
 
-    def body_motion(self, position: V3, velocity: V3, q_wi: Q4, rate_i: V3) -> BodyState:
-        """Return the body's motion of one state of the IMU, as :meth:`body_states` does.
+    def body_motion(self, imu: NavigationState, rate_i: Array) -> BodyState:
+        """Return the body's motion of one state of the IMU.
 
-        :param position: p_wi [m].
-        :param velocity: of the IMU in the world [m/s].
-        :param rate_i: relative to the world, in the IMU's axes [rad/s].
+        :param rate_i: (3,) relative to the world, in the IMU's axes [rad/s].
         """
         if self == ALIGNED:
-            velocity_b = scalars.rotate(scalars.conjugate(q_wi), velocity)
-            return BodyState(position, q_wi, velocity_b, rate_i)
-        q_wb = scalars.multiply(q_wi, scalars.conjugate(self.q_bi))
-        rate = scalars.rotate(self.q_bi, rate_i)
-        x, y, z = scalars.rotate(q_wb, self.lever_arm)
-        px, py, pz = position
-        vx, vy, vz = scalars.rotate(scalars.conjugate(q_wb), velocity)
-        sx, sy, sz = scalars.cross(rate, self.lever_arm)
-        return BodyState((px - x, py - y, pz - z), q_wb, (vx - sx, vy - sy, vz - sz), rate)
+            velocity_b = rotation.rotate_inverse(imu.q_wb, imu.velocity)
+            return BodyState(imu.position, imu.q_wb, velocity_b, rate_i)
+        own = NavigationStates(np.zeros(1, np.int64), *(value[None] for value in imu))
+        body = self.body_states(own, rate_i[None]).at(0)
+        velocity_b = rotation.rotate_inverse(body.q_wb, body.velocity)
+        return BodyState(body.position, body.q_wb, velocity_b, rotation.rotate(self.q_bi, rate_i))
 
-    def pose_covariance(self, imu: Array, q_wb: Q4) -> Array:
+    def pose_covariance(self, imu: Array, q_wb: Array) -> Array:
         """Return the covariance of the body's pose, position and rotation about the world's axes.
 
         A tilt theta moves the body about the IMU: ``dp_b = dp_i - theta x (R_wb p)``.
 
         :param imu: (6, 6) that of the IMU.
         """
-        if self.lever_arm == ZERO:
+        if self.lever_arm == ZERO_VECTOR:
             return imu
         to_body = np.eye(6)
         to_body[:3, 3:] = rotation.skew(rotation.rotate(q_wb, self.lever_arm))

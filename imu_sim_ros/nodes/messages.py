@@ -16,14 +16,18 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros import rotation
 from imu_sim_ros.bags.messages.decode import MessageDecoder
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
 from imu_sim_ros.bags.messages.layouts import STAMP_OFFSET
 from imu_sim_ros.bags.messages.transforms import TransformsEncoder
 from imu_sim_ros.errors import InputError, MissingDependencyError
 from imu_sim_ros.inputs import gate
-from imu_sim_ros.rotation.scalars import Q4, V3, normalise
+from imu_sim_ros.parameters.kinds import Vector
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
+
+Quaternion = tuple[float, float, float, float]
+"""(w, x, y, z)"""
 
 _BUILTIN = frozenset(
     [
@@ -139,9 +143,9 @@ class ImuReading(NamedTuple):
     """The fields of a sensor_msgs/Imu that the integrator uses."""
 
     t_ns: int
-    gyro: V3
+    gyro: Vector
     """[rad/s]"""
-    accel: V3
+    accel: Vector
     """[m/s^2]"""
 
 
@@ -149,13 +153,13 @@ class OdometryFields(NamedTuple):
     """The fields of a nav_msgs/Odometry that the integrator uses."""
 
     t_ns: int
-    position: V3
+    position: Vector
     """[m]"""
-    q_wb: Q4
+    q_wb: Quaternion
     """(w, x, y, z)"""
-    velocity_b: V3
+    velocity_b: Vector
     """of the body, in the body frame [m/s]"""
-    angular_velocity_b: V3
+    angular_velocity_b: Vector
     """[rad/s]"""
     frames: tuple[str, ...] = ("", "")
     """``header.frame_id``, that of the pose, and ``child_frame_id``, the body; empty: not named."""
@@ -184,7 +188,7 @@ def imu_reading(payload: bytes) -> ImuReading:
     return _checked(second, nanosecond, (gx, gy, gz), (ax, ay, az))
 
 
-def ideal_reading(payload: bytes) -> tuple[ImuReading, Q4 | None]:
+def ideal_reading(payload: bytes) -> tuple[ImuReading, Quaternion | None]:
     """Return the reading in a sensor_msgs/Imu, and its orientation (w, x, y, z) if it has one.
 
     :raises InputError: as for :func:`imu_reading`; an orientation of another length is none.
@@ -194,7 +198,7 @@ def ideal_reading(payload: bytes) -> tuple[ImuReading, Q4 | None]:
     result = _checked(second, nanosecond, (gx, gy, gz), (ax, ay, az))
     if stated < 0.0 or not abs(w * w + x * x + y * y + z * z - 1.0) < _LENGTH:
         return result, None
-    return result, normalise((w, x, y, z))
+    return result, _unit((w, x, y, z))
 
 
 def frame_id(payload: bytes) -> str:
@@ -221,11 +225,16 @@ def truth(payload: bytes) -> OdometryFields:
         pose = (gate.POSITION, position), (gate.ORIENTATION, q_wb)
         raise _refused(t_ns, *pose, (gate.VELOCITY, velocity), (gate.RATE, rate))
     off = abs(w * w + x * x + y * y + z * z - 1.0) > _ROUNDING
-    unit = normalise(q_wb) if off else q_wb
+    unit = _unit(q_wb) if off else q_wb
     return OdometryFields(t_ns, position, unit, velocity, rate, _odometry.texts)
 
 
-def _checked(second: int, nanosecond: int, gyro: V3, accel: V3) -> ImuReading:
+def _unit(q: Quaternion) -> Quaternion:
+    w, x, y, z = rotation.normalise(q).tolist()
+    return (w, x, y, z)
+
+
+def _checked(second: int, nanosecond: int, gyro: Vector, accel: Vector) -> ImuReading:
     t_ns = second * NANOSECONDS_PER_SECOND + nanosecond
     if second < 0 or not gate.is_reading(t_ns, gyro, accel):
         raise _refused(_stamp(second, nanosecond), (gate.RATE, gyro), (gate.FORCE, accel))

@@ -135,29 +135,29 @@ class FaultSchedule:
                 yield window, rows
 
     def add_bias(self, triad: str, first: int, bias: Array) -> None:
-        """Add bias jumps to a bias (3, n)."""
-        for window, rows in self._of_triad("bias_jump", triad, first, bias.shape[1]):
-            bias[:, rows] += window.fault.axis_values()[:, None]
+        """Add bias jumps to a bias (n, 3)."""
+        for window, rows in self._of_triad("bias_jump", triad, first, len(bias)):
+            bias[rows] += window.fault.axis_values()
 
     def saturate(self, triad: str, first: int, reading: Array) -> None:
-        """Limit a reading (3, n)."""
-        for window, rows in self._of_triad("saturation", triad, first, reading.shape[1]):
-            limit = window.fault.axis_values()[:, None]
+        """Limit a reading (n, 3)."""
+        for window, rows in self._of_triad("saturation", triad, first, len(reading)):
+            limit = window.fault.axis_values()
             limit = np.where(limit > 0.0, limit, np.inf)
-            reading[:, rows] = np.clip(reading[:, rows], -limit, limit)
+            reading[rows] = np.clip(reading[rows], -limit, limit)
 
     def hold(self, triad: str, first: int, reading: Array, before: Array | None) -> None:
-        """Repeat the last good reading (3, n).
+        """Repeat the last good reading (n, 3).
 
         :param before: the reading of sample ``first - 1`` (3,); None if there is none.
         """
-        for window, rows in self._of_triad("stuck", triad, first, reading.shape[1]):
+        for window, rows in self._of_triad("stuck", triad, first, len(reading)):
             if window.held is None:
                 if rows.start > 0:
-                    window.held = reading[:, rows.start - 1].copy()
+                    window.held = reading[rows.start - 1].copy()
                 else:
-                    window.held = reading[:, 0].copy() if before is None else before
-            reading[:, rows] = window.held[:, None]
+                    window.held = reading[0].copy() if before is None else before
+            reading[rows] = window.held
 
     def lose(self, first: int, lost: Mask) -> None:
         """Mark lost messages (n,)."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from imu_sim_ros.conventions import ECCENTRICITY_SQUARED, FLATTENING, SEMI_MAJOR_AXIS
-from imu_sim_ros.rotation.components import cross, rotate_inverse
+from imu_sim_ros.rotation import cross, empty, rotate_inverse
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array
@@ -76,7 +76,7 @@ class GeodeticPosition(NamedTuple):
 
 
 class OverGround(NamedTuple):
-    """Motion over ground, resolved in east, north, up at the place; all (3, n)."""
+    """Motion over ground, resolved in east, north, up at the place; all (n, 3)."""
 
     velocity: Array
     """[m/s]"""
@@ -134,51 +134,55 @@ class CurvedEarth:
         curving /= 1.0 - ECCENTRICITY_SQUARED * sine * sine
         zero = np.zeros_like(phi)
         return OverGround(
-            velocity=np.stack([east * lon_1, north * lat_1, h_1]),
-            acceleration=np.stack(
-                [
-                    east * lon_2 + (h_1 * cosine - north * sine * lat_1) * lon_1,
-                    north * lat_2 + (h_1 + curving * lat_1) * lat_1,
-                    h_2,
-                ]
+            velocity=_vectors(east * lon_1, north * lat_1, h_1),
+            acceleration=_vectors(
+                east * lon_2 + (h_1 * cosine - north * sine * lat_1) * lon_1,
+                north * lat_2 + (h_1 + curving * lat_1) * lat_1,
+                h_2,
             ),
-            transport_rate=np.stack([-lat_1, lon_1 * cosine, lon_1 * sine]),
-            transport_acceleration=np.stack(
-                [
-                    -lat_2,
-                    lon_2 * cosine - lon_1 * lat_1 * sine,
-                    lon_2 * sine + lon_1 * lat_1 * cosine,
-                ]
+            transport_rate=_vectors(-lat_1, lon_1 * cosine, lon_1 * sine),
+            transport_acceleration=_vectors(
+                -lat_2,
+                lon_2 * cosine - lon_1 * lat_1 * sine,
+                lon_2 * sine + lon_1 * lat_1 * cosine,
             ),
-            earth_rate=self._earth_rate * np.stack([zero, cosine, sine]),
-            gravity=np.stack([zero, zero, -gravity_on_ellipsoid(sine * sine, h)]),
+            earth_rate=self._earth_rate * _vectors(zero, cosine, sine),
+            gravity=_vectors(zero, zero, -gravity_on_ellipsoid(sine * sine, h)),
         )
 
     def read(self, motion: Motion, arm_b: Array) -> tuple[Array, Array]:
-        """Return angular rate and specific force in the body frame, both (3, n).
+        """Return angular rate and specific force in the body frame, both (n, 3).
 
         ``omega_ib = omega_nb + omega_en + omega_ie`` and
         ``f = v_n' + (2 omega_ie + omega_en) x v_n - g_n`` (Groves, 2nd ed., eq. 5.53), at a lever
         arm r with ``alpha x r + omega x (omega x r)`` and Coriolis' ``2 omega_ie x (omega x r)`` of
         the body's rotation relative to the Earth, omega = omega_nb + omega_en.
 
-        :param arm_b: (3, 1) lever arm [m].
+        :param arm_b: (3,) lever arm [m].
         """
         ground = self.over_ground(motion)
-        q_wb = motion.q_wb.T
+        q_wb = motion.q_wb
         turning = ground.transport_rate + 2.0 * ground.earth_rate
         force_n = ground.acceleration + cross(turning, ground.velocity) - ground.gravity
         force = rotate_inverse(q_wb, force_n)
-        body_rate = motion.angular_velocity.T
+        body_rate = motion.angular_velocity
         transport = rotate_inverse(q_wb, ground.transport_rate)
         earth_rate = rotate_inverse(q_wb, ground.earth_rate)
         rate = body_rate + transport
         if arm_b.any():
-            change = motion.angular_acceleration.T - cross(body_rate, transport)
+            change = motion.angular_acceleration - cross(body_rate, transport)
             change += rotate_inverse(q_wb, ground.transport_acceleration)
             swing = cross(rate, arm_b)
             force += cross(change, arm_b) + cross(rate, swing) + 2.0 * cross(earth_rate, swing)
         return rate + earth_rate, force
+
+
+def _vectors(x: Array, y: Array, z: Array) -> Array:
+    """Return vectors (n, 3) of components (n,)."""
+    result = empty(x.shape)
+    for k, component in enumerate((x, y, z)):
+        result[:, k] = component
+    return result
 
 
 def geodetic(environment: EnvironmentParameters, position: Array) -> tuple[Array, Array, Array]:

@@ -98,16 +98,16 @@ class SensorModel:
         count = len(reading)
         if self._own.faults.any and count:
             columns = reading.reshape(count, -1).shape[1]
-            rows = np.zeros((3, count))
-            rows[:columns] = reading.reshape(count, -1).T
-            jump = np.zeros((3, count))
+            rows = np.zeros((count, 3))
+            rows[:, :columns] = reading.reshape(count, -1)
+            jump = np.zeros((count, 3))
             self._own.faults.add_bias(self.name, first, jump)
             rows += jump
             self._own.faults.saturate(self.name, first, rows)
             self._own.faults.hold(self.name, first, rows, self._before)
-            values[name] = np.ascontiguousarray(rows[:columns].T).reshape(reading.shape)
+            values[name] = rows[:, :columns].reshape(reading.shape)
             if "bias" in values:
-                added = jump[:columns].T.reshape(reading.shape)
+                added = jump[:, :columns].reshape(reading.shape)
                 values["bias"] = values["bias"] + added
         if count and np.size(values[name][-1]) <= 3:
             last = values[name][-1]

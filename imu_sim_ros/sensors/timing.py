@@ -19,9 +19,6 @@ from imu_sim_ros.types import Integers, Mask, Times
 LARGEST_JITTER: Final = 0.45
 """Jitter is cut off here, in intervals between two samples, so that stamps always increase."""
 _NEVER: Final = np.iinfo(np.int64).min
-_ONE_ROW: Final = np.arange(1)
-"""Rows of a block with one sample, which is delivered; read-only."""
-_ONE_ROW.setflags(write=False)
 
 
 class Clock:
@@ -67,18 +64,6 @@ class Clock:
             limit = LARGEST_JITTER * self._interval_ns
             stamps += np.rint(np.clip(jitter, -limit, limit)).astype(np.int64)
         return stamps
-
-    def stamp_one(self, t_ns: int) -> int:
-        """Return the stamp of the next sample, :meth:`stamp` in plain numbers: the same."""
-        stamp = t_ns + self._offset_ns
-        if self._skew or self._drift:
-            since_ns = float(t_ns - self._t0_ns)
-            stamp += round((self._skew + 0.5 * self._drift * (since_ns * 1e-9)) * since_ns)
-        if self._jitter_ns:
-            limit = LARGEST_JITTER * self._interval_ns
-            jitter = self._stream.standard_normal() * self._jitter_ns
-            stamp += round(min(max(jitter, -limit), limit))
-        return stamp
 
 
 class Transport:
@@ -129,17 +114,6 @@ class Transport:
             np.maximum.accumulate(times, out=times)
             self._last_release_ns = int(times[-1])
         return times
-
-    def send_one(self, first: int, t_ns: int, faults: FaultSchedule) -> tuple[int, Integers]:
-        """Return :meth:`release` and :meth:`deliver` of the next message if no fault is."""
-        due = t_ns + self._latency_ns
-        if self._latency_jitter_ns:
-            extra = self._stream("latency").standard_exponential() * self._latency_jitter_ns
-            due += round(extra)
-        self._last_release_ns = due = max(due, self._last_release_ns)
-        if self._loses or self._burst_end > first:
-            return due, self.deliver(first, 1, faults)
-        return due, _ONE_ROW
 
     def deliver(self, first: int, count: int, faults: FaultSchedule) -> Integers:
         """Return the rows of the next n messages that arrive, in order (m,)."""

@@ -16,7 +16,7 @@ import numpy as np
 from imu_sim_ros import rotation, timebase
 from imu_sim_ros.conventions import STANDARD_GRAVITY
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.rotation.components import cross, normalise, rotate_inverse, transform
+from imu_sim_ros.rotation import cross, empty, normalise, rotate_inverse, transform
 from imu_sim_ros.sensors.gravity import gravity_vector
 from imu_sim_ros.sensors.imu.ideal import size_effect
 from imu_sim_ros.simulation.error_parameters import (
@@ -39,16 +39,16 @@ class GivenReadings(NamedTuple):
     t_ns: Times
     """(n,) [ns]."""
     gyro: Array
-    """(3, n) [rad/s]."""
+    """(n, 3) [rad/s]."""
     accel: Array
-    """(3, n) [m/s^2]."""
+    """(n, 3) [m/s^2]."""
     q_wb: Array | None = None
-    """(4, n)."""
+    """(n, 4)."""
 
     def at(self, rows: slice | Mask) -> "GivenReadings":
         """Return some of them."""
-        q_wb = None if self.q_wb is None else self.q_wb[:, rows]
-        return GivenReadings(self.t_ns[rows], self.gyro[:, rows], self.accel[:, rows], q_wb)
+        q_wb = None if self.q_wb is None else self.q_wb[rows]
+        return GivenReadings(self.t_ns[rows], self.gyro[rows], self.accel[rows], q_wb)
 
 
 class Order:
@@ -74,11 +74,6 @@ class Order:
         self.last_ns = 0
         """Stamp of the last reading that was passed on."""
         self._waiting: GivenReadings | None = None
-
-    @property
-    def is_clear(self) -> bool:
-        """Whether no reading waits."""
-        return self._waiting is None
 
     def parts(self, given: GivenReadings) -> Iterator[tuple[GivenReadings, int]]:
         """Yield stretches of readings whose stamps increase.
@@ -138,7 +133,7 @@ class Conventions:
         self._turn = sensor_rotation(declared)
         self._adds_gravity = declared.gravity == "missing"
         self._to_flu = AXES_TO_FLU[declared.axes]
-        self._gravity_w = gravity_vector(parameters)[:, None]
+        self._gravity_w = gravity_vector(parameters)
         self._q_input = None if declared.axes == "flu" else _flu_in(declared.axes)
         self._world = _enu_of_ned() if declared.axes == "frd" else None
         self._place = _Place(parameters) if declared.place == "body" and has_place(imu) else None
@@ -154,9 +149,9 @@ class Conventions:
         if self.nothing and q_wb is None:
             return given
         if q_wb is not None and self._q_input is not None:
-            q_wb = rotation.components.multiply(q_wb, self._q_input)
+            q_wb = rotation.multiply(q_wb, self._q_input)
             if self._world is not None:
-                q_wb = rotation.components.multiply(self._world, q_wb)
+                q_wb = rotation.multiply(self._world, q_wb)
         if self.nothing:
             return given._replace(q_wb=q_wb)
         accel = given.accel
@@ -177,15 +172,13 @@ class Conventions:
 
 
 def _flu_in(axes: str) -> Array:
-    """Return q (4, 1) of ``R_input_flu``: from forward left up into the input's axes."""
-    return rotation.from_matrix(AXES_TO_FLU[axes].T)[:, None]
+    """Return q (4,) of ``R_input_flu``: from forward left up into the input's axes."""
+    return rotation.from_matrix(AXES_TO_FLU[axes].T)
 
 
 def _enu_of_ned() -> Array:
-    """Return q (4, 1) that maps north east down to east north up."""
-    return rotation.from_matrix(np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]))[
-        :, None
-    ]
+    """Return q (4,) that maps north east down to east north up."""
+    return rotation.from_matrix([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
 class _Place:
@@ -198,10 +191,10 @@ class _Place:
 
     def __init__(self, parameters: ErrorModelParameters) -> None:
         imu = parameters.imu
-        self._arm = np.reshape(imu.lever_arm, (3, 1))
+        self._arm = np.array(imu.lever_arm)
         self._r_ib = np.reshape(imu.mounting, (3, 3)).T
         self._elements = np.reshape(imu.accelerometer_positions, (3, 3))
-        self._t_ns, self._rates = np.empty(0, np.int64), np.empty((3, 0))
+        self._t_ns, self._rates = np.empty(0, np.int64), np.empty((0, 3))
 
     def apply(self, t_ns: Times, gyro: Array, accel: Array) -> tuple[Array, Array]:
         """Return rate and specific force in the IMU's place and axes."""
@@ -214,18 +207,18 @@ class _Place:
         return rate, force
 
     def _derivative(self, t_ns: Times, gyro: Array) -> Array:
-        """Return the angular acceleration (3, n); 0 at the first reading."""
+        """Return the angular acceleration (n, 3); 0 at the first reading."""
         before = len(self._t_ns)
         times = np.concatenate([self._t_ns, t_ns])
-        rates = np.concatenate([self._rates, gyro], axis=1)
-        self._t_ns, self._rates = times[-2:], rates[:, -2:]
+        rates = np.concatenate([self._rates, gyro])
+        self._t_ns, self._rates = times[-2:], rates[-2:]
         alpha = np.zeros_like(rates)
-        h = np.diff(times) * 1e-9
-        slope = np.diff(rates, axis=1) / h
-        alpha[:, 1:] = slope
+        h = np.diff(times)[:, None] * 1e-9
+        slope = np.diff(rates, axis=0) / h
+        alpha[1:] = slope
         if len(h) > 1:  # the parabola's own slope at its end
-            alpha[:, 2:] += (slope[:, 1:] - slope[:, :-1]) * (h[1:] / (h[1:] + h[:-1]))
-        return alpha[:, before:]
+            alpha[2:] += (slope[1:] - slope[:-1]) * (h[1:] / (h[1:] + h[:-1]))
+        return alpha[before:]
 
 
 class Grid(NamedTuple):
@@ -234,7 +227,7 @@ class Grid(NamedTuple):
     given: GivenReadings
     """At the samples' times."""
     inside: tuple[Array, Array]
-    """(3, n m) twice: the readings inside an oversampled sensor, for others those of ``given``."""
+    """(n m, 3) twice: the readings inside an oversampled sensor, for others those of ``given``."""
 
 
 class Resampler:
@@ -311,17 +304,17 @@ class Resampler:
         cuts = np.searchsorted(points, ends)
         seconds = np.diff(points) * 1e-9
         for values in rows:
-            line = np.stack([_line(known.t_ns, row, points) for row in values])
-            pieces = 0.5 * (line[:, 1:] + line[:, :-1]) * seconds
+            line = _lines(known.t_ns, values, points)
+            pieces = 0.5 * (line[1:] + line[:-1]) * seconds[:, None]
             if len(ends) > 1:
-                sums = np.add.reduceat(pieces[:, : cuts[-1]], cuts[:-1], axis=1)
-                means.append(sums / (np.diff(ends) * 1e-9))
+                sums = np.add.reduceat(pieces[: cuts[-1]], cuts[:-1])
+                means.append(sums / (np.diff(ends)[:, None] * 1e-9))
             else:
-                means.append(np.empty((3, 0)))
+                means.append(np.empty((0, 3)))
         gyro, accel = means
         if not self._next:
-            gyro = np.concatenate([at.gyro[:, :1], gyro], axis=1)
-            accel = np.concatenate([at.accel[:, :1], accel], axis=1)
+            gyro = np.concatenate([at.gyro[:1], gyro])
+            accel = np.concatenate([at.accel[:1], accel])
         return at._replace(gyro=gyro, accel=accel)
 
     def _keep(self, known: GivenReadings) -> None:
@@ -338,11 +331,11 @@ class Resampler:
 def _joined(a: GivenReadings, b: GivenReadings) -> GivenReadings:
     q_wb = None
     if a.q_wb is not None and b.q_wb is not None:
-        q_wb = np.concatenate([a.q_wb, b.q_wb], axis=1)
+        q_wb = np.concatenate([a.q_wb, b.q_wb])
     return GivenReadings(
         np.concatenate([a.t_ns, b.t_ns]),
-        np.concatenate([a.gyro, b.gyro], axis=1),
-        np.concatenate([a.accel, b.accel], axis=1),
+        np.concatenate([a.gyro, b.gyro]),
+        np.concatenate([a.accel, b.accel]),
         q_wb,
     )
 
@@ -359,19 +352,26 @@ def _line(t_ns: Times, values: Array, at_ns: Times) -> Array:
     return result
 
 
+def _lines(t_ns: Times, values: Array, at_ns: Times) -> Array:
+    """Return the straight lines through values (n, k) at times (m,)."""
+    result = empty((len(at_ns),), values.shape[1])
+    for own, column in zip(result.T, values.T, strict=True):
+        own[:] = _line(t_ns, column, at_ns)
+    return result
+
+
 def _interpolated(known: GivenReadings, at_ns: Times) -> GivenReadings:
-    gyro = np.stack([_line(known.t_ns, row, at_ns) for row in known.gyro])
-    accel = np.stack([_line(known.t_ns, row, at_ns) for row in known.accel])
+    gyro, accel = (_lines(known.t_ns, values, at_ns) for values in (known.gyro, known.accel))
     q_wb = None
     if known.q_wb is not None:
         same = np.cumprod(np.sign(_products(known.q_wb)))  # q and -q are one rotation
-        q_wb = normalise(np.stack([_line(known.t_ns, row * same, at_ns) for row in known.q_wb]))
+        q_wb = normalise(_lines(known.t_ns, known.q_wb * same[:, None], at_ns))
     return GivenReadings(at_ns, gyro, accel, q_wb)
 
 
 def _products(q: Array) -> Array:
     """Return the sign that each quaternion has to the one before (n,)."""
-    dots = np.einsum("in,in->n", q[:, 1:], q[:, :-1])
+    dots = np.einsum("ni,ni->n", q[1:], q[:-1])
     return np.concatenate([[1.0], np.where(dots < 0.0, -1.0, 1.0)])
 
 
@@ -385,7 +385,7 @@ class Differentiator:
     def __init__(self, parameters: ErrorModelParameters) -> None:
         """Begin with the next message."""
         self.span = parameters.input.odometry_span
-        self._gravity_w = gravity_vector(parameters)[:, None]
+        self._gravity_w = gravity_vector(parameters)
         self.begin()
 
     def begin(self) -> None:
@@ -394,17 +394,16 @@ class Differentiator:
         self._forget()
 
     def _forget(self) -> None:
-        self._t_ns, self._rows = np.empty(0, np.int64), np.empty((10, 0))
+        self._t_ns, self._rows = np.empty(0, np.int64), np.empty((0, 10))
 
     def apply(self, t_ns: Times, q_wb: Array, velocity_b: Array, rate_b: Array) -> GivenReadings:
         """Take n messages; return the readings that are now known, s messages late.
 
-        :param q_wb: (4, n).
-        :param velocity_b: (3, n) [m/s].
-        :param rate_b: (3, n) [rad/s].
+        :param q_wb: (n, 4).
+        :param velocity_b: (n, 3) [m/s].
+        :param rate_b: (n, 3) [rad/s].
         """
-        none = np.empty((3, 0))
-        known = GivenReadings(np.empty(0, np.int64), none, none, np.empty((4, 0)))
+        known = _none()
         # Velocities in the body in place of rates, rates in place of forces.
         for part, back in self._order.parts(GivenReadings(t_ns, velocity_b, rate_b, q_wb)):
             if back:
@@ -417,20 +416,25 @@ class Differentiator:
         self, t_ns: Times, q_wb: Array, velocity_b: Array, rate_b: Array
     ) -> GivenReadings:
         """Return the readings that are known after n messages whose stamps increase."""
-        velocity_w = rotation.components.rotate(q_wb, velocity_b)
+        velocity_w = rotation.rotate(q_wb, velocity_b)
         times = np.concatenate([self._t_ns, t_ns])
-        rows = np.concatenate([self._rows, np.concatenate([q_wb, velocity_w, rate_b])], axis=1)
+        every = np.concatenate([q_wb, velocity_w, rate_b], axis=1)
+        rows = np.concatenate([self._rows, every])
         span = self.span
-        self._t_ns, self._rows = times[-2 * span :], rows[:, -2 * span :]
+        self._t_ns, self._rows = times[-2 * span :], rows[-2 * span :]
         if len(times) <= 2 * span:
-            none = np.empty((3, 0))
-            return GivenReadings(np.empty(0, np.int64), none, none, np.empty((4, 0)))
+            return _none()
         middle = slice(span, -span)
-        change = rows[4:7, 2 * span :] - rows[4:7, : -2 * span]
-        acceleration = change / ((times[2 * span :] - times[: -2 * span]) * 1e-9)
-        q = rows[:4, middle]
+        change = rows[2 * span :, 4:7] - rows[: -2 * span, 4:7]
+        acceleration = change / ((times[2 * span :] - times[: -2 * span])[:, None] * 1e-9)
+        q = rows[middle, :4]
         force = rotate_inverse(q, acceleration - self._gravity_w)
-        return GivenReadings(times[middle], rows[7:, middle], force, q)
+        return GivenReadings(times[middle], rows[middle, 7:], force, q)
+
+
+def _none() -> GivenReadings:
+    vectors = np.empty((0, 3))
+    return GivenReadings(np.empty(0, np.int64), vectors, vectors, np.empty((0, 4)))
 
 
 _LOOK_NS: Final = 2_000_000_000
@@ -466,8 +470,8 @@ class StartCheck:
         seen, self._seen = self._seen, []
         t_ns = np.concatenate([one.t_ns for one in seen])
         rows = t_ns <= first + _LOOK_NS
-        gyro = np.concatenate([one.gyro for one in seen], axis=1)[:, rows]
-        accel = np.concatenate([one.accel for one in seen], axis=1)[:, rows]
+        gyro = np.concatenate([one.gyro for one in seen])[rows]
+        accel = np.concatenate([one.accel for one in seen])[rows]
         return [*self._of_stamps(t_ns[rows]), *self._of_rates(gyro), *self._of_forces(gyro, accel)]
 
     def _of_stamps(self, t_ns: Times) -> Iterator[str]:
@@ -482,7 +486,7 @@ class StartCheck:
             yield f"{name} = {declared:g}: the readings come {found:.4g} times a second"
 
     def _of_rates(self, gyro: Array) -> Iterator[str]:
-        mean = float(np.linalg.norm(gyro, axis=0).mean())
+        mean = float(np.linalg.norm(gyro, axis=1).mean())
         if mean > _FASTEST:
             yield (
                 f"input: the angular rate is {mean:.3g} rad/s on average over 2 s; are the "
@@ -490,12 +494,12 @@ class StartCheck:
             )
 
     def _of_forces(self, gyro: Array, accel: Array) -> Iterator[str]:
-        turning = np.abs(gyro).max() > 10.0 * _REST_RATE or gyro.std(axis=1).max() > _REST_RATE
-        rests = not turning and accel.std(axis=1).max() <= _REST_FORCE
-        mean = accel.mean(axis=1)
+        turning = np.abs(gyro).max() > 10.0 * _REST_RATE or gyro.std(axis=0).max() > _REST_RATE
+        rests = not turning and accel.std(axis=0).max() <= _REST_FORCE
+        mean = accel.mean(axis=0)
         # A body in motion turns; the length of its readings does not.
         upwards = float(np.linalg.norm(mean))
-        size = upwards if rests else float(np.linalg.norm(accel, axis=0).mean())
+        size = upwards if rests else float(np.linalg.norm(accel, axis=1).mean())
         when = "at rest" if rests else "on average over 2 s"
         least, most = (1.0 - _TOLERANCE, 1.0 + _TOLERANCE) if rests else _IN_G
         declared, g = self._parameters.input, self._g

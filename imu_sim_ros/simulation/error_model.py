@@ -19,13 +19,12 @@ from imu_sim_ros import timebase
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.parameters.sections import parameters as described
-from imu_sim_ros.rotation.components import rotate
+from imu_sim_ros.rotation import rotate
 from imu_sim_ros.sensors.block import ImuBlock
-from imu_sim_ros.sensors.errors.response import Floats
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.gravity import gravity_vector
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
-from imu_sim_ros.sensors.imu.model import CHUNK, NOWHERE, Imu, ImuSample, unknown_motion
+from imu_sim_ros.sensors.imu.model import AHEAD, NOWHERE, Imu, unknown_motion
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.sensors.pose.model import pose_samples
 from imu_sim_ros.sensors.world import Window, World
@@ -90,7 +89,7 @@ class ErrorModel:
         self._resamples = bool(parameters.input.rate) and (
             parameters.input.rate != parameters.rate or parameters.imu.sampling != "instantaneous"
         )
-        self._gravity_w = gravity_vector(parameters)[:, None]
+        self._gravity_w = gravity_vector(parameters)
         self._check = StartCheck(parameters)
         self._order = self._new_order()
         self._begin(parameters.seed)
@@ -111,14 +110,12 @@ class ErrorModel:
         self._last_ns: int | None = None
         self._recent_ns: deque[int] = deque(maxlen=_LOOKED_BACK)
         """The last stamps."""
-        self._held: GivenReadings | ImuSample | None = None
+        self._held: GivenReadings | None = None
         """The last reading, which the sensor goes on with during a gap."""
         self._pending: ErrorModelParameters | None = None
         self._faults: list[tuple[Fault, int]] = []
         self._conventions = Conventions(self.parameters)
         self._resampler = Resampler(self.parameters) if self._resamples else None
-        alone = self._resampler is None and not self._sensors
-        self._is_direct = self._conventions.nothing and alone
 
     def reset(self) -> None:
         """Begin again with the next reading, with the seed that input.restart gives."""
@@ -191,36 +188,6 @@ class ErrorModel:
             self.counts.samples += len(read[IMU].true_t_ns)
         return windows
 
-    def read_one(self, t_ns: int, gyro: Floats, accel: Floats) -> ImuSample | None:
-        """Return the sample of one reading in plain floats; the bits of :meth:`read`, but faster.
-
-        None if it is not simply the next one of readings that stay as they are: then nothing
-        has happened yet.
-        """
-        last, imu = self._last_ns, self._imu
-        if imu is None or last is None or self._pending is not None or not self._is_direct:
-            return None
-        if not self._order.is_clear:
-            return None
-        if not last < t_ns <= last + 1.5 * self._nominal_ns:
-            return None
-        sample = imu.apply_one(self.position, t_ns, gyro, accel)
-        if sample is not None:
-            self.counts.readings += 1
-            self.counts.samples += 1
-            self.position += 1
-            self._last_ns = self._order.last_ns = t_ns
-            self._recent_ns.append(t_ns)
-            self._held = sample
-            if not self._check.done:
-                self._look(_given(sample))
-        return sample
-
-    def prepare(self) -> None:
-        """Do what the next reading does not have to wait for, after :meth:`read_one`."""
-        if self._imu is not None and self._pending is None and self.position % CHUNK == 0:
-            self._imu.prepare_one(self.position)
-
     def _leave_out(self, step_ns: int) -> None:
         if step_ns:
             self.counts.backward += 1
@@ -275,7 +242,7 @@ class ErrorModel:
         t_ns = np.concatenate([np.array(self._recent_ns, np.int64), given.t_ns])
         self._recent_ns.extend(t_ns[-_LOOKED_BACK:].tolist())
         begin = missing = 0
-        for k in (np.flatnonzero(np.diff(t_ns) > 1.5 * self._nominal_ns) + 1).tolist():
+        for k in (np.flatnonzero(t_ns[1:] - t_ns[:-1] > 1.5 * self._nominal_ns) + 1).tolist():
             if k < before:
                 continue
             if k > before:
@@ -309,14 +276,12 @@ class ErrorModel:
         held = self._held
         if held is None:
             return
-        if isinstance(held, ImuSample):
-            held = _given(held)
         while count:
             step = min(count, _SAMPLES_AT_ONCE)
             steps = np.arange(1, step + 1) * self._nominal_ns
             t_ns = held.t_ns + np.rint(steps).astype(np.int64)
-            gyro, accel = (np.repeat(one, step, axis=1) for one in (held.gyro, held.accel))
-            q_wb = None if held.q_wb is None else np.repeat(held.q_wb, step, axis=1)
+            gyro, accel = (np.repeat(one, step, axis=0) for one in (held.gyro, held.accel))
+            q_wb = None if held.q_wb is None else np.repeat(held.q_wb, step, axis=0)
             self._sampled(GivenReadings(t_ns, gyro, accel, q_wb))
             count -= step
 
@@ -333,28 +298,29 @@ class ErrorModel:
         imu = self._imu or self._start(given)
         if self._pending is None:
             return [self._apply(imu, given, *inside)]
-        ratio = inside[0].shape[1] // count
+        ratio = len(inside[0]) // count
         blocks, done = [], 0
         while done < count:
-            at_once = self.position % CHUNK == 0 and not imu.is_prepared(self.position)
-            if self._pending is not None and at_once:
+            if self._pending is not None and self.position % AHEAD == 0:
                 imu.configure(self._pending.imu)
                 self._pending = None
             left = count - done
-            step = left if self._pending is None else min(left, CHUNK - self.position % CHUNK)
+            step = left if self._pending is None else min(left, AHEAD - self.position % AHEAD)
             rows, own = slice(done, done + step), slice(done * ratio, (done + step) * ratio)
-            blocks.append(self._apply(imu, given.at(rows), inside[0][:, own], inside[1][:, own]))
+            blocks.append(self._apply(imu, given.at(rows), inside[0][own], inside[1][own]))
             done += step
         return blocks
 
     def _apply(self, imu: Imu, given: GivenReadings, gyro: Array, accel: Array) -> dict[str, Any]:
-        """Return the next samples, which are those of readings (3, n m) inside the sensor."""
+        """Return the next samples, which are those of readings (n m, 3) inside the sensor."""
         first, self.position = self.position, self.position + len(given.t_ns)
         block = imu.apply(first, given.t_ns, self._motion(given), gyro, accel)
-        rate = timebase.exact_rate(self.parameters.rate)
-        window = Window(first / rate, self.position / rate)
-        read = {name: model.read(window, self._world) for name, model in self._others.items()}
-        return {IMU: block, POSE: pose_samples(block.true_t_ns, block.motion), **read}
+        read = {IMU: block, POSE: pose_samples(block.true_t_ns, block.motion)}
+        if self._others:
+            rate = timebase.exact_rate(self.parameters.rate)
+            window = Window(first / rate, self.position / rate)
+            read |= {name: model.read(window, self._world) for name, model in self._others.items()}
+        return read
 
     def _start(self, given: GivenReadings) -> Imu:
         """Make the sensor, whose first sample is the first of the readings."""
@@ -380,13 +346,7 @@ class ErrorModel:
                 )
             return motion
         acceleration = rotate(given.q_wb, given.accel) + self._gravity_w
-        return motion._replace(q_wb=given.q_wb.T, acceleration=acceleration.T)
-
-
-def _given(sample: ImuSample) -> GivenReadings:
-    """Return the reading that a sample was made of."""
-    gyro, accel = np.array([sample.ideal_gyro]), np.array([sample.ideal_accel])
-    return GivenReadings(np.array([sample.true_t_ns]), gyro.T, accel.T)
+        return motion._replace(q_wb=given.q_wb, acceleration=acceleration)
 
 
 def joined(blocks: list[ImuBlock]) -> ImuBlock:

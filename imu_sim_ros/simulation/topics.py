@@ -13,28 +13,18 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.bags.messages.blocks import RowTemplate, as_row_template
-from imu_sim_ros.bags.messages.encode import (
-    ImuEncoder,
-    TemperatureEncoder,
-    Vector3StampedEncoder,
-)
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE, TransformsEncoder
 from imu_sim_ros.conventions import (
     ERROR_TOPICS,
-    ERRORS,
     IDEAL_IMU_TOPIC,
     IMU_TOPIC,
     TEMPERATURE_TOPIC,
     TF_STATIC_TOPIC,
 )
-from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.rotation import from_matrix
 from imu_sim_ros.sensors.declaration import Mounted, Payloads, Topic
-from imu_sim_ros.sensors.errors.noise import accel_variance_discrete, gyro_variance_discrete
-from imu_sim_ros.sensors.imu.model import ImuSample
 from imu_sim_ros.sensors.orientation.declaration import TOPIC as ORIENTATION_TOPIC
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
-from imu_sim_ros.simulation.parameters import SampledParameters
 from imu_sim_ros.simulation.sensors import mounts
 from imu_sim_ros.types import Array, Integers, Times
 
@@ -68,8 +58,6 @@ class TextMessages(NamedTuple):
 Encode = Callable[[Any, Any], Messages]
 """Turns samples into messages; the second argument are the parameters valid for the samples, as
 :class:`~imu_sim_ros.sensors.declaration.Mounted` has them."""
-EncodeOne = Callable[[ImuSample, SampledParameters], bytes]
-"""Turns a sample into a message."""
 
 
 class Offered(NamedTuple):
@@ -149,46 +137,6 @@ def is_published(topic: Topic, publish: Any) -> bool:
     :param publish: the section ``publish``.
     """
     return topic.flags is not None and all(getattr(publish, flag) for flag in topic.flags)
-
-
-def encoder_of_one(topic: str, parameters: SampledParameters) -> EncodeOne:
-    """Return the encoder of single messages of an IMU's topic, the same bytes as of a block.
-
-    :param topic: readings, ideal readings, true errors or temperature.
-    """
-    frame = parameters.imu_frame
-    if topic == IMU_TOPIC:
-        return _reading_of_one(frame)
-    if topic == IDEAL_IMU_TOPIC:
-        ideal = ImuEncoder(frame)
-        return lambda s, _: ideal.one(s.true_t_ns, s.ideal_gyro, s.ideal_accel)
-    if topic == TEMPERATURE_TOPIC:
-        thermometer = TemperatureEncoder(frame)
-        return lambda s, _: thermometer.one(s.true_t_ns, (s.temperature,))
-    vectors = Vector3StampedEncoder(frame)
-    if topic not in ERROR_TOPICS:
-        raise ConfigurationError(f"topic {topic}: has no single messages")
-    triad, _, error = ERROR_TOPICS[topic].partition("_")
-    begin = 3 * ERRORS.index(error)
-    own = slice(begin, begin + 3)
-    if triad == "gyro":
-        return lambda s, _: vectors.one(s.true_t_ns, s.of_gyro[own])
-    return lambda s, _: vectors.one(s.true_t_ns, s.of_accel[own])
-
-
-def _reading_of_one(frame: str) -> EncodeOne:
-    known: SampledParameters | None = None
-    messages: ImuEncoder
-
-    def encode(sample: ImuSample, now: SampledParameters) -> bytes:
-        nonlocal known, messages
-        if now is not known:
-            gyro = gyro_variance_discrete(now.imu, now.rate)
-            accel = accel_variance_discrete(now.imu, now.rate)
-            known, messages = now, ImuEncoder(frame, "cdr", gyro, accel)
-        return messages.one(sample.t_ns, sample.gyro, sample.accel)
-
-    return encode
 
 
 def sensors_of(topics: Iterable[str], known: Mapping[str, Offered]) -> frozenset[str]:

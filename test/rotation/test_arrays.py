@@ -122,11 +122,11 @@ def test_cumulative_product_is_the_loop(n):
 def test_cumulative_product_rounds_as_products_do():
     """One after the other within a row, and by the product before it: the same bits."""
     q = rotation.normalise(np.random.default_rng(4).normal(size=(100, 4)))
-    rows = [[first[:, None]] for first in q.reshape(10, 10, 4)[:, 0]]
-    start, expected = np.array([[1.0], [0.0], [0.0], [0.0]]), []
+    rows = [[first] for first in q.reshape(10, 10, 4)[:, 0]]
+    start, expected = rotation.IDENTITY, []
     for row, quaternions in zip(rows, q.reshape(10, 10, 4), strict=True):
         for one in quaternions[1:]:
-            row.append(rotation.components.multiply(row[-1], one[:, None]))
-        expected += [rotation.components.multiply(start, product) for product in row]
-        start = rotation.components.multiply(start, row[-1])
-    assert np.array_equal(rotation.cumulative_product(q), np.concatenate(expected, axis=1).T)
+            row.append(rotation.multiply(row[-1], one))
+        expected += [rotation.multiply(start, product) for product in row]
+        start = rotation.multiply(start, row[-1])
+    assert np.array_equal(rotation.cumulative_product(q), np.array(expected))

@@ -191,15 +191,15 @@ def test_a_shock_leaves_a_bias_that_decays(tau: float) -> None:
             "shock_recovery_time": tau,
         },
     )
-    force = np.zeros((3, n))
-    force[2] = 9.81
+    force = np.tile([0.0, 0.0, 9.81], (n, 1))
     for first, length in ((300, 5), (800, 1), (999, 4)):
-        force[0, first : first + length] = 100.0
-    bias = np.zeros((3, n))
+        force[first : first + length, 0] = 100.0
+    every = np.zeros((n, 3))
     term = ShockBias(3, "gyroscope", imu, dt)
     for first, end in ((0, 301), (301, 1001), (1001, n)):
-        part = Surroundings(force[:, first:end], np.zeros(end - first))
-        term.add_to(bias[:, first:end], part)
+        part = Surroundings(force[first:end], np.zeros(end - first))
+        term.add_to(every[first:end], part)
+    bias = every.T
     assert not bias[2].any()
     k = np.arange(n)
     decay = [
@@ -214,11 +214,11 @@ def test_a_shock_leaves_a_bias_that_decays(tau: float) -> None:
 
 def test_sizes_of_shock_biases() -> None:
     imu = build(ImuParameters, {"accelerometer_shock_bias_sigma": 0.5, "shock_threshold": 50.0})
-    force = np.zeros((3, 4000))
-    force[1, ::2] = -60.0
-    bias = np.zeros((3, 4000))
+    force = np.zeros((4000, 3))
+    force[::2, 1] = -60.0
+    bias = np.zeros((4000, 3))
     ShockBias(0, "accelerometer", imu, 0.01).add_to(bias, Surroundings(force, np.zeros(4000)))
-    jumps = np.diff(bias[:, ::2], axis=1)
+    jumps = np.diff(bias[::2], axis=0)
     # 3 * 1999 numbers: relative error 1 / sqrt(2 n) = 0.9 %.
     assert abs(jumps.std() / 0.5 - 1.0) < 4 / math.sqrt(2 * jumps.size)
 

@@ -43,10 +43,10 @@ def gyroscope(**values: object) -> TriadParameters:
 def draw(term: ErrorTerm, parameters: TriadParameters, count: int = N) -> np.ndarray:
     """Return (3, count) samples, made in blocks."""
     term.configure(parameters)
-    values = np.zeros((3, count))
+    values = np.zeros((count, 3), order="F")
     for first in range(0, count, 50_000):
-        term.add_to(values[:, first : first + 50_000])
-    return values
+        term.add_to(values[first : first + 50_000])
+    return values.T
 
 
 def allan_variance(values: np.ndarray, samples: int) -> float:
@@ -65,7 +65,7 @@ def test_white_noise(rate: float, triad: str) -> None:
     white = WhiteNoise(SEED, triad, 1.0 / rate)
     white.configure(parameters)
     blocks = [white.next(50_000) for _ in range(N // 50_000)]
-    noise = np.concatenate([block for block in blocks if block is not None], axis=1)
+    noise = np.concatenate([block for block in blocks if block is not None]).T
     assert np.abs(noise.var(axis=1) / (density**2 * rate) - 1.0).max() < 5.0 * np.sqrt(2.0 / N)
     assert np.abs(noise.mean(axis=1) / (density * np.sqrt(rate / N))).max() < 5.0
     unit = noise / noise.std(axis=1, keepdims=True)
@@ -151,7 +151,7 @@ def test_gauss_markov_starts_in_its_stationary_distribution(seconds: float) -> N
     starts = []
     for seed in range(300):
         streams = axis_generators(seed, "test")
-        starts.append(GaussMarkovBank(streams, np.full((3, 1), seconds), 0.01).next_block(101))
+        starts.append(GaussMarkovBank(streams, np.full((3, 1), seconds), 0.01).next_block(101).T)
     values = np.array(starts)[:, :, [0, 100]]
     assert np.abs(values.var(axis=(0, 1)) - 1.0).max() < 5.0 * np.sqrt(2.0 / 900)
 
@@ -159,7 +159,8 @@ def test_gauss_markov_starts_in_its_stationary_distribution(seconds: float) -> N
 def test_gauss_markov_agrees_with_the_plain_recurrence() -> None:
     """The scan's values, fed back as steps into one loop of plain floats, come out again."""
     tau, dt = 0.05, 0.01
-    values = GaussMarkovBank(axis_generators(1, "test"), np.full((3, 1), tau), dt).next_block(3000)
+    bank = GaussMarkovBank(axis_generators(1, "test"), np.full((3, 1), tau), dt)
+    values = bank.next_block(3000).T
     phi = np.exp(-dt / tau)
     steps = (values[:, 1:] - phi * values[:, :-1]).tolist()
     for axis in range(3):
@@ -201,7 +202,7 @@ def test_flicker_is_stationary_from_the_start() -> None:
     covariance = 1.0 / (1.0 - np.outer(design.poles, design.poles))
     variance = design.gains @ covariance @ design.gains
     variance += design.direct**2 + 2.0 * design.direct * design.gains.sum()
-    runs = [FlickerNoise(axis_generators(s, "test"), 0.01).next_block(301) for s in range(300)]
+    runs = [FlickerNoise(axis_generators(s, "test"), 0.01).next_block(301).T for s in range(300)]
     values = np.array(runs)[:, :, [0, 300]]
     assert np.abs(values.var(axis=(0, 1)) / variance - 1.0).max() < 5.0 * np.sqrt(2.0 / 900)
 
@@ -210,7 +211,7 @@ def test_flicker_agrees_with_the_plain_recursions() -> None:
     """The scan against one loop over the filter's recursions, past rows and chunks."""
     design = FlickerFilter.design(0.01)
     n = FLICKER_CHUNK + 100
-    values = FlickerNoise(axis_generators(1, "test"), 0.01).next_block(n)[0]
+    values = FlickerNoise(axis_generators(1, "test"), 0.01).next_block(n)[:, 0]
     stream = axis_generators(1, "test")[0]
     covariance = 1.0 / (1.0 - np.outer(design.poles, design.poles))
     state = np.linalg.cholesky(covariance) @ stream.standard_normal(len(design.poles))

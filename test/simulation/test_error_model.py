@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from simulation_runs import EVERY_TERM
 
-from imu_sim_ros import conventions, rotation
-from imu_sim_ros.bags.messages.blocks import as_list
+from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.sensors.block import ImuBlock
@@ -20,8 +19,6 @@ from imu_sim_ros.simulation.error_model import ErrorModel
 from imu_sim_ros.simulation.error_model import joined as joined_blocks
 from imu_sim_ros.simulation.error_parameters import load_error_model
 from imu_sim_ros.simulation.parameters import load_simulation
-from imu_sim_ros.simulation.sensors import mounted
-from imu_sim_ros.simulation.topics import encoder_of_one, offered
 
 COMPARED = [name for name in ImuBlock._fields if name not in ("first", "motion", "sensors")]
 COUNT = 700
@@ -126,7 +123,7 @@ def model_of(values: dict[str, object], **more: object) -> ErrorModel:
 
 
 def given_of(block: ImuBlock) -> GivenReadings:
-    return GivenReadings(block.true_t_ns, block.ideal_gyro.T, block.ideal_accel.T)
+    return GivenReadings(block.true_t_ns, block.ideal_gyro, block.ideal_accel)
 
 
 def read_in(model: ErrorModel, given: GivenReadings, sizes: list[int]) -> ImuBlock:
@@ -135,18 +132,6 @@ def read_in(model: ErrorModel, given: GivenReadings, sizes: list[int]) -> ImuBlo
         size = sizes[k % len(sizes)]
         blocks += model.read(given.at(slice(begin, begin + size)))
         begin, k = begin + size, k + 1
-    return joined(blocks)
-
-
-def read_singly(model: ErrorModel, given: GivenReadings) -> ImuBlock:
-    """Read one by one in plain floats wherever that is possible."""
-    blocks = []
-    for k, t_ns in enumerate(given.t_ns.tolist()):
-        gyro, accel = given.gyro[:, k].tolist(), given.accel[:, k].tolist()
-        sample = model.read_one(t_ns, gyro, accel)
-        part = given.at(slice(k, k + 1))
-        blocks += model.read(part) if sample is None else [sample.block()]
-        model.prepare()
     return joined(blocks)
 
 
@@ -166,24 +151,22 @@ def test_errors_are_those_of_the_simulation(name: str) -> None:
     expected = truth_of(CASES[name])
     for sizes in ([COUNT], [1], [3, 64, 1, 200]):
         assert_same(read_in(model_of(CASES[name]), given_of(expected), sizes), expected)
-    assert_same(read_singly(model_of(CASES[name]), given_of(expected)), expected)
 
 
-def test_one_reading_in_plain_floats_follows_blocks_and_faults() -> None:
+def test_single_readings_follow_blocks_and_faults() -> None:
     values = {k: v for name in ("noise_density", "resolution") for k, v in of_triads(name).items()}
     given = given_of(truth_of(values))
 
-    def run(pieces: list[tuple[int, bool]]) -> ImuBlock:
+    def run(pieces: list[tuple[int, int]]) -> ImuBlock:
         model, blocks, begin = model_of(values), [], 0
         model.inject(Fault("stuck", 0.1, triad="gyroscope"), 2.0)
-        for count, singly in pieces:
-            part = given.at(slice(begin, begin + count))
-            blocks.append(read_singly(model, part) if singly else read_in(model, part, [count]))
+        for count, size in pieces:
+            blocks.append(read_in(model, given.at(slice(begin, begin + count)), [size]))
             begin += count
         return joined(blocks)
 
-    whole = run([(700, False)])
-    assert_same(run([(3, False), (70, True), (200, False), (427, True)]), whole)
+    whole = run([(700, 700)])
+    assert_same(run([(3, 3), (70, 1), (200, 200), (427, 1)]), whole)
 
 
 def test_oversampled_errors_are_those_of_the_simulation() -> None:
@@ -258,7 +241,7 @@ def test_a_jump_back_begins_again(restart: str) -> None:
     first, second = truth_of(values, 300), truth_of(values, 300)
     if restart == "next_seed":
         second = truth_of({**values, "seed": 6}, 300)
-    twice = GivenReadings(*(np.concatenate([v, v], axis=-1) for v in given_of(first)[:3]))
+    twice = GivenReadings(*(np.concatenate([v, v]) for v in given_of(first)[:3]))
     model = model_of(values, **{"input.restart": restart})
     found = read_in(model, twice, [64])
     assert np.array_equal(found.gyro, np.concatenate([first.gyro, second.gyro]))
@@ -284,8 +267,6 @@ def test_live_changes_and_faults_do_not_depend_on_the_blocks() -> None:
         model.inject(Fault("bias_jump", 0.5, (0.1, 0.0, 0.0), "gyroscope"), 1.0)
 
         def read(rows: slice) -> ImuBlock:
-            if not sizes:
-                return read_singly(model, given.at(rows))
             return read_in(model, given.at(rows), sizes)
 
         begin = read(slice(0, 100))
@@ -298,20 +279,8 @@ def test_live_changes_and_faults_do_not_depend_on_the_blocks() -> None:
     whole = run([1000])
     assert_same(run([1]), whole)
     assert_same(run([7, 64]), whole)
-    assert_same(run([]), whole)
     jumps = np.flatnonzero(np.abs(np.diff(whole.gyro_bias[:, 0])) > 0.05) + 1
     assert jumps.tolist() == [128, 200, 300]  # the next multiple of 64; 1 s; 1.5 s
-
-
-def test_a_change_waits_for_the_end_of_a_chunk_that_is_prepared() -> None:
-    model = model_of({})
-    given = given_of(truth_of({}))
-    begin = read_singly(model, given.at(slice(0, 128)))  # 128 to 191 are prepared now
-    model.update(
-        load_error_model({"imu.preset": "perfect", "seed": 5, "imu.gyroscope_bias": [1.0, 0, 0]})
-    )
-    whole = joined([begin, *model.read(given.at(slice(128, None)))])
-    assert np.flatnonzero(whole.gyro_bias[:, 0]).tolist() == list(range(192, COUNT))
 
 
 def test_a_parameter_that_is_not_live_stays() -> None:
@@ -334,7 +303,7 @@ AXES = {
 def test_axes(axes: str) -> None:
     block = truth_of({})
     turned = GivenReadings(
-        block.true_t_ns, AXES[axes] @ block.ideal_gyro.T, AXES[axes] @ block.ideal_accel.T
+        block.true_t_ns, block.ideal_gyro @ AXES[axes].T, block.ideal_accel @ AXES[axes].T
     )
     found = joined(model_of({}, **{"input.axes": axes}).read(turned))
     assert np.array_equal(found.ideal_gyro, block.ideal_gyro)  # signs and order, no rounding
@@ -344,7 +313,7 @@ def test_axes(axes: str) -> None:
 def test_frame_rotation_is_into_the_imu() -> None:
     block = truth_of({})
     r = rotation.to_matrix(rotation.from_euler(np.array([0.1, -0.2, 0.3])))
-    turned = GivenReadings(block.true_t_ns, r.T @ block.ideal_gyro.T, r.T @ block.ideal_accel.T)
+    turned = GivenReadings(block.true_t_ns, block.ideal_gyro @ r, block.ideal_accel @ r)
     model = model_of({}, **{"input.frame_rotation": r.ravel().tolist()})
     assert np.allclose(joined(model.read(turned)).ideal_accel, block.ideal_accel, atol=1e-13)
 
@@ -359,7 +328,7 @@ def test_missing_gravity_is_added_with_the_orientation(axes: str) -> None:
     if axes == "frd":  # its world is north, east, down
         r_w_axes = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]) @ r_w_axes
     q = np.stack([rotation.from_matrix(r) for r in r_w_axes])
-    given = GivenReadings(block.true_t_ns, to_axes @ block.ideal_gyro.T, to_axes @ kinematic.T, q.T)
+    given = GivenReadings(block.true_t_ns, block.ideal_gyro @ to_axes.T, kinematic @ to_axes.T, q)
     model = model_of({}, **{"input.gravity": "missing", "input.axes": axes})
     found = joined(model.read(given))
     assert np.allclose(found.ideal_accel, block.ideal_accel, atol=1e-12)
@@ -398,11 +367,11 @@ def test_odometry_becomes_readings_late_by_what_is_stated() -> None:
     for span in (1, 3):
         made = Differentiator(load_error_model({"input.odometry_span": span}))
         parts = [
-            made.apply(block.true_t_ns[k], q.T[:, k], velocity_b.T[:, k], block.ideal_gyro.T[:, k])
+            made.apply(block.true_t_ns[k], q[k], velocity_b[k], block.ideal_gyro[k])
             for k in (slice(0, 1), slice(1, 2), slice(2, 50), slice(50, COUNT))
         ]
         t_ns = np.concatenate([part.t_ns for part in parts])
-        accel = np.concatenate([part.accel for part in parts], axis=1).T
+        accel = np.concatenate([part.accel for part in parts])
         rows = slice(span, COUNT - span)
         assert np.array_equal(t_ns, block.true_t_ns[rows])
         third = np.abs(np.diff(block.motion.acceleration, 2, axis=0)).max() * 1e6
@@ -412,12 +381,11 @@ def test_odometry_becomes_readings_late_by_what_is_stated() -> None:
 
 def test_odometry_that_begins_again_or_repeats_itself() -> None:
     t_ns = np.array([10, 11, 12, 12, 13, 5, 6, 7, 8], np.int64) * 1_000_000_000
-    ones, zero = np.zeros((4, 9)), np.zeros((3, 9))
-    ones[0] = 1.0
+    ones, zero = np.tile(rotation.IDENTITY, (9, 1)), np.zeros((9, 3))
     whole = Differentiator(load_error_model({})).apply(t_ns, ones, zero, zero)
     assert (whole.t_ns // 1_000_000_000).tolist() == [11, 12, 6, 7]
     made = Differentiator(load_error_model({}))
-    parts = [made.apply(t_ns[k : k + 1], ones[:, :1], zero[:, :1], zero[:, :1]) for k in range(9)]
+    parts = [made.apply(t_ns[k : k + 1], ones[:1], zero[:1], zero[:1]) for k in range(9)]
     assert np.array_equal(np.concatenate([part.t_ns for part in parts]), whole.t_ns)
 
 
@@ -426,10 +394,9 @@ def resting(accel: list[float], rate: float = 200.0, **values: object) -> list[s
     lines: list[str] = []
     model = ErrorModel(load_error_model({"imu.preset": "perfect", **values}), remark=lines.append)
     t_ns = np.arange(int(2.5 * rate), dtype=np.int64) * round(1e9 / rate)
-    force = np.repeat(np.array(accel)[:, None], len(t_ns), axis=1)
-    q_wb = np.zeros((4, len(t_ns)))
-    q_wb[0] = 1.0
-    given = GivenReadings(t_ns, np.zeros((3, len(t_ns))), force, q_wb)
+    force = np.tile(accel, (len(t_ns), 1))
+    q_wb = np.tile(rotation.IDENTITY, (len(t_ns), 1))
+    given = GivenReadings(t_ns, np.zeros((len(t_ns), 3)), force, q_wb)
     for k in range(0, len(t_ns), 50):
         model.read(given.at(slice(k, k + 50)))
     return lines
@@ -465,7 +432,7 @@ def moving(
     gyro = np.stack([zero, 0.6 * np.cos(3.0 * t), zero]) * turn
     q_wb = np.stack([np.cos(0.5 * pitch), zero, np.sin(0.5 * pitch), zero])
     t_ns = np.rint(t * 1e9).astype(np.int64)
-    model.read(GivenReadings(t_ns, gyro, scale * force, q_wb))
+    model.read(GivenReadings(t_ns, gyro.T, scale * force.T, q_wb.T))
     return lines
 
 
@@ -485,22 +452,8 @@ def test_axes_of_a_tumbling_body_are_said_to_be_unchecked() -> None:
     gyro = np.stack([np.zeros(500), np.full(500, -2 * np.pi), np.zeros(500)])
     lines: list[str] = []
     model = ErrorModel(load_error_model({"imu.preset": "perfect"}), remark=lines.append)
-    model.read(GivenReadings(np.rint(t * 1e9).astype(np.int64), gyro, force))
+    model.read(GivenReadings(np.rint(t * 1e9).astype(np.int64), gyro.T, force.T))
     assert "input.axes: not checked" in lines[0]
-
-
-def test_the_check_at_the_start_looks_at_readings_in_plain_floats() -> None:
-    lines: list[str] = []
-    model = ErrorModel(load_error_model({"imu.preset": "perfect"}), remark=lines.append)
-    still = [0.0, 0.0, 0.0]
-    assert model.read_one(0, still, still) is None  # the first makes the sensor
-    model.read(GivenReadings(np.array([0]), np.zeros((3, 1)), np.zeros((3, 1))))
-    for k in range(1, 400):
-        assert model.read_one(k * 5_000_000, still, still) is not None
-    assert lines == []
-    model.read_one(400 * 5_000_000, still, still)
-    assert "gravity is missing" in lines[0]
-    assert len(lines) == 1
 
 
 @pytest.mark.parametrize(
@@ -535,41 +488,11 @@ def test_parameters_of_the_simulator_are_passed_over() -> None:
     assert built.imu.preset == "lecture"
 
 
-@pytest.mark.parametrize(
-    "topic",
-    [
-        conventions.IMU_TOPIC,
-        conventions.IDEAL_IMU_TOPIC,
-        conventions.TEMPERATURE_TOPIC,
-        *conventions.ERROR_TOPICS,
-    ],
-)
-def test_a_message_of_one_sample_has_the_bytes_of_a_block(topic: str) -> None:
-    rough = {
-        "imu.preset": "mpu6000",
-        "imu.gyroscope_bias": [0.1, 0.0, -0.2],
-        "imu.clock_skew_ppm": 40.0,
-        "temperature.value": 31.0,
-    }
-    parameters = load_error_model({"seed": 5, "rate": 200.0, **rough})
-    model = ErrorModel(parameters)
-    block = offered(mounted(parameters))[topic].encoder()
-    single = encoder_of_one(topic, parameters)
-    begin = 10**18
-    model.read(GivenReadings(np.array([begin]), np.zeros((3, 1)), np.zeros((3, 1))))
-    for k in range(1, 200):
-        reading = [0.1 * k, -2.0, 1e-3], [0.0, 0.3 * k, 9.81]
-        sample = model.read_one(begin + k * 5_000_000, *reading)
-        assert sample is not None
-        expected = as_list(block(sample.block(), parameters).payloads)
-        assert [single(sample, parameters)] == expected
-
-
 def episodes(length: int, count: int, first_ns: int = 0) -> GivenReadings:
     """Return readings whose stamps begin again after each ``length``."""
     t_ns = np.tile(np.arange(length, dtype=np.int64) * 5_000_000, count)
     t_ns[length:] += first_ns
-    zero = np.zeros((3, len(t_ns)))
+    zero = np.zeros((len(t_ns), 3))
     return GivenReadings(t_ns, zero, zero)
 
 
@@ -586,8 +509,7 @@ def test_episodes_shorter_than_a_second_lose_nothing(sizes: list[int], first_ns:
     expected = [truth_of({**values, "seed": 5 + k}, 100).gyro_noise for k in range(10)]
     assert np.array_equal(found.gyro_noise, np.concatenate(expected))
     odometry = Differentiator(load_error_model({}))
-    ones = np.zeros((4, len(given.t_ns)))
-    ones[0] = 1.0
+    ones = np.tile(rotation.IDENTITY, (len(given.t_ns), 1))
     made = odometry.apply(given.t_ns, ones, given.gyro, given.accel)
     assert len(made.t_ns) == 10 * 98  # two of each episode have no neighbour
 
@@ -619,7 +541,7 @@ def test_irregular_stamps_are_no_missing_samples(sizes: list[int]) -> None:
         steps = np.resize(pattern, 400)
         steps[201] += 3.0
         t_ns = np.concatenate([[0], np.cumsum(np.rint(steps * 5e6).astype(np.int64))])
-        zero = np.zeros((3, len(t_ns)))
+        zero = np.zeros((len(t_ns), 3))
         model = model_of({})
         read_in(model, GivenReadings(t_ns, zero, zero), sizes)
         assert model.counts.missing == 3, pattern

@@ -9,7 +9,7 @@ it. Inside, quaternions are (w, x, y, z); the messages hold (x, y, z, w).
 """
 
 import struct
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -75,8 +75,6 @@ class Encoder:
     type_name: str
     pattern: Callable[..., RowTemplate]
     """Each encoder's own: returns n messages of stamps (n,) and its columns."""
-    varying: tuple[str, ...] = ()
-    """Fields of floats in which the messages of :meth:`one` differ."""
 
     def __init__(self, texts: tuple[str, ...], encoding: str, **constant: ArrayLike) -> None:
         """Set up what all messages have in common.
@@ -91,24 +89,10 @@ class Encoder:
         }
         self._template = self.layout.template
         self._template = self._with(constant)
-        self._varying = [
-            (struct.Struct(f"<{dtype[name].itemsize // 8}d").pack_into, self.layout.offset(name))
-            for name in self.varying
-        ]
 
     def encode(self, *columns: Any, **named: Any) -> Bytes:
         """Return messages (n, size) of what ``pattern`` takes."""
         return self.pattern(*columns, **named).array()
-
-    def one(self, t_ns: int, *numbers: Sequence[float]) -> bytes:
-        """Return one message in plain floats, with the bytes of a pattern of one.
-
-        :param numbers: those of the fields ``varying``.
-        """
-        message = self._stamped(t_ns)
-        for (pack_into, offset), values in zip(self._varying, numbers, strict=True):
-            pack_into(message, offset, *values)
-        return bytes(message)
 
     def _stamped(self, t_ns: int) -> bytearray:
         second, nanosecond = divmod(t_ns, NANOSECONDS_PER_SECOND)
@@ -170,7 +154,6 @@ class ImuEncoder(Encoder):
     """sensor_msgs/Imu; without orientation its covariance starts with -1 (REP-145)."""
 
     type_name = IMU
-    varying = ("angular_velocity", "linear_acceleration")
 
     def __init__(
         self,
@@ -319,7 +302,6 @@ class Vector3StampedEncoder(_OfFrame):
     """geometry_msgs/Vector3Stamped."""
 
     type_name = VECTOR3_STAMPED
-    varying = ("vector",)
 
     def pattern(self, t_ns: Times, vector: ArrayLike) -> RowTemplate:
         """Return n messages of vectors (n, 3)."""
@@ -330,7 +312,6 @@ class TemperatureEncoder(_OfFrame):
     """sensor_msgs/Temperature."""
 
     type_name = TEMPERATURE
-    varying = ("temperature",)
 
     def pattern(
         self, t_ns: Times, temperature: ArrayLike, variance: ArrayLike = 0.0

@@ -30,7 +30,6 @@ from imu_sim_ros.nodes.error_model.output import DEPTH, ErrorModelOutputs, wante
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import check_overrides, create
 from imu_sim_ros.nodes.subscriptions import MatchedInputs, RawSubscriptions, Taken
-from imu_sim_ros.rotation.scalars import Q4
 from imu_sim_ros.simulation.error_input import Differentiator, GivenReadings
 from imu_sim_ros.simulation.error_model import ErrorModel
 from imu_sim_ros.simulation.error_parameters import (
@@ -40,7 +39,7 @@ from imu_sim_ros.simulation.error_parameters import (
     sensor_rotation,
 )
 
-Reading = tuple[decode.ImuReading, Q4 | None]
+Reading = tuple[decode.ImuReading, decode.Quaternion | None]
 """Reading of one message, and the orientation if it has one."""
 _READ_PERIOD: Final = 0.001
 """[s] How long readings wait for each other, and about the longest that one waits. At 1 kHz they
@@ -70,7 +69,6 @@ class ErrorModelNode(ConfiguredNode):
         own = "imu_frame" in self.given or parameters.imu_frame != conventions.IMU_FRAME
         self._takes_frame = not (parameters.odometry or turned or own)
         """Whether the frame of the readings is still to be that of the input."""
-        self._is_simple = not (self._oriented or parameters.odometry)
         self.outputs = ErrorModelOutputs(self, parameters, self.lifetime.fail)
         self._faults = create(
             self,
@@ -120,16 +118,12 @@ class ErrorModelNode(ConfiguredNode):
         with self._lock:
             if self._takes_frame:
                 self._take_frame(taken)
-            rest = taken
             try:
-                if self._is_simple:
-                    rest = self._publish_next(topic, taken)
-                given = self._given(topic, rest) if rest else None
-                for block in self.model.read(given) if given and len(given.t_ns) else ():
+                given = self._given(topic, taken)
+                for block in self.model.read(given) if len(given.t_ns) else ():
                     self.outputs.publish(block, self.parameters)
             except InputError as error:
-                self._refuse(topic, error, len(rest))
-            self.model.prepare()
+                self._refuse(topic, error, len(taken))
 
     def _take_frame(self, taken: list[Taken]) -> None:
         """Let the readings be in the frame of the first message that has one."""
@@ -141,25 +135,6 @@ class ErrorModelNode(ConfiguredNode):
             self.replace(dataclasses.replace(self.parameters, imu_frame=frame))
             self.model.parameters = self.parameters
             self.outputs.encode_for(self.parameters)
-
-    def _publish_next(self, topic: str, taken: list[Taken]) -> list[Taken]:
-        """Publish the samples of readings that are simply the next; return the messages left.
-
-        Publishing wakes subscribers, which leave the processor's caches cold for the next reading:
-        it comes after all of them.
-        """
-        samples, done = [], 0
-        for payload, _ in taken:
-            try:
-                sample = self.model.read_one(*decode.imu_reading(payload))
-                if sample is None:
-                    break
-                samples.append(sample)
-            except InputError as error:
-                self._refuse(topic, error)
-            done += 1
-        self.outputs.publish_singly(samples, self.parameters)
-        return taken[done:]
 
     def _given(self, topic: str, taken: list[Taken]) -> GivenReadings:
         """Return the readings in messages."""
@@ -186,9 +161,9 @@ class ErrorModelNode(ConfiguredNode):
                 self._refuse(topic, error)
         return odometry.apply(
             np.array([state.t_ns for state in states], np.int64),
-            np.array([state.q_wb for state in states]).reshape(-1, 4).T,
-            np.array([state.velocity_b for state in states]).reshape(-1, 3).T,
-            np.array([state.angular_velocity_b for state in states]).reshape(-1, 3).T,
+            np.array([state.q_wb for state in states]).reshape(-1, 4),
+            np.array([state.velocity_b for state in states]).reshape(-1, 3),
+            np.array([state.angular_velocity_b for state in states]).reshape(-1, 3),
         )
 
     def _refuse(self, topic: str, error: InputError, count: int = 1) -> None:
@@ -252,11 +227,11 @@ def _given(readings: list[Reading], oriented: bool) -> GivenReadings:
     """Return readings as arrays; their orientations if each has one, and it is of use."""
     q_wb = None
     if oriented and all(orientation is not None for _, orientation in readings):
-        q_wb = np.array([orientation for _, orientation in readings], np.float64).T
+        q_wb = np.array([orientation for _, orientation in readings], np.float64)
     return GivenReadings(
         np.array([reading.t_ns for reading, _ in readings], np.int64),
-        np.array([reading.gyro for reading, _ in readings]).reshape(-1, 3).T,
-        np.array([reading.accel for reading, _ in readings]).reshape(-1, 3).T,
+        np.array([reading.gyro for reading, _ in readings]).reshape(-1, 3),
+        np.array([reading.accel for reading, _ in readings]).reshape(-1, 3),
         q_wb,
     )
 

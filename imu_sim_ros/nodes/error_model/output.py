@@ -15,16 +15,13 @@ from imu_sim_ros.bags.messages.blocks import as_list
 from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.nodes.lifetime import Fail, SupervisedThread
 from imu_sim_ros.nodes.publishing import Counter, create
-from imu_sim_ros.sensors.imu.model import ImuSample
 from imu_sim_ros.sensors.orientation.declaration import TOPIC as ORIENTATION_TOPIC
 from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
 from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.simulation.topics import (
     OF_THE_ERROR_MODEL,
     Encode,
-    EncodeOne,
     Offered,
-    encoder_of_one,
     is_published,
     offered,
 )
@@ -46,8 +43,6 @@ class _Output(NamedTuple):
     topic: str
     sensor: str
     encode: Encode
-    encode_one: EncodeOne | None
-    """None: of an orientation, which no single sample has."""
     counter: Counter
 
 
@@ -70,9 +65,6 @@ class ErrorModelOutputs:
                 counter.topic,
                 known[counter.topic].name,
                 known[counter.topic].encoder(),
-                None
-                if counter.topic == ORIENTATION_TOPIC
-                else encoder_of_one(counter.topic, parameters),
                 counter,
             )
             for counter in self.counters
@@ -80,7 +72,7 @@ class ErrorModelOutputs:
 
     def publish(self, samples: Mapping[str, Any], parameters: ErrorNodeParameters) -> None:
         """Publish the messages of samples by sensor; readings with the delay that they have."""
-        for topic, sensor, encode, _, counter in self._outputs:
+        for topic, sensor, encode, counter in self._outputs:
             read = samples[sensor]
             messages = encode(read, parameters)
             payloads = as_list(messages.payloads)
@@ -90,23 +82,6 @@ class ErrorModelOutputs:
                 continue
             delays = (read.release_t_ns - read.true_t_ns)[read.delivered]
             self._delayed.send(counter.send, payloads, delays.tolist())
-
-    def publish_singly(self, samples: Sequence[ImuSample], parameters: ErrorNodeParameters) -> None:
-        """Publish the messages of samples, the same bytes as of a block."""
-        for topic, _, _, encode, counter in self._outputs:
-            if encode is None:
-                continue
-            payloads: list[bytes] = []
-            delays: list[int] = []
-            for sample in samples:
-                count = len(sample.delivered) if topic == IMU_TOPIC else 1
-                payloads += [encode(sample, parameters)] * count
-                delays += [sample.release_t_ns - sample.true_t_ns] * count
-            if topic == IMU_TOPIC:
-                self._delayed.send(counter.send, payloads, delays)
-                continue
-            for payload in payloads:
-                counter.send(payload)
 
     def close(self) -> None:
         """Publish what is still waiting, and end the thread."""

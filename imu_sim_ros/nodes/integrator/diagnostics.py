@@ -8,13 +8,15 @@ import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple, TypeVar
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.clock import Clock, ClockType
 
+from imu_sim_ros import rotation
 from imu_sim_ros.nodes.diagnostics import PERIOD, diagnostics
 from imu_sim_ros.nodes.integrator.odometer import Row
 from imu_sim_ros.nodes.messages import OdometryFields
-from imu_sim_ros.rotation.scalars import Q4, V3, conjugate, multiply
+from imu_sim_ros.types import Array
 
 _KEPT = 20000
 _Item = TypeVar("_Item")
@@ -24,10 +26,10 @@ class ErrorAt(NamedTuple):
     """Estimate minus truth."""
 
     t_ns: int
-    position: V3
-    """in the world [m]"""
-    attitude: V3
-    """the rotation vector from the true to the estimated attitude, in the body [rad]"""
+    position: Array
+    """(3,) in the world [m]"""
+    attitude: Array
+    """(3,) the rotation vector from the true to the estimated attitude, in the body [rad]"""
 
 
 class TruthComparison:
@@ -63,15 +65,13 @@ class TruthComparison:
             yield self._compare(estimate, truth)
 
     def _compare(self, estimate: Row, truth: OdometryFields) -> ErrorAt:
-        x, y, z = (a - b for a, b in zip(estimate.position, truth.position, strict=True))
+        turn = rotation.multiply(rotation.conjugate(truth.q_wb), estimate.q_wb)
         error = ErrorAt(
-            estimate.t_ns,
-            (x, y, z),
-            _rotation_vector(multiply(conjugate(truth.q_wb), estimate.q_wb)),
+            estimate.t_ns, estimate.position - np.array(truth.position), rotation.log(turn)
         )
         self.last = error
         self.count += 1
-        self._sum_of_squares += x * x + y * y + z * z
+        self._sum_of_squares += float(np.sum(np.square(error.position)))
         return error
 
 
@@ -80,14 +80,6 @@ def _keep(waiting: dict[int, _Item], t_ns: int, item: _Item) -> None:
     waiting[t_ns] = item
     if len(waiting) > _KEPT:
         del waiting[next(iter(waiting))]
-
-
-def _rotation_vector(q: Q4) -> V3:
-    """Return the shorter rotation of a unit quaternion (Sola eq. 105) in plain floats."""
-    w, x, y, z = q if q[0] >= 0 else (-q[0], -q[1], -q[2], -q[3])
-    sine = math.sqrt(x * x + y * y + z * z)
-    scale = 2.0 * math.atan2(sine, w) / sine if sine > 1e-12 else 2.0
-    return (scale * x, scale * y, scale * z)
 
 
 class IntegratorDiagnostics:

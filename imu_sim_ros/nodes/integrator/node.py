@@ -50,7 +50,7 @@ from imu_sim_ros.nodes.sensor_description import SensorDescription
 from imu_sim_ros.nodes.subscriptions import MatchedInputs, RawSubscriptions, Taken
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
 from imu_sim_ros.parameters.sections import build
-from imu_sim_ros.rotation.scalars import to_euler
+from imu_sim_ros.rotation import to_euler
 
 _DEPTH = 2000
 _READ_PERIOD = 0.002
@@ -210,7 +210,7 @@ class Integrator(ConfiguredNode):
             self._odometry_out.send(self._odometry.message(*row))
         if self._angles_out is not None:
             t_ns = np.array([row.t_ns for row in rows])
-            angles = np.degrees([to_euler(row.q_wb) for row in rows])
+            angles = np.degrees(to_euler([row.q_wb for row in rows]))
             _send(self._angles_out, self._angles.encode(t_ns, angles))
         if self._path is not None:
             for row in rows:

@@ -24,7 +24,6 @@ from imu_sim_ros.navigation.state import NavigationState, correction_of
 from imu_sim_ros.navigation.stepper import Stepper, StepperCounts
 from imu_sim_ros.nodes.integrator.initialiser import Start, initialiser
 from imu_sim_ros.nodes.messages import ImuReading, OdometryFields
-from imu_sim_ros.rotation.scalars import M9, Q4, V3, ZERO, conjugate, rotate, to_matrix
 from imu_sim_ros.types import Array
 
 RESTART_NS = 1_000_000_000
@@ -38,10 +37,10 @@ class Row(NamedTuple):
     """One message's worth of dead reckoning."""
 
     t_ns: int
-    position: V3
-    q_wb: Q4
-    velocity_b: V3
-    angular_velocity_b: V3
+    position: Array
+    q_wb: Array
+    velocity_b: Array
+    angular_velocity_b: Array
     pose_covariance: Array | None
     twist_covariance: Array | None
 
@@ -83,7 +82,7 @@ class LiveIntegrator:
         self._stepper: Stepper | None = None
         self._covariance: Covariance | None = None
         self._mount = ALIGNED
-        self._r_wi: M9 = to_matrix((1.0, 0.0, 0.0, 0.0))
+        self._r_wi = np.eye(3)
         """Attitude of the IMU at the last reading."""
         self._interval = 0.0
         self._uncertain = False
@@ -185,10 +184,11 @@ class LiveIntegrator:
 
     def _is_sound(self, stepper: Stepper, t_ns: int) -> bool:
         """Return whether the state may leave: it is finite, and of possible size."""
-        sound = gate.is_pose(t_ns, stepper.position, stepper.q_wb)
+        position, velocity, q_wb = (value.tolist() for value in stepper.state)
+        sound = gate.is_pose(t_ns, position, q_wb)
         if self._covariance is not None and sound:
             sound = self._covariance.is_finite
-        return sound and gate.within(stepper.velocity, gate.VELOCITY)
+        return sound and gate.within(velocity, gate.VELOCITY)
 
     def _is_usable(self, before: int, reading: ImuReading) -> bool:
         """Report a reading that made no step; return whether its stamp is new."""
@@ -217,14 +217,13 @@ class LiveIntegrator:
 
     def _row(self, stepper: Stepper, t_ns: int) -> Row:
         pose = twist = None
-        q_wi, rate = stepper.q_wb, stepper.angular_velocity
-        if self.parameters.earth_rate != ZERO:
-            ex, ey, ez = rotate(conjugate(q_wi), self.parameters.earth_rate)
-            rate = (rate[0] - ex, rate[1] - ey, rate[2] - ez)
-        body = self._mount.body_motion(stepper.position, stepper.velocity, q_wi, rate)
+        state, rate = stepper.state, stepper.angular_velocity
+        if any(self.parameters.earth_rate):
+            rate = rate - rotation.rotate_inverse(state.q_wb, self.parameters.earth_rate)
+        body = self._mount.body_motion(state, rate)
         if self._covariance is not None:
-            self._r_wi = to_matrix(q_wi)
-            pose, twist = self._covariance.message(self._r_wi, stepper.velocity, self.rate)
+            self._r_wi = rotation.to_matrix(state.q_wb)
+            pose, twist = self._covariance.message(self._r_wi, state.velocity, self.rate)
             pose = self._mount.pose_covariance(pose, body.q_wb)
             twist = self._mount.twist_covariance(twist)
             self._complain_about_attitude(pose)
@@ -246,8 +245,8 @@ class PathPublisher:
         if self._due_ns - self._interval_ns <= row.t_ns < self._due_ns:
             return
         self._due_ns = row.t_ns + self._interval_ns
-        w, x, y, z = row.q_wb
-        px, py, pz = row.position
+        w, x, y, z = row.q_wb.tolist()
+        px, py, pz = row.position.tolist()
         pose = Pose(position=Point(x=px, y=py, z=pz), orientation=Quaternion(x=x, y=y, z=z, w=w))
         self._poses.append(PoseStamped(header=self._header(row.t_ns), pose=pose))
 

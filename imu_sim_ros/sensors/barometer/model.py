@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.conventions import STANDARD_GRAVITY
 from imu_sim_ros.random_streams import generator
-from imu_sim_ros.rotation.components import rotate
+from imu_sim_ros.rotation import empty, rotate
 from imu_sim_ros.sensors.block import SensorBlock
 from imu_sim_ros.sensors.environment import AtmosphereParameters, EnvironmentParameters
 from imu_sim_ros.sensors.errors.triad import Triad
@@ -116,7 +116,7 @@ class Barometer:
         self._own = OwnRate(NAME, own, imu, environment, t0_ns)
         self._atmosphere = Atmosphere(environment.atmosphere)
         self._height = environment.height
-        self._lever_arm_b = np.reshape(imu.lever_arm, (3, 1))
+        self._lever_arm_b = np.array(imu.lever_arm)
         self._gusts = Gusts(environment.seed, own.gust_rate, own.gust_sigma, 1.0 / own.rate)
         self._triad = Triad(NAME, instantaneous(imu), environment.seed, own.rate)
         self.configure(imu)
@@ -137,12 +137,13 @@ class Barometer:
         """Return the samples in a window, which begins where the last one ended."""
         samples = self._own.within(window)
         motion = world.motion(samples.t)
-        arm_w = rotate(np.ascontiguousarray(motion.q_wb.T), self._lever_arm_b)
+        arm_w = rotate(motion.q_wb, self._lever_arm_b)
         # In a curved world, too, z is the height above the origin's (CurvedEarth).
-        ideal = self._atmosphere.pressure(self._height + motion.position[:, 2] + arm_w[2])
+        ideal = self._atmosphere.pressure(self._height + motion.position[:, 2] + arm_w[:, 2])
         gust = self._gusts.next(len(samples.t))
-        values = np.zeros((3, len(samples.t)))
-        np.add(ideal, gust, out=values[0])
+        values = empty((len(samples.t),))
+        values[:, 1:] = 0.0
+        np.add(ideal, gust, out=values[:, 0])
         offset = world.temperature.at(samples.t) - self._reference_temperature
         made = self._triad.read(
             samples.first, values, np.zeros(values.shape), offset, self._own.faults
@@ -151,8 +152,8 @@ class Barometer:
             samples.true_t_ns,
             *self._own.stamp(samples),
             {
-                "pressure": np.clip(made.reading[0], *self._limits),
+                "pressure": np.clip(made.reading[:, 0], *self._limits),
                 "ideal_pressure": ideal,
-                "bias": made.bias[0] + gust,
+                "bias": made.bias[:, 0] + gust,
             },
         )

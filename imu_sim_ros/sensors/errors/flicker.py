@@ -139,7 +139,7 @@ class FlickerNoise(ChunkedProcess):
         starts[:, :, 1:] = ends[:, :, :-1]
         values = noise @ rows.from_noise
         values += starts @ rows.from_state
-        return values.reshape(len(self._streams), count * CHUNK)
+        return values.reshape(len(self._streams), count * CHUNK).T
 
     def _scan(self, ends: Array) -> Array:
         """Add to the ends of a chunk's rows (axes, R, p) what came before; return the last."""

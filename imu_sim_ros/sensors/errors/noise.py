@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.parameters.kinds import Vector
 from imu_sim_ros.random_streams import axis_generators
-from imu_sim_ros.rotation.components import transform
+from imu_sim_ros.rotation import empty, transform
 from imu_sim_ros.sensors.errors.flicker import FlickerNoise
 from imu_sim_ros.sensors.errors.processes import GaussMarkovBank
 from imu_sim_ros.sensors.errors.response import ConstantBias, noise_gain
@@ -32,7 +32,7 @@ class ErrorTerm(Protocol):
         """Take the strength that the parameters give, from the next sample on."""
 
     def add_to(self, values: Array) -> None:
-        """Add the next n samples to values (3, n)."""
+        """Add the next n samples to values (n, 3)."""
 
 
 class _RandomStream:
@@ -42,9 +42,9 @@ class _RandomStream:
 
     def __init__(self, seed: int, source: str) -> None:
         self._seed, self._source = seed, source
-        self._rows: slice | NDArray[np.intp] = slice(0)
+        self._axes: slice | NDArray[np.intp] = slice(0)
         self._drawing: list[tuple[int, Generator]] = []
-        self._sigma = np.zeros((0, 1))
+        self._sigma = np.zeros(0)
 
     @cached_property
     def _streams(self) -> list[Generator]:
@@ -54,16 +54,16 @@ class _RandomStream:
         """Take the strengths (3,); axes without one draw nothing."""
         axes = np.flatnonzero(sigma)
         self.active = len(axes) > 0
-        self._rows = slice(None) if len(axes) == len(sigma) else axes
-        self._sigma = sigma[axes, None]
+        self._axes = slice(None) if len(axes) == len(sigma) else axes
+        self._sigma = sigma[axes]
         self._drawing = [(k, self._streams[axis]) for k, axis in enumerate(axes)]
 
-    def _add_rows(self, values: Array, own: Array) -> None:
-        """Add the rows of the axes that have a strength to values (3, n)."""
-        if isinstance(self._rows, slice):
+    def _add_axes(self, values: Array, own: Array) -> None:
+        """Add the axes that have a strength to values (n, 3)."""
+        if isinstance(self._axes, slice):
             values += own
         else:
-            values[self._rows] += own
+            values[:, self._axes] += own
 
 
 class WhiteNoise(_RandomStream):
@@ -84,29 +84,32 @@ class WhiteNoise(_RandomStream):
         sigma = np.asarray(parameters.noise_density) / np.sqrt(self._dt)
         correlated = any(parameters.noise_correlation)
         self._mixing = _square_root(parameters.noise_correlation) if correlated else None
-        thermal = np.asarray(parameters.noise_temperature_coefficient)[:, None]
+        thermal = np.asarray(parameters.noise_temperature_coefficient)
         self._thermal = thermal if thermal.any() else None
         # If they are correlated, the numbers of all axes are mixed.
         axes = range(3) if correlated else np.flatnonzero(sigma).tolist()
         self._drawing = [(axis, self._streams[axis]) for axis in axes]
         self.active = bool(self._drawing)
-        self._sigma = sigma[:, None]
+        self._sigma = sigma
 
     def next(self, count: int, temperature_offset: Array | float = 0.0) -> Array | None:
-        """Return the next samples (3, count); None if there is no noise.
+        """Return the next samples (count, 3); None if there is no noise.
 
         :param temperature_offset: (count,) temperature above the reference [K], or one for all.
         """
         if not self.active:
             return None
-        noise = np.zeros((3, count)) if len(self._drawing) < 3 else np.empty((3, count))
+        noise = empty((count,))
+        if len(self._drawing) < 3:
+            noise[...] = 0.0
         for axis, stream in self._drawing:
-            stream.standard_normal(out=noise[axis])
+            stream.standard_normal(out=noise[:, axis])
         if self._mixing is not None:
             noise = transform(self._mixing, noise)
         noise *= self._sigma
         if self._thermal is not None:
-            noise *= np.maximum(1.0 + self._thermal * temperature_offset, 0.0)
+            offset = np.asarray(temperature_offset)[..., None]
+            noise *= np.maximum(1.0 + self._thermal * offset, 0.0)
         return noise
 
 
@@ -140,20 +143,20 @@ class RandomWalk(_RandomStream):
         self.active = self.active or len(self._still) > 0
 
     def add_to(self, values: Array) -> None:
-        """Add the next n samples to values (3, n)."""
+        """Add the next n samples to values (n, 3)."""
         if self._drawing:
-            walk = np.empty((len(self._drawing), values.shape[1] + 1))
-            steps = walk[:, 1:]
+            walk = empty((len(values) + 1,), len(self._drawing))
+            steps = walk[1:]
             for k, stream in self._drawing:
-                stream.standard_normal(out=steps[k])
+                stream.standard_normal(out=steps[:, k])
             steps *= self._sigma
-            walk[:, 0] = self._state[self._rows]
+            walk[0] = self._state[self._axes]
             # Adds one after the other, whatever the block's size.
-            np.add.accumulate(walk, axis=1, out=walk)
-            self._state[self._rows] = walk[:, -1]
-            self._add_rows(values, walk[:, :-1])
+            np.add.accumulate(walk, axis=0, out=walk)
+            self._state[self._axes] = walk[-1]
+            self._add_axes(values, walk[:-1])
         if len(self._still):
-            values[self._still] += self._state[self._still, None]
+            values[:, self._still] += self._state[self._still]
 
 
 class GaussMarkov:
@@ -172,7 +175,7 @@ class GaussMarkov:
         tau = np.asarray(parameters.correlation_time)
         # An axis without correlation time has no such bias (that is checked); any time will do.
         self._tau = np.where(tau > 0.0, tau, 1.0)
-        self._sigma = np.zeros((3, 1))
+        self._sigma = np.zeros(3)
 
     @cached_property
     def _bank(self) -> GaussMarkovBank:
@@ -184,13 +187,13 @@ class GaussMarkov:
         """Take the strength, in whichever of the two forms it is given."""
         density = np.asarray(parameters.gauss_markov_density)
         sigma = np.asarray(parameters.gauss_markov_sigma)
-        self._sigma = (sigma + density * np.sqrt(0.5 * self._tau))[:, None]
+        self._sigma = sigma + density * np.sqrt(0.5 * self._tau)
         self.active = bool(self._sigma.any())
 
     def add_to(self, values: Array) -> None:
-        """Add the next n samples to values (3, n)."""
+        """Add the next n samples to values (n, 3)."""
         if self.active:
-            own = self._bank.next_block(values.shape[1])
+            own = self._bank.next_block(len(values))
             own *= self._sigma
             values += own
 
@@ -208,7 +211,7 @@ class BiasInstability:
 
     def __init__(self, seed: int, triad: str, dt: float) -> None:
         self._seed, self._source, self._dt = seed, f"{triad}.bias_instability", dt
-        self._scale = np.zeros((3, 1))
+        self._scale = np.zeros(3)
 
     @cached_property
     def _noise(self) -> FlickerNoise:
@@ -216,13 +219,13 @@ class BiasInstability:
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take B."""
-        self._scale = np.asarray(parameters.bias_instability)[:, None]
+        self._scale = np.asarray(parameters.bias_instability)
         self.active = bool(self._scale.any())
 
     def add_to(self, values: Array) -> None:
-        """Add the next n samples to values (3, n)."""
+        """Add the next n samples to values (n, 3)."""
         if self.active:
-            own = self._noise.next_block(values.shape[1])
+            own = self._noise.next_block(len(values))
             own *= self._scale
             values += own
 
@@ -248,11 +251,11 @@ class RateRamp:
         self.active = bool(slope.any() or self._reached.any())
 
     def add_to(self, values: Array) -> None:
-        """Add n samples to values (3, n)."""
+        """Add n samples to values (n, 3)."""
         if self.active:
-            n = values.shape[1]
+            n = len(values)
             t = np.arange(self._samples, self._samples + n) * self._dt
-            values += self._reached[:, None] + self._slope[:, None] * t
+            values += self._reached + self._slope * t[:, None]
             self._samples += n
 
 

@@ -16,42 +16,42 @@ from imu_sim_ros.random_streams import generator
 from imu_sim_ros.types import Array, Times
 
 _AT_ONCE: Final = 8192
-"""Values of a row generated at once, as far as whole chunks allow: they stay in the cache."""
+"""Values of a column generated at once, as far as whole chunks allow: they stay in the cache."""
 
 
 class ChunkedProcess(ABC):
     """One process for each random stream; a value does not depend on the blocks it is read in."""
 
-    def __init__(self, streams: Sequence[Generator], length: int, rows: int = 0) -> None:
+    def __init__(self, streams: Sequence[Generator], length: int, columns: int = 0) -> None:
         """Start with nothing generated.
 
         :param length: values in a chunk.
-        :param rows: rows of a chunk; 0: one for each stream.
+        :param columns: of a chunk; 0: one for each stream.
         """
         self._streams = streams
         self._length = length
-        self._left = np.empty((rows or len(streams), 0))
+        self._left = np.empty((0, columns or len(streams)))
         """Generated and not yet read."""
 
     @abstractmethod
     def _make_chunks(self, count: int) -> Array:
-        """Return the next values, those of ``count`` chunks."""
+        """Return the next values (count * length, columns), those of ``count`` chunks."""
 
     def next_block(self, count: int) -> Array:
-        """Return the next values (rows of a chunk, count), a new array."""
+        """Return the next values (count, columns of a chunk), a new array."""
         left = self._left
-        if count <= left.shape[1]:
-            self._left = left[:, count:]
-            return left[:, :count].copy()
-        parts, done = [left], left.shape[1]
+        if count <= len(left):
+            self._left = left[count:]
+            return np.copy(left[:count])
+        parts, done = [left], len(left)
         while done < count:
             chunks = min(-((done - count) // self._length), max(1, _AT_ONCE // self._length))
             parts.append(self._make_chunks(chunks))
             done += chunks * self._length
         last = parts[-1]
-        used = last.shape[1] - (done - count)
-        self._left, parts[-1] = last[:, used:], last[:, :used]
-        return np.concatenate(parts, axis=1)
+        used = len(last) - (done - count)
+        self._left, parts[-1] = last[used:], last[:used]
+        return np.concatenate(parts)
 
 
 _ROWS = 32
@@ -94,7 +94,7 @@ class GaussMarkovBank(ChunkedProcess):
         np.multiply(self._column_decay, starts, out=(added := numbers.reshape(table.shape)))
         table += added
         total = table[:, :, 0] if processes == 1 else table.sum(axis=2)
-        return total.transpose(1, 2, 3, 0).reshape(axes, count * CHUNK)
+        return total.transpose(1, 2, 3, 0).reshape(axes, count * CHUNK).T
 
     def _row_starts(self, ends: Array) -> Array:
         """Return the value before each row from the ends of rows that start at 0.

@@ -3,7 +3,6 @@
 
 """The chain of a triad: scale, misalignment, temperature, low-pass, range, resolution."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -13,13 +12,10 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.parameters.kinds import Vector
 from imu_sim_ros.random_streams import axis_generators
-from imu_sim_ros.rotation.components import transform
+from imu_sim_ros.rotation import empty, transform
 from imu_sim_ros.sensors.environment import TemperatureParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 from imu_sim_ros.types import Array
-
-Floats = Sequence[float]
-"""Three, x y z."""
 
 
 class Response:
@@ -37,31 +33,22 @@ class Response:
         self._quadratic: Array | None = None
         self._g: Array | None = None
         self._h: Array | None = None
-        # The same in plain floats.
-        self._rows: list[list[float]] = []
-        self._quadratics: list[float] | None = None
-        self._g_rows: list[list[float]] | None = None
-        self._h_rows: list[list[float]] | None = None
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take the coefficients."""
         self._s = parameters.response()
         quadratic = any(parameters.quadratic)
-        self._quadratic = np.asarray(parameters.quadratic)[:, None] if quadratic else None
+        self._quadratic = np.asarray(parameters.quadratic) if quadratic else None
         self._g = _matrix(parameters.g_sensitivity)
         self._h = _matrix(parameters.g_squared_sensitivity)
         curved = quadratic or self._g is not None or self._h is not None
         self.is_perfect = not curved and bool((self._s == np.eye(3)).all())
-        self._rows = self._s.tolist()
-        self._quadratics = None if self._quadratic is None else self._quadratic[:, 0].tolist()
-        self._g_rows = None if self._g is None else self._g.tolist()
-        self._h_rows = None if self._h is None else self._h.tolist()
 
     def apply(self, ideal: Array, force: Array) -> Array:
-        """Return the response (3, n), a new array.
+        """Return the response (n, 3), a new array.
 
-        :param ideal: (3, n) input of the triad.
-        :param force: (3, n) specific force [m/s^2].
+        :param ideal: (n, 3) input of the triad.
+        :param force: (n, 3) specific force [m/s^2].
         """
         result = transform(self._s, ideal)
         if self._quadratic is not None:
@@ -73,33 +60,6 @@ class Response:
         if self._h is not None:
             result += transform(self._h, force * force)
         return result
-
-    def one(self, x: Floats, f: Floats) -> tuple[float, float, float]:
-        """Return the response of one reading, :meth:`apply` in plain floats: the same bits."""
-        a, b, c = _product(self._rows, x)
-        if self._quadratics is not None:
-            p, q, r = self._quadratics
-            u, v, w = x
-            a, b, c = a + p * u * u, b + q * v * v, c + r * w * w
-        if self._g_rows is not None:
-            u, v, w = _product(self._g_rows, f)
-            a, b, c = a + u, b + v, c + w
-        if self._h_rows is not None:
-            u, v, w = f
-            u, v, w = _product(self._h_rows, (u * u, v * v, w * w))
-            a, b, c = a + u, b + v, c + w
-        return a, b, c
-
-
-def _product(matrix: Sequence[Floats], vector: Floats) -> tuple[float, float, float]:
-    """Return a matrix times a vector in plain floats: the bits of :func:`transform`."""
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = matrix
-    a, b, c = vector
-    return (
-        0.0 + xx * a + xy * b + xz * c,
-        0.0 + yx * a + yy * b + yz * c,
-        0.0 + zx * a + zy * b + zz * c,
-    )
 
 
 def _matrix(values: Sequence[float]) -> Array | None:
@@ -113,15 +73,15 @@ class ConstantBias:
     active = False
 
     def __init__(self) -> None:
-        self._bias = np.zeros((3, 1))
+        self._bias = np.zeros(3)
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take the bias."""
-        self._bias = np.asarray(parameters.bias)[:, None]
+        self._bias = np.asarray(parameters.bias)
         self.active = any(parameters.bias)
 
     def add_to(self, values: Array) -> None:
-        """Add n samples to values (3, n)."""
+        """Add n samples to values (n, 3)."""
         if self.active:
             values += self._bias
 
@@ -209,18 +169,18 @@ class TemperatureProfile:
 
 
 def polynomial(coefficients: Sequence[float], difference: Array) -> Array | None:
-    """Return ``sum_k c_k dT^(k+1)`` per axis, (3, n); None without coefficients.
+    """Return ``sum_k c_k dT^(k+1)`` per axis, (n, 3); None without coefficients.
 
     :param coefficients: x y z of k = 0, then of k = 1, and so on.
     :param difference: (n,) temperature above the reference [K].
     """
     if not any(coefficients):
         return None
-    rows = np.reshape(coefficients, (-1, 3))
-    result = np.zeros((3, len(difference)))
-    for row in rows[::-1]:
-        result += row[:, None]
-        result *= difference
+    result = empty(difference.shape)
+    result[...] = 0.0
+    for row in np.reshape(coefficients, (-1, 3))[::-1]:
+        result += row
+        result *= difference[..., None]
     return result
 
 
@@ -233,11 +193,11 @@ class _Group:
     settled: Array
     """(sections, 2) state of one axis whose input has always been 1."""
     state: Array | None = None
-    """(axes, sections, 2)."""
+    """(sections, 2, axes)."""
 
     @property
-    def rows(self) -> slice | NDArray[np.intp]:
-        """The axes, as a slice if they are neighbours: rows are then filtered in place."""
+    def columns(self) -> slice | NDArray[np.intp]:
+        """The axes, as a slice if they are neighbours: they are then filtered in place."""
         first, last = int(self.axes[0]), int(self.axes[-1])
         neighbours = last - first + 1 == len(self.axes)
         return slice(first, last + 1) if neighbours else self.axes
@@ -272,17 +232,17 @@ class LowPass:
         return bool(self._groups)
 
     def apply(self, values: Array) -> None:
-        """Filter the next n samples (3, n) in place."""
-        if values.shape[1] == 0:
+        """Filter the next n samples (n, 3) in place."""
+        if len(values) == 0:
             return
         for group in self._groups:
-            rows = group.rows
-            x = values[rows]
+            columns = group.columns
+            x = values[:, columns]
             if group.state is None:
-                group.state = group.settled * x[:, :1, None]
-            zi = group.state.transpose(1, 0, 2)
-            values[rows], after = self._filter(group.sections, x, zi=zi)
-            group.state = after.transpose(1, 0, 2)
+                group.state = group.settled[..., None] * x[0]
+            values[:, columns], group.state = self._filter(
+                group.sections, x, axis=0, zi=group.state
+            )
 
 
 _WHOLE: Final = 1.0 + 1e-6
@@ -294,44 +254,26 @@ class Digitiser:
 
     def __init__(self) -> None:
         self._axes: list[tuple[int | slice, float, float]] = []
-        self._limits: list[tuple[float, float, int]] = []
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take range and resolution; 0 is none."""
         limits = list(zip(parameters.range, parameters.resolution, strict=True))
-        self._limits = [
-            (r, step, math.floor(r / step * _WHOLE) if step else 0) for r, step in limits
-        ]
         alike = len(set(limits)) == 1
         axes = [(slice(None), limits[0])] if alike else list(enumerate(limits))
-        self._axes = [(rows, r, step) for rows, (r, step) in axes if r or step]
+        self._axes = [(axis, r, step) for axis, (r, step) in axes if r or step]
 
     def apply(self, values: Array) -> None:
-        """Saturate and round values (3, n) in place."""
-        for rows, limit, step in self._axes:
-            row = values[rows]
+        """Saturate and round values (n, 3) in place."""
+        for axis, limit, step in self._axes:
+            own = values[:, axis]
             if step:
-                row /= step
-                np.rint(row, out=row)
+                own /= step
+                np.rint(own, out=own)
                 if limit:
-                    _clip(row, float(np.floor(limit / step * _WHOLE)))
-                row *= step
+                    _clip(own, float(np.floor(limit / step * _WHOLE)))
+                own *= step
             else:
-                _clip(row, limit)
-
-    def one(self, values: list[float]) -> None:
-        """Saturate and round one reading in place, :meth:`apply` in plain floats: the same bits."""
-        if not self._axes:
-            return
-        for k, (limit, step, steps) in enumerate(self._limits):
-            if step:
-                value = values[k] / step
-                whole = round(value)
-                if limit and not -steps <= whole <= steps:
-                    whole = steps if value > 0.0 else -steps
-                values[k] = (whole or math.copysign(0.0, value)) * step
-            elif limit:
-                values[k] = min(max(values[k], -limit), limit)
+                _clip(own, limit)
 
 
 def _clip(values: Array, limit: float) -> None:
@@ -371,10 +313,10 @@ class IncrementRounding:
         return self._active
 
     def apply(self, values: Array) -> None:
-        """Round the increments of mean readings (3, n) in place."""
+        """Round the increments of mean readings (n, 3) in place."""
         if not self._active:
             return
-        for k, (row, step) in enumerate(zip(values, self._step, strict=True)):
+        for k, (row, step) in enumerate(zip(values.T, self._step, strict=True)):
             if not (step and len(row)):
                 continue
             sums = np.empty(len(row) + 1)

@@ -4,15 +4,15 @@
 """The error chain of one triad, from the ideal reading to the digital output."""
 
 from functools import lru_cache
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.rotation import empty
 from imu_sim_ros.sensors.errors.noise import WhiteNoise, bias_terms
 from imu_sim_ros.sensors.errors.realised import unit_of_seed
 from imu_sim_ros.sensors.errors.response import (
     Digitiser,
-    Floats,
     IncrementRounding,
     LowPass,
     Response,
@@ -26,7 +26,7 @@ from imu_sim_ros.types import Array
 
 
 class Reading(NamedTuple):
-    """What a triad reads and why; all (3, n), the errors in the order of conventions.ERRORS."""
+    """What a triad reads and why; all (n, 3), the errors in the order of conventions.ERRORS."""
 
     reading: Array
     bias: Array
@@ -37,33 +37,20 @@ class Reading(NamedTuple):
     vibration: Array
 
 
-AddedToOne = list[float]
-"""What one reading of a triad gets: bias, scale and noise, x, y, z of each."""
-ErrorsOfOne = list[float]
-"""All errors of one reading in the order of conventions.ERRORS, x, y, z of each."""
-_NOTHING: Final = [0.0] * 6
-"""Low-pass and vibration of a reading that has neither."""
-
-
 class Additions(NamedTuple):
     """What n readings of a triad get, whatever they are; made before they are known."""
 
     scale: Array | None
-    """(3, n); None: 1."""
+    """(n, 3); None: 1."""
     bias: Array
-    """(3, n) without faults."""
+    """(n, 3) without faults."""
     noise: Array
-    """(3, n) white noise."""
-
-    def rows(self) -> list[AddedToOne]:
-        """Return those of each reading."""
-        scale = _constant(1.0, self.bias.shape[1]) if self.scale is None else self.scale
-        return np.concatenate([self.bias, scale, self.noise]).T.tolist()
+    """(n, 3) white noise."""
 
     def at(self, rows: slice) -> "Additions":
         """Return some consecutive ones."""
-        scale = None if self.scale is None else self.scale[:, rows]
-        return Additions(scale, self.bias[:, rows], self.noise[:, rows])
+        scale = None if self.scale is None else self.scale[rows]
+        return Additions(scale, self.bias[rows], self.noise[rows])
 
 
 class Triad:
@@ -80,20 +67,20 @@ class Triad:
         self._triad, self._seed = triad, seed
         own = imu.triad(triad)
         turn_on = TurnOn(seed, triad, own)
-        self._turn_on_bias = turn_on.bias[:, None] if turn_on.bias.any() else None
-        self._turn_on_scale = (1.0 + turn_on.scale)[:, None] if turn_on.scale.any() else None
+        self._turn_on_bias = turn_on.bias if turn_on.bias.any() else None
+        self._turn_on_scale = 1.0 + turn_on.scale if turn_on.scale.any() else None
         self._response = Response()
         self._bias_terms = bias_terms(seed, triad, own, dt)
         self._board_terms = board_terms(seed, triad, imu, dt)
         ages = any(own.ageing_scale)
-        self._ageing_scale = np.asarray(own.ageing_scale)[:, None] if ages else None
+        self._ageing_scale = np.asarray(own.ageing_scale) if ages else None
         self._age_days, self._dt, self._done = imu.age_days, dt, 0
         self._white = WhiteNoise(seed, triad, dt)
         cutoffs = np.asarray(imu.low_pass(triad, rate))
         self._low_pass = LowPass(cutoffs, imu.bandwidth_order, internal)
         self._digitiser = Digitiser()
         self._increments = IncrementRounding(1.0 / rate)
-        self._last: Array | list[float] | None = None
+        self._last: Array | None = None
 
     def configure(self, imu: ImuParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
@@ -122,15 +109,15 @@ class Triad:
         Inside an oversampled sensor there are m = ratio readings for each, 1 elsewhere.
 
         :param first: index of the first of them.
-        :param ideal: (3, n m) ideal reading of this triad.
-        :param force: (3, n m) ideal specific force [m/s^2].
+        :param ideal: (n m, 3) ideal reading of this triad.
+        :param force: (n m, 3) ideal specific force [m/s^2].
         :param temperature_offset: (n m,) temperature above the reference [K].
-        :param vibration: (3, n) what the vehicle adds to the filtered readings.
+        :param vibration: (n, 3) what the vehicle adds to the filtered readings.
         :param additions: those that :meth:`precompute` has made for these samples.
         """
         reading = self._response.apply(ideal, force)
         scale = self._scale(temperature_offset) if additions is None else additions.scale
-        count = reading.shape[1]
+        count = len(reading)
         if scale is not None:
             reading *= scale
         perfect = scale is None and self._response.is_perfect
@@ -156,57 +143,34 @@ class Triad:
         if self._ratio > 1:
             last = slice(self._ratio - 1, None, self._ratio)
             reading, bias, scale, noise, response_error, low_pass = (
-                np.ascontiguousarray(values[:, last])
+                np.copy(values[last])
                 for values in (reading, bias, scale, noise, response_error, low_pass)
             )
         if vibration is None:
-            vibration = _constant(0.0, reading.shape[1])
+            vibration = _constant(0.0, len(reading))
         else:
             reading += vibration
         self._output(first, reading, faults)
         return Reading(reading, bias, scale, noise, response_error, low_pass, vibration)
 
     def _filtered(self, reading: Array) -> Array:
-        """Apply the low-pass to readings (3, n) in place; return what it adds."""
+        """Apply the low-pass to readings (n, 3) in place; return what it adds."""
         if not self._low_pass.active:
-            return _constant(0.0, reading.shape[1])
-        before = reading.copy()
+            return _constant(0.0, len(reading))
+        before = np.copy(reading)
         self._low_pass.apply(reading)
         return np.subtract(reading, before, out=before)
 
     def _output(self, first: int, reading: Array, faults: FaultSchedule) -> None:
-        """Round and saturate readings (3, n) in place, and hold those that are stuck."""
+        """Round and saturate readings (n, 3) in place, and hold those that are stuck."""
         if faults.any:
             faults.saturate(self._triad, first, reading)
         self._digitiser.apply(reading)
         self._increments.apply(reading)
         if faults.any:
-            before = None if self._last is None else np.asarray(self._last)
-            faults.hold(self._triad, first, reading, before)
-        if reading.shape[1]:
-            self._last = reading[:, -1].copy()
-
-    @property
-    def is_simple(self) -> bool:
-        """Whether a reading depends on none before it, so that :meth:`one` gives it."""
-        return not (self._low_pass.active or self._increments.active or self.follows_force)
-
-    def one(
-        self, ideal: Floats, force: Floats, added: AddedToOne
-    ) -> tuple[list[float], ErrorsOfOne]:
-        """Return one reading of a simple triad without faults and its errors, in plain floats.
-
-        The same bits as :meth:`read`. At blocks of one, calls of NumPy would take three quarters
-        of the time: 60,000 steps of a simulator, a minute at 1 kHz, some two seconds.
-        """
-        bx, by, bz, sx, sy, sz, nx, ny, nz = added
-        x, y, z = self._response.one(ideal, force)
-        x, y, z = x * sx, y * sy, z * sz
-        values = [x + bx + nx, y + by + ny, z + bz + nz]
-        self._digitiser.one(values)
-        self._last = values
-        p, q, r = ideal
-        return values, [*added, x - p, y - q, z - r, *_NOTHING]
+            faults.hold(self._triad, first, reading, self._last)
+        if len(reading):
+            self._last = reading[-1].copy()
 
     @property
     def follows_force(self) -> bool:
@@ -220,31 +184,32 @@ class Triad:
         """
         count = len(temperature_offset)
         scale = self._scale(temperature_offset)
-        bias = self._bias(Surroundings(np.zeros((3, count)), temperature_offset))
+        bias = self._bias(Surroundings(_constant(0.0, count), temperature_offset))
         noise = self._white.next(count, temperature_offset)
         return Additions(scale, bias, _constant(0.0, count) if noise is None else noise)
 
     def _scale(self, temperature_offset: Array) -> Array | None:
-        """Return the scale by temperature, turn-on and age (3, n); None if it is 1."""
+        """Return the scale by temperature, turn-on and age (n, 3); None if it is 1."""
         thermal = polynomial(self._parameters.temperature_scale, temperature_offset)
         n = len(temperature_offset)
         if self._ageing_scale is not None:
             seconds = np.arange(self._done, self._done + n) * self._dt
-            drift = self._ageing_scale * aged(self._age_days, seconds)
+            drift = self._ageing_scale * aged(self._age_days, seconds)[:, None]
             thermal = drift if thermal is None else thermal + drift
         self._done += n
         drawn = self._turn_on_scale
         if thermal is None:
-            return None if drawn is None else np.broadcast_to(drawn, (3, n))
+            return None if drawn is None else np.broadcast_to(drawn, (n, 3))
         thermal += 1.0 if drawn is None else drawn
         return thermal
 
     def _bias(self, surroundings: Surroundings) -> Array:
-        """Return the sum of all biases (3, n) but for those of faults."""
+        """Return the sum of all biases (n, 3) but for those of faults."""
         offset = surroundings.temperature_offset
         bias = polynomial(self._parameters.temperature_bias, offset)
         if bias is None:
-            bias = np.zeros((3, len(offset)))
+            bias = empty((len(offset),))
+            bias[...] = 0.0
         if self._turn_on_bias is not None:
             bias += self._turn_on_bias
         for term in self._active_terms:
@@ -254,17 +219,17 @@ class Triad:
         return bias
 
     def _with_jumps(self, first: int, bias: Array, faults: FaultSchedule) -> Array:
-        """Return a bias (3, n) with the jumps of faults in it."""
+        """Return a bias (n, 3) with the jumps of faults in it."""
         if self._ratio == 1:
-            jumped = bias.copy()
+            jumped = np.copy(bias)
             faults.add_bias(self._triad, first, jumped)
             return jumped
-        jumps = np.zeros((3, bias.shape[1] // self._ratio))
+        jumps = np.zeros((len(bias) // self._ratio, 3))
         faults.add_bias(self._triad, first, jumps)
-        return bias + np.repeat(jumps, self._ratio, axis=1)
+        return bias + np.repeat(jumps, self._ratio, axis=0)
 
 
 @lru_cache(maxsize=8)
 def _constant(value: float, count: int) -> Array:
-    """Return an error (3, count) that a triad does not have; read-only, and without memory."""
-    return np.broadcast_to(value, (3, count))
+    """Return an error (count, 3) that a triad does not have; read-only, and without memory."""
+    return np.broadcast_to(value, (count, 3))

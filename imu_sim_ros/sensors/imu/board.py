@@ -27,7 +27,7 @@ class Surroundings(NamedTuple):
     """What acts on a triad during n readings."""
 
     force: Array
-    """(3, n) ideal specific force [m/s^2]."""
+    """(n, 3) ideal specific force [m/s^2]."""
     temperature_offset: Array
     """(n,) temperature above the reference [K]."""
 
@@ -36,7 +36,7 @@ class BoardTerm(Protocol):
     """A bias that depends on what has happened to the board so far."""
 
     def add_to(self, values: Array, surroundings: Surroundings) -> None:
-        """Add the next n readings' bias to values (3, n)."""
+        """Add the next n readings' bias to values (n, 3)."""
 
 
 def board_terms(seed: int, triad: str, imu: ImuParameters, dt: float) -> tuple[BoardTerm, ...]:
@@ -79,14 +79,14 @@ class Ageing:
 
         :param strength: (3,) A.
         """
-        self._strength, self._age_days, self._dt = strength[:, None], age_days, dt
+        self._strength, self._age_days, self._dt = strength, age_days, dt
         self._done = 0
 
     def add_to(self, values: Array, surroundings: Surroundings) -> None:
-        """Add the next n readings' bias to values (3, n)."""
-        n = values.shape[1]
+        """Add the next n readings' bias to values (n, 3)."""
+        n = len(values)
         seconds = np.arange(self._done, self._done + n) * self._dt
-        values += self._strength * aged(self._age_days, seconds)
+        values += self._strength * aged(self._age_days, seconds)[:, None]
         self._done += n
 
 
@@ -104,13 +104,13 @@ class TemperatureHysteresis:
         :param width: (3,) W.
         :param span: D [K].
         """
-        self._half_width, self._span = 0.5 * width[:, None], span
+        self._half_width, self._span = 0.5 * width, span
         self._direction = 0.0
         self._last = math.nan
         self._turned_at = self._s_there = 0.0
 
     def add_to(self, values: Array, surroundings: Surroundings) -> None:
-        """Add the next n readings' bias to values (3, n)."""
+        """Add the next n readings' bias to values (n, 3)."""
         temperature = np.round(surroundings.temperature_offset, _TEMPERATURE_DIGITS)
         if len(temperature) == 0:
             return
@@ -123,7 +123,7 @@ class TemperatureHysteresis:
                 self._turned_at, self._direction = self._last, direction
             s[rows] = self._s(temperature[rows])
             self._last = float(temperature[rows][-1])
-        values += self._half_width * s
+        values += self._half_width * s[:, None]
 
     def _s(self, temperature: Array | float) -> Array | float:
         """Return s since the last change of direction, the equation's solution."""
@@ -168,14 +168,14 @@ class StressSteps:
         return math.ceil(self._reached)
 
     def add_to(self, values: Array, surroundings: Surroundings) -> None:
-        """Add the next n readings' bias to values (3, n)."""
-        first, end = self._done, self._done + values.shape[1]
+        """Add the next n readings' bias to values (n, 3)."""
+        first, end = self._done, self._done + len(values)
         while first < end:
             while self._next <= first:
                 self._bias += self._sigma * [stream.standard_normal() for stream in self._sizes]
                 self._next = self._draw()
             until = min(self._next, end)
-            values[:, first - self._done : until - self._done] += self._bias[:, None]
+            values[first - self._done : until - self._done] += self._bias
             first = until
         self._done = end
 
@@ -195,20 +195,20 @@ class ShockBias:
         self._limit = imu.shock_threshold**2
         tau = imu.shock_recovery_time
         self._phi = math.exp(-dt / tau) if tau else 1.0
-        self._state = np.zeros((3, 1))
+        self._state = np.zeros((1, 3))
         self._above = False
 
     def add_to(self, values: Array, surroundings: Surroundings) -> None:
-        """Add the next n readings' bias to values (3, n)."""
-        if values.shape[1] == 0:
+        """Add the next n readings' bias to values (n, 3)."""
+        if len(values) == 0:
             return
-        x, y, z = surroundings.force
+        x, y, z = surroundings.force.T
         above = x * x + y * y + z * z > self._limit
         begins = above & ~np.concatenate([[self._above], above[:-1]])
         self._above = bool(above[-1])
         jumps = np.zeros_like(values)
         rows = np.flatnonzero(begins)
-        for row, stream, sigma in zip(jumps, self._sizes, self._sigma, strict=True):
+        for row, stream, sigma in zip(jumps.T, self._sizes, self._sigma, strict=True):
             row[rows] = sigma * stream.standard_normal(len(rows))
-        bias, self._state = self._filter([1.0], [1.0, -self._phi], jumps, zi=self._state)
+        bias, self._state = self._filter([1.0], [1.0, -self._phi], jumps, axis=0, zi=self._state)
         values += bias

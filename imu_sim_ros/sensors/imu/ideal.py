@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.rotation.components import cross, rotate_inverse, transform
+from imu_sim_ros.rotation import cross, empty, rotate_inverse, transform
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
@@ -100,9 +100,9 @@ class IdealImu:
 
     def __init__(self, imu: ImuParameters, environment: EnvironmentParameters) -> None:
         self._curved_earth = _curved_earth(environment) if environment.curved_earth else None
-        self._gravity_w = gravity_vector(environment)[:, None]
-        self._earth_rate_w = earth_rate_vector(environment)[:, None]
-        self._lever_arm_b = np.reshape(imu.lever_arm, (3, 1))
+        self._gravity_w = gravity_vector(environment)
+        self._earth_rate_w = earth_rate_vector(environment)
+        self._lever_arm_b = np.array(imu.lever_arm)
         self._has_lever_arm = bool(self._lever_arm_b.any())
         self._earth_turns = bool(self._earth_rate_w.any())
         self._r_ib = np.reshape(imu.mounting, (3, 3)).T
@@ -110,7 +110,7 @@ class IdealImu:
         self._has_size = bool(self._elements_i.any())
 
     def read(self, motion: Motion) -> tuple[Array, Array]:
-        """Return angular rate [rad/s] and specific force [m/s^2], both (3, n), in the IMU's frame.
+        """Return angular rate [rad/s] and specific force [m/s^2], both (n, 3), in the IMU's frame.
 
         Without Earth rotation ``omega_b`` and ``f_b = R_wb.T (a_w - g_w)`` (lecture eq. 22); at a
         lever arm r the IMU also sees the acceleration ``alpha x r + omega x (omega x r)``, and each
@@ -124,35 +124,35 @@ class IdealImu:
         if _at_rest(motion):
             rate, force = self._read(Motion(*(values[:1] for values in motion)))
             n = len(motion.q_wb)
-            return np.broadcast_to(rate, (3, n)), np.broadcast_to(force, (3, n))
+            return np.broadcast_to(rate, (n, 3)), np.broadcast_to(force, (n, 3))
         return self._read(motion)
 
     def _read(self, motion: Motion) -> tuple[Array, Array]:
         rate, force = self._of_the_body(motion)
         rate_i, force_i = transform(self._r_ib, rate), transform(self._r_ib, force)
         if self._has_size:
-            turning_i = transform(self._r_ib, motion.angular_velocity.T)
-            change_i = transform(self._r_ib, motion.angular_acceleration.T)
+            turning_i = transform(self._r_ib, motion.angular_velocity)
+            change_i = transform(self._r_ib, motion.angular_acceleration)
             force_i += size_effect(self._elements_i, turning_i, change_i)
         return rate_i, force_i
 
     def _of_the_body(self, motion: Motion) -> tuple[Array, Array]:
-        """Return angular rate and specific force at the lever arm in the body frame, (3, n)."""
+        """Return angular rate and specific force at the lever arm in the body frame, (n, 3)."""
         if self._curved_earth:
             return self._curved_earth.read(motion, self._lever_arm_b)
-        q_wb = motion.q_wb.T
-        rate = motion.angular_velocity.T
-        force = rotate_inverse(q_wb, motion.acceleration.T - self._gravity_w)
+        q_wb = motion.q_wb
+        rate = motion.angular_velocity
+        force = rotate_inverse(q_wb, motion.acceleration - self._gravity_w)
         if not (self._has_lever_arm or self._earth_turns):
             return rate, force
         arm = self._lever_arm_b
         swing = cross(rate, arm)
         if self._has_lever_arm:
-            force += cross(motion.angular_acceleration.T, arm)
+            force += cross(motion.angular_acceleration, arm)
             force += cross(rate, swing)
         if self._earth_turns:
             earth_rate = rotate_inverse(q_wb, self._earth_rate_w)
-            swing += rotate_inverse(q_wb, motion.velocity.T)
+            swing += rotate_inverse(q_wb, motion.velocity)
             coriolis = cross(earth_rate, swing)
             coriolis *= 2.0
             force += coriolis
@@ -164,7 +164,7 @@ class IdealImu:
     ) -> tuple[Array, Array]:
         """Return the mean readings between n + 1 times (lecture eq. 11).
 
-        Times the interval's length the means (3, n) are the delta angle and the delta velocity.
+        Times the interval's length the means (n, 3) are the delta angle and the delta velocity.
         Gauss-Lobatto quadrature; with two nodes between the ends the error falls with the sixth
         power of the interval, with three with the eighth.
 
@@ -174,7 +174,7 @@ class IdealImu:
         """
         nodes, weights = (values[1:-1] for values in quadrature)
         of_ends = quadrature[1][0]
-        means = [of_ends * (ends[:, :-1] + ends[:, 1:]) for ends in self.read(motion)]
+        means = [of_ends * (ends[:-1] + ends[1:]) for ends in self.read(motion)]
         n = len(t) - 1
         start, length = t[:-1], np.diff(t)
         rows = max(1, min(n, _SAMPLED_AT_ONCE))
@@ -187,9 +187,9 @@ class IdealImu:
                 readings = self.read(trajectory.sample(times.ravel()))
                 for mean, values in zip(means, readings, strict=True):
                     for weight, own in zip(
-                        weights[column], values.reshape(3, *times.shape).swapaxes(0, 1), strict=True
+                        weights[column], values.reshape(*times.shape, 3), strict=True
                     ):
-                        mean[:, row] += weight * own
+                        mean[row] += weight * own
         rate, force = means
         return rate, force
 
@@ -201,22 +201,22 @@ def _curved_earth(environment: EnvironmentParameters) -> "CurvedEarth":
 
 
 def size_effect(positions: Array, omega: Array, alpha: Array) -> Array:
-    """Return what three accelerometers read because they do not sit in one point (3, n) [m/s^2].
+    """Return what three accelerometers read because they do not sit in one point (n, 3) [m/s^2].
 
     Axis k of ``alpha x r_k + omega x (omega x r_k)``, r_k the position of accelerometer k (Savage,
     "Strapdown Analytics", "size effect").
 
     :param positions: (3, 3) r_x, r_y, r_z row by row [m].
-    :param omega: (3, n) angular rate [rad/s].
-    :param alpha: (3, n) angular acceleration [rad/s^2].
+    :param omega: (n, 3) angular rate [rad/s].
+    :param alpha: (n, 3) angular acceleration [rad/s^2].
     """
-    result = np.empty_like(omega)
-    for k in range(3):
+    result, w, a = empty(omega.shape[:-1]), omega.T, alpha.T
+    for k, own in enumerate(result.T):
         i, j = (k + 1) % 3, (k + 2) % 3
         r = positions[k]
-        result[k] = alpha[i] * r[j] - alpha[j] * r[i]
-        result[k] += omega[k] * (omega[i] * r[i] + omega[j] * r[j])
-        result[k] -= r[k] * (omega[i] * omega[i] + omega[j] * omega[j])
+        own[:] = a[i] * r[j] - a[j] * r[i]
+        own += w[k] * (w[i] * r[i] + w[j] * r[j])
+        own -= r[k] * (w[i] * w[i] + w[j] * w[j])
     return result
 
 

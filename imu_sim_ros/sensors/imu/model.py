@@ -4,10 +4,9 @@
 """An IMU on a moving body: both triads, the temperature and the clock."""
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
@@ -16,15 +15,15 @@ from imu_sim_ros import timebase
 from imu_sim_ros.conventions import ERRORS, TRIADS
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.errors.response import Floats, TemperatureProfile
-from imu_sim_ros.sensors.errors.triad import AddedToOne, Additions, ErrorsOfOne, Reading, Triad
+from imu_sim_ros.sensors.errors.response import TemperatureProfile
+from imu_sim_ros.sensors.errors.triad import Additions, Reading, Triad
 from imu_sim_ros.sensors.faults import Fault, FaultSchedule
 from imu_sim_ros.sensors.imu.ideal import IdealImu, Quadrature, quadrature
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.timing import Clock, Transport
 from imu_sim_ros.sensors.world import SampleTimes, Window, World
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
-from imu_sim_ros.types import Array, Integers, Times
+from imu_sim_ros.types import Array, Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.imu.vibration import BoardVibration
@@ -32,55 +31,8 @@ if TYPE_CHECKING:
 
 _INTERNAL_READINGS: Final = 16384
 """Generated at a time inside an oversampled sensor."""
-CHUNK: Final = 64
+AHEAD: Final = 64
 """Samples whose noise is made at once where given readings come one by one."""
-
-
-class ImuSample(NamedTuple):
-    """One sample in plain numbers, of an IMU that needs nothing but sums for it."""
-
-    first: int
-    """Its index."""
-    true_t_ns: int
-    """[ns], as the next two; the fields are those of :class:`ImuBlock`."""
-    t_ns: int
-    release_t_ns: int
-    delivered: Integers
-    """(m,) zeros, one for each message that arrives."""
-    gyro: list[float]
-    """[rad/s]"""
-    accel: list[float]
-    """[m/s^2]"""
-    temperature: float
-    """[degC]"""
-    ideal_gyro: Floats
-    ideal_accel: Floats
-    of_gyro: ErrorsOfOne
-    """What the errors were."""
-    of_accel: ErrorsOfOne
-
-    def block(self) -> ImuBlock:
-        """Return the same as a block of one."""
-        pairs = (("gyro", self.of_gyro), ("accel", self.of_accel))
-        errors: dict[str, Any] = {
-            f"{name}_{error}": np.array([of_triad[3 * k : 3 * k + 3]])
-            for name, of_triad in pairs
-            for k, error in enumerate(ERRORS)
-        }
-        return ImuBlock(
-            first=self.first,
-            true_t_ns=np.array([self.true_t_ns]),
-            t_ns=np.array([self.t_ns]),
-            release_t_ns=np.array([self.release_t_ns]),
-            delivered=self.delivered,
-            gyro=np.array([self.gyro]),
-            accel=np.array([self.accel]),
-            temperature=np.array([self.temperature]),
-            ideal_gyro=np.array([self.ideal_gyro]),
-            ideal_accel=np.array([self.ideal_accel]),
-            motion=unknown_motion(1),
-            **errors,
-        )
 
 
 class Imu:
@@ -108,7 +60,7 @@ class Imu:
         self._transport = Transport(seed, rate)
         self._faults = FaultSchedule(seed, 1.0 / rate)
         self._vibration = _vibration(imu, environment)
-        self._precomputed: _Precomputed | None = None
+        self._ahead: _Ahead | None = None
         self.configure(imu)
 
     def configure(self, imu: ImuParameters) -> None:
@@ -121,11 +73,6 @@ class Imu:
             triad.configure(imu)
         self._clock.configure(imu)
         self._transport.configure(imu)
-        self._is_plain = (
-            self._ratio == 1
-            and self._vibration is None
-            and all(triad.is_simple for triad in self._triads)
-        )
 
     def prepare(self, trajectory: Trajectory) -> None:
         """Determine how finely a motion has to be sampled, before the first reading.
@@ -162,69 +109,33 @@ class Imu:
 
         :param true_t_ns: (n,) of the samples [ns].
         :param motion: of the body at these times, NaN if it is not known.
-        :param ideal_gyro: (3, n m) [rad/s]; an oversampled sensor has m = ratio readings inside
+        :param ideal_gyro: (n m, 3) [rad/s]; an oversampled sensor has m = ratio readings inside
             for each sample, the last of them at its time, others 1.
-        :param ideal_accel: (3, n m) [m/s^2].
+        :param ideal_accel: (n m, 3) [m/s^2].
         """
-        m = self._ratio
+        m, count = self._ratio, len(true_t_ns)
         ideal = (ideal_gyro, ideal_accel)
         if m > 1:
             last = slice(m - 1, None, m)
-            ideal = (ideal_gyro[:, last], ideal_accel[:, last])
+            ideal = (ideal_gyro[last], ideal_accel[last])
         vibration = self._vibration.read(first, motion) if self._vibration else None
         if m > 1 or self._follows_force:
-            count = len(true_t_ns)
             temperature = self._temperature_of(first, count)
             inside = temperature if m == 1 else self._temperature_inside(first, count)
             gyro, accel = self._triad_readings(first, ideal_gyro, ideal_accel, inside, vibration)
-        else:
-            temperature, gyro, accel = self._in_chunks(first, ideal, vibration)
-        return self._block(first, true_t_ns, motion, ideal, temperature, gyro, accel)
-
-    def apply_one(self, first: int, t_ns: int, gyro: Floats, accel: Floats) -> ImuSample | None:
-        """Return sample ``first`` of one given reading in plain floats; the bits of :meth:`apply`.
-
-        None where something else than plain sums is to be done.
-
-        :param t_ns: its time [ns].
-        """
-        if not self._is_plain or self._faults.any:
-            return None
-        precomputed = self._precomputed
-        if precomputed is None or precomputed.end == first:
-            precomputed = self._precomputed = self._precompute(first)
-        self._next = first + 1
-        to_gyro, to_accel, temperature = precomputed.rows[first - precomputed.first]
-        rate, of_gyro = self._triads[0].one(gyro, accel, to_gyro)
-        force, of_accel = self._triads[1].one(accel, accel, to_accel)
-        return ImuSample(
-            first,
-            t_ns,
-            self._clock.stamp_one(t_ns),
-            *self._transport.send_one(first, t_ns, self._faults),
-            rate,
-            force,
-            temperature,
-            gyro,
-            accel,
-            of_gyro,
-            of_accel,
-        )
-
-    def prepare_one(self, first: int) -> None:
-        """Do the work for sample ``first``, the next one, that needs no reading.
-
-        At the beginning of a chunk it takes as long as some ten samples.
-        """
-        precomputed = self._precomputed
-        if self._is_plain and precomputed is not None and precomputed.end == first:
-            self._precomputed = self._precompute(first)
-            self._precomputed.rows  # noqa: B018  # a cached property
-
-    def is_prepared(self, first: int) -> bool:
-        """Return whether noise and biases of sample ``first``, the next one, are there already."""
-        precomputed = self._precomputed
-        return precomputed is not None and precomputed.first <= first < precomputed.end
+            return self._block(first, true_t_ns, motion, ideal, temperature, gyro, accel)
+        parts: list[tuple[Array, Reading, Reading]] = []
+        for rows, own, additions in self._pieces(first, count):
+            shaken = None if vibration is None else vibration[rows]
+            pair = self._triad_readings(
+                first + rows.start, ideal_gyro[rows], ideal_accel[rows], own, shaken, additions
+            )
+            parts.append((own, *pair))
+        if len(parts) == 1:
+            return self._block(first, true_t_ns, motion, ideal, *parts[0])
+        temperatures, gyros, accels = zip(*parts, strict=True)
+        made = (np.concatenate(temperatures), _joined(gyros), _joined(accels))
+        return self._block(first, true_t_ns, motion, ideal, *made)
 
     def _block(
         self,
@@ -239,7 +150,7 @@ class Imu:
         """Return n samples with stamps and transport."""
         self._next = first + len(true_t_ns)
         errors: dict[str, Any] = {
-            f"{name}_{error}": values.T
+            f"{name}_{error}": values
             for name, triad in (("gyro", gyro), ("accel", accel))
             for error, values in zip(ERRORS, triad[1:], strict=True)
         }
@@ -249,62 +160,49 @@ class Imu:
             t_ns=self._clock.stamp(true_t_ns),
             release_t_ns=self._transport.release(first, true_t_ns, self._faults),
             delivered=self._transport.deliver(first, len(true_t_ns), self._faults),
-            gyro=gyro.reading.T,
-            accel=accel.reading.T,
+            gyro=gyro.reading,
+            accel=accel.reading,
             temperature=temperature,
-            ideal_gyro=ideal[0].T,
-            ideal_accel=ideal[1].T,
+            ideal_gyro=ideal[0],
+            ideal_accel=ideal[1],
             motion=motion,
             **errors,
         )
         return self.latest
 
-    def _in_chunks(
-        self, first: int, ideal: tuple[Array, Array], vibration: Array | None
-    ) -> tuple[Array, Reading, Reading]:
-        """Return temperatures (n,) and the triads' readings, whatever is known of them precomputed.
+    def _pieces(
+        self, first: int, count: int
+    ) -> Iterator[tuple[slice, Array, Sequence[Additions | None]]]:
+        """Yield consecutive rows of samples with their temperature and what the triads add.
 
-        Few samples at a time get what was made for the rest of a chunk, many get their own.
+        Few samples at a time get what is made for the rest of a chunk, many get their own.
         """
-        count, done = ideal[0].shape[1], 0
-        parts: list[tuple[Array, Reading, Reading]] = []
+        done = 0
         while True:
             at, left = first + done, count - done
-            if self._precomputed is not None and at == self._precomputed.end:
-                self._precomputed = None
-            if self._precomputed is None and 0 < left < CHUNK:
-                self._precomputed = self._precompute(at)
-            precomputed = self._precomputed
-            if precomputed is None:
-                step = left
-                temperature, additions = self._temperature_of(at, step), None
-            else:
-                step = min(left, precomputed.end - at)
-                own = slice(at - precomputed.first, at - precomputed.first + step)
-                temperature = precomputed.temperature[own]
-                additions = [one.at(own) for one in precomputed.additions]
-            if step == count:
-                pair = self._triad_readings(first, *ideal, temperature, vibration, additions)
-                return temperature, *pair
-            rows = slice(done, done + step)
-            shaken = None if vibration is None else vibration[:, rows]
-            pair = self._triad_readings(
-                at, ideal[0][:, rows], ideal[1][:, rows], temperature, shaken, additions
-            )
-            parts.append((temperature, *pair))
+            ahead = self._ahead
+            if ahead is not None and at == ahead.end:
+                ahead = None
+            if ahead is None and 0 < left < AHEAD:
+                ahead = self._make_ahead(at)
+            self._ahead = ahead
+            if ahead is None:
+                yield slice(done, count), self._temperature_of(at, left), (None, None)
+                return
+            step = min(left, ahead.end - at)
+            own = slice(at - ahead.first, at - ahead.first + step)
+            additions = [one.at(own) for one in ahead.additions]
+            yield slice(done, done + step), ahead.temperature[own], additions
             done += step
             if done == count:
-                break
-        temperatures, gyros, accels = zip(*parts, strict=True)
-        return np.concatenate(temperatures), _joined(gyros), _joined(accels)
+                return
 
-    def _precompute(self, first: int) -> "_Precomputed":
+    def _make_ahead(self, first: int) -> "_Ahead":
         """Return what the samples up to the next multiple of a chunk get."""
-        end = first + CHUNK - first % CHUNK
+        end = first + AHEAD - first % AHEAD
         temperature = self._temperature_of(first, end - first)
         offset = temperature - self._reference_temperature
-        additions = [triad.precompute(offset) for triad in self._triads]
-        return _Precomputed(first, end, temperature, additions)
+        return _Ahead(first, end, temperature, [t.precompute(offset) for t in self._triads])
 
     def _temperature_of(self, first: int, count: int) -> Array:
         """Return the temperature of samples by their index (count,) [degC]."""
@@ -334,17 +232,17 @@ class Imu:
         ideal_accel: Array,
         temperature: Array,
         vibration: Array | None,
-        additions: Sequence[Additions] | None = None,
+        additions: Sequence[Additions | None] = (None, None),
     ) -> tuple[Reading, Reading]:
         offset = temperature - self._reference_temperature
-        shaken = (None, None) if vibration is None else (vibration[:3], vibration[3:])
+        shaken = (None, None) if vibration is None else (vibration[:, :3], vibration[:, 3:])
         gyro, accel = (
             triad.read(first, ideal, ideal_accel, offset, self._faults, own, added)
             for triad, ideal, own, added in zip(
                 self._triads,
                 (ideal_gyro, ideal_accel),
                 shaken,
-                additions or (None, None),
+                additions,
                 strict=True,
             )
         )
@@ -364,13 +262,13 @@ class Imu:
             end = min(begin + step, first + count)
             t = self._times_inside(begin, end)
             ideal = self._ideal.read(trajectory.sample(t))
-            own = None if vibration is None else vibration[:, begin - first : end - first]
+            own = None if vibration is None else vibration[begin - first : end - first]
             made.append(self._triad_readings(begin, *ideal, self._temperature.at(t), own))
         gyro, accel = (_joined(readings) for readings in zip(*made, strict=True))
         return gyro, accel
 
     def _ideal_readings(self, first: int, t: Array, world: World) -> tuple[Motion, Array, Array]:
-        """Return the motion at times t (n,) and what a perfect IMU reads, (3, n) twice."""
+        """Return the motion at times t (n,) and what a perfect IMU reads, (n, 3) twice."""
         if not self._averaged:
             motion = world.motion(t)
             return motion, *self._ideal.read(motion)
@@ -384,12 +282,11 @@ class Imu:
         motion = Motion(*(values[1:] for values in motion))
         if first == 0:  # nothing lies before the first sample: it is the value at its time
             at_once = self._ideal.read(Motion(*(values[:1] for values in motion)))
-            rate[:, :1], force[:, :1] = at_once
+            rate[:1], force[:1] = at_once
         return motion, rate, force
 
 
-@dataclass(frozen=True)
-class _Precomputed:
+class _Ahead(NamedTuple):
     """What samples ``first .. end - 1`` get whatever their ideal readings are."""
 
     first: int
@@ -397,13 +294,7 @@ class _Precomputed:
     temperature: Array
     """(end - first,) [degC]."""
     additions: list[Additions]
-    """Additions to the gyroscope and to the accelerometer."""
-
-    @cached_property
-    def rows(self) -> list[tuple[AddedToOne, AddedToOne, float]]:
-        """The same of each sample."""
-        gyro, accel = (one.rows() for one in self.additions)
-        return list(zip(gyro, accel, self.temperature.tolist(), strict=True))
+    """Those of the gyroscope and of the accelerometer."""
 
 
 class _Nowhere:
@@ -428,7 +319,7 @@ def unknown_motion(count: int) -> Motion:
 
 
 def _joined(readings: Iterable[Reading]) -> Reading:
-    return Reading(*(np.concatenate(parts, axis=1) for parts in zip(*readings, strict=True)))
+    return Reading(*(np.concatenate(parts) for parts in zip(*readings, strict=True)))
 
 
 def _vibration(imu: ImuParameters, environment: EnvironmentParameters) -> "BoardVibration | None":

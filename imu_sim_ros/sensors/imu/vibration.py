@@ -9,6 +9,7 @@ import numpy as np
 
 from imu_sim_ros.conventions import TRIADS, Vector
 from imu_sim_ros.random_streams import axis_generators, generator
+from imu_sim_ros.rotation import empty
 from imu_sim_ros.sensors.errors.processes import ChunkedProcess
 from imu_sim_ros.sensors.imu.parameters import BoardVibrationParameters
 from imu_sim_ros.trajectory.motion import Motion
@@ -37,7 +38,7 @@ def root(matrices: Complex) -> Complex:
 
 
 class BandNoise(ChunkedProcess):
-    """The bands of one board; rows of a chunk are six axes for each range of frequencies."""
+    """The bands of one board; columns of a chunk are six axes for each range of frequencies."""
 
     def __init__(self, seed: int, parameters: BoardVibrationParameters, rate: float) -> None:
         """Prepare the spectra.
@@ -82,7 +83,7 @@ class BandNoise(ChunkedProcess):
             frame = self._next_frame()
             np.add(self._overlap, frame[:, :half], out=values[:, first : first + half])
             self._overlap = frame[:, half:]
-        return values
+        return values.T
 
 
 class MotionSize:
@@ -105,25 +106,25 @@ class MotionSize:
         :param ceiling: of the result, relative to the reference; 0: none.
         """
         self._decay = float(np.exp(-1.0 / (rate * time)))
-        self._reference = np.square(reference)[:, None]
+        self._reference = np.square(reference)
         self._floor = floor**2 * self._reference
-        highest = np.asarray(ceiling, dtype=np.float64)[:, None]
-        self._highest = np.log(highest, out=np.full((3, 1), np.inf), where=highest > 0.0)
+        highest = np.asarray(ceiling, dtype=np.float64)
+        self._highest = np.log(highest, out=np.full(3, np.inf), where=highest > 0.0)
         self._state: Array | None = None
 
     def logs(self, motion: Motion) -> Array:
-        """Return ``ln sqrt((m + c^2 r^2) / (r^2 + c^2 r^2))`` (3, n) of the next n samples.
+        """Return ``ln sqrt((m + c^2 r^2) / (r^2 + c^2 r^2))`` (n, 3) of the next n samples.
 
         No more than the logarithm of the ceiling.
         """
         from scipy import signal
 
         vectors = (motion.angular_velocity, motion.acceleration, motion.velocity)
-        squares = np.stack([np.einsum("na,na->n", v, v) for v in vectors])
+        squares = np.stack([np.einsum("na,na->n", v, v) for v in vectors]).T
         if self._state is None:
-            self._state = self._decay * squares[:, :1]
+            self._state = self._decay * squares[:1]
         mean, self._state = signal.lfilter(
-            [1.0 - self._decay], [1.0, -self._decay], squares, axis=1, zi=self._state
+            [1.0 - self._decay], [1.0, -self._decay], squares, axis=0, zi=self._state
         )
         logs = 0.5 * np.log((mean + self._floor) / (self._reference + self._floor))
         return np.minimum(logs, self._highest)
@@ -154,27 +155,31 @@ class BoardVibration:
         )
 
     def read(self, first: int, motion: Motion) -> Array:
-        """Return the next n samples (6, n): gyroscope [rad/s], accelerometer [m/s^2].
+        """Return the next n samples (n, 6): gyroscope [rad/s], accelerometer [m/s^2].
 
         :param first: index of the first of them.
         :param motion: of the body at the samples.
         """
         count, ranges = len(motion.position), self._parameters.ranges
-        parts = np.zeros((ranges, _AXES, count))
-        if self._bands is not None:
-            parts += self._bands.next_block(count).reshape(ranges, _AXES, count)
+        bands = None if self._bands is None else self._bands.next_block(count)
+        parts = [empty((count,), _AXES) for _ in range(ranges)]
+        for k, part in enumerate(parts):
+            part[...] = 0.0
+            if bands is not None:
+                part += bands[:, _AXES * k : _AXES * (k + 1)]
         self._add_lines(first, parts)
         if self._exponents.any() and count:
-            parts *= self._intensity(motion)
+            for part, factor in zip(parts, self._intensity(motion), strict=True):
+                part *= factor
         # One range after the other, so that a sum does not depend on the number of samples.
-        result: Array = parts[0]
+        result = parts[0]
         for part in parts[1:]:
             result += part
         return result
 
-    def _add_lines(self, first: int, parts: Array) -> None:
+    def _add_lines(self, first: int, parts: list[Array]) -> None:
         p = self._parameters
-        index = np.arange(first, first + parts.shape[2])
+        index = np.arange(first, first + len(parts[0]))
         amplitudes = np.reshape(p.line_amplitude, (-1, _AXES))
         phases = np.reshape(p.line_phase or (0.0,) * amplitudes.size, (-1, _AXES))
         where = np.searchsorted(p.range_edges, p.line_frequency, side="right")
@@ -183,15 +188,18 @@ class BoardVibration:
             if frequency < 0.5 * self._rate:
                 angle = 2.0 * np.pi * np.mod(index * (frequency / self._rate), 1.0)
                 for axis in np.flatnonzero(amplitude):
-                    parts[k, axis] += amplitude[axis] * np.sin(angle + (phase[axis] + common))
+                    parts[k][:, axis] += amplitude[axis] * np.sin(angle + (phase[axis] + common))
 
-    def _intensity(self, motion: Motion) -> Array:
-        """Return the factors (ranges, 6, n)."""
+    def _intensity(self, motion: Motion) -> list[Array]:
+        """Return the factors (n, 6) of each range."""
         logs = self._size.logs(motion)
-        triads = []
-        for exponents in self._exponents:  # (ranges, 3)
-            total = exponents[:, 0, None] * logs[0]
-            for k in (1, 2):
-                total += exponents[:, k, None] * logs[k]
-            triads.append(np.repeat(np.exp(total)[:, None], 3, axis=1))
-        return np.concatenate(triads, axis=1)
+        factors = []
+        for own in self._exponents.swapaxes(0, 1):  # (2, 3)
+            factor = empty((len(logs),), _AXES)
+            for triad, (x, y, z) in enumerate(own):
+                total = x * logs[:, 0]
+                total += y * logs[:, 1]
+                total += z * logs[:, 2]
+                factor[:, 3 * triad : 3 * triad + 3] = np.exp(total)[:, None]
+            factors.append(factor)
+        return factors

@@ -11,7 +11,7 @@ import numpy as np
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
-from imu_sim_ros.rotation.components import rotate, rotate_inverse, transform
+from imu_sim_ros.rotation import empty, rotate, rotate_inverse, transform
 from imu_sim_ros.sensors.block import SensorBlock
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.realised import with_constants, with_turn_on
@@ -45,33 +45,36 @@ class MagneticField:
         )
         """(3,) [T]."""
         dipoles = np.reshape(p.dipoles, (-1, 6))
-        self._dipoles = [(row[:3, None], row[3:, None]) for row in dipoles]
+        self._dipoles = [(row[:3], row[3:]) for row in dipoles]
         self._radius = p.dipole_radius
-        self._alternating = np.array(p.alternating)[:, None]
+        self._alternating = np.array(p.alternating)
         self._angular_frequency = 2.0 * math.pi * p.alternating_frequency
 
     def at(self, t: Array, position: Array) -> Array:
-        """Return the field (3, n) [T] at times t (n,) [s] and places (3, n) [m] in the world.
+        """Return the field (n, 3) [T] at times t (n,) [s] and places (n, 3) [m] in the world.
 
         A dipole m at a distance r: ``mu_0 / (4 pi r^3) (3 (m r) r / r^2 - m)`` (Jackson, "Classical
         Electrodynamics", 3rd ed., eq. 5.56); inside its sphere of radius R, ``mu_0 m / (2 pi R^3)``
         (eq. 5.105 with the magnetisation ``m / (4 pi R^3 / 3)``).
         """
-        field = np.empty((3, len(t)))
-        field[:] = self.earth_w[:, None]
+        field = empty((len(t),))
+        field[:] = self.earth_w
         for place, moment in self._dipoles:
             field += self._dipole(position - place, moment)
         if self._alternating.any():
-            field += self._alternating * np.sin(self._angular_frequency * t)
+            field += self._alternating * np.sin(self._angular_frequency * t)[:, None]
         return field
 
     def _dipole(self, r: Array, moment: Array) -> Array:
-        squared = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+        x, y, z = r.T
+        squared = x * x + y * y + z * z
         inside = squared < self._radius**2
         squared = np.where(inside, 1.0, squared)
-        along = 3.0 * (moment[0] * r[0] + moment[1] * r[1] + moment[2] * r[2]) / squared
-        outside = MU0_OVER_4_PI * (along * r - moment) / (squared * np.sqrt(squared))
-        return np.where(inside, 2.0 * MU0_OVER_4_PI * moment / self._radius**3, outside)
+        along = 3.0 * (moment[0] * x + moment[1] * y + moment[2] * z) / squared
+        cubed = squared * np.sqrt(squared)
+        outside = MU0_OVER_4_PI * (along[:, None] * r - moment) / cubed[:, None]
+        within = 2.0 * MU0_OVER_4_PI * moment / self._radius**3
+        return np.where(inside[:, None], within, outside)
 
 
 def world_magnetic_model(environment: EnvironmentParameters) -> Array:
@@ -129,14 +132,14 @@ class Magnetometer:
         self._own = OwnRate(NAME, imu.magnetometer, imu, environment, t0_ns)
         self._field = MagneticField(environment)
         self.earth_w, self.interval = self._field.earth_w, 1.0 / imu.magnetometer.rate
-        self._lever_arm_b = np.reshape(imu.lever_arm, (3, 1))
+        self._lever_arm_b = np.array(imu.lever_arm)
         self._r_ib = np.reshape(imu.mounting, (3, 3)).T
         unit = with_constants(imu.magnetometer, NAME, environment.seed)
         # Misalignment and soft iron in one matrix: exactly the identity if there is neither.
         self._r_mi = rotation.to_matrix(rotation.exp(unit.misalignment)).T
         self._iron = self._r_mi @ np.reshape(unit.soft_iron, (3, 3))
-        self._hard_iron: Array = (self._r_mi @ np.array(unit.hard_iron))[:, None]
-        self._coupling: Array = (self._r_mi @ np.array(unit.current_coupling))[:, None]
+        self._hard_iron: Array = self._r_mi @ np.array(unit.hard_iron)
+        self._coupling: Array = self._r_mi @ np.array(unit.current_coupling)
         self._current = np.reshape(unit.current_profile, (-1, 2)).T
         self.latest: SensorBlock | None = None
         """What was read last."""
@@ -161,10 +164,9 @@ class Magnetometer:
         """Return the samples in a window, which begins where the last one ended."""
         samples = self._own.within(window)
         motion = world.motion(samples.t)
-        q_wb = np.ascontiguousarray(motion.q_wb.T)
-        place = motion.position.T + rotate(q_wb, self._lever_arm_b)
+        place = motion.position + rotate(motion.q_wb, self._lever_arm_b)
         field_w = self._field.at(samples.t, place)
-        ideal = transform(self._r_ib, rotate_inverse(q_wb, field_w))
+        ideal = transform(self._r_ib, rotate_inverse(motion.q_wb, field_w))
         disturbance = self._disturbance(samples.t)
         offset = world.temperature.at(samples.t) - self._reference_temperature
         along = transform(self._iron, ideal) + disturbance
@@ -175,16 +177,16 @@ class Magnetometer:
             samples.true_t_ns,
             *self._own.stamp(samples),
             {
-                "field": made.reading.T,
-                "ideal_field": ideal.T,
-                "bias": (made.bias + made.scale * disturbance).T,
+                "field": made.reading,
+                "ideal_field": ideal,
+                "bias": made.bias + made.scale * disturbance,
             },
         )
         return self.latest
 
     def _disturbance(self, t: Array) -> Array:
-        """Return what iron and currents add in the sensor's axes (3, n) [T]."""
+        """Return what iron and currents add in the sensor's axes (n, 3) [T]."""
         if not self._current.size:
-            return np.broadcast_to(self._hard_iron, (3, len(t)))
+            return np.broadcast_to(self._hard_iron, (len(t), 3))
         current = np.interp(t, self._current[0], self._current[1])
-        return self._hard_iron + self._coupling * current
+        return self._hard_iron + self._coupling * current[:, None]

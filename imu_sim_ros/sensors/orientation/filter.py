@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
-from imu_sim_ros.rotation import components
 from imu_sim_ros.types import Array
 
 Indices = NDArray[np.int64]
@@ -39,36 +38,36 @@ class RunningProduct:
     """
 
     def __init__(self) -> None:
-        self._before = np.array([[1.0], [0.0], [0.0], [0.0]])
-        self._waiting = np.empty((4, 0))
+        self._before = rotation.IDENTITY
+        self._waiting = np.empty((0, 4))
 
     def next(self, factors: Array) -> Array:
-        """Return the products (4, n) up to each of the next factors (4, n)."""
-        done = self._waiting.shape[1]
-        every = np.concatenate([self._waiting, factors], axis=1)
-        count = every.shape[1]
-        self._waiting = every[:, count // _CHUNK * _CHUNK :].copy()
+        """Return the products (n, 4) up to each of the next factors (n, 4)."""
+        done = len(self._waiting)
+        every = np.concatenate([self._waiting, factors])
+        count = len(every)
+        self._waiting = np.copy(every[count // _CHUNK * _CHUNK :])
         chunks = -(-count // _CHUNK)
         width = _CHUNK
         if chunks == 1:  # short blocks do not need the whole chunk: an entry needs none behind it
             width = count
-        table = np.zeros((4, chunks * width))
-        table[0] = 1.0
-        table[:, :count] = every
-        table = table.reshape(4, chunks, width)
+        products = rotation.empty((chunks, width), 4)
+        for component, own, rest in zip(products.T, every.T, rotation.IDENTITY, strict=True):
+            flat = component.T.reshape(-1)
+            flat[:count], flat[count:] = own, rest
         step = 1
         while step < width:
-            table[:, :, step:] = components.multiply(table[:, :, :-step], table[:, :, step:])
+            products[:, step:] = rotation.multiply(products[:, :-step], products[:, step:])
             step *= 2
         for k in range(chunks):
-            table[:, k] = components.multiply(self._before, table[:, k])
+            products[k] = rotation.multiply(self._before, products[k])
             if (k + 1) * _CHUNK <= count:
-                self._before = components.normalise(table[:, k, -1:])
-        return table.reshape(4, -1)[:, done:count]
+                self._before = rotation.normalise(products[k, -1])
+        return products.reshape(-1, 4)[done:count]
 
 
 class SteadyLowPass:
-    """``2 F - F F`` with a first-order low-pass F, on each row (3, n).
+    """``2 F - F F`` with a first-order low-pass F, on each column (n, 3).
 
     During the first time constant the output is the mean of all values so far; F continues from it.
     """
@@ -80,31 +79,31 @@ class SteadyLowPass:
         self._phi = math.exp(-dt / time_constant)
         self._settling = max(round(time_constant / dt), 1)
         self._seen = 0
-        self._sum = np.zeros((3, 1))
+        self._sum = np.zeros((1, 3))
         self._states = [self._sum, self._sum]
 
     def next(self, values: Array) -> Array:
-        """Return the next n filtered values (3, n)."""
-        first = min(max(self._settling - self._seen, 0), values.shape[1])
-        return np.concatenate([self._mean(values[:, :first]), self._low(values[:, first:])], axis=1)
+        """Return the next n filtered values (n, 3)."""
+        first = min(max(self._settling - self._seen, 0), len(values))
+        return np.concatenate([self._mean(values[:first]), self._low(values[first:])])
 
     def _mean(self, values: Array) -> Array:
-        if values.shape[1] == 0:
+        if len(values) == 0:
             return values
         # Added one by one, so that the sums do not depend on the block's size.
-        sums = np.cumsum(np.concatenate([self._sum, values], axis=1), axis=1)[:, 1:]
-        counts = np.arange(self._seen + 1, self._seen + 1 + values.shape[1])
-        means: Array = sums / counts
-        self._sum, self._seen = sums[:, -1:].copy(), self._seen + values.shape[1]
-        self._states = [self._phi * means[:, -1:]] * 2
+        sums = np.cumsum(np.concatenate([self._sum, values]), axis=0)[1:]
+        counts = np.arange(self._seen + 1, self._seen + 1 + len(values))
+        means: Array = sums / counts[:, None]
+        self._sum, self._seen = sums[-1:].copy(), self._seen + len(values)
+        self._states = [self._phi * means[-1:]] * 2
         return means
 
     def _low(self, values: Array) -> Array:
-        if values.shape[1] == 0:
+        if len(values) == 0:
             return values
         b, a = [1.0 - self._phi], [1.0, -self._phi]
-        once, self._states[0] = self._filter(b, a, values, zi=self._states[0])
-        twice, self._states[1] = self._filter(b, a, once, zi=self._states[1])
+        once, self._states[0] = self._filter(b, a, values, axis=0, zi=self._states[0])
+        twice, self._states[1] = self._filter(b, a, once, axis=0, zi=self._states[1])
         return 2.0 * once - twice
 
 
@@ -123,8 +122,8 @@ class OrientationFilter:
         self._up = SteadyLowPass(time_constant, dt)
         self._north = SteadyLowPass(time_constant, magnetic_dt)
         self._last_rate: Array | None = None
-        self._last_q = np.array([[1.0], [0.0], [0.0], [0.0]])
-        self._field = np.array([[1.0], [0.0], [0.0]])
+        self._last_q = rotation.IDENTITY[None]
+        self._field = np.array([[1.0, 0.0, 0.0]])
         horizontal = math.hypot(field_w[0], field_w[1]) or 1.0
         self._declination = (field_w[0] / horizontal, field_w[1] / horizontal)
 
@@ -137,47 +136,49 @@ class OrientationFilter:
         delay: Array,
         known: Indices,
     ) -> Array:
-        """Return the orientations q_wi (4, n) at the next n readings.
+        """Return the orientations q_wi (n, 4) at the next n readings.
 
         Until the first reading of the magnetic field the heading is arbitrary.
 
-        :param gyro: (3, n) [rad/s].
-        :param accel: (3, n) [m/s^2].
-        :param field: (3, m) as the board reads it.
+        :param gyro: (n, 3) [rad/s].
+        :param accel: (n, 3) [m/s^2].
+        :param field: (m, 3) as the board reads it.
         :param behind: (m,) which of the n readings each of them follows; -1: the one before.
         :param delay: (m,) by how much [s].
         :param known: (m,) from which of the n readings on each is known; n: not here.
         """
-        before = gyro[:, :1] if self._last_rate is None else self._last_rate
-        rates = np.concatenate([before, gyro], axis=1)
-        mean = 0.5 * (rates[:, :-1] + gyro)
+        before = gyro[:1] if self._last_rate is None else self._last_rate
+        rates = np.concatenate([before, gyro])
+        mean = 0.5 * (rates[:-1] + gyro)
         if self._last_rate is None:
-            mean[:, :1] = 0.0
-        q_gi = self._product.next(components.exp(mean * self._dt))
-        every = np.concatenate([self._last_q, q_gi], axis=1)
-        self._last_rate, self._last_q = rates[:, -1:], every[:, -1:]
-        up = _unit(self._up.next(components.rotate(q_gi, accel)))
-        turned = components.exp(rates[:, behind + 1] * delay)
-        q_gm = components.multiply(every[:, behind + 1], turned)
-        seen = self._north.next(components.rotate(q_gm, field))
-        latest = np.searchsorted(known, np.arange(gyro.shape[1]), side="right")
-        fields = np.concatenate([self._field, seen], axis=1)
-        self._field = fields[:, -1:].copy()
-        return components.multiply(self._in_world(up, fields[:, latest]), q_gi)
+            mean[:1] = 0.0
+        q_gi = self._product.next(rotation.exp(mean * self._dt))
+        every = np.concatenate([self._last_q, q_gi])
+        self._last_rate, self._last_q = rates[-1:], every[-1:]
+        up = _unit(self._up.next(rotation.rotate(q_gi, accel)))
+        turned = rotation.exp(rates[behind + 1] * delay[:, None])
+        q_gm = rotation.multiply(every[behind + 1], turned)
+        seen = self._north.next(rotation.rotate(q_gm, field))
+        latest = np.searchsorted(known, np.arange(len(gyro)), side="right")
+        fields = np.concatenate([self._field, seen])
+        self._field = fields[-1:].copy()
+        return rotation.multiply(self._in_world(up, fields[latest]), q_gi)
 
     def _in_world(self, up: Array, field: Array) -> Array:
-        """Return q_wg (4, n) from the directions of up and of the field in g."""
-        north = _unit(field - up * (up[0] * field[0] + up[1] * field[1] + up[2] * field[2]))
-        east = components.cross(north, up)
+        """Return q_wg (n, 4) from the directions of up and of the field in g."""
+        x, y, z = (up * field).T
+        north = _unit(field - up * (x + y + z)[:, None])
+        east = rotation.cross(north, up)
         sine, cosine = self._declination
-        r_wg = np.stack([cosine * east + sine * north, cosine * north - sine * east, up])
-        return rotation.from_matrix(r_wg.transpose(2, 0, 1)).T
+        r_wg = np.stack([cosine * east + sine * north, cosine * north - sine * east, up], axis=1)
+        return rotation.from_matrix(r_wg)
 
 
 def _unit(v: Array) -> Array:
-    """Return directions (3, n); z if there is none."""
-    length = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    """Return directions (n, 3); z if there is none."""
+    x, y, z = v.T
+    length = np.sqrt(x * x + y * y + z * z)
     nothing = length == 0.0
-    result: Array = v / np.where(nothing, 1.0, length)
-    result[2, nothing] = 1.0
+    result: Array = v / np.where(nothing, 1.0, length)[:, None]
+    result[nothing, 2] = 1.0
     return result

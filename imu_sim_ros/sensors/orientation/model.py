@@ -10,7 +10,6 @@ import numpy as np
 
 from imu_sim_ros import rotation, timebase
 from imu_sim_ros.random_streams import axis_generators
-from imu_sim_ros.rotation import components
 from imu_sim_ros.sensors.block import ImuBlock, SensorBlock
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.processes import GaussMarkovBank
@@ -40,15 +39,15 @@ class ModelledOrientation:
         """Draw the constant error and the initial states."""
         p, seed, dt = imu.orientation, environment.seed, 1.0 / environment.rate
         turn_on = [s.standard_normal() for s in axis_generators(seed, "orientation.turn_on")]
-        self._constant = (np.array(turn_on) * p.turn_on_sigma)[:, None]
-        self._constant_variance = np.square(p.turn_on_sigma)[:, None]
-        self._noise = np.array(p.noise)[:, None]
+        self._constant = np.array(turn_on) * p.turn_on_sigma
+        self._constant_variance = np.square(p.turn_on_sigma)
+        self._noise = np.array(p.noise)
         self._streams = axis_generators(seed, "orientation.noise")
-        self._drift_sigma = np.array(p.drift_sigma)[:, None]
+        self._drift_sigma = np.array(p.drift_sigma)
         self._drift = GaussMarkovBank(
             axis_generators(seed, "orientation.drift"), np.full((3, 1), p.drift_time), dt
         )
-        self._per_acceleration = np.array(p.acceleration_sensitivity)[:, None]
+        self._per_acceleration = np.array(p.acceleration_sensitivity)
         self._dynamic = GaussMarkovBank(
             axis_generators(seed, "orientation.acceleration"),
             np.full((3, 1), p.acceleration_time),
@@ -56,29 +55,28 @@ class ModelledOrientation:
         )
 
     def next(self, block: ImuBlock, q_wi: Array) -> tuple[Array, Array]:
-        """Return orientations (4, n) and the variances of their errors (3, n) [rad^2].
+        """Return orientations (n, 4) and the variances of their errors (n, 3) [rad^2].
 
-        :param q_wi: (4, n) the true ones.
+        :param q_wi: (n, 4) the true ones.
         """
-        n = q_wi.shape[1]
-        error = np.repeat(self._constant, n, axis=1)
-        variance = np.repeat(np.zeros((3, 1)), n, axis=1)
-        variance += self._constant_variance
+        n = len(q_wi)
+        error, variance = rotation.empty((n,)), rotation.empty((n,))
+        error[:] = self._constant
+        variance[:] = self._constant_variance
         if self._drift_sigma.any():
             error += self._drift_sigma * self._drift.next_block(n)
             variance += self._drift_sigma**2
         if self._noise.any():
-            numbers = np.stack([stream.standard_normal(n) for stream in self._streams])
+            numbers = np.stack([stream.standard_normal(n) for stream in self._streams]).T
             error += self._noise * numbers
             variance += self._noise**2
         if self._per_acceleration.any():
             x, y, z = block.motion.acceleration.T
-            sigma = self._per_acceleration * np.sqrt(x * x + y * y + z * z)
+            sigma = self._per_acceleration * np.sqrt(x * x + y * y + z * z)[:, None]
             error += sigma * self._dynamic.next_block(n)
             variance += sigma * sigma
-        exact = np.all(variance == 0.0, axis=0)
-        variance[:, exact] = EXACT
-        return components.multiply(components.exp(error), q_wi), variance
+        variance[np.all(variance == 0.0, axis=1)] = EXACT
+        return rotation.multiply(rotation.exp(error), q_wi), variance
 
 
 class ReadImu(Protocol):
@@ -119,7 +117,7 @@ class FilteredOrientation:
         self._filter = OrientationFilter(
             p.time_constant, 1.0 / environment.rate, field.interval, field.earth_w
         )
-        self._variance = np.square(p.stated_sigma)[:, None]
+        self._variance = np.square(p.stated_sigma)
         self._last_ns = np.empty(0, np.int64)
         unit = realised_imu(imu, environment.seed)
         self._corrections = [_Correction(np.eye(3), np.zeros(3))] * 3
@@ -131,7 +129,7 @@ class FilteredOrientation:
             ]
 
     def next(self, block: ImuBlock, q_wi: Array) -> tuple[Array, Array]:
-        """Return orientations (4, n) and the stated variances (3, n) [rad^2]."""
+        """Return orientations (n, 4) and the stated variances (n, 3) [rad^2]."""
         magnetic = self._field.latest
         n = len(block.true_t_ns)
         t_ns = np.concatenate([self._last_ns, block.true_t_ns])
@@ -139,13 +137,13 @@ class FilteredOrientation:
         behind = np.searchsorted(block.true_t_ns, magnetic.true_t_ns, side="right") - 1
         since = magnetic.true_t_ns - t_ns[behind + len(t_ns) - n]
         delay: Array = since.astype(np.float64) * 1e-9
-        readings = (block.gyro.T, block.accel.T, magnetic.field.T)
+        readings = (block.gyro, block.accel, magnetic.field)
         gyro, accel, field = (
             correction.apply(reading)
             for correction, reading in zip(self._corrections, readings, strict=True)
         )
         q = self._filter.next(gyro, accel, field, behind, delay, behind + (since > 0))
-        return q, np.broadcast_to(self._variance, (3, n))
+        return q, np.broadcast_to(self._variance, (n, 3))
 
 
 class _Correction:
@@ -153,10 +151,10 @@ class _Correction:
 
     def __init__(self, response: Array, bias: Array) -> None:
         self._inverse = np.linalg.inv(response).astype(np.float64)
-        self._bias = bias[:, None]
+        self._bias = bias
 
     def apply(self, reading: Array) -> Array:
-        return components.transform(self._inverse, reading - self._bias)
+        return rotation.transform(self._inverse, reading - self._bias)
 
 
 class Orientation:
@@ -178,7 +176,7 @@ class Orientation:
         ratio = timebase.exact_rate(environment.rate) / timebase.exact_rate(rate) if rate else 1
         self._every, self._imu = int(ratio), read
         mounting = np.reshape(imu.mounting, (3, 3))
-        self._q_bi = rotation.from_matrix(mounting)[:, None]
+        self._q_bi = rotation.from_matrix(mounting)
         self._source: ModelledOrientation | FilteredOrientation
         if field is None:
             self._source = ModelledOrientation(imu, environment)
@@ -194,8 +192,7 @@ class Orientation:
     def read(self, window: Window, world: World) -> SensorBlock:
         """Return the orientations of the IMU's samples, and of the field's, that were read last."""
         block = self._imu.latest
-        q_wb = np.ascontiguousarray(block.motion.q_wb.T)
-        truth = components.multiply(q_wb, self._q_bi)
+        truth = rotation.multiply(block.motion.q_wb, self._q_bi)
         q, variance = self._source.next(block, truth)
         rows = np.flatnonzero((block.first + np.arange(len(block.true_t_ns))) % self._every == 0)
         delivered = block.delivered[(block.first + block.delivered) % self._every == 0]
@@ -205,9 +202,9 @@ class Orientation:
             block.release_t_ns[rows],
             np.searchsorted(rows, delivered),
             {
-                "q_wi": q.T[rows],
-                "variance": variance.T[rows],
-                "ideal_q_wi": truth.T[rows],
+                "q_wi": q[rows],
+                "variance": variance[rows],
+                "ideal_q_wi": truth[rows],
                 "gyro": block.gyro[rows],
                 "accel": block.accel[rows],
             },

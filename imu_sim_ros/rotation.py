@@ -1,23 +1,42 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Unit quaternions and SO(3), vectorised over leading axes.
+"""Unit quaternions, vectors and SO(3) over leading axes, time first: (n, 4), (n, 3), (n, ..., 3).
 
 Quaternions are Hamilton, ``(w, x, y, z)`` on the last axis; ``q_wb`` maps body to world. Equation
 numbers are those of the lecture "IMU sensors" (He, Gao, Cui, 2019); "Sola" is J. Sola, "Quaternion
-kinematics for the error-state Kalman filter", arXiv:1711.02508.
+kinematics for the error-state Kalman filter", arXiv:1711.02508. Imports nothing of the package.
+
+Results lie in memory one component after the other (:func:`empty`), so that every operand of the
+arithmetic is contiguous; arrays in any other order are taken as well. But for
+:func:`cumulative_product`, only operations element by element, so that a sample has the same value,
+bit for bit, in whatever block it is computed.
 """
 
+import math
 from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros.rotation import components
 from imu_sim_ros.types import Array
 
 IDENTITY: Final[Array] = np.array([1.0, 0.0, 0.0, 0.0])
 _SMALL_ANGLE: Final = 1e-4
+_UNIT_MATRIX: Final = np.eye(3).tolist()
+_FACTORS = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
+_SIGNS = np.array([[1, -1, -1, -1], [1, 1, 1, -1], [1, -1, 1, 1], [1, 1, -1, 1]], dtype=np.float64)
+"""``(p q)_i = sum_k p_k sign_ik q_factor_ik``, in the order of :func:`multiply`."""
+_FEW: Final = 16
+"""Vectors for which the calls take longer than the numbers."""
+_AHEAD: Final = 8
+"""Columns whose factors are laid out at once: they stay in the processor's first cache."""
+
+
+def empty(shape: tuple[int, ...], components: int = 3) -> Array:
+    """Return an array (*shape, components) to be filled in, one component after the other."""
+    memory = np.empty((components, *shape))
+    return memory.T if len(shape) == 1 else np.moveaxis(memory, 0, -1)
 
 
 def multiply(p: ArrayLike, q: ArrayLike) -> Array:
@@ -26,12 +45,21 @@ def multiply(p: ArrayLike, q: ArrayLike) -> Array:
     :param p: (..., 4) quaternions.
     :param q: (..., 4) quaternions, broadcast against p.
     """
-    return np.moveaxis(components.multiply(_first(p), _first(q)), 0, -1)
+    pw, px, py, pz = _parts(p)
+    qw, qx, qy, qz = _parts(q)
+    w = pw * qw - px * qx - py * qy - pz * qz
+    result = empty(w.shape, 4)
+    result[..., 0] = w
+    result[..., 1] = pw * qx + px * qw + py * qz - pz * qy
+    result[..., 2] = pw * qy - px * qz + py * qw + pz * qx
+    result[..., 3] = pw * qz + px * qy - py * qx + pz * qw
+    return result
 
 
-def _first(values: ArrayLike) -> Array:
-    """Return values (..., k) with the components first, each contiguous (k, ...)."""
-    return np.ascontiguousarray(np.moveaxis(np.asarray(values, dtype=np.float64), -1, 0))
+def _parts(values: ArrayLike) -> list[Array]:
+    """Return the components (...) of vectors or quaternions."""
+    array = np.asarray(values, dtype=np.float64)
+    return [array[..., k] for k in range(array.shape[-1])]
 
 
 def conjugate(q: ArrayLike) -> Array:
@@ -57,15 +85,12 @@ def rotate(q_ab: ArrayLike, v_b: ArrayLike) -> Array:
     :param q_ab: (..., 4) unit quaternions.
     :param v_b: (..., 3) vectors, broadcast against q_ab.
     """
-    q = np.asarray(q_ab, dtype=np.float64)
-    v = np.asarray(v_b, dtype=np.float64)
-    w, i, j, k = (q[..., n] for n in range(4))
-    x, y, z = (v[..., n] for n in range(3))
-    # Component by component: three times as fast as numpy.cross.
+    w, i, j, k = _parts(q_ab)
+    x, y, z = _parts(v_b)
     a = 2.0 * (j * z - k * y)
     b = 2.0 * (k * x - i * z)
     c = 2.0 * (i * y - j * x)
-    result = np.empty((*np.shape(a), 3))
+    result = empty(np.shape(a))
     result[..., 0] = x + w * a + (j * c - k * b)
     result[..., 1] = y + w * b + (k * a - i * c)
     result[..., 2] = z + w * c + (i * b - j * a)
@@ -73,8 +98,62 @@ def rotate(q_ab: ArrayLike, v_b: ArrayLike) -> Array:
 
 
 def rotate_inverse(q_ab: ArrayLike, v_a: ArrayLike) -> Array:
-    """Return ``v_b = R_ab.T @ v_a``; shapes as for :func:`rotate`."""
-    return rotate(conjugate(q_ab), v_a)
+    """Return ``v_b = R_ab.T @ v_a``; shapes as for :func:`rotate`.
+
+    ``v - 2 w (u x v) + 2 u x (u x v)`` with ``q = (w, u)``.
+    """
+    q = np.asarray(q_ab, dtype=np.float64)
+    w, u = q[..., :1], q[..., 1:]
+    twice = cross(u, v_a)
+    twice *= 2.0
+    result = cross(u, twice)
+    result += np.asarray(v_a)
+    twice *= w
+    result -= twice
+    return result
+
+
+def cross(a: ArrayLike, b: ArrayLike) -> Array:
+    """Return ``a x b`` of vectors (..., 3), broadcast against each other."""
+    ax, ay, az = _parts(a)
+    bx, by, bz = _parts(b)
+    x = ay * bz - az * by
+    result = empty(np.shape(x))
+    result[..., 0] = x
+    result[..., 1] = az * bx - ax * bz
+    result[..., 2] = ax * by - ay * bx
+    return result
+
+
+def transform(matrix: Array, v: Array) -> Array:
+    """Return ``M @ v`` (..., 3) of vectors (..., 3); zeros and ones of one M cost nothing.
+
+    :param matrix: (3, 3), or (..., 3, 3) broadcast against the vectors' leading axes.
+    """
+    if matrix.ndim == 2 and v.ndim == 2 and len(v) <= _FEW:  # the same sums in two calls
+        return np.add.reduce(matrix * v[:, None, :], 2, initial=0.0)
+    if matrix.ndim > 2:
+        result = empty(np.broadcast_shapes(matrix.shape[:-2], v.shape[:-1]))
+        for i in range(3):
+            own = result[..., i]
+            own[...] = 0.0
+            for j in range(3):
+                own += matrix[..., i, j] * v[..., j]
+        return result
+    rows = matrix.tolist()
+    result = empty(v.shape[:-1])
+    if rows == _UNIT_MATRIX:
+        return np.add(v, 0.0, out=result)  # as the sums below: no negative zeros
+    result[...] = 0.0
+    product = np.empty(v.shape[:-1])
+    for k, coefficients in enumerate(rows):
+        row = result[..., k]
+        for j, coefficient in enumerate(coefficients):
+            if coefficient == 1.0:
+                row += v[..., j]
+            elif coefficient != 0.0:
+                row += np.multiply(v[..., j], coefficient, out=product)
+    return result
 
 
 def to_matrix(q_ab: ArrayLike) -> Array:
@@ -133,14 +212,30 @@ def continuous(q: ArrayLike) -> Array:
 def exp(rotation_vector: ArrayLike) -> Array:
     """Return the quaternions (..., 4) of rotation vectors (..., 3) [rad] (Sola eq. 101)."""
     v = np.asarray(rotation_vector, dtype=np.float64)
-    half = 0.5 * np.linalg.norm(v, axis=-1, keepdims=True)
+    half = 0.5 * np.linalg.norm(v, axis=-1)
+    result = empty(np.shape(half), 4)
+    result[..., 0] = np.cos(half)
     # np.sinc(x) is sin(pi x) / (pi x), exact at 0.
-    return np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * v], axis=-1)
+    factor = 0.5 * np.sinc(half / np.pi)
+    np.multiply(v, factor[..., None], out=result[..., 1:])
+    return result
 
 
 def log(q: ArrayLike) -> Array:
     """Return the rotation vectors (..., 3) [rad], at most pi long, of unit quaternions (..., 4)."""
-    return np.moveaxis(components.log(_first(q)), 0, -1)
+    w, x, y, z = _parts(q)
+    cosine, sine = np.abs(w), np.sqrt(x * x + y * y + z * z)
+    small = sine < _SMALL_ANGLE
+    # 2 atan2(s, w) / s; near zero its series 2 / w - 2 s^2 / (3 w^3) (Sola eq. 105).
+    factor = 2.0 * np.arctan2(sine, cosine) / np.where(small, 1.0, sine)
+    if small.any():
+        safe = np.where(small, cosine, 1.0)
+        factor = np.where(small, 2.0 / safe - 2.0 / 3.0 * sine**2 / safe**3, factor)
+    factor = np.where(w < 0.0, -factor, factor)  # q and -q are one rotation
+    result = empty(np.shape(w))
+    for k, part in enumerate((x, y, z)):
+        np.multiply(part, factor, out=result[..., k])
+    return result
 
 
 def skew(v: ArrayLike) -> Array:
@@ -227,9 +322,56 @@ def body_rates_to_euler_rates(roll_pitch_yaw: ArrayLike) -> Array:
 
 
 def cumulative_product(q: ArrayLike) -> Array:
-    """Return the running products ``q_0, q_0 q_1, q_0 q_1 q_2, ...`` of a sequence (n, 4)."""
-    product = components.cumulative_product(np.asarray(q, dtype=np.float64).T)
-    return np.ascontiguousarray(product.T)
+    """Return the running products ``q_0, q_0 q_1, q_0 q_1 q_2, ...`` of a sequence (n, 4).
+
+    A blocked scan: the sequence is laid out as about sqrt(n) rows; all rows advance together, one
+    column at a time, then each row is multiplied by the product of the rows before it. Some
+    2 sqrt(n) vectorised products instead of n small ones, and rounding that grows with sqrt(n).
+    """
+    first = np.asarray(q, dtype=np.float64).T
+    n = first.shape[1]
+    if n == 0:
+        return np.empty((0, 4))
+    columns = math.ceil(math.sqrt(n))
+    rows = -(-n // columns)
+    table = np.zeros((columns, 4, rows))
+    table[n % columns :, 0, -1] = 1.0  # what is missing of the last row; the rest is filled next
+    whole = n // columns
+    in_rows = table.transpose(1, 2, 0)
+    in_rows[:, :whole] = first[:, : whole * columns].reshape(4, whole, columns)
+    in_rows[:, whole:, : n % columns] = first[:, None, whole * columns :]
+    right, terms = np.empty((_AHEAD, 4, 4, rows)), np.empty((4, 4, rows))
+    before = table[0]
+    for begin in range(1, columns, _AHEAD):
+        some = table[begin : begin + _AHEAD]
+        ahead = np.take(some, _FACTORS, axis=1, out=right[: len(some)], mode="clip")
+        ahead *= _SIGNS[:, :, None]
+        for factors, product in zip(ahead, some, strict=True):
+            # Two calls a column, and the same rounding as multiply has.
+            np.multiply(before, factors, terms)
+            before = np.add.reduce(terms, 1, None, product)
+    starts = np.empty((4, columns, rows))
+    starts[:] = _running(table[-1].T.tolist())[:, None]
+    ends = np.ascontiguousarray(table.transpose(1, 0, 2))
+    product = multiply(starts.reshape(4, -1).T, ends.reshape(4, -1).T).T.reshape(ends.shape)
+    result: Array = starts.reshape(4, -1)  # its memory serves once more
+    result.reshape(4, rows, columns)[:] = product.transpose(0, 2, 1)
+    return result[:, :n].T
+
+
+def _running(products: list[list[float]]) -> Array:
+    """Return the product of the rows before each (4, m): m is small, plain numbers are fast."""
+    pw, px, py, pz = 1.0, 0.0, 0.0, 0.0
+    starts = []
+    for qw, qx, qy, qz in products:
+        starts.append((pw, px, py, pz))
+        pw, px, py, pz = (
+            pw * qw - px * qx - py * qy - pz * qz,
+            pw * qx + px * qw + py * qz - pz * qy,
+            pw * qy - px * qz + py * qw + pz * qx,
+            pw * qz + px * qy - py * qx + pz * qw,
+        )
+    return np.array(starts).T
 
 
 _SMALL = 0.1
