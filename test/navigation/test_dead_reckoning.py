@@ -98,9 +98,13 @@ def test_stepper_equals_arrays(record, method, attitude, correction, earth_rate)
     for k, (t_ns, rate, force) in enumerate(rows):
         assert stepper.add(t_ns, tuple(rate), tuple(force)) == (k > 0)
     scale = np.abs(states.position).max()
-    np.testing.assert_allclose(stepper.state.position, states.position[-1], atol=1e-12 * scale, rtol=0)
+    np.testing.assert_allclose(
+        stepper.state.position, states.position[-1], atol=1e-12 * scale, rtol=0
+    )
     scale = np.abs(states.velocity).max()
-    np.testing.assert_allclose(stepper.state.velocity, states.velocity[-1], atol=1e-12 * scale, rtol=0)
+    np.testing.assert_allclose(
+        stepper.state.velocity, states.velocity[-1], atol=1e-12 * scale, rtol=0
+    )
     np.testing.assert_allclose(stepper.state.q_wb, states.q_wb[-1], atol=1e-12, rtol=0)
 
 

@@ -63,7 +63,9 @@ def test_near_the_gimbal_lock_steps_are_counted_and_right():
     stepper = Stepper(AT_REST, "midpoint", "euler_angles", gravity=STILL)
     for k in range(1001):
         stepper.add(k * 5 * MS, (0.0, 2.0, 0.0), STILL)
-    turn = rotation.multiply(rotation.conjugate(stepper.state.q_wb), rotation.exp([0.0, 2.0 * 5.0, 0.0]))
+    turn = rotation.multiply(
+        rotation.conjugate(stepper.state.q_wb), rotation.exp([0.0, 2.0 * 5.0, 0.0])
+    )
     assert np.linalg.norm(rotation.log(turn)) < 1e-9
     # The margin is two steps of 0.01 rad here, on both sides of the three locks that 10 rad pass.
     assert 3 * 3 <= stepper.counts.gimbal_lock <= 3 * 5

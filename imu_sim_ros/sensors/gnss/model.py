@@ -42,7 +42,7 @@ class Receiver(SensorModel):
             axis_generators(seed, f"{name}.gauss_markov"), np.full((3, 1), p.correlation_time), dt
         )
         self._steps = axis_generators(seed, f"{name}.random_walk")
-        self._walked = np.zeros((3, 1))
+        self._walked = np.zeros((1, 3))
         self._of_velocity = axis_generators(seed, f"{name}.velocity")
         self._jumps = Events(seed, f"{name}.multipath", p.multipath_rate, p.multipath_duration, dt)
         self._sizes, self._jump = axis_generators(seed, f"{name}.multipath_size"), np.zeros(3)
@@ -65,16 +65,16 @@ class Receiver(SensorModel):
         sigma = self._sigma(mode, seen)
         error = self._error(sigma)
         velocity = self._velocity(motion)
-        noise = p.velocity_sigma * self._numbers(self._of_velocity, len(t)).T
+        noise = p.velocity_sigma * self._numbers(self._of_velocity, len(t))
         mode = np.where(self._is_out(t, ideal) | ~seen.usable, -1, mode).astype(np.int64)
         measured = seen.used * (mode >= 0)
         raw = self._observer.measure(t, ideal, velocity, measured) if self._observer else None
         return {
-            "position": ideal + error.T,
+            "position": ideal + error,
             "ideal_position": ideal,
             "velocity": velocity + noise,
             "ideal_velocity": velocity,
-            "variance": p.covariance_factor * np.square(sigma).T,
+            "variance": p.covariance_factor * np.square(sigma),
             "mode": mode,
             "satellites": seen.satellites,
             "used": seen.used,
@@ -131,7 +131,7 @@ class Receiver(SensorModel):
 
     @staticmethod
     def _numbers(streams: list[Any], count: int) -> Array:
-        return np.stack([stream.standard_normal(count) for stream in streams])
+        return np.stack([stream.standard_normal(count) for stream in streams], axis=1)
 
     def _mode(self, t: Array) -> Integers:
         """Return the index in MODES of n samples."""
@@ -141,38 +141,40 @@ class Receiver(SensorModel):
         return numbers[np.searchsorted(changes[:, 0], t, side="right")]
 
     def _sigma(self, mode: Integers, seen: Geometry) -> Array:
-        """Return the standard deviations (3, n) of the error that the geometry explains."""
+        """Return the standard deviations (n, 3) of the error that the geometry explains."""
         p = self._own_parameters
         horizontal = math.sqrt(2.0) / p.hdop * np.array(p.horizontal_sigma)[mode]
-        ranges = np.stack([horizontal, horizontal, np.array(p.vertical_sigma)[mode] / p.vdop])
-        diluted = np.where(seen.usable, seen.dilution[:, :3].T, 1.0)
+        ranges = np.stack(
+            [horizontal, horizontal, np.array(p.vertical_sigma)[mode] / p.vdop], axis=1
+        )
+        diluted = np.where(seen.usable[:, None], seen.dilution[:, :3], 1.0)
         return ranges * diluted
 
     def _error(self, sigma: Array) -> Array:
-        """Return the error (3, n) east, north, up of the next samples."""
-        p, count = self._own_parameters, sigma.shape[1]
+        """Return the error (n, 3) east, north, up of the next samples."""
+        p, count = self._own_parameters, len(sigma)
         white = self._numbers(self._white, count)
         slow = self._slow.next_block(count)
         error = sigma * (math.sqrt(p.white_share) * white + math.sqrt(1.0 - p.white_share) * slow)
         if p.random_walk:
             steps = p.random_walk * math.sqrt(self._dt) * self._numbers(self._steps, count)
             # Summed in one order, so that blocks of any size give the same bits.
-            walked = np.cumsum(np.concatenate([self._walked, steps], axis=1), axis=1)[:, 1:]
-            self._walked = walked[:, -1:] if count else self._walked
+            walked = np.cumsum(np.concatenate([self._walked, steps]), axis=0)[1:]
+            self._walked = walked[-1:] if count else self._walked
             error += walked
         numbers = self._jumps.next(count)
         for k in np.unique(numbers[numbers > 0]):
             if k > self._jumped:
-                self._jump = p.multipath_sigma * self._numbers(self._sizes, 1)[:, 0]
+                self._jump = p.multipath_sigma * self._numbers(self._sizes, 1)[0]
                 self._jumped = int(k)
-            error[:, numbers == k] += self._jump[:, None]
+            error[numbers == k] += self._jump
         return error
 
     def _velocity(self, motion: Motion) -> Array:
         """Return the antenna's velocity (n, 3), east, north, up."""
         v = motion.velocity
         if self._environment.curved_earth:
-            v = self._earth.over_ground(motion).velocity.T
+            v = self._earth.over_ground(motion).velocity
         return v + rotation.rotate(motion.q_wb, np.cross(motion.angular_velocity, self.lever_arm_b))
 
     def _is_out(self, t: Array, place: Array) -> Mask:
