@@ -130,8 +130,10 @@ def transform(matrix: Array, v: Array) -> Array:
 
     :param matrix: (3, 3), or (..., 3, 3) broadcast against the vectors' leading axes.
     """
-    if matrix.ndim == 2 and v.ndim == 2 and len(v) <= _FEW:  # the same sums in two calls
-        return np.add.reduce(matrix * v[:, None, :], 2, initial=0.0)
+    if matrix.ndim == 2 and v.ndim == 2 and len(v) <= _FEW:  # the same sums in fewer calls
+        products = matrix * v[:, None, :]
+        few: Array = 0.0 + products[:, :, 0] + products[:, :, 1] + products[:, :, 2]
+        return few
     if matrix.ndim > 2:
         result = empty(np.broadcast_shapes(matrix.shape[:-2], v.shape[:-1]))
         for i in range(3):
@@ -330,8 +332,10 @@ def cumulative_product(q: ArrayLike) -> Array:
     """
     first = np.asarray(q, dtype=np.float64).T
     n = first.shape[1]
-    if n == 0:
-        return np.empty((0, 4))
+    if n < 2:
+        return first.T.copy()
+    if n == 2:  # a single step of dead reckoning: without the table
+        return np.array([first[:, 0], multiply(first[:, 0], first[:, 1])])
     columns = math.ceil(math.sqrt(n))
     rows = -(-n // columns)
     table = np.zeros((columns, 4, rows))

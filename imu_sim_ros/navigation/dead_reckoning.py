@@ -160,7 +160,7 @@ class _States:
         self._q = np.empty((n, 4))
         self._position[0], self._velocity[0] = initial.position, initial.velocity
         self._q[0] = rotation.normalise(initial.q_wb)
-        self._world = increments.world_of(gravity, earth_rate)
+        self._world = increments.world_vectors(gravity, earth_rate)
         self._last = 0
 
     @property

@@ -128,7 +128,7 @@ def _quaternion_stages(
     return normalise(q2), normalise(q3), normalise(q4), normalise(end)
 
 
-class World(NamedTuple):
+class WorldVectors(NamedTuple):
     """What acts on a body besides its readings; both (3,), in the world frame."""
 
     gravity: Array
@@ -137,9 +137,9 @@ class World(NamedTuple):
     """Rate at which the world turns [rad/s]."""
 
 
-def world_of(gravity: Sequence[float], earth_rate: Sequence[float]) -> World:
+def world_vectors(gravity: Sequence[float], earth_rate: Sequence[float]) -> WorldVectors:
     """Return a world of its vectors."""
-    return World(np.array(gravity, dtype=np.float64), np.array(earth_rate, dtype=np.float64))
+    return WorldVectors(np.array(gravity, dtype=np.float64), np.array(earth_rate, dtype=np.float64))
 
 
 class States(NamedTuple):
@@ -154,7 +154,12 @@ class States(NamedTuple):
 
 
 def states(
-    position: Array, velocity: Array, q_wb: Array, h: Array, increment: Increments, world: World
+    position: Array,
+    velocity: Array,
+    q_wb: Array,
+    h: Array,
+    increment: Increments,
+    world: WorldVectors,
 ) -> States:
     """Return the states from that at the start on.
 

@@ -137,7 +137,7 @@ class Stepper:
         self.correction = correction
         """The known errors of the readings; a new one applies from the next reading on."""
         self._max_gap_ns = max_gap * 1e9
-        self._world = increments.world_of(gravity, earth_rate)
+        self._world = increments.world_vectors(gravity, earth_rate)
         self._method, self._attitude = method, attitude
         self.reset(initial)
 

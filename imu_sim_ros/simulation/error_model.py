@@ -9,7 +9,6 @@ simulation's, bit for bit, in blocks of any size.
 """
 
 import dataclasses
-from collections import deque
 from collections.abc import Callable, Collection, Iterator
 from typing import Any, Final
 
@@ -108,7 +107,7 @@ class ErrorModel:
         """Samples since the last restart, missing ones too."""
         self._imu: Imu | None = None
         self._last_ns: int | None = None
-        self._recent_ns: deque[int] = deque(maxlen=_LOOKED_BACK)
+        self._recent_ns = np.empty(0, np.int64)
         """The last stamps."""
         self._held: GivenReadings | None = None
         """The last reading, which the sensor goes on with during a gap."""
@@ -239,12 +238,12 @@ class ErrorModel:
     def _without_gaps(self, given: GivenReadings) -> Iterator[tuple[GivenReadings, int]]:
         """Yield readings without a gap, each part with the samples missing before it."""
         before = len(self._recent_ns)
-        t_ns = np.concatenate([np.array(self._recent_ns, np.int64), given.t_ns])
-        self._recent_ns.extend(t_ns[-_LOOKED_BACK:].tolist())
+        t_ns = np.concatenate([self._recent_ns, given.t_ns])
+        self._recent_ns = t_ns[-_LOOKED_BACK:]
         begin = missing = 0
-        for k in (np.flatnonzero(t_ns[1:] - t_ns[:-1] > 1.5 * self._nominal_ns) + 1).tolist():
-            if k < before:
-                continue
+        since = max(before, 1)
+        long = t_ns[since:] - t_ns[since - 1 : -1] > 1.5 * self._nominal_ns
+        for k in (np.flatnonzero(long) + since).tolist() if long.any() else ():
             if k > before:
                 yield given.at(slice(begin, k - before)), missing
             begin, missing = k - before, self._missing(t_ns[: k + 1])

@@ -145,6 +145,8 @@ class ErrorModelNode(ConfiguredNode):
 
     def _reading(self, topic: str, payload: bytes) -> Reading | None:
         try:
+            if not self._oriented:
+                return decode.imu_reading(payload), None
             return decode.ideal_reading(payload)
         except InputError as error:
             self._refuse(topic, error)
