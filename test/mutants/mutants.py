@@ -52,15 +52,15 @@ MUTANTS = (
     # A driven Gauss-Markov bias is sqrt(2) too strong.
     Mutant(
         "sensors/errors/noise.py",
-        "self._sigma = (sigma + density * np.sqrt(0.5 * self._tau))[:, None]",
-        "self._sigma = (sigma + density * np.sqrt(self._tau))[:, None]",
+        "self._sigma = sigma + density * np.sqrt(0.5 * self._tau)",
+        "self._sigma = sigma + density * np.sqrt(self._tau)",
         ("sensor/test_noise.py", "-k", "gauss_markov"),
     ),
     # The lever arm's tangential acceleration has the wrong sign.
     Mutant(
         "sensors/imu/ideal.py",
-        "force += cross(motion.angular_acceleration.T, arm)",
-        "force -= cross(motion.angular_acceleration.T, arm)",
+        "force += cross(motion.angular_acceleration, arm)",
+        "force -= cross(motion.angular_acceleration, arm)",
         ("sensor/ideal/test_ideal.py", "-k", "lever_arm"),
     ),
     # Coriolis' acceleration is half.
@@ -73,8 +73,8 @@ MUTANTS = (
     # Driving north turns the local level the wrong way.
     Mutant(
         "sensors/gravity.py",
-        "transport_rate=np.stack([-lat_1, lon_1 * cosine, lon_1 * sine]),",
-        "transport_rate=np.stack([lat_1, lon_1 * cosine, lon_1 * sine]),",
+        "transport_rate=_vectors(-lat_1, lon_1 * cosine, lon_1 * sine),",
+        "transport_rate=_vectors(lat_1, lon_1 * cosine, lon_1 * sine),",
         ("sensor/ideal/test_curved_earth.py", "-k", "newtons_law"),
     ),
     # The clock's drift is twice what it should be.
