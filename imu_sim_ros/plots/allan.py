@@ -37,7 +37,7 @@ def figure(result: AllanResult, source: str = "") -> Figure:
 
     :param source: name of the bag or the sensor, for the title.
     """
-    picture, panels = style.panels(1, 2, 12.0, 5.9)
+    picture, panels = style.panels(1, 2, 10.0, 5.6)
     for triad, axes in enumerate(panels):
         _draw_triad(result, triad, axes)
     named = f"{source}: o" if source else "O"

@@ -17,7 +17,7 @@ Series = tuple[Array, Array]
 """Times (n,) [s], and a value at each (n,)."""
 
 _MAX_POINTS: Final = 4000
-_LARGEST_VIEW: Final = 1.5
+_LARGEST_VIEW: Final = 4.0
 """Half the width of a view, in extents of the truth."""
 _SHOWN_FROM: Final = 0.02
 """Part of the errors that may lie below the picture."""
@@ -42,7 +42,7 @@ def trajectories(
     """
     with_errors = bool(position_errors)
     rows = 2 if with_errors else 1
-    figure, axes = style.panels(rows + 1, 2, 11.0, 3.5 * rows + 0.8)
+    figure, axes = style.panels(rows + 1, 2, 9.0, 3.1 * rows + 0.8)
     looks = _looks(list(paths))
     for axis, (across, up) in zip(axes[:2], ((0, 1), (0, 2)), strict=True):
         _view(axis, paths, truth, looks, across, up)
@@ -72,7 +72,7 @@ def evaluation(
     :param attitude_error: (n, 3) rotation vectors about the world's axes [rad].
     :param title: contents and source of the picture.
     """
-    figure, axes = style.panels(2, 2, 11.0, 7.2)
+    figure, axes = style.panels(2, 2, 9.0, 6.4)
     looks = _looks(["estimate"])
     _view(axes[0], {"estimate": estimate}, truth, looks, 0, 1)
     _view(axes[1], {"estimate": estimate}, truth, looks, 0, 2)
@@ -83,11 +83,11 @@ def evaluation(
     ):
         for k, (name, colour) in enumerate(style.AXIS_COLOURS.items()):
             rms = float(np.sqrt(np.mean(np.square(errors[:, k]))))
-            words = f"{name}: {rms:.3g} {unit} rms"
+            words = f"{name}: {rms:.3g} {unit}"
             axis.plot(_thinned(t), _thinned(errors[:, k]), color=colour, label=words)
         axis.set_xlabel("time [s]")
         axis.set_ylabel(label)
-        style.legend_above(axis, ncols=3)
+        style.legend_above(axis, ncols=3, title="root mean square")
     axes[0].legend(loc="best", ncols=2)
     figure.suptitle(title)
     return figure
@@ -106,13 +106,11 @@ def _legend(figure: Figure, axes: Sequence[Axes], finals: Mapping[str, str]) -> 
     row.axis("off")
     handles, labels = axes[0].get_legend_handles_labels()
     words = [finals.get(label, label) for label in labels]
-    columns = 4 if len(words) % 4 != 1 else 5
+    columns = min(3, len(words))
     lines = -(-len(words) // columns)
-    grid.set_height_ratios([1.0] * (grid.nrows - 1) + [0.03 + 0.055 * (lines + bool(finals))])
+    grid.set_height_ratios([1.0] * (grid.nrows - 1) + [0.03 + 0.07 * (lines + bool(finals))])
     title = "position error at the end" if finals else None
-    row.legend(
-        handles, words, loc="center", ncols=columns, frameon=False, fontsize=8.0, title=title
-    )
+    row.legend(handles, words, loc="center", ncols=columns, frameon=False, title=title)
 
 
 def _view(

@@ -30,7 +30,7 @@ _SETTINGS: Final[Any] = {
     "font.size": 9.0,
     "axes.titlesize": 10.0,
     "axes.labelsize": 9.0,
-    "legend.fontsize": 8.0,
+    "legend.fontsize": 9.0,
     "lines.linewidth": 1.3,
 }
 _PIXELS_PER_INCH: Final = 130
@@ -136,7 +136,16 @@ def legend_above(axes: Axes, ncols: int, title: str | None = None) -> None:
     axes.autoscale_view()
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + (0.3 if title else 0.16) * (high - low), auto=True)
-    axes.legend(title=title, loc="upper center", ncols=ncols, fontsize=7.5, framealpha=0.9)
+    axes.legend(
+        title=title,
+        loc="upper center",
+        ncols=ncols,
+        fontsize=8.0,
+        title_fontsize=8.0,
+        handlelength=1.5,
+        columnspacing=1.2,
+        framealpha=0.9,
+    )
 
 
 def save(picture: Figure, path: str | Path) -> None:
