@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final, NoReturn
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imu_sim_ros.errors import ArgumentTypeError, ConfigurationError
 from imu_sim_ros.names import shown, suggestion
@@ -159,10 +160,7 @@ def array(name: str, value: Any, shape: tuple[int | None, ...], finite: bool = T
     """
     words = ", ".join("n" if length is None else str(length) for length in shape)
     allowed = f"finite numbers of the shape ({words}{',' if len(shape) == 1 else ''})"
-    try:
-        found = np.asarray(value)
-    except (ValueError, TypeError):
-        refuse(name, value, allowed, wrong_type=True)
+    found = _plain(name, value, allowed)
     if found.dtype.kind not in "iuf":
         refuse(name, value, allowed, wrong_type=True)
     fits = found.ndim == len(shape) and all(
@@ -176,16 +174,26 @@ def array(name: str, value: Any, shape: tuple[int | None, ...], finite: bool = T
     return result
 
 
+def _plain(name: str, value: Any, allowed: str) -> NDArray[Any]:
+    """Return what is like an array as one; values that are masked are missing, and refused."""
+    masked = np.ma.count_masked(value) if isinstance(value, np.ma.MaskedArray) else 0
+    if masked:
+        raise ConfigurationError(
+            f"{name}: {masked} of {np.size(value)} values are masked: leave these rows out"
+        )
+    try:
+        return np.asarray(value)
+    except (ValueError, TypeError):
+        refuse(name, value, allowed, wrong_type=True)
+
+
 def stamps(name: str, value: Any) -> Integers:
     """Return stamps [ns], (n,) integers.
 
     :raises ConfigurationError: for anything else.
     """
     allowed = "whole nanoseconds, an array of integers (n,)"
-    try:
-        found = np.asarray(value)
-    except (ValueError, TypeError):
-        refuse(name, value, allowed, wrong_type=True)
+    found = _plain(name, value, allowed)
     if found.dtype.kind not in "iu":
         refuse(name, value, allowed, wrong_type=True)
     if found.ndim != 1:

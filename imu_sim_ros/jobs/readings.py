@@ -217,13 +217,15 @@ def checked_poses(name: str, given: HasPoses) -> PoseSequence:
 
     :param name: of the argument.
     :raises ConfigurationError: for arrays of another type or shape.
-    :raises InputError: as :class:`PoseSequence` does.
+    :raises InputError: as :class:`PoseSequence` does, and if there are none.
     """
-    if isinstance(given, PoseSequence):
-        return given
     if not all(hasattr(given, each) for each in ("t_ns", "position", "q_wb")):
         refuse(name, given, "a Track, an Odometry or another object with poses", True)
-    return PoseSequence(given.t_ns, given.position, given.q_wb, name=name)
+    if not isinstance(given, PoseSequence):
+        given = PoseSequence(given.t_ns, given.position, given.q_wb, name=name)
+    if not len(given.t_ns):
+        raise InputError(f"{name}: contains no poses")
+    return given
 
 
 _ROUNDED: Final = 1e-3

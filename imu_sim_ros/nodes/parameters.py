@@ -3,10 +3,12 @@
 
 """The bridge between a section of parameters and the parameters of a ROS node."""
 
+import functools
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
@@ -31,6 +33,9 @@ _TYPES = {
     "numbers": RosParameter.Type.DOUBLE_ARRAY,
     "texts": RosParameter.Type.STRING_ARRAY,
 }
+
+
+_TYPES_OF_ROS = frozenset(each.value for each in RosParameter.Type)
 
 
 class ConfiguredNode(Node):
@@ -77,6 +82,19 @@ class ConfiguredNode(Node):
     def get_logger(self) -> Any:
         """Return the node's logger; rclpy's own method has no type annotation."""
         return super().get_logger()  # type: ignore[no-untyped-call]
+
+    def create_service(
+        self, service: Any, name: str, callback: Callable[..., Any], **options: Any
+    ) -> Any:
+        """Create a service; those of rclpy that set parameters refuse values of unknown types.
+
+        An exception of a callback would end the node.
+        """
+        if service is SetParameters:
+            callback = functools.partial(_set_each, callback)
+        elif service is SetParametersAtomically:
+            callback = functools.partial(_set_all, callback)
+        return super().create_service(service, name, callback, **options)
 
     def apply(self, new: Any) -> None:
         """Apply new parameters, all of them valid; a subclass acts on them and may still refuse.
@@ -160,6 +178,34 @@ class ConfiguredNode(Node):
             return SetParametersResult(successful=False, reason="; ".join(error.problems))
         self.parameters = new
         return SetParametersResult(successful=True)
+
+
+def _set_each(callback: Callable[..., Any], request: Any, response: Any) -> Any:
+    """Answer SetParameters: one result for each parameter."""
+    for one in request.parameters:
+        refused = _of_unknown_type([one])
+        if refused is not None:
+            response.results.append(refused)
+        else:
+            single = SetParameters.Request(parameters=[one])
+            response.results += callback(single, SetParameters.Response()).results
+    return response
+
+
+def _set_all(callback: Callable[..., Any], request: Any, response: Any) -> Any:
+    """Answer SetParametersAtomically: one result for all."""
+    refused = _of_unknown_type(request.parameters)
+    if refused is None:
+        return callback(request, response)
+    response.result = refused
+    return response
+
+
+def _of_unknown_type(messages: Iterable[Any]) -> SetParametersResult | None:
+    """Return the refusal of values whose type is none of ROS; None: there are none."""
+    bad = [one for one in messages if one.value.type not in _TYPES_OF_ROS]
+    reasons = [f"{one.name}: a value of the unknown type {one.value.type}" for one in bad]
+    return SetParametersResult(successful=False, reason="; ".join(reasons)) if bad else None
 
 
 def plain(parameter: RosParameter) -> object:

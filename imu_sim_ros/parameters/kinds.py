@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from imu_sim_ros.conventions import GRAVITY
+from imu_sim_ros.inputs import gate
 
 Vector: TypeAlias = tuple[float, float, float]
 Matrix: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
@@ -28,6 +29,18 @@ SMALLEST = 1e-30
 LARGEST = 1e30
 """No number of the field is smaller, but 0, or larger; beyond them products leave the range of
 floats."""
+_POSSIBLE = {
+    "rad/s": gate.RATE,
+    "(rad/s)/": gate.RATE,
+    "m/s^": gate.FORCE,
+    "m/s": gate.VELOCITY,
+    "m": gate.POSITION,
+    "T": gate.FIELD,
+    "Pa": gate.PRESSURE,
+    "degC": gate.TEMPERATURE,
+}
+"""What the gate takes for possible, by the beginning of the unit, the longer ones first; densities
+and coefficients that alone make larger readings are none either."""
 
 METADATA = "parameter"
 """Key of a field's description in the dataclass."""
@@ -109,6 +122,12 @@ class Parameter:
         text, unit = self.text.format_map(words), self.unit.format_map(words)
         return dataclasses.replace(self, text=text, unit=unit)
 
+    @cached_property
+    def largest(self) -> float:
+        """The largest size that is possible at all; a reading of it still passes the gate."""
+        found = (one.largest for start, one in _POSSIBLE.items() if self.unit.startswith(start))
+        return next(found, LARGEST)
+
     def in_range(self, number: float) -> bool:
         """Return whether a number is in the parameter's range."""
         low = number > self.minimum if self.above_minimum else number >= self.minimum
@@ -121,7 +140,7 @@ def _number(parameter: Parameter, value: object) -> float:
     number = float(value)
     if not math.isfinite(number) or not parameter.in_range(number):
         raise ValueError
-    if number and not SMALLEST <= abs(number) <= LARGEST:
+    if number and not SMALLEST <= abs(number) <= parameter.largest:
         raise SizeError
     return number
 

@@ -12,7 +12,7 @@ from typing import Any, Final, TypeVar, cast
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import shown, suggestion
-from imu_sim_ros.parameters.kinds import LARGEST, METADATA, SMALLEST, Parameter, SizeError, Value
+from imu_sim_ros.parameters.kinds import METADATA, SMALLEST, Parameter, SizeError, Value
 
 _T = TypeVar("_T")
 _SECTION_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
@@ -167,7 +167,8 @@ def parse(name: str, parameter: Parameter, value: object) -> Value:
         return parameter.parse(value)
     except SizeError:
         raise ConfigurationError(
-            f"{name} = {shown(value)}: must be 0 or of a size from {SMALLEST:g} to {LARGEST:g}"
+            f"{name} = {shown(value)}: must be 0 or of a size from {SMALLEST:g} to "
+            f"{parameter.largest:g} {parameter.unit}".rstrip()
         ) from None
     except (ValueError, TypeError, OverflowError):
         allowed = f"must be {parameter.allowed()}"

@@ -295,6 +295,8 @@ def _checked(
     arrays = []
     for quantity, width, values in zip(quantities, widths, found, strict=True):
         try:
+            if isinstance(values, np.ma.MaskedArray):
+                values = values.astype(np.float64).filled(math.nan)
             array = np.asarray(values, dtype=np.float64)
         except (TypeError, ValueError):
             refuse(f"{name}: {quantity.name}", values, allowed, wrong_type=True)

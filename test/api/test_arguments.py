@@ -194,3 +194,69 @@ def test_a_parameter_of_a_named_motion_is_above_its_file():
     other = {"trajectory.type": "drive", "trajectory.speed_limit": 0.3}
     flight = ims.simulate(trajectory="square", duration=1.0, **other)
     assert flight.parameters.trajectory.speed_limit == 1.5
+
+
+EMPTY = ims.PoseSequence(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 4)))
+
+
+@pytest.mark.parametrize(
+    ("function", "name"),
+    [
+        (lambda flight: ims.evaluate(EMPTY, flight.truth), "estimate"),
+        (lambda flight: ims.evaluate(flight.truth, EMPTY), "truth"),
+        (lambda flight: ims.evaluate(EMPTY, EMPTY), "estimate"),
+        (lambda _: ims.twin(ims.simulate(trajectory="lecture", duration=2), EMPTY), "truth"),
+        (lambda flight: ims.simulate(trajectory=EMPTY), "trajectory"),
+    ],
+)
+def test_poses_without_a_pose_are_refused(flight, function, name):
+    with pytest.raises(ims.InputError, match=rf"^(\+ )?{name}: contains no poses$"):
+        function(flight)
+
+
+def masked(values, row):
+    found = np.ma.masked_array(values, mask=False)
+    found[row] = np.ma.masked
+    return found
+
+
+@pytest.mark.parametrize(
+    ("function", "name"),
+    [
+        (lambda f: ims.Readings(f.t_ns, masked(f.gyro, 5), f.accel), "gyro: 3 of 1200"),
+        (lambda f: ims.Readings(masked(f.t_ns, 5), f.gyro, f.accel), "t_ns: 1 of 400"),
+        (lambda f: ims.add_errors(f.t_ns, f.gyro, masked(f.accel, 0), imu="bmi088"), "accel: 3 of"),
+        (lambda f: ims.simulate(trajectory=masked(np.zeros((9, 7)), 3)), "trajectory: 7 of 63"),
+        (lambda f: ims.preintegrate(f, every=1, gyro_bias=masked(np.zeros(3), 1)), "gyro_bias: 1"),
+    ],
+)
+def test_masked_values_are_missing_ones(flight, function, name):
+    with pytest.raises(ims.ConfigurationError, match=f"^{name}.* values are masked: leave these"):
+        function(flight)
+
+
+def test_a_masked_array_of_which_nothing_is_masked_is_an_array(flight):
+    given = [np.ma.masked_array(one, mask=False) for one in (flight.gyro, flight.accel)]
+    readings = ims.Readings(flight.t_ns, *given)
+    assert type(readings.gyro) is np.ndarray
+
+
+def test_a_function_s_masked_poses_are_missing():
+    def poses(t):
+        return masked(np.zeros((len(t), 3)), 0), np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1))
+
+    with pytest.raises(ims.ConfigurationError, match="a value that is not finite: position"):
+        ims.simulate(trajectory=poses, duration=1)
+
+
+def test_a_noise_of_a_model_that_no_sensor_has_is_refused(tmp_path):
+    noise = "<noise type='gaussian'><stddev>1e20</stddev></noise>"
+    imu = f"<imu><angular_velocity><x>{noise}</x></angular_velocity></imu>"
+    sensor = f"<sensor name='imu' type='imu'><update_rate>100</update_rate>{imu}</sensor>"
+    file = tmp_path / "model.sdf"
+    file.write_text(f"<sdf><model name='m'><link name='l'>{sensor}</link></model></sdf>")
+    line = r"imu: imu.gyroscope_noise_density = .*: must be 0 or of a size from 1e-30 to 100000"
+    with pytest.raises(ims.InputError, match=line):
+        ims.from_sdf(file)
+    with pytest.raises(ims.ImuSimError, match=line):
+        ims.simulate(imu=file, duration=1)

@@ -19,6 +19,8 @@ from imu_sim_ros.conventions import AXES, IMU_FRAME, TRIADS
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import number_of, read_text, shortened
 from imu_sim_ros.inputs.xml_text import Element, parsed
+from imu_sim_ros.parameters.sections import bad_values, parameters
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
 
 _QUANTITIES: Final = {"gyroscope": "angular_velocity", "accelerometer": "linear_acceleration"}
 _OLD_QUANTITIES: Final = {"gyroscope": "rate", "accelerometer": "accel"}
@@ -84,6 +86,10 @@ def read(path: str | Path, sensor: str | None = None) -> Described:
     if len(found) > 1:
         raise InputError(f"{file}: has several IMUs named {found[0].name}; give them other names")
     taken = found[0]
+    known = {f"imu.{name}": one for name, one in parameters(ImuParameters).items()}
+    problems = list(bad_values(known, taken.parameters))
+    if problems:
+        raise InputError([f"{file}: {taken.name}: {line}" for line in problems])
     return taken._replace(parameters={**taken.parameters, "imu.preset": f"{file}#{taken.name}"})
 
 

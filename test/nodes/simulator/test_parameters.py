@@ -246,3 +246,25 @@ def test_a_dump_of_a_node_with_remappings_starts_again(start: Any) -> None:
     (note,) = [line for line in node.output.splitlines() if "WARN" in line and "qos_" in line]
     assert "qos_overrides.* of /imu0 ignored: the topics published here are" in note
     assert "published 100 messages on imu/data_raw" in node.output
+
+
+@pytest.mark.parametrize("name", ["simulator", "integrator", "recorder", "error_model"])
+def test_a_value_of_a_type_that_ros_does_not_have_is_refused(
+    start: Any, listener: Any, tmp_path: Path, name: str
+) -> None:
+    """For it rclpy raises in the callback of its service, which used to end the node."""
+    from rcl_interfaces.msg import Parameter, ParameterValue
+    from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+
+    output = {"output": tmp_path / "bag"} if name == "recorder" else {}
+    node = start(name, **output)
+    bad = Parameter(name="strange", value=ParameterValue(type=99))
+    good = Parameter(name="use_sim_time", value=ParameterValue(type=1, bool_value=False))
+    each = listener.call(f"{name}/set_parameters", SetParameters, parameters=[bad, good]).results
+    assert [one.successful for one in each] == [False, True]
+    assert each[0].reason == "strange: a value of the unknown type 99"
+    service = f"{name}/set_parameters_atomically"
+    result = listener.call(service, SetParametersAtomically, parameters=[good, bad]).result
+    assert not result.successful
+    assert listener.call(service, SetParametersAtomically, parameters=[good]).result.successful
+    assert node.process.poll() is None
