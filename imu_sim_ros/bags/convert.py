@@ -4,6 +4,7 @@
 """Conversion between bags and datasets, block by block."""
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
@@ -81,7 +82,7 @@ def bag_to_bag(
     warned: Warned | None = None,
     more: More | None = None,
     ungated: str = "",
-) -> None:
+) -> list[str]:
     """Copy topics of any type; bytes are unchanged if the encoding is.
 
     :param renamed: new names by old ones.
@@ -89,16 +90,20 @@ def bag_to_bag(
     :param skipped, warned: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
     :param more: makes further messages for each block of messages, in a thread of its own.
     :param ungated: a topic whose messages are checked elsewhere.
+    :returns: a line for each topic and type whose fields differ in the other generation of ROS.
     """
     with errors_naming(bag.path):
         translate = _translator(bag, writer, topics)
     handles: dict[TopicInfo, BagTopic] = {}
+    lines: list[str] = []
     keeps_seq = bag.encoding == "ros1"
     for info in topics:
         name = renamed.get(info.name, info.name)
         handles[info] = writer.add_topic(
             name, info.type, info.qos, translate.schema(info), keeps_seq
         )
+        if info.count:
+            lines += [f"{name}: {line}" for line in translate.differences(info)]
     gates = {info: MessageGate(bag.path, info.name, warned is not None) for info in topics}
     groups = bag.groups({info.name for info in topics})
     for group, beside_it in _with_more(groups, more):
@@ -116,6 +121,7 @@ def bag_to_bag(
         advance(sum(len(block.t_ns) for block in blocks))
     for gate in gates.values():
         gate.settle(skipped, warned)
+    return lines
 
 
 def _with_more(
@@ -140,6 +146,10 @@ class _Translator:
             return schemas.schema(info.type, self._encoding)
         return info.schema
 
+    def differences(self, info: TopicInfo) -> list[str]:
+        """Return a line for each type within a topic's whose fields differ in the new bag."""
+        return []
+
     def payloads(self, block: MessageBlock) -> Payloads:
         """Return the messages for the new bag."""
         return block.payloads
@@ -152,11 +162,16 @@ class _Between(_Translator):
         super().__init__(target)
         self._source = source
         self._types = schemas.typestore([(info.type, info.schema) for info in topics], source)
-        self._translated = schemas.translated(self._types, target)
+        self._translation = schemas.Translation(self._types, target)
+        self._convert = cache(self._translation.converter)
 
     def schema(self, info: TopicInfo) -> schemas.Schema:
         """Return the definition in the other ROS version's form."""
-        return schemas.schema(info.type, self._encoding, self._translated)
+        return schemas.schema(info.type, self._encoding, self._translation.result)
+
+    def differences(self, info: TopicInfo) -> list[str]:
+        """Return a line for each type within a topic's whose fields differ."""
+        return self._translation.differences(info.type)
 
     def payloads(self, block: MessageBlock) -> Payloads:
         """Return the messages in the other encoding."""
@@ -165,11 +180,8 @@ class _Between(_Translator):
             return quick
         type_name = block.topic.type
         with errors_naming(Path(block.topic.name)):
-            if self._encoding == "ros1":
-                convert = self._types.cdr_to_ros1
-            else:
-                convert = self._translated.ros1_to_cdr
-            return [bytes(convert(message, type_name)) for message in as_list(block.payloads)]
+            convert = self._convert(type_name)
+            return [bytes(convert(message)) for message in as_list(block.payloads)]
 
 
 def _translator(bag: Bag, writer: Writer, topics: Sequence[TopicInfo]) -> _Translator:

@@ -127,7 +127,7 @@ class BagErrors:
         :param remark: receives what looks like a mistake, a line each.
         """
         self._bag, self._source, self._parameters, self._names = bag, source, parameters, names
-        self._offered = offered(mounted(parameters))
+        self._offered, self._remark = offered(mounted(parameters)), remark
         self.model = ErrorModel(parameters, sensors_of(names, self._offered), remark)
         self._odometry = Differentiator(parameters) if source.type == ODOMETRY else None
         of_imu = _ORIENTED if self.model.uses_orientation else _READING
@@ -158,11 +158,13 @@ class BagErrors:
         topics = [*copied, *([] if self._source in copied else [self._source])]
         if self._source in copied:
             more, name = self._more, self._source.name
-            convert.bag_to_bag(
+            lines = convert.bag_to_bag(
                 self._bag, writer, topics, renamed, advance, None, warned, more, name
             )
         else:
-            self._write_without_source(writer, copied, renamed, advance, warned)
+            lines = self._write_without_source(writer, copied, renamed, advance, warned)
+        for line in lines:
+            self._remark(line)
         if skipped is not None and self._bad.rows:
             skipped(self._bad.rows)
         elif self._bad.rows:
@@ -175,15 +177,16 @@ class BagErrors:
         renamed: Mapping[str, str],
         advance: Callable[[int], object],
         warned: Warned | None,
-    ) -> None:
+    ) -> list[str]:
         """Write the sensor's topics, then copy the others; bags are ordered when they are read."""
         groups = self._bag.groups({self._source.name})
         made = ((self._more(block), len(block.t_ns)) for group in groups for block in group)
         for blocks, count in prefetch(made):
             writer.write_blocks(blocks)
             advance(count)
-        if copied:
-            convert.bag_to_bag(self._bag, writer, copied, renamed, advance, None, warned)
+        if not copied:
+            return []
+        return convert.bag_to_bag(self._bag, writer, copied, renamed, advance, None, warned)
 
     def _more(self, block: MessageBlock) -> list[Block]:
         """Return the sensor's messages for some of the ideal ones."""

@@ -317,7 +317,9 @@ class _Job:
             self.watcher.progress(total) as advance,
         ):
             refused = self.watcher.skipped, self.watcher.warned
-            streams.bag_to_bag(bag, writer, topics, self.renamed, advance, *refused)
+            lines = streams.bag_to_bag(bag, writer, topics, self.renamed, advance, *refused)
+        for line in lines:
+            self.watcher.warn(line)
         return _tally(writer)
 
     def _bag_to_dataset(self, bag: Bag, topics: Sequence[Any]) -> Counts:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Final
 
 sys.path.insert(0, str(Path(__file__).parent))
+import documents
 import folders
 import processes
 
@@ -308,16 +309,24 @@ def _mesh(dice: random.Random, sound: Path, place: Path) -> tuple[str, list[str]
         "m.ply": "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
         "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
         "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
+        "m.stl": "solid m\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\n"
+        "vertex 0 1 0\nendloop\nendfacet\nendsolid m\n",
     }
     for name, text in names.items():
         content = bytearray(text.encode(errors="replace"))
         for _ in range(dice.choice([0, 0, 1, 5])):
             content[dice.randrange(len(content))] = dice.randrange(256)
+        if name == "m.gltf" and dice.random() < 0.5:  # as binary, in which lengths may lie
+            lengths = [len(content), 12 + 8 + len(content)]
+            lengths[dice.randrange(2)] += dice.choice([0, 0, -1, 1, 1 << 31])
+            head = struct.pack("<4sIIII", b"glTF", 2, lengths[1] % 2**32, lengths[0] % 2**32,
+                               0x4E4F534A)  # fmt: skip
+            (folder / "m.glb").write_bytes(head + bytes(content))
         (folder / name).write_bytes(content[: dice.choice([None, None, dice.randrange(200)])])
     if dice.random() < 0.3:
         folders.obstacle(dice, folder / dice.choice(["x.png", "m.mtl", "m.obj", "m.ply"]))
     result = ["-o", "o", "--format", "tracks", "--duration", "0.1s", "--camera", "euroc_cam0"]
-    mesh = folder / dice.choice(["m.obj", "m.gltf", "m.ply"])
+    mesh = folder / dice.choice(["m.obj", "m.gltf", "m.ply", "m.stl", "m.glb"])
     return "generate", [*result, "--set", "scene.type=mesh", "--set", f"scene.mesh={mesh}"]
 
 
@@ -332,4 +341,7 @@ MAKERS: Final = {
     "poses": _poses,
     "cameras": _cameras,
     "mesh": _mesh,
+    "route": documents.route,
+    "rinex": documents.rinex,
+    "sdf": documents.sdf,
 }

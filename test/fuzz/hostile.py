@@ -27,6 +27,7 @@ from typing import Final, NamedTuple
 sys.path.insert(0, str(Path(__file__).parent))
 import calls
 import cases
+import documents
 import folders
 import live
 import processes
@@ -92,6 +93,9 @@ class Inputs:
             (folder / "plan.yaml").write_text(folders.PLAN)
             status, error, _ = called(program, words)
             assert status == 0, error
+        words = ["-o", str(folder / "navigation.mcap"), *documents.NAVIGATION]
+        status, error, _ = called("generate", words)
+        assert status == 0, error
         (folder / "poses.txt").write_text("\n".join(cases.POSES) + "\n")
         (folder / "file.yaml").write_text("/**:\n  ros__parameters: {rate: 100.0}\n")
         self.digests = self._digests()

@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 
 import struct
 from collections.abc import Callable, Sequence
+from types import SimpleNamespace
 from typing import Any, Final
+
+import numpy as np
 
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 
@@ -68,7 +71,7 @@ def schema(type_name: str, encoding: str, types: "Typestore | None" = None) -> S
     standard = known_types(encoding)
     if type_name not in standard.fielddefs and encoding == "ros1":
         # Noetic's types are known without tf2_msgs, whose fields are those of ROS 2.
-        standard = translated(known_types("cdr"), encoding)
+        standard = Translation(known_types("cdr"), encoding).result
     types = types or standard
     if type_name not in types.fielddefs:
         raise InputError(f"{type_name}: the definition of this message type is not known")
@@ -116,22 +119,122 @@ def typestore(schemas: Iterable[tuple[str, Schema]], encoding: str) -> "Typestor
     return store
 
 
-def translated(types: "Typestore", encoding: str) -> "Typestore":
-    """Return a bag's types as the other generation of ROS has them.
+_HEADER: Final = "std_msgs/msg/Header"
+_NAMES: Final = {"cdr": "ROS 2", "ros1": "ROS 1"}
 
-    Only the header differs in its bytes: ROS 1 counts messages in it.
 
-    :param encoding: of the result.
+class Translation:
+    """A bag's types as the other generation of ROS has them, and their messages.
+
+    A type that comes with the other generation has its definition there, any other one keeps its
+    own. In most of them only the header differs in its bytes: ROS 1 counts messages in it. Where
+    the fields themselves differ (sensor_msgs/Range, visualization_msgs/Marker), messages are
+    translated field by field.
     """
-    from rosbags.typesys import Stores, get_typestore
 
-    header = "std_msgs/msg/Header"
-    fields = dict(types.fielddefs)
-    if header in fields:
-        fields[header] = known_types(encoding).fielddefs[header]
-    store = get_typestore(Stores.EMPTY)
-    store.register(fields)
-    return store
+    def __init__(self, types: "Typestore", encoding: str) -> None:
+        """Translate the types.
+
+        :param encoding: of the result.
+        """
+        from rosbags.typesys import Stores, get_typestore
+
+        standard = known_types(encoding)
+        fields = dict(types.fielddefs)
+        for name in types.fielddefs:
+            if standard.fielddefs.get(name, fields[name]) != fields[name]:
+                fields.update({part: standard.fielddefs[part] for part in _closure(name, standard)})
+        self.result = get_typestore(Stores.EMPTY)
+        """The types in the other generation."""
+        self.result.register(fields)
+        self._types, self._encoding = types, encoding
+
+    def converter(self, name: str) -> "Callable[[bytes], Any]":
+        """Return what turns a message of a type into its bytes in the other generation."""
+        ours, theirs = self._types, self.result
+        if self._encoding == "ros1":
+            if self._has_same_fields(name):
+                return lambda data: ours.cdr_to_ros1(data, name)
+            return lambda data: theirs.serialize_ros1(
+                self._translated(ours.deserialize_cdr(data, name), name), name
+            )
+        if self._has_same_fields(name):
+            return lambda data: theirs.ros1_to_cdr(data, name)
+        return lambda data: theirs.serialize_cdr(
+            self._translated(ours.deserialize_ros1(data, name), name), name
+        )
+
+    def differences(self, name: str) -> list[str]:
+        """Return a line for each type within a type whose fields differ."""
+        if self._has_same_fields(name):
+            return []
+        before, after = ({n.lower() for n, _ in store.fielddefs[name][1]} for store in self._stores)
+        lost, new = sorted(before - after), sorted(after - before)
+        words = [f"{', '.join(lost)} left out"] * bool(lost)
+        words += [f"{', '.join(new)} 0 or empty"] * bool(new)
+        own = [f"{ros1_name(name)} of {_NAMES[self._encoding]} is another one: {'; '.join(words)}"]
+        parts = {part for _, kind in self.result.fielddefs[name][1] if (part := _nested(kind))}
+        known = sorted(parts & self._types.fielddefs.keys() - {name})
+        return own * bool(words) + [line for part in known for line in self.differences(part)]
+
+    @property
+    def _stores(self) -> "tuple[Typestore, Typestore]":
+        return self._types, self.result
+
+    def _has_same_fields(self, name: str) -> bool:
+        """Return whether a type has the same fields in both, whatever their names, but headers."""
+        if name == _HEADER:
+            return True
+        before, after = ([kind for _, kind in one.fielddefs[name][1]] for one in self._stores)
+        return before == after and all(
+            map(self._has_same_fields, filter(None, map(_nested, after)))
+        )
+
+    def _translated(self, message: object, name: str) -> Any:
+        """Return a message of the other generation with the fields that both have."""
+        from rosbags.typesys.store import normalize_fieldname
+
+        known = self._types.fielddefs.get(name, ((), ()))[1]
+        given = {
+            field.lower(): getattr(message, normalize_fieldname(field), None) for field, _ in known
+        }
+        fields = self.result.fielddefs[name][1]
+        return self.result.types[name](
+            *(self._value(kind, given.get(field.lower())) for field, kind in fields)
+        )
+
+    def _value(self, kind: Any, value: Any) -> Any:
+        """Return the value of a field; without one, 0 or empty."""
+        from rosbags.interfaces import Nodetype
+
+        node, inner = kind
+        if node == Nodetype.NAME:
+            return self._translated(value if value is not None else SimpleNamespace(), inner)
+        if node == Nodetype.BASE:
+            return value if value is not None else _nothing(inner)
+        part, length = inner
+        length = length if node == Nodetype.ARRAY else 0
+        if part[0] == Nodetype.NAME:
+            each = value if value is not None else [SimpleNamespace()] * length
+            return [self._translated(one, part[1]) for one in each]
+        if value is not None:
+            return value
+        zero = _nothing(part[1])
+        return [zero] * length if isinstance(zero, str) else np.zeros(length, part[1][0])
+
+
+def _nested(kind: Any) -> "str | None":
+    """Return the type within a field; None for a plain one."""
+    from rosbags.interfaces import Nodetype
+
+    node, inner = kind
+    if node in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+        node, inner = inner[0]
+    return inner if node == Nodetype.NAME else None
+
+
+def _nothing(base: Any) -> "str | int":
+    return "" if base[0] == "string" else 0
 
 
 def _idl_parts(text: str) -> list[str]:
@@ -179,11 +282,13 @@ def recorded_type(type_name: str, text: str, digest: str, encoding: str) -> Reco
     from rosbags.serde import SerdeError
 
     types = typestore([(type_name, found)], "cdr")
-    own = schema(type_name, "ros1", translated(types, "ros1"))
+    translation = Translation(types, "ros1")
+    own = schema(type_name, "ros1", translation.result)
+    convert = translation.converter(type_name)
 
     def to_ros1(payload: bytes) -> bytes:
         try:
-            return bytes(types.cdr_to_ros1(payload, type_name))
+            return bytes(convert(payload))
         except (SerdeError, struct.error, IndexError, ValueError) as error:
             raise BrokenMessageError(f"not a {type_name}: {error}") from None
 
