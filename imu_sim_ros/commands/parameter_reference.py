@@ -36,8 +36,9 @@ This page lists every parameter with its unit, default and range. `make referenc
 
 The same names serve everywhere: in ROS 2 parameter files (`--params-file` of nodes and commands),
 as `-p NAME:=VALUE` after `--ros-args`, as `--NAME VALUE` of a node and as `--set NAME=VALUE` of a
-command. A vector is a list of three, or one number for all three axes; a matrix is a list of nine
-numbers, row by row. Parameters marked with * take a new value while the node runs; all others are
+command. A vector is a list of three, or one number for all three axes; gravity given as a number is
+its magnitude, downwards; a matrix is a list of nine numbers, row by row. A relative path in a file
+is that of a file next to it; if there is none, it is relative to the working directory. Parameters marked with * take a new value while the node runs; all others are
 fixed when it starts. An unknown name or a value out of range is an error, and all errors are
 reported together.
 """

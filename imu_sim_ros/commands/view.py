@@ -21,7 +21,7 @@ from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.commands.common import FORCE, outputs
 from imu_sim_ros.conventions import LANDMARKS_TOPIC
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.jobs.recorded import read_cloud, read_images
+from imu_sim_ros.jobs.recorded import camera_names, read_cloud, read_images
 from imu_sim_ros.jobs.tracks import has_truth, read_track, truth_topic
 from imu_sim_ros.plots.flight_view import FlightView, rerun
 
@@ -94,10 +94,12 @@ def _fill(shown: FlightView, arguments: argparse.Namespace) -> dict[str, Any]:
         found["readings"] += len(readings.t_ns)
     if not is_text(flight):
         found["biases"] = _biases(shown, flight)
-        if not arguments.no_images:
-            for topic in _topics(flight, IMAGE, COMPRESSED_IMAGE):
-                shown.images(topic.strip("/"), read_images(flight, topic))
-                found["images"] += 1
+    if not arguments.no_images:
+        of_folder = is_text(flight)
+        cameras = camera_names(flight) if of_folder else _topics(flight, IMAGE, COMPRESSED_IMAGE)
+        for name in cameras:
+            shown.images(name.strip("/"), read_images(flight, name))
+            found["images"] += 1
     points = _landmarks(flight, arguments.landmarks)
     if len(points):
         shown.points("landmarks", points)

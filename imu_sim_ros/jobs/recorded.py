@@ -1,13 +1,13 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Images and clouds that a bag holds."""
+"""Images and clouds that a bag holds, and the images of a folder."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,16 @@ from imu_sim_ros.arguments import BAG_OR_FILE
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.types import Array
 
+if TYPE_CHECKING:
+    from imu_sim_ros.datasets.recorded import RecordedFrames
+
 
 def read_images(path: str | Path, topic: str | None = None) -> Iterator[tuple[int, NDArray[Any]]]:
-    """Yield the images of a camera in a bag.
+    """Yield the images of a camera in a bag, or in a EuRoC, TUM VI or kalibr_bagcreater folder.
 
-    :param path: the bag.
-    :param topic: topic of type sensor_msgs/Image or CompressedImage; needed if a bag has several.
+    :param path: the bag or the folder.
+    :param topic: topic of type sensor_msgs/Image or CompressedImage, or ``cam0`` of a folder;
+        needed if there are several.
     :returns: an iterator over stamps [ns] and images: (h, w), or (h, w, 3) in red, green and blue;
         uint8, uint16 or float32 as recorded.
     :raises ConfigurationError: for an invalid argument.
@@ -39,14 +43,47 @@ def read_images(path: str | Path, topic: str | None = None) -> Iterator[tuple[in
 
     path = arguments.path("path", path, BAG_OR_FILE)
     name = arguments.topic("topic", topic)
-    with open_bag(path) as bag:
-        offered = [one.name for one in bag.topics if one.type in (IMAGE, COMPRESSED_IMAGE)]
+    cameras = _cameras(path)
+    if cameras is not None:
+        offered = list(cameras)
+    else:
+        with open_bag(path) as bag:
+            offered = [one.name for one in bag.topics if one.type in (IMAGE, COMPRESSED_IMAGE)]
     chosen = [one for one in offered if name is None or one.strip("/") == name.strip("/")]
     if len(chosen) != 1:
         words = ", ".join(offered) or "no images"
         options = "" if name is None else f"no images on {name}; "
         raise InputError(f"{path}: {options}has {words}; topic= names one")
-    return _images(Path(path), chosen[0])
+    return _images(path, chosen[0]) if cameras is None else _of_camera(cameras[chosen[0]])
+
+
+def camera_names(path: Path) -> list[str]:
+    """Return the names of the cameras of a folder: cam0, cam1; none of a bag.
+
+    :raises InputError: with a line for each row and each description that cannot be used.
+    """
+    return list(_cameras(path) or ())
+
+
+def _cameras(path: Path) -> dict[str, RecordedFrames] | None:
+    """Return the images of a folder by camera; None for a bag."""
+    from imu_sim_ros.bags.text.reader import is_text
+    from imu_sim_ros.datasets.recorded import folder_cameras
+
+    if not (path.is_dir() and is_text(path)):
+        return None
+    return {camera.name: camera.images for camera in folder_cameras(path)}
+
+
+def _of_camera(frames: RecordedFrames) -> Iterator[tuple[int, NDArray[Any]]]:
+    from imu_sim_ros.datasets.recorded import read_image
+    from imu_sim_ros.errors import naming
+    from imu_sim_ros.sensors.camera.images.files import decoded
+
+    for t_ns, name in zip(frames.t_ns.tolist(), frames.names, strict=True):
+        data, _ = read_image(frames.folder / name)
+        with naming(frames.folder / name):
+            yield t_ns, np.asarray(decoded(data))
 
 
 def _images(path: Path, name: str) -> Iterator[tuple[int, NDArray[Any]]]:

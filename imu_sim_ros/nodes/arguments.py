@@ -164,6 +164,7 @@ def _file(name: str, folder: Path) -> str:
         uniform = _uniform("", tree, problems)
         if problems:
             raise ConfigurationError([f"{path}: {problem}" for problem in problems])
+        uniform = _placed(uniform, path)
         changed = _differs(uniform, tree)
     if not changed:
         return name
@@ -215,6 +216,16 @@ def _uniform(name: str, value: Any, problems: list[str]) -> Any:
     if not (len(kinds) <= 1 and kinds <= {int, float, bool, str}):
         problems.append(f"{short} = {shown(value)}: must be a list of values of one type")
     return value
+
+
+def _placed(tree: Any, path: Path) -> Any:
+    """Return a tree in which paths relative to its file are those from the working directory."""
+    return {
+        key: _placed(value, path)
+        if isinstance(value, dict)
+        else files.placed(str(key), value, path)
+        for key, value in tree.items()
+    }
 
 
 def _differs(uniform: Any, tree: Any) -> bool:

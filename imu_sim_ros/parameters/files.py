@@ -27,6 +27,8 @@ Layering = Callable[[Mapping[str, object]], Mapping[str, object]]
 """Returns given values merged over the values of the files that they name."""
 
 _NAMES_OF_FILES: Final = ("preset", "barometer_preset", "calibration")
+_PATHS: Final = (*_NAMES_OF_FILES, "type", "file", "mesh", "ephemeris")
+"""Last words of parameters whose values may be paths."""
 _PARAMETERS = "ros__parameters"
 _KALIBR_NOISE = (
     "accelerometer_noise_density",
@@ -55,10 +57,32 @@ def load(path: str | Path, node: str = "simulator") -> dict[str, object]:
         if not isinstance(content, dict) or set(content) != {_PARAMETERS}:
             raise ConfigurationError(f"{path}: {key} must hold {_PARAMETERS} and nothing else")
         values = content[_PARAMETERS]
-        result.update(dotted({} if values is None else values, f"{path}: {key}: {_PARAMETERS}"))
+        values = dotted({} if values is None else values, f"{path}: {key}: {_PARAMETERS}")
+        result.update({name: placed(name, value, Path(path)) for name, value in values.items()})
     if not sections:
         raise ConfigurationError(f"{path}: no section for the node {node} (/{node} or /**)")
     return result
+
+
+def placed(name: str, value: object, path: Path) -> object:
+    """Return a value of a parameter file; the relative path of a file that is there becomes whole.
+
+    Any other relative path is that from the working directory.
+
+    :param name: of the parameter, or its last word.
+    :param path: of the parameter file.
+    """
+    last = name.rpartition(".")[2]
+    if last not in _PATHS or not isinstance(value, str) or not value or "\0" in value:
+        return value
+    file = value.partition("#")[0]  # model.sdf#sensor
+    if last not in ("file", "mesh") and not Path(file).suffix:  # mpu6000, also next to a folder
+        return value
+    there = path.parent / file
+    try:
+        return str(path.parent / value) if there.exists() else value
+    except OSError:  # too long for a path
+        return value
 
 
 def read_tree(

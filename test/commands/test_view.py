@@ -8,8 +8,10 @@ import re
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
+import imu_sim_ros as ims
 from imu_sim_ros.commands import dead_reckon, generate, view
 
 TOPICS = "imu/data_raw,ground_truth/odom,ground_truth/gyroscope_bias"
@@ -47,6 +49,25 @@ def test_truth_estimate_readings_and_biases_are_in_the_file(flight, capsys):
     assert "stamp" in printed
     # Two paths, two triads and a bias of 400 rows each, and a few static ones.
     assert 2000 <= int(re.sub(r"\D", "", count)) < 2100
+
+
+def test_the_images_of_a_folder_are_those_of_the_same_flight_as_a_bag(flight, capsys):
+    pytest.importorskip("cv2")
+    words = ["--camera", "euroc_cam0", "--camera", "euroc_cam1", "--duration", "0.2s", "--quiet"]
+    assert generate.main(["-o", str(flight / "euroc"), "--format", "euroc", *words]) == 0
+    assert generate.main(["-o", str(flight / "same.mcap"), *words]) == 0
+    capsys.readouterr()
+    saved = flight / "euroc.rrd"
+    assert view.main([str(flight / "euroc"), "--save", str(saved), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["images"] == 2
+    assert {"/cam0", "/cam1"} <= set(rows(saved)[0])
+    bag = list(ims.read_images(flight / "same.mcap", "cam1/image_raw"))
+    folder = list(ims.read_images(flight / "euroc", "cam1"))
+    assert [t_ns for t_ns, _ in folder] == [t_ns for t_ns, _ in bag]
+    assert len(bag) == 4
+    assert all(np.array_equal(a, b) for (_, a), (_, b) in zip(folder, bag, strict=True))
+    with pytest.raises(ims.InputError, match="has cam0, cam1; topic= names one"):
+        ims.read_images(flight / "euroc")
 
 
 def test_images_and_landmarks_are_in_the_file(flight, capsys):

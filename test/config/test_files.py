@@ -6,6 +6,7 @@
 import os
 import random
 import string
+from pathlib import Path
 
 import pytest
 import yaml
@@ -265,3 +266,28 @@ def test_the_text_does_not_depend_on_libyaml(monkeypatch):
         with monkeypatch.context() as changed:
             changed.delattr(yaml, "CSafeDumper", raising=False)
             assert files.text(values) == fast
+
+
+def test_a_relative_path_in_a_file_is_that_of_a_file_next_to_it(tmp_path, monkeypatch):
+    """Wherever the program runs, and whichever program reads it."""
+    (tmp_path / "given" / "deep").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path)
+    for name in ("m.obj", "deep/route.gpx", "i.yaml", "model.sdf", "mpu6000"):
+        (tmp_path / "given" / name).touch()
+    path = Path("given/file.yaml")
+    path.write_text(
+        "/**:\n  ros__parameters:\n    scene: {mesh: m.obj}\n    trajectory.type: deep/route.gpx\n"
+        "    gnss.ephemeris: away.nav\n    imu.preset: model.sdf#imu\n"
+        "    left.imu.preset: mpu6000\n"
+        "    calibration: i.yaml\n    world_frame: m.obj\n    trajectory.file: /given/m.obj\n"
+    )
+    assert files.load(path) == {
+        "scene.mesh": "given/m.obj",
+        "trajectory.type": "given/deep/route.gpx",
+        "gnss.ephemeris": "away.nav",
+        "imu.preset": "given/model.sdf#imu",
+        "left.imu.preset": "mpu6000",
+        "calibration": "given/i.yaml",
+        "world_frame": "m.obj",
+        "trajectory.file": "/given/m.obj",
+    }

@@ -268,3 +268,13 @@ def test_a_value_of_a_type_that_ros_does_not_have_is_refused(
     assert not result.successful
     assert listener.call(service, SetParametersAtomically, parameters=[good]).result.successful
     assert node.process.poll() is None
+
+
+def test_paths_in_a_parameter_file_are_relative_to_it(tmp_path: Path) -> None:
+    """As for generate: rcl does not tell a node which file a value comes from."""
+    (tmp_path / "m.obj").touch()
+    file = tmp_path / "given.yaml"
+    file.write_text("/**:\n  ros__parameters:\n    scene: {type: mesh, mesh: m.obj}\n")
+    words = ["--ros-args", "--params-file", str(file)]
+    *_, rewritten = ros_arguments(words, SimulatorParameters, tmp_path)
+    assert f"mesh: {tmp_path / 'm.obj'}" in Path(rewritten).read_text()
