@@ -176,7 +176,7 @@ def array(name: str, value: Any, shape: tuple[int | None, ...], finite: bool = T
 
 def _plain(name: str, value: Any, allowed: str) -> NDArray[Any]:
     """Return what is like an array as one; values that are masked are missing, and refused."""
-    masked = np.ma.count_masked(value) if isinstance(value, np.ma.MaskedArray) else 0
+    masked = np.count_nonzero(getattr(value, "mask", 0)) if np.ma.isMaskedArray(value) else 0
     if masked:
         raise ConfigurationError(
             f"{name}: {masked} of {np.size(value)} values are masked: leave these rows out"

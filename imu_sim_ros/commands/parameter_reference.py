@@ -38,9 +38,9 @@ The same names serve everywhere: in ROS 2 parameter files (`--params-file` of no
 as `-p NAME:=VALUE` after `--ros-args`, as `--NAME VALUE` of a node and as `--set NAME=VALUE` of a
 command. A vector is a list of three, or one number for all three axes; gravity given as a number is
 its magnitude, downwards; a matrix is a list of nine numbers, row by row. A relative path in a file
-is that of a file next to it; if there is none, it is relative to the working directory. Parameters marked with * take a new value while the node runs; all others are
-fixed when it starts. An unknown name or a value out of range is an error, and all errors are
-reported together.
+is that of a file next to it; if there is none, it is relative to the working directory. Parameters
+marked with * take a new value while the node runs; all others are fixed when it starts. An unknown
+name or a value out of range is an error, and all errors are reported together.
 """
 _NODES = {
     "Simulation": """\

@@ -84,17 +84,17 @@ class ConfiguredNode(Node):
         return super().get_logger()  # type: ignore[no-untyped-call]
 
     def create_service(
-        self, service: Any, name: str, callback: Callable[..., Any], **options: Any
+        self, srv_type: Any, srv_name: str, callback: Callable[..., Any], **options: Any
     ) -> Any:
         """Create a service; those of rclpy that set parameters refuse values of unknown types.
 
         An exception of a callback would end the node.
         """
-        if service is SetParameters:
+        if srv_type is SetParameters:
             callback = functools.partial(_set_each, callback)
-        elif service is SetParametersAtomically:
+        elif srv_type is SetParametersAtomically:
             callback = functools.partial(_set_all, callback)
-        return super().create_service(service, name, callback, **options)
+        return super().create_service(srv_type, srv_name, callback, **options)
 
     def apply(self, new: Any) -> None:
         """Apply new parameters, all of them valid; a subclass acts on them and may still refuse.

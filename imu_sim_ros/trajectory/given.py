@@ -295,9 +295,9 @@ def _checked(
     arrays = []
     for quantity, width, values in zip(quantities, widths, found, strict=True):
         try:
+            array = np.array(values, dtype=np.float64)
             if isinstance(values, np.ma.MaskedArray):
-                values = values.astype(np.float64).filled(math.nan)
-            array = np.asarray(values, dtype=np.float64)
+                array[np.broadcast_to(values.mask, array.shape)] = math.nan
         except (TypeError, ValueError):
             refuse(f"{name}: {quantity.name}", values, allowed, wrong_type=True)
         if array.shape != (len(t), width):

@@ -192,11 +192,11 @@ class Translation:
 
     def _translated(self, message: object, name: str) -> Any:
         """Return a message of the other generation with the fields that both have."""
-        from rosbags.typesys.store import normalize_fieldname
-
         known = self._types.fielddefs.get(name, ((), ()))[1]
         given = {
-            field.lower(): getattr(message, normalize_fieldname(field), None) for field, _ in known
+            # What is a word of Python has an underscore behind it.
+            field.lower(): getattr(message, field, getattr(message, f"{field}_", None))
+            for field, _ in known
         }
         fields = self.result.fielddefs[name][1]
         return self.result.types[name](
