@@ -153,7 +153,7 @@ def _keep_in_view(axis: Axes, truth: Array, equal: bool) -> None:
     """
     centre = 0.5 * (truth.min(axis=0) + truth.max(axis=0))
     extent = np.ptp(truth, axis=0)
-    widest = extent.max() if equal else np.maximum(extent, 0.2 * extent.max())
+    widest = extent.max() if equal else np.maximum(extent, 0.5 * extent.max())
     reaches = np.maximum(_LARGEST_VIEW * widest, _SMALLEST_VIEW)
     reaches = np.broadcast_to(reaches, 2)
     low, high = axis.get_xlim()
