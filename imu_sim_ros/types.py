@@ -3,6 +3,8 @@
 
 """Arrays by the names that the whole package has for them; each use states shape and unit."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,3 +22,13 @@ Mask = NDArray[np.bool_]
 """Which elements are meant."""
 Bytes = NDArray[np.uint8]
 """Bytes of messages and of images."""
+
+
+def shapes(rows: Any) -> str:
+    """Return a line with the names and shapes of a named tuple's arrays, for its ``repr``."""
+    named = [
+        f"{name} {value.shape}" if isinstance(value, np.ndarray) else f"{name} {value!r}"
+        for name, value in rows._asdict().items()
+        if isinstance(value, np.ndarray | int | float) and np.size(value)
+    ]
+    return f"<{type(rows).__name__}: {', '.join(named) or 'empty'}>"

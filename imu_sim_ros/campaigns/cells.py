@@ -4,8 +4,8 @@
 """The grid of a campaign: axes of parameters, and one cell for each combination of their values.
 
 An axis is a list of values, ``{range: [first, last, count]}``,
-``{log_range: [first, last, count]}``, or ``{zip: {name: values, ...}}`` for parameters that change
-together.
+``{log_range: [first, last, count]}``, ``{zip: {name: values, ...}}`` for parameters that change
+together, or ``all`` for every file of the package: ``imu: all``.
 """
 
 import itertools
@@ -18,6 +18,7 @@ import numpy as np
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import shown
+from imu_sim_ros.parameters import included
 from imu_sim_ros.sensors import NAMED
 from imu_sim_ros.sensors.registry import sensor_names
 from imu_sim_ros.trajectory.parameters import trajectory_layer
@@ -25,6 +26,8 @@ from imu_sim_ros.trajectory.parameters import trajectory_layer
 Layer = dict[str, object]
 SHORT: Final = ("imu", "trajectory", "camera", "scene", *NAMED)
 """Names of command-line arguments that stand for parameters."""
+_ALL: Final = {"imu": "imus", "camera": "cameras", "scene": "scenes", **{n: n for n in NAMED}}
+"""The folders in config/ whose files ``all`` stands for."""
 _LARGEST_AXIS: Final = 100_000
 
 
@@ -141,6 +144,8 @@ def _axis(name: str, content: object) -> Axis:
         rows = tuple(zip(*lists.values(), strict=True))
         _refuse_repeated(f"{where}.zip", rows)
         return Axis(tuple(lists), rows)
+    if content == "all" and name in _ALL:
+        content = included.names(_ALL[name])
     values = _values(where, content)
     _refuse_repeated(where, values)
     return Axis((name,), tuple((value,) for value in values))

@@ -240,7 +240,7 @@ class _Job:
     def check_images(self) -> None:
         """Refuse a choice of images that would have no effect."""
         images = self.options.images
-        if images and not self.is_text:
+        if images and not self.is_text and self.source.exists():
             raise InputError(
                 f"images {images}: applies to folders only; select a bag's images with topics"
             )

@@ -14,7 +14,7 @@ from imu_sim_ros.names import suggestion
 from imu_sim_ros.navigation.association import interpolate_vectors
 from imu_sim_ros.navigation.noise import ImuErrors
 from imu_sim_ros.navigation.preintegration_slow_errors import SlowErrorsOfIntervals
-from imu_sim_ros.types import Array, Integers
+from imu_sim_ros.types import Array, Integers, shapes
 
 
 class StepReadings(NamedTuple):
@@ -88,6 +88,9 @@ class Preintegration(NamedTuple):
     """(B, 3) that was taken off [m/s^2]."""
     gyro_bias: Array
     """(B, 3) that was taken off [rad/s]."""
+
+    def __repr__(self) -> str:
+        return shapes(self)
 
 
 def preintegrate(

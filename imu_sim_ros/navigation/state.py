@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from imu_sim_ros.arguments import array, refuse
 from imu_sim_ros.inputs import gate
-from imu_sim_ros.types import Array, Integers
+from imu_sim_ros.types import Array, Integers, shapes
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -62,6 +62,9 @@ class NavigationStates(NamedTuple):
     """(n, 3) of the body in the world frame [m/s]."""
     q_wb: Array
     """(n, 4) unit quaternions (w, x, y, z)."""
+
+    def __repr__(self) -> str:
+        return shapes(self)
 
     def at(self, k: int) -> NavigationState:
         """Return the state of row k."""

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from numpy.typing import NDArray
 
 from imu_sim_ros.trajectory.motion import Motion
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array, Times, shapes
 
 
 class ImuBlock(NamedTuple):
@@ -69,6 +69,9 @@ class ImuBlock(NamedTuple):
     """The body's motion at ``true_t_ns``."""
     sensors: Mapping[str, Any] = MappingProxyType({})
     """Samples of the other sensors in the same window of time, by name."""
+
+    def __repr__(self) -> str:
+        return shapes(self)
 
 
 class SensorBlock(NamedTuple):

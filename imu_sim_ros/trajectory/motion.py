@@ -7,7 +7,7 @@ from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, shapes
 
 
 class Motion(NamedTuple):
@@ -25,6 +25,9 @@ class Motion(NamedTuple):
     """(n, 3) omega_b, in the body frame [rad/s]."""
     angular_acceleration: Array
     """(n, 3) time derivative of omega_b, in the body frame [rad/s^2]."""
+
+    def __repr__(self) -> str:
+        return shapes(self)
 
 
 class Trajectory(Protocol):

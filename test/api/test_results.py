@@ -198,3 +198,20 @@ def test_evaluation_of_a_bag_is_that_of_the_program(tmp_path, capsys):
     assert ims.evaluate(ims.dead_reckon(flight), bag).to_dict()["velocity_error_m_s"] is not None
     written = ims.evaluate(found.save(tmp_path / "aligned.tum"), bag)
     np.testing.assert_allclose(written.rms_position, found.rms_position, rtol=1e-6)
+
+
+def test_what_holds_arrays_prints_as_one_line():
+    """A console shows what a function returns: a preintegration used to fill 463 lines."""
+    flight = ims.simulate(imu="perfect", trajectory="lecture", duration=2)
+    block = next(ims.blocks(imu="perfect", trajectory="lecture", duration=2))
+    pre = ims.preintegrate(flight, every=0.5)
+    assert "covariance (3, 15, 15)" in repr(pre)
+    truth = flight.truth
+    poses = ims.PoseSequence(truth.t_ns, truth.position, truth.q_wb)
+    assert repr(poses) == "<PoseSequence: t_ns (400,), position (400, 3), q_wb (400, 4), " + (
+        "dropped 0, skipped 0>"
+    )
+    motion = flight.trajectory.sample(np.arange(3.0))
+    for one in (pre, block, motion, poses):
+        assert "\n" not in repr(one)
+        assert len(repr(one)) < 600

@@ -240,6 +240,14 @@ def test_which_imu_asks_every_preset():
     assert len(motion.rows) == 3
 
 
+def test_all_stands_for_every_file_of_the_package(plan_file):
+    plan = load_plan(plan_file(grid={"imu": "all", "gnss": "all"}))
+    found = {axis.names: [value for (value,) in axis.rows] for axis in plan.axes}
+    assert found == {("imu",): files.names("imus"), ("gnss",): files.names("gnss")}
+    with pytest.raises(ConfigurationError, match=r"grid.rate = 'all': must be a list of values"):
+        load_plan(plan_file(grid={"rate": "all"}))
+
+
 def test_presets_of_sensors_of_the_body_add_up(plan_file):
     plan = load_plan(
         plan_file(parameters={"gnss": "phone"}, grid={"wheels": ["husky_a200", "f1tenth"]})

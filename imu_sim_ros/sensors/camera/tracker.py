@@ -18,7 +18,7 @@ from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.view import CameraPoses, Frames, View, in_camera
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.types import Array, Mask
+from imu_sim_ros.types import Array, Mask, shapes
 
 Rows = NDArray[np.int64]
 
@@ -50,6 +50,9 @@ class Tracks(NamedTuple):
     """(n,) an outlier, or the pixel of another feature."""
     body: Rows
     """(n,) on which body that moves it is: 1, 2, ...; 0: on what is at rest."""
+
+    def __repr__(self) -> str:
+        return shapes(self)
 
 
 class TrackedLines(NamedTuple):
