@@ -31,7 +31,6 @@ from imu_sim_ros import rotation
 from imu_sim_ros.parameters import files
 from imu_sim_ros.poses import read_poses
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
-from imu_sim_ros.sensors.camera.rig_parameters import load_rig, split_rig
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 
 PRIOR_POSE = np.array([1e-3, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3])  # rad, m
@@ -371,8 +370,8 @@ def main() -> None:
 
 def configuration(path: Path) -> tuple[SimulationParameters, list[CameraParameters]]:
     """Return the simulation and the cameras of a file of ``--with-configs``."""
-    of_rig, others = split_rig(files.load(path))
-    return load_simulation(others), list(load_rig(of_rig).each().values())
+    simulation = load_simulation(files.load(path))
+    return simulation, list(simulation.rig.each().values())
 
 
 if __name__ == "__main__":

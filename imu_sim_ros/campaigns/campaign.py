@@ -106,8 +106,8 @@ def digests_by_cell(plan: Plan) -> Digests:
 
     def digests_of(cell: Cell) -> dict[str, str]:
         if cell.number not in known:
-            parameters, rig = plan.simulation(cell), plan.rig(cell)
-            known[cell.number] = {n: plan.digest(parameters, rig, n) for n in plan.estimators}
+            parameters = plan.simulation(cell)
+            known[cell.number] = {n: plan.digest(parameters, n) for n in plan.estimators}
         return known[cell.number]
 
     return digests_of

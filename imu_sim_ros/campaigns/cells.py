@@ -19,8 +19,8 @@ import numpy as np
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import shown
 from imu_sim_ros.parameters import included
+from imu_sim_ros.parameters.sections import listed
 from imu_sim_ros.sensors import NAMED
-from imu_sim_ros.sensors.registry import sensor_names
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 Layer = dict[str, object]
@@ -72,7 +72,7 @@ def expanded(values: Mapping[str, object]) -> Layer:
             result.update(scene_layer(str(value)))
         elif name in NAMED:
             result[f"{name}.preset"] = value
-            result["sensors"] = [*sensor_names(result), name]
+            result["sensors"] = [*listed("sensors", result), name]
         else:
             result[name] = value
     return result
@@ -80,7 +80,7 @@ def expanded(values: Mapping[str, object]) -> Layer:
 
 def joined(below: Layer, above: Layer) -> Layer:
     """Return parameters with others above them; the sensors of the body are those of both."""
-    sensors = dict.fromkeys([*sensor_names(below), *sensor_names(above)])
+    sensors = dict.fromkeys([*listed("sensors", below), *listed("sensors", above)])
     return {**below, **above, **({"sensors": list(sensors)} if sensors else {})}
 
 

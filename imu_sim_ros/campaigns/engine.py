@@ -103,8 +103,8 @@ def work(plan: Plan, task: Task, folder: Path) -> list[Row]:
 def failed(plan: Plan, task: Task, status: str) -> list[Row]:
     """Return the rows of a task that failed as a whole."""
     try:
-        parameters, rig = plan.simulation(task.cell), plan.rig(task.cell)
-        digests = {name: plan.digest(parameters, rig, name) for name in task.estimators}
+        parameters = plan.simulation(task.cell)
+        digests = {name: plan.digest(parameters, name) for name in task.estimators}
     except ImuSimError:
         digests = {}
     return [

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import imu_sim_ros
 from imu_sim_ros.campaigns.cells import (
@@ -56,11 +56,11 @@ from imu_sim_ros.names import shown, suggestion
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.places.neighbours import files_of
-from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
-from imu_sim_ros.simulation.playback import has_cameras
-
-if TYPE_CHECKING:
-    from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
+from imu_sim_ros.simulation.parameters import (
+    SimulationParameters,
+    has_cameras,
+    load_simulation,
+)
 
 Estimator = DeadReckonEstimator | CommandEstimator | CalibrationEstimator
 
@@ -146,43 +146,26 @@ class Plan:
         :raises ConfigurationError: with one line per problem, after the cell's name.
         """
         with _in_cell(cell):
-            return load_simulation(self._split(cell)[1], {"seed": self.seeds[0]})
+            given = joined(self.parameters, cell.layer())
+            if has_cameras(given):
+                from imu_sim_ros.simulation.cameras import fitted
 
-    def rig(self, cell: Cell) -> "RigParameters | None":
-        """Return the cameras of a cell with their scene; None if there are none.
+                given = fitted(given)
+            built = load_simulation(given, {"seed": self.seeds[0]})
+            if built.imus:
+                raise ConfigurationError(
+                    f"imus = {list(built.imus)}: must be empty, a campaign simulates one IMU"
+                )
+            return built
 
-        :raises ConfigurationError: with one line per problem, after the cell's name.
-        """
-        with _in_cell(cell):
-            of_rig = self._split(cell)[0]
-            if not of_rig:
-                return None
-            from imu_sim_ros.sensors.camera.rig_parameters import load_rig
-
-            return load_rig(of_rig)
-
-    def _split(self, cell: Cell) -> tuple[Layer, Layer]:
-        """Return a cell's parameters of the cameras, and all others."""
-        given = joined(self.parameters, cell.layer())
-        if not has_cameras(given):
-            return {}, given
-        from imu_sim_ros.sensors.camera.rig_parameters import split_rig
-        from imu_sim_ros.simulation.cameras import fitted
-
-        return split_rig(fitted(given))
-
-    def digest(
-        self, parameters: SimulationParameters, rig: "RigParameters | None", estimator: str
-    ) -> str:
+    def digest(self, parameters: SimulationParameters, estimator: str) -> str:
         """Return a digest of everything but the seed that a run depends on, as 16 hex digits."""
         values = flatten(parameters)
-        seen = {} if rig is None else flatten(rig)
         values.pop("seed")
         content = {
             "version": imu_sim_ros.__version__,
             "parameters": values,
-            "cameras": seen,
-            "files": file_digests({**values, **seen}),
+            "files": file_digests(values),
             "faults": [(timed.at, repr(timed.fault)) for timed in self.faults],
             "estimator": flatten(self.estimators[estimator]),
             "align": self.alignment(estimator),
@@ -394,13 +377,7 @@ def _of_grid(line: str, having: list[Cell], cells: int) -> str:
 
 
 def _check_cell(plan: Plan, cell: Cell) -> None:
-    simulation, rig = plan.simulation(cell), plan.rig(cell)
-    if rig is not None and rig.cameras:
-        from imu_sim_ros.sensors.camera.rig_parameters import rig_problems
-
-        problems = list(rig_problems(rig, simulation))
-        if problems:
-            raise ConfigurationError(problems)
+    if plan.simulation(cell).cameras:
         return
     for name, one in plan.estimators.items():
         if isinstance(one, CommandEstimator) and one.dataset == "tracks":

@@ -27,11 +27,11 @@ from imu_sim_ros.datasets.topics import (
 )
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters import files
-from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.simulation.engine import Body
+from imu_sim_ros.simulation.parameters import values_of
 from imu_sim_ros.simulation.sensors import mounted
 
 if TYPE_CHECKING:
@@ -87,18 +87,15 @@ def write_config(cell: SimulatedCell, seed: int, place: Path) -> Path:
         resolved(IMU_TOPIC),
         cell.total / parameters.rate,
     )
-    rig = None if cell.rig is None else _rig_values(values, cell.rig)
+    rig = _rig_values(values, parameters.rig) if parameters.cameras else None
     write_all(path, values, rig, parameters)
-    seen = {} if cell.rig is None else flatten(cell.rig)
-    all_values: dict[str, Any] = {**flatten(parameters), **seen}
-    files.write(all_values, path / "simulation.yaml", comment="All parameters of this run.")
+    every = values_of(parameters)
+    files.write(every, path / "simulation.yaml", comment="All parameters of this run.")
     return path
 
 
-def _rig_values(values: ImuValues, rig: "RigParameters") -> RigValues | None:
-    """Return the cameras next to an IMU; None if there are none."""
-    if not rig.cameras:
-        return None
+def _rig_values(values: ImuValues, rig: "RigParameters") -> RigValues:
+    """Return the cameras next to an IMU."""
     from imu_sim_ros.datasets.features import camera_topics, image_topic
 
     names = {topic: topic for topic in camera_topics(rig)}
@@ -107,11 +104,11 @@ def _rig_values(values: ImuValues, rig: "RigParameters") -> RigValues | None:
 
 
 def _rig(cell: SimulatedCell, body: Body) -> "Rig | None":
-    if cell.rig is None:
+    if not cell.parameters.cameras:
         return None
     from imu_sim_ros.simulation.cameras import rig_on
 
-    return rig_on(cell.rig, body, cell.total / cell.parameters.rate)
+    return rig_on(cell.parameters.rig, body, cell.total / cell.parameters.rate)
 
 
 def _write(target: Any, seen: Any, windows: Iterator[Read]) -> None:

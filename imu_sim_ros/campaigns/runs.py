@@ -40,8 +40,8 @@ class CellRuns:
         self.plan, self.cell = plan, cell
         self.simulated = SimulatedCell(plan, cell)
         self._dead_reckoning = DeadReckoning(self.simulated)
-        parameters, rig = self.simulated.parameters, self.simulated.rig
-        self.digests = {name: plan.digest(parameters, rig, name) for name in plan.estimators}
+        parameters = self.simulated.parameters
+        self.digests = {name: plan.digest(parameters, name) for name in plan.estimators}
 
     def rows(
         self, seeds: Sequence[int], estimators: Sequence[str], folder: Path

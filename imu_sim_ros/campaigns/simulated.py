@@ -17,7 +17,6 @@ from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.simulation.engine import Body
-from imu_sim_ros.simulation.parameters import named_sensors
 from imu_sim_ros.simulation.topics import delivered
 from imu_sim_ros.trajectory.motion import RememberedTrajectory
 from imu_sim_ros.types import Array, Integers
@@ -48,8 +47,7 @@ class SimulatedCell:
         """
         self.plan, self.cell = plan, cell
         self.parameters = plan.simulation(cell)
-        self.rig = plan.rig(cell)
-        sensors = (POSE, *named_sensors(self.parameters))
+        sensors = (POSE, *self.parameters.sensors)
         self._base = Body(self.parameters, pose_reader=read_poses, sensors=sensors)
         if self._base.total is None:
             raise ConfigurationError(

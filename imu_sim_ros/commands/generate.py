@@ -14,8 +14,9 @@ from imu_sim_ros.commands.common import SKIP_BAD_ROWS, PoseReader, outputs
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets.camera_outputs import FORMATS
 from imu_sim_ros.errors import ImuSimError
-from imu_sim_ros.jobs.generate import GenerateOptions, Setup, write
+from imu_sim_ros.jobs.generate import GenerateOptions, load_body, write
 from imu_sim_ros.jobs.output import Watcher
+from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors import catalogue
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 from imu_sim_ros.simulation.sensors import mounted
@@ -125,13 +126,13 @@ _LISTS: Final = {
 
 def generate(arguments: argparse.Namespace) -> None:
     """Write the requested output."""
-    setup = Setup.load(simulation_arguments.layers(arguments))
+    body = load_body(simulation_arguments.layers(arguments))
     form = bag_output.whole_form(arguments)
-    written = outputs(arguments, setup.values().values())
+    written = outputs(arguments, flatten(body).values())
     options = GenerateOptions(arguments.imu_only, arguments.with_configs, arguments.jobs)
     reader = PoseReader(arguments, "generate")
     watcher = _watcher(arguments)
-    made = write(arguments.output, form, options, setup, written, watcher, reader)
+    made = write(arguments.output, form, options, body, written, watcher, reader)
     speed = bag_output.time_and_speed(sum(made.messages.values()), made.wall_s, "messages")
     line = f"{bag_output.counts(made.messages)}; {made.bytes / 1e6:,.1f} MB in {speed}"
     program.print_result(arguments, made.to_dict(), [f"{made.output}: {line}"])

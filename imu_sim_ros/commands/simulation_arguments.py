@@ -12,8 +12,8 @@ from imu_sim_ros import program
 from imu_sim_ros.jobs.generate import camera_layer
 from imu_sim_ros.machine import cores
 from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.sections import listed
 from imu_sim_ros.sensors import NAMED
-from imu_sim_ros.sensors.registry import sensor_names
 from imu_sim_ros.simulation.playback import of_the_node
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
@@ -119,7 +119,7 @@ def _put_sensors(given: dict[str, object], arguments: argparse.Namespace) -> Non
             if k:
                 given[f"{name}.type"] = kind
     if used:
-        given["sensors"] = list(dict.fromkeys([*sensor_names(given), *used]))
+        given["sensors"] = list(dict.fromkeys([*listed("sensors", given), *used]))
     if arguments.rinex:
         given["gnss.raw.rinex"] = True
 

@@ -88,7 +88,7 @@ def write_tum_vi_calibration(
     folder: Path, parameters: SimulationParameters, rig: "RigParameters | None"
 ) -> None:
     """Write camchain.yaml and imu_config.yaml of a TUM VI sequence, in kalibr's form."""
-    if rig is None:
+    if rig is None or not rig.cameras:
         return
     values = _values(parameters, "/imu0")
     topics = {camera: f"/{camera}/{IMAGE_TOPIC}" for camera in rig.cameras}

@@ -20,7 +20,6 @@ from imu_sim_ros.simulation.parameters import (
     SimulationParameters,
     imus,
     load_simulation,
-    named_sensors,
 )
 
 _SUFFIXES: Final = (".bag", ".mcap", ".csv")
@@ -38,7 +37,7 @@ def companions(output: Path, body: SimulationParameters) -> dict[str, list[Path]
     :param body: the parameters of the body.
     """
     found = {}
-    for name, own in named_sensors(body).items():
+    for name, own in body.each_sensor.items():
         wanted = find_sensor(own.type or name).companions
         suffixes = wanted.suffixes(own) if wanted else ()
         if suffixes:
@@ -96,7 +95,7 @@ def new_truths(output: Path, parameters: SimulationParameters) -> dict[Path, str
     """
     result, problems = {}, []
     texts = {name: _truth_text(one) for name, one in imus(parameters).items()}
-    texts |= {name: _sensor_text(parameters, name) for name in named_sensors(parameters)}
+    texts |= {name: _sensor_text(parameters, name) for name in parameters.each_sensor}
     for name, text in texts.items():
         path = _truth(output, name)
         there = _read(path)
@@ -154,7 +153,7 @@ def _world(parameters: SimulationParameters) -> dict[str, Any]:
 
 def _sensor_text(parameters: SimulationParameters, name: str) -> str:
     """Return a sensor of the body of this run, as ``--params-file`` takes it."""
-    given = getattr(parameters, name)
+    given = parameters.each_sensor[name]
     own = find_sensor(given.type or name).realised(given, parameters.seed, name)
     values = {f"{name}.{key}": value for key, value in flatten(own).items()}
     return files.text(

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros import arguments
 from imu_sim_ros.bags.outputs import Outputs
@@ -42,10 +42,9 @@ from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.declaration import Companion
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.simulation.engine import Body
-from imu_sim_ros.simulation.parameters import imus
+from imu_sim_ros.simulation.parameters import has_cameras, imus, values_of
 from imu_sim_ros.simulation.playback import (
     SimulatorParameters,
-    has_cameras,
     load_simulator,
     of_the_node,
 )
@@ -57,54 +56,28 @@ from imu_sim_ros.trajectory.motion import Trajectory
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.camera.rig import Rig
-    from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
 
 BLOCK_SIZE: Final = 16384
 _MAX_JOBS: Final = 1024
 
 
-class Setup(NamedTuple):
-    """The simulated IMUs on a body, and cameras."""
+def load_body(given: Mapping[str, object]) -> SimulatorParameters:
+    """Return the body that parameters by dotted name describe, with what suits its cameras.
 
-    simulator: SimulatorParameters
-    rig: RigParameters | None
-    """None without cameras."""
-
-    @classmethod
-    def load(cls, given: Mapping[str, object]) -> Setup:
-        """Return what parameters by dotted name describe.
-
-        :raises ConfigurationError: with a line for each problem with IMUs or cameras.
-        """
-        if not has_cameras(given):
-            return cls(load_simulator(given), None)
-        from imu_sim_ros.sensors.camera.rig_parameters import load_rig, rig_problems, split_rig
+    :raises ConfigurationError: with a line for each problem.
+    """
+    if has_cameras(given):
         from imu_sim_ros.simulation.cameras import fitted
 
-        of_rig, others = split_rig(fitted(given))
-        problems: list[str] = []
-        loaded: list[Any] = []
-        for load, values in ((load_simulator, others), (load_rig, of_rig)):
-            try:
-                loaded.append(load(values))
-            except ConfigurationError as error:
-                problems += error.problems
-        if not problems:
-            problems += rig_problems(loaded[1], loaded[0])
-        if problems:
-            raise ConfigurationError(problems)
-        return cls(*loaded)
+        given = fitted(given)
+    return load_simulator(given)
 
-    def values(self) -> dict[str, Any]:
-        """Return everything that decides the samples and frames, by dotted name."""
-        simulated = flatten(self.simulator)
-        node = set(of_the_node(simulated))
-        own = {
-            name: value
-            for name, value in simulated.items()
-            if name not in node and (value or name not in ("imus", "cameras", "sensors"))
-        }
-        return {**own, **(flatten(self.rig) if self.rig else {})}
+
+def _values(body: SimulatorParameters) -> dict[str, Any]:
+    """Return everything that decides the samples and frames, by dotted name."""
+    values = values_of(body)
+    node = set(of_the_node(values))
+    return {name: value for name, value in values.items() if name not in node}
 
 
 @dataclass(frozen=True)
@@ -206,19 +179,24 @@ def generate(
     own, motion = given_layers(imu, trajectory, duration, rate, seed, parameters)
     file = None if params_file is None else arguments.path("params_file", params_file)
     below = {} if file is None else files.load(file, "simulator")
-    setup = Setup.load({**below, **_of_cameras(cameras, scene), **own})
-    return _written(checked_place(output, force), form, options, setup, motion, force)
+    built = load_body({**below, **_of_cameras(cameras, scene), **own})
+    return _written(checked_place(output, force), form, options, built, motion, force)
 
 
 def _written(
-    path: Path, form: Form, options: GenerateOptions, setup: Setup, motion: GivenMotion, force: bool
+    path: Path,
+    form: Form,
+    options: GenerateOptions,
+    built: SimulatorParameters,
+    motion: GivenMotion,
+    force: bool,
 ) -> Generated:
     """Write an output; its warnings are a part of the result."""
-    read = [word for word in setup.values().values() if is_file(word)]
+    read = [word for word in flatten(built).values() if is_file(word)]
     warnings: list[str] = []
     watcher = Watcher(warnings.append)
     found = write(
-        path, form, options, setup, Outputs(read, force), watcher, motion.pose_reader, motion.given
+        path, form, options, built, Outputs(read, force), watcher, motion.pose_reader, motion.given
     )
     return dataclasses.replace(found, warnings=tuple(warnings))
 
@@ -258,7 +236,7 @@ def write(
     path: Path,
     form: Form,
     options: GenerateOptions,
-    setup: Setup,
+    parameters: SimulatorParameters,
     written: Outputs,
     watcher: Watcher,
     pose_reader: PoseReader,
@@ -275,13 +253,13 @@ def write(
     started = time.perf_counter()
     if not path.name:  # the files next to it are named after it
         raise InputError(f"{str(path)!r}: is not a file name")
-    job = _Job(path, form, options, setup, watcher)
+    job = _Job(path, form, options, parameters, watcher)
     written.add(path, kept=True)
     if options.with_configs:
         written.add(truth_files.configs(path), companion_of=path)
     truths: dict[Path, str] = {}
     if job.dataset not in _WITHOUT_READINGS and not path.parent.is_file():  # one line is enough
-        truths = truth_files.new_truths(path, setup.simulator)
+        truths = truth_files.new_truths(path, parameters)
         for place in truths:
             written.add(place, companion_of=path, kept=True)
         for place in itertools.chain.from_iterable(job.companions.values()):
@@ -300,40 +278,44 @@ class _Job:
     """One output that is written."""
 
     def __init__(
-        self, path: Path, form: Form, options: GenerateOptions, setup: Setup, watcher: Watcher
+        self,
+        path: Path,
+        form: Form,
+        options: GenerateOptions,
+        parameters: SimulatorParameters,
+        watcher: Watcher,
     ) -> None:
         self.path, self.form, self.options = path, form, options
-        self.setup, self.watcher = setup, watcher
-        self.sensors = mounted(setup.simulator)
+        self.parameters, self.watcher = parameters, watcher
+        self.sensors = mounted(parameters)
         self.dataset = dataset_form(path, form.dataset, form.of_bags_only())
         self.companions: dict[str, list[Path]] = {}
         if self.dataset not in _WITHOUT_READINGS:
-            self.companions = truth_files.companions(path, setup.simulator)
+            self.companions = truth_files.companions(path, parameters)
         usual = usual_topics(self.sensors, self.dataset, path, options.imu_only)
         self.names = chosen_topics(
             form.topics, form.renamed, self.sensors, usual, self._camera_topics()
         )
         fastest = max(one.environment.rate for one in self.sensors.values())
-        check_split(form.split_duration, 1.0 / fastest, setup.simulator.duration or 0.0)
-        if setup.rig is not None and setup.rig.cameras:
+        check_split(form.split_duration, 1.0 / fastest, parameters.duration or 0.0)
+        if parameters.cameras:
             arguments.whole("jobs", options.jobs, f"from 1 to {_MAX_JOBS}", 1, _MAX_JOBS)
         if self.dataset is None:
             check_writer(path, form.storage, form.compression)
 
     def _camera_topics(self) -> list[str]:
         """Return the topics that the cameras have in a bag; none in any other form."""
-        rig = self.setup.rig
-        if rig is None or not rig.cameras or self.dataset is not None:
+        if not self.parameters.cameras or self.dataset is not None:
             return []
         from imu_sim_ros.datasets.features import camera_topics
 
-        return list(camera_topics(rig))
+        return list(camera_topics(self.parameters.rig))
 
     def run(
         self, written: Outputs, pose_reader: PoseReader, trajectory: Trajectory | None
     ) -> Generated:
         """Write the output and its configurations."""
-        simulator = self.setup.simulator
+        simulator = self.parameters
         wanted = sensors_of(self.names, offered(self.sensors)) | self.companions.keys() | {POSE}
         moving = build_trajectory(simulator.trajectory, pose_reader, trajectory)
         body = Body(simulator, trajectory=moving, sensors=wanted)
@@ -354,7 +336,7 @@ class _Job:
         if self.dataset == "tum_vi":
             from imu_sim_ros.datasets.configurations import write_tum_vi_calibration
 
-            write_tum_vi_calibration(output / "dso", simulator, self.setup.rig)
+            write_tum_vi_calibration(output / "dso", simulator, self.parameters.rig)
         if self.options.with_configs:
             self._write_configs(written.where(truth_files.configs(self.path)), body)
         return Generated(
@@ -367,11 +349,11 @@ class _Job:
 
     def _cameras(self, body: Body) -> Rig | None:
         """Return the cameras on the body, with their scene."""
-        if self.setup.rig is None or not self.setup.rig.cameras:
+        if not self.parameters.cameras:
             return None
         from imu_sim_ros.simulation.cameras import rig_on
 
-        cameras = rig_on(self.setup.rig, body)
+        cameras = rig_on(self.parameters.rig, body)
         body.scene = cameras.scene
         for name in cameras.views:
             for line in cameras.warnings(name):
@@ -385,10 +367,10 @@ class _Job:
         topics = self.names
         if self.form.dataset == "csv":
             topics = bagcreater_topics(imus(body.parameters))
-        for warning in write_configs(folder, body, topics, self.setup.rig):
+        for warning in write_configs(folder, body, topics, self.parameters.rig):
             self.watcher.warn(warning)
         files.write(
-            self.setup.values(),
+            _values(self.parameters),
             folder / "simulation.yaml",
             comment=f"All parameters of {self.path.name}:\n"
             "generate --params-file simulation.yaml generates the same samples.",
@@ -448,7 +430,7 @@ class _Job:
             else:
                 from imu_sim_ros.datasets.images import ImageFolders
 
-                comment = f"simulated by imu_sim_ros, seed {self.setup.simulator.seed}"
+                comment = f"simulated by imu_sim_ros, seed {self.parameters.seed}"
                 with ImageFolders(output, cameras, form, self.options.jobs, comment) as images:
                     target = camera_outputs.CameraTarget(dataset, images, self.sensors)
                     yield target

@@ -30,7 +30,7 @@ from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.simulation.engine import BLOCK_SIZE, Body
-from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation, named_sensors
+from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 from imu_sim_ros.simulation.playback import SimulatorParameters, of_the_node
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.common_parameters import GIVEN, PoseReader
@@ -194,8 +194,12 @@ def _body(
         quantities = [sensor.quantity for sensor in sensors_of_imus()]
         own["sensors"] = sorted(name for name in wanted if name not in quantities)
     built: SimulationParameters = load_simulation(below, own)
+    for listing, words in (("imus", "one IMU"), ("cameras", "no cameras: see camera.images")):
+        if getattr(built, listing):
+            names = list(getattr(built, listing))
+            raise ConfigurationError(f"{listing} = {names}: simulate() and blocks() have {words}")
     moving = build_trajectory(built.trajectory, motion.pose_reader, motion.given)
-    body = Body(built, trajectory=moving, sensors={*wanted, *named_sensors(built), POSE})
+    body = Body(built, trajectory=moving, sensors={*wanted, *built.each_sensor, POSE})
     if body.total is None:
         raise ConfigurationError(
             "duration: this trajectory has no end; give a duration, duration=60"

@@ -4,7 +4,7 @@
 """The bridge between a section of parameters and the parameters of a ROS node."""
 
 import functools
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
@@ -51,21 +51,20 @@ class ConfiguredNode(Node):
     def __init__(
         self,
         name: str,
-        section: type | Callable[[Mapping[str, object]], type],
+        section: type,
         layering: Layering | None = None,
         **arguments: Any,
     ) -> None:
         """Declare all parameters.
 
         :param name: the node's name, which a remapping may change.
-        :param section: frozen dataclass made of the functions in config.parameter, or a function
-            that returns the one for the values that were given.
+        :param section: frozen dataclass made of the functions in ``parameters.kinds``.
         :param layering: layers the given values over others, such as those of a preset.
         :raises ConfigurationError: with a line for every unknown name and every bad value.
         """
         super().__init__(name, automatically_declare_parameters_from_overrides=True, **arguments)
         given = self._take_overrides()
-        self.section = section if isinstance(section, type) else section(given)
+        self.section = section
         if "seed" in parameters(self.section):  # no two nodes of a graph have the same noise
             given.setdefault("seed", seed_of_node(self.get_fully_qualified_name()))
         for other in of_other_nodes(self.section, given):  # -p seed:=3 is given to all of a process

@@ -5,14 +5,21 @@
 
 import dataclasses
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final, TypeVar, cast
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import shown, suggestion
-from imu_sim_ros.parameters.kinds import METADATA, SMALLEST, Parameter, SizeError, Value
+from imu_sim_ros.parameters.kinds import (
+    METADATA,
+    SMALLEST,
+    Parameter,
+    SizeError,
+    Value,
+    entries,
+)
 
 _T = TypeVar("_T")
 _SECTION_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
@@ -62,6 +69,45 @@ def variant(key: str, default: str, find: Callable[[str], type], kinds: Mapping[
     )
 
 
+@dataclass(frozen=True)
+class _Each:
+    """Sections of names that a parameter lists, see :func:`each`."""
+
+    listed: str
+    find: Callable[[str, Mapping[str, object]], type]
+    taken: Collection[str]
+
+
+def each(
+    listed: str, find: Callable[[str, Mapping[str, object]], type], taken: Collection[str] = ()
+) -> Any:
+    """Describe a dictionary of sections by name; their parameters are ``NAME.*``.
+
+    :param listed: the parameter of the same section that lists the names.
+    :param find: returns the class for a name and all values, or raises ConfigurationError with one
+        line.
+    :param taken: names that cannot be used, next to those of parameters.
+    """
+    return dataclasses.field(default_factory=dict, metadata={"each": _Each(listed, find, taken)})
+
+
+@dataclass(frozen=True)
+class _Optional:
+    """A section that is there or not, see :func:`optional`."""
+
+    cls: Callable[[], type]
+    there: Callable[[Mapping[str, object]], bool]
+
+
+def optional(cls: Callable[[], type], there: Callable[[Mapping[str, object]], bool]) -> Any:
+    """Describe a section, or None, whose parameters have no prefix of their own.
+
+    :param cls: returns it; called only if it is there, so that it may be imported then.
+    :param there: tells from all values whether it is.
+    """
+    return dataclasses.field(default=None, metadata={"optional": _Optional(cls, there)})
+
+
 def parameters(cls: type, values: Mapping[str, object] | None = None) -> dict[str, Parameter]:
     """Return every parameter of a section by its dotted name.
 
@@ -97,12 +143,38 @@ def _walk_fields(
         if METADATA in field.metadata:
             yield name, field.metadata[METADATA]
             continue
+        for _, nested, below in _inside(field, values, prefix):
+            absent = [below + other for other in nested.without]
+            for dotted, parameter in _walk(nested.cls, values, below):
+                if dotted not in absent:
+                    yield dotted, parameter.worded(nested.words) if nested.words else parameter
+
+
+def _inside(
+    field: Any, values: Mapping[str, object], prefix: str
+) -> Iterator[tuple[str, _Nested, str]]:
+    """Yield the sections within a field: key in its dictionary, class, prefix of their names."""
+    if "each" in field.metadata:
+        found: _Each = field.metadata["each"]
+        for name in listed(found.listed, values):
+            yield name, _Nested(found.find(name, values)), f"{name}."
+    elif "optional" in field.metadata:
+        maybe: _Optional = field.metadata["optional"]
+        if maybe.there(values):
+            yield "", _Nested(maybe.cls()), prefix
+    else:
+        name = prefix + field.name
         nested = _nested(field, values, name)
-        below = name + nested.joint
-        absent = [below + other for other in nested.without]
-        for dotted, parameter in _walk(nested.cls, values, below):
-            if dotted not in absent:
-                yield dotted, parameter.worded(nested.words) if nested.words else parameter
+        yield "", nested, name + nested.joint
+
+
+def listed(parameter: str, values: Mapping[str, object]) -> list[str]:
+    """Return the names that a parameter lists; none, if it is not a list."""
+    try:
+        value = entries(values.get(parameter, ()))
+    except ValueError:
+        return []
+    return [str(name) for name in value] if isinstance(value, list | tuple) else []
 
 
 def _nested(field: Any, values: Mapping[str, object], name: str) -> _Nested:
@@ -128,7 +200,7 @@ def build(cls: type[_T], values: Mapping[str, object]) -> _T:
     :param values: by dotted name, as :func:`imu_sim_ros.parameters.files.load` returns them.
     :raises ConfigurationError: with a line for every unknown name and every bad value.
     """
-    values, problems = _without_bad_variants(cls, values, "")
+    values, problems = _usable(cls, values)
     known = parameters(cls, values)
     unused = {**OF_EVERY_NODE, **getattr(cls, "passed_over", dict)()}
     unused = {name: parameter for name, parameter in unused.items() if name not in known}
@@ -186,27 +258,78 @@ def bad_values(known: Mapping[str, Parameter], values: Mapping[str, object]) -> 
             yield from error.problems
 
 
-def _without_bad_variants(
-    cls: type, values: Mapping[str, object], prefix: str
+def _usable(
+    cls: type, values: Mapping[str, object], known: dict[str, str] | None = None
 ) -> tuple[Mapping[str, object], list[str]]:
-    """Set aside variants whose class cannot be found, so that all else is still checked."""
+    """Set aside sections whose class cannot be found, so that all else is still checked.
+
+    :param known: the names of sections so far, and the parameters that list them.
+    """
     problems: list[str] = []
+    known = {} if known is None else known
     for field in dataclasses.fields(cls):
-        name = prefix + field.name
-        if "variant" not in field.metadata:
+        gone: list[str] = []
+        if "variant" in field.metadata:
+            try:
+                _nested(field, values, field.name)
+            except ConfigurationError as error:
+                problems += error.problems
+                gone = [field.name]
+        elif "optional" in field.metadata and field.metadata["optional"].there(values):
+            values, found = _usable(field.metadata["optional"].cls(), values, known)
+            problems += found
+        elif "each" in field.metadata:
+            found, gone = _unusable_names(cls, field.metadata["each"], values, known)
+            problems += found
+            if gone:
+                listing = field.metadata["each"].listed
+                rest = [name for name in listed(listing, values) if name not in gone]
+                values = {**values, listing: tuple(rest)}
+        if gone:
+            below = tuple(f"{name}." for name in gone)
+            values = {key: v for key, v in values.items() if not key.startswith(below)}
+    return values, problems
+
+
+def _unusable_names(
+    cls: type, each: _Each, values: Mapping[str, object], known: dict[str, str]
+) -> tuple[list[str], list[str]]:
+    """Return what is wrong with the names that a parameter lists, and which of them are."""
+    problems, gone = [], []
+    names = listed(each.listed, values)
+    taken = {*each.taken, *(field.name for field in dataclasses.fields(cls))}
+    if len(set(names)) < len(names):
+        problems.append(f"{each.listed} = {names}: names must differ")
+        gone = names
+    for name in dict.fromkeys(names):
+        if name in known:
+            problems.append(f"{each.listed}: {name!r}: is a name in {known[name]}")
+            gone.append(name)
+            continue
+        known[name] = each.listed
+        if not _SECTION_NAME.fullmatch(name) or name in taken:
+            problems.append(
+                f"{each.listed}: {name!r}: must be letters, digits and underscores, and not "
+                "a parameter's name"
+            )
+            gone.append(name)
             continue
         try:
-            _nested(field, values, name)
+            each.find(name, values)
         except ConfigurationError as error:
             problems += error.problems
-            values = {key: v for key, v in values.items() if not key.startswith(name + ".")}
-    return values, problems
+            gone.append(name)
+    return problems, gone
 
 
 def _of_other_variants(cls: type, values: Mapping[str, object], name: str) -> str | None:
     """Return the line for a parameter that only other classes of its variant have; else None."""
     for field in dataclasses.fields(cls):
         below = f"{field.name}."
+        if "optional" in field.metadata and field.metadata["optional"].there(values):
+            line = _of_other_variants(field.metadata["optional"].cls(), values, name)
+            if line is not None:
+                return line
         if "variant" not in field.metadata or not name.startswith(below):
             continue
         key, default, _ = field.metadata["variant"]
@@ -227,11 +350,15 @@ def _construct(
     arguments: dict[str, object] = {}
     for field in dataclasses.fields(cast(Any, cls)):
         name = prefix + field.name
-        if METADATA not in field.metadata:
-            nested = _nested(field, values, name)
-            arguments[field.name] = _construct(nested.cls, parsed, values, name + nested.joint)
-        elif name in parsed:
-            arguments[field.name] = parsed[name]
+        if METADATA in field.metadata:
+            if name in parsed:
+                arguments[field.name] = parsed[name]
+            continue
+        made: dict[str, Any] = {
+            key: _construct(nested.cls, parsed, values, below)
+            for key, nested, below in _inside(field, values, prefix)
+        }
+        arguments[field.name] = made if "each" in field.metadata else made.get("")
     return cls(**arguments)
 
 
@@ -242,8 +369,8 @@ def _checks(instance: object, prefix: str) -> Iterator[str]:
         yield from own(prefix)
     for field in dataclasses.fields(cast(Any, instance)):
         if METADATA not in field.metadata:
-            below = f"{prefix}{field.name}{_built(field).joint}"
-            yield from _checks(getattr(instance, field.name), below)
+            for one, below, _ in _built(field, getattr(instance, field.name), prefix):
+                yield from _checks(one, below)
 
 
 def flatten(instance: object, prefix: str = "") -> dict[str, Value]:
@@ -254,37 +381,23 @@ def flatten(instance: object, prefix: str = "") -> dict[str, Value]:
         if METADATA in field.metadata:
             result[prefix + field.name] = value
             continue
-        nested = _built(field)
-        below = f"{prefix}{field.name}{nested.joint}"
-        result.update(flatten(value, below))
-        for absent in nested.without:
-            result.pop(below + absent, None)
+        for one, below, without in _built(field, value, prefix):
+            result.update(flatten(one, below))
+            for absent in without:
+                result.pop(below + absent, None)
     return result
 
 
-def _built(field: Any) -> _Nested:
-    """Return the path of a built section within another."""
-    return cast(_Nested, field.metadata.get("section", _Nested(object)))
-
-
-def section_names(parameter: str, names: Iterable[object], taken: Collection[str]) -> list[str]:
-    """Return the names that a parameter gives to sections: each is the first part of theirs.
-
-    :param taken: names of other parameters.
-    :raises ConfigurationError: with a line for each name that cannot be used.
-    """
-    result = [str(name) for name in names]
-    problems = [
-        f"{parameter}: {name!r}: must be letters, digits and underscores, and not "
-        "a parameter's name"
-        for name in result
-        if not _SECTION_NAME.fullmatch(name) or name in taken
-    ]
-    if len(set(result)) < len(result):
-        problems.append(f"{parameter} = {result}: names must differ")
-    if problems:
-        raise ConfigurationError(problems)
-    return result
+def _built(field: Any, value: Any, prefix: str) -> Iterator[tuple[object, str, Collection[str]]]:
+    """Yield the sections in a field, with the prefix of their names, and what they lack."""
+    if "each" in field.metadata:
+        yield from ((one, f"{name}.", ()) for name, one in value.items())
+    elif "optional" in field.metadata:
+        if value is not None:
+            yield value, prefix, ()
+    else:
+        nested: _Nested = field.metadata.get("section", _Nested(object))
+        yield value, f"{prefix}{field.name}{nested.joint}", nested.without
 
 
 def unknown(

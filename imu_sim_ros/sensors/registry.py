@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final
 from imu_sim_ros import arguments
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import shown, suggestion
-from imu_sim_ros.parameters.kinds import entries
+from imu_sim_ros.parameters.sections import listed
 from imu_sim_ros.sensors import NAMED, OF_IMUS, sensors_of_imus
 
 if TYPE_CHECKING:
@@ -98,26 +98,14 @@ def is_known(name: str) -> bool:
     return name in NAMED or name in _REGISTERED or name in _offered()
 
 
+def kind_of(name: str, given: Mapping[str, object]) -> str:
+    """Return the kind of a sensor: ``NAME.type``, or its name."""
+    return str(given.get(f"{name}.type") or name)
+
+
 def sensor_kinds(given: Mapping[str, object]) -> dict[str, str]:
-    """Return the kinds of sensors by name: the name itself, or ``NAME.type``.
-
-    :raises ConfigurationError: with a line for each name that cannot be used.
-    """
-    return {name: str(given.get(f"{name}.type") or name) for name in sensor_names(given)}
-
-
-def sensor_names(given: Mapping[str, object]) -> tuple[str, ...]:
-    """Return the names that parameters by dotted name give to sensors.
-
-    :raises ConfigurationError: with a line for each name that cannot be used.
-    """
-    value = entries(given.get("sensors", ()))
-    if not isinstance(value, list | tuple):
-        return ()
-    names = [str(name) for name in value]
-    if len(set(names)) < len(names):
-        raise ConfigurationError(f"sensors = {names}: names must differ")
-    return tuple(names)
+    """Return the kinds of the sensors that parameters by dotted name list, by name."""
+    return {name: kind_of(name, given) for name in listed("sensors", given)}
 
 
 def sees(kinds: Iterable[str]) -> bool:
@@ -126,24 +114,6 @@ def sees(kinds: Iterable[str]) -> bool:
     :raises ConfigurationError: for a kind that does not exist.
     """
     return any(find_sensor(kind).sees for kind in kinds)
-
-
-def sections(kinds: Mapping[str, str]) -> dict[str, type]:
-    """Return the sections of parameters of sensors, by name.
-
-    :param kinds: of sensors by name.
-    :raises ConfigurationError: with a line for each kind that does not exist.
-    """
-    result: dict[str, type] = {}
-    problems: list[str] = []
-    for name, kind in kinds.items():
-        try:
-            result[name] = find_sensor(kind).section
-        except ConfigurationError as error:
-            problems += error.problems
-    if problems:
-        raise ConfigurationError(problems)
-    return result
 
 
 def _offered() -> "dict[str, EntryPoint]":

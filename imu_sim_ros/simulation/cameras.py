@@ -20,12 +20,7 @@ from imu_sim_ros.sensors.camera.build import (
     scene_span,
 )
 from imu_sim_ros.sensors.camera.rig import Rig
-from imu_sim_ros.sensors.camera.rig_parameters import (
-    RigParameters,
-    load_rig,
-    rig_problems,
-    split_rig,
-)
+from imu_sim_ros.sensors.camera.rig_parameters import RigParameters, load_rig, of_rig, rig_problems
 from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.scene_parameters import AprilgridParameters, SceneParameters
 from imu_sim_ros.sensors.camera.target import (
@@ -64,8 +59,8 @@ def build_rig(parameters: Mapping[str, object]) -> Rig:
     :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be used.
     """
-    of_rig, others = split_rig(fitted(parameters))
-    return on_simulation(of_rig, Body(load_simulation(others)))
+    body = Body(load_simulation(fitted(parameters)))
+    return rig_on(body.parameters.rig, body)
 
 
 class Simulated(Protocol):
@@ -84,13 +79,13 @@ class Simulated(Protocol):
         """True time of sample 0 [ns]."""
 
 
-def on_simulation(of_rig: Mapping[str, object], simulation: Simulated) -> Rig:
+def on_simulation(given: Mapping[str, object], simulation: Simulated) -> Rig:
     """Return the cameras that parameters by dotted name describe, on a simulation's body.
 
     :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be used.
     """
-    rig = load_rig(of_rig)
+    rig = load_rig(given)
     problems = list(rig_problems(rig, simulation.parameters))
     if problems:
         raise ConfigurationError(problems)
@@ -116,9 +111,9 @@ def scene_around(simulation: "Simulated") -> Scene:
     :raises InputError: for a file that cannot be used.
     """
     own, trajectory = simulation.parameters, simulation.trajectory
-    if isinstance(own, RigParameters) and own.cameras:
-        return rig_on(own, simulation).scene
-    described: SceneParameters = getattr(own, "scene")  # noqa: B009  # sensors that see have one
+    if own.cameras:
+        return rig_on(own.rig, simulation).scene
+    described: SceneParameters = own.rig.scene
     arms, span = arms_of_seeing(mounted(own)), scene_span(described, trajectory.duration)
     scene = build_scene(described, arms, [], trajectory, span)
     check_path(described, arms, trajectory, own.duration or trajectory.duration, scene)
@@ -143,7 +138,7 @@ def fitted(given: Mapping[str, object]) -> dict[str, object]:
         turns = _free_turns(given)
         if turns is None:
             return given
-        rig = load_rig(split_rig(given)[0])
+        rig = load_rig(of_rig(given))
         moves = load_simulation({k: v for k, v in given.items() if k.startswith("trajectory.")})
     except ConfigurationError:
         return given  # whoever loads them says what is wrong

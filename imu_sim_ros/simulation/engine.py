@@ -32,7 +32,7 @@ from imu_sim_ros.poses import read_poses
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.model import Imu
 from imu_sim_ros.sensors.world import Window, World
-from imu_sim_ros.simulation.parameters import SimulationParameters, imus, named_sensors
+from imu_sim_ros.simulation.parameters import SimulationParameters, imus
 from imu_sim_ros.simulation.sensors import imus_in, models, mounted
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.common_parameters import GIVEN, PoseReader
@@ -134,7 +134,7 @@ class Body:
 
             route = route_in(self.trajectory)
         if route is None or route.origin is None:
-            if "gnss" not in named_sensors(p) or p.latitude_deg or p.longitude_deg:
+            if "gnss" not in p.each_sensor or p.latitude_deg or p.longitude_deg:
                 return []
             return [
                 "latitude_deg = 0 and longitude_deg = 0: fixes and satellites are those of a place "

@@ -26,7 +26,7 @@ from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.presets import barometer_layer, sensor_layer
 from imu_sim_ros.sensors.parameters import LONGEST, rotation_problems
 from imu_sim_ros.simulation.parameters import DEFAULT_IMU, SampledParameters
-from imu_sim_ros.simulation.playback import InjectParameters, SimulatorParameters
+from imu_sim_ros.simulation.playback import PARTS, InjectParameters, SimulatorParameters
 from imu_sim_ros.timebase import exact_rate
 
 NODE: Final = "error_model"
@@ -174,6 +174,7 @@ class ErrorNodeParameters(ErrorModelParameters):
         yield from super().problems(prefix)
         if self.publish.orientation:
             yield from orientation_problems(self.imu, prefix)
+        yield from self.inject.unknown_part(prefix, PARTS)
         if self.inject.imu:
             yield f"{prefix}inject.imu = {self.inject.imu!r}: must be empty, there is one IMU"
 

@@ -4,26 +4,35 @@
 """Parameters of a simulation: what the simulator node and the command generate have in common."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields, make_dataclass
-from functools import cache
-from typing import Any, Final
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.conventions import IMU_FRAME, TRIADS
+from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import nearest
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.parameters.included import names
-from imu_sim_ros.parameters.kinds import texts, upward_gravity
-from imu_sim_ros.parameters.sections import parameters, section, variant
+from imu_sim_ros.parameters.kinds import Value, integer, number, text, texts, upward_gravity
+from imu_sim_ros.parameters.sections import (
+    each,
+    flatten,
+    listed,
+    optional,
+    parameters,
+    section,
+    variant,
+)
+from imu_sim_ros.sensors.camera import CAMERAS
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.presets import barometer_layer, sensor_layer
 from imu_sim_ros.sensors.orientation.parameters import MODEL_ERRORS
 from imu_sim_ros.sensors.parameters import LARGEST_JITTER_SIGMA
-from imu_sim_ros.sensors.registry import find_sensor, is_known, sections, sees, sensor_kinds
+from imu_sim_ros.sensors.registry import find_sensor, is_known, kind_of, sees, sensor_kinds
 from imu_sim_ros.timebase import exact_rate
 from imu_sim_ros.trajectory.parameters import (
     TYPES,
@@ -36,10 +45,17 @@ from imu_sim_ros.trajectory.parameters import (
 DEFAULT_IMU = "lecture"
 DEFAULT_TRAJECTORY = "lecture"
 
-SENSORS: Final = (
-    "names of further sensors of the body, each the prefix of its own parameters (NAME.rate, ...); "
-    "none: only those on the boards of the IMUs"
+NODE: Final = "simulator"
+
+IMUS: Final = (
+    "names of several IMUs on the body, each the namespace of its topics and the prefix of its "
+    "own parameters (left.rate, left.imu.lever_arm, ...); none: one IMU"
 )
+SENSORS: Final = (
+    "names of sensors, each the prefix of its own parameters (NAME.rate, ...); none: only the IMUs "
+    "and what each has with it"
+)
+_TAKEN: Final = ("camera", "scene", "features", "publish", "inject")
 _LOWEST_CUTOFF = 1e-6
 """Lowest cut-off as a fraction of half the rate; lower ones lose all digits."""
 
@@ -108,11 +124,72 @@ class SampledParameters(EnvironmentParameters):
 
 
 @dataclass(frozen=True)
+class OneImuParameters:
+    """What an IMU of several has of its own."""
+
+    rate: float = number(
+        200.0, "samples per second", unit="Hz", minimum=0.0, above_minimum=True, maximum=20000.0
+    )
+    seed: int = integer(0, "seed of all random streams", minimum=0, maximum=2**63 - 1)
+    imu_frame: str = text(IMU_FRAME, "frame of the readings")
+    imu: ImuParameters = section(ImuParameters)
+
+
+def _rig_parameters() -> type:
+    from imu_sim_ros.sensors.camera.rig_parameters import RigParameters  # most runs need none
+
+    return RigParameters
+
+
+def has_cameras(given: Mapping[str, object]) -> bool:
+    """Return whether any parameter is about cameras."""
+    return any(key == "cameras" or key.startswith(("camera.", "features.")) for key in given)
+
+
+def has_scene(given: Mapping[str, object]) -> bool:
+    """Return whether there is anything that sees a scene."""
+    if listed("cameras", given):
+        return True
+    try:
+        return sees(sensor_kinds(given).values())
+    except ConfigurationError:  # whoever builds them says what is wrong
+        return False
+
+
+@dataclass(frozen=True)
 class SimulationParameters(SampledParameters):
-    """Everything that decides the samples."""
+    """Everything that decides the samples and frames."""
 
     trajectory: TrajectoryParameters = variant("type", "static", find_trajectory, TYPES)
     imu: ImuParameters = section(ImuParameters)
+    imus: tuple[str, ...] = texts((), IMUS)
+    sensors: tuple[str, ...] = texts((), SENSORS)
+    cameras: tuple[str, ...] = texts((), CAMERAS)
+    each_imu: Mapping[str, OneImuParameters] = each("imus", lambda *_: OneImuParameters, _TAKEN)
+    each_sensor: Mapping[str, Any] = each(
+        "sensors", lambda name, given: find_sensor(kind_of(name, given)).section, _TAKEN
+    )
+    rig: Any = optional(_rig_parameters, has_scene)
+    """Cameras and scene; None, if nothing sees one."""
+
+    def problems(self, prefix: str) -> Iterator[str]:
+        """Say which parameters do not fit each other, a line each."""
+        yield from super().problems(prefix)
+        for name, simulation in imus(self).items() if self.imus else ():
+            yield from simulation.problems(f"{name}.")
+        if self.cameras:
+            from imu_sim_ros.sensors.camera.rig_parameters import rig_problems
+
+            yield from rig_problems(self.rig, self)
+
+    if not TYPE_CHECKING:  # in scripts: flight.parameters.gnss.rate
+
+        def __getattr__(self, name: str) -> Any:
+            """Return the section of a sensor, or of one IMU of several."""
+            for sections in () if name.startswith("_") else (self.each_sensor, self.each_imu):
+                if name in sections:
+                    return sections[name]
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     @staticmethod
     def elsewhere(name: str) -> str | None:
@@ -122,6 +199,8 @@ class SimulationParameters(SampledParameters):
         parameter may be written as if ``cameras``, or the camera, were its section.
         """
         section, _, rest = name.partition(".")
+        if section in ("camera", "scene", "features"):
+            return "there is no camera; name them in cameras"
         if is_known(section):
             return f"those of a sensor need its name in sensors, as in sensors: [{section}]"
         if rest.startswith("camera."):
@@ -146,69 +225,29 @@ def _of_camera(camera: str, name: str) -> str | None:
     return f"did you mean {own}camera.{near}{' for all cameras' if camera else ''}?"
 
 
-def sensor_fields(kinds: Mapping[str, str]) -> list[Any]:
-    """Return the fields of a section that has the parameters of sensors.
-
-    :param kinds: of the sensors by name.
-    :raises ConfigurationError: with a line for each kind that does not exist.
-    """
-    own = sections(kinds)
-    fields: list[Any] = [
-        ("sensors", tuple[str, ...], texts(tuple(kinds), SENSORS)),
-        *((name, cls, section(cls)) for name, cls in own.items()),
-    ]
-    if sees(kinds.values()):
-        from imu_sim_ros.sensors.camera.rig_parameters import DEFAULT_SCENE
-        from imu_sim_ros.sensors.camera.scene_parameters import TYPES as SCENES
-        from imu_sim_ros.sensors.camera.scene_parameters import SceneParameters, find_scene
-
-        scene = variant("type", DEFAULT_SCENE, find_scene, SCENES)
-        fields.append(("scene", SceneParameters, scene))
-    return fields
-
-
-def simulation_section(kinds: Mapping[str, str]) -> type[SimulationParameters]:
-    """Return the section of a simulation with sensors.
-
-    :param kinds: of the sensors by name.
-    :raises ConfigurationError: with a line for each kind that does not exist.
-    """
-    # By their sections, too: a sensor of this kind may have been registered anew.
-    every = tuple(sections(kinds).values())
-    return _section_of(tuple(kinds.items()), every) if kinds else SimulationParameters
-
-
-@cache
-def _section_of(
-    kinds: tuple[tuple[str, str], ...], _: tuple[type, ...]
-) -> type[SimulationParameters]:
-    fields, bases = sensor_fields(dict(kinds)), (SimulationParameters,)
-    return make_dataclass("SimulationParameters", fields, bases=bases, frozen=True)
-
-
-def named_sensors(parameters: object) -> dict[str, Any]:
-    """Return the parameters of the sensors that ``sensors`` names, by name."""
-    return {name: getattr(parameters, name) for name in getattr(parameters, "sensors", ())}
-
-
 def imus(parameters: SampledParameters) -> dict[str, Any]:
     """Return the parameters of each IMU with the world around it, by its name.
 
     That of a single one is empty, and its parameters are all there are.
     """
-    names = getattr(parameters, "imus", ())
-    if not names:
+    if not isinstance(parameters, SimulationParameters) or not parameters.imus:
         return {"": parameters}
     shared = {field.name: getattr(parameters, field.name) for field in fields(SimulationParameters)}
+    shared |= {"imus": (), "each_imu": {}, "cameras": (), "rig": None}
     result = {}
-    for name in names:
-        own = getattr(parameters, name)
+    for name, own in parameters.each_imu.items():
         of_its_own = {field.name: getattr(own, field.name) for field in fields(own)}
         result[name] = SimulationParameters(**{**shared, **of_its_own})
     return result
 
 
-def load_simulation(*layers: Mapping[str, object], node: str = "simulator") -> SimulationParameters:
+def values_of(parameters: SimulationParameters) -> dict[str, Value]:
+    """Return all parameters by dotted name, without lists of names that are empty."""
+    lists = ("imus", "sensors", "cameras")
+    return {n: value for n, value in flatten(parameters).items() if value or n not in lists}
+
+
+def load_simulation(*layers: Mapping[str, object], node: str = NODE) -> SimulationParameters:
     """Return the simulation that layers of parameters describe, later ones above earlier ones.
 
     :raises ConfigurationError: with a line for each problem.
@@ -216,64 +255,79 @@ def load_simulation(*layers: Mapping[str, object], node: str = "simulator") -> S
     given: dict[str, object] = {}
     for values in layers:
         given.update(values)
-    kinds = sensor_kinds(given)
-    if not kinds:
-        given.pop("sensors", None)
-    return build_layered(
-        simulation_section(kinds), lambda values: layer_simulation([values], node), given
-    )
+    return build_layered(SimulationParameters, lambda values: layered(values, node), given)
 
 
-def layer_simulation(layers: Iterable[Mapping[str, object]], node: str) -> dict[str, object]:
-    """Return the layers as one, above the IMU preset and the trajectory file that they name.
+def layered(given: Mapping[str, object], node: str = NODE) -> dict[str, object]:
+    """Return what was given above the files that it names: presets, trajectory and scene.
+
+    An IMU of several takes ``rate`` and ``imu.*`` from those of all, if it has none of its own;
+    its seed is the common one plus its place in ``imus``, so that no two have the same noise.
+    """
+    several = listed("imus", given)
+    own: dict[str, dict[str, object]] = {name: {} for name in several}
+    common: dict[str, object] = {}
+    for key, value in given.items():
+        name, dot, rest = key.partition(".")
+        if dot and name in own:
+            own[name][rest] = value
+        else:
+            common[key] = value
+    of_all = {key: common[key] for key in common if key == "rate" or key.startswith("imu.")}
+    if has_scene(common):
+        from imu_sim_ros.sensors.camera.rig_parameters import layer_rig
+
+        common = layer_rig(common, node)
+    imu = _of_imu(common, node)
+    result = {**_of_sensors(common, node), **_of_trajectory(imu, common, node)}
+    seed = common.get("seed", 0)
+    for k, name in enumerate(several):
+        usual: dict[str, object] = {"imu_frame": f"{name}_imu_link"}
+        if isinstance(seed, int):
+            usual["seed"] = seed + k
+        for key, value in _of_imu({**of_all, **usual, **own[name]}, node).items():
+            if not key.startswith("trajectory."):
+                result[f"{name}.{key}"] = value
+    return result
+
+
+def _of_imu(given: Mapping[str, object], node: str) -> dict[str, object]:
+    """Return what was given above the preset of an IMU, which may have parameters of all kinds.
 
     What an included preset says, and the choices of a user leave no place for, is left out; a
     file of one's own is taken at its word.
     """
-    layers = list(layers)
-    given = {name for values in layers for name in values}
-    result = _layered(layers, node)
-    if result.get("imu.preset", DEFAULT_IMU) not in names("imus"):
-        return result
-    without_place = set(_errors_of_no_model(result)) - given
-    return {name: value for name, value in result.items() if name not in without_place}
+    above = {"imu.preset": DEFAULT_IMU, **given}
+    preset = sensor_layer(str(above["imu.preset"]), node)
+    above["imu.preset"] = preset.pop("imu.preset", above["imu.preset"])
+    result = {**preset, **barometer_layer(above, node), **above}
+    # A filter has none of the errors of a modelled orientation.
+    if result.get("imu.orientation_source") == "filter" and above["imu.preset"] in names("imus"):
+        for name in MODEL_ERRORS:
+            if f"imu.orientation_{name}" not in given:
+                result.pop(f"imu.orientation_{name}", None)
+    return result
 
 
-def _errors_of_no_model(values: Mapping[str, object]) -> list[str]:
-    """Return the errors of a modelled orientation, if a filter makes it."""
-    if values.get("imu.orientation_source") != "filter":
-        return []
-    return [f"imu.orientation_{name}" for name in MODEL_ERRORS]
+def _of_trajectory(
+    values: Mapping[str, object], given: Mapping[str, object], node: str
+) -> dict[str, object]:
+    """Return values above the file that ``trajectory.type`` names.
 
-
-def _layered(layers: Iterable[Mapping[str, object]], node: str) -> dict[str, object]:
-    """Return several layers as one, later ones above earlier ones.
-
-    Below them all lie the files that ``imu.preset`` and ``trajectory.type`` name.
+    :param values: with those of the IMU's preset: its motion counts if no other one is given.
     """
-    given: dict[str, object] = {}
-    for values in layers:
-        given.update(values)
-    given.setdefault("imu.preset", DEFAULT_IMU)
-    sensor = sensor_layer(str(given["imu.preset"]), node)
-    given["imu.preset"] = sensor.pop("imu.preset", given["imu.preset"])
-    # A sensor's file may be one of all parameters: its motion counts if no other is named.
-    motion = {name: sensor.pop(name) for name in list(sensor) if name.startswith("trajectory.")}
-    if "trajectory.type" not in given:
-        given = {"trajectory.type": DEFAULT_TRAJECTORY, **motion, **given}
-    if names_a_file(str(given["trajectory.type"])):
-        sensor.update(trajectory_layer(str(given.pop("trajectory.type")), node))
-    of_sensors = barometer_layer(given, node) | _sensor_layers(given, node)
-    if sees(sensor_kinds(given).values()):
-        from imu_sim_ros.sensors.camera.rig_parameters import layered_scene
-
-        own = {key: value for key, value in given.items() if not key.startswith("scene.")}
-        given = own | layered_scene(given, node)
-    return {**sensor, **of_sensors, **given}
+    preset = [key for key in values if key.startswith("trajectory.") and key not in given]
+    left_out = preset if "trajectory.type" in given else []
+    result = {key: value for key, value in values.items() if key not in left_out}
+    kind = str(result.setdefault("trajectory.type", DEFAULT_TRAJECTORY))
+    if not names_a_file(kind):
+        return result
+    del result["trajectory.type"]
+    return {**trajectory_layer(kind, node), **result}
 
 
-def _sensor_layers(given: Mapping[str, object], node: str) -> dict[str, object]:
-    """Return what ``NAME.preset`` of sensors of the body stand for."""
+def _of_sensors(given: Mapping[str, object], node: str) -> dict[str, object]:
+    """Return what ``NAME.preset`` of sensors stand for."""
     result: dict[str, object] = {}
     for name, kind in sensor_kinds(given).items():
         preset = given.get(f"{name}.preset")

@@ -4,43 +4,33 @@
 """Parameters of the simulator node: those of a simulation, and how it is played."""
 
 import dataclasses
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, make_dataclass
-from typing import Any
+from typing import Any, Final
 
 from imu_sim_ros import timebase
-from imu_sim_ros.conventions import IMU_FRAME, TRIADS
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.names import suggestion
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.parameters.kinds import (
-    METADATA,
-    Parameter,
     Vector,
     choice,
-    entries,
     flag,
     integer,
     number,
     text,
-    texts,
     vector,
 )
-from imu_sim_ros.parameters.sections import section, section_names
+from imu_sim_ros.parameters.sections import section
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.faults import Fault
-from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.parameters import LARGEST_LATENCY, LONGEST
-from imu_sim_ros.sensors.registry import sees, sensor_kinds
-from imu_sim_ros.simulation.parameters import (
-    SENSORS,
-    SimulationParameters,
-    imus,
-    layer_simulation,
-    sensor_fields,
-)
+from imu_sim_ros.sensors.registry import find_sensor
+from imu_sim_ros.simulation.parameters import SimulationParameters, imus, layered
 
-NODE = "simulator"
+PARTS: Final = (*TRIADS, *(one.name for one in sensors_of_imus() if one.faults))
+"""What faults of an IMU and of the sensors with it name."""
 FAULTS = ("none", "bias_jump", "saturation", "stuck", "dropout", "latency")
 
 
@@ -130,11 +120,11 @@ class InjectParameters:
         maximum=LONGEST,
         live=True,
     )
-    triad: str = choice(
+    triad: str = text(
         "gyroscope",
-        (*TRIADS, *(one.name for one in sensors_of_imus() if one.faults)),
-        "triad that a bias_jump, saturation or stuck affects; with another sensor, any fault "
-        "affects that sensor alone",
+        f"triad that a bias_jump, saturation or stuck affects, {' or '.join(TRIADS)}; "
+        f"{', '.join(PARTS[len(TRIADS) :])} or a name in `sensors`: any fault affects that sensor "
+        "alone",
         live=True,
     )
     value: Vector = vector(
@@ -145,6 +135,11 @@ class InjectParameters:
         live=True,
     )
     imu: str = text("", "affected IMU, a name in `imus`; empty: all", live=True)
+
+    def unknown_part(self, prefix: str, known: Collection[str]) -> Iterator[str]:
+        """Say whether `triad` is none of the names that are known."""
+        if self.triad not in known:
+            yield f"{prefix}inject.triad = {self.triad!r}: {suggestion(self.triad, known)}"
 
     def fault(self) -> Fault:
         """Return the fault.
@@ -188,17 +183,6 @@ class SimulatorParameters(SimulationParameters):
     step_samples: int = integer(
         1, "samples that ~/step publishes", minimum=1, maximum=1_000_000, live=True
     )
-    imus: tuple[str, ...] = texts(
-        (),
-        "names of several IMUs on the body, each the namespace of its topics and the prefix of its "
-        "own parameters (left.rate, left.imu.lever_arm, ...); none: one IMU",
-    )
-    cameras: tuple[str, ...] = texts(
-        (),
-        "names of the cameras on the body, each the namespace of its topics and the prefix of its "
-        "own parameters (cam0.camera.rate, ...); none: no camera",
-    )
-    sensors: tuple[str, ...] = texts((), SENSORS)
     publish: PublishParameters = section(_switches())
     inject: InjectParameters = section(InjectParameters)
 
@@ -230,112 +214,8 @@ class SimulatorParameters(SimulationParameters):
                 f"{prefix}inject.imu = {self.inject.imu!r}: must be empty or one of imus, "
                 f"{list(self.imus)}"
             )
-        for name, simulation in imus(self).items() if self.imus else ():
-            yield from simulation.problems(f"{name}.")
-        if self.cameras and isinstance(self, _rig().RigParameters):
-            yield from _rig().rig_problems(self, self)
-
-
-@dataclass(frozen=True)
-class OneImuParameters:
-    """What an IMU of several has of its own."""
-
-    rate: float = number(
-        200.0, "samples per second", unit="Hz", minimum=0.0, above_minimum=True, maximum=20000.0
-    )
-    seed: int = integer(0, "seed of all random streams", minimum=0, maximum=2**63 - 1)
-    imu_frame: str = text(IMU_FRAME, "frame of the readings")
-    imu: ImuParameters = section(ImuParameters)
-
-
-def simulator_section(given: Mapping[str, object]) -> type[SimulatorParameters]:
-    """Return the section that holds the parameters of all IMUs that ``imus`` names."""
-    names, further = _imus(given), sensor_kinds(given)
-    bases: tuple[type, ...] = (SimulatorParameters,)
-    if has_cameras(given):
-        cameras = _rig().camera_names(given)
-        both = [f"cameras: {name!r}: is the name of an IMU" for name in cameras if name in names]
-        if both:
-            raise ConfigurationError(both)
-        if cameras:
-            bases = (SimulatorParameters, _rig().rig_section(cameras))
-    if not names and not further and len(bases) == 1:
-        return SimulatorParameters
-    fields: list[Any] = [(name, OneImuParameters, section(OneImuParameters)) for name in names]
-    if further:
-        taken = {*names, *(field.name for base in bases for field in dataclasses.fields(base))}
-        section_names("sensors", further, taken)
-        fields += [*sensor_fields(further), _injected(further)]
-    return dataclasses.make_dataclass("SimulatorParameters", fields, bases=bases, frozen=True)
-
-
-def _injected(sensors: Iterable[str]) -> Any:
-    """Return the field ``inject`` that includes the faults of sensors of the body."""
-    known = {field.name: field for field in dataclasses.fields(InjectParameters)}["triad"]
-    triad: Parameter = known.metadata[METADATA]
-    more = choice("gyroscope", (*triad.choices, *sensors), triad.text, live=True)
-    cls = make_dataclass(
-        "InjectParameters", [("triad", str, more)], bases=(InjectParameters,), frozen=True
-    )
-    return ("inject", cls, section(cls))
-
-
-def has_cameras(given: Mapping[str, object]) -> bool:
-    """Return whether any parameter is about cameras."""
-    if any(key == "cameras" or key.startswith(("camera.", "features.")) for key in given):
-        return True
-    if not any(key.startswith("scene.") for key in given):
-        return False
-    return not sees(sensor_kinds(given).values())
-
-
-def _rig() -> Any:
-    """Return the parameters of cameras, which most runs do not need."""
-    from imu_sim_ros.sensors.camera import rig_parameters
-
-    return rig_parameters
-
-
-def _imus(given: Mapping[str, object]) -> list[str]:
-    """Return the names of several IMUs; what is wrong with them."""
-    value = entries(given.get("imus", ()))
-    taken = {field.name for field in dataclasses.fields(SimulatorParameters)}
-    return section_names("imus", value if isinstance(value, list | tuple) else [], taken)
-
-
-def layer_simulator(given: Mapping[str, object]) -> dict[str, object]:
-    """Return what was given above the presets and the trajectory that it names.
-
-    An IMU of several takes ``rate`` and ``imu.*`` from those of all, if it has none of its own;
-    its seed is the common one plus its place in ``imus``, so that no two have the same noise.
-    """
-    of_rig: dict[str, object] = {}
-    if has_cameras(given):
-        seen, given = _rig().split_rig(given)
-        of_rig = _rig().layer_rig(seen, NODE)
-    names = _imus(given)
-    own: dict[str, dict[str, object]] = {name: {} for name in names}
-    common: dict[str, object] = {}
-    for key, value in given.items():
-        name, dot, rest = key.partition(".")
-        if dot and name in own:
-            own[name][rest] = value
-        else:
-            common[key] = value
-    result = layer_simulation([common], NODE)
-    inherited = {
-        key: value for key, value in common.items() if key == "rate" or key.startswith("imu.")
-    }
-    first_seed = common.get("seed", 0)
-    for place, name in enumerate(names):
-        defaults: dict[str, object] = {"imu_frame": f"{name}_imu_link"}
-        if isinstance(first_seed, int):
-            defaults["seed"] = first_seed + place
-        layers = [{**inherited, **defaults}, own[name]]
-        for key, value in layer_simulation(layers, NODE).items():
-            if not key.startswith("trajectory."):
-                result[f"{name}.{key}"] = value
-    return {**result, **of_rig}
+        named = [n for n, own in self.each_sensor.items() if find_sensor(own.type or n).faults]
+        yield from self.inject.unknown_part(prefix, (*PARTS, *named))
 
 
 def load_simulator(*layers: Mapping[str, object]) -> SimulatorParameters:
@@ -346,7 +226,7 @@ def load_simulator(*layers: Mapping[str, object]) -> SimulatorParameters:
     given: dict[str, object] = {}
     for values in layers:
         given.update(values)
-    return build_layered(simulator_section(given), layer_simulator, given)
+    return build_layered(SimulatorParameters, layered, given)
 
 
 def of_the_node(given: Mapping[str, object]) -> list[str]:
@@ -354,10 +234,9 @@ def of_the_node(given: Mapping[str, object]) -> list[str]:
 
     Those that ROS gives to every node are among them.
     """
-    samples = {field.name for field in dataclasses.fields(SimulationParameters)}
-    node = (
-        {field.name for field in dataclasses.fields(SimulatorParameters)}
-        - samples
-        - {"imus", "cameras", "sensors"}
+    every, samples = (
+        {field.name for field in dataclasses.fields(cls)}
+        for cls in (SimulatorParameters, SimulationParameters)
     )
+    node = every - samples
     return [name for name in given if name.partition(".")[0] in node or files.is_of_ros(name)]

@@ -16,7 +16,7 @@ from imu_sim_ros.sensors.declaration import Model, Mounted
 from imu_sim_ros.sensors.imu import declaration as imu
 from imu_sim_ros.sensors.pose import declaration as pose
 from imu_sim_ros.sensors.registry import find_sensor
-from imu_sim_ros.simulation.parameters import SampledParameters, imus, named_sensors
+from imu_sim_ros.simulation.parameters import SampledParameters, imus
 from imu_sim_ros.types import Array
 
 
@@ -34,7 +34,7 @@ def mounted(parameters: SampledParameters) -> dict[str, Mounted]:
             found[space + sensor.quantity] = board
     frame = parameters.body_frame
     found[pose.NAME] = Mounted(pose.NAME, pose.SENSOR, parameters, parameters, parameters, frame)
-    for name, own in named_sensors(parameters).items():
+    for name, own in getattr(parameters, "each_sensor", {}).items():
         sensor = find_sensor(own.type or name)
         space = f"{name}/" if own.type else ""
         found[name] = Mounted(name, sensor, own, parameters, own, own.own_frame(name, frame), space)

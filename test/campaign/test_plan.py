@@ -185,7 +185,7 @@ def test_the_digest_tells_what_changes_numbers_from_what_does_not(plan_file):
     def digest(**content):
         plan = load_plan(plan_file(**content))
         cell = next(plan.cells())
-        return plan.digest(plan.simulation(cell), plan.rig(cell), "dead_reckon")
+        return plan.digest(plan.simulation(cell), "dead_reckon")
 
     first = digest()
     assert digest(seeds=7, name="other", require=["success >= 0.5"]) == first

@@ -16,7 +16,6 @@ from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.poses import read_poses
-from imu_sim_ros.sensors.camera.rig_parameters import load_rig, split_rig
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -42,8 +41,8 @@ def flight(folder, seed, *more, imu="adis16448", duration="10s"):
         f"--set scene.seed={seed} --seed {seed} --with-configs --quiet"
     )
     assert generate.main([*words.split(), *more]) == 0
-    of_rig, others = split_rig(files.load(Path(f"{folder}_configs") / "simulation.yaml"))
-    return load_simulation(others), load_rig(of_rig).camera("cam0")
+    simulation = load_simulation(files.load(Path(f"{folder}_configs") / "simulation.yaml"))
+    return simulation, simulation.rig.camera("cam0")
 
 
 @pytest.fixture(scope="module", name="results")

@@ -19,11 +19,8 @@ from imu_sim_ros.nodes import launching
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten, parameters
 from imu_sim_ros.simulation.engine import Body
-from imu_sim_ros.simulation.playback import (
-    SimulatorParameters,
-    layer_simulator,
-    simulator_section,
-)
+from imu_sim_ros.simulation.parameters import layered
+from imu_sim_ros.simulation.playback import SimulatorParameters, load_simulator
 
 pytestmark = pytest.mark.ros
 
@@ -118,7 +115,7 @@ def test_the_lists_of_a_users_launch_file_reach_the_readings(
     node = start("simulator", *arguments_of(entry, tmp_path), wait_for_subscribers=1)
     assert listener.wait_for_end(node) == 0, node.output
     given = files.load(tmp_path / "launch_params")
-    simulated = build(SimulatorParameters, layer_simulator(given))
+    simulated = build(SimulatorParameters, layered(given))
     assert simulated.imu.gyroscope.bias == (0.01, 0.0, -0.02)
     block = Body(simulated).next(50)["imu"]
     live = [
@@ -206,5 +203,5 @@ def test_values_of_a_launch_file(tmp_path):
 
 def test_the_section_of_several_imus_may_come_as_a_string():
     given = {"imus": "[left, right]", "left.imu.gyroscope_bias": "[0.1, 0, 0]"}
-    built = build(simulator_section(given), layer_simulator(given))
+    built = load_simulator(given)
     assert flatten(built)["left.imu.gyroscope_bias"] == (0.1, 0.0, 0.0)

@@ -14,7 +14,7 @@ from imu_sim_ros.sensors.gnss.parameters import MODES, GnssParameters
 from imu_sim_ros.sensors.wheels.model import rim_speeds
 from imu_sim_ros.sensors.wheels.parameters import WheelsParameters
 from imu_sim_ros.sensors.wheels.uncertainty import StatedCovariance
-from imu_sim_ros.simulation.parameters import SimulationParameters, named_sensors
+from imu_sim_ros.simulation.parameters import SimulationParameters
 from imu_sim_ros.types import Array
 
 SPEED: Final = 1.0
@@ -76,7 +76,7 @@ class Aiding:
 
 def aiding(values: ImuValues, parameters: SimulationParameters) -> Aiding | None:
     """Return what the body carries for an IMU; None: neither GNSS nor wheels."""
-    body = named_sensors(parameters)
+    body = parameters.each_sensor
     if not body.keys() & {"gnss", "wheels"}:
         return None
     return Aiding(values, parameters, body.get("gnss"), body.get("wheels"))

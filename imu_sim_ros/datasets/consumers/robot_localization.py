@@ -6,12 +6,13 @@
 Keys are those that src/ros_filter.cpp and src/navsat_transform.cpp declare.
 """
 
+from collections.abc import Mapping
 from typing import Any, Final
 
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.datasets.consumers.values import ImuValues, comment
 from imu_sim_ros.datasets.topics import resolved
-from imu_sim_ros.simulation.parameters import SimulationParameters, named_sensors
+from imu_sim_ros.simulation.parameters import SimulationParameters
 
 _ROWS: Final = (
     "x, y, z",
@@ -29,7 +30,7 @@ def texts(values: ImuValues, parameters: SimulationParameters) -> dict[str, str]
     :param values: the IMU of the readings.
     :param parameters: of the simulation, which has the sensors of the body.
     """
-    body = named_sensors(parameters)
+    body = parameters.each_sensor
     found = {}
     if body.keys() & {"gnss", "wheels"}:
         found["ekf.yaml"] = _ekf(values, parameters, body)
@@ -38,7 +39,7 @@ def texts(values: ImuValues, parameters: SimulationParameters) -> dict[str, str]
     return found
 
 
-def _ekf(values: ImuValues, parameters: SimulationParameters, body: dict[str, Any]) -> str:
+def _ekf(values: ImuValues, parameters: SimulationParameters, body: Mapping[str, Any]) -> str:
     wheels = body.get("wheels")
     remarks = [
         "robot_localization, ekf_node: odom to body from IMU and wheels, and with GNSS another "

@@ -43,7 +43,7 @@ from imu_sim_ros.nodes.simulator.cameras import MARKERS, TOKEN
 from imu_sim_ros.nodes.simulator.markers import markers
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.sensors.camera.rig import Rig
-from imu_sim_ros.simulation.playback import simulator_section
+from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.simulation.sensors import arms_of_seeing, mounted
 from imu_sim_ros.trajectory.build import build_trajectory
 
@@ -122,7 +122,7 @@ class CameraNode:
         :param start: what :class:`~imu_sim_ros.nodes.simulator.cameras.Cameras` sends.
         """
         values = start["parameters"]
-        parameters: Any = build(simulator_section(values), values)
+        parameters: Any = build(SimulatorParameters, values)
         self.name = start["camera"]
         overrides = [Parameter(name, value=value) for name, value in start["overrides"].items()]
         rclpy.init(args=[])
@@ -140,10 +140,10 @@ class CameraNode:
         trajectory = build_trajectory(parameters.trajectory, read_poses)
         duration = parameters.duration or trajectory.duration
         others = arms_of_seeing(mounted(parameters))
-        self._rig = Rig(parameters, trajectory, ORIGIN_NS, duration, parameters.seed, others)
+        self._rig = Rig(parameters.rig, trajectory, ORIGIN_NS, duration, parameters.seed, others)
         self._view = self._rig.views[self.name]
         maker = imagers(self._rig, [self.name]).get(self.name)
-        frame = parameters.frame(self.name)
+        frame = parameters.rig.frame(self.name)
         self._camera = CameraMessages(self._view, frame, maker, "cdr")
         self._bodies = BodyMessages(self._rig, parameters.world_frame)
         self._features: FeatureStream | None = None
@@ -151,8 +151,8 @@ class CameraNode:
 
     def _publishers(self) -> Iterator[tuple[str, Counter]]:
         """Yield a publisher for each topic of this process."""
-        types = {**camera_topics(self.parameters), MARKERS_TOPIC: MARKERS}
-        depth = max(20, round(4 * self.parameters.camera(self.name).rate))
+        types = {**camera_topics(self.parameters.rig), MARKERS_TOPIC: MARKERS}
+        depth = max(20, round(4 * self.parameters.rig.camera(self.name).rate))
         for topic, full in self._names.items():
             qos = _LATCHED if topic in (LANDMARKS_TOPIC, MARKERS_TOPIC) else QoSProfile(depth=depth)
             yield topic, Counter(topic, create(self.node, types[topic], full, qos))
@@ -191,7 +191,7 @@ class CameraNode:
     def _tracked(self, number: int) -> dict[str, bytes]:
         """Return the features of a frame; they depend on the frames before it."""
         if self._features is None or self._features.position > number:
-            layout, world = self.parameters.features.layout, self.parameters.world_frame
+            layout, world = self.parameters.rig.features.layout, self.parameters.world_frame
             self._features = FeatureStream(self._rig, layout, world)
         messages = self._features.next(number + 1 - self._features.position)
         payload = next((m.payload for m in messages if m.number == number), None)

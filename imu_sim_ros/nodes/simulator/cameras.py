@@ -204,7 +204,7 @@ class Cameras:
 
         :param duration: of the run [s], perhaps infinite.
         """
-        assert isinstance(parameters, RigParameters)
+        rig: RigParameters = parameters.rig
         log = node.get_logger()
         self.topics: list[str] = []
         """Full names of all topics that the processes publish."""
@@ -212,9 +212,9 @@ class Cameras:
         self.streams: list[CameraStream] = []
         self._processes: list[CameraProcess] = []
         self._requested_at = 0.0
-        self.mounts = [_mount(parameters.frame(n), c) for n, c in parameters.each().items()]
-        for name, camera in parameters.each().items():
-            topics = _topics_of(name, parameters)
+        self.mounts = [_mount(rig.frame(n), c) for n, c in rig.each().items()]
+        for name, camera in rig.each().items():
+            topics = _topics_of(name, rig)
             names = {topic: node.resolve_topic_name(topic) for topic in topics}
             start = {
                 "camera": name,

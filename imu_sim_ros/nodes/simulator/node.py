@@ -49,13 +49,8 @@ from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensors.declaration import Mounted, Topic
 from imu_sim_ros.simulation import topics
 from imu_sim_ros.simulation.engine import Body
-from imu_sim_ros.simulation.parameters import DEFAULT_TRAJECTORY, imus
-from imu_sim_ros.simulation.playback import (
-    SimulatorParameters,
-    has_cameras,
-    layer_simulator,
-    simulator_section,
-)
+from imu_sim_ros.simulation.parameters import DEFAULT_TRAJECTORY, has_cameras, imus, layered
+from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.simulation.sensors import mounted, mounts
 
 QUEUE: Final = 4000
@@ -75,14 +70,14 @@ def _layered(given: Mapping[str, object]) -> dict[str, object]:
         from imu_sim_ros.simulation.cameras import fitted
 
         given = fitted(given)
-    return layer_simulator(given)
+    return layered(given)
 
 
 class Simulator(ConfiguredNode):
     """Plays a simulation; see the module's docstring."""
 
     def __init__(self, **arguments: Any) -> None:
-        super().__init__("simulator", simulator_section, _layered, **arguments)
+        super().__init__("simulator", SimulatorParameters, _layered, **arguments)
         self._counters: list[Any] = []
         self._terminals: list[PseudoTerminal] = []
         self._cameras: Any = None

@@ -9,16 +9,16 @@ file that a camera's ``preset`` names, and below the scene's parameters the file
 
 import dataclasses
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import unknown
 from imu_sim_ros.parameters import files
-from imu_sim_ros.parameters.kinds import choice, entries, texts
-from imu_sim_ros.parameters.sections import build, section, section_names, variant
+from imu_sim_ros.parameters.kinds import choice, texts
+from imu_sim_ros.parameters.sections import build, each, listed, section, variant
 from imu_sim_ros.places.mesh_file import is_mesh
+from imu_sim_ros.sensors.camera import CAMERAS
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.scene_parameters import (
     TYPES,
@@ -27,14 +27,12 @@ from imu_sim_ros.sensors.camera.scene_parameters import (
     known_scenes,
 )
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.registry import sees, sensor_kinds
 from imu_sim_ros.timebase import exact_rate
 
 DEFAULT_CAMERA: Final = "vio_data_simulation"
 DEFAULT_SCENE: Final = "room"
 LAYOUTS: Final = ("mono", "fusion", "none")
-_OF_ALL: Final = ("camera", "scene", "features")
-_TAKEN: Final = {*_OF_ALL, "cameras", "imus", "imu", "trajectory", "publish", "inject"}
+_TAKEN: Final = ("camera", "imus", "imu", "trajectory", "publish", "inject")
 
 
 @dataclass(frozen=True)
@@ -60,14 +58,18 @@ class FeatureParameters:
 class RigParameters:
     """All cameras of a body; each has a section of its own name."""
 
-    cameras: tuple[str, ...] = texts(
-        (),
-        "names of the cameras on the body, each the namespace of its topics and the prefix of its "
-        "own parameters (cam0.camera.rate, ...); none: no camera",
-    )
+    cameras: tuple[str, ...] = texts((), CAMERAS)
     scene: SceneParameters = variant("type", DEFAULT_SCENE, find_scene, TYPES)
-
     features: FeatureParameters = section(FeatureParameters)
+    each_camera: Mapping[str, OneCameraParameters] = each(
+        "cameras", lambda *_: OneCameraParameters, _TAKEN
+    )
+
+    @staticmethod
+    def elsewhere(name: str) -> str | None:
+        """Return where a parameter belongs whose section does not exist."""
+        no_camera = "there is no camera; name them in cameras"
+        return no_camera if name.startswith("camera.") else None
 
     def frame(self, name: str) -> str:
         """Return the frame of a camera's messages."""
@@ -75,91 +77,38 @@ class RigParameters:
 
     def camera(self, name: str) -> CameraParameters:
         """Return the parameters of one camera."""
-        own: OneCameraParameters = getattr(self, name)
-        return own.camera
+        return self.each_camera[name].camera
 
     def each(self) -> dict[str, CameraParameters]:
         """Return the parameters of all cameras by name, in order."""
         return {name: self.camera(name) for name in self.cameras}
 
 
-def is_rig_key(key: str, names: list[str]) -> bool:
-    """Return whether a parameter is about cameras or the scene, given the cameras' names."""
-    first, dot, rest = key.partition(".")
-    if key == "cameras" or (dot and first in _OF_ALL):
-        return True
-    return bool(dot) and first in names and rest.startswith("camera.")
-
-
-def camera_names(given: Mapping[str, object]) -> list[str]:
-    """Return the names in ``cameras``.
-
-    :raises ConfigurationError: for names that cannot be used.
-    """
-    value = given.get("cameras", ())
-    with suppress(ValueError):  # what is not a list is reported below
-        value = entries(value)
-    if not isinstance(value, list | tuple):
-        raise ConfigurationError(f"cameras = {value!r}: must be a list of names")
-    return section_names("cameras", value, _TAKEN)
-
-
-def split_rig(
-    given: Mapping[str, object],
-) -> tuple[dict[str, object], dict[str, object]]:
-    """Return what is about cameras and their scene, and all else.
-
-    A scene that other sensors see, too, is in both.
-    """
-    names, others_see = camera_names(given), sees(sensor_kinds(given).values())
-    rig, others = {}, {}
-    for key, value in given.items():
-        of_scene = key.startswith("scene.") and others_see
-        if is_rig_key(key, names) and (names or not of_scene):
-            rig[key] = value
-        if not is_rig_key(key, names) or of_scene:
-            others[key] = value
-    return rig, others
-
-
-def rig_section(names: list[str]) -> type[RigParameters]:
-    """Return the section that holds the parameters of all cameras named."""
-    fields: list[Any] = [
-        (name, OneCameraParameters, section(OneCameraParameters)) for name in names
-    ]
-    return dataclasses.make_dataclass("RigParameters", fields, bases=(RigParameters,), frozen=True)
-
-
 def layer_rig(given: Mapping[str, object], node: str = "simulator") -> dict[str, object]:
-    """Return what was given above the presets and the scene's file that it names."""
-    names = camera_names(given)
-    common = {key: value for key, value in given.items() if key.startswith("camera.")}
-    if not names:
-        stray = [
-            f"{key}: there is no camera; name them in cameras" for key in given if key != "cameras"
-        ]
-        if stray:
-            raise ConfigurationError(stray)
-        return {}
-    result: dict[str, object] = {"cameras": tuple(names)}
-    result.update(layered_scene(given, node))
-    result.update({k: v for k, v in given.items() if k.startswith("features.")})
+    """Return what was given above the presets of cameras and the scene's file.
+
+    A camera takes ``camera.*`` from those of all, if it has none of its own.
+    """
+    names = listed("cameras", given)
+    of_all = {key: value for key, value in given.items() if key.startswith("camera.")}
+    result = {key: value for key, value in given.items() if not (names and key in of_all)}
     for name in names:
         own = {k.removeprefix(f"{name}."): v for k, v in given.items() if k.startswith(f"{name}.")}
-        merged: dict[str, object] = {"camera.preset": DEFAULT_CAMERA, **common, **own}
+        merged: dict[str, object] = {"camera.preset": DEFAULT_CAMERA, **of_all, **own}
         preset = files.load(files.find("cameras", str(merged["camera.preset"])), node)
         result.update({f"{name}.{key}": value for key, value in {**preset, **merged}.items()})
+    kind = str(result.get("scene.type", DEFAULT_SCENE))
+    if kind in files.names("scenes"):
+        result.pop("scene.type", None)
+        return {**files.load(files.find("scenes", kind), node), **result}
     return result
 
 
-def layered_scene(given: Mapping[str, object], node: str) -> dict[str, object]:
-    """Return the parameters of the scene above the file that ``scene.type`` names."""
-    scene = {key: value for key, value in given.items() if key.startswith("scene.")}
-    kind = str(scene.get("scene.type", DEFAULT_SCENE))
-    if kind in files.names("scenes"):
-        scene.pop("scene.type", None)
-        return {**files.load(files.find("scenes", kind), node), **scene}
-    return scene
+def of_rig(given: Mapping[str, object]) -> dict[str, object]:
+    """Return the parameters that are about cameras and scene."""
+    own = (f"{name}.camera." for name in listed("cameras", given))
+    prefixes = ("camera.", "scene.", "features.", *own)
+    return {k: v for k, v in given.items() if k == "cameras" or k.startswith(prefixes)}
 
 
 def load_rig(given: Mapping[str, object], node: str = "simulator") -> RigParameters:
@@ -168,8 +117,7 @@ def load_rig(given: Mapping[str, object], node: str = "simulator") -> RigParamet
     :param given: ``cameras``, ``camera.*``, ``scene.*`` and ``NAME.camera.*`` by dotted name.
     :raises ConfigurationError: with a line for each problem.
     """
-    names = camera_names(given)
-    return build(rig_section(names), layer_rig(given, node))
+    return build(RigParameters, layer_rig(given, node))
 
 
 def rig_problems(rig: RigParameters, simulation: EnvironmentParameters) -> Iterator[str]:

@@ -13,7 +13,7 @@ from imu_sim_ros.commands import generate
 from imu_sim_ros.jobs import generate as job
 from imu_sim_ros.parameters import files
 from imu_sim_ros.poses import read_poses
-from imu_sim_ros.sensors.camera.rig_parameters import load_rig, split_rig
+from imu_sim_ros.sensors.camera.rig_parameters import load_rig
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.parameters import TourParameters
 from imu_sim_ros.trajectory.tour import waypoint_parameters
@@ -70,9 +70,7 @@ def test_the_truth_of_the_tracks_is_that_of_the_poses(tmp_path):
     folder = tmp_path / "tracks"
     words = [*STEREO, "--set", "camera.pixel_noise=0"]
     assert generate.main(["-o", str(folder), "--format", "tracks", *words]) == 0
-    of_rig, rest = split_rig(files.load(folder / "cameras.yaml"))
-    assert not rest
-    rig = load_rig(of_rig)
+    rig = load_rig(files.load(folder / "cameras.yaml"))
     truth = read_poses(folder / "groundtruth.tum")
     landmarks = np.loadtxt(folder / "landmarks.csv", delimiter=",", skiprows=1)
     arrays = np.load(folder / "tracks.npz")
@@ -163,7 +161,7 @@ def test_the_files_of_vio_data_simulation(tmp_path):
                 "camera.supersampling for all cameras?",
                 "cameras.cam0.camera.rat": "did you mean cam0.camera.rate, or camera.rate for all",
                 "cameras.supersampling": "did you mean camera.supersampling?",
-                "cam0.supersampling": "did you mean cam0.camera.supersampling, or",
+                "cam0.supersampling": "did you mean cam0.camera.supersampling",
                 "cam1.camera.supersampling": "there is no camera cam1; name it in cameras",
                 "cameras.cam0.gravity_of_mars": "see the parameter reference",
                 "gnss.rate": "those of a sensor need its name in sensors, as in sensors: [gnss]",

@@ -13,10 +13,9 @@ import imu_sim_ros as ims
 from imu_sim_ros.bags.read import read_imu
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 from imu_sim_ros.commands import calibrate, dead_reckon, generate, simulation_arguments
-from imu_sim_ros.jobs.generate import Setup
+from imu_sim_ros.jobs.generate import load_body
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build
-from imu_sim_ros.sensors.camera.rig_parameters import load_rig, split_rig
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.simulation.playback import load_simulator
 
@@ -131,15 +130,10 @@ def test_every_shipped_file_is_understood_by_node_and_command(path):
     """As ``--params-file`` of either; what holds for cameras comes with a camera."""
     more = {"cameras": ["cam0"]} if path.parent.name in ("cameras", "scenes") else {}
     given = {**files.load(path, "simulator"), **more}
-    of_rig, others = split_rig(given) if more else ({}, given)
-    load_simulator(others)
-    if more:
-        load_rig(of_rig)
+    load_simulator(given)
     words = ["-o", "x", "--params-file", str(path), *(["--set", "cameras=[cam0]"] if more else [])]
-    setup = Setup.load(
-        simulation_arguments.layers(generate.parser().parse_args([*words, "--quiet"]))
-    )
-    assert (setup.rig is not None) == bool(more)
+    body = load_body(simulation_arguments.layers(generate.parser().parse_args([*words, "--quiet"])))
+    assert (body.rig is not None) == bool(more)
 
 
 def test_what_concerns_the_node_alone_is_said(tmp_path, capsys):

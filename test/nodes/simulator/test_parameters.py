@@ -12,8 +12,9 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.nodes import help
 from imu_sim_ros.nodes.arguments import ros_arguments
 from imu_sim_ros.nodes.launching import command_line
-from imu_sim_ros.parameters.sections import build, parameters
-from imu_sim_ros.simulation.playback import SimulatorParameters, layer_simulator, simulator_section
+from imu_sim_ros.parameters.sections import parameters
+from imu_sim_ros.simulation.parameters import layered
+from imu_sim_ros.simulation.playback import SimulatorParameters, load_simulator
 
 pytestmark = pytest.mark.ros
 
@@ -110,7 +111,7 @@ def test_the_short_trajectory_is_a_file_of_poses_too(start: Any, tmp_path: Path)
     assert f"trajectory {poses}" in node.output
     words = command_line(SimulatorParameters, {"trajectory": str(poses), "duration": "0.2"})
     assert words == ["--trajectory", str(poses), "--duration", "0.2"]
-    found = layer_simulator({"trajectory.type": str(poses)})
+    found = layered({"trajectory.type": str(poses)})
     assert found["trajectory.type"] == "poses"
     assert found["trajectory.file"] == str(poses)
 
@@ -120,7 +121,7 @@ def test_parameters_are_described(start: Any, listener: Any) -> None:
 
     start("simulator")
     names = listener.call("simulator/list_parameters", ListParameters).result.names
-    assert set(parameters(SimulatorParameters, layer_simulator({}))) <= set(names)
+    assert set(parameters(SimulatorParameters, layered({}))) <= set(names)
     rate, density = listener.call(
         "simulator/describe_parameters",
         DescribeParameters,
@@ -173,16 +174,14 @@ def test_own_parameters_of_several_imus() -> None:
         "right.rate": 100,
         "right.imu.preset": "perfect",
     }
-    built: Any = build(simulator_section(given), layer_simulator(given))
-    assert (built.left.rate, built.left.seed, built.left.imu_frame) == (300, 5, "left_imu_link")
-    assert (built.right.rate, built.right.seed) == (100, 6)
-    assert built.left.imu.gyroscope.noise_density == (0.015,) * 3
-    assert built.right.imu.gyroscope.noise_density == (0.0,) * 3
+    each = load_simulator(given).each_imu
+    left, right = each["left"], each["right"]
+    assert (left.rate, left.seed, left.imu_frame) == (300, 5, "left_imu_link")
+    assert (right.rate, right.seed) == (100, 6)
+    assert left.imu.gyroscope.noise_density == (0.015,) * 3
+    assert right.imu.gyroscope.noise_density == (0.0,) * 3
     with pytest.raises(ConfigurationError, match=r"left\.imu\.jitter = 0\.1"):
-        build(
-            simulator_section(given),
-            layer_simulator({**given, "left.imu.jitter": 0.1}),
-        )
+        load_simulator({**given, "left.imu.jitter": 0.1})
 
 
 def test_parameters_keep_their_types_whatever_is_set(start: Any, listener: Any) -> None:
@@ -193,7 +192,7 @@ def test_parameters_keep_their_types_whatever_is_set(start: Any, listener: Any) 
     start("simulator")
 
     def types() -> dict[str, int]:
-        known = parameters(SimulatorParameters, layer_simulator({}))
+        known = parameters(SimulatorParameters, layered({}))
         described = listener.call(
             "simulator/describe_parameters", DescribeParameters, names=list(known)
         ).descriptors
