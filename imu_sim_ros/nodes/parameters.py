@@ -4,7 +4,7 @@
 """The bridge between a section of parameters and the parameters of a ROS node."""
 
 import functools
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
