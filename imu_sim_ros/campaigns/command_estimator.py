@@ -22,7 +22,12 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from imu_sim_ros.bags.read import read_poses
-from imu_sim_ros.campaigns.comparison import coverage_metrics, estimate_metrics, read_estimate
+from imu_sim_ros.campaigns.comparison import (
+    check,
+    coverage_metrics,
+    estimate_metrics,
+    read_estimate,
+)
 from imu_sim_ros.campaigns.metrics import COVERED, Metrics
 from imu_sim_ros.campaigns.parameters import CommandEstimator
 from imu_sim_ros.campaigns.plan import program
@@ -94,6 +99,7 @@ def run_command(
         _compare(cell, estimator, str(cell.plan.alignment(name)), block, place, metrics)
         metrics.update(_own_metrics(cell.plan.own, place / METRICS))
         metrics["real_time_factor"] = _duration(block) / max(outcome.wall_s, 1e-9)
+        check(metrics, cell.plan.options.diverged_above, estimator)
         failed = False
     except OSError as error:
         raise InputError(f"{error.strerror or error}") from None

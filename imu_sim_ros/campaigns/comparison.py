@@ -140,6 +140,29 @@ def estimate_metrics(
     return metrics
 
 
+def check(
+    metrics: Metrics, diverged_above: float = 0.0, estimator: TrajectoryEstimator | None = None
+) -> None:
+    """Refuse numbers that are not finite, an error above the limit, and too little of a path.
+
+    :param diverged_above: limit of the final position error [m]; 0: none.
+    :param estimator: None: it estimates no path.
+    :raises InputError: with the reason.
+    """
+    for name, value in metrics.items():
+        if value is not None and not np.isfinite(value):
+            raise InputError(f"{name} is not finite")
+    final = metrics.get("final_position_error_m")
+    if diverged_above and final is not None and final > diverged_above:
+        raise InputError(f"diverged: {final:.4g} m at the end")
+    covered = metrics.get("coverage")
+    if estimator is not None and covered is not None and covered < estimator.coverage:
+        raise InputError(
+            f"covers {100.0 * covered:.3g} % of the truth's time, less than coverage = "
+            f"{estimator.coverage:g}; gaps are longer than max_gap = {estimator.max_gap:g} s"
+        )
+
+
 def _at_rows(poses: PoseSequence, rows: NDArray[np.intp]) -> PoseSequence:
     return PoseSequence(poses.t_ns[rows], poses.position[rows], poses.q_wb[rows])
 

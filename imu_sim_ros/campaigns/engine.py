@@ -17,6 +17,7 @@ import os
 import signal
 import socket
 import sys
+import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor
@@ -289,13 +290,25 @@ class Processes(Executor):
 
 
 def _begin() -> None:
-    """Prepare a worker: Ctrl-C is handled by the main process."""
+    """Prepare a worker: Ctrl-C is handled by the main process, whose end is that of the worker."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     signal.signal(signal.SIGTERM, _end)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
-def _end(number: int, frame: object) -> None:
+def _end_with_parent() -> None:
+    """End a worker when the main process has ended, however it did: ``kill -9`` tells nobody.
+
+    The queue of tasks does not end then, since each worker holds both ends of its pipe.
+    """
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    _end(signal.SIGKILL)
+
+
+def _end(number: int, frame: object = None) -> None:
     """End a worker at once, with the program that it runs."""
     command = sys.modules.get("imu_sim_ros.campaigns.command_estimator")
     if command is not None:

@@ -8,20 +8,15 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, Final
 
-import numpy as np
-
 import imu_sim_ros
 from imu_sim_ros.campaigns.cells import Cell, word
+from imu_sim_ros.campaigns.comparison import check
 from imu_sim_ros.campaigns.metrics import COVERED, Metrics
-from imu_sim_ros.campaigns.parameters import (
-    CommandEstimator,
-    DeadReckonEstimator,
-    TrajectoryEstimator,
-)
-from imu_sim_ros.campaigns.plan import Estimator, Plan
+from imu_sim_ros.campaigns.parameters import CommandEstimator, DeadReckonEstimator
+from imu_sim_ros.campaigns.plan import Plan
 from imu_sim_ros.campaigns.reckoning import DeadReckoning
 from imu_sim_ros.campaigns.simulated import SimulatedCell
-from imu_sim_ros.errors import ImuSimError, InputError
+from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.sensors.block import ImuBlock
 
 DONE: Final = "done"
@@ -54,7 +49,6 @@ class CellRuns:
                 metrics: Metrics = {}
                 try:
                     self._estimate(name, seed, block, folder, metrics)
-                    _check(metrics, self.plan.options.diverged_above, self.plan.estimators[name])
                 except Exception as error:  # an estimator may write anything
                     known: Metrics = {key: metrics.get(key) for key in _OF_FAILED}
                     yield self._row(seed, name, f"failed: {_reason(error)}", known)
@@ -68,6 +62,7 @@ class CellRuns:
         estimator = self.plan.estimators[name]
         if isinstance(estimator, DeadReckonEstimator):
             metrics.update(self._dead_reckoning.metrics(name, estimator, block()))
+            check(metrics, self.plan.options.diverged_above, estimator)
         elif isinstance(estimator, CommandEstimator):
             from imu_sim_ros.campaigns.command_estimator import run_command
 
@@ -76,6 +71,7 @@ class CellRuns:
             from imu_sim_ros.campaigns.calibrations import run_calibration
 
             metrics.update(run_calibration(self.simulated, estimator, seed))
+            check(metrics)
 
     def _row(self, seed: int, name: str, status: str, metrics: Metrics) -> dict[str, Any]:
         return {
@@ -95,26 +91,6 @@ def _reason(error: Exception) -> str:
     if isinstance(error, ImuSimError):
         return error.problems[0]
     return f"unexpected: {type(error).__name__}: {error}"
-
-
-def _check(metrics: Metrics, diverged_above: float, estimator: Estimator) -> None:
-    """Refuse numbers that are not finite, an error above the limit, and too little of a path."""
-    for name, value in metrics.items():
-        if value is not None and not np.isfinite(value):
-            raise InputError(f"{name} is not finite")
-    final = metrics.get("final_position_error_m")
-    if diverged_above and final is not None and final > diverged_above:
-        raise InputError(f"diverged: {final:.4g} m at the end")
-    covered = metrics.get("coverage")
-    if (
-        covered is not None
-        and isinstance(estimator, TrajectoryEstimator)
-        and covered < estimator.coverage
-    ):
-        raise InputError(
-            f"covers {100.0 * covered:.3g} % of the truth's time, less than coverage = "
-            f"{estimator.coverage:g}; gaps are longer than max_gap = {estimator.max_gap:g} s"
-        )
 
 
 def _plain(value: object) -> object:

@@ -113,7 +113,7 @@ def run(arguments: argparse.Namespace) -> list[str]:
         tolerance=None if arguments.tolerance is None else parse_tolerance(arguments.tolerance),
         non_inferiority=margin if arguments.power is None else None,
         report=not arguments.no_report,
-        command=f"campaign {shlex.quote(arguments.plan)} -o {shlex.quote(str(folder))}",
+        command=f"imu_sim campaign {shlex.quote(arguments.plan)} -o {shlex.quote(str(folder))}",
     )
     problems = [*workers.problems(), *options.problems(plan, folder)]
     if not (arguments.check or arguments.power is not None):

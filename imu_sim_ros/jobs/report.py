@@ -49,7 +49,7 @@ class Sources:
             *(("--baseline", str(path)) for path in self.baselines),
         ]
         given = [word for option in options if option[1] for word in option]
-        return shlex.join(["report", *map(str, self.inputs), *map(str, given)])
+        return shlex.join(["imu_sim", "report", *map(str, self.inputs), *map(str, given)])
 
 
 @dataclass(frozen=True)

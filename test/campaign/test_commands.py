@@ -324,6 +324,36 @@ def test_a_program_does_not_outlive_its_campaign(plan_file, start, tmp_path, num
         os.kill(child, signal.SIGKILL)
 
 
+@pytest.mark.parametrize("busy", [True, False], ids=["programs", "built in"])
+def test_a_campaign_that_is_killed_leaves_no_process(plan_file, start, tmp_path, busy):
+    """``kill -9`` of the main process alone: its workers end, and what their programs forked."""
+    script, pids = tmp_path / "sleeper.py", tmp_path / "pids"
+    script.write_text(SLEEPER, encoding="utf-8")
+    pids.mkdir()
+    if busy:
+        estimators = {"a": {"command": f"{{python}} {script} {pids}"}}
+        path = plan_file(seeds=2, estimators=estimators)
+    else:
+        path = plan_file(seeds=2, parameters={"rate": 1000.0, "duration": 600.0})
+    process = start(path, "-o", tmp_path / "out", "--workers", 2, "--batch", 1)
+    if busy:
+        until(lambda: len(list(pids.glob("pid_??*[0-9]"))) == 4)
+    else:
+        until(lambda: len(command._children(process.pid)) == 3)  # one tracks the resources
+    left, found = [process.pid], []
+    while left:
+        left = [child for pid in left for child in command._children(pid)]
+        found += left
+    assert len(found) == (7 if busy else 3)
+    process.kill()
+    process.communicate()
+    try:
+        until(lambda: not any(map(runs, found)))
+    finally:
+        for pid in filter(runs, found):
+            os.kill(pid, signal.SIGKILL)
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_campaign_ended_within_its_first_program_resumes(
     plan_file, start, campaign, tmp_path, number
@@ -433,7 +463,7 @@ tree = yaml.safe_load(open(sys.argv[1] + "/simulation.yaml"))["/**"]["ros__param
 assert tree["imu"]["preset"] == "adis16448", tree
 open("estimate.txt", "w").write("1 0 0 0 0 0 0 1\\n2 0 0 0 0 0 0 1\\n")
 """
-    assert run(program, "{config}", align="none")["status"] == "done"
+    assert run(program, "{config}", align="none", coverage=0.0)["status"] == "done"
 
 
 def test_a_program_gets_the_files_of_every_stack(run):
@@ -451,7 +481,7 @@ density = yaml.safe_load((folder / "imu.yaml").read_text())["gyroscope_noise_den
 assert density == tree["imu"]["gyroscope_noise_density"][0], density
 open("estimate.txt", "w").write("1 0 0 0 0 0 0 1\\n2 0 0 0 0 0 0 1\\n")
 """
-    assert run(program, "{config}", align="none")["status"] == "done"
+    assert run(program, "{config}", align="none", coverage=0.0)["status"] == "done"
 
 
 def test_programs_are_looked_up_before_the_first_run(plan_file, campaign, tmp_path):
@@ -505,7 +535,7 @@ def test_a_programs_own_metrics_are_read_from_its_folder(plan_file, tmp_path, te
             align="none",
             metrics={"inliers": "higher"},
             require=["inliers.min >= 1"],
-            estimators={"a": {"command": f"{{python}} {script}"}},
+            estimators={"a": {"command": f"{{python}} {script}", "coverage": 0.0}},
         )
     )
     (row,) = CellRuns(plan, next(plan.cells())).rows([1], ["a"], tmp_path / "out")

@@ -94,12 +94,14 @@ def test_which_part_is_enough_is_the_estimators_own(plan_file, partly, tmp_path)
         "too_late": partly(0.5, 1.0),
     }
     parameters = {"rate": 100.0, "duration": 4.0, "imu": "adis16448"}
-    plan = load_plan(plan_file(parameters=parameters, estimators=estimators))
+    plan = load_plan(plan_file(parameters=parameters, estimators=estimators, keep="failed"))
     rows = CellRuns(plan, next(plan.cells())).rows([0], list(estimators), tmp_path / "out")
     rows = {row["estimator"]: row for row in rows}
     assert [row["status"][:6] for row in rows.values()] == [
         *("failed", "done", "done", "failed", "failed")
     ]
+    kept = {place.name for place in (tmp_path / "out").glob("runs/000000/0/*")}
+    assert kept == {"until", "strict", "too_late"}
     shares = [rows[name]["coverage"] for name in estimators]
     expected = [3.0 / 3.99, 3.0 / 3.99, 1.0, 2.95 / 3.49, 1.95 / (0.75 * 3.99)]
     assert shares == pytest.approx(expected, abs=0.02)

@@ -127,7 +127,8 @@ if {seed} == 1:
     os.kill(os.getppid(), signal.SIGKILL)
 open("estimate.txt", "w").write("".join("%d 0 0 0 0 0 0 1\\n" % t for t in range(1, 4)))
 '"""
-    path = plan_file(seeds=3, estimators={"killer": {"command": killer, "align": "none"}})
+    estimator = {"command": killer, "align": "none", "coverage": 0.0}
+    path = plan_file(seeds=3, estimators={"killer": estimator})
     folder = tmp_path / "out"
     with another_dashboard():
         process = start(
@@ -172,7 +173,8 @@ def test_workers_that_cannot_run_anything_are_told_before_the_first_run(
     program = programs / "my_program"
     program.write_text("#!/bin/sh\nprintf '1 0 0 0 0 0 0 1\\n2 1 0 0 0 0 0 1\\n' > $1\n")
     program.chmod(0o755)
-    path = plan_file(seeds=1, align="none", estimators={"a": {"command": "my_program {estimate}"}})
+    estimator = {"command": "my_program {estimate}", "coverage": 0.0}
+    path = plan_file(seeds=1, align="none", estimators={"a": estimator})
     elsewhere = os.environ["PATH"]
 
     def complaint(*worker, **environment):

@@ -377,9 +377,8 @@ def test_workers_that_are_ended_leave_no_thread_to_the_end_of_the_interpreter():
 
 def test_a_worker_that_dies_is_blamed_on_the_run_that_killed_it(plan_file, campaign, tmp_path):
     """The program of one seed kills its worker: that run fails, all others are done."""
-    path = plan_file(
-        seeds=12, retries=1, estimators={"killer": {"command": KILLER, "align": "none"}}
-    )
+    killer = {"command": KILLER, "align": "none", "coverage": 0.0}
+    path = plan_file(seeds=12, retries=1, estimators={"killer": killer})
     status, result, _ = campaign(path, "-o", tmp_path / "out", "--workers", 2)
     found = {row["seed"]: row["status"] for row in table(tmp_path / "out")}
     assert (status, result["runs"], result["failed"]) == (0, 12, 1)

@@ -226,7 +226,7 @@ def test_a_row_opens_with_path_and_command(opened, results, tmp_path):
     command = details[2].find_element("css selector", "pre.repeat").get_attribute("textContent")
     seed = int(re.search(r'"seeds":\[(\d+)', command)[1])
     campaign = f"{sys.executable} -m imu_sim_ros.commands.campaign"
-    command = command.replace("\ncampaign ", f"\n{campaign} ")
+    command = command.replace("\nimu_sim campaign ", f"\n{campaign} ")
     done = subprocess.run(["/bin/sh", "-c", command], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     (again,) = read_results(tmp_path / "run")

@@ -111,7 +111,7 @@ def test_a_campaigns_runs_are_in_its_page(results, tmp_path):
     names = [item["name"] for item in items(page, "table")]
     assert names == ["cells", "parameters that vary", "constant parameters"]
     code = "\n".join(item["text"] for item in items(page, "code"))
-    assert "campaign plan.yaml -o results" in code
+    assert "imu_sim campaign plan.yaml -o results" in code
     assert (results / "plan.yaml").read_text() in code
 
 

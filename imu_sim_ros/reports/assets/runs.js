@@ -47,7 +47,7 @@ class Campaign {
     else one.estimators = [estimator];
     if (!Object.keys(one.grid).length) delete one.grid;
     parts.push(element("h3", {}, "To repeat it, in the folder of the plan"),
-      element("pre", { tabindex: "0", class: "repeat" }, `cat > run.yaml <<'END'\n${JSON.stringify(one)}\nEND\ncampaign run.yaml -o run --workers 1`));
+      element("pre", { tabindex: "0", class: "repeat" }, `cat > run.yaml <<'END'\n${JSON.stringify(one)}\nEND\nimu_sim campaign run.yaml -o run --workers 1`));
     return element("div", {}, ...parts);
   }
 
