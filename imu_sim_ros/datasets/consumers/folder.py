@@ -11,6 +11,7 @@ from imu_sim_ros.datasets.consumers import (
     fusioncore,
     imu_utils,
     kalibr,
+    lidar_odometry,
     mins,
     openvins,
     orb_slam3,
@@ -70,11 +71,13 @@ def rig_texts(rig: RigValues) -> dict[str, str]:
 
 
 def body_texts(values: ImuValues, parameters: SimulationParameters) -> dict[str, str]:
-    """Return the text of each file for the GNSS and the wheels of a body, by the file's name."""
+    """Return the text of each file for the other sensors of a body, by the file's name."""
+    found = lidar_odometry.texts(values, parameters)
     body = aiding(values, parameters)
     if body is None:
-        return {}
+        return found
     return {
+        **found,
         **robot_localization.texts(values, parameters),
         "fusioncore.yaml": fusioncore.config(body),
         **mins.texts(body),

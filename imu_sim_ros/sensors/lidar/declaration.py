@@ -23,6 +23,7 @@ from imu_sim_ros.sensors.lidar.parameters import LidarParameters
 from imu_sim_ros.types import Array, Single
 
 TOPIC: Final = "points"
+CUSTOM_TOPIC: Final = "livox/lidar"
 _CLOUD: Final = ("sensor_msgs/msg/PointCloud2", "PointCloud2Encoder")
 _CUSTOM: Final = ("livox_ros_driver2/msg/CustomMsg", "LivoxEncoder")
 _MODEL: Final = "imu_sim_ros.sensors.lidar.model"
@@ -152,7 +153,7 @@ SENSOR = Sensor(
     model=on_demand(_MODEL, "Lidar"),
     topics=(
         _topic(TOPIC, _CLOUD, _points),
-        _topic("livox/lidar", _CUSTOM, _custom, foreign=True),
+        _topic(CUSTOM_TOPIC, _CUSTOM, _custom, foreign=True),
         _topic("ground_truth/points", _CLOUD, _truth, truth=True),
     ),
     readings=LidarReadings,

@@ -1,0 +1,228 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Stacks that take clouds: KISS-ICP 1.3.0, RKO-LIO 0.4.0, FAST-LIO2 (7cc4175), LIO-SAM (0be1fbe)."""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from imu_sim_ros.bags.text.decimals import decimal
+from imu_sim_ros.datasets.consumers.values import ImuValues, comment, remarks
+from imu_sim_ros.datasets.topics import resolved
+from imu_sim_ros.rotation import from_matrix
+from imu_sim_ros.sensors.lidar.declaration import CUSTOM_TOPIC, TOPIC
+from imu_sim_ros.sensors.lidar.parameters import LidarParameters
+from imu_sim_ros.simulation.parameters import SimulationParameters, named_sensors
+from imu_sim_ros.types import Array
+
+_FAST_LIO: Final = {"livox": (1, 3), "velodyne": (2, 0), "ouster": (3, 3)}
+"""lidar_type and timestamp_unit (0: s, 3: ns) of each layout; it reads no other."""
+_INDOORS: Final = 30.0
+"""[m] A LiDAR of less range is taken for one that is used in rooms."""
+
+
+@dataclass(frozen=True)
+class Ranging:
+    """One LiDAR and one IMU of a body."""
+
+    values: ImuValues
+    lidar: LidarParameters
+    space: str
+    """Namespace of its topics."""
+
+    @property
+    def topic(self) -> str:
+        """Topic of its clouds."""
+        return resolved(f"{self.space}{TOPIC}")
+
+    @property
+    def farthest(self) -> float:
+        """Range up to which white surfaces are seen [m]."""
+        own = self.lidar
+        seen = own.detection_range / math.sqrt(own.detection_reflectivity) or math.inf
+        return min(own.maximum_range, seen)
+
+    @property
+    def voxel(self) -> float:
+        """Size of a voxel of maps [m]."""
+        return 0.3 if self.farthest < _INDOORS else 0.5
+
+    def pose(self) -> tuple[Array, Array]:
+        """Return R_bl (3, 3) and p_bl (3,): the LiDAR in the body."""
+        return np.reshape(self.lidar.mounting, (3, 3)), np.asarray(self.lidar.lever_arm)
+
+    def imu_pose(self) -> tuple[Array, Array]:
+        """Return R_bi (3, 3) and p_bi (3,): the IMU in the body."""
+        imu = self.values.imu
+        return np.reshape(imu.mounting, (3, 3)), np.asarray(imu.lever_arm)
+
+    def in_imu(self) -> tuple[Array, Array]:
+        """Return R_il (3, 3) and p_il (3,): the LiDAR in the IMU's frame."""
+        (r_bl, p_bl), (r_bi, p_bi) = self.pose(), self.imu_pose()
+        return r_bi.T @ r_bl, r_bi.T @ (p_bl - p_bi)
+
+
+def texts(values: ImuValues, parameters: SimulationParameters) -> dict[str, str]:
+    """Return the text of each stack's file by its name; further LiDARs have theirs in their names.
+
+    :param values: of the IMU.
+    :param parameters: of the simulation, with the sensors of the body.
+    """
+    found = {}
+    for name, own in named_sensors(parameters).items():
+        if not isinstance(own, LidarParameters):
+            continue
+        one = Ranging(values, own, f"{name}/" if own.type else "")
+        made = {"kiss_icp": _kiss_icp(one), "rko_lio": _rko_lio(one)}
+        if own.layout in _FAST_LIO:
+            made |= {"fast_lio": _fast_lio(one), "lio_sam": _lio_sam(one, parameters)}
+        found.update({f"{k}_{name}.yaml" if own.type else f"{k}.yaml": v for k, v in made.items()})
+    return found
+
+
+def _list(numbers: Array) -> str:
+    return "[" + ", ".join(_real(x) for x in np.ravel(numbers).tolist()) + "]"
+
+
+def _real(value: float) -> str:
+    words = decimal(value + 0.0)
+    return words if "." in words or "e" in words else f"{words}.0"
+
+
+def _kiss_icp(one: Ranging) -> str:
+    head = comment(
+        [
+            f"KISS-ICP 1.3.0: kiss_icp_pipeline BAG --topic {one.topic} --config this file; it is "
+            "run so in the tests. It uses no IMU: it expects of each scan the motion of the one "
+            "before.",
+        ]
+    )
+    return (
+        f"{head}data:\n  deskew: true\n  max_range: {_real(one.farthest)}\n"
+        f"  min_range: {_real(one.lidar.minimum_range)}\n"
+        f"mapping:\n  voxel_size: {_real(one.voxel)}\n  max_points_per_voxel: 20\n"
+    )
+
+
+def _rko_lio(one: Ranging) -> str:
+    head = comment(
+        [
+            f"RKO-LIO 0.4.0: rko_lio FOLDER --config this file --imu {one.values.topic} --lidar "
+            f"{one.topic}, with a rosbag2 folder; it is run so in the tests. Estimates are of the "
+            "body. With initialization_phase it takes the first readings for gravity and biases, "
+            "which needs a start at rest; without, it starts level.",
+            *remarks(one.values, ()),
+        ]
+    )
+    lines = []
+    for name, (rotation, position) in (("imu", one.imu_pose()), ("lidar", one.pose())):
+        w, x, y, z = from_matrix(rotation).tolist()
+        lines.append(
+            f"extrinsic_{name}2base_quat_xyzw_xyz: {_list(np.array([x, y, z, w, *position]))}\n"
+        )
+    return (
+        f"{head}{''.join(lines)}lio:\n  deskew: true\n  voxel_size: {_real(one.voxel)}\n"
+        f"  max_range: {_real(one.farthest)}\n  min_range: {_real(one.lidar.minimum_range)}\n"
+        "  initialization_phase: false\n"
+    )
+
+
+def _fast_lio(one: Ranging) -> str:
+    kind, unit = _FAST_LIO[one.lidar.layout]
+    own, values = one.lidar, one.values
+    livox = own.layout == "livox"
+    rotation, position = one.in_imu()
+    head = comment(
+        [
+            "FAST-LIO2, a config for ROS 1; with ROS 2, under /**: ros__parameters. Written "
+            "against its sources; it has not been run here. The simulation has to begin at rest.",
+            *(
+                [f"It reads {CUSTOM_TOPIC} of Livox: write it with --topics, or publish it."]
+                if livox
+                else []
+            ),
+            "Covariances are those of one reading, density^2 rate: src/IMU_Processing.hpp adds "
+            "(dt G) Q (dt G)^T with each.",
+            *remarks(values, ()),
+        ]
+    )
+    covariances = {
+        "acc_cov": "accelerometer_noise_density",
+        "gyr_cov": "gyroscope_noise_density",
+        "b_acc_cov": "accelerometer_random_walk",
+        "b_gyr_cov": "gyroscope_random_walk",
+    }
+    densities = values.positive_densities()
+    lines = "".join(
+        f"  {key}: {_real(densities[name] ** 2 * values.rate)}\n"
+        for key, name in covariances.items()
+    )
+    topic = resolved(f"{one.space}{CUSTOM_TOPIC}") if livox else one.topic
+    offset = values.imu.stamp_offset - own.stamp_offset
+    return (
+        f'{head}common:\n  lid_topic: "{topic}"\n  imu_topic: "{values.topic}"\n'
+        f"  time_sync_en: false\n  time_offset_lidar_to_imu: {_real(offset)}\n"
+        f"preprocess:\n  lidar_type: {kind}\n  scan_line: {own.rings or 1}\n"
+        f"  scan_rate: {round(own.rate)}\n  timestamp_unit: {unit}\n"
+        f"  blind: {_real(own.minimum_range)}\n"
+        f"mapping:\n{lines}  fov_degree: {360 if own.pattern in ('spinning', 'nodding') else 90}\n"
+        f"  det_range: {_real(one.farthest)}\n  extrinsic_est_en: false\n"
+        f"  extrinsic_T: {_list(position)}\n  extrinsic_R: {_list(rotation)}\n"
+        "publish:\n  path_en: true\n  scan_publish_en: true\n  dense_publish_en: true\n"
+        "  scan_bodyframe_pub_en: true\npcd_save:\n  pcd_save_en: false\n  interval: -1\n"
+    )
+
+
+def _lio_sam(one: Ranging, parameters: SimulationParameters) -> str:
+    own, values = one.lidar, one.values
+    livox = own.layout == "livox"
+    rotation, position = one.in_imu()
+    densities = values.positive_densities()
+    spinning = own.pattern == "spinning"
+    columns = math.floor(own.span / own.firing_period + 1e-9) if spinning else 4000
+    raw, nine = values.topic, values.topic.replace("imu/data_raw", "imu/data")
+    head = comment(
+        [
+            "LIO-SAM for ROS 1 (params.yaml); with ROS 2, the same keys under /**: "
+            "ros__parameters. What is missing keeps its default there. Written against its "
+            "sources; it has not been run here.",
+            f"It needs an orientation: {nine} (publish.orientation or --topics), not {raw}.",
+            "imuAccNoise and the others are densities, as gtsam takes them.",
+            *remarks(values, ()),
+        ]
+    )
+    # R_li maps what the IMU measures to the LiDAR's axes; the IMU's place is in those.
+    r_li, p_li = rotation.T, -(rotation.T @ position)
+    topic = resolved(f"{one.space}{CUSTOM_TOPIC}") if livox else one.topic
+    numbers = {
+        "lidarMinRange": own.minimum_range,
+        "lidarMaxRange": one.farthest,
+        "imuAccNoise": densities["accelerometer_noise_density"],
+        "imuGyrNoise": densities["gyroscope_noise_density"],
+        "imuAccBiasN": densities["accelerometer_random_walk"],
+        "imuGyrBiasN": densities["gyroscope_random_walk"],
+        "imuGravity": values.gravity,
+        "imuRPYWeight": 0.01,
+    }
+    indoors = one.farthest < _INDOORS
+    numbers |= {
+        "odometrySurfLeafSize": 0.2 if indoors else 0.4,
+        "mappingCornerLeafSize": 0.1 if indoors else 0.2,
+        "mappingSurfLeafSize": 0.2 if indoors else 0.4,
+    }
+    lines = "".join(f"  {key}: {_real(value)}\n" for key, value in numbers.items())
+    kind = {"livox": "livox", "ouster": "ouster"}.get(own.layout, "velodyne")
+    frame = parameters.body_frame
+    return (
+        f'{head}lio_sam:\n  pointCloudTopic: "{topic}"\n  imuTopic: "{nine}"\n'
+        '  odomTopic: "odometry/imu"\n  gpsTopic: "odometry/gps"\n'
+        f'  lidarFrame: "{own.frame}"\n  baselinkFrame: "{frame}"\n'
+        '  odometryFrame: "odom"\n  mapFrame: "map"\n'
+        f"  sensor: {kind}\n  N_SCAN: {own.rings or 1}\n  Horizon_SCAN: {columns}\n"
+        f"  downsampleRate: 1\n{lines}"
+        f"  extrinsicTrans: {_list(p_li)}\n  extrinsicRot: {_list(r_li)}\n"
+        f"  extrinsicRPY: {_list(r_li)}\n"
+    )
