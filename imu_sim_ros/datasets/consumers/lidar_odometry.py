@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Stacks that take clouds: KISS-ICP 1.3.0, RKO-LIO 0.4.0, FAST-LIO2 (7cc4175), LIO-SAM (0be1fbe)."""
+"""Stacks of LiDARs: KISS-ICP 1.3.0, RKO-LIO 0.4.0, FAST-LIO2 (7cc4175), LIO-SAM (0be1fbe)."""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from imu_sim_ros.datasets.topics import resolved
 from imu_sim_ros.rotation import from_matrix
 from imu_sim_ros.sensors.lidar.declaration import CUSTOM_TOPIC, TOPIC
 from imu_sim_ros.sensors.lidar.parameters import LidarParameters
-from imu_sim_ros.simulation.parameters import SimulationParameters, named_sensors
+from imu_sim_ros.simulation.parameters import SimulationParameters
 from imu_sim_ros.types import Array
 
 _FAST_LIO: Final = {"livox": (1, 3), "velodyne": (2, 0), "ouster": (3, 3)}
@@ -72,7 +72,7 @@ def texts(values: ImuValues, parameters: SimulationParameters) -> dict[str, str]
     :param parameters: of the simulation, with the sensors of the body.
     """
     found = {}
-    for name, own in named_sensors(parameters).items():
+    for name, own in parameters.each_sensor.items():
         if not isinstance(own, LidarParameters):
             continue
         one = Ranging(values, own, f"{name}/" if own.type else "")
