@@ -42,7 +42,10 @@ OPTIONAL = {
 }
 DEVELOPMENT = {
     "docs": ["docutils>=0.21", "furo", "myst-parser", "sphinx"],
-    "test": ["pytest", "allantools", "evo", "mcap-ros2-support"],
+    "test": [
+        *("allantools", "evo", "hypothesis", "mcap-ros2-support", "orjson"),
+        *("pytest", "pytest-timeout", "pytest-xdist"),
+    ],
 }
 
 # colcon builds with links to the files that it installs; the README is not one of them.
@@ -71,13 +74,18 @@ setup(
     long_description_content_type="text/markdown",
     keywords=["imu", "simulation", "ros2", "visual-inertial", "allan-variance", "calibration"],
     classifiers=[
-        "Development Status :: 4 - Beta",
+        "Development Status :: 5 - Production/Stable",
         "Environment :: Console",
+        "Intended Audience :: Developers",
+        "Intended Audience :: Education",
         "Intended Audience :: Science/Research",
+        "License :: OSI Approved :: Apache Software License",
         "Operating System :: POSIX",
         "Programming Language :: Python :: 3",
+        "Programming Language :: Python :: 3 :: Only",
         *(f"Programming Language :: Python :: 3.{minor}" for minor in range(10, 15)),
         "Topic :: Scientific/Engineering",
+        "Topic :: Scientific/Engineering :: Physics",
         "Typing :: Typed",
     ],
     author="imu_sim_ros maintainers",

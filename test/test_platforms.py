@@ -12,6 +12,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tarfile
 from pathlib import Path
 
 import pytest
@@ -153,6 +154,28 @@ def test_a_pip_install_puts_one_program_on_the_path(tmp_path):
     words = ["setup.py", "-q", "egg_info"]
     subprocess.run([sys.executable, *words], cwd=tmp_path, capture_output=True, check=True)
     assert scripts(tmp_path) == {"imu_sim"}
+
+
+def test_the_source_distribution_has_its_tests_the_manual_and_the_changelog(tmp_path):
+    """All files of the checkout; what git ignores in these folders is no part of it."""
+    pytest.importorskip("setuptools")
+    copy = tmp_path / "copy"
+    ignored = shutil.ignore_patterns("__pycache__", "_build", "*.egg-info", "euroc_*", "kaist_*")
+    for folder in (".ci", ".github", "config", "docs", "examples", "imu_sim_ros", "launch", "test"):
+        shutil.copytree(ROOT / folder, copy / folder, ignore=ignored)
+    shutil.copytree(ROOT / "resource", copy / "resource")
+    kinds = {".md", ".rst", ".cff", ".py", ".toml", ".cfg", ".xml", ".yaml", ".in"}
+    for path in ROOT.iterdir():
+        if path.suffix in kinds or path.name in ("Makefile", "LICENSE", ".flake8", ".gitignore"):
+            shutil.copy(path, copy)
+    expected = {path.relative_to(copy).as_posix() for path in copy.rglob("*") if path.is_file()}
+    words = ["setup.py", "-q", "sdist", "--formats", "tar", "-d", str(tmp_path)]
+    subprocess.run([sys.executable, *words], cwd=copy, capture_output=True, check=True)
+    (archive,) = tmp_path.glob("*.tar")
+    with tarfile.open(archive) as file:
+        names = {member.name.partition("/")[2] for member in file if member.isfile()}
+    assert not expected - names
+    assert {"CHANGELOG.rst", "docs/index.md", "test/data/recorded/README.md"} <= names
 
 
 @pytest.mark.ros

@@ -4,7 +4,8 @@
 """Numbers as decimal text, whole tables at a time.
 
 The text has the fewest digits that read back as the same float64. orjson writes a number in 20 ns,
-Python's ``repr`` in 600 ns: orjson is used if it is installed, and nothing depends on it.
+Python's ``repr`` in 600 ns: orjson is used if it is installed. The numbers do not depend
+on it, their notation may: 1e-7 or 1e-07.
 """
 
 from collections.abc import Iterable
