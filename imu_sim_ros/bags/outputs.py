@@ -182,7 +182,7 @@ _LONGEST_ADDITION: Final = len(".partial99")
 _OURS: Final = frozenset(
     {
         *(".bag", ".mcap", ".db3", ".yaml", ".json", ".csv", ".npz", ".tum", ".txt", ".log"),
-        *(".png", ".svg", ".pdf", ".jpg", ".html", ".parquet"),
+        *(".png", ".svg", ".pdf", ".jpg", ".html", ".parquet", ".bin", ".ply", ".pcd"),
     }
 )
 """File suffixes of output folders: a folder with any other file in it is not replaced."""

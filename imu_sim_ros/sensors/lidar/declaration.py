@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.sensors.declaration import (
+    Companions,
     Mounted,
     Payloads,
     Sensor,
@@ -84,10 +85,10 @@ class LidarReadings(SensorReadings):
 
     def cloud(self, k: int) -> Cloud:
         """Return the points of scan k."""
-        return next(_clouds(self, [k]))
+        return next(clouds(self, [k]))
 
 
-def _clouds(read: Any, scans: Any) -> Iterator[Cloud]:
+def clouds(read: Any, scans: Any) -> Iterator[Cloud]:
     """Yield the points of some scans."""
     for k in scans:
         rows = np.isfinite(read.range[k])
@@ -135,11 +136,11 @@ def _topic(name: str, kind: tuple[str, str], scans: Scans, **more: Any) -> Topic
 
 def _points(read: Any, scans: Any, now: Any) -> Iterator[tuple[int, NDArray[np.void]]]:
     layout = LAYOUTS[now.layout]
-    return ((cloud.t_ns, layout.rows(cloud)) for cloud in _clouds(read, scans))
+    return ((cloud.t_ns, layout.rows(cloud)) for cloud in clouds(read, scans))
 
 
 def _custom(read: Any, scans: Any, _: Any) -> Iterator[tuple[int, NDArray[np.void]]]:
-    return ((cloud.t_ns, custom_points(cloud)) for cloud in _clouds(read, scans))
+    return ((cloud.t_ns, custom_points(cloud)) for cloud in clouds(read, scans))
 
 
 def _truth(read: Any, scans: Any, _: Any) -> Iterator[tuple[int, NDArray[np.void]]]:
@@ -160,5 +161,9 @@ SENSOR = Sensor(
     realised=on_demand(_MODEL, "realised_lidar"),
     sees=True,
     text="LiDAR: each ray from where the sensor is at its own time, with the errors of ranges",
+    companions=Companions(
+        lambda own: ("_scans",) if own.files != "none" else (),
+        on_demand("imu_sim_ros.sensors.lidar.files", "ScanFiles"),
+    ),
     presets="lidar",
 )

@@ -141,7 +141,8 @@ class Lidar(SensorModel):
         power = reflectivity * cosine
         if p.beam_divergence_deg > 0.0:
             seen = traced, reflectivity
-            range_, power = self._within_beam(t, origin, q_ws, beam, targets, seen)
+            aside = rotation.rotate(q_ws, self._aside(beam))
+            range_, power = self._within_beam(t, origin, towards, aside, targets, seen)
             outcome[np.abs(range_ - np.minimum(distance, _FAR)) > _ALIKE] = MIXED
         limit = self._limit(power)
         range_ += p.range_bias + self._bias
@@ -197,14 +198,23 @@ class Lidar(SensorModel):
         if sigma:
             up = up + sigma * self._normal("elevation", len(nominal))
             side = sigma * self._normal("azimuth", len(nominal)).astype(np.float64)
-        return _turned(nominal, up, side)
+        moved = nominal + _across(nominal, up, side)
+        # They are square to each other.
+        return moved / np.sqrt(1.0 + up * up + side * side)[:, None]
+
+    def _aside(self, beam: Array) -> Array:
+        """Return vectors (m, 3) from the middles of beams, 1 m away, to random places of them."""
+        draw = self._next("beam").random((2, len(beam)))
+        radius = 0.5 * math.radians(self.parameters.beam_divergence_deg) * np.sqrt(draw[0])
+        angle = 2.0 * math.pi * draw[1]
+        return _across(beam, radius * np.sin(angle), radius * np.cos(angle))
 
     def _within_beam(
         self,
         t: Array,
         origin: Array,
-        q_ws: Array,
-        beam: Array,
+        towards: Array,
+        aside: Array,
         targets: Targets,
         middle: tuple[Traced, Array],
     ) -> tuple[Array, Array]:
@@ -215,13 +225,10 @@ class Lidar(SensorModel):
         are nearer to it than the pulse is long are one return with it, at their weighted mean.
         """
         p = self.parameters
-        draw = self._next("beam").random((2, len(t)))
-        radius = 0.5 * math.radians(p.beam_divergence_deg) * np.sqrt(draw[0])
-        up, side = (radius * f(2.0 * math.pi * draw[1]) for f in (np.sin, np.cos))
         parts = [(*middle, 0.5)]
-        for sign in (1.0, -1.0):
-            towards = rotation.rotate(q_ws, _turned(beam, sign * up, sign * side))
-            traced = targets.trace(t, origin, towards)
+        length = np.sqrt(1.0 + (aside * aside).sum(axis=1))[:, None]
+        for ray in ((towards + aside) / length, (towards - aside) / length):
+            traced = targets.trace(t, origin, ray)
             parts.append((traced, targets.reflectivity(traced), 0.25))
         distances = np.stack([traced.distance for traced, _, _ in parts])
         powers = np.stack([share * rho * np.abs(traced.along) for traced, rho, share in parts])
@@ -292,10 +299,13 @@ _ARRAYS: Final = (
 _OF_THE_BIAS: Final = ("range", "range_error")
 
 
-def _turned(directions: Array, up: Array, side: Array) -> Array:
-    """Return unit vectors (m, 3) turned by angles (m,) [rad] upwards and counterclockwise."""
+def _across(directions: Array, up: Array, side: Array) -> Array:
+    """Return vectors (m, 3) square to unit vectors: so far upwards and counterclockwise."""
     x, y, z = directions.T
-    flat = np.sqrt(np.maximum(x * x + y * y, _UPRIGHT))
-    result = directions + up[:, None] * np.stack([-x * z / flat, -y * z / flat, flat], axis=1)
-    result += side[:, None] * np.stack([-y / flat, x / flat, np.zeros(len(x))], axis=1)
-    return rotation.normalise(result)
+    over = 1.0 / np.sqrt(np.maximum(x * x + y * y, _UPRIGHT))
+    steep, around = up * z * over, side * over
+    result = np.empty_like(directions)
+    result[:, 0] = -x * steep - y * around
+    result[:, 1] = -y * steep + x * around
+    result[:, 2] = up / over
+    return result

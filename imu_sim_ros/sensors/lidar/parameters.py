@@ -12,6 +12,7 @@ from imu_sim_ros.sensors.lidar.layouts import LAYOUTS
 from imu_sim_ros.sensors.parameters import SensorParameters
 
 PATTERNS: Final = ("spinning", "rosette", "nodding", "table")
+FORMS: Final = ("kitti", "ply", "pcd")
 MOST_RAYS: Final = 2_000_000
 """In one scan."""
 _SHARE: Final[dict[str, float]] = {"minimum": 0.0, "maximum": 1.0}
@@ -29,6 +30,11 @@ class LidarParameters(SensorParameters):
     preset: str = text("none", "file in config/lidar, or a path, to start from")
     layout: str = choice(
         "velodyne", tuple(LAYOUTS), "fields of each point, as the drivers of makers write them"
+    )
+    files: str = choice(
+        "none",
+        ("none", *FORMS),
+        "a file for each scan in OUTPUT_scans: kitti (x, y, z, reflectance; no times), ply or pcd",
     )
     pattern: str = choice(
         "spinning",

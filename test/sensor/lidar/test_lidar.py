@@ -462,6 +462,53 @@ def test_two_lidars_have_their_own_names_mounts_and_noise(tmp_path):
     assert (tmp_path / "two_truth_lidar1.yaml").exists()
 
 
+def test_a_folder_with_a_file_for_each_scan(tmp_path):
+    """KITTI's floats, PLY as trimesh reads it, PCD by its header; stamps, and --force."""
+    trimesh = pytest.importorskip("trimesh")
+    own = {"range_noise": 0.02, "preset": "vlp16"}
+    scans = ims.simulate(
+        duration=0.3, seed=2, sensors=["lidar"], lidar=own, scene={"type": "ground"}
+    ).lidar
+    words = [
+        "--duration",
+        "0.3s",
+        "--seed",
+        "2",
+        "--quiet",
+        "--lidar",
+        "vlp16",
+        "--scene",
+        "ground",
+    ]
+    words += ["--set", "lidar.range_noise=0.02", "-o", str(tmp_path / "a.mcap"), "--force"]
+    folder = tmp_path / "a_scans"
+    clouds = [scans.cloud(k) for k in range(3)]
+    for form, suffix in (("kitti", "bin"), ("ply", "ply"), ("pcd", "pcd")):
+        assert generate.main([*words, "--set", f"lidar.files={form}"]) == 0
+        names = sorted(path.name for path in folder.iterdir())
+        assert names == [*(f"{k:06d}.{suffix}" for k in range(3)), "times.txt"]
+        stamps = (folder / "times.txt").read_text().split()
+        assert stamps == [f"{t_ns / 1e9:.9f}" for t_ns in scans.t_ns]
+        for k, cloud in enumerate(clouds):
+            path = folder / f"{k:06d}.{suffix}"
+            if form == "kitti":
+                rows = np.fromfile(path, "<f4").reshape(-1, 4)
+                assert np.array_equal(rows[:, :3], cloud.xyz)
+                assert np.allclose(rows[:, 3], 0.01 * cloud.intensity)
+            elif form == "ply":
+                assert np.array_equal(trimesh.load(path).vertices, cloud.xyz)
+            else:
+                head, _, body = path.read_bytes().partition(b"DATA binary\n")
+                fields = dict(line.split(maxsplit=1) for line in head.decode().splitlines())
+                kinds = {"F4": "<f4", "U2": "<u2"}
+                names, types, sizes = (fields[key].split() for key in ("FIELDS", "TYPE", "SIZE"))
+                row = [(n, kinds[t + s]) for n, t, s in zip(names, types, sizes, strict=True)]
+                rows = np.frombuffer(body, row)
+                assert len(rows) == int(fields["POINTS"]) == len(cloud.xyz)
+                assert np.array_equal(rows["z"], cloud.xyz[:, 2])
+                assert np.array_equal(rows["time"], cloud.time.astype("f4"))
+
+
 def test_the_rays_of_lidars_are_their_own():
     """A firing of channels one after the other, in the order and at the times that are given."""
     own = LidarParameters(
