@@ -3,7 +3,7 @@
 
 """The configuration of each stack for what ``generate`` wrote, and kalibr's files of a sequence."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -17,12 +17,13 @@ from imu_sim_ros.datasets.consumers import kalibr
 from imu_sim_ros.datasets.consumers.folder import write_all
 from imu_sim_ros.datasets.consumers.rig import InitialMotion, RigValues, start_warnings
 from imu_sim_ros.datasets.consumers.values import ImuValues
-from imu_sim_ros.datasets.topics import resolved
+from imu_sim_ros.datasets.topics import all_tables, resolved
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SimulationParameters, imus
+from imu_sim_ros.simulation.sensors import imus_in, mount
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
@@ -99,44 +100,41 @@ def write_tum_vi_calibration(
 
 def describe(
     folder: Path,
-    index: int,
-    of_imu: Mounted,
     states: bool,
-    tables: Iterable[Table],
+    tables: Collection[tuple[Table, int]],
     sensors: Mapping[str, Mounted],
 ) -> None:
-    """Write the sensor.yaml files of an IMU of a EuRoC folder.
+    """Write the sensor.yaml files of a EuRoC folder.
 
-    :param index: of the IMU.
-    :param states: whether the folder has its truth.
-    :param tables: the further tables of this IMU.
+    :param states: whether the folder has the truth of its IMUs.
+    :param tables: those that it has of other sensors, each with its number.
     :param sensors: all of the body.
     """
-    imu, parameters = of_imu.own, of_imu.environment
-    mounting, lever_arm = np.reshape(imu.mounting, (3, 3)), np.asarray(imu.lever_arm)
-    comment = f"simulated by imu_sim_ros, preset {imu.preset}, seed {parameters.seed}"
-    places = {}
-    for one in sensors.values():
-        if one.sensor.table is None:
+    comments = {}
+    for index, name in enumerate(imus_in(sensors)):
+        one = sensors[name]
+        parameters, pose = one.environment, mount(one)
+        comment = f"simulated by imu_sim_ros, preset {one.own.preset}, seed {parameters.seed}"
+        comments[one.space] = comment
+        text_writer.write_euroc_descriptions(
+            folder,
+            parameters.rate,
+            _values(parameters, f"/imu{index}").densities(),
+            pose[:3, :3],
+            pose[:3, 3],
+            comment,
+            states,
+            index,
+        )
+    for table, number, _, one in all_tables(sensors):
+        if (table, number) not in tables:
             continue
-        if one.own is imu:
-            rate = getattr(imu, one.sensor.name).rate or parameters.rate
-            places[one.sensor.table.name] = (rate, mounting, lever_arm)
-        elif not one.on_board:
-            at = (one.own.rate, np.eye(3), np.asarray(one.own.lever_arm))
-            places[one.sensor.table.name] = at
-    for table in tables:
-        text_writer.write_euroc_table(folder, table, index, *places[table.name], comment)
-    text_writer.write_euroc_descriptions(
-        folder,
-        parameters.rate,
-        _values(parameters, f"/imu{index}").densities(),
-        mounting,
-        lever_arm,
-        comment,
-        states,
-        index,
-    )
+        own = getattr(one.own, one.name) if one.on_board else one.own
+        rate, pose = own.rate or one.environment.rate, mount(one)
+        comment = comments.get(one.space, next(iter(comments.values())))
+        text_writer.write_euroc_table(
+            folder, table, number, rate, pose[:3, :3], pose[:3, 3], comment
+        )
 
 
 def _values(parameters: SimulationParameters, topic: str, duration: float = 0.0) -> ImuValues:

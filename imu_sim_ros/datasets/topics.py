@@ -92,7 +92,7 @@ class BagTarget:
         return [Block(topic, m.t_ns, m.payloads) for topic, m in made if len(m.t_ns)]
 
 
-class _InTable(NamedTuple):
+class InTable(NamedTuple):
     """The rows of a sensor in a dataset."""
 
     table: Table
@@ -102,14 +102,14 @@ class _InTable(NamedTuple):
     mounted: Mounted
 
 
-def _tables(sensors: Mapping[str, Mounted]) -> list[_InTable]:
+def all_tables(sensors: Mapping[str, Mounted]) -> list[InTable]:
     """Return the tables of the sensors that have one of their own in a dataset."""
     numbers: Counter[str] = Counter()
     found = []
     for name, one in sensors.items():
         table = one.sensor.table
         if table is not None:
-            found.append(_InTable(table, numbers[table.name], name, one))
+            found.append(InTable(table, numbers[table.name], name, one))
             numbers[table.name] += 1
     return found
 
@@ -125,7 +125,7 @@ class DatasetTarget:
         self.dataset, self._sensors = dataset, sensors
         self.files: Sequence[Path] = ()
         self._imus = imus_in(sensors)
-        self._tables = {(one.table.name, one.number): one for one in _tables(sensors)}
+        self._tables = {(one.table.name, one.number): one for one in all_tables(sensors)}
         # EuRoC's states hold biases: each IMU has its own. Poses alone are the body's.
         self._states = self._imus if dataset.form == "euroc" else [POSE]
 
@@ -185,7 +185,8 @@ def in_tables(
     :raises InputError: with a line for each topic that the form does not have.
     """
     having = {
-        f"{one.mounted.space}{one.mounted.sensor.topics[0].name}": one for one in _tables(sensors)
+        f"{one.mounted.space}{one.mounted.sensor.topics[0].name}": one
+        for one in all_tables(sensors)
     }
     known, tables, unfit = offered(sensors), [], []
     for name in names:

@@ -437,9 +437,7 @@ class _Job:
             if form == "euroc":
                 from imu_sim_ros.datasets.configurations import describe
 
-                for k, name in enumerate(every):
-                    own = [table for table, imu in tables if imu == k]
-                    describe(output, k, self.sensors[name], states, own, self.sensors)
+                describe(output, states, tables, self.sensors)
         target.files = dataset.files
 
     @contextmanager

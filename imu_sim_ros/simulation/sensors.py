@@ -71,6 +71,14 @@ def models(sensors: Mapping[str, Mounted], wanted: Collection[str], t0_ns: int) 
     return made
 
 
+def mount(one: Mounted) -> Array:
+    """Return the pose T_bs (4, 4) of a sensor, which maps its coordinates to the body."""
+    pose_bs = np.eye(4)
+    pose_bs[:3, :3] = np.reshape(getattr(one.own, "mounting", np.eye(3)), (3, 3))
+    pose_bs[:3, 3] = getattr(one.own, "lever_arm", 0.0)
+    return pose_bs
+
+
 def mounts(sensors: Mapping[str, Mounted]) -> dict[str, Array]:
     """Return the poses T_bf (4, 4) of frames on the body; one maps coordinates in f to the body.
 
@@ -78,9 +86,6 @@ def mounts(sensors: Mapping[str, Mounted]) -> dict[str, Array]:
     """
     placed: dict[str, Array] = {}
     for one in sensors.values():
-        pose_bf = np.eye(4)
-        pose_bf[:3, :3] = np.reshape(getattr(one.own, "mounting", np.eye(3)), (3, 3))
-        pose_bf[:3, 3] = getattr(one.own, "lever_arm", 0.0)
-        placed.setdefault(one.frame, pose_bf)
+        placed.setdefault(one.frame, mount(one))
     placed.pop(sensors[pose.NAME].frame)
     return placed

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 import imu_sim_ros as ims
 from imu_sim_ros import rotation
@@ -16,6 +17,7 @@ from imu_sim_ros.bags.messages.encode import VECTOR3_STAMPED
 from imu_sim_ros.commands import generate
 from imu_sim_ros.inputs.gate import POSITION
 from imu_sim_ros.inputs.tables import Table
+from imu_sim_ros.parameters import files
 from imu_sim_ros.places.geometry import Caster
 from imu_sim_ros.sensors import registry
 from imu_sim_ros.sensors.declaration import Sensor, SensorReadings, topic
@@ -142,3 +144,24 @@ def test_cameras_and_other_sensors_share_the_scene(tmp_path: Path) -> None:
 def test_a_scene_without_anything_that_sees_is_refused() -> None:
     with pytest.raises(ims.ConfigurationError, match="scene.size"):
         load_simulation({"scene.size": [60.0, 50.0, 40.0]})
+
+
+def test_folders_and_truths_describe_each_sensor_of_a_kind(tmp_path: Path) -> None:
+    """Read back: T_BS of the second receiver, its own number and its own rate."""
+    options = [
+        *("--gnss", "phone", "--gnss", "zed_f9p", "--duration", "1s", "--imu", "perfect"),
+        *(f"--set=gnss1.mounting={SIDEWAYS}", "--set=gnss1.lever_arm=[0.5,0,0]"),
+        "--set=gnss1.rate=5",
+    ]
+    folder = tmp_path / "euroc"
+    assert generate.main(["-o", str(folder), "--format", "euroc", "--quiet", *options]) == 0
+    first, second = (yaml.safe_load((folder / f"gps{k}/sensor.yaml").read_text()) for k in (0, 1))
+    assert first["T_BS"]["data"] == np.eye(4).ravel().tolist()
+    t_bs = np.reshape(second["T_BS"]["data"], (4, 4))
+    assert t_bs[:3, :3].ravel().tolist() == SIDEWAYS
+    assert t_bs[:3, 3].tolist() == [0.5, 0.0, 0.0]
+    assert second["rate_hz"] == 5
+    rows = np.loadtxt(folder / "gps1/data.csv", delimiter=",", skiprows=1)
+    assert len(rows) == 5
+    again = load_simulation(files.load(tmp_path / "euroc_truth_gnss1.yaml"))
+    assert again.each_sensor["gnss1"].lever_arm == (0.5, 0.0, 0.0)

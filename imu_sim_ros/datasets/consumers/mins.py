@@ -194,7 +194,8 @@ def _wheel(body: Aiding) -> str:
     )
     share_r, share_b = 0.01 * p.radius_sigma_percent, 0.01 * p.base_sigma_percent
     pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = body.rotation(), body.in_imu(p.lever_arm)
+    pose[:3, :3] = body.rotation() @ np.reshape(p.mounting, (3, 3))
+    pose[:3, 3] = body.in_imu(p.lever_arm)
     density = body.wheel_speed_density
     values = {
         "enabled": "true",

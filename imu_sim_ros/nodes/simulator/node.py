@@ -14,7 +14,7 @@ over the first sample without five more services at every start.
 
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -46,12 +46,13 @@ from imu_sim_ros.nodes.simulator.publish_queue import (
 )
 from imu_sim_ros.nodes.simulator.serial_line import PseudoTerminal, SerialEncode
 from imu_sim_ros.poses import PoseSequence
-from imu_sim_ros.sensors.declaration import Mounted, Topic
+from imu_sim_ros.sensors.declaration import Topic
 from imu_sim_ros.simulation import topics
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import DEFAULT_TRAJECTORY, has_cameras, imus, layered
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.simulation.sensors import mounted, mounts
+from imu_sim_ros.trajectory.motion import Trajectory
 
 QUEUE: Final = 4000
 """Messages kept for a reliable subscriber that has not acknowledged them: 2 s at 2 kHz."""
@@ -81,7 +82,6 @@ class Simulator(ConfiguredNode):
         self._counters: list[Any] = []
         self._terminals: list[PseudoTerminal] = []
         self._cameras: Any = None
-        self._descriptions: dict[str, Any] = {}
         self._lateness = Histogram()
         self._drawn_of: Any = None
         self._drawn_values: Mapping[str, str] = {}
@@ -100,10 +100,17 @@ class Simulator(ConfiguredNode):
             QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL),
         )
         self._diagnostics = create(self, DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
-        streams = list(self._streams(parameters))
+        outputs = self._outputs(parameters)
+        body = Body(parameters, _read_poses, sensors={name for name, *_ in outputs})
+        self._remarks += body.warnings()
+        self._notes += body.notes()
+        self._descriptions = self._described(parameters)
+        streams = [BodyStream(body, outputs), *self._transforms(parameters, body.trajectory)]
+        self._cameras = self._made_cameras(parameters, body.trajectory.duration)
+        streams += self._cameras.streams if self._cameras else []
+        streams += self._clock(parameters.publish.clock_rate)
         if parameters.publish.tf_static:
             self._publish_mounts(parameters)
-        body = next(s.body for s in streams if isinstance(s, BodyStream))
         check_overrides(self, self._cameras.topics if self._cameras else ())
         self.engine = Engine(
             PublishQueue(streams, parameters.duration or body.trajectory.duration),
@@ -161,49 +168,23 @@ class Simulator(ConfiguredNode):
                 "is true; time comes from an external /clock"
             )
 
-    def _streams(self, parameters: SimulatorParameters) -> Iterator[Stream]:
-        publish, sensors = parameters.publish, mounted(parameters)
-        chosen = [
-            (name, one)
-            for name, one in topics.offered(sensors).items()
-            if topics.is_published(one.topic, publish) and self._can_publish(one.topic)
-        ]
-        outputs: list[Any] = [
-            (one.name, one.encoder(), self._counted(name, one.topic.type)) for name, one in chosen
-        ]
-        outputs += self._serial_lines(sensors)
-        body = Body(parameters, _read_poses, sensors={name for name, *_ in outputs})
-        self._remarks += body.warnings()
-        self._notes += body.notes()
-        yield BodyStream(body, outputs)
-        for name, simulated in imus(parameters).items():
-            described = sensor_description.create_publisher(self, f"{name}/" if name else "")
-            sensor_description.publish(described, simulated)
-            self._descriptions[name] = described
-        if publish.tf_rate:
-            send = self._counted(conventions.TF_TOPIC, TF_MESSAGE, transforms.QOS)
-            yield transforms.transform_stream(publish.tf_rate, parameters, body.trajectory, send)
-        if parameters.cameras:
-            yield from self._camera_streams(parameters, body.trajectory.duration)
-        if publish.clock_rate:
-            clock = ClockEncoder()
-            yield TickStream(
-                publish.clock_rate,
-                lambda t_ns, _: [row.tobytes() for row in clock.encode(t_ns)],
-                self._counted("/clock", CLOCK),
-            )
-
-    def _serial_lines(
-        self, sensors: Mapping[str, Mounted]
-    ) -> Iterator[tuple[str, SerialEncode, Any]]:
-        """Yield what sensors write to terminals, and how."""
+    def _outputs(self, parameters: SimulatorParameters) -> list[tuple[str, Any, Any]]:
+        """Return the sensor, encoder and receiver of each topic and serial line that there is."""
+        found: list[tuple[str, Any, Any]] = []
+        sensors = mounted(parameters)
+        for name, topic in topics.offered(sensors).items():
+            chosen = topics.is_published(topic.topic, parameters.publish)
+            if chosen and self._can_publish(topic.topic):
+                found.append((topic.name, topic.encoder(), self._counted(name, topic.topic.type)))
         for name, one in sensors.items():
-            where = one.sensor.serial.where(one.own) if one.sensor.serial else ""
+            serial = one.sensor.serial
+            where = serial.where(one.own) if serial else ""
             if where:
                 terminal = PseudoTerminal(where)
                 self._terminals.append(terminal)
                 self._notes.append(f"{name}: serial line on {terminal.name}")
-                yield name, SerialEncode(one.sensor), terminal.send
+                found.append((name, SerialEncode(one.sensor), terminal.send))
+        return found
 
     def _can_publish(self, topic: Topic) -> bool:
         """Return whether a topic's type is installed, if it need not be."""
@@ -215,13 +196,39 @@ class Simulator(ConfiguredNode):
                 return False
         return True
 
-    def _camera_streams(self, parameters: SimulatorParameters, longest: float) -> Iterator[Stream]:
+    def _described(self, parameters: SimulatorParameters) -> dict[str, Any]:
+        """Return the publisher of the description of each IMU, which it has published."""
+        found = {}
+        for name, simulated in imus(parameters).items():
+            found[name] = sensor_description.create_publisher(self, f"{name}/" if name else "")
+            sensor_description.publish(found[name], simulated)
+        return found
+
+    def _made_cameras(self, parameters: SimulatorParameters, longest: float) -> Any:
+        """Return the cameras; None, if there are none."""
+        if not parameters.cameras:
+            return None
         from imu_sim_ros.nodes.simulator.cameras import Cameras  # most runs have none
 
         duration = parameters.duration or longest
-        self._cameras = Cameras(self, parameters, duration, self.lifetime.fail)
-        self._counters += self._cameras.counters
-        yield from self._cameras.streams
+        cameras = Cameras(self, parameters, duration, self.lifetime.fail)
+        self._counters += cameras.counters
+        return cameras
+
+    def _transforms(self, parameters: SimulatorParameters, trajectory: Trajectory) -> list[Stream]:
+        """Return the stream of transforms, if it is wanted."""
+        rate = parameters.publish.tf_rate
+        if not rate:
+            return []
+        send = self._counted(conventions.TF_TOPIC, TF_MESSAGE, transforms.QOS)
+        return [transforms.transform_stream(rate, parameters, trajectory, send)]
+
+    def _clock(self, rate: float) -> list[Stream]:
+        """Return the stream of the simulated time, if it is wanted."""
+        if not rate:
+            return []
+        encoder, send = ClockEncoder(), self._counted("/clock", CLOCK)
+        return [TickStream(rate, lambda t, _: [row.tobytes() for row in encoder.encode(t)], send)]
 
     def _publish_mounts(self, parameters: SimulatorParameters) -> None:
         placed = [transforms.Mount(*one) for one in mounts(mounted(parameters)).items()]
