@@ -20,6 +20,11 @@ OF_IMUS: Final = ("magnetometer", "orientation", "barometer")
 """Each IMU has them with it: ``imu.NAME_...``. A sensor that another one needs comes before it."""
 NAMED: Final[tuple[str, ...]] = ("gnss", "wheels", "lidar")
 """The parameter ``sensors`` switches them on: ``NAME.*``."""
+CAMERAS: Final = (
+    "names of the cameras on the body, each the namespace of its topics and the prefix of its "
+    "own parameters (cam0.camera.rate, ...); none: no camera"
+)
+"""What the parameter ``cameras`` is."""
 
 
 @cache

@@ -26,7 +26,7 @@ from imu_sim_ros.parameters.sections import (
     section,
     variant,
 )
-from imu_sim_ros.sensors.camera import CAMERAS
+from imu_sim_ros.sensors import CAMERAS
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.presets import barometer_layer, sensor_layer

@@ -105,10 +105,10 @@ class Simulator(ConfiguredNode):
         self._remarks += body.warnings()
         self._notes += body.notes()
         self._descriptions = self._described(parameters)
-        streams = [BodyStream(body, outputs), *self._transforms(parameters, body.trajectory)]
+        streams = [BodyStream(body, outputs), *self._transform_streams(parameters, body.trajectory)]
         self._cameras = self._made_cameras(parameters, body.trajectory.duration)
         streams += self._cameras.streams if self._cameras else []
-        streams += self._clock(parameters.publish.clock_rate)
+        streams += self._clock_streams(parameters.publish.clock_rate)
         if parameters.publish.tf_static:
             self._publish_mounts(parameters)
         check_overrides(self, self._cameras.topics if self._cameras else ())
@@ -215,7 +215,9 @@ class Simulator(ConfiguredNode):
         self._counters += cameras.counters
         return cameras
 
-    def _transforms(self, parameters: SimulatorParameters, trajectory: Trajectory) -> list[Stream]:
+    def _transform_streams(
+        self, parameters: SimulatorParameters, trajectory: Trajectory
+    ) -> list[Stream]:
         """Return the stream of transforms, if it is wanted."""
         rate = parameters.publish.tf_rate
         if not rate:
@@ -223,7 +225,7 @@ class Simulator(ConfiguredNode):
         send = self._counted(conventions.TF_TOPIC, TF_MESSAGE, transforms.QOS)
         return [transforms.transform_stream(rate, parameters, trajectory, send)]
 
-    def _clock(self, rate: float) -> list[Stream]:
+    def _clock_streams(self, rate: float) -> list[Stream]:
         """Return the stream of the simulated time, if it is wanted."""
         if not rate:
             return []

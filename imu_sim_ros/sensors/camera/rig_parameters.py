@@ -18,7 +18,7 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import choice, texts
 from imu_sim_ros.parameters.sections import build, each, listed, section, variant
 from imu_sim_ros.places.mesh_file import is_mesh
-from imu_sim_ros.sensors.camera import CAMERAS
+from imu_sim_ros.sensors import CAMERAS
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.scene_parameters import (
     TYPES,
