@@ -300,19 +300,18 @@ def test_a_consumer(copy: Copy) -> None:
     copy.write(
         "imu_sim_ros/datasets/consumers/own_stack.py",
         '"""Configuration of a stack of one\'s own."""\n\n'
-        "from imu_sim_ros.datasets.consumers.values import ImuValues, comment\n\n\n"
-        "def config(values: ImuValues) -> str:\n"
+        "from imu_sim_ros.datasets.consumers.subject import Subject\n"
+        "from imu_sim_ros.datasets.consumers.values import comment\n\n\n"
+        "def files(subject: Subject) -> dict[str, str]:\n"
         '    """Return rate and topic."""\n'
         '    head = comment(["own_stack, whole."])\n'
-        '    return f"{head}imu_topic: {values.topic}\\nrate: {values.rate:g}\\n"\n',
+        '    text = f"{head}imu_topic: {subject.imu.topic}\\nrate: {subject.imu.rate:g}\\n"\n'
+        '    return {"own_stack.yaml": text}\n',
     )
     copy.change(
         "imu_sim_ros/datasets/consumers/folder.py",
         ("    orb_slam3,\n", "    orb_slam3,\n    own_stack,\n"),
-        (
-            '        "imu_utils.yaml":',
-            '        "own_stack.yaml": own_stack.config(values),\n        "imu_utils.yaml":',
-        ),
+        ("(kalibr, vins,", "(own_stack, kalibr, vins,"),
     )
     assert len(copy.touched) == 2
     found = copy.run(

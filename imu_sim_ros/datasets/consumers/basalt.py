@@ -9,6 +9,7 @@ import numpy as np
 
 from imu_sim_ros import rotation
 from imu_sim_ros.datasets.consumers.rig import RigValues, four, kind
+from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import SMALLEST, ImuValues, remarks
 from imu_sim_ros.json_text import as_json
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
@@ -22,6 +23,11 @@ _EXPRESSED: Final = (
 )
 _LOWER: Final = ([0, 1, 2, 1, 2, 2], [0, 0, 0, 1, 1, 2])
 """Rows and columns of the accelerometer's six entries: the lower triangle, column by column."""
+
+
+def files(subject: Subject) -> dict[str, str]:
+    """Return the calibration, with cameras if there are some."""
+    return {"basalt_calibration.json": calibration(subject.imu, subject.rig)}
 
 
 def calibration(values: ImuValues, rig: RigValues | None = None) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.datasets.consumers.aiding import SPEED, Aiding
 from imu_sim_ros.datasets.consumers.rig import real
+from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import comment
 from imu_sim_ros.datasets.topics import resolved
 from imu_sim_ros.sensors.gravity import earth_fixed
@@ -29,6 +30,12 @@ _MODELS: Final = {
 }
 _ANY_SIDE_SPEED: Final = 10.0
 """Its own value of nhc_vy_sigma for mecanum wheels."""
+
+
+def files(subject: Subject) -> dict[str, str]:
+    """Return the configuration for GNSS or wheels."""
+    body = subject.aiding
+    return {} if body is None else {"fusioncore.yaml": config(body)}
 
 
 def config(body: Aiding) -> str:

@@ -9,12 +9,21 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.bags.text.decimals import decimal
+from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import ImuValues, comment, remarks
 
 _UNITS: Final = {"gyroscope": " rad/s", "accelerometer": " m/s^2"}
 """The string that imu_utils writes as the unit, with its leading blank, for both _n and _w."""
 _NAMES: Final = {"gyroscope": ("Gyr", "gyr"), "accelerometer": ("Acc", "acc")}
 _AXES: Final = ("avg-axis", "x-axis", "y-axis", "z-axis")
+
+
+def files(subject: Subject) -> dict[str, str]:
+    """Return the result of imu_utils and the configuration of allan_variance_ros."""
+    return {
+        "imu_utils.yaml": result(subject.imu),
+        "allan_variance_ros.yaml": config(subject.imu),
+    }
 
 
 def result(values: ImuValues) -> str:

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.datasets.consumers.rig import RigValues, four, kind, listed, real
+from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import ImuValues, comment, remarks, rows
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.scene_parameters import (
@@ -14,6 +15,16 @@ from imu_sim_ros.sensors.camera.scene_parameters import (
     CheckerboardParameters,
     SceneParameters,
 )
+
+
+def files(subject: Subject) -> dict[str, str]:
+    """Return ``imu.yaml``, and with cameras ``camchain.yaml`` and ``target.yaml``."""
+    found = {"imu.yaml": imu_yaml(subject.imu)}
+    if subject.rig is not None:
+        found["camchain.yaml"] = camchain(subject.rig)
+        if (board := target(subject.rig.scene)) is not None:
+            found["target.yaml"] = board
+    return found
 
 
 def imu_yaml(values: ImuValues) -> str:

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.bags.text.decimals import decimal
+from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import ImuValues, comment, remarks
 from imu_sim_ros.datasets.topics import resolved
 from imu_sim_ros.rotation import from_matrix
@@ -65,13 +66,12 @@ class Ranging:
         return r_bi.T @ r_bl, r_bi.T @ (p_bl - p_bi)
 
 
-def texts(values: ImuValues, parameters: SimulationParameters) -> dict[str, str]:
-    """Return the text of each stack's file by its name; further LiDARs have theirs in their names.
-
-    :param values: of the IMU.
-    :param parameters: of the simulation, with the sensors of the body.
-    """
-    found = {}
+def files(subject: Subject) -> dict[str, str]:
+    """Return the files for each LiDAR of the body; further ones have their name in those of files."""
+    values, parameters = subject.imu, subject.parameters
+    found: dict[str, str] = {}
+    if parameters is None:
+        return found
     for name, own in parameters.each_sensor.items():
         if not isinstance(own, LidarParameters):
             continue

@@ -12,6 +12,7 @@ import numpy as np
 
 from imu_sim_ros.datasets.consumers.aiding import SPEED, Aiding
 from imu_sim_ros.datasets.consumers.rig import listed, real
+from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import comment, rows
 from imu_sim_ros.datasets.topics import resolved
 
@@ -20,8 +21,11 @@ _LEAST_VARIANCE: Final = 1e-8
 """Standard deviation of a calibrated quantity that is known exactly."""
 
 
-def texts(body: Aiding) -> dict[str, str]:
-    """Return the text of each file by its name, below the folder ``mins``."""
+def files(subject: Subject) -> dict[str, str]:
+    """Return the files of the folder ``mins`` for GNSS or wheels."""
+    body = subject.aiding
+    if body is None:
+        return {}
     parts = {
         "system": _system(),
         "estimator": _estimator(body),
@@ -46,7 +50,12 @@ def texts(body: Aiding) -> dict[str, str]:
 
 
 def _section(name: str, values: dict[str, str]) -> str:
-    return f"{name}:\n" + "".join(f"  {key}: {value}\n" for key, value in values.items())
+    """Return a section; a value in lines of its own begins with a line end."""
+    lines = (
+        f"  {key}:{value}\n" if value.startswith("\n") else f"  {key}: {value}\n"
+        for key, value in values.items()
+    )
+    return f"{name}:\n" + "".join(lines)
 
 
 def _system() -> str:
@@ -219,4 +228,4 @@ def _wheel(body: Aiding) -> str:
         "topic": f'"{resolved("joint_states")}"',
         "sub_topics": f'"{", ".join(p.joints[:2])}"',
     }
-    return head + _section("wheel", values).replace(": \n", ":\n")
+    return head + _section("wheel", values)

@@ -12,6 +12,7 @@ import numpy as np
 
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.datasets.consumers.rig import REST_THRESHOLD, RigValues, four, kind, listed, real
+from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import ImuValues, comment, remarks, rows
 from imu_sim_ros.types import Array
 
@@ -99,6 +100,15 @@ _ESTIMATOR: Final = {
 }
 """config/euroc_mav/estimator_config.yaml; ``integration`` is that of version 2.7, the two below it
 are those of versions before."""
+
+
+def files(subject: Subject) -> dict[str, str]:
+    """Return the chain of the IMU, and with cameras theirs and the estimator's configuration."""
+    found = {"kalibr_imu_chain.yaml": imu_chain(subject.imu)}
+    if subject.rig is not None and subject.rig.fits("radtan", "equidistant"):
+        found["kalibr_imucam_chain.yaml"] = imucam_chain(subject.rig)
+        found["estimator_config.yaml"] = estimator_config(subject.rig)
+    return found
 
 
 def triangular(response: Array) -> tuple[Array, Array]:

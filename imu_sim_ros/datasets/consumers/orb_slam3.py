@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.datasets.consumers.rig import RigValues, four, kind, opencv_matrix, real
+from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import ImuValues, comment, remarks
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 
@@ -32,6 +33,17 @@ Viewer.ViewpointF: 500.0
 """As in its own EuRoC.yaml: settings that the simulation does not determine."""
 _CLOSE: Final = 60.0
 """Stereo.ThDepth of its EuRoC.yaml, in baselines."""
+
+
+def files(subject: Subject) -> dict[str, str]:
+    """Return the settings of the IMU, and whole files for one camera and for two that are alike."""
+    rig, found = subject.rig, {"orb_slam3.yaml": settings(subject.imu)}
+    if rig is not None and rig.fits(*KINDS):
+        found["orb_slam3_mono_inertial.yaml"] = whole(rig, 1)
+        two = list(rig.cameras.values())[:2]
+        if len(two) == 2 and len({(kind(c), c.width, c.height) for c in two}) == 1:
+            found["orb_slam3_stereo_inertial.yaml"] = whole(rig, 2)
+    return found
 
 
 def settings(values: ImuValues) -> str:

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from imu_sim_ros.bags.text.decimals import decimal
+from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import ImuValues, comment
 from imu_sim_ros.datasets.topics import resolved
 from imu_sim_ros.simulation.parameters import SimulationParameters
@@ -24,12 +25,11 @@ _ROWS: Final = (
 _FREQUENCY: Final = 50.0
 
 
-def texts(values: ImuValues, parameters: SimulationParameters) -> dict[str, str]:
-    """Return ``ekf.yaml`` with wheels or GNSS and ``navsat.yaml`` with GNSS, by name.
-
-    :param values: the IMU of the readings.
-    :param parameters: of the simulation, which has the sensors of the body.
-    """
+def files(subject: Subject) -> dict[str, str]:
+    """Return ``ekf.yaml`` with wheels or GNSS and ``navsat.yaml`` with GNSS."""
+    values, parameters = subject.imu, subject.parameters
+    if parameters is None:
+        return {}
     body = parameters.each_sensor
     found = {}
     if body.keys() & {"gnss", "wheels"}:

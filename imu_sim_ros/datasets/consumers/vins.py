@@ -13,8 +13,28 @@ from typing import Final
 
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.datasets.consumers.rig import RigValues, four, kind, opencv_matrix, real
+from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import ImuValues, comment, remarks
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
+
+
+def files(subject: Subject) -> dict[str, str]:
+    """Return the files of VINS-Mono and VINS-Fusion, whole for cameras that both support."""
+    rig = subject.rig
+    if rig is None or not rig.fits(*KINDS):
+        return {
+            "vins_mono.yaml": config(subject.imu, fusion=False),
+            "vins_fusion.yaml": config(subject.imu, fusion=True),
+        }
+    cameras = {
+        f"vins_fusion_cam{k}.yaml": camera_file(rig.cameras[name])
+        for k, name in enumerate(list(rig.cameras)[:2])
+    }
+    return {
+        "vins_mono.yaml": mono(rig),
+        "vins_fusion.yaml": fusion(rig, "vins_fusion"),
+        **cameras,
+    }
 
 
 def config(values: ImuValues, *, fusion: bool) -> str:
