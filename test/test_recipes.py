@@ -72,18 +72,18 @@ class Swing:
 
     def __init__(self, dt: float) -> None:
         self._dt, self._samples = dt, 0
-        self._amplitude = np.zeros((3, 1))
+        self._amplitude = np.zeros(3)
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take the amplitude."""
-        self._amplitude = np.asarray(parameters.swing)[:, None]
+        self._amplitude = np.asarray(parameters.swing)
         self.active = any(parameters.swing)
 
     def add_to(self, values: Array) -> None:
-        """Add n samples to values (3, n)."""
-        n = values.shape[1]
+        """Add n samples to values (n, 3)."""
+        n = len(values)
         t = np.arange(self._samples, self._samples + n) * self._dt
-        values += self._amplitude * np.sin(2.0 * np.pi * t)
+        values += self._amplitude * np.sin(2.0 * np.pi * t)[:, None]
         self._samples += n
 '''
 
@@ -295,6 +295,56 @@ def test_a_preset(copy: Copy) -> None:
     assert found["status"] == 0
 
 
+def test_an_integration_method(copy: Copy) -> None:
+    """Its formula and its line in the table: command, Python and the node's stepper have it."""
+    copy.change(
+        "imu_sim_ros/navigation/increments.py",
+        (
+            "METHODS: Final",
+            "def _late(attitude: str, h: Array, rate: Array, force: Array) -> Increments:\n"
+            '    """Hold the reading at the end throughout."""\n'
+            "    return Increments(_TURNS[attitude](rate[1:] * h), force[1:] * h, None)\n\n\n"
+            "METHODS: Final",
+        ),
+        ('    "rk4": _rk4,\n', '    "rk4": _rk4,\n    "late": _late,\n'),
+    )
+    assert len(copy.touched) == 1
+    found = copy.run(
+        """
+        import json, numpy as np, imu_sim_ros as ims
+        from imu_sim_ros.commands import dead_reckon
+        from imu_sim_ros.navigation.state import NavigationState
+        from imu_sim_ros.navigation.stepper import Stepper
+        flight = ims.simulate(imu="perfect", trajectory="lecture", duration=2, rate=100)
+        tracks = {m: ims.dead_reckon(flight, method=m) for m in ("euler", "rk4", "late")}
+        errors = {m: ims.evaluate(t, flight.truth).final_position for m, t in tracks.items()}
+        late = tracks["late"]
+        start = NavigationState(late.position[0], late.velocity[0], late.q_wb[0])
+        stepper = Stepper(start, "late")
+        for t_ns, gyro, accel in zip(flight.t_ns, flight.gyro, flight.accel):
+            stepper.add(int(t_ns), gyro, accel)
+        try:
+            ims.dead_reckon(flight, method="late", attitude_update="euler_angles")
+            said = ""
+        except ims.ConfigurationError as error:
+            said = str(error)
+        flight.save("a.mcap")
+        print(json.dumps({
+            "ratio": errors["late"] / errors["euler"], "rk4": errors["rk4"] / errors["euler"],
+            "off": float(np.abs(np.subtract(stepper.state.position, late.position[-1])).max()),
+            "said": said, "all": dead_reckon.main(["a.mcap", "--all", "--quiet"]),
+            "status": dead_reckon.main(["a.mcap", "--method", "late", "--quiet"]),
+        }))
+        """
+    )
+    # Holding the reading at either end is of first order; an unknown method once was rk4's.
+    assert 0.1 < found["ratio"] < 10.0
+    assert found["rk4"] < 0.2
+    assert found["off"] < 1e-9
+    assert found["said"] == "method = 'late': euler_angles goes with euler, midpoint, rk4"
+    assert (found["status"], found["all"]) == (0, 0)
+
+
 def test_a_consumer(copy: Copy) -> None:
     """A module and a line in ``folder.py``: ``--with-configs`` writes its file."""
     copy.write(
@@ -332,5 +382,12 @@ def test_the_page_has_these_recipes() -> None:
     page = (ROOT / "docs/contributing/architecture.md").read_text(encoding="utf-8")
     recipes = page.partition("## Recipes")[2].partition("## Working")[0]
     headings = " ".join(line for line in recipes.splitlines() if line.startswith("**")).lower()
-    for name in ("error term", "a sensor", "a message type", "a preset", "a consumer"):
+    for name in (
+        "error term",
+        "a sensor",
+        "a message type",
+        "a preset",
+        "a consumer",
+        "integration method",
+    ):
         assert name in headings, name

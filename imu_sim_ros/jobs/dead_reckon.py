@@ -27,7 +27,7 @@ from imu_sim_ros.jobs import tracks
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.output import SkipBadRows, saved
 from imu_sim_ros.jobs.readings import Odometry, Readings, checked_poses, frame, read_imu
-from imu_sim_ros.navigation import initialisation
+from imu_sim_ros.navigation import angles, initialisation
 from imu_sim_ros.navigation.association import interpolate_vectors
 from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, initial_covariance, propagate
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon as integrate
@@ -260,6 +260,7 @@ def dead_reckon_all(
         integrated(start, replace(settings, method=method, attitude_update=attitude))
         for method in METHODS
         for attitude in ATTITUDE_UPDATES
+        if attitude != "euler_angles" or method in angles.METHODS
     ]
 
 

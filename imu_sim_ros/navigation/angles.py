@@ -71,20 +71,13 @@ def _rk4(roll: float, pitch: float, h: float, w: _Rates) -> _Start:
     )
 
 
-_NEXT: Final[dict[str, Callable[[float, float, float, _Rates], _Start]]] = {
-    "euler": _euler,
-    "midpoint": _midpoint,
-    "rk4": _rk4,
-}
-
-
 class AngleIncrements:
     """The increments of a record, piece by piece."""
 
     def __init__(self, method: str, q_wb: Array) -> None:
         """Start at an attitude (4,).
 
-        :param method: euler, midpoint or rk4.
+        :param method: one of ``METHODS``.
         """
         self._method = method
         self._roll, self._pitch, _ = rotation.to_euler(q_wb).tolist()
@@ -100,7 +93,7 @@ class AngleIncrements:
         """
         first, last = rate[:-1], rate[1:]
         mean = 0.5 * (first + last)
-        after = _NEXT[self._method]
+        after = METHODS[self._method][0]
         roll, pitch = self._roll, self._pitch
         found = []
         rows = np.concatenate([first, mean, last], axis=1).tolist()
@@ -137,18 +130,39 @@ def increments_of(method: str, angles: Array, h: Array, rate: Array, force: Arra
     What they are seen from, the yaw, does not matter; the other arguments are those of
     :func:`~imu_sim_ros.navigation.increments.of_readings`.
     """
-    first, last, h = rate[:-1], rate[1:], h[:, None]
+    first, last = rate[:-1], rate[1:]
     mean = 0.5 * (first + last)
     back = rotation.conjugate(rotation.from_euler(angles))
 
     def relative(stage: Array) -> Array:
         return rotation.multiply(back, rotation.from_euler(stage))
 
-    if method == "euler":
-        return euler_step(relative(angles + _slopes(angles, first) * h), h, force)
-    if method == "midpoint":
-        middle = angles + _slopes(angles, mean) * (0.5 * h)
-        return midpoint_step(relative(angles + _slopes(middle, mean) * h), h, force)
+    return METHODS[method][1](angles, h[:, None], (first, mean, last), force, relative)
+
+
+_Rows: TypeAlias = tuple[Array, Array, Array]
+"""Angular rates (n, 3) at the start, in the middle and at the end of each interval."""
+_Relative: TypeAlias = Callable[[Array], Array]
+"""Attitudes, seen from those at the start, by their angles."""
+
+
+def _euler_steps(
+    angles: Array, h: Array, rates: _Rows, force: Array, relative: _Relative
+) -> Increments:
+    return euler_step(relative(angles + _slopes(angles, rates[0]) * h), h, force)
+
+
+def _midpoint_steps(
+    angles: Array, h: Array, rates: _Rows, force: Array, relative: _Relative
+) -> Increments:
+    middle = angles + _slopes(angles, rates[1]) * (0.5 * h)
+    return midpoint_step(relative(angles + _slopes(middle, rates[1]) * h), h, force)
+
+
+def _rk4_steps(
+    angles: Array, h: Array, rates: _Rows, force: Array, relative: _Relative
+) -> Increments:
+    first, mean, last = rates
     k1 = _slopes(angles, first)
     s2 = angles + k1 * (0.5 * h)
     k2 = _slopes(s2, mean)
@@ -157,6 +171,14 @@ def increments_of(method: str, angles: Array, h: Array, rate: Array, force: Arra
     s4 = angles + k3 * h
     end = angles + (k1 + 2.0 * (k2 + k3) + _slopes(s4, last)) * (h / 6.0)
     return rk4_step((relative(s2), relative(s3), relative(s4), relative(end)), h, force)
+
+
+METHODS: Final = {
+    "euler": (_euler, _euler_steps),
+    "midpoint": (_midpoint, _midpoint_steps),
+    "rk4": (_rk4, _rk4_steps),
+}
+"""By method: roll and pitch after one interval, and the increments of many."""
 
 
 def _slopes(angles: Array, rate: Array) -> Array:

@@ -7,8 +7,8 @@ An increment depends on the readings alone, not on the state, which is what make
 fast: attitudes are running products, velocities and positions running sums.
 """
 
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -54,20 +54,36 @@ _TURNS = {"quaternion": first_order, "so3": exp}
 def of_readings(method: str, attitude: str, h: Array, rate: Array, force: Array) -> Increments:
     """Return the increments between readings.
 
-    :param method: euler, midpoint or rk4.
+    :param method: one of ``METHODS``.
     :param attitude: quaternion or so3; Euler angles depend on the state and have no increments.
     :param h: (n,) lengths of the intervals [s].
     :param rate: (n + 1, 3) angular rates at the intervals' ends [rad/s].
     :param force: (n + 1, 3) specific forces at the intervals' ends [m/s^2].
     """
-    h = h[:, None]
-    if method == "euler":
-        return euler_step(_TURNS[attitude](rate[:-1] * h), h, force)
-    mean_rate = 0.5 * (rate[:-1] + rate[1:])
-    if method == "midpoint":
-        return midpoint_step(_TURNS[attitude](mean_rate * h), h, force)
-    stages = _quaternion_stages if attitude == "quaternion" else _so3_stages
-    return rk4_step(stages(h, rate[:-1], mean_rate, rate[1:]), h, force)
+    return METHODS[method](attitude, h[:, None], rate, force)
+
+
+def _euler(attitude: str, h: Array, rate: Array, force: Array) -> Increments:
+    return euler_step(_TURNS[attitude](rate[:-1] * h), h, force)
+
+
+def _midpoint(attitude: str, h: Array, rate: Array, force: Array) -> Increments:
+    mean = 0.5 * (rate[:-1] + rate[1:])
+    return midpoint_step(_TURNS[attitude](mean * h), h, force)
+
+
+def _rk4(attitude: str, h: Array, rate: Array, force: Array) -> Increments:
+    stages = {"quaternion": _quaternion_stages, "so3": _so3_stages}[attitude]
+    mean = 0.5 * (rate[:-1] + rate[1:])
+    return rk4_step(stages(h, rate[:-1], mean, rate[1:]), h, force)
+
+
+METHODS: Final[dict[str, Callable[[str, Array, Array, Array], Increments]]] = {
+    "euler": _euler,
+    "midpoint": _midpoint,
+    "rk4": _rk4,
+}
+"""(attitude update, h (n, 1), rate, force) -> increments, by name: the list of all methods."""
 
 
 def euler_step(dq: Array, h: Array, force: Array) -> Increments:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from imu_sim_ros.conventions import BODY_FRAME, TRIADS, WORLD_FRAME
+from imu_sim_ros.navigation import increments
 from imu_sim_ros.parameters import kinds
 from imu_sim_ros.parameters.files import load
 from imu_sim_ros.parameters.kinds import (
@@ -32,7 +33,7 @@ from imu_sim_ros.sensors.imu.triads import TriadParameters, invertible_problems,
 from imu_sim_ros.sensors.parameters import rotation_problems
 
 DEFAULT_IMU = "lecture"
-METHODS = ("euler", "midpoint", "rk4")
+METHODS = tuple(increments.METHODS)
 ATTITUDE_UPDATES = ("quaternion", "so3", "euler_angles")
 INITIAL_STATES = ("parameters", "truth", "level")
 

@@ -60,7 +60,6 @@ def between(t_ns: Integers, gyro: Array, accel: Array, edges_ns: ArrayLike) -> S
 SIZE: Final = 15
 ALPHA, THETA, BETA = slice(0, 3), slice(3, 6), slice(6, 9)
 ACCEL_BIAS, GYRO_BIAS = slice(9, 12), slice(12, 15)
-METHODS: Final = ("euler", "midpoint")
 
 _EYE: Final[Array] = np.eye(3)
 _JOINED: Final = 8
@@ -124,7 +123,7 @@ def preintegrate(
     alpha, beta = np.zeros((batch, 3)), np.zeros((batch, 3))
     gamma = _attitudes(method, readings.h, rate)
     errors = _Errors(batch, noise, _period(readings.h), shared_noise)
-    step = _midpoint if method == "midpoint" else _euler
+    step = METHODS[method]
     block = max(_JOINED, _BLOCK // batch // _JOINED * _JOINED)
     for first in range(0, readings.h.shape[1], block):
         h = np.ascontiguousarray(readings.h[:, first : first + block].T)
@@ -212,6 +211,10 @@ def _midpoint(h: Array, gamma: Array, rate: Array, force: Array) -> _Step:
     f_parts = (by_theta, -0.5 * (r0 + r1), by_gyro_bias)
     _move_rows(f, g, h3, f_parts, (-0.5 * r0, by_gyro_noise, -0.5 * r1, by_gyro_noise))
     return acceleration, f, g
+
+
+METHODS: Final = {"euler": _euler, "midpoint": _midpoint}
+"""A step by the name of its method."""
 
 
 def _blank(batch: int) -> tuple[Array, Array]:

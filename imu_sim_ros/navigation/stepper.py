@@ -102,6 +102,9 @@ def check_method(method: str, attitude: str) -> None:
     ]
     if problems:
         raise ConfigurationError(problems)
+    if attitude == "euler_angles" and method not in angles.METHODS:
+        known = ", ".join(angles.METHODS)
+        raise ConfigurationError(f"method = {method!r}: euler_angles goes with {known}")
 
 
 class Stepper:
