@@ -67,7 +67,7 @@ class Ranging:
 
 
 def files(subject: Subject) -> dict[str, str]:
-    """Return the files for each LiDAR of the body; further ones have their name in those of files."""
+    """Return files for each LiDAR of the body; of further ones with the name of the LiDAR."""
     values, parameters = subject.imu, subject.parameters
     found: dict[str, str] = {}
     if parameters is None:
