@@ -21,7 +21,13 @@ from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.commands.common import FORCE, outputs
 from imu_sim_ros.conventions import LANDMARKS_TOPIC
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.jobs.recorded import camera_names, read_cloud, read_images
+from imu_sim_ros.jobs.recorded import (
+    camera_names,
+    measured_clouds,
+    read_cloud,
+    read_images,
+    read_points,
+)
 from imu_sim_ros.jobs.tracks import has_truth, read_track, truth_topic
 from imu_sim_ros.plots.flight_view import FlightView, rerun
 
@@ -78,7 +84,7 @@ def view(arguments: argparse.Namespace) -> None:
 def _fill(shown: FlightView, arguments: argparse.Namespace) -> dict[str, Any]:
     """Add all that the inputs hold; returns how much it is."""
     flight = arguments.flight
-    found = {"paths": 0, "readings": 0, "biases": 0, "images": 0, "landmarks": 0}
+    found = {"paths": 0, "readings": 0, "biases": 0, "images": 0, "scans": 0, "landmarks": 0}
     if has_truth(flight):
         topic = truth_topic(flight, arguments.truth_topic)
         shown.path("truth", read_track(flight, topic).poses)
@@ -100,6 +106,9 @@ def _fill(shown: FlightView, arguments: argparse.Namespace) -> dict[str, Any]:
         for name in cameras:
             shown.images(name.strip("/"), read_images(flight, name))
             found["images"] += 1
+    for topic in () if is_text(flight) else measured_clouds(flight):
+        shown.clouds(topic.strip("/"), read_points(flight, topic))
+        found["scans"] += 1
     points = _landmarks(flight, arguments.landmarks)
     if len(points):
         shown.points("landmarks", points)

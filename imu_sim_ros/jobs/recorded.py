@@ -130,14 +130,9 @@ def read_points(path: str | Path, topic: str | None = None) -> Iterator[tuple[in
     >>> [(t_ns, int(points["ring"].max())) for t_ns, points in ims.read_points(path)]
     [(1000000000, 1), (1100000000, 1)]
     """
-    from imu_sim_ros.bags.messages.encode_cameras import POINT_CLOUD2
-    from imu_sim_ros.bags.read import open_bag
-
     path = arguments.path("path", path, BAG_OR_FILE)
     name = arguments.topic("topic", topic)
-    with open_bag(path) as bag:
-        offered = [one.name for one in bag.topics if one.type == POINT_CLOUD2]
-    measured = [one for one in offered if not one.strip("/").startswith("ground_truth/")]
+    offered, measured = _cloud_topics(Path(path)), measured_clouds(Path(path))
     chosen = (
         measured if name is None else [one for one in offered if one.strip("/") == name.strip("/")]
     )
@@ -146,6 +141,19 @@ def read_points(path: str | Path, topic: str | None = None) -> Iterator[tuple[in
         options = "" if name is None else f"no clouds on {name}; "
         raise InputError(f"{path}: {options}has {words}; topic= names one")
     return _clouds(Path(path), chosen[0])
+
+
+def measured_clouds(path: Path) -> list[str]:
+    """Return the topics of clouds in a bag, without those of the truth."""
+    return [name for name in _cloud_topics(path) if "ground_truth" not in name.split("/")]
+
+
+def _cloud_topics(path: Path) -> list[str]:
+    from imu_sim_ros.bags.messages.encode_cameras import POINT_CLOUD2
+    from imu_sim_ros.bags.read import open_bag
+
+    with open_bag(path) as bag:
+        return [one.name for one in bag.topics if one.type == POINT_CLOUD2 and one.count]
 
 
 def read_cloud(path: Path, name: str) -> Array:

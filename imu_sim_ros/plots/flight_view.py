@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A flight in rerun's viewer: paths, readings, biases and images on one time line."""
+"""A flight in rerun's viewer: paths, readings, biases, images, scans on one time line."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -102,6 +102,13 @@ class FlightView:
             self._recording.set_time(_TIME, timestamp=np.datetime64(t_ns, "ns"))
             kind = self._rr.DepthImage if image.dtype == np.float32 else self._rr.Image
             self._recording.log(name, kind(image))
+
+    def clouds(self, name: str, scans: Iterable[tuple[int, NDArray[Any]]]) -> None:
+        """Add the scans of a sensor, in its own frame; structured arrays with x, y, z [m]."""
+        for t_ns, points in scans:
+            self._recording.set_time(_TIME, timestamp=np.datetime64(t_ns, "ns"))
+            places = np.stack([points[axis] for axis in "xyz"], axis=1)
+            self._recording.log(name, self._rr.Points3D(places, radii=[_RADIUS]))
 
     def _columns(self, name: str, t_ns: Times, columns: Any) -> None:
         stamps = self._rr.TimeColumn(_TIME, timestamp=t_ns.astype("datetime64[ns]"))

@@ -91,3 +91,14 @@ def test_an_existing_file_is_kept_and_a_missing_library_is_named(flight, capsys,
     monkeypatch.setitem(sys.modules, "rerun", None)
     assert view.main([str(flight / "flight.mcap"), "--save", "x.rrd"]) == 2
     assert "pip install imu_sim_ros[view]" in capsys.readouterr().err
+
+
+def test_scans_of_a_lidar_are_in_the_file(flight, capsys):
+    bag = flight / "ranged.mcap"
+    words = ["--lidar", "vlp16", "--scene", "ground", "--duration", "0.3s", "--quiet"]
+    assert generate.main(["-o", str(bag), *words]) == 0
+    assert view.main([str(bag), "--save", str(flight / "ranged.rrd"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["scans"] == 1
+    entities, _, _ = rows(flight / "ranged.rrd")
+    assert "/points" in entities
+    assert "/ground_truth/points" not in entities
