@@ -55,6 +55,18 @@ def run(browser, script, *arguments):
     return browser.execute_script(tools + script, *arguments)
 
 
+def test_shortened_names_of_groups_are_told_apart_on_a_phone(opened):
+    """A cell's name ends with its estimator, the only difference between neighbours."""
+    found = run(
+        opened("campaign.html", 390),
+        """return [...figure("ate rmse").querySelectorAll("text > title")].map((title) =>
+        [title.parentNode.firstChild.textContent, title.textContent])""",
+    )
+    assert len({words for words, _ in found}) == len(found) > 1
+    assert all(words[-6:] == whole[-6:] for words, whole in found)
+    assert any("\u2026" in words for words, _ in found)
+
+
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("name", ["campaign.html", "sensors.html", "bag.html"])
 def test_every_plot_is_drawn_and_fits(opened, name, width):

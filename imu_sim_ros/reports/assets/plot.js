@@ -136,7 +136,9 @@ class Plot {
     if (spec.categories) {
       spec.categories.forEach((name, k) => {
         const room = Math.floor((margin - 10) / (this.pitch < 18 ? 4.4 : 6.2));
-        const words = name.length > room ? `${name.slice(0, room - 1)}\u2026` : name;
+        // The end of a name tells neighbours apart: the estimator of a cell.
+        const head = Math.floor(room / 3), tail = room - 1 - head;
+        const words = name.length > room ? `${name.slice(0, head)}\u2026${name.slice(-tail)}` : name;
         const text = drawing("text", { class: this.pitch < 9 ? "tiny" : this.pitch < 18 ? "small" : "", x: left - 6, y: this.sy.at(k) + this.pitch * 0.18, "text-anchor": "end" }, words);
         text.append(drawing("title", {}, name));
         svg.append(text);
