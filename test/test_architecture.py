@@ -89,6 +89,7 @@ def over(places):
                     problems.append(f"{place.relative_to(ROOT)}: {error}")
             assert not problems, "\n".join(problems)
 
+        test.check = check  # for one place, by the recipes
         test.__doc__ = check.__doc__
         return test
 

@@ -46,6 +46,35 @@ class Copy:
         path.write_text(text, encoding="utf-8")
         self.touched.add(file)
 
+    def guard(self, count: int) -> None:
+        """Run the guards of the architecture and the linter on the files that were touched."""
+        assert len(self.touched) == count, self.touched
+        guards = self.folder / "test" / "test_architecture.py"
+        guards.parent.mkdir(exist_ok=True)
+        shutil.copy(ROOT / "test" / "test_architecture.py", guards)
+        shutil.copy(ROOT / "pyproject.toml", self.folder)
+        files = [name for name in sorted(self.touched) if name.endswith(".py")]
+        self.run(
+            f"""
+            import sys
+            from pathlib import Path
+            sys.path.insert(0, "test")
+            import test_architecture as guards
+            checks = (
+                guards.test_imports_follow_the_arrows,
+                guards.test_no_heavy_import_at_the_top_of_what_a_node_starts_with,
+                guards.test_json_is_written_in_one_place,
+            )
+            for file in {files}:
+                for one in checks:
+                    one.check(guards.ROOT / file)
+            print("{{}}")
+            """
+        )
+        ruff = [sys.executable, "-m", "ruff", "check", "--quiet", *files]
+        done = subprocess.run(ruff, cwd=self.folder, capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout
+
     def run(self, code: str) -> Any:
         """Run Python with the copy; returns the JSON object in the last line that it prints."""
         done = subprocess.run(
@@ -108,7 +137,7 @@ def test_an_error_term(copy: Copy) -> None:
         ),
         ("        RateRamp(dt),\n", "        RateRamp(dt),\n        Swing(dt),\n"),
     )
-    assert len(copy.touched) == 2
+    copy.guard(2)
     found = copy.run(
         """
         import json, numpy as np, imu_sim_ros as ims
@@ -155,7 +184,7 @@ def test_a_sensor_of_a_board(copy: Copy) -> None:
         "imu_sim_ros/sensors/__init__.py",
         ('"orientation", "barometer")', '"orientation", "barometer", "altimeter")'),
     )
-    assert len(copy.touched) == 5
+    copy.guard(5)
     found = copy.run(
         """
         import json, numpy as np, imu_sim_ros as ims
@@ -174,7 +203,6 @@ def test_a_sensor_of_a_board(copy: Copy) -> None:
                                          flight.pressure.ideal_pressure[::10])),
             "status": status, "rows": Path("folder/air0.csv").read_text().count("\\n"),
             "switches": [n for n in known if n.startswith("publish.") and n.endswith("air")],
-            "faults": "altimeter" in known["inject.triad"].choices,
             "reference": "`imu.altimeter_gust_rate`" in parameter_reference.reference(),
             "truth": "altimeter_rate: 100.0" in Path("folder_truth.yaml").read_text(),
         }))
@@ -186,15 +214,16 @@ def test_a_sensor_of_a_board(copy: Copy) -> None:
         "status": 0,
         "rows": 201,
         "switches": ["publish.air", "publish.ground_truth_air"],
-        "faults": True,
         "reference": True,
         "truth": True,
     }
 
 
 def test_a_sensor_of_the_body(copy: Copy) -> None:
-    """The example, moved into the package: a folder of two files, and its name in the list."""
+    """The example without its own registration: a folder of two files, and a name in the list."""
     example = (ROOT / "examples/own_sensor.py").read_text(encoding="utf-8")
+    example = example.partition("\nif __name__")[0]
+    example = example.replace("register_sensor, rotation, simulate", "rotation")
     copy.write("imu_sim_ros/sensors/sonar/__init__.py", '"""The sonar."""\n')
     copy.write("imu_sim_ros/sensors/sonar/declaration.py", example)
     init = "imu_sim_ros/sensors/__init__.py"
@@ -202,7 +231,7 @@ def test_a_sensor_of_the_body(copy: Copy) -> None:
     names = line.partition(" = (")[2].rstrip(")")
     more = f"{names.rstrip(',')}, " if names else ""
     copy.change(init, (line, line.replace(f"({names})", f'({more}"sonar",)')))
-    assert len(copy.touched) == 3
+    copy.guard(3)
     found = copy.run(
         """
         import json, imu_sim_ros as ims
@@ -243,7 +272,7 @@ def test_a_message_type(copy: Copy) -> None:
             "class NavSatFixEncoder(",
         ),
     )
-    assert len(copy.touched) == 2
+    copy.guard(2)
     found = copy.run(
         """
         import json, numpy as np
@@ -276,7 +305,7 @@ def test_a_preset(copy: Copy) -> None:
         "# [1] Nobody, 2026.\n/**:\n  ros__parameters:\n    imu:\n"
         "      gyroscope_noise_density: 0.001\n",
     )
-    assert len(copy.touched) == 1
+    copy.guard(1)
     found = copy.run(
         """
         import json, imu_sim_ros as ims
@@ -308,7 +337,7 @@ def test_an_integration_method(copy: Copy) -> None:
         ),
         ('    "rk4": _rk4,\n', '    "rk4": _rk4,\n    "late": _late,\n'),
     )
-    assert len(copy.touched) == 1
+    copy.guard(1)
     found = copy.run(
         """
         import json, numpy as np, imu_sim_ros as ims
@@ -345,6 +374,129 @@ def test_an_integration_method(copy: Copy) -> None:
     assert (found["status"], found["all"]) == (0, 0)
 
 
+def test_a_trajectory(copy: Copy) -> None:
+    """Its section with its motion, and its line in the table: ``--trajectory`` and Python."""
+    copy.change(
+        "imu_sim_ros/trajectory/parameters.py",
+        (
+            "TYPES: dict[",
+            "@dataclass(frozen=True)\n"
+            "class LiftParameters(TrajectoryParameters):\n"
+            '    """A body that goes up at a constant acceleration."""\n\n'
+            '    type: str = text("lift", TYPE_TEXT)\n'
+            '    acceleration: float = number(1.0, "upwards", unit="m/s^2")\n\n'
+            '    def motion(self, pose_reader: PoseReader) -> "Trajectory":\n'
+            '        """Return the motion that these parameters describe."""\n'
+            "        from imu_sim_ros.trajectory.kinds import Lift\n\n"
+            "        return Lift(self)\n\n\n"
+            "TYPES: dict[",
+        ),
+        (
+            '    "static": StaticParameters,\n',
+            '    "static": StaticParameters,\n    "lift": LiftParameters,\n',
+        ),
+    )
+    copy.change(
+        "imu_sim_ros/trajectory/kinds.py",
+        (
+            "class FreeFall(_Endless):",
+            "class Lift(_Endless):\n"
+            '    """``z = a t^2 / 2``."""\n\n'
+            "    def __init__(self, parameters: LiftParameters) -> None:\n"
+            "        self._up = np.array([0.0, 0.0, parameters.acceleration])\n\n"
+            "    def sample(self, t: Array) -> Motion:\n"
+            '        """Return the motion at times t (n,) [s]."""\n'
+            "        time, zero = t[:, None], np.zeros((len(t), 3))\n"
+            "        return Motion(\n"
+            "            position=0.5 * time**2 * self._up,\n"
+            "            velocity=time * self._up,\n"
+            "            acceleration=zero + self._up,\n"
+            "            q_wb=np.tile([1.0, 0.0, 0.0, 0.0], (len(t), 1)),\n"
+            "            angular_velocity=zero,\n"
+            "            angular_acceleration=zero,\n"
+            "        )\n\n\n"
+            "class FreeFall(_Endless):",
+        ),
+        ("    HarmonicParameters,\n", "    HarmonicParameters,\n    LiftParameters,\n"),
+    )
+    copy.guard(2)
+    found = copy.run(
+        """
+        import json, imu_sim_ros as ims
+        from imu_sim_ros.commands import generate, parameter_reference
+        lift = {"type": "lift", "acceleration": 2.0}
+        flight = ims.simulate(imu="perfect", trajectory=lift, duration=2, rate=100)
+        words = "-o a.mcap --trajectory lift --duration 1s --quiet".split()
+        print(json.dumps({
+            "force": [float(flight.accel[:, 2].min()), float(flight.accel[:, 2].max())],
+            "status": generate.main([*words, "--set", "trajectory.acceleration=-1"]),
+            "reference": "trajectory.type: lift" in parameter_reference.reference(),
+        }))
+        """
+    )
+    assert found["force"] == pytest.approx([11.81, 11.81])
+    assert (found["status"], found["reference"]) == (0, True)
+
+
+def test_an_option_of_a_job(copy: Copy) -> None:
+    """The job's signature, text and use: parser, ``--help``, Python and checks follow."""
+    copy.change(
+        "imu_sim_ros/jobs/evaluate.py",
+        (
+            "    skip_bad_rows: SkipBadRows = False,\n) -> Evaluation",
+            "    skip_bad_rows: SkipBadRows = False,\n"
+            '    lift: Annotated[float, "M"] = 0.0,\n) -> Evaluation',
+        ),
+        (
+            "    :param skip_bad_rows: skip and count bad rows of text and bad messages of bags\n",
+            "    :param skip_bad_rows: skip and count bad rows of text and bad messages of bags\n"
+            "    :param lift: raise the estimate [m]\n",
+        ),
+        (
+            '    number("max_gap", max_gap',
+            '    number("lift", lift, "a height from -9 to 9 m", -9.0, 9.0)\n'
+            '    number("max_gap", max_gap',
+        ),
+        (
+            '    track = _track("estimate", estimate, estimate_topic, skip)\n',
+            '    track = _track("estimate", estimate, estimate_topic, skip)\n'
+            "    raised = track.poses.position + np.array([0.0, 0.0, lift])\n"
+            "    track = track._replace(poses=track.poses._replace(position=raised))\n",
+        ),
+    )
+    copy.guard(1)
+    found = copy.run(
+        """
+        import contextlib, io, json, numpy as np
+        import imu_sim_ros as ims
+        from imu_sim_ros.commands import evaluate
+        from imu_sim_ros.poses import PoseSequence, write_tum
+        from pathlib import Path
+        t = np.arange(100)
+        position = np.stack([0.1 * t, np.sin(0.1 * t), 0.0 * t], axis=1)
+        poses = PoseSequence(t * 10**8, position, np.tile([1.0, 0.0, 0.0, 0.0], (100, 1)))
+        write_tum(Path("a.tum"), poses)
+        out, err = io.StringIO(), io.StringIO()
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            done = evaluate.main(["a.tum", "a.tum", "--lift", "0.5", "--json"])
+            refused = evaluate.main(["a.tum", "a.tum", "--lift", "10"])
+        print(json.dumps({
+            "status": [done, refused], "said": err.getvalue(),
+            "help": "raise the estimate [m] (default: 0)" in evaluate.parser().format_help(),
+            "command": json.loads(out.getvalue())["ate_m"]["rmse"],
+            "python": ims.evaluate("a.tum", "a.tum", lift=0.5).rms_position,
+        }))
+        """
+    )
+    assert found == {
+        "status": [0, 2],
+        "said": "evaluate: --lift 10.0: must be a height from -9 to 9 m\n",
+        "help": True,
+        "command": pytest.approx(0.5),
+        "python": pytest.approx(0.5),
+    }
+
+
 def test_a_consumer(copy: Copy) -> None:
     """A module and a line in ``folder.py``: ``--with-configs`` writes its file."""
     copy.write(
@@ -363,7 +515,7 @@ def test_a_consumer(copy: Copy) -> None:
         ("    orb_slam3,\n", "    orb_slam3,\n    own_stack,\n"),
         ("(kalibr, vins,", "(own_stack, kalibr, vins,"),
     )
-    assert len(copy.touched) == 2
+    copy.guard(2)
     found = copy.run(
         """
         import json
