@@ -63,7 +63,7 @@ _ACTIONS: Final[dict[str, tuple[str, dict[str, Any]]]] = {
         {"samples N": {"nargs": "?", "help": "number of samples (default: step_samples)"}},
     ),
     "set": (
-        "set live parameters, each on its own; any node that has them (--node)",
+        "change live parameters of this or another node (--node), one by one",
         {
             "changes": {
                 "nargs": "+",

@@ -181,7 +181,7 @@ class Campaign {
       return { name: group.name, count: group.numbers.length, low: at(0.05), q1: at(0.25), median: at(0.5), q3: at(0.75), high: at(0.95), colour: own === null && groups.length <= MOST_LINES ? k : own };
     });
     return { title: `${label}, by ${by}`, x: { label, log }, categories: boxes.map((box) => box.name), series: [{ name: "", boxes, x: [], colour: 0 }],
-      caption: `Median, quartiles, 5th and 95th percentile. Failed runs count as worse than any number; a box that contains some ends at the frame.${rest}`, onpick: (k) => this.pick(groups[k]) };
+      caption: `Median, quartiles, 5th and 95th percentile. Failed runs count as worse than any number; a box with failed runs reaches the frame.${rest}`, onpick: (k) => this.pick(groups[k]) };
   }
 
   // Distributions in one plot if it can be read, else in small ones with the same scale: one a cell
