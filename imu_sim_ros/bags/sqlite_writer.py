@@ -47,8 +47,9 @@ _TALLY: Final = """
 SELECT count(*), coalesce(min(timestamp), 9223372036854775807), coalesce(max(timestamp), -1)
 FROM messages WHERE topic_id = ?"""
 _TRANSACTION_BYTES: Final = 16 << 20
-_STATEMENT_BYTES: Final = 4 << 20
-"""Messages that one statement inserts."""
+_STATEMENT_BYTES: Final = 512 << 10
+"""Messages that one statement inserts: memory of this size is kept by malloc from one to the next,
+that of 4 MiB is not, and its page faults take a fifth of the time."""
 
 
 class SqliteWriter(Writer):
