@@ -430,14 +430,18 @@ class _Job:
         return self._result(_tally(writer))
 
     def _poses(self) -> PoseSequence:
-        """Return the poses of a text file."""
-        poses = read_poses(self.source, None, self.watcher.skipped is not None)
+        """Return the poses of a text file, or of a folder."""
+        source = text_reader.pose_file(self.source) or self.source
+        poses = read_poses(source, None, self.watcher.skipped is not None)
         if self.watcher.skipped is not None and poses.skipped:
             self.watcher.skipped(poses.skipped)
         return poses
 
     def _text_to_dataset(self) -> Counts:
         states = text_reader.has_states(self.source)
+        poses = None if states else text_reader.pose_file(self.source)
+        if poses is not None:  # tables have states, with velocities
+            self.not_converted = [str(poses.relative_to(self.source))]
         one_table = self.staged.suffix.lower() == ".csv"
         tables = {} if one_table else text_reader.table_names(self.source, known_tables())
         names = {kind: name for name, kind in tables.items()}

@@ -318,3 +318,26 @@ def test_topics_without_a_place_in_a_dataset_are_named_whatever_was_loaded(tmp_p
     capsys.readouterr()
     assert convert_bag.main([str(bag), "-o", str(tmp_path / "text"), "--format", "csv"]) == 0
     assert "has no place for" in capsys.readouterr().out
+
+
+EUROC = ["--format", "euroc"]
+
+
+def test_the_true_poses_of_a_folder_of_tables_are_kept(tmp_path, capsys):
+    """They were dropped on the way back into a bag, without a word."""
+    words = ["--trajectory", "figure_eight", "--duration", "2s", "--quiet", "--force"]
+    tables, bag = tmp_path / "tables", tmp_path / "back.mcap"
+    assert generate.main(["-o", str(tables), "--format", "csv", *words]) == 0
+    capsys.readouterr()
+    assert convert_bag.main([str(tables), "-o", str(bag), "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert result["messages"] == {"/imu/data_raw": 400, "/ground_truth/pose": 400}
+    assert result["not_converted"] == []
+    read = read_poses(bag, "ground_truth/pose")
+    np.testing.assert_allclose(
+        read.position, read_poses(tables / "groundtruth.tum").position, atol=1e-9
+    )
+    assert convert_bag.main([str(tables), "-o", str(tmp_path / "t.tum"), "--quiet"]) == 0
+    assert len(read_poses(tmp_path / "t.tum").t_ns) == 400
+    assert convert_bag.main([str(tables), "-o", str(tmp_path / "euroc"), "--json", *EUROC]) == 0
+    assert json.loads(capsys.readouterr().out)["not_converted"] == ["groundtruth.tum"]

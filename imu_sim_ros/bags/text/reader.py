@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.text.writer import BodyStates
+from imu_sim_ros.bags.text.writer import POSES_OF_TABLES, BodyStates
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import (
@@ -119,8 +119,14 @@ def has_states(path: Path) -> bool:
 
 
 def pose_file(path: Path) -> Path | None:
-    """Return the poses that a motion capture system saw (TUM VI); None if a folder has none."""
-    return _table(path, _POSE_FOLDER) if path.is_dir() else None
+    """Return a folder's file of poses; None if it has none.
+
+    Those that a motion capture system saw (TUM VI), or the true ones next to kalibr's tables.
+    """
+    if not path.is_dir():
+        return None
+    table, own = _table(path, _POSE_FOLDER), path / POSES_OF_TABLES
+    return own if table is None and is_present(own) else table
 
 
 def imu_names(path: Path) -> list[str]:

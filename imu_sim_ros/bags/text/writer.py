@@ -21,6 +21,9 @@ from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.types import Array, Times
 
+POSES_OF_TABLES: Final = "groundtruth.tum"
+"""The true poses in a folder of kalibr's tables, as ``--format csv`` writes it."""
+
 FORMATS: Final = ("euroc", "csv", "tum")
 _ROWS: Final = 4096
 
@@ -144,7 +147,7 @@ class Dataset:
             if form == "csv":
                 self.imus = [TextFile(path / f"imu{k}.csv", KALIBR_HEADER) for k in range(imus)]
                 if states:
-                    self.truths = [TextFile(path / "groundtruth.tum", TUM_HEADER)]
+                    self.truths = [TextFile(path / POSES_OF_TABLES, TUM_HEADER)]
             else:
                 self._make_euroc(states, imus)
         for table, k in tables:

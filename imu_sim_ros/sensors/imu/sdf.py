@@ -77,6 +77,7 @@ def read(path: str | Path, sensor: str | None = None) -> Described:
         if not found:
             raise InputError(f"{file}: has no IMU {shortened(sensor)}; it has {have}")
     if not found:
+        _refuse_template(file)
         others = [one for one in root.every() if one.tag == "plugin" and "imu" in _library(one)]
         unknown = ", ".join(one.attributes["filename"] for one in others)
         why = f"; {unknown} is not known" if unknown else ""
@@ -101,12 +102,20 @@ def _parsed(file: str) -> Element:
     try:
         return parsed(file)
     except InputError:
-        text = read_text(Path(file))
-        if any(mark in text for mark in _TEMPLATE):
-            raise InputError(
-                f"{file}: is a Jinja template, not XML: render it first, and give the result"
-            ) from None
+        _refuse_template(file)
         raise
+
+
+def _refuse_template(file: str) -> None:
+    """Say that a file is a template, if it is one.
+
+    :raises InputError: if it is.
+    """
+    text = read_text(Path(file))
+    if any(mark in text for mark in _TEMPLATE):
+        raise InputError(
+            f"{file}: is a Jinja template, not XML: render it first, and give the result"
+        ) from None
 
 
 def _library(plugin: Element) -> str:
