@@ -133,7 +133,7 @@ def analyse(
 
     :param unseen: (n, 6) residuals of :func:`foreseen`, for the slowest range.
     :param noises: of the poses, (n, 6) each; what they have is not the sensor's.
-    :param sizes: returns the logarithms (3, n) of the motion's size relative to a reference (3,).
+    :param sizes: returns the logarithms (n, 3) of the motion's size relative to a reference (3,).
     :param motion: norms (n,) of rate, acceleration and speed.
     :param moving: (n,) rows in motion: a vehicle at rest does not vibrate as in flight.
     """
@@ -170,7 +170,7 @@ def analyse(
         intensity.range_edges(rate),
         exponents,
         reference,
-        np.maximum(np.exp([log[rows].max() for log in logs]), 1.0),
+        np.maximum(np.exp(logs[rows].max(axis=0)), 1.0),
         tuple(parts),
         *_bias_over_time(recording, found, whole),
     )

@@ -238,7 +238,7 @@ def follow(values: Array, parts: Sequence[slice], rate: float, logs: Array) -> E
     more. None is negative: nothing gets quieter by moving.
 
     :param parts: rows that belong together.
-    :param logs: (3, n) of rate, acceleration, speed, relative to a reference.
+    :param logs: (n, 3) of rate, acceleration, speed, relative to a reference.
     """
     edges = range_edges(rate)
     found, sigma = np.zeros((2, len(edges) - 1, 2, 3))
@@ -251,7 +251,7 @@ def follow(values: Array, parts: Sequence[slice], rate: float, logs: Array) -> E
         rows = np.array(starts)[:, None] + np.arange(size)
         energy = np.mean(band[rows] ** 2, axis=1)
         mean = energy.mean(axis=0)
-        sizes = np.moveaxis(logs[:, rows], 0, -1).mean(axis=1)
+        sizes = logs[rows].mean(axis=1)
         for triad in range(2):
             axes = slice(3 * triad, 3 * triad + 3)
             if np.all(mean[axes] > 0.0):
@@ -316,5 +316,4 @@ def calmed(
 
 def factors(exponents: Array, logs: Array) -> Array:
     """Return the intensities (n, 6) of one range with exponents (2, 3)."""
-    triads = np.exp(exponents @ logs)
-    return np.repeat(triads.T, 3, axis=1)
+    return np.repeat(np.exp(logs @ exponents.T), 3, axis=1)
