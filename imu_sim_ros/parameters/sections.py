@@ -92,6 +92,28 @@ def each(
 
 
 @dataclass(frozen=True)
+class _Shared:
+    """Sections that are always there, see :func:`shared`."""
+
+    sections: Callable[[], Mapping[str, type]]
+    joint: str | None
+
+    def below(self, prefix: str, name: str) -> str:
+        return prefix if self.joint is None else f"{prefix}{name}{self.joint}"
+
+
+def shared(sections: Callable[[], Mapping[str, type]], joint: str | None) -> Any:
+    """Describe a dictionary of sections whose parameters stand among those of the one around it.
+
+    :param joint: behind the name of each, before those of its parameters; None: no name either.
+    """
+    return dataclasses.field(
+        default_factory=lambda: {name: cls() for name, cls in sections().items()},
+        metadata={"shared": _Shared(sections, joint)},
+    )
+
+
+@dataclass(frozen=True)
 class _Optional:
     """A section that is there or not, see :func:`optional`."""
 
@@ -128,9 +150,15 @@ def _walk(cls: type, values: Mapping[str, object], prefix: str) -> Iterator[tupl
 def _fixed(cls: type) -> tuple[tuple[str, Parameter], ...] | None:
     """Return the parameters of a section that are the same whatever the values; None: of others."""
     for field in dataclasses.fields(cls):
-        if METADATA not in field.metadata and (
-            "section" not in field.metadata or _fixed(field.metadata["section"].cls) is None
-        ):
+        if METADATA in field.metadata:
+            continue
+        if "section" in field.metadata:
+            within = [field.metadata["section"].cls]
+        elif "shared" in field.metadata:
+            within = [*field.metadata["shared"].sections().values()]
+        else:
+            return None
+        if any(_fixed(one) is None for one in within):
             return None
     return tuple(_walk_fields(cls, {}, ""))
 
@@ -158,6 +186,10 @@ def _inside(
         found: _Each = field.metadata["each"]
         for name in listed(found.listed, values):
             yield name, _Nested(found.find(name, values)), f"{name}."
+    elif "shared" in field.metadata:
+        always: _Shared = field.metadata["shared"]
+        for name, cls in always.sections().items():
+            yield name, _Nested(cls), always.below(prefix, name)
     elif "optional" in field.metadata:
         maybe: _Optional = field.metadata["optional"]
         if maybe.there(values):
@@ -358,7 +390,8 @@ def _construct(
             key: _construct(nested.cls, parsed, values, below)
             for key, nested, below in _inside(field, values, prefix)
         }
-        arguments[field.name] = made if "each" in field.metadata else made.get("")
+        several = "each" in field.metadata or "shared" in field.metadata
+        arguments[field.name] = made if several else made.get("")
     return cls(**arguments)
 
 
@@ -392,6 +425,9 @@ def _built(field: Any, value: Any, prefix: str) -> Iterator[tuple[object, str, C
     """Yield the sections in a field, with the prefix of their names, and what they lack."""
     if "each" in field.metadata:
         yield from ((one, f"{name}.", ()) for name, one in value.items())
+    elif "shared" in field.metadata:
+        always: _Shared = field.metadata["shared"]
+        yield from ((one, always.below(prefix, name), ()) for name, one in value.items())
     elif "optional" in field.metadata:
         if value is not None:
             yield value, prefix, ()

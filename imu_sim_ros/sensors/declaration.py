@@ -9,7 +9,7 @@ parameters ``NAME.*``, and the body has one of them.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fractions import Fraction
 from importlib import import_module
 from pathlib import Path
@@ -202,8 +202,8 @@ class Sensor:
     """The readings in datasets of text; None: these have a form of their own, or none, for it."""
     values: Callable[[Any], Array] = np.asarray
     """The numbers (n, columns) of the table, of all n samples."""
-    switches: Mapping[str, str] = field(default_factory=dict)
-    """Those of its flags that are parameters ``publish.*`` of its own, with their texts."""
+    switches: type | None = None
+    """Those of its flags that are parameters ``publish.*`` of its own: a frozen dataclass."""
     needs: Callable[["ImuParameters"], tuple[str, ...]] = lambda imu: ()
     """Quantities of other sensors without which it cannot read."""
     realised: Callable[[Any, int, str], Any] = lambda parameters, seed, name: parameters

@@ -186,7 +186,7 @@ class SimulationParameters(SampledParameters):
 
         def __getattr__(self, name: str) -> Any:
             """Return the section of a sensor, or of one IMU of several."""
-            for sections in () if name.startswith("_") else (self.each_sensor, self.each_imu):
+            for sections in (self.__dict__.get(one, {}) for one in ("each_sensor", "each_imu")):
                 if name in sections:
                     return sections[name]
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")

@@ -5,7 +5,7 @@
 
 import dataclasses
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, make_dataclass
+from dataclasses import dataclass
 from typing import Any, Final
 
 from imu_sim_ros import timebase
@@ -22,7 +22,7 @@ from imu_sim_ros.parameters.kinds import (
     text,
     vector,
 )
-from imu_sim_ros.parameters.sections import section
+from imu_sim_ros.parameters.sections import section, shared
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.parameters import LARGEST_LATENCY, LONGEST
@@ -38,6 +38,11 @@ def _biases() -> str:
     """Return the topics of the biases of all sensors of IMUs, in words."""
     names = [t.name for one in sensors_of_imus() for t in one.topics if "biases" in (t.flags or ())]
     return " and ".join(names)
+
+
+def _switches() -> dict[str, type]:
+    """Return the switches of all sensors of IMUs, by name."""
+    return {one.name: one.switches for one in sensors_of_imus() if one.switches is not None}
 
 
 @dataclass(frozen=True)
@@ -81,16 +86,14 @@ class PublishParameters:
     tf_static: bool = flag(
         True, "publish the IMUs' lever arms and mountings in body_frame on /tf_static"
     )
+    sensors: Mapping[str, Any] = shared(_switches, joint=None)
 
-
-def _switches() -> type[PublishParameters]:
-    """Return the same with the switches of all sensors of IMUs."""
-    fields: list[Any] = [
-        (name, bool, flag(False, words))
-        for sensor in sensors_of_imus()
-        for name, words in sensor.switches.items()
-    ]
-    return make_dataclass("PublishParameters", fields, bases=(PublishParameters,), frozen=True)
+    def __getattr__(self, name: str) -> Any:
+        """Return a switch of a sensor of IMUs."""
+        for switches in self.__dict__.get("sensors", {}).values():
+            if hasattr(switches, name):
+                return getattr(switches, name)
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
 
 @dataclass(frozen=True)
@@ -183,7 +186,7 @@ class SimulatorParameters(SimulationParameters):
     step_samples: int = integer(
         1, "samples that ~/step publishes", minimum=1, maximum=1_000_000, live=True
     )
-    publish: PublishParameters = section(_switches())
+    publish: PublishParameters = section(PublishParameters)
     inject: InjectParameters = section(InjectParameters)
 
     def problems(self, prefix: str) -> Iterator[str]:

@@ -11,7 +11,7 @@ from typing import Final
 
 from imu_sim_ros.inputs.gate import PRESSURE
 from imu_sim_ros.inputs.tables import Encode, Table
-from imu_sim_ros.sensors.barometer.parameters import BarometerParameters
+from imu_sim_ros.sensors.barometer.parameters import BarometerParameters, BarometerSwitches
 from imu_sim_ros.sensors.declaration import Model, Mounted, Sensor, SensorReadings, topic
 from imu_sim_ros.sensors.errors.realised import realised_triad
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
@@ -106,10 +106,7 @@ SENSOR = Sensor(
             truth=True,
         ),
     ),
-    switches={
-        "pressure": "publish imu/pressure, the readings of the barometer",
-        "ground_truth_pressure": "publish ground_truth/pressure, the pressure without errors",
-    },
+    switches=BarometerSwitches,
     table=TABLE,
     values=lambda read: read.pressure[:, None],
     readings=PressureReadings,

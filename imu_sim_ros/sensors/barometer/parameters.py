@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
-from imu_sim_ros.parameters.kinds import number, numbers, text
+from imu_sim_ros.parameters.kinds import flag, number, numbers, text
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 from imu_sim_ros.sensors.parameters import OwnRateParameters
 
@@ -130,6 +130,16 @@ class BarometerParameters(OwnRateParameters):
                 f"{prefix}gust_rate = {self.gust_rate:g} and {prefix}gust_sigma = "
                 f"{self.gust_sigma:g}: must both be 0 or both be above 0"
             )
+
+
+@dataclass(frozen=True)
+class BarometerSwitches:
+    """Which of its topics are published."""
+
+    pressure: bool = flag(False, "publish imu/pressure, the readings of the barometer")
+    ground_truth_pressure: bool = flag(
+        False, "publish ground_truth/pressure, the pressure without errors"
+    )
 
 
 SECTION: Final = BarometerParameters

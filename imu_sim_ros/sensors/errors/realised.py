@@ -109,8 +109,8 @@ def realised_imu(imu: ImuParameters, seed: int) -> ImuParameters:
     """
     realised: dict[str, Any] = {
         **{name: realised_triad(imu.triad(name), name, seed) for name in TRIADS},
-        **{
-            one.name: one.realised(getattr(imu, one.name), seed, one.name)
+        "sensors": {
+            one.name: one.realised(imu.sensors[one.name], seed, one.name)
             for one in sensors_of_imus()
         },
     }

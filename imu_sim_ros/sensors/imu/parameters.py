@@ -3,11 +3,11 @@
 
 """Parameters of the IMU: the triads' errors, mounting, timing, and the vehicle's vibration."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass, make_dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from imu_sim_ros.parameters.kinds import (
     text,
     vector,
 )
-from imu_sim_ros.parameters.sections import section
+from imu_sim_ros.parameters.sections import section, shared
 from imu_sim_ros.sensors import sections_of_imus
 from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
 from imu_sim_ros.sensors.parameters import LONGEST, TimingParameters, rotation_problems
@@ -364,24 +364,19 @@ class BareImuParameters(TimingParameters, BoardParameters, TriadsParameters):
             )
 
 
-if TYPE_CHECKING:
-
-    class OtherSensorsParameters:
-        """The other sensors of an IMU."""
-
-        def __getattr__(self, name: str) -> Any:
-            """Return the section of one of them."""
-else:
-    OtherSensorsParameters = make_dataclass(
-        "OtherSensorsParameters",
-        [(name, cls, section(cls, joint="_")) for name, cls in sections_of_imus().items()],
-        frozen=True,
-    )
-
-
 @dataclass(frozen=True)
-class ImuParameters(OtherSensorsParameters, BareImuParameters):
+class ImuParameters(BareImuParameters):
     """One IMU, with a section for each other sensor with it."""
+
+    sensors: Mapping[str, Any] = shared(sections_of_imus, joint="_")
+    """``imu.magnetometer`` is ``imu.sensors["magnetometer"]``."""
+
+    def __getattr__(self, name: str) -> Any:
+        """Return the section of another sensor."""
+        sensors: Mapping[str, Any] = self.__dict__.get("sensors", {})
+        if name in sensors:
+            return sensors[name]
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def triad(self, name: str) -> TriadParameters:
         """Return the errors of one triad, or of another sensor as if it were one."""

@@ -15,7 +15,7 @@ from imu_sim_ros.inputs.gate import FIELD
 from imu_sim_ros.inputs.tables import Encode, Table
 from imu_sim_ros.sensors.declaration import Model, Mounted, Sensor, SensorReadings, topic
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
+from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters, MagnetometerSwitches
 from imu_sim_ros.sensors.samples import Samples, read_samples
 from imu_sim_ros.types import Array
 
@@ -106,11 +106,7 @@ SENSOR = Sensor(
             truth=True,
         ),
     ),
-    switches={
-        "magnetic_field": "publish imu/mag, the readings of the magnetometer",
-        "ground_truth_magnetic_field": "publish ground_truth/mag, the magnetic field without "
-        "errors",
-    },
+    switches=MagnetometerSwitches,
     table=TABLE,
     values=lambda read: read.field,
     readings=MagneticReadings,

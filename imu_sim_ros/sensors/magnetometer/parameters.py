@@ -14,7 +14,15 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros import rotation
-from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX, Matrix, Vector, matrix, numbers, vector
+from imu_sim_ros.parameters.kinds import (
+    IDENTITY_MATRIX,
+    Matrix,
+    Vector,
+    flag,
+    matrix,
+    numbers,
+    vector,
+)
 from imu_sim_ros.sensors.imu.triads import TriadParameters, invertible_problems
 from imu_sim_ros.sensors.parameters import OwnRateParameters
 from imu_sim_ros.types import Array
@@ -166,6 +174,16 @@ class MagnetometerParameters(OwnRateParameters):
                     f"{prefix}current_profile: time {after:g} s after {before:g} s: "
                     "times must increase"
                 )
+
+
+@dataclass(frozen=True)
+class MagnetometerSwitches:
+    """Which of its topics are published."""
+
+    magnetic_field: bool = flag(False, "publish imu/mag, the readings of the magnetometer")
+    ground_truth_magnetic_field: bool = flag(
+        False, "publish ground_truth/mag, the magnetic field without errors"
+    )
 
 
 SECTION: Final = MagnetometerParameters

@@ -20,7 +20,7 @@ from imu_sim_ros.sensors.declaration import (
 )
 from imu_sim_ros.sensors.imu.declaration import readings
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.orientation.parameters import OrientationParameters
+from imu_sim_ros.sensors.orientation.parameters import OrientationParameters, OrientationSwitches
 from imu_sim_ros.sensors.samples import Samples, read_samples
 from imu_sim_ros.types import Array
 
@@ -79,7 +79,7 @@ SENSOR = Sensor(
     section=OrientationParameters,
     model=_model,
     topics=(Topic(TOPIC, TYPE, ("orientation",), _readings),),
-    switches={"orientation": "publish imu/data, the readings of imu/data_raw with an orientation"},
+    switches=OrientationSwitches,
     table=TABLE,
     values=lambda read: read.q_wi,
     readings=Orientations,

@@ -101,5 +101,14 @@ class OrientationParameters:
                     )
 
 
+@dataclass(frozen=True)
+class OrientationSwitches:
+    """Which of its topics are published."""
+
+    orientation: bool = flag(
+        False, "publish imu/data, the readings of imu/data_raw with an orientation"
+    )
+
+
 SECTION: Final = OrientationParameters
 """What ``imu.orientation_...`` are."""

@@ -194,7 +194,9 @@ def test_the_realised_unit_reads_the_same() -> None:
     read = magnetic(run, 50, 50)  # the current begins later
     m, b = unit.response_and_bias()
     assert np.allclose(read.field, read.ideal_field @ m.T + b, rtol=0.0, atol=1e-9 * 5e-5)
-    again = dataclasses.replace(run.parameters.imu, magnetometer=unit)
+    again = dataclasses.replace(
+        run.parameters.imu, sensors={**run.parameters.imu.sensors, "magnetometer": unit}
+    )
     same = Body(dataclasses.replace(run.parameters, imu=again), sensors=("magnetic_field",))
     assert np.allclose(
         magnetic(same, 1000, 1000).field,
