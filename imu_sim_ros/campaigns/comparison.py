@@ -26,12 +26,10 @@ from imu_sim_ros.navigation.association import (
 from imu_sim_ros.navigation.coverage import beyond, coverage
 from imu_sim_ros.navigation.evaluation import (
     LARGEST_SIGMA,
-    absolute_errors,
     attitude_sigma,
-    gauge_at_first,
     invertible,
     nees,
-    without_gauge,
+    remainder,
 )
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import rotate, rotate_inverse
@@ -104,7 +102,7 @@ def estimate_metrics(
     """Return the metrics of an estimate of the motion of a block of samples.
 
     :param alignment: of the estimate with the truth. There is a NEES with ``none`` and with
-        ``yaw``, which fixes the gauge at the first pose for it.
+        ``yaw``, which fixes the gauge at one pose for it.
     :param diverged_above: error of the position with which it has failed [m]; 0: none.
     :raises ImuSimError: if both do not overlap in time, or cannot be aligned.
     """
@@ -124,19 +122,12 @@ def estimate_metrics(
     velocity = _velocity_error(found, rows[-1:], aligned, block)
     if velocity is not None:
         metrics["final_velocity_error_m_s"] = float(np.linalg.norm(velocity))
-    if alignment == "yaw" and found.poses.covariance is not None:
-        aligned = gauge_at_first(estimate, there)
-        position = aligned.apply(found.poses).position
-        stated = without_gauge(found.poses.covariance[rows], position[rows], aligned)
-        covariance = np.zeros_like(found.poses.covariance)
-        covariance[rows] = stated
-        found = found._replace(
-            poses=aligned.apply(found.poses)._replace(covariance=covariance),
-            velocity=None if found.velocity is None else found.velocity @ aligned.r.T,
-        )
-        velocity = _velocity_error(found, rows[-1:], Alignment(1.0, np.eye(3), np.zeros(3)), block)
     if alignment in ("none", "yaw"):
-        metrics.update(_consistency(found, rows[-1:], _at_rows(there, np.array([-1])), velocity))
+        stated = found.poses.covariance
+        if stated is not None:
+            metrics.update(_consistency(stated[rows], estimate, there, alignment))
+        if not (metrics.get("attitude_sigma_rad") or 0.0) > LARGEST_SIGMA:
+            metrics["nees_velocity"] = _velocity_nees(found, rows[-1:], there, block)
     return metrics
 
 
@@ -179,35 +170,40 @@ def _velocity_error(
 
 
 def _consistency(
-    found: EstimatedTrack, row: NDArray[np.intp], truth: PoseSequence, velocity: Array | None
+    stated: Array, estimate: PoseSequence, truth: PoseSequence, alignment: str
 ) -> Metrics:
-    """Return the NEES of those parts of the last state that have a covariance.
+    """Return the NEES of the last pose.
 
-    :param truth: at that time, (1,).
-    :param velocity: (1, 3) its error in the world.
+    :param stated: (n, 6, 6) of the estimate (n,).
+    :param truth: (n,) at the same times.
     """
     result: Metrics = {}
-    estimate = _at_rows(found.poses, row)
-    if found.poses.covariance is not None:
-        errors, covariance = absolute_errors(estimate, truth), found.poses.covariance[row]
-        if np.isfinite(covariance).all():
-            sigma = float(attitude_sigma(covariance[:, 3:, 3:])[0])
+    for name in ("attitude", "position"):
+        part = remainder(name, stated, estimate, truth, alignment)
+        if part is None:
+            continue
+        covariance = part.covariances[-1:]
+        if name == "attitude" and np.isfinite(covariance).all():
+            sigma = float(attitude_sigma(covariance)[0])
             result["attitude_sigma_rad"] = sigma
             if sigma > LARGEST_SIGMA:
                 return result
-        result["nees_position"] = _nees(errors.position, covariance[:, :3, :3])
-        result["nees_attitude"] = _nees(errors.attitude, covariance[:, 3:, 3:])
-    velocities, covariances = found.velocity, found.velocity_covariance
-    if velocity is not None and velocities is not None and covariances is not None:
-        # The twist's covariance is that of the velocity in the body.
-        true = rotate_inverse(truth.q_wb, velocities[row] + velocity)
-        error = true - rotate_inverse(estimate.q_wb, velocities[row])
-        result["nees_velocity"] = _nees(error, covariances[row])
+        if part.usable[-1]:
+            result[f"nees_{name}"] = float(nees(part.errors[-1:], covariance)[0])
     return result
 
 
-def _nees(error: Array, covariance: Array) -> float | None:
-    """Return the NEES of one error (1, 3); None if its covariance has no inverse."""
-    if not invertible(covariance)[0]:
+def _velocity_nees(
+    found: EstimatedTrack, row: NDArray[np.intp], truth: PoseSequence, block: ImuBlock
+) -> float | None:
+    """Return the NEES of the last velocity in the body, which yaw and position do not change.
+
+    :param truth: ends at the time of the row.
+    """
+    if found.velocity is None or found.velocity_covariance is None:
         return None
-    return float(nees(error, covariance)[0])
+    at_ns, covariance = found.poses.t_ns[row], found.velocity_covariance[row]
+    true = interpolate_vectors(block.true_t_ns, block.motion.velocity, at_ns)
+    own = rotate_inverse(found.poses.q_wb[row], found.velocity[row])
+    error = rotate_inverse(truth.q_wb[-1:], true) - own
+    return float(nees(error, covariance)[0]) if invertible(covariance)[0] else None

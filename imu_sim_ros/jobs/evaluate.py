@@ -49,7 +49,6 @@ from imu_sim_ros.navigation.evaluation import (
     relative_errors,
     stated_nees,
     statistics,
-    why_no_nees,
 )
 from imu_sim_ros.poses import PoseSequence, write_tum
 from imu_sim_ros.rotation import rotate_inverse
@@ -104,10 +103,10 @@ class Evaluation:
     coverage: Coverage
     """How much of the truth's time is estimated, which errors cannot show."""
     nees: dict[str, Any] | None = None
-    """``position``, ``attitude`` and ``velocity``, each with ``mean``, ``final`` and
-    ``inside_band``; None without a covariance that allows it, see `no_nees`."""
+    """``position``, ``attitude`` and ``velocity``, each with ``mean``, ``final``, ``inside_band``
+    and ``poses``; None without a covariance that allows it, see `no_nees`."""
     no_nees: str | None = None
-    """Why there is no NEES."""
+    """Why there is no NEES, or none of the position or of the attitude."""
     time_offset: TimeOffset | None = None
     """What was added to the estimate's stamps, on request."""
     reprojection: list[dict[str, Any]] | None = None
@@ -484,11 +483,8 @@ def compared(
         None if each is None else each[rows]
         for each in (estimate.pose_covariance, estimate.twist_covariance)
     )
-    found, why = None, why_no_nees(align, stated)
-    if why is None and stated is not None:
-        linear = None if twist is None else twist[:, :3, :3]
-        found = stated_nees(stated, given, true, align, velocity_b, linear)
-        why = "the estimate's covariances are singular" if found is None else None
+    linear = None if twist is None else twist[:, :3, :3]
+    found, why = stated_nees(stated, given, true, align, velocity_b, linear)
     seen = None if folder is None else _reprojection(folder, poses, truth.poses)
     return Evaluation(
         t_ns,
@@ -572,27 +568,30 @@ def _lines(result: Mapping[str, Any]) -> Iterator[str | TextTable]:
             f"final drift: {result['final_position_error_m']:.4g} m, "
             f"{result['final_drift_percent']:.4g} % of the distance"
         )
-    if result["nees"] is None:
-        yield f"no NEES: {result['no_nees']}"
-    else:
+    if result["nees"] is not None:
         yield _nees_table(result["nees"])
+    if result["no_nees"] is not None:
+        yield f"no NEES: {result['no_nees']}"
     if result["reprojection"] is not None:
         yield from _reprojection_lines(result["reprojection"])
 
 
 def _nees_table(result: Mapping[str, Any]) -> TextTable:
     low, high = result["band_95"]
+    parts = {name: result[name] for name in ("position", "attitude", "velocity") if result[name]}
     rows = [
         [name]
-        + [f"{result[name][key]:.3g}" for key in ("mean", "final")]
-        + [f"{100.0 * result[name]['inside_band']:.0f} %"]
-        for name in ("position", "attitude", "velocity")
-        if result[name] is not None
+        + [f"{part[key]:.3g}" for key in ("mean", "final")]
+        + [f"{100.0 * part['inside_band']:.0f} %", f"{part['poses']} of {part['of']}"]
+        for name, part in parts.items()
     ]
     title = f"NEES, 3 expected; 95 % of the time between {low:.3g} and {high:.3g}"
-    if result["gauge"] is not None:
+    if result["gauge"] == "first pose":
         title += "; yaw and position fixed at the first pose"
-    return TextTable(["of", "mean", "final", "inside"], rows, title)
+    elif result["gauge"] is not None:
+        words = (f"{p['fixed_s']:.4g} s ({n})" for n, p in parts.items() if p.get("fixed_s"))
+        title += f"; yaw and position fixed after {', '.join(words)}; poses from there on"
+    return TextTable(["of", "mean", "final", "inside", "poses"], rows, title)
 
 
 def _reprojection(

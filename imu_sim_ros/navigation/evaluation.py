@@ -81,32 +81,33 @@ _GAUGE: Final = np.array([0, 1, 2, 5])
 """Position and yaw among the numbers of a pose's error."""
 
 
-def gauge_at_first(estimate: PoseSequence, truth: PoseSequence) -> Alignment:
-    """Return the turn about z and the translation that give the first pose the truth's gauge.
+def gauge_at(estimate: PoseSequence, truth: PoseSequence, row: int = 0) -> Alignment:
+    """Return the turn about z and the translation that give one pose the truth's gauge.
 
     :param truth: (n,) at the times of the estimate.
     """
-    heading = tilt_and_heading(estimate.q_wb[:1], truth.q_wb[:1])[1][0]
+    q_wb, q_true = estimate.q_wb[row : row + 1], truth.q_wb[row : row + 1]
+    heading = tilt_and_heading(q_wb, q_true)[1][0]
     r = rotation.to_matrix(rotation.exp(np.array([0.0, 0.0, heading])))
-    return Alignment(1.0, r, truth.position[0] - r @ estimate.position[0])
+    return Alignment(1.0, r, truth.position[row] - r @ estimate.position[row])
 
 
-def without_gauge(covariance: Array, position: Array, alignment: Alignment) -> Array:
-    """Return the covariances (n, 6, 6) that remain when the first pose's gauge is fixed.
+def without_gauge(covariance: Array, position: Array, row: int = 0) -> Array:
+    """Return the covariances (n, 6, 6) that remain when the gauge of one pose is fixed.
 
-    :param covariance: (n, 6, 6) of position and rotation about the world's axes, as the estimator
-        states them, in its own frame.
-    :param position: (n, 3) after the alignment [m].
-    :param alignment: from :func:`gauge_at_first`.
-    :returns: in the truth's frame; that of the first pose has rank 2, its tilt.
+    The errors g of position and yaw of that pose are taken to be those of all later ones, too, as
+    they are of odometry: N_k g, with the lever arm between both in N_k. Then e_k - N_k g has the
+    covariance P_k - N_k P_g N_k^T.
+
+    :param covariance: (n, 6, 6) of position and rotation about the world's axes.
+    :param position: (n, 3) in the same frame [m].
+    :returns: that of the pose has rank 2, its tilt.
     """
-    turn = np.kron(np.eye(2), alignment.r)
-    p = turn @ covariance @ turn.T
-    n = np.zeros((len(p), 6, 4))
+    n = np.zeros((len(covariance), 6, 4))
     n[:, :3, :3], n[:, 5, 3] = np.eye(3), 1.0
-    x, y, _ = (position - position[0]).T
+    x, y, _ = (position - position[row]).T
     n[:, 0, 3], n[:, 1, 3] = -y, x
-    return p - n @ p[0][np.ix_(_GAUGE, _GAUGE)] @ n.swapaxes(1, 2)
+    return covariance - n @ covariance[row][np.ix_(_GAUGE, _GAUGE)] @ n.swapaxes(1, 2)
 
 
 LARGEST_SIGMA: Final = 0.5
@@ -129,11 +130,20 @@ class Band(NamedTuple):
     high: float
 
 
-def invertible(covariances: Array) -> Mask:
-    """Return which covariances (n, k, k) have a NEES: at a true start they are zero."""
+_ROUNDING: Final = 1e-6
+"""Of a stated covariance: what remains of it below this may be the rounding of a text."""
+
+
+def invertible(covariances: Array, stated: Array | None = None) -> Mask:
+    """Return which covariances (n, k, k) have a NEES: at a true start they are zero.
+
+    :param stated: (n, k, k) those of which they are what remains.
+    """
     result: Mask = np.asarray(np.isfinite(covariances).all(axis=(1, 2)))
     sizes = np.linalg.eigvalsh(covariances[result])
     least = covariances.shape[-1] * np.finfo(float).eps * np.abs(sizes).max(axis=1, initial=0.0)
+    if stated is not None:
+        least = _ROUNDING * np.abs(np.linalg.eigvalsh(stated[result])).max(axis=1, initial=0.0)
     result[result] = sizes[:, 0] > least
     return result
 
@@ -161,75 +171,185 @@ def anees_band(freedom: int, runs: int, probability: float = 0.95) -> Band:
     return Band(float(low), float(high))
 
 
+_PARTS: Final = {"position": slice(0, 3), "attitude": slice(3, 6)}
+_CANDIDATES: Final = 64
+"""Poses in the first quarter at which the gauge may be fixed."""
+_LATER: Final = 400
+"""Later poses that each of them is compared with."""
+_HELD: Final = 0.95
+"""Share of them that have to contain its gauge; right after it little has been added to it."""
+
+
+class Remainder(NamedTuple):
+    """The errors of position or attitude, and what remains of their covariances."""
+
+    row: int
+    """The pose at which the gauge is fixed, and from which on there is a NEES."""
+    errors: Array
+    """(n, 3) [m] or [rad]."""
+    covariances: Array
+    """(n, 3, 3)."""
+    usable: Mask
+    """(n,) that have a NEES."""
+
+
+def remainder(
+    name: str, pose: Array, poses: PoseSequence, truth: PoseSequence, alignment: str
+) -> Remainder | None:
+    """Return the errors of a part of the poses, with yaw and position fixed at one of them.
+
+    Each part has its own: the position of an odometry that is still converging is corrected later,
+    its yaw is not. None: there is no pose at which they can be fixed.
+
+    :param name: position or attitude.
+    :param pose: (n, 6, 6) covariances of position and rotation about the world's axes. Those
+        between both may be missing (zero), as in texts.
+    :param poses: (n,) of the estimate, not aligned.
+    :param truth: (n,) at the same times.
+    :param alignment: none, which fixes nothing, or yaw.
+    """
+    part = _PARTS[name]
+    if alignment == "none":
+        errors, own = absolute_errors(poses, truth), pose[:, part, part]
+        return Remainder(0, getattr(errors, name), own, invertible(own))
+    pose = _completed(pose, poses.position)
+    row = _gauge_row(name, pose, poses.position)
+    if row is None:
+        return None
+    gauge = gauge_at(poses, truth, row)
+    poses, turn = gauge.apply(poses), np.kron(np.eye(2), gauge.r)
+    turned = turn @ pose @ turn.T
+    left = without_gauge(turned, poses.position, row)[:, part, part]
+    usable = invertible(left, turned[:, part, part])
+    usable[:row] = False
+    return Remainder(row, getattr(absolute_errors(poses, truth), name), left, usable)
+
+
+def _completed(pose: Array, position: Array) -> Array:
+    """Return covariances with those of position with yaw, if none are stated.
+
+    The yaw that a filter begins with turns its path about where it begins, which is where the
+    position is known best: at a lever arm (x, y) from there, the covariance of the position with
+    the yaw is the variance of that yaw times (-y, x).
+    """
+    if pose[:, :3, 3:].any():
+        return pose
+    spread = np.trace(pose[:, :3, :3], axis1=1, axis2=2)
+    start = int(np.argmin(np.where(np.isfinite(spread), spread, np.inf)))
+    x, y, _ = pose[start, 5, 5] * (position - position[start]).T
+    pose = pose.copy()
+    pose[:, 0, 5] = pose[:, 5, 0] = -y
+    pose[:, 1, 5] = pose[:, 5, 1] = x
+    return pose
+
+
+def _gauge_row(name: str, pose: Array, position: Array) -> int | None:
+    """Return the pose at which the gauge holds: the first one of which later ones state no less.
+
+    A filter's first poses are uncertain by errors that it corrects later, of its velocity, tilt and
+    biases: what is subtracted for them would be more than later poses state. The position is looked
+    at from the pose on at which the tilt, which is measured, has converged to twice the variance
+    that it has half of the time.
+    """
+    part, count, first = _PARTS[name], len(pose), 0
+    if name == "position":
+        tilt = np.trace(pose[:, 3:5, 3:5], axis1=1, axis2=2)
+        first = int(np.argmax(tilt <= 2.0 * np.median(tilt)))
+    last = max(first, count // 4)
+    for row in np.unique(np.linspace(first, last, _CANDIDATES).astype(int)):
+        later = np.unique(np.linspace(row + 1, count - 1, _LATER).astype(int))
+        rows = np.append(row, later)
+        left = without_gauge(pose[rows], position[rows])[1:, part, part]
+        if invertible(left, pose[later, part, part]).mean() >= _HELD:
+            return int(row)
+    return None
+
+
 def stated_nees(
-    pose: Array,
+    pose: Array | None,
     poses: PoseSequence,
     truth: PoseSequence,
     alignment: str,
     velocity_b: Array | None = None,
     linear: Array | None = None,
-) -> dict[str, Any] | None:
-    """Return the NEES of position, attitude and velocity; None if all covariances are singular.
+) -> tuple[dict[str, Any] | None, str | None]:
+    """Return the NEES of position, attitude and velocity, and why one of the first two has none.
 
-    :param pose: (n, 6, 6) covariances of position and rotation about the world's axes.
+    :param pose: (n, 6, 6) covariances of position and rotation about the world's axes; None: the
+        estimate states none.
     :param poses: (n,) of the estimate, not aligned.
     :param truth: (n,) at the same times.
-    :param alignment: none, or yaw: then the gauge is fixed at the first pose.
+    :param alignment: of the estimate with the truth; with yaw the gauge is fixed at one pose.
     :param velocity_b: (n, 3) error of the velocity in the body; the gauge does not change it.
     :param linear: (n, 3, 3) its covariances.
     """
-    if alignment == "yaw":
-        gauge = gauge_at_first(poses, truth)
-        poses = gauge.apply(poses)
-        pose = without_gauge(pose, poses.position, gauge)
-    errors = absolute_errors(poses, truth)
-    usable = invertible(pose)
-    if not usable.any():
-        return None
-    band = anees_band(3, 1)
-    result: dict[str, Any] = {
-        "poses": int(np.count_nonzero(usable)),
-        "gauge": "first pose" if alignment == "yaw" else None,
-        "band_95": list(band),
-        "position": _nees(errors.position[usable], pose[usable, :3, :3], band),
-        "attitude": _nees(errors.attitude[usable], pose[usable, 3:, 3:], band),
-        "velocity": None,
-    }
-    if velocity_b is not None and linear is not None and np.all(invertible(linear[usable])):
-        result["velocity"] = _nees(velocity_b[usable], linear[usable], band)
-    return result
-
-
-def why_no_nees(alignment: str, pose: Array | None) -> str | None:
-    """Return why there can be no NEES; None if there can.
-
-    :param pose: (n, 6, 6) covariances; None: the estimate states none.
-    """
     if alignment not in ("none", "yaw"):
-        return (
+        return None, (
             f"alignment {alignment} removes a part of the error that the covariance still includes"
         )
     if pose is None:
-        return (
+        return None, (
             "the estimate has no covariance; give it as nav_msgs/Odometry in a bag, or as text "
             "with OpenVINS' 12 columns"
         )
-    attitude = pose[:, 3:, 3:]
-    sigma = float(attitude_sigma(attitude[np.isfinite(attitude).all(axis=(1, 2))]).max(initial=0.0))
+    known = {name: invertible(pose[:, part, part]).any() for name, part in _PARTS.items()}
+    parts = {
+        name: remainder(name, pose, poses, truth, alignment) if known[name] else None
+        for name in _PARTS
+    }
+    attitude = parts["attitude"]
+    # Without a gauge the tilt, which has none, is looked at.
+    turns = pose[:, 3:5, 3:5] if attitude is None else attitude.covariances[attitude.row :]
+    sigma = float(attitude_sigma(turns[np.isfinite(turns).all(axis=(1, 2))]).max(initial=0.0))
     if sigma > LARGEST_SIGMA:
-        return (
+        return None, (
             f"not valid: the attitude is uncertain by {sigma:.3g} rad (one sigma); errors "
             f"are linear up to {LARGEST_SIGMA:g} rad"
         )
-    return None
+    t_ns, band = poses.t_ns, anees_band(3, 1)
+    found: dict[str, Any] = {}
+    reasons = []
+    for name, one in parts.items():
+        found[name] = None
+        if one is not None and one.usable.any():
+            later = slice(one.row, None)
+            found[name] = _nees(one.errors[later], one.covariances[later], one.usable[later], band)
+            fixed = float(t_ns[one.row] - t_ns[0]) * 1e-9
+            found[name]["fixed_s"] = None if alignment == "none" else fixed
+        else:
+            reasons.append(f"{name}: {_NO_GAUGE if known[name] else _SINGULAR}")
+    why = "; ".join(reasons) or None
+    if len(reasons) == len(parts):
+        return None, _SINGULAR if not any(known.values()) else why
+    rows = {name: one.row for name, one in parts.items() if one is not None and found[name]}
+    at_first = "first pose" if not any(rows.values()) else "a later pose"
+    found["velocity"] = None
+    if velocity_b is not None and linear is not None and invertible(linear).any():
+        found["velocity"] = _nees(velocity_b, linear, invertible(linear), band)
+    result: dict[str, Any] = {
+        "poses": max(found[name]["poses"] for name in rows),
+        "gauge": at_first if alignment == "yaw" else None,
+        "band_95": list(band),
+        **found,
+    }
+    return result, why
 
 
-def _nees(errors: Array, covariances: Array, band: Band) -> dict[str, float]:
-    values = nees(errors, covariances)
+_SINGULAR: Final = "the estimate's covariances are singular"
+_NO_GAUGE: Final = (
+    "later poses state no larger covariances than earlier ones, although nothing measures yaw and "
+    "position; there is no pose in the first quarter at which both can be fixed"
+)
+
+
+def _nees(errors: Array, covariances: Array, usable: Mask, band: Band) -> dict[str, Any]:
+    values = nees(errors[usable], covariances[usable])
     return {
         "mean": float(values.mean()),
         "final": float(values[-1]),
         "inside_band": float(np.mean((values >= band.low) & (values <= band.high))),
+        "poses": len(values),
+        "of": len(usable),
     }
 
 

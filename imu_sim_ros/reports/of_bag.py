@@ -20,7 +20,7 @@ from imu_sim_ros.navigation.association import common_rows, interpolate_poses
 from imu_sim_ros.navigation.evaluation import (
     absolute_errors,
     anees_band,
-    gauge_at_first,
+    gauge_at,
     invertible,
     nees,
 )
@@ -228,7 +228,7 @@ def _placed(estimate: BagTrack, truth: BagTrack) -> BagTrack:
         return estimate
     at_ns = estimate.poses.t_ns[rows]
     poses = PoseSequence(at_ns, estimate.poses.position[rows], estimate.poses.q_wb[rows])
-    first = gauge_at_first(poses, interpolate_poses(truth.poses, at_ns))
+    first = gauge_at(poses, interpolate_poses(truth.poses, at_ns))
     covariance = estimate.pose_covariance
     if covariance is not None:
         turn = np.kron(np.eye(2), first.r)
