@@ -85,7 +85,7 @@ _ACTIONS: Final[dict[str, tuple[str, dict[str, Any]]]] = {
             },
             "--duration TIME": _KNOWN["duration"].text,
             "--delay TIME": _KNOWN["delay"].text,
-            "--triad": {"choices": _KNOWN["triad"].choices, "help": _KNOWN["triad"].text},
+            "--triad NAME": _KNOWN["triad"].text,
             "--imu NAME": _KNOWN["imu"].text,
         },
     ),
