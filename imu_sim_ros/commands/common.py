@@ -9,9 +9,8 @@ from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
-from imu_sim_ros import program, signals
+from imu_sim_ros import signals
 from imu_sim_ros.bags.outputs import Outputs
-from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.poses import PoseSequence
 
@@ -28,14 +27,6 @@ DISCARD_PARTIAL: Final = {
     "--discard-partial": "leave nothing when interrupted (default: keep the complete part as "
     "NAME.partial.EXT)",
 }
-GRAVITY_OPTION: Final = {
-    "--gravity GRAVITY": {
-        "type": float,
-        "default": -GRAVITY[2],
-        "help": "magnitude of local gravity [m/s^2] (default: %(default)s)",
-    }
-}
-COMMON: Final = {**SKIP_BAD_ROWS, **FORCE, **program.JSON_AND_QUIET}
 
 
 def outputs(arguments: argparse.Namespace, inputs: Iterable[object] = ()) -> Outputs:

@@ -66,7 +66,9 @@ def test_readings_without_truth_are_levelled_only_on_request(flight):
 
 @pytest.mark.parametrize("initial", [0, {}, [1, 2], np.zeros(3)])
 def test_an_initial_state_of_another_type_is_a_type_error(flight, initial):
-    with pytest.raises(TypeError, match="initial = .*must be one of truth, level") as raised:
+    with pytest.raises(
+        TypeError, match="initial = .*must be one of parameters, truth, level"
+    ) as raised:
         ims.dead_reckon(flight, initial=initial)
     assert isinstance(raised.value, ims.ConfigurationError)
 

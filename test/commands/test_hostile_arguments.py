@@ -142,7 +142,7 @@ def test_options_stand_between_several_inputs(tmp_path):
     assert [str(one) for one in parsed.inputs] == ["a", "b", "c"]
     assert parsed.words == set()
     parsed = allan.parser().parse_every(["a", "--json", "b"])
-    assert [str(one) for one in parsed.bags] == ["a", "b"]
+    assert [str(one) for one in parsed.source] == ["a", "b"]
 
 
 def test_bad_rows_are_skipped_on_request_and_counted(tmp_path, monkeypatch, capsys):
