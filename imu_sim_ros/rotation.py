@@ -136,11 +136,12 @@ def transform(matrix: Array, v: Array) -> Array:
         return few
     if matrix.ndim > 2:
         result = empty(np.broadcast_shapes(matrix.shape[:-2], v.shape[:-1]))
+        product = np.empty(result.shape[:-1])
+        result[...] = 0.0
         for i in range(3):
             own = result[..., i]
-            own[...] = 0.0
             for j in range(3):
-                own += matrix[..., i, j] * v[..., j]
+                own += np.multiply(matrix[..., i, j], v[..., j], out=product)
         return result
     rows = matrix.tolist()
     result = empty(v.shape[:-1])

@@ -33,21 +33,25 @@ from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.faults import KINDS, Fault
 from imu_sim_ros.sensors.imu import sdf
+from imu_sim_ros.sensors.imu.batch import RESTARTS, BatchSamples, ImuBatch, Spread
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.imu.model import NOWHERE, unknown_motion
 from imu_sim_ros.sensors.parameters import LONGEST
 from imu_sim_ros.simulation import error_model
-from imu_sim_ros.simulation.error_input import GivenReadings
+from imu_sim_ros.simulation.error_input import Conventions, GivenReadings
 from imu_sim_ros.simulation.error_parameters import (
     NODE,
     ErrorModelParameters,
     load_error_model,
 )
-from imu_sim_ros.types import Array, Integers
+from imu_sim_ros.types import Array, Integers, Mask
 
 TOPICS: Final = (IMU_TOPIC, IDEAL_IMU_TOPIC, GYROSCOPE_BIAS_TOPIC, ACCELEROMETER_BIAS_TOPIC)
 """What a flight of given readings is saved as."""
 ROWS_AT_ONCE: Final = 8192
+MOST_ENVIRONMENTS: Final = 1_000_000
+_TOLD: Final = 3
+"""Environments that a warning names, and warnings of held readings."""
 
 
 def add_errors(
@@ -109,7 +113,8 @@ class ErrorModel:
     """A sensor's errors on ideal readings that come one by one, or many at a time.
 
     For use inside a simulator's step. With blocks of any size, the samples are those of
-    :func:`add_errors`, whose other arguments and errors apply.
+    :func:`add_errors`, whose other arguments and errors apply. With ``count=4096`` it is an
+    :class:`ErrorModelBatch`.
 
     :param rate: samples per second [Hz].
 
@@ -119,6 +124,12 @@ class ErrorModel:
     >>> block.gyro.shape, block.gyro_bias.shape
     ((1, 3), (1, 3))
     """
+
+    def __new__(cls, *, count: int | None = None, **arguments: Any) -> Any:
+        """Return one sensor, or an :class:`ErrorModelBatch` of ``count``."""
+        if count is not None:
+            return ErrorModelBatch(count=count, **arguments)
+        return super().__new__(cls)
 
     def __init__(
         self,
@@ -215,6 +226,181 @@ class ErrorModel:
     def __repr__(self) -> str:
         p = self.parameters
         return f"<ErrorModel {Path(p.imu.preset).stem} at {p.rate:g} Hz, seed {p.seed}>"
+
+
+class ErrorModelBatch:
+    """The errors of many sensors, for thousands of environments: made by ``ErrorModel(count=...)``.
+
+    Each call of :meth:`read` is the next sample of all of them. Environment k is, bit for bit, the
+    one ``ErrorModel`` with the seed ``seed + k``.
+
+    :param count: of environments, 1 to 1,000,000.
+    :param rate: samples per second [Hz].
+    :param imu: as in :class:`ErrorModel`, or a list: environment k has entry k modulo its length.
+    :param spread: parameters that differ from unit to unit, drawn from its seed, by name:
+        ``{"gyroscope_noise_density": ("uniform", 1e-4, 3e-4)}`` between two values,
+        ``{"accelerometer_bias": ("gaussian", 0.05)}`` about the preset's; one number or one for
+        each axis. Values stay within the parameter's limits.
+
+    >>> import numpy as np
+    >>> import imu_sim_ros as ims
+    >>> model = ims.ErrorModel(imu="bmi088", rate=200, seed=1, count=8)
+    >>> samples = model.read(0, np.zeros((8, 3)), np.tile([0.0, 0.0, 9.81], (8, 1)))
+    >>> samples.gyro.shape, samples.gyro_bias.shape
+    ((8, 3), (8, 3))
+    >>> one = ims.ErrorModel(imu="bmi088", rate=200, seed=1 + 5)
+    >>> block = one.read(0, [0.0, 0.0, 0.0], [0.0, 0.0, 9.81])
+    >>> bool((block.gyro[0] == samples.gyro[5]).all())
+    True
+    """
+
+    def __init__(
+        self,
+        *,
+        count: int,
+        rate: float,
+        imu: Any = None,
+        seed: int | None = None,
+        params_file: str | Path | None = None,
+        input: Mapping[str, Any] | None = None,
+        spread: Mapping[str, Any] | None = None,
+        **parameters: Any,
+    ) -> None:
+        """Set up the sensors.
+
+        :raises ConfigurationError: with a line for each problem.
+        """
+        allowed = f"a whole number from 1 to {MOST_ENVIRONMENTS}"
+        self.count = arguments.whole("count", count, allowed, 1, MOST_ENVIRONMENTS)
+        imus = list(imu) if isinstance(imu, list | tuple) else [imu]
+        if not imus:
+            refuse("imu", imu, "at least one sensor")
+        built = [
+            load_error_model(layers_of(one, seed, params_file, input, parameters, rate))
+            for one in imus
+        ]
+        self.parameters: ErrorModelParameters = built[0]
+        declared = self.parameters.input
+        if declared.place == "body" or declared.rate:
+            refuse("input", input, "without place and rate in a batch: readings in the IMU's place")
+        self._conventions = Conventions(self.parameters)
+        drawn = {name: _spread(name, value) for name, value in (spread or {}).items()}
+        self._batch = ImuBatch([one.imu for one in built], self.parameters, self.count, drawn)
+        self._last: tuple[Array, Array] = (np.zeros((self.count, 3)), np.zeros((self.count, 3)))
+        self._told = 0
+
+    @property
+    def seeds(self) -> Integers:
+        """The seed of each environment's present run (count,)."""
+        return self._batch.seeds.copy()
+
+    def unit(self, k: int) -> dict[str, Any]:
+        """Return the arguments ``imu`` and ``seed`` of the one ``ErrorModel`` that reads the same.
+
+        With its rate and other arguments. A unit that has begun again as ``same_unit`` has none.
+
+        :param k: environment.
+        """
+        arguments.whole("k", k, f"an environment from 0 to {self.count - 1}", 0, self.count - 1)
+        if self._batch.seeds[k] != self._batch.unit_seeds[k]:
+            refuse("k", k, "an environment that did not begin again as the same unit")
+        return {"imu": self._batch.unit(k), "seed": int(self._batch.seeds[k])}
+
+    def read(
+        self,
+        t_ns: int,
+        gyro: ArrayLike,
+        accel: ArrayLike,
+        orientation: ArrayLike | None = None,
+    ) -> BatchSamples:
+        """Return the next sample of each environment.
+
+        An environment whose reading is not finite or not possible keeps its last one; ``held``
+        says which, and a warning names the first.
+
+        :param t_ns: time of the sample [ns], passed on; each call is a sample, ``1 / rate`` later.
+        :param gyro: (count, 3) ideal angular rates [rad/s].
+        :param accel: (count, 3) ideal specific forces [m/s^2].
+        :param orientation: (count, 4) q_wb (w, x, y, z); needed if gravity is missing.
+        :raises ConfigurationError: for arrays of another shape.
+        """
+        shape, single = (self.count, 3), np.zeros(self.count, np.int64)
+        rates = arguments.array("gyro", gyro, shape, finite=False)
+        forces = arguments.array("accel", accel, shape, finite=False)
+        q_wb = None
+        if orientation is not None:
+            q_wb = arguments.array("orientation", orientation, (self.count, 4), finite=False)
+        rates, forces = np.array(rates, order="F"), np.array(forces, order="F")
+        sound = (gate.RATE.largest >= np.abs(rates).T) & (gate.FORCE.largest >= np.abs(forces).T)
+        held = ~sound.all(axis=0)
+        if q_wb is not None:
+            held |= ~(np.abs(np.linalg.norm(q_wb, axis=1) - 1.0) < gate.UNIT_TOLERANCE)
+        given = self._conventions.apply(GivenReadings(single, rates, forces, q_wb))
+        rates, forces = given.gyro, given.accel
+        if held.any():
+            rates[held], forces[held] = self._last[:, held]
+            self._tell(np.flatnonzero(held))
+        self._last = np.stack([rates, forces])
+        return self._batch.read(t_ns, rates, forces, held)
+
+    def _tell(self, units: Integers) -> None:
+        self._told += 1
+        if self._told <= _TOLD:
+            first = ", ".join(map(str, units[:_TOLD].tolist()))
+            more = f" and {len(units) - _TOLD} more" if len(units) > _TOLD else ""
+            last = "; further ones are only marked in held" if self._told == _TOLD else ""
+            warnings.warn(
+                f"environment {first}{more}: a reading that is not finite or not possible; "
+                f"it keeps the one before{last}",
+                stacklevel=3,
+            )
+
+    def reset(self, mask: ArrayLike | None = None, restart: str = "next_seed") -> None:
+        """Let environments begin again with their next sample.
+
+        :param mask: (count,) which of them; None: all.
+        :param restart: ``next_seed``: a new unit, its seed ``count`` higher; ``same_unit``: its
+            calibration stays, turn-on errors and noise are those of the next seed; ``same_seed``:
+            the same run again.
+        :raises ConfigurationError: for another mask or restart.
+        """
+        arguments.one_of("restart", restart, RESTARTS)
+        chosen = np.ones(self.count, np.bool_) if mask is None else np.asarray(mask)
+        if chosen.dtype != np.bool_ or chosen.shape != (self.count,):
+            refuse("mask", mask, f"{self.count} Booleans")
+        self._batch.begin(np.flatnonzero(chosen), restart)
+
+    def __repr__(self) -> str:
+        p = self.parameters
+        name = Path(p.imu.preset).stem
+        return f"<ErrorModelBatch {self.count} {name} at {p.rate:g} Hz, seeds from {p.seed}>"
+
+
+def _impossible(values: Array, quantity: gate.Quantity) -> Mask:
+    """Return which rows (count, 3) are not finite, or larger than anything possible."""
+    if -quantity.largest <= values.min() and values.max() <= quantity.largest:
+        return np.zeros(len(values), np.bool_)
+    rows: Mask = ~(np.abs(values) <= quantity.largest).all(axis=1)
+    return rows
+
+
+def _spread(name: str, value: Any) -> Spread:
+    allowed = "('uniform', low, high) or ('gaussian', sigma), numbers or three of them"
+    ways = {"uniform": 2, "gaussian": 1}
+    if not isinstance(value, list | tuple) or not value or ways.get(value[0]) != len(value) - 1:
+        refuse(f"spread {name}", value, allowed)
+    try:
+        sizes = [np.broadcast_to(np.asarray(one, np.float64), (3,)) for one in value[1:]]
+    except (TypeError, ValueError):
+        refuse(f"spread {name}", value, allowed, wrong_type=True)
+    low, high = sizes[0], sizes[-1]
+    if (
+        not np.isfinite(sizes).all()
+        or (low > high).any()
+        or (len(sizes) == 1 and (low < 0.0).any())
+    ):
+        refuse(f"spread {name}", value, allowed)
+    return Spread(value[0], low, high)
 
 
 def from_sdf(file: str | Path, sensor: str | None = None) -> dict[str, Any]:

@@ -16,12 +16,13 @@ before the rows follow by a scan. Chunks start at fixed sample indices and are g
 the result does not depend on how many samples are asked for at a time.
 """
 
+import itertools
 from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.random import Generator
 
+from imu_sim_ros.random_streams import Seed, Streams, Units
 from imu_sim_ros.sensors.errors.processes import ChunkedProcess
 from imu_sim_ros.types import Array
 
@@ -30,7 +31,7 @@ LONGEST_TIME: Final = 1e4
 _RATIO: Final = float(np.sqrt(10.0))
 _HIGHEST_CORNER: Final = 2.0 * float(np.sqrt(_RATIO))
 _GAIN, _ZERO, _POLE = 0.9328682, -0.36991621, -0.27052661
-_ROWS: Final = 64
+_ROWS: Final = 4
 _COLUMNS: Final = 32
 CHUNK: Final = _ROWS * _COLUMNS
 
@@ -75,15 +76,11 @@ class _Rows(NamedTuple):
     """The filter's recursion in rows of C samples; no seed is in it."""
 
     from_noise: Array
-    """(C, C): noise of a row -> its values."""
+    """(C, C + p): noise of a row -> its values, and the states at its end."""
     from_state: Array
     """(p, C)."""
-    to_state: Array
-    """(C, p)."""
     decay: Array
-    """(p,) of the states over a row."""
-    decays: list[Array]
-    """(R - k, p) of the states over k = 1, 2, 4, ... rows, the same in every row."""
+    """(R + 1, p) of the states over k rows."""
     root: Array
     """(p, p) root of the stationary covariance of the states."""
 
@@ -99,16 +96,10 @@ def _rows(dt: float) -> _Rows:
     own = np.where(lag >= 0, impulse[np.abs(lag)], 0.0)
     # Covariance of recursions that see the same unit noise: 1 / (1 - phi_i phi_j).
     covariance = 1.0 / (1.0 - np.outer(poles, poles))
-    decay, step, decays = poles**_COLUMNS, 1, []
-    while step < _ROWS:
-        decays.append(np.tile(decay, (_ROWS - step, 1)))
-        decay, step = decay * decay, 2 * step
     return _Rows(
-        np.ascontiguousarray(own.T),
+        np.concatenate([own.T, powers[:-1][::-1]], axis=1),
         np.ascontiguousarray((powers[1:] * gains).T),
-        np.ascontiguousarray(powers[:-1][::-1]),
-        poles**_COLUMNS,
-        decays,
+        poles ** (_COLUMNS * np.arange(_ROWS + 1.0))[:, None],
         np.asarray(np.linalg.cholesky(covariance), dtype=np.float64),
     )
 
@@ -116,37 +107,50 @@ def _rows(dt: float) -> _Rows:
 class FlickerNoise(ChunkedProcess):
     """1/f noise of density ``1 / (2 pi f)``, stationary from the first sample on."""
 
-    def __init__(self, streams: list[Generator], dt: float) -> None:
+    def __init__(self, seed: Seed, source: str, dt: float) -> None:
         """Draw the initial states from the stationary distribution.
 
-        :param streams: one for each axis.
         :param dt: time between two samples [s].
         """
-        super().__init__(streams, CHUNK)
-        self._rows = rows = _rows(dt)
-        self._state = np.stack([rows.root @ s.standard_normal(len(rows.root)) for s in streams])
+        super().__init__(CHUNK, (*np.shape(seed), 3))
+        self._streams = Streams(seed, source)
+        self._rows = _rows(dt)
+        self._state = self._drawn(...)
 
-    def _make_chunks(self, count: int) -> Array:
-        rows = self._rows
-        noise = np.empty((len(self._streams), count, _ROWS, _COLUMNS))
-        for stream, numbers in zip(self._streams, noise, strict=True):
-            stream.standard_normal(out=numbers)
-        ends = noise @ rows.to_state  # (axes, chunk, R, p), of rows that start at 0
-        starts = np.empty_like(ends)
-        for chunk in range(count):
-            starts[:, chunk, 0] = self._state
-            self._state = self._scan(ends[:, chunk])
-        starts[:, :, 1:] = ends[:, :, :-1]
-        values = noise @ rows.from_noise
-        values += starts @ rows.from_state
-        return values.reshape(len(self._streams), count * CHUNK).T
+    def begin(self, units: Units) -> None:
+        """Let some units of a batch begin again, from their present seeds."""
+        self._streams.begin(units)
+        self._state[units] = self._drawn(units)
 
-    def _scan(self, ends: Array) -> Array:
-        """Add to the ends of a chunk's rows (axes, R, p) what came before; return the last."""
-        ends[:, 0] += self._rows.decay * self._state
-        carried = np.empty_like(ends)
-        for decay in self._rows.decays:  # by doubling
-            after, before = ends[:, -len(decay) :], carried[:, -len(decay) :]
-            np.multiply(decay, ends[:, : len(decay)], out=before)
-            np.add(after, before, out=after)
-        return ends[:, -1].copy()
+    def _drawn(self, units: Units) -> Array:
+        """Return initial states (..., 3, p)."""
+        root = self._rows.root
+        numbers = np.moveaxis(self._streams.next(len(root), units), 0, -1)
+        # A vector at a time: the sums are the same for one unit and for many.
+        return np.matmul(root, numbers[..., None])[..., 0]
+
+    def _make_chunks(self, count: int, units: Units) -> Array:
+        rows, state = self._rows, self._state[units]
+        several, poles = state.shape[:-2], state.shape[-1]
+        numbers = np.moveaxis(self._streams.next(count * CHUNK, units), 0, -1)
+        # All rows of a unit's chunk in a product: its size, and so its sums, never differ.
+        noise = np.moveaxis(numbers.reshape(*several, 3, count, _ROWS, _COLUMNS), -4, -3)
+        made = noise.reshape(*several, count, 3 * _ROWS, _COLUMNS) @ rows.from_noise
+        values, ends = made[..., :_COLUMNS], made[..., _COLUMNS:]
+        ends = ends.reshape(*several, count, 3, _ROWS, poles)  # of rows that start at 0
+        step = 1
+        while step < _ROWS:  # of chunks that start at 0, by doubling
+            ends[..., step:, :] += rows.decay[step] * ends[..., :-step, :]
+            step *= 2
+        states = np.empty((count + 1, *state.shape))
+        states[0] = state
+        last = np.moveaxis(ends[..., -1, :], -3, 0)
+        for (before, after), own in zip(itertools.pairwise(states), last, strict=True):
+            np.multiply(rows.decay[_ROWS], before, out=after)
+            after += own
+        self._state[units] = states[-1]
+        starts = rows.decay[:_ROWS] * np.moveaxis(states[:-1], 0, -3)[..., None, :]
+        starts[..., 1:, :] += ends[..., :-1, :]
+        values += starts.reshape(*several, count, 3 * _ROWS, poles) @ rows.from_state
+        found = np.moveaxis(values.reshape(*several, count, 3, CHUNK), -3, -2)
+        return np.moveaxis(found.reshape(*several, 3, count * CHUNK), -1, 0)

@@ -3,19 +3,17 @@
 
 """White noise, random walks and bias instability of a triad; their variances a sample."""
 
-import math
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.random import Generator
 from numpy.typing import NDArray
 
 from imu_sim_ros.parameters.kinds import Vector
-from imu_sim_ros.random_streams import axis_generators
+from imu_sim_ros.random_streams import Seed, Streams, Units
 from imu_sim_ros.rotation import empty, transform
 from imu_sim_ros.sensors.errors.flicker import FlickerNoise
-from imu_sim_ros.sensors.errors.processes import GaussMarkovBank
+from imu_sim_ros.sensors.errors.processes import GaussMarkovBank, next_numbers
 from imu_sim_ros.sensors.errors.response import ConstantBias, noise_gain
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
@@ -23,7 +21,7 @@ from imu_sim_ros.types import Array
 
 
 class ErrorTerm(Protocol):
-    """One error of a triad."""
+    """One error of a triad, of one unit or of the units of a batch."""
 
     active: bool
     """Whether it adds anything with its present parameters."""
@@ -31,8 +29,11 @@ class ErrorTerm(Protocol):
     def configure(self, parameters: TriadParameters) -> None:
         """Take the strength that the parameters give, from the next sample on."""
 
-    def add_to(self, values: Array) -> None:
-        """Add the next n samples to values (n, 3)."""
+    def add_to(self, values: Array, units: Units = ...) -> None:
+        """Add the next n samples of some units to values (n, ..., 3)."""
+
+    def begin(self, units: Units) -> None:
+        """Let some units of a batch begin again, from their present seeds."""
 
 
 class _RandomStream:
@@ -40,30 +41,26 @@ class _RandomStream:
 
     active = False
 
-    def __init__(self, seed: int, source: str) -> None:
+    def __init__(self, seed: Seed, source: str) -> None:
         self._seed, self._source = seed, source
         self._axes: slice | NDArray[np.intp] = slice(0)
-        self._drawing: list[tuple[int, Generator]] = []
         self._sigma = np.zeros(0)
 
     @cached_property
-    def _streams(self) -> list[Generator]:
-        return axis_generators(self._seed, self._source)
+    def _streams(self) -> Streams:
+        return Streams(self._seed, self._source)
+
+    def begin(self, units: Units) -> None:
+        """Let some units of a batch begin again, from their present seeds."""
+        if "_streams" in self.__dict__:
+            self._streams.begin(units)
 
     def _take(self, sigma: Array) -> None:
-        """Take the strengths (3,); axes without one draw nothing."""
-        axes = np.flatnonzero(sigma)
+        """Take the strengths (..., 3); axes without one draw nothing."""
+        axes = np.flatnonzero(sigma.reshape(-1, 3).any(axis=0))
         self.active = len(axes) > 0
-        self._axes = slice(None) if len(axes) == len(sigma) else axes
-        self._sigma = sigma[axes]
-        self._drawing = [(k, self._streams[axis]) for k, axis in enumerate(axes)]
-
-    def _add_axes(self, values: Array, own: Array) -> None:
-        """Add the axes that have a strength to values (n, 3)."""
-        if isinstance(self._axes, slice):
-            values += own
-        else:
-            values[:, self._axes] += own
+        self._axes = slice(None) if len(axes) == 3 else axes
+        self._sigma = sigma[..., self._axes]
 
 
 class WhiteNoise(_RandomStream):
@@ -73,7 +70,7 @@ class WhiteNoise(_RandomStream):
     if the noise depends on temperature, sigma is ``sigma (1 + k (T - T0))``, at least 0.
     """
 
-    def __init__(self, seed: int, triad: str, dt: float) -> None:
+    def __init__(self, seed: Seed, triad: str, dt: float) -> None:
         super().__init__(seed, f"{triad}.white_noise")
         self._dt = dt
         self._mixing: Array | None = None
@@ -82,56 +79,62 @@ class WhiteNoise(_RandomStream):
     def configure(self, parameters: TriadParameters) -> None:
         """Take the density, the correlation and the dependence on temperature."""
         sigma = np.asarray(parameters.noise_density) / np.sqrt(self._dt)
-        correlated = any(parameters.noise_correlation)
-        self._mixing = _square_root(parameters.noise_correlation) if correlated else None
+        correlated = np.any(parameters.noise_correlation)
+        self._mixing = (
+            _square_root(np.asarray(parameters.noise_correlation)) if correlated else None
+        )
         thermal = np.asarray(parameters.noise_temperature_coefficient)
         self._thermal = thermal if thermal.any() else None
         # If they are correlated, the numbers of all axes are mixed.
-        axes = range(3) if correlated else np.flatnonzero(sigma).tolist()
-        self._drawing = [(axis, self._streams[axis]) for axis in axes]
-        self.active = bool(self._drawing)
+        self._take(np.ones(3) if correlated else sigma)
         self._sigma = sigma
 
-    def next(self, count: int, temperature_offset: Array | float = 0.0) -> Array | None:
-        """Return the next samples (count, 3); None if there is no noise.
+    def next(
+        self, count: int, temperature_offset: Array | float = 0.0, units: Units = ...
+    ) -> Array | None:
+        """Return the next samples (count, ..., 3); None if there is no noise.
 
-        :param temperature_offset: (count,) temperature above the reference [K], or one for all.
+        :param temperature_offset: (count, ...) temperature above the reference [K], or one for all.
         """
         if not self.active:
             return None
-        noise = empty((count,))
-        if len(self._drawing) < 3:
+        noise = self._streams.next(count, units, self._axes)
+        if not isinstance(self._axes, slice):
+            numbers, noise = noise, empty(noise.shape[:-1])
             noise[...] = 0.0
-        for axis, stream in self._drawing:
-            stream.standard_normal(out=noise[:, axis])
+            noise[..., self._axes] = numbers
         if self._mixing is not None:
-            noise = transform(self._mixing, noise)
-        noise *= self._sigma
+            noise = transform(self._mixing[units], noise)
+        noise *= self._sigma[units]
         if self._thermal is not None:
             offset = np.asarray(temperature_offset)[..., None]
-            noise *= np.maximum(1.0 + self._thermal * offset, 0.0)
+            noise *= np.maximum(1.0 + self._thermal[units] * offset, 0.0)
         return noise
 
 
-def _square_root(correlation: Vector) -> Array:
-    """Return L (3, 3), lower triangular, with ``L L^T`` the matrix of correlations xy, xz, yz.
+def _square_root(correlation: Array) -> Array:
+    """Return L (..., 3, 3), lower triangular, ``L L^T`` the matrix of correlations xy, xz, yz.
 
     Cholesky's, for matrices without full rank too.
     """
-    xy, xz, yz = correlation
-    yy = math.sqrt(max(1.0 - xy * xy, 0.0))
-    zy = (yz - xy * xz) / yy if yy else 0.0
-    zz = math.sqrt(max(1.0 - xz * xz - zy * zy, 0.0))
-    return np.array([[1.0, 0.0, 0.0], [xy, yy, 0.0], [xz, zy, zz]])
+    xy, xz, yz = (correlation[..., k] for k in range(3))
+    yy = np.sqrt(np.maximum(1.0 - xy * xy, 0.0))
+    zy = np.divide(yz - xy * xz, yy, out=np.zeros(np.shape(yy)), where=yy != 0.0)
+    zz = np.sqrt(np.maximum(1.0 - xz * xz - zy * zy, 0.0))
+    result = np.zeros((*np.shape(xy), 3, 3))
+    result[..., 0, 0] = 1.0
+    for (i, j), value in {(1, 0): xy, (1, 1): yy, (2, 0): xz, (2, 1): zy, (2, 2): zz}.items():
+        result[..., i, j] = value
+    return result
 
 
 class RandomWalk(_RandomStream):
     """Random walk: ``b_k = b_(k-1) + sigma_b sqrt(dt) w`` (lecture eq. 20 and 21), ``b_0 = 0``."""
 
-    def __init__(self, seed: int, triad: str, dt: float) -> None:
+    def __init__(self, seed: Seed, triad: str, dt: float) -> None:
         super().__init__(seed, f"{triad}.random_walk")
         self._dt = dt
-        self._state = np.zeros(3)
+        self._state = np.zeros((*np.shape(seed), 3))
         self._still = np.zeros(0, dtype=np.intp)
 
     def configure(self, parameters: TriadParameters) -> None:
@@ -139,24 +142,34 @@ class RandomWalk(_RandomStream):
         sigma = np.asarray(parameters.random_walk) * np.sqrt(self._dt)
         self._take(sigma)
         # An axis that walks no more stays where it is.
-        self._still = np.flatnonzero((sigma == 0.0) & (self._state != 0.0))
+        still = (sigma.reshape(-1, 3) == 0.0).all(axis=0) & self._state.reshape(-1, 3).any(axis=0)
+        self._still = np.flatnonzero(still)
         self.active = self.active or len(self._still) > 0
 
-    def add_to(self, values: Array) -> None:
-        """Add the next n samples to values (n, 3)."""
-        if self._drawing:
-            walk = empty((len(values) + 1,), len(self._drawing))
-            steps = walk[1:]
-            for k, stream in self._drawing:
-                stream.standard_normal(out=steps[:, k])
-            steps *= self._sigma
-            walk[0] = self._state[self._axes]
+    def begin(self, units: Units) -> None:
+        """Let some units of a batch begin again, from their present seeds."""
+        super().begin(units)
+        self._state[units] = 0.0
+
+    def add_to(self, values: Array, units: Units = ...) -> None:
+        """Add the next n samples of some units to values (n, ..., 3)."""
+        state = self._state[units]
+        if self._sigma.size:
+            steps = self._streams.next(len(values), units, self._axes)
+            steps *= self._sigma[units]
+            start = state[..., self._axes]
+            walk = np.moveaxis(np.empty((*start.shape, len(values) + 1)), -1, 0)
+            walk[0], walk[1:] = start, steps
             # Adds one after the other, whatever the block's size.
             np.add.accumulate(walk, axis=0, out=walk)
-            self._state[self._axes] = walk[-1]
-            self._add_axes(values, walk[:-1])
+            state[..., self._axes] = walk[-1]
+            if isinstance(self._axes, slice):
+                values += walk[:-1]
+            else:
+                values[..., self._axes] += walk[:-1]
+            self._state[units] = state
         if len(self._still):
-            values[:, self._still] += self._state[self._still]
+            values[..., self._still] += state[..., self._still]
 
 
 class GaussMarkov:
@@ -170,7 +183,7 @@ class GaussMarkov:
 
     active = False
 
-    def __init__(self, seed: int, triad: str, dt: float, parameters: TriadParameters) -> None:
+    def __init__(self, seed: Seed, triad: str, dt: float, parameters: TriadParameters) -> None:
         self._seed, self._source, self._dt = seed, f"{triad}.gauss_markov", dt
         tau = np.asarray(parameters.correlation_time)
         # An axis without correlation time has no such bias (that is checked); any time will do.
@@ -179,9 +192,7 @@ class GaussMarkov:
 
     @cached_property
     def _bank(self) -> GaussMarkovBank:
-        return GaussMarkovBank(
-            axis_generators(self._seed, self._source), self._tau[:, None], self._dt
-        )
+        return GaussMarkovBank(self._seed, self._source, self._tau, self._dt)
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take the strength, in whichever of the two forms it is given."""
@@ -190,11 +201,16 @@ class GaussMarkov:
         self._sigma = sigma + density * np.sqrt(0.5 * self._tau)
         self.active = bool(self._sigma.any())
 
-    def add_to(self, values: Array) -> None:
-        """Add the next n samples to values (n, 3)."""
+    def begin(self, units: Units) -> None:
+        """Let some units of a batch begin again, from their present seeds."""
+        if "_bank" in self.__dict__:
+            self._bank.begin(units)
+
+    def add_to(self, values: Array, units: Units = ...) -> None:
+        """Add the next n samples of some units to values (n, ..., 3)."""
         if self.active:
-            own = self._bank.next_block(len(values))
-            own *= self._sigma
+            own = self._bank.next_block(len(values), units)
+            own *= self._sigma[units]
             values += own
 
 
@@ -209,24 +225,29 @@ class BiasInstability:
 
     active = False
 
-    def __init__(self, seed: int, triad: str, dt: float) -> None:
+    def __init__(self, seed: Seed, triad: str, dt: float) -> None:
         self._seed, self._source, self._dt = seed, f"{triad}.bias_instability", dt
         self._scale = np.zeros(3)
 
     @cached_property
     def _noise(self) -> FlickerNoise:
-        return FlickerNoise(axis_generators(self._seed, self._source), self._dt)
+        return FlickerNoise(self._seed, self._source, self._dt)
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take B."""
         self._scale = np.asarray(parameters.bias_instability)
         self.active = bool(self._scale.any())
 
-    def add_to(self, values: Array) -> None:
-        """Add the next n samples to values (n, 3)."""
+    def begin(self, units: Units) -> None:
+        """Let some units of a batch begin again, from their present seeds."""
+        if "_noise" in self.__dict__:
+            self._noise.begin(units)
+
+    def add_to(self, values: Array, units: Units = ...) -> None:
+        """Add the next n samples of some units to values (n, ..., 3)."""
         if self.active:
-            own = self._noise.next_block(len(values))
-            own *= self._scale
+            own = self._noise.next_block(len(values), units)
+            own *= self._scale[units]
             values += own
 
 
@@ -235,31 +256,34 @@ class RateRamp:
 
     active = False
 
-    def __init__(self, dt: float) -> None:
+    def __init__(self, shape: tuple[int, ...], dt: float) -> None:
         self._dt = dt
         self._slope = np.zeros(3)
-        self._reached = np.zeros(3)
-        self._samples = 0
+        self._reached = np.zeros((*shape, 3))
+        self._samples = np.zeros(shape, np.int64)
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take the slope; the ramp continues from its current value."""
         slope = np.asarray(parameters.rate_ramp)
-        if np.array_equal(slope, self._slope):
-            return
-        self._reached = self._reached + self._slope * (self._samples * self._dt)
-        self._slope, self._samples = slope, 0
+        changed = np.any(slope != self._slope, axis=-1)
+        reached = self._reached + self._slope * (self._samples * self._dt)[..., None]
+        self._reached = np.where(changed[..., None], reached, self._reached)
+        self._samples[changed] = 0
+        self._slope = slope
         self.active = bool(slope.any() or self._reached.any())
 
-    def add_to(self, values: Array) -> None:
-        """Add n samples to values (n, 3)."""
+    def begin(self, units: Units) -> None:
+        """Let some units of a batch begin again, from their present seeds."""
+        self._reached[units], self._samples[units] = 0.0, 0
+
+    def add_to(self, values: Array, units: Units = ...) -> None:
+        """Add the next n samples of some units to values (n, ..., 3)."""
         if self.active:
-            n = len(values)
-            t = np.arange(self._samples, self._samples + n) * self._dt
-            values += self._reached + self._slope * t[:, None]
-            self._samples += n
+            t = next_numbers(self._samples, len(values), units) * self._dt
+            values += self._reached[units] + self._slope[units] * t[..., None]
 
 
-def bias_terms(seed: int, triad: str, own: TriadParameters, dt: float) -> tuple[ErrorTerm, ...]:
+def bias_terms(seed: Seed, triad: str, own: TriadParameters, dt: float) -> tuple[ErrorTerm, ...]:
     """Return what adds up to a triad's bias, in this order; a new term is one line more.
 
     :param triad: the first part of the names of their random streams.
@@ -270,7 +294,7 @@ def bias_terms(seed: int, triad: str, own: TriadParameters, dt: float) -> tuple[
         RandomWalk(seed, triad, dt),
         GaussMarkov(seed, triad, dt, own),
         BiasInstability(seed, triad, dt),
-        RateRamp(dt),
+        RateRamp(np.shape(seed), dt),
     )
 
 

@@ -6,39 +6,64 @@
 import itertools
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.random import Generator
+from numpy.typing import ArrayLike
 
-from imu_sim_ros.random_streams import generator
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.random_streams import Seed, Streams, Units, generator
+from imu_sim_ros.types import Array, Integers, Times
 
 _AT_ONCE: Final = 8192
 """Values of a column generated at once, as far as whole chunks allow: they stay in the cache."""
 
 
-class ChunkedProcess(ABC):
-    """One process for each random stream; a value does not depend on the blocks it is read in."""
+def next_numbers(done: Integers, count: int, units: Units) -> Integers:
+    """Return the numbers (count, ...) of the next samples of some units, and count them.
 
-    def __init__(self, streams: Sequence[Generator], length: int, columns: int = 0) -> None:
+    :param done: how many samples each unit has had.
+    """
+    first = done[units]
+    numbers: Integers = np.arange(count).reshape(-1, *(1,) * first.ndim) + first
+    done[units] += count
+    return numbers
+
+
+def series(shape: tuple[int, ...]) -> Array:
+    """Return zeros (n, ..., 3) for n samples of units, those of each axis contiguous.
+
+    :param shape: (n, ...)
+    """
+    count, *units = shape
+    return np.moveaxis(np.zeros((*units, 3, count)), -1, 0)
+
+
+class ChunkedProcess(ABC):
+    """Processes of one unit or of the units of a batch; values do not depend on blocks."""
+
+    def __init__(self, length: int, shape: tuple[int, ...]) -> None:
         """Start with nothing generated.
 
         :param length: values in a chunk.
-        :param columns: of a chunk; 0: one for each stream.
+        :param shape: (columns,) of one unit, (count, columns) of a batch.
         """
-        self._streams = streams
         self._length = length
-        self._left = np.empty((0, columns or len(streams)))
-        """Generated and not yet read."""
+        self._left = np.empty((0, *shape))
+        """Generated and not yet read; of a batch a whole chunk, if a block is shorter than that."""
+        self._read = np.zeros(shape[:-1], np.int64)
+        """Of each unit of a batch, how many values of its chunk."""
 
     @abstractmethod
-    def _make_chunks(self, count: int) -> Array:
-        """Return the next values (count * length, columns), those of ``count`` chunks."""
+    def _make_chunks(self, count: int, units: Units) -> Array:
+        """Return the next values (count * length, ..., columns), those of ``count`` chunks."""
 
-    def next_block(self, count: int) -> Array:
-        """Return the next values (count, columns of a chunk), a new array."""
+    def next_block(self, count: int, units: Units = ...) -> Array:
+        """Return the next values (count, ..., columns), a new array.
+
+        :param count: for a batch, a divisor of the chunk's length.
+        """
+        if self._read.ndim:
+            return self._next_of(units, count)
         left = self._left
         if count <= len(left):
             self._left = left[count:]
@@ -46,12 +71,27 @@ class ChunkedProcess(ABC):
         parts, done = [left], len(left)
         while done < count:
             chunks = min(-((done - count) // self._length), max(1, _AT_ONCE // self._length))
-            parts.append(self._make_chunks(chunks))
+            parts.append(self._make_chunks(chunks, units))
             done += chunks * self._length
         last = parts[-1]
         used = len(last) - (done - count)
         self._left, parts[-1] = last[used:], last[:used]
         return np.concatenate(parts)
+
+    def _next_of(self, units: Units, count: int) -> Array:
+        """Return the next values of units of a batch, each of which is somewhere in its chunk."""
+        if count == self._length:
+            return self._make_chunks(1, units)
+        if not len(self._left):
+            self._left = np.empty((self._length, *self._left.shape[1:]))
+        units = np.arange(len(self._read))[units]
+        new = units[self._read[units] == 0]
+        if len(new):
+            self._left[:, new] = self._make_chunks(1, new)
+        first = self._read[units]
+        self._read[units] = (first + count) % self._length
+        taken: Array = self._left[first + np.arange(count)[:, None], units]
+        return taken
 
 
 _ROWS = 32
@@ -60,63 +100,68 @@ CHUNK = _ROWS * _COLUMNS
 
 
 class GaussMarkovBank(ChunkedProcess):
-    """Sums of stationary unit-variance Gauss-Markov processes, one sum for each axis."""
+    """Stationary Gauss-Markov processes of unit variance, one for each axis."""
 
-    def __init__(self, streams: list[Generator], correlation_times: Array, dt: float) -> None:
+    def __init__(self, seed: Seed, source: str, correlation_times: ArrayLike, dt: float) -> None:
         """Draw the initial states from the stationary distribution.
 
-        :param streams: one for each of the a axes.
-        :param correlation_times: (a, p) of the p processes that are summed on each axis [s], > 0.
+        :param correlation_times: (..., 3) [s], > 0.
         :param dt: time between two samples [s].
         """
-        super().__init__(streams, CHUNK)
-        # Axes are (axis, process, chunk, row), behind columns if there are any.
-        exponent = (-dt / correlation_times)[:, :, None, None]
-        self._drive = np.sqrt(-np.expm1(2.0 * exponent))
-        self._phi = np.exp(exponent)
-        columns = np.arange(1, _COLUMNS + 1).reshape(-1, 1, 1, 1, 1)
-        self._column_decay = np.exp(exponent * columns)
-        self._row_decay = np.exp(exponent * _COLUMNS * np.arange(_ROWS))
-        self._state = np.stack([s.standard_normal(correlation_times.shape[1]) for s in streams])
+        shape = (*np.shape(seed), 3)
+        super().__init__(CHUNK, shape)
+        self._streams = Streams(seed, source)
+        self._exponent = -dt / np.broadcast_to(np.asarray(correlation_times, np.float64), shape)
+        self._state = self._streams.next(1)[0]
 
-    def _make_chunks(self, count: int) -> Array:
-        axes, processes = self._state.shape
-        numbers = np.empty((axes, count, _COLUMNS, processes, _ROWS))
-        for stream, own in zip(self._streams, numbers, strict=True):
-            stream.standard_normal(out=own)
-        # One column after the other, so each is contiguous: (column, axis, process, chunk, row).
-        table = np.empty((_COLUMNS, axes, processes, count, _ROWS))
-        np.multiply(numbers.transpose(2, 0, 3, 1, 4), self._drive, out=table)
+    def begin(self, units: Units) -> None:
+        """Let some units of a batch begin again, from their present seeds."""
+        self._streams.begin(units)
+        self._state[units] = self._streams.next(1, units)[0]
+        self._read[units] = 0
+
+    def _make_chunks(self, count: int, units: Units) -> Array:
+        exponent = self._exponent[units][..., None, None]  # axes are (..., axis, chunk, row)
+        drive, phi = np.sqrt(-np.expm1(2.0 * exponent)), np.exp(exponent)
+        numbers = np.moveaxis(self._streams.next(count * CHUNK, units), 0, -1)
+        numbers = numbers.reshape(*exponent.shape[:-2], count, _COLUMNS, _ROWS)
+        # One column after the other, so each is contiguous: (column, ..., axis, chunk, row).
+        table = np.empty((_COLUMNS, *exponent.shape[:-2], count, _ROWS))
+        np.multiply(np.moveaxis(numbers, -2, 0), drive, out=table)
         carried = np.empty(table.shape[1:])
         for before, column in itertools.pairwise(table):
-            column += np.multiply(self._phi, before, out=carried)
-        starts = self._row_starts(table[-1])
-        np.multiply(self._column_decay, starts, out=(added := numbers.reshape(table.shape)))
+            column += np.multiply(phi, before, out=carried)
+        starts = self._row_starts(table[-1], exponent, units)
+        columns = np.arange(1, _COLUMNS + 1).reshape(-1, *(1,) * exponent.ndim)
+        decay = np.exp(exponent * columns)
+        np.multiply(decay, starts, out=(added := numbers.reshape(table.shape)))
         table += added
-        total = table[:, :, 0] if processes == 1 else table.sum(axis=2)
-        return total.transpose(1, 2, 3, 0).reshape(axes, count * CHUNK).T
+        made = np.moveaxis(table, 0, -1).reshape(*exponent.shape[:-2], count * CHUNK)
+        return np.moveaxis(made, -1, 0)
 
-    def _row_starts(self, ends: Array) -> Array:
+    def _row_starts(self, ends: Array, exponent: Array, units: Units) -> Array:
         """Return the value before each row from the ends of rows that start at 0.
 
-        Both are (axis, process, chunk, row); the state goes on to the end of the last chunk.
+        Both are (..., axis, chunk, row); the state goes on to the end of the last chunk.
         """
+        row_decay = np.exp(exponent * _COLUMNS * np.arange(_ROWS))
         reached, carried, step = ends.copy(), np.empty_like(ends), 1
         while step < _ROWS:  # a scan by doubling: five passes instead of 32 steps
-            decay = self._row_decay[..., step, None]
+            decay = row_decay[..., step, None]
             np.multiply(decay, reached[..., :-step], out=carried[..., step:])
             after = reached[..., step:]
             np.add(after, carried[..., step:], out=after)
             step *= 2
         # The states between the chunks, one after the other: a few numbers each.
-        over_row, over_rows = self._column_decay[-1, ..., 0, 0], self._row_decay[..., 0, :]
-        states = np.empty(ends.shape[:3])
-        for chunk in range(ends.shape[2]):
-            states[..., chunk] = self._state
-            last = over_rows[..., -1] * self._state
-            last += reached[:, :, chunk, -2]
-            self._state = ends[:, :, chunk, -1] + over_row * last
-        starts: Array = self._row_decay * states[..., None]
+        over_row, over_rows = np.exp(exponent * _COLUMNS)[..., 0, 0], row_decay[..., 0, :]
+        states, state = np.empty(ends.shape[:-1]), self._state[units]
+        for chunk in range(ends.shape[-2]):
+            states[..., chunk] = state
+            last = over_rows[..., -1] * state
+            last += reached[..., chunk, -2]
+            state = ends[..., chunk, -1] + over_row * last
+        self._state[units] = state
+        starts: Array = row_decay * states[..., None]
         starts[..., 1:] += reached[..., :-1]
         return starts
 

@@ -16,7 +16,7 @@ import numpy as np
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.parameters.kinds import ZERO_VECTOR
 from imu_sim_ros.parameters.sections import parameters as declared
-from imu_sim_ros.random_streams import axis_generators
+from imu_sim_ros.random_streams import Seed, Streams
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.errors.response import TurnOn
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
@@ -34,7 +34,7 @@ def _constants(cls: type) -> dict[str, int]:
     }
 
 
-def with_constants(section: Any, sensor: str, seed: int) -> Any:
+def with_constants(section: Any, sensor: str, seed: Seed) -> Any:
     """Return a section of parameters with the drawn part of each constant added.
 
     Each constant has a stream of its own per axis, so that adding one changes no other.
@@ -42,31 +42,62 @@ def with_constants(section: Any, sensor: str, seed: int) -> Any:
     :param sensor: as in the streams' names.
     """
     changed: dict[str, Any] = {}
-    for name, count in _constants(type(section)).items():
-        sigma = getattr(section, f"{name}_sigma")
-        if any(sigma):
-            added = _drawn(seed, f"{sensor}.{name}", sigma, count)
-            sums = np.array(getattr(section, name) or ZERO_VECTOR)
-            sums[: added.size] += added.ravel()
-            changed |= {name: tuple(sums.tolist()), f"{name}_sigma": ZERO_VECTOR}
-    return dataclasses.replace(section, **changed) if changed else section
+    constants = _constants(type(section)).items()
+    drawn = {name: n for name, n in constants if np.any(getattr(section, f"{name}_sigma"))}
+    if not drawn:
+        return section
+    numbers = Streams(seed, *(f"{sensor}.{name}" for name in drawn)).next(max(drawn.values()))
+    for k, (name, count) in enumerate(drawn.items()):
+        own = np.moveaxis(numbers[:count, ..., 3 * k : 3 * k + 3], 0, -1)
+        added = own * np.asarray(getattr(section, f"{name}_sigma"))[..., None]
+        value = np.asarray(getattr(section, name))
+        sums = np.array(value) if value.size else np.zeros((*np.shape(seed), 3))
+        sums[..., : 3 * count] += added.reshape(*np.shape(seed), 3 * count)
+        changed |= _fields(seed, **{name: sums, f"{name}_sigma": np.zeros(3)})
+    return dataclasses.replace(section, **changed)
 
 
-@lru_cache(maxsize=16)
-def unit_of_seed(parameters: TriadParameters, triad: str, seed: int) -> TriadParameters:
+def _fields(seed: Seed, **values: Array) -> dict[str, Any]:
+    """Return values of parameters: tuples for one unit, arrays (count, k) for those of a batch."""
+    if not np.ndim(seed):
+        return {name: tuple(np.ravel(value).tolist()) for name, value in values.items()}
+    return {name: of_each(value, np.shape(seed)) for name, value in values.items()}
+
+
+def of_each(value: Array, shape: tuple[int, ...]) -> Array:
+    """Return values (k,) or (count, k) as those of each unit (count, k), without a copy."""
+    return value if value.ndim > 1 else np.broadcast_to(value, (*shape, len(value)))
+
+
+def unit_of_seed(parameters: TriadParameters, triad: str, seed: Seed) -> TriadParameters:
     """Return the triad with the drawn part of each constant added and nothing left to draw.
 
     The turn-on bias and scale, which differ from run to run, are :class:`TurnOn`'s.
 
     :param triad: name of the triad, as in the streams' names.
     """
+    return _unit_of(parameters, triad, seed) if np.ndim(seed) else _one(parameters, triad, seed)
+
+
+def _unit_of(parameters: TriadParameters, triad: str, seed: Seed) -> TriadParameters:
     p: TriadParameters = with_constants(parameters, triad, seed)
-    if not any(p.misalignment_sigma):
+    if not np.any(p.misalignment_sigma):
         return p
     matrix = p.response()
-    added = _drawn(seed, f"{triad}.misalignment", p.misalignment_sigma, 2)
-    matrix[~np.eye(3, dtype=bool)] += added.ravel()
-    return dataclasses.replace(p, **as_matrix(matrix), misalignment_sigma=ZERO_VECTOR)
+    own = np.moveaxis(Streams(seed, f"{triad}.misalignment").next(2), 0, -1)
+    added = own * np.asarray(p.misalignment_sigma)[..., None]
+    matrix[..., ~np.eye(3, dtype=bool)] += added.reshape(*np.shape(seed), 6)
+    changed = _fields(
+        seed,
+        scale_misalignment=matrix.reshape(*matrix.shape[:-2], 9),
+        scale_error_percent=np.zeros(3),
+        misalignment_percent=np.zeros(6),
+        misalignment_sigma=np.zeros(3),
+    )
+    return dataclasses.replace(p, **changed)
+
+
+_one = lru_cache(maxsize=16)(_unit_of)
 
 
 def with_turn_on(section: Any, turn_on: TurnOn, gain: Array | None = None) -> Any:
@@ -124,9 +155,3 @@ def as_matrix(response: Array) -> dict[str, Any]:
         "scale_error_percent": ZERO_VECTOR,
         "misalignment_percent": NO_CROSS_AXIS,
     }
-
-
-def _drawn(seed: int, name: str, sigma: tuple[float, ...], count: int) -> Array:
-    """Return count numbers for each axis (3, count)."""
-    numbers = [stream.standard_normal(count) for stream in axis_generators(seed, name)]
-    return np.array(numbers) * np.array(sigma)[:, None]

@@ -3,17 +3,16 @@
 
 """The chain of a triad: scale, misalignment, temperature, low-pass, range, resolution."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from imu_sim_ros.parameters.kinds import Vector
-from imu_sim_ros.random_streams import axis_generators
-from imu_sim_ros.rotation import empty, transform
+from imu_sim_ros.random_streams import Seed, Streams, Units
+from imu_sim_ros.rotation import transform
 from imu_sim_ros.sensors.environment import TemperatureParameters
+from imu_sim_ros.sensors.errors.processes import series
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 from imu_sim_ros.types import Array
 
@@ -35,20 +34,20 @@ class Response:
         self._h: Array | None = None
 
     def configure(self, parameters: TriadParameters) -> None:
-        """Take the coefficients."""
-        self._s = parameters.response()
-        quadratic = any(parameters.quadratic)
-        self._quadratic = np.asarray(parameters.quadratic) if quadratic else None
+        """Take the coefficients; those of a batch are (count, ...)."""
+        self._s = _laid_out(parameters.response())
+        quadratic = np.asfortranarray(parameters.quadratic)
+        self._quadratic = quadratic if quadratic.any() else None
         self._g = _matrix(parameters.g_sensitivity)
         self._h = _matrix(parameters.g_squared_sensitivity)
-        curved = quadratic or self._g is not None or self._h is not None
-        self.is_perfect = not curved and bool((self._s == np.eye(3)).all())
+        linear = self._quadratic is None and self._g is None and self._h is None
+        self.is_perfect = linear and bool((self._s == np.eye(3)).all())
 
     def apply(self, ideal: Array, force: Array) -> Array:
-        """Return the response (n, 3), a new array.
+        """Return the response (n, ..., 3), a new array.
 
-        :param ideal: (n, 3) input of the triad.
-        :param force: (n, 3) specific force [m/s^2].
+        :param ideal: (n, ..., 3) input of the triad.
+        :param force: (n, ..., 3) specific force [m/s^2].
         """
         result = transform(self._s, ideal)
         if self._quadratic is not None:
@@ -62,9 +61,19 @@ class Response:
         return result
 
 
-def _matrix(values: Sequence[float]) -> Array | None:
-    """Return nine numbers as a matrix (3, 3); None if all are zero."""
-    return np.reshape(values, (3, 3)) if any(values) else None
+def _matrix(values: ArrayLike) -> Array | None:
+    """Return nine numbers (..., 9) as a matrix (..., 3, 3); None if all are zero."""
+    numbers = np.asarray(values)
+    if not numbers.any():
+        return None
+    return _laid_out(numbers.reshape(*numbers.shape[:-1], 3, 3))
+
+
+def _laid_out(matrices: Array) -> Array:
+    """Return matrices (..., 3, 3), each entry of all of them contiguous."""
+    if matrices.ndim == 2:
+        return matrices
+    return np.moveaxis(np.ascontiguousarray(np.moveaxis(matrices, 0, -1)), -1, 0)
 
 
 class ConstantBias:
@@ -78,29 +87,30 @@ class ConstantBias:
     def configure(self, parameters: TriadParameters) -> None:
         """Take the bias."""
         self._bias = np.asarray(parameters.bias)
-        self.active = any(parameters.bias)
+        self.active = bool(self._bias.any())
 
-    def add_to(self, values: Array) -> None:
-        """Add n samples to values (n, 3)."""
+    def begin(self, units: Units) -> None:
+        """Do nothing: a constant has no beginning."""
+
+    def add_to(self, values: Array, units: Units = ...) -> None:
+        """Add n samples of some units to values (n, ..., 3)."""
         if self.active:
-            values += self._bias
+            values += self._bias[units]
 
 
 class TurnOn:
     """Bias and scale that differ from run to run, drawn from the seed."""
 
-    def __init__(self, seed: int, triad: str, parameters: TriadParameters) -> None:
-        self.bias = _drawn(seed, f"{triad}.turn_on_bias", parameters.turn_on_bias_sigma)
-        """(3,)"""
-        self.scale = _drawn(seed, f"{triad}.turn_on_scale", parameters.turn_on_scale_sigma)
-        """(3,) relative."""
-
-
-def _drawn(seed: int, name: str, sigma: Vector) -> Array:
-    if not any(sigma):
-        return np.zeros(3)
-    numbers = [stream.standard_normal() for stream in axis_generators(seed, name)]
-    return np.array(numbers) * sigma
+    def __init__(self, seed: Seed, triad: str, parameters: TriadParameters) -> None:
+        bias, scale = parameters.turn_on_bias_sigma, parameters.turn_on_scale_sigma
+        numbers = np.zeros((*np.shape(seed), 6))
+        if np.any(bias) or np.any(scale):
+            sources = (f"{triad}.turn_on_bias", f"{triad}.turn_on_scale")
+            numbers = Streams(seed, *sources).next(1)[0]
+        self.bias: Array = numbers[..., :3] * np.asarray(bias)
+        """(..., 3)"""
+        self.scale: Array = numbers[..., 3:] * np.asarray(scale)
+        """(..., 3) relative."""
 
 
 class TemperatureProfile:
@@ -168,18 +178,18 @@ class TemperatureProfile:
         return temperature
 
 
-def polynomial(coefficients: Sequence[float], difference: Array) -> Array | None:
-    """Return ``sum_k c_k dT^(k+1)`` per axis, (n, 3); None without coefficients.
+def polynomial(coefficients: ArrayLike, difference: Array) -> Array | None:
+    """Return ``sum_k c_k dT^(k+1)`` per axis, (n, ..., 3); None without coefficients.
 
-    :param coefficients: x y z of k = 0, then of k = 1, and so on.
-    :param difference: (n,) temperature above the reference [K].
+    :param coefficients: (..., 3 k): x y z of k = 0, then of k = 1, and so on.
+    :param difference: (n, ...) temperature above the reference [K].
     """
-    if not any(coefficients):
+    numbers = np.asarray(coefficients)
+    if not numbers.any():
         return None
-    result = empty(difference.shape)
-    result[...] = 0.0
-    for row in np.reshape(coefficients, (-1, 3))[::-1]:
-        result += row
+    result = series(difference.shape)
+    for k in range(numbers.shape[-1] - 3, -1, -3):
+        result += numbers[..., k : k + 3]
         result *= difference[..., None]
     return result
 
@@ -193,7 +203,7 @@ class _Group:
     settled: Array
     """(sections, 2) state of one axis whose input has always been 1."""
     state: Array | None = None
-    """(sections, 2, axes)."""
+    """(sections, 2, ..., axes)."""
 
     @property
     def columns(self) -> slice | NDArray[np.intp]:
@@ -201,6 +211,11 @@ class _Group:
         first, last = int(self.axes[0]), int(self.axes[-1])
         neighbours = last - first + 1 == len(self.axes)
         return slice(first, last + 1) if neighbours else self.axes
+
+    def settled_on(self, values: Array) -> Array:
+        """Return the state of filters whose input has always been values (..., axes)."""
+        state: Array = self.settled.reshape(*self.settled.shape, *(1,) * values.ndim) * values
+        return state
 
 
 class LowPass:
@@ -210,13 +225,15 @@ class LowPass:
     settled on the first sample.
     """
 
-    def __init__(self, cutoffs: Array, order: int, rate: float) -> None:
+    def __init__(self, cutoffs: Array, order: int, rate: float, shape: tuple[int, ...]) -> None:
         """Set up the filters.
 
-        :param cutoffs: (3,) below half the rate [Hz]; 0: none.
+        :param cutoffs: (3,) below half the rate [Hz], the same for all units; 0: none.
         :param rate: [Hz] of what is filtered.
+        :param shape: () or the (count,) of a batch.
         """
         self._groups: list[_Group] = []
+        self._fresh = np.zeros(shape, np.bool_)
         if cutoffs.any():
             from scipy import signal  # half a second of import that only a low-pass costs
 
@@ -231,18 +248,24 @@ class LowPass:
         """Whether any axis is filtered."""
         return bool(self._groups)
 
+    def begin(self, units: Units) -> None:
+        """Let the filters of some units of a batch start with their next samples."""
+        self._fresh[units] = True
+
     def apply(self, values: Array) -> None:
-        """Filter the next n samples (n, 3) in place."""
+        """Filter the next n samples (n, ..., 3) in place."""
         if len(values) == 0:
             return
         for group in self._groups:
-            columns = group.columns
-            x = values[:, columns]
+            x = values[..., group.columns]
             if group.state is None:
-                group.state = group.settled[..., None] * x[0]
-            values[:, columns], group.state = self._filter(
+                group.state = group.settled_on(x[0])
+            elif self._fresh.any():
+                group.state[:, :, self._fresh] = group.settled_on(x[0, self._fresh])
+            values[..., group.columns], group.state = self._filter(
                 group.sections, x, axis=0, zi=group.state
             )
+        self._fresh[...] = False
 
 
 _WHOLE: Final = 1.0 + 1e-6
@@ -253,32 +276,36 @@ class Digitiser:
     """Rounding to whole steps, and saturation: at the last whole step within the range."""
 
     def __init__(self) -> None:
-        self._axes: list[tuple[int | slice, float, float]] = []
+        self._step, self._most = np.ones(3), np.full(3, np.inf)
+        self._rounded: Array | bool = False
+        self._limited = False
 
     def configure(self, parameters: TriadParameters) -> None:
-        """Take range and resolution; 0 is none."""
-        limits = list(zip(parameters.range, parameters.resolution, strict=True))
-        alike = len(set(limits)) == 1
-        axes = [(slice(None), limits[0])] if alike else list(enumerate(limits))
-        self._axes = [(axis, r, step) for axis, (r, step) in axes if r or step]
+        """Take range and resolution, (..., 3); 0 is none."""
+        limit, step = _shared(parameters.range), _shared(parameters.resolution)
+        rounded = step > 0.0
+        self._rounded = bool(rounded.any()) if rounded.all() or not rounded.any() else rounded
+        self._step = np.where(rounded, step, 1.0)
+        self._limited = bool(limit.any())
+        steps = np.where(rounded, np.floor(limit / self._step * _WHOLE), limit)
+        self._most = np.where(limit > 0.0, steps, np.inf)
 
     def apply(self, values: Array) -> None:
-        """Saturate and round values (n, 3) in place."""
-        for axis, limit, step in self._axes:
-            own = values[:, axis]
-            if step:
-                own /= step
-                np.rint(own, out=own)
-                if limit:
-                    _clip(own, float(np.floor(limit / step * _WHOLE)))
-                own *= step
-            else:
-                _clip(own, limit)
+        """Saturate and round values (n, ..., 3) in place."""
+        rounded = self._rounded
+        if rounded is not False:
+            values /= self._step
+            np.rint(values, out=values, where=rounded)
+        if self._limited:
+            np.minimum(np.maximum(values, -self._most, out=values), self._most, out=values)
+        if rounded is not False:
+            values *= self._step
 
 
-def _clip(values: Array, limit: float) -> None:
-    """Limit values to +-limit in place."""
-    np.minimum(np.maximum(values, -limit, out=values), limit, out=values)
+def _shared(values: ArrayLike) -> Array:
+    """Return values (..., 3) of units as (3,) if they are the same for all."""
+    found = np.asarray(values)
+    return found[0] if found.ndim > 1 and found.strides[0] == 0 else np.asfortranarray(found)
 
 
 class IncrementRounding:
@@ -289,42 +316,40 @@ class IncrementRounding:
     quantisation noise of IEEE Std 952-1997, C.1.5, with ``Q = step / sqrt(12)``.
     """
 
-    def __init__(self, interval: float) -> None:
+    def __init__(self, interval: float, shape: tuple[int, ...]) -> None:
         """Start with a sum of 0.
 
         :param interval: nominal time between two samples [s].
+        :param shape: () or the (count,) of a batch.
         """
         self._interval = interval
-        self._step = [0.0] * 3
+        self._step = np.zeros(3)
+        self._sum = np.zeros((*shape, 3))
         self._active = False
-        self._sum = [0.0] * 3
 
     def configure(self, parameters: TriadParameters) -> None:
-        """Take the steps; 0 is none."""
-        step = np.asarray(parameters.increment_resolution).tolist()
-        for k, (old, new) in enumerate(zip(self._step, step, strict=True)):
-            if old != new:
-                self._sum[k] = 0.0
-        self._step, self._active = step, any(step)
+        """Take the steps (..., 3); 0 is none."""
+        step = np.asarray(parameters.increment_resolution)
+        self._sum[np.broadcast_to(step != self._step, self._sum.shape)] = 0.0
+        self._step, self._active = step, bool(step.any())
 
-    @property
-    def active(self) -> bool:
-        """Whether there are steps."""
-        return self._active
+    def begin(self, units: Units) -> None:
+        """Let some units of a batch begin again."""
+        self._sum[units] = 0.0
 
     def apply(self, values: Array) -> None:
-        """Round the increments of mean readings (n, 3) in place."""
+        """Round the increments of mean readings (n, ..., 3) in place."""
         if not self._active:
             return
-        for k, (row, step) in enumerate(zip(values.T, self._step, strict=True)):
-            if not (step and len(row)):
-                continue
-            sums = np.empty(len(row) + 1)
-            sums[0] = self._sum[k]
-            np.multiply(row, self._interval / step, out=sums[1:])
-            np.cumsum(sums, out=sums)  # adds one after the other, whatever the block's size
-            self._sum[k] = float(sums[-1])
-            row[:] = np.diff(np.rint(sums)) * (step / self._interval)
+        counted = self._step > 0.0
+        step = np.where(counted, self._step, 1.0)
+        sums = np.empty((len(values) + 1, *values.shape[1:]))
+        sums[0] = self._sum
+        np.multiply(values, self._interval / step, out=sums[1:])
+        np.cumsum(sums, axis=0, out=sums)  # adds one after the other, whatever the block's size
+        self._sum = np.where(counted, sums[-1], 0.0)
+        rounded = np.diff(np.rint(sums), axis=0) * (step / self._interval)
+        values[...] = np.where(counted, rounded, values)
 
 
 def noise_gain(cutoff: float, order: int, rate: float) -> float:

@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.rotation import empty
+from imu_sim_ros.random_streams import Seed, Units
 from imu_sim_ros.sensors.errors.noise import WhiteNoise, bias_terms
+from imu_sim_ros.sensors.errors.processes import next_numbers, series
 from imu_sim_ros.sensors.errors.realised import unit_of_seed
 from imu_sim_ros.sensors.errors.response import (
     Digitiser,
@@ -22,11 +23,12 @@ from imu_sim_ros.sensors.errors.response import (
 from imu_sim_ros.sensors.faults import FaultSchedule
 from imu_sim_ros.sensors.imu.board import ShockBias, Surroundings, aged, board_terms
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.imu.triads import TriadParameters
 from imu_sim_ros.types import Array
 
 
 class Reading(NamedTuple):
-    """What a triad reads and why; all (n, 3), the errors in the order of conventions.ERRORS."""
+    """What a triad reads and why; all (n, ..., 3), errors in the order of conventions.ERRORS."""
 
     reading: Array
     bias: Array
@@ -41,11 +43,11 @@ class Additions(NamedTuple):
     """What n readings of a triad get, whatever they are; made before they are known."""
 
     scale: Array | None
-    """(n, 3); None: 1."""
+    """(n, ..., 3); None: 1."""
     bias: Array
-    """(n, 3) without faults."""
+    """(n, ..., 3) without faults."""
     noise: Array
-    """(n, 3) white noise."""
+    """(n, ..., 3) white noise."""
 
     def at(self, rows: slice) -> "Additions":
         """Return some consecutive ones."""
@@ -56,35 +58,41 @@ class Additions(NamedTuple):
 class Triad:
     """One triad; see the package's docstring for the order of the errors."""
 
-    def __init__(self, triad: str, imu: ImuParameters, seed: int, rate: float) -> None:
+    def __init__(self, triad: str, imu: ImuParameters, seed: Seed, rate: float) -> None:
         """Set up the errors at their start; :meth:`configure` gives them their strength.
 
+        :param imu: of a batch, the triad's parameters are arrays (count, k).
+        :param seed: of a batch, an array that changes before units :meth:`begin` again.
         :param rate: samples per second [Hz].
         """
         self._ratio = int(imu.internal_ratio(rate))
         internal = rate * self._ratio
-        dt = 1.0 / internal
+        dt, shape = 1.0 / internal, np.shape(seed)
         self._triad, self._seed = triad, seed
         own = imu.triad(triad)
         turn_on = TurnOn(seed, triad, own)
-        self._turn_on_bias = turn_on.bias if turn_on.bias.any() else None
-        self._turn_on_scale = 1.0 + turn_on.scale if turn_on.scale.any() else None
+        self._turn_on_bias = turn_on.bias if np.any(own.turn_on_bias_sigma) else None
+        self._turn_on_scale = 1.0 + turn_on.scale if np.any(own.turn_on_scale_sigma) else None
         self._response = Response()
         self._bias_terms = bias_terms(seed, triad, own, dt)
         self._board_terms = board_terms(seed, triad, imu, dt)
-        ages = any(own.ageing_scale)
+        ages = np.any(own.ageing_scale)
         self._ageing_scale = np.asarray(own.ageing_scale) if ages else None
-        self._age_days, self._dt, self._done = imu.age_days, dt, 0
+        self._age_days, self._dt = imu.age_days, dt
+        self._done = np.zeros(shape, np.int64)
         self._white = WhiteNoise(seed, triad, dt)
         cutoffs = np.asarray(imu.low_pass(triad, rate))
-        self._low_pass = LowPass(cutoffs, imu.bandwidth_order, internal)
+        self._low_pass = LowPass(cutoffs, imu.bandwidth_order, internal, shape)
         self._digitiser = Digitiser()
-        self._increments = IncrementRounding(1.0 / rate)
+        self._increments = IncrementRounding(1.0 / rate, shape)
         self._last: Array | None = None
 
     def configure(self, imu: ImuParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
-        own = unit_of_seed(imu.triad(self._triad), self._triad, self._seed)
+        self.take(unit_of_seed(imu.triad(self._triad), self._triad, self._seed))
+
+    def take(self, own: TriadParameters) -> None:
+        """Take the parameters of units, whose constants are drawn."""
         self._parameters = own
         self._response.configure(own)
         for term in self._bias_terms:
@@ -93,6 +101,28 @@ class Triad:
         self._white.configure(own)
         self._digitiser.configure(own)
         self._increments.configure(own)
+
+    def begin(self, units: Units, own: TriadParameters, unit: TriadParameters | None) -> None:
+        """Let some units of a batch begin again, from their present seeds.
+
+        :param own: parameters of these units.
+        :param unit: with their constants; None: they are the units that they were.
+        """
+        if unit is not None:
+            for name, value in vars(self._parameters).items():
+                if isinstance(value, np.ndarray) and value.flags.writeable:
+                    value[units] = getattr(unit, name)
+            self.take(self._parameters)
+        turn_on = TurnOn(np.asarray(self._seed)[units], self._triad, own)
+        if self._turn_on_bias is not None:
+            self._turn_on_bias[units] = turn_on.bias
+        if self._turn_on_scale is not None:
+            self._turn_on_scale[units] = 1.0 + turn_on.scale
+        for term in (*self._bias_terms, *self._board_terms, self._white):
+            term.begin(units)
+        self._low_pass.begin(units)
+        self._increments.begin(units)
+        self._done[units] = 0
 
     def read(
         self,
@@ -117,13 +147,12 @@ class Triad:
         """
         reading = self._response.apply(ideal, force)
         scale = self._scale(temperature_offset) if additions is None else additions.scale
-        count = len(reading)
         if scale is not None:
             reading *= scale
         perfect = scale is None and self._response.is_perfect
-        response_error = _constant(0.0, count) if perfect else reading - ideal
+        response_error = _constant(0.0, reading.shape) if perfect else reading - ideal
         if scale is None:
-            scale = _constant(1.0, count)
+            scale = _constant(1.0, reading.shape)
         if additions is None:
             bias = self._bias(Surroundings(force, temperature_offset))
         else:
@@ -132,11 +161,11 @@ class Triad:
             bias = self._with_jumps(first, bias, faults)
         reading += bias
         if additions is None:
-            noise = self._white.next(count, temperature_offset)
+            noise = self._white.next(len(reading), temperature_offset)
         else:
             noise = additions.noise
         if noise is None:
-            noise = _constant(0.0, count)
+            noise = _constant(0.0, reading.shape)
         else:
             reading += noise
         low_pass = self._filtered(reading)
@@ -147,7 +176,7 @@ class Triad:
                 for values in (reading, bias, scale, noise, response_error, low_pass)
             )
         if vibration is None:
-            vibration = _constant(0.0, len(reading))
+            vibration = _constant(0.0, reading.shape)
         else:
             reading += vibration
         self._output(first, reading, faults)
@@ -156,7 +185,7 @@ class Triad:
     def _filtered(self, reading: Array) -> Array:
         """Apply the low-pass to readings (n, 3) in place; return what it adds."""
         if not self._low_pass.active:
-            return _constant(0.0, len(reading))
+            return _constant(0.0, reading.shape)
         before = np.copy(reading)
         self._low_pass.apply(reading)
         return np.subtract(reading, before, out=before)
@@ -177,45 +206,50 @@ class Triad:
         """Whether a bias depends on the readings, so that nothing can be computed before them."""
         return any(isinstance(term, ShockBias) for term in self._board_terms)
 
-    def precompute(self, temperature_offset: Array) -> Additions:
+    def precompute(self, temperature_offset: Array, units: Units = ...) -> Additions:
         """Return what the next n samples of a sensor that is not oversampled get.
 
-        :param temperature_offset: (n,) temperature above the reference [K].
+        :param temperature_offset: (n, ...) temperature above the reference [K].
+        :param units: those of a batch whose samples these are.
         """
-        count = len(temperature_offset)
-        scale = self._scale(temperature_offset)
-        bias = self._bias(Surroundings(_constant(0.0, count), temperature_offset))
-        noise = self._white.next(count, temperature_offset)
-        return Additions(scale, bias, _constant(0.0, count) if noise is None else noise)
+        shape = (*temperature_offset.shape, 3)
+        scale = self._scale(temperature_offset, units)
+        bias = self._bias(Surroundings(_constant(0.0, shape), temperature_offset), units)
+        noise = self._white.next(shape[0], temperature_offset, units)
+        return Additions(scale, bias, _constant(0.0, shape) if noise is None else noise)
 
-    def _scale(self, temperature_offset: Array) -> Array | None:
-        """Return the scale by temperature, turn-on and age (n, 3); None if it is 1."""
-        thermal = polynomial(self._parameters.temperature_scale, temperature_offset)
-        n = len(temperature_offset)
+    def _scale(self, temperature_offset: Array, units: Units = ...) -> Array | None:
+        """Return the scale by temperature, turn-on and age (n, ..., 3); None if it is 1."""
+        if is_constant(temperature_offset) and self._ageing_scale is None:
+            once = self._scale(temperature_offset[:1], units)
+            return None if once is None else np.broadcast_to(once, (*temperature_offset.shape, 3))
+        coefficients = np.asarray(self._parameters.temperature_scale)
+        thermal = polynomial(coefficients[units], temperature_offset)
         if self._ageing_scale is not None:
-            seconds = np.arange(self._done, self._done + n) * self._dt
-            drift = self._ageing_scale * aged(self._age_days, seconds)[:, None]
+            seconds = next_numbers(self._done, len(temperature_offset), units) * self._dt
+            drift = self._ageing_scale[units] * aged(self._age_days, seconds)[..., None]
             thermal = drift if thermal is None else thermal + drift
-        self._done += n
-        drawn = self._turn_on_scale
+        drawn = None if self._turn_on_scale is None else self._turn_on_scale[units]
         if thermal is None:
-            return None if drawn is None else np.broadcast_to(drawn, (n, 3))
+            shape = (*temperature_offset.shape, 3)
+            return None if drawn is None else np.broadcast_to(drawn, shape)
         thermal += 1.0 if drawn is None else drawn
         return thermal
 
-    def _bias(self, surroundings: Surroundings) -> Array:
-        """Return the sum of all biases (n, 3) but for those of faults."""
+    def _bias(self, surroundings: Surroundings, units: Units = ...) -> Array:
+        """Return the sum of all biases (n, ..., 3) but for those of faults."""
         offset = surroundings.temperature_offset
-        bias = polynomial(self._parameters.temperature_bias, offset)
-        if bias is None:
-            bias = empty((len(offset),))
-            bias[...] = 0.0
+        bias = series(offset.shape)
+        once = offset[:1] if is_constant(offset) else offset
+        thermal = polynomial(np.asarray(self._parameters.temperature_bias)[units], once)
+        if thermal is not None:
+            bias += thermal
         if self._turn_on_bias is not None:
-            bias += self._turn_on_bias
+            bias += self._turn_on_bias[units]
         for term in self._active_terms:
-            term.add_to(bias)
+            term.add_to(bias, units)
         for board_term in self._board_terms:
-            board_term.add_to(bias, surroundings)
+            board_term.add_to(bias, surroundings, units)
         return bias
 
     def _with_jumps(self, first: int, bias: Array, faults: FaultSchedule) -> Array:
@@ -229,7 +263,12 @@ class Triad:
         return bias + np.repeat(jumps, self._ratio, axis=0)
 
 
+def is_constant(values: Array) -> bool:
+    """Return whether values (n, ...) are one that stands for all times."""
+    return len(values) > 1 and values.strides[0] == 0
+
+
 @lru_cache(maxsize=8)
-def _constant(value: float, count: int) -> Array:
-    """Return an error (count, 3) that a triad does not have; read-only, and without memory."""
-    return np.broadcast_to(value, (count, 3))
+def _constant(value: float, shape: tuple[int, ...]) -> Array:
+    """Return an error (n, ..., 3) that a triad does not have; read-only, and without memory."""
+    return np.broadcast_to(value, shape)

@@ -38,9 +38,7 @@ class Receiver(SensorModel):
         self._environment = environment
         self._earth = CurvedEarth(environment)
         self._white = axis_generators(seed, f"{name}.white_noise")
-        self._slow = GaussMarkovBank(
-            axis_generators(seed, f"{name}.gauss_markov"), np.full((3, 1), p.correlation_time), dt
-        )
+        self._slow = GaussMarkovBank(seed, f"{name}.gauss_markov", p.correlation_time, dt)
         self._steps = axis_generators(seed, f"{name}.random_walk")
         self._walked = np.zeros((1, 3))
         self._of_velocity = axis_generators(seed, f"{name}.velocity")

@@ -13,7 +13,13 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.random_streams import axis_generators, generator
+from imu_sim_ros.random_streams import (
+    Seed,
+    Units,
+    axis_generators,
+    generator,
+)
+from imu_sim_ros.sensors.errors.processes import next_numbers
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.types import Array
 
@@ -35,26 +41,37 @@ class Surroundings(NamedTuple):
 class BoardTerm(Protocol):
     """A bias that depends on what has happened to the board so far."""
 
-    def add_to(self, values: Array, surroundings: Surroundings) -> None:
-        """Add the next n readings' bias to values (n, 3)."""
+    def add_to(self, values: Array, surroundings: Surroundings, units: Units = ...) -> None:
+        """Add the bias of the next n readings of some units to values (n, ..., 3)."""
+
+    def begin(self, units: Units) -> None:
+        """Let some units of a batch begin again."""
 
 
-def board_terms(seed: int, triad: str, imu: ImuParameters, dt: float) -> tuple[BoardTerm, ...]:
+class _OfOneUnit:
+    """A term that a batch does not have."""
+
+    def begin(self, units: Units) -> None:
+        """Do nothing: there is no batch."""
+
+
+def board_terms(seed: Seed, triad: str, imu: ImuParameters, dt: float) -> tuple[BoardTerm, ...]:
     """Return those of a triad's terms that are not off.
 
     :param dt: time between two readings [s].
     """
     own = imu.triad(triad)
     terms: list[BoardTerm] = []
-    if any(own.temperature_hysteresis):
+    if np.any(own.temperature_hysteresis):
         width = np.asarray(own.temperature_hysteresis)
         terms.append(TemperatureHysteresis(width, imu.hysteresis_temperature))
-    if any(own.ageing_bias):
-        terms.append(Ageing(np.asarray(own.ageing_bias), imu.age_days, dt))
-    if any(own.stress_step_sigma):
+    if np.any(own.ageing_bias):
+        strength = np.asarray(own.ageing_bias)
+        terms.append(Ageing(strength, imu.age_days, dt, np.shape(seed)))
+    if np.any(own.stress_step_sigma):
         sigma = np.asarray(own.stress_step_sigma)
         terms.append(StressSteps(seed, triad, sigma, imu.stress_step_rate * dt))
-    if any(own.shock_bias_sigma):
+    if np.any(own.shock_bias_sigma):
         terms.append(ShockBias(seed, triad, imu, dt))
     return tuple(terms)
 
@@ -74,23 +91,26 @@ def aged(age_days: float, seconds: NDArray[np.floating[Any]]) -> Array:
 class Ageing:
     """Drift with age: ``b = A log10(1 + days)``."""
 
-    def __init__(self, strength: Array, age_days: float, dt: float) -> None:
+    def __init__(self, strength: Array, age_days: float, dt: float, shape: tuple[int, ...]) -> None:
         """Start at an age.
 
-        :param strength: (3,) A.
+        :param strength: (..., 3) A.
+        :param shape: () or the (count,) of a batch.
         """
         self._strength, self._age_days, self._dt = strength, age_days, dt
-        self._done = 0
+        self._done = np.zeros(shape, np.int64)
 
-    def add_to(self, values: Array, surroundings: Surroundings) -> None:
-        """Add the next n readings' bias to values (n, 3)."""
-        n = len(values)
-        seconds = np.arange(self._done, self._done + n) * self._dt
-        values += self._strength * aged(self._age_days, seconds)[:, None]
-        self._done += n
+    def begin(self, units: Units) -> None:
+        """Let some units of a batch begin again."""
+        self._done[units] = 0
+
+    def add_to(self, values: Array, surroundings: Surroundings, units: Units = ...) -> None:
+        """Add the bias of the next n readings of some units to values (n, ..., 3)."""
+        seconds = next_numbers(self._done, len(values), units) * self._dt
+        values += self._strength[units] * aged(self._age_days, seconds)[..., None]
 
 
-class TemperatureHysteresis:
+class TemperatureHysteresis(_OfOneUnit):
     """Bias that depends on whether the sensor is heating or cooling.
 
     ``b = (W / 2) s`` with ``ds = (+1 - s) dT / D`` while heating and ``ds = (-1 - s) |dT| / D``
@@ -109,7 +129,7 @@ class TemperatureHysteresis:
         self._last = math.nan
         self._turned_at = self._s_there = 0.0
 
-    def add_to(self, values: Array, surroundings: Surroundings) -> None:
+    def add_to(self, values: Array, surroundings: Surroundings, units: Units = ...) -> None:
         """Add the next n readings' bias to values (n, 3)."""
         temperature = np.round(surroundings.temperature_offset, _TEMPERATURE_DIGITS)
         if len(temperature) == 0:
@@ -143,7 +163,7 @@ class TemperatureHysteresis:
             yield slice(begin, end), float(direction[begin])
 
 
-class StressSteps:
+class StressSteps(_OfOneUnit):
     """Jumps of the bias at random times, when stress in the board is relieved.
 
     A Poisson process for the whole board, so that both triads jump at the same times; each axis by
@@ -167,7 +187,7 @@ class StressSteps:
         self._reached += self._times.exponential() / self._mean
         return math.ceil(self._reached)
 
-    def add_to(self, values: Array, surroundings: Surroundings) -> None:
+    def add_to(self, values: Array, surroundings: Surroundings, units: Units = ...) -> None:
         """Add the next n readings' bias to values (n, 3)."""
         first, end = self._done, self._done + len(values)
         while first < end:
@@ -180,7 +200,7 @@ class StressSteps:
         self._done = end
 
 
-class ShockBias:
+class ShockBias(_OfOneUnit):
     """A bias that each shock leaves, and that decays: ``b_k = exp(-dt / tau) b_(k-1) + jump``.
 
     A shock begins where the specific force rises above the threshold.
@@ -198,7 +218,7 @@ class ShockBias:
         self._state = np.zeros((1, 3))
         self._above = False
 
-    def add_to(self, values: Array, surroundings: Surroundings) -> None:
+    def add_to(self, values: Array, surroundings: Surroundings, units: Units = ...) -> None:
         """Add the next n readings' bias to values (n, 3)."""
         if len(values) == 0:
             return

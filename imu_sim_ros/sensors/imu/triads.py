@@ -284,11 +284,15 @@ class TriadParameters:
     )
 
     def response(self) -> Array:
-        """Return S (3, 3), whether given as a matrix or in percent (lecture eq. 7)."""
-        xy, xz, yx, yz, zx, zy = self.misalignment_percent
-        percent = np.array([[0.0, xy, xz], [yx, 0.0, yz], [zx, zy, 0.0]])
-        percent += np.diag(self.scale_error_percent)
-        return np.reshape(self.scale_misalignment, (3, 3)) + 0.01 * percent
+        """Return S (3, 3), whether given as a matrix or in percent (lecture eq. 7).
+
+        The parameters of a batch have a leading axis, and so has S then.
+        """
+        percent = np.zeros((*np.shape(self.misalignment_percent)[:-1], 3, 3))
+        percent[..., ~np.eye(3, dtype=bool)] = self.misalignment_percent
+        percent[..., range(3), range(3)] = self.scale_error_percent
+        matrix = np.reshape(self.scale_misalignment, percent.shape)
+        return np.asarray(matrix + 0.01 * percent)
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield a line for each contradiction between parameters."""

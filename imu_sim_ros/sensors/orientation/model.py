@@ -44,15 +44,9 @@ class ModelledOrientation:
         self._noise = np.array(p.noise)
         self._streams = axis_generators(seed, "orientation.noise")
         self._drift_sigma = np.array(p.drift_sigma)
-        self._drift = GaussMarkovBank(
-            axis_generators(seed, "orientation.drift"), np.full((3, 1), p.drift_time), dt
-        )
+        self._drift = GaussMarkovBank(seed, "orientation.drift", p.drift_time, dt)
         self._per_acceleration = np.array(p.acceleration_sensitivity)
-        self._dynamic = GaussMarkovBank(
-            axis_generators(seed, "orientation.acceleration"),
-            np.full((3, 1), p.acceleration_time),
-            dt,
-        )
+        self._dynamic = GaussMarkovBank(seed, "orientation.acceleration", p.acceleration_time, dt)
 
     def next(self, block: ImuBlock, q_wi: Array) -> tuple[Array, Array]:
         """Return orientations (n, 4) and the variances of their errors (n, 3) [rad^2].
