@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.errors import InputError as InputError
     from imu_sim_ros.errors import MissingDependencyError as MissingDependencyError
     from imu_sim_ros.jobs.add_errors import ErrorModel as ErrorModel
+    from imu_sim_ros.jobs.add_errors import ErrorModelBatch as ErrorModelBatch
     from imu_sim_ros.jobs.add_errors import add_errors as add_errors
     from imu_sim_ros.jobs.add_errors import from_sdf as from_sdf
     from imu_sim_ros.jobs.add_errors_files import ErrorsAdded as ErrorsAdded
@@ -120,7 +121,7 @@ _HOMES = {
         *("ArgumentTypeError", "ConfigurationError", "ImuSimError", "InputError"),
         "MissingDependencyError",
     ],
-    "jobs.add_errors": ["ErrorModel", "add_errors", "from_sdf"],
+    "jobs.add_errors": ["ErrorModel", "ErrorModelBatch", "add_errors", "from_sdf"],
     "jobs.add_errors_files": ["ErrorsAdded", "add_errors_to_file"],
     "jobs.allan": ["Estimated", "Noise", "TriadNoise", "allan"],
     "jobs.attitude": ["AttitudeEvaluation"],

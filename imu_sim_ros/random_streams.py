@@ -149,7 +149,7 @@ class Streams:
         self._draw = getattr(Generator(bits), numbers)
         words = (ctypes.c_uint64 * 4).from_address(bits.ctypes.state_address)
         self._state = memoryview(words).cast("B")
-        self._kept = memoryview(self._states.reshape(-1)).cast("B")
+        self._kept = self._states.reshape(-1).data.cast("B")
         offsets = np.arange(0, self._states.nbytes, _BYTES)
         self._offsets = offsets.reshape(self._states.shape[:-1])
 
@@ -162,7 +162,7 @@ class Streams:
         offsets = self._offsets[units][..., axes]
         numbers = np.empty((*offsets.shape, count))
         state, kept, draw = self._state, self._kept, self._draw
-        rows = numbers.reshape(-1, count)
+        rows = numbers.reshape(offsets.size, count)
         for begin, own in zip(offsets.ravel().tolist(), rows, strict=True):
             state[:] = kept[begin : begin + _BYTES]
             draw(out=own)

@@ -331,16 +331,16 @@ class ErrorModelBatch:
         if orientation is not None:
             q_wb = arguments.array("orientation", orientation, (self.count, 4), finite=False)
         rates, forces = np.array(rates, order="F"), np.array(forces, order="F")
-        sound = (gate.RATE.largest >= np.abs(rates).T) & (gate.FORCE.largest >= np.abs(forces).T)
-        held = ~sound.all(axis=0)
+        held = _impossible(rates, gate.RATE) | _impossible(forces, gate.FORCE)
         if q_wb is not None:
             held |= ~(np.abs(np.linalg.norm(q_wb, axis=1) - 1.0) < gate.UNIT_TOLERANCE)
         given = self._conventions.apply(GivenReadings(single, rates, forces, q_wb))
         rates, forces = given.gyro, given.accel
         if held.any():
-            rates[held], forces[held] = self._last[:, held]
+            for now, last in zip((rates, forces), self._last, strict=True):
+                now[held] = last[held]
             self._tell(np.flatnonzero(held))
-        self._last = np.stack([rates, forces])
+        self._last = rates, forces
         return self._batch.read(t_ns, rates, forces, held)
 
     def _tell(self, units: Integers) -> None:

@@ -96,7 +96,7 @@ def unit_terms(setting: Setting, rng: np.random.Generator) -> Iterator[Array]:
     rate, dt = setting.rate, 1.0 / setting.rate
     total = round(setting.hours * HOUR * rate)
     exact = exact_flicker(total, rng, rate) if setting.generator == "exact" else None
-    flicker = FlickerNoise([rng], dt)
+    flicker = FlickerNoise(int(rng.integers(2**62)), "flicker", dt)
     sections = butter(2, CUTOFF, fs=rate, output="sos") if setting.low_pass else None
     state, walk, angle = None, 0.0, rng.uniform(-0.5, 0.5)
     for first in range(0, total, _BLOCK):
@@ -105,7 +105,7 @@ def unit_terms(setting: Setting, rng: np.random.Generator) -> Iterator[Array]:
         y = np.empty((5, n))
         y[0] = np.sqrt(12.0) * rate * np.diff(angles, prepend=angle)
         y[1] = np.sqrt(rate) * rng.standard_normal(n)
-        y[2] = exact[first : first + n] if exact is not None else flicker.next_block(n)[0]
+        y[2] = exact[first : first + n] if exact is not None else flicker.next_block(n)[:, 0]
         y[3] = walk + np.sqrt(dt) * np.cumsum(rng.standard_normal(n))
         y[4] = dt * np.arange(first, first + n)
         walk, angle = y[3, -1], angles[-1]

@@ -150,8 +150,7 @@ def test_gauss_markov_starts_in_its_stationary_distribution(seconds: float) -> N
     """Of 900 runs: first sample, and sample 100, have variance 1."""
     starts = []
     for seed in range(300):
-        streams = axis_generators(seed, "test")
-        starts.append(GaussMarkovBank(streams, np.full((3, 1), seconds), 0.01).next_block(101).T)
+        starts.append(GaussMarkovBank(seed, "test", seconds, 0.01).next_block(101).T)
     values = np.array(starts)[:, :, [0, 100]]
     assert np.abs(values.var(axis=(0, 1)) - 1.0).max() < 5.0 * np.sqrt(2.0 / 900)
 
@@ -159,7 +158,7 @@ def test_gauss_markov_starts_in_its_stationary_distribution(seconds: float) -> N
 def test_gauss_markov_agrees_with_the_plain_recurrence() -> None:
     """The scan's values, fed back as steps into one loop of plain floats, come out again."""
     tau, dt = 0.05, 0.01
-    bank = GaussMarkovBank(axis_generators(1, "test"), np.full((3, 1), tau), dt)
+    bank = GaussMarkovBank(1, "test", tau, dt)
     values = bank.next_block(3000).T
     phi = np.exp(-dt / tau)
     steps = (values[:, 1:] - phi * values[:, :-1]).tolist()
@@ -202,7 +201,7 @@ def test_flicker_is_stationary_from_the_start() -> None:
     covariance = 1.0 / (1.0 - np.outer(design.poles, design.poles))
     variance = design.gains @ covariance @ design.gains
     variance += design.direct**2 + 2.0 * design.direct * design.gains.sum()
-    runs = [FlickerNoise(axis_generators(s, "test"), 0.01).next_block(301).T for s in range(300)]
+    runs = [FlickerNoise(s, "test", 0.01).next_block(301).T for s in range(300)]
     values = np.array(runs)[:, :, [0, 300]]
     assert np.abs(values.var(axis=(0, 1)) / variance - 1.0).max() < 5.0 * np.sqrt(2.0 / 900)
 
@@ -211,7 +210,7 @@ def test_flicker_agrees_with_the_plain_recursions() -> None:
     """The scan against one loop over the filter's recursions, past rows and chunks."""
     design = FlickerFilter.design(0.01)
     n = FLICKER_CHUNK + 100
-    values = FlickerNoise(axis_generators(1, "test"), 0.01).next_block(n)[:, 0]
+    values = FlickerNoise(1, "test", 0.01).next_block(n)[:, 0]
     stream = axis_generators(1, "test")[0]
     covariance = 1.0 / (1.0 - np.outer(design.poles, design.poles))
     state = np.linalg.cholesky(covariance) @ stream.standard_normal(len(design.poles))
@@ -246,7 +245,7 @@ def test_bias_instability(rate: float) -> None:
 
 
 def test_rate_ramp() -> None:
-    ramp = draw(RateRamp(0.01), gyroscope(rate_ramp=[1e-6, 0.0, -2e-6]), count=100_001)
+    ramp = draw(RateRamp((), 0.01), gyroscope(rate_ramp=[1e-6, 0.0, -2e-6]), count=100_001)
     assert ramp[:, -1] == pytest.approx([1e-3, 0.0, -2e-3], rel=1e-12)
     # Allan deviation R tau / sqrt(2).
     assert np.sqrt(allan_variance(ramp[[0, 0, 0]], 1000)) == pytest.approx(

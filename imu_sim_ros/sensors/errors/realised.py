@@ -81,7 +81,7 @@ def unit_of_seed(parameters: TriadParameters, triad: str, seed: Seed) -> TriadPa
 
 def _unit_of(parameters: TriadParameters, triad: str, seed: Seed) -> TriadParameters:
     p: TriadParameters = with_constants(parameters, triad, seed)
-    if not np.any(p.misalignment_sigma):
+    if not (np.ndim(seed) or np.any(p.misalignment_sigma)):
         return p
     matrix = p.response()
     own = np.moveaxis(Streams(seed, f"{triad}.misalignment").next(2), 0, -1)

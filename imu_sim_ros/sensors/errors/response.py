@@ -14,7 +14,7 @@ from imu_sim_ros.rotation import transform
 from imu_sim_ros.sensors.environment import TemperatureParameters
 from imu_sim_ros.sensors.errors.processes import series
 from imu_sim_ros.sensors.imu.triads import TriadParameters
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Mask
 
 
 class Response:
@@ -277,7 +277,7 @@ class Digitiser:
 
     def __init__(self) -> None:
         self._step, self._most = np.ones(3), np.full(3, np.inf)
-        self._rounded: Array | bool = False
+        self._rounded: Mask | bool = False
         self._limited = False
 
     def configure(self, parameters: TriadParameters) -> None:

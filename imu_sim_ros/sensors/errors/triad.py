@@ -111,7 +111,9 @@ class Triad:
         if unit is not None:
             for name, value in vars(self._parameters).items():
                 if isinstance(value, np.ndarray) and value.flags.writeable:
-                    value[units] = getattr(unit, name)
+                    own_value = np.asarray(getattr(unit, name))
+                    value[units] = 0.0  # powers of the temperature that these units do not have
+                    value[units, : own_value.shape[-1]] = own_value
             self.take(self._parameters)
         turn_on = TurnOn(np.asarray(self._seed)[units], self._triad, own)
         if self._turn_on_bias is not None:

@@ -32,7 +32,7 @@ from imu_sim_ros.types import Array, Integers, Mask
 RESTARTS: Final = ("same_seed", "same_unit", "next_seed")
 AHEAD: Final = CHUNK
 """Samples of a unit whose noise is made at once."""
-_AT_ONCE: Final = 256
+_AT_ONCE: Final = 128
 """Units for which that is done together: their arrays stay in the processor's cache."""
 _COMMON: Final = ("bandwidth",)
 """Parameters of a triad that all units share."""

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.conventions import TRIADS, Vector
-from imu_sim_ros.random_streams import axis_generators, generator
+from imu_sim_ros.random_streams import Units, axis_generators, generator
 from imu_sim_ros.rotation import empty
 from imu_sim_ros.sensors.errors.processes import ChunkedProcess
 from imu_sim_ros.sensors.imu.parameters import BoardVibrationParameters
@@ -46,9 +46,11 @@ class BandNoise(ChunkedProcess):
         :param rate: samples per second [Hz].
         """
         frame = min(1 << int(np.ceil(np.log2(max(_FRAME * rate, 64.0)))), _LONGEST)
-        streams = [s for t in TRIADS for s in axis_generators(seed, f"{t}.vehicle_vibration")]
         self._all = _AXES * parameters.ranges
-        super().__init__(streams, frame // 2, self._all)
+        super().__init__(frame // 2, (self._all,))
+        self._streams = [
+            stream for t in TRIADS for stream in axis_generators(seed, f"{t}.vehicle_vibration")
+        ]
         frequency = np.arange(1, frame // 2) * rate / frame
         band = np.searchsorted(parameters.band_low, frequency, side="right") - 1
         inside = band >= 0
@@ -76,7 +78,7 @@ class BandNoise(ChunkedProcess):
                 result[part] = np.fft.irfft(spectrum, self._frame, axis=1) * self._window
         return result
 
-    def _make_chunks(self, count: int) -> Array:
+    def _make_chunks(self, count: int, units: Units) -> Array:
         half = self._frame // 2
         values = np.empty((self._all, count * half))
         for first in range(0, count * half, half):

@@ -1,0 +1,101 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Processor time and memory of many sensors at once, next to white noise in NumPy and Gymnasium.
+
+python test/bench/bench_batch.py [--json]
+"""
+
+import argparse
+import json
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+import imu_sim_ros as ims
+from imu_sim_ros.sensors.imu.batch import AHEAD
+
+COUNT = 4096
+IMUS = ("perfect", "bmi088", "mpu6000")
+
+
+def best(work: Callable[[], object], steps: int, times: int = 5) -> float:
+    """Return the shortest processor time of an environment and step [us]."""
+    found = []
+    for _ in range(times):
+        begin = time.process_time()
+        work()
+        found.append(time.process_time() - begin)
+    return min(found) / steps / COUNT * 1e6
+
+
+def resident() -> int:
+    """Return the memory of this process [bytes]."""
+    with open("/proc/self/statm", encoding="ascii") as file:
+        return int(file.read().split()[1]) * 4096
+
+
+def batch(imu: str) -> tuple[float, float]:
+    """Return the time of an environment and step [us], and the memory of an environment [kB]."""
+    gyro, accel = np.zeros((COUNT, 3)), np.tile([0.1, 0.2, 9.81], (COUNT, 1))
+    before = resident()
+    model = ims.ErrorModel(imu=imu, rate=200, seed=1, count=COUNT)
+
+    def steps() -> None:
+        for k in range(AHEAD):
+            model.read(k, gyro, accel)
+
+    cost = best(steps, AHEAD)
+    return cost, (resident() - before) / COUNT * 1e-3
+
+
+def white() -> float:
+    """Return the time of six normal numbers, scaled and added [us]."""
+    rng, readings = np.random.default_rng(1), np.zeros((COUNT, 6))
+
+    def steps() -> None:
+        for _ in range(AHEAD):
+            readings + 0.01 * rng.standard_normal((COUNT, 6))
+
+    return best(steps, AHEAD)
+
+
+def cart_poles() -> float | None:
+    """Return the time of Gymnasium's vectorised step, a cart and pole [us]; None: not here."""
+    try:
+        import gymnasium
+    except ImportError:
+        return None
+    environments = gymnasium.make_vec("CartPole-v1", COUNT, vectorization_mode="vector_entry_point")
+    environments.reset(seed=1)
+    actions = np.zeros(COUNT, dtype=np.int64)
+
+    def steps() -> None:
+        for _ in range(10):
+            environments.step(actions)
+
+    return best(steps, 10)
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    found = {"white_us": white(), "cart_pole_us": cart_poles()}
+    for imu in IMUS:
+        found[f"{imu}_us"], found[f"{imu}_kb"] = batch(imu)
+    if options.json:
+        print(json.dumps(found))
+        return
+    print(f"{COUNT} environments, processor time of one and a step")
+    print(f"white noise in NumPy: {found['white_us']:.3f} us")
+    if found["cart_pole_us"] is not None:
+        print(f"Gymnasium's vectorised CartPole: {found['cart_pole_us']:.3f} us")
+    for imu in IMUS:
+        print(f"{imu}: {found[f'{imu}_us']:.3f} us, {found[f'{imu}_kb']:.1f} kB an environment")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,267 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Many sensors at once: each is the one of its seed, bit for bit; their statistics; bad input."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import imu_sim_ros as ims
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.random_streams import Streams, axis_generators
+from imu_sim_ros.sensors.imu.batch import BatchSamples
+
+RATE, COUNT, STEPS = 200.0, 5, 300
+"""Steps over two chunks of noise."""
+RNG = np.random.default_rng(7)
+GYRO = RNG.normal(size=(STEPS, COUNT, 3))
+ACCEL = 4.0 * RNG.normal(size=(STEPS, COUNT, 3)) + [0.0, 0.0, 9.81]
+TERMS: dict[str, Any] = {
+    "gyroscope_noise_density": [0.01, 0.0, 0.02],
+    "gyroscope_noise_correlation": [0.3, 0.2, -0.1],
+    "gyroscope_noise_temperature_coefficient": 0.01,
+    "gyroscope_random_walk": [0.0, 1e-3, 1e-3],
+    "gyroscope_gauss_markov_sigma": 0.01,
+    "gyroscope_correlation_time": 0.3,
+    "gyroscope_bias_instability": 1e-3,
+    "gyroscope_rate_ramp": 1e-4,
+    "gyroscope_bias": [0.1, -0.2, 0.3],
+    "gyroscope_g_sensitivity_sigma": 1e-3,
+    "gyroscope_quadratic_sigma": 1e-3,
+    "gyroscope_misalignment_sigma": 0.01,
+    "gyroscope_turn_on_bias_sigma": 0.01,
+    "gyroscope_turn_on_scale_sigma": 0.01,
+    "gyroscope_temperature_bias": [1e-3, 2e-3, 3e-3, 1e-5, 2e-5, 3e-5],
+    "gyroscope_temperature_scale_sigma": 1e-3,
+    "gyroscope_ageing_scale": 1e-3,
+    "gyroscope_ageing_bias": 1e-3,
+    "gyroscope_range": 3.0,
+    "gyroscope_resolution": [1e-3, 0.0, 1e-3],
+    "accelerometer_noise_density": 0.01,
+    "accelerometer_bandwidth": [40.0, 40.0, 60.0],
+    "accelerometer_scale_error_percent": [1.0, 2.0, 3.0],
+    "accelerometer_bias_instability": [1e-3, 0.0, 1e-3],
+    "accelerometer_range": 20.0,
+}
+SHOCKS = {"gyroscope_shock_bias_sigma": 0.1, "shock_threshold": 50.0}
+CASES: dict[str, dict[str, Any]] = {
+    "bmi088": {"imu": "bmi088"},
+    "mpu6000": {"imu": "mpu6000"},
+    "every term": {"imu": TERMS},
+    "warming": {"imu": "bmi088", "temperature": {"profile": [0.0, 20.0, 1.0, 40.0]}},
+    "axes": {"imu": "bmi088", "input": {"axes": "frd"}},
+}
+ERRORS = [name for name in BatchSamples._fields if name not in ("t_ns", "held")]
+
+
+def steps(model: Any, gyro: np.ndarray = GYRO, accel: np.ndarray = ACCEL) -> list[BatchSamples]:
+    return [
+        model.read(k * 5_000_000, *pair) for k, pair in enumerate(zip(gyro, accel, strict=True))
+    ]
+
+
+def assert_same(samples: list[BatchSamples], unit: int, single: Any, begin: int = 0) -> None:
+    """Compare one unit from a step on with the one sensor that starts there."""
+    rows = slice(begin, begin + len(samples))
+    t_ns = np.arange(len(samples)) * 5_000_000
+    block = single.read(t_ns, GYRO[rows, unit], ACCEL[rows, unit])
+    for name in ERRORS:
+        mine = np.array([getattr(sample, name)[unit] for sample in samples])
+        np.testing.assert_array_equal(mine, getattr(block, name), err_msg=f"{unit} {name}")
+
+
+def test_streams_of_many_seeds_are_the_generators_of_each() -> None:
+    seeds = np.array([0, 1, 2**31, 2**40 + 3, 2**63 - 1])
+    streams = Streams(seeds, "a.source", "another")
+    first, some = streams.next(7), streams.next(5, np.array([1, 3]), [0, 4])
+    for unit, seed in enumerate(seeds.tolist()):
+        plain = [*axis_generators(seed, "a.source"), *axis_generators(seed, "another")]
+        for axis, generator in enumerate(plain):
+            np.testing.assert_array_equal(first[:, unit, axis], generator.standard_normal(7))
+            if unit in (1, 3) and axis in (0, 4):
+                own = some[:, (unit - 1) // 2, axis // 4]
+                np.testing.assert_array_equal(own, generator.standard_normal(5))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_each_environment_is_the_sensor_of_its_seed(name: str) -> None:
+    given = {"rate": RATE, **CASES[name]}
+    samples = steps(ims.ErrorModel(count=COUNT, seed=3, **given))
+    for unit in range(COUNT):
+        assert_same(samples, unit, ims.ErrorModel(seed=3 + unit, **given))
+
+
+def test_each_environment_has_its_preset() -> None:
+    presets = ["bmi088", "mpu6000", "perfect"]
+    changed = {"accelerometer_bandwidth": 0.0, "gyroscope_bandwidth": 0.0}
+    each = [{"preset": name, **changed} for name in presets]
+    each[2] |= {"gyroscope_scale_error_percent": 1.0, "gyroscope_misalignment_percent": [0.1] * 6}
+    model = ims.ErrorModel(imu=each, rate=RATE, seed=3, count=COUNT)
+    samples = steps(model)
+    for unit in range(COUNT):
+        assert_same(samples, unit, ims.ErrorModel(imu=each[unit % 3], rate=RATE, seed=3 + unit))
+    model.reset(np.arange(COUNT) == 2)  # of the preset that has nothing to draw
+    model.reset(np.arange(COUNT) == 3)
+    again = steps(model, GYRO[:9], ACCEL[:9])
+    for unit in (2, 3):
+        seed = 3 + unit + COUNT
+        assert_same(again, unit, ims.ErrorModel(imu=each[unit % 3], rate=RATE, seed=seed))
+
+
+SPREAD = {
+    "gyroscope_noise_density": ("uniform", [1e-4, 2e-4, 3e-4], 4e-4),
+    "accelerometer_bias": ("gaussian", 0.2),
+    "gyroscope_resolution": ("uniform", 1e-4, 1e-3),
+}
+
+
+def test_a_spread_unit_can_be_made_alone() -> None:
+    model = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3, count=COUNT, spread=SPREAD)
+    samples = steps(model)
+    for unit in range(COUNT):
+        given = model.unit(unit)
+        assert given["seed"] == 3 + unit
+        assert set(given["imu"]) >= set(SPREAD)
+        alone = {"preset": "bmi088", **given["imu"]}
+        assert_same(samples, unit, ims.ErrorModel(imu=alone, rate=RATE, seed=given["seed"]))
+
+
+def test_spreads_have_their_distributions() -> None:
+    """Of 3,000 numbers each: mean within 5 sigma / sqrt(n), deviation within 5 / sqrt(2 n)."""
+    model = ims.ErrorModel(imu="perfect", rate=RATE, seed=0, count=1000, spread=SPREAD)
+    own = model._batch._parameters(slice(None))
+    n = 3000
+    bias = own["accelerometer"].bias
+    assert abs(bias.mean()) < 5.0 * 0.2 / np.sqrt(n)
+    assert bias.std() / 0.2 == pytest.approx(1.0, abs=5.0 / np.sqrt(2 * n))
+    low = np.array([1e-4, 2e-4, 3e-4])
+    share = (own["gyroscope"].noise_density - low) / (4e-4 - low)
+    assert 0.0 <= share.min() < 0.01
+    assert 0.99 < share.max() <= 1.0
+    assert share.mean() == pytest.approx(0.5, abs=5.0 / np.sqrt(12 * n))
+    correlation = np.corrcoef(np.concatenate([share, bias], axis=1).T) - np.eye(6)
+    assert np.abs(correlation).max() < 5.0 / np.sqrt(1000)
+
+
+@pytest.mark.parametrize("name", ["bmi088", "every term"])
+def test_environments_begin_again_as_they_are_asked_to(name: str) -> None:
+    """At step 50 some begin as the next unit, at 130 others with the same seed."""
+    given = {"rate": RATE, **CASES[name]}
+    model = ims.ErrorModel(count=COUNT, seed=3, **given)
+    samples = steps(model, GYRO[:50], ACCEL[:50])
+    model.reset(np.array([True, False, False, True, False]))
+    samples += steps(model, GYRO[50:130], ACCEL[50:130])
+    model.reset(np.array([False, True, False, False, False]), "same_seed")
+    samples += steps(model, GYRO[130:], ACCEL[130:])
+    assert model.seeds.tolist() == [3 + COUNT, 4, 5, 6 + COUNT, 7]
+    for unit, begin, seed in ((0, 50, 3 + COUNT), (3, 50, 6 + COUNT), (1, 130, 4), (2, 0, 5)):
+        assert_same(samples[begin:], unit, ims.ErrorModel(seed=seed, **given), begin)
+
+
+def test_the_same_unit_keeps_its_calibration_and_gets_new_noise() -> None:
+    model = ims.ErrorModel(imu=TERMS, rate=RATE, seed=3, count=COUNT)
+    still = np.zeros((COUNT, 3))
+    first = model.read(0, still, still)
+    before = model._batch._triads["gyroscope"]._parameters.quadratic.copy()
+    model.reset(restart="same_unit")
+    second = model.read(0, still, still)
+    np.testing.assert_array_equal(model._batch._triads["gyroscope"]._parameters.quadratic, before)
+    assert not (first.gyro_bias == second.gyro_bias).any()  # turn-on and noise
+    with pytest.raises(ConfigurationError, match="did not begin again as the same unit"):
+        model.unit(0)
+    model.reset(restart="next_seed")
+    after = model._batch._triads["gyroscope"]._parameters.quadratic
+    assert not (after == before).any()
+
+
+def test_statistics_over_environments() -> None:
+    """White noise sigma^2 rate, a walk sigma^2 t, turn-on sigma^2, over 1,500 units of three axes.
+
+    Relative deviation of a variance: sqrt(2 / n), n = 4,500; five of them.
+    """
+    count, n, rate = 1500, 4500, 100.0
+    imu = {
+        "gyroscope_noise_density": 0.01,
+        "gyroscope_random_walk": 0.02,
+        "accelerometer_turn_on_bias_sigma": 0.3,
+    }
+    model = ims.ErrorModel(imu=imu, rate=rate, seed=11, count=count)
+    still = np.zeros((count, 3))
+    samples = [model.read(k * 10_000_000, still, still) for k in range(201)]
+    tolerance = 5.0 * np.sqrt(2.0 / n)
+    last = samples[-1]
+    assert last.gyro_noise.var() / (0.01**2 * rate) == pytest.approx(1.0, abs=tolerance)
+    assert last.gyro_bias.var() / (0.02**2 * 2.0) == pytest.approx(1.0, abs=tolerance)
+    assert last.accel_bias.var() / 0.3**2 == pytest.approx(1.0, abs=tolerance)
+    np.testing.assert_array_equal(last.gyro, last.gyro_bias + last.gyro_noise)
+    # Neither units nor steps are correlated.
+    noise = np.array([sample.gyro_noise[:, 0] for sample in samples])
+    lags = (noise[1:] * noise[:-1]).mean(), (noise[:, 1:] * noise[:, :-1]).mean()
+    assert np.abs(lags).max() / (0.01**2 * rate) < 5.0 / np.sqrt(noise.size)
+
+
+def test_what_was_returned_stays_as_it_is() -> None:
+    model = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3, count=COUNT)
+    samples = steps(model, GYRO[:1], ACCEL[:1])
+    kept = {name: getattr(samples[0], name).copy() for name in ERRORS}
+    steps(model)
+    for name, value in kept.items():
+        np.testing.assert_array_equal(getattr(samples[0], name), value)
+
+
+def test_a_bad_reading_is_held_and_the_others_go_on() -> None:
+    good = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3, count=COUNT)
+    model = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3, count=COUNT)
+    first = steps(good, GYRO[:1], ACCEL[:1])
+    steps(model, GYRO[:1], ACCEL[:1])
+    assert not first[0].held.any()
+    gyro, accel = GYRO[1].copy(), ACCEL[1].copy()
+    gyro[2, 1], accel[4, 0] = np.nan, 1e9
+    with pytest.warns(UserWarning, match="environment 2, 4: a reading that is not finite"):
+        found = model.read(5_000_000, gyro, accel)
+    assert found.held.tolist() == [False, False, True, False, True]
+    for unit in (2, 4):
+        gyro[unit], accel[unit] = GYRO[0, unit], ACCEL[0, unit]
+    expected = good.read(5_000_000, gyro, accel)
+    np.testing.assert_array_equal(found.gyro, expected.gyro)
+    np.testing.assert_array_equal(found.accel, expected.accel)
+
+
+@pytest.mark.parametrize(
+    ("given", "line"),
+    [
+        ({"count": 0}, "count = 0: must be a whole number from 1 to 1000000"),
+        ({"count": 1_000_000_000}, "count = 1000000000: must be a whole number"),
+        ({"count": 2.5}, "count = 2.5"),
+        ({"imu": []}, "imu"),
+        ({"imu": {"sampling": "averaged"}}, "averaged"),
+        (
+            {"imu": SHOCKS},
+            "gyroscope_shock_bias_sigma: not in a batch",
+        ),
+        ({"imu": {"latency": 0.01}}, "imu.latency: not in a batch"),
+        ({"spread": {"gyroscope_noise": ("gaussian", 1.0)}}, "gyroscope_noise"),
+        ({"spread": {"gyroscope_bias": ("uniform", 2.0, 1.0)}}, "spread gyroscope_bias"),
+        ({"spread": {"gyroscope_bias": "wide"}}, "spread gyroscope_bias"),
+        ({"spread": {"gyroscope_bias": ("gaussian", np.nan)}}, "spread gyroscope_bias"),
+        ({"input": {"place": "body"}}, "without place and rate in a batch"),
+    ],
+)
+def test_what_a_batch_cannot_be_is_refused_with_a_line(given: dict[str, Any], line: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        ims.ErrorModel(**{"rate": RATE, "count": 3, **given})
+    assert any(line in problem for problem in caught.value.problems), caught.value.problems
+
+
+def test_bad_calls_are_refused_with_a_line() -> None:
+    model = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3, count=COUNT)
+    with pytest.raises(ConfigurationError, match=r"gyro.*shape \(5, 3\)"):
+        model.read(0, np.zeros((4, 3)), ACCEL[0])
+    with pytest.raises(ConfigurationError, match="mask"):
+        model.reset(np.array([0, 1]))
+    with pytest.raises(ConfigurationError, match="restart"):
+        model.reset(restart="again")
+    with pytest.raises(ConfigurationError, match="k = 5"):
+        model.unit(5)
