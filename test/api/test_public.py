@@ -26,6 +26,7 @@ PUBLIC = [
     "ConfigurationError",
     "Converted",
     "ErrorModel",
+    "ErrorModelBatch",
     "Estimated",
     "ErrorsAdded",
     "Evaluation",

@@ -263,9 +263,9 @@ def test_a_rotor_that_changes_its_speed_is_no_line():
 def test_intensity_that_follows_the_rate_is_recovered():
     rng = np.random.default_rng(11)
     n = 12000
-    logs = np.zeros((3, n))
-    logs[0] = 0.7 * np.sin(2.0 * np.pi * np.arange(n) / 3000.0)
-    logs[2] = 0.5 * np.cos(2.0 * np.pi * np.arange(n) / 1700.0)
+    logs = np.zeros((n, 3))
+    logs[:, 0] = 0.7 * np.sin(2.0 * np.pi * np.arange(n) / 3000.0)
+    logs[:, 2] = 0.5 * np.cos(2.0 * np.pi * np.arange(n) / 1700.0)
     truth = np.array([[1.5, 0.0, 0.0], [0.0, 0.0, 0.0]])
     values = rng.standard_normal((n, 6)) * factors(truth, logs)
     found = follow(values, [slice(0, n)], RATE, logs)

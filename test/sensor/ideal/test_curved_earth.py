@@ -166,7 +166,7 @@ def navigated_by_pyins(rate: float, seconds: float) -> np.ndarray:
     attitude = to_ned @ to_matrix(block.motion.q_wb[[0, -1]]) @ frd
     heading = np.degrees(np.arctan2(attitude[:, 1, 0], attitude[:, 0, 0]))
     latitude, longitude = np.degrees(place.latitude), np.degrees(place.longitude)
-    at_start = [latitude[0], longitude[0], place.height[0], *(to_ned @ ground.velocity[:, 0])]
+    at_start = [latitude[0], longitude[0], place.height[0], *(to_ned @ ground.velocity[0])]
     names = ["lat", "lon", "alt", "VN", "VE", "VD", "roll", "pitch", "heading"]
     start = pd.Series([*at_start, 0.0, 0.0, heading[0]], index=names, name=0.0)
     increments = np.hstack([block.gyro[1:] @ frd, block.accel[1:] @ frd]) / rate
