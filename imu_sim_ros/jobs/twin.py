@@ -14,8 +14,7 @@ import numpy as np
 
 from imu_sim_ros import arguments
 from imu_sim_ros.arguments import number, whole
-from imu_sim_ros.calibration.record import StepFinder
-from imu_sim_ros.calibration.twin import model
+from imu_sim_ros.calibration.twin import model, spectrum
 from imu_sim_ros.calibration.twin.analysis import (
     Analysis,
     analyse,
@@ -388,7 +387,10 @@ def _found(source: TwinRecording, fit: float | None) -> Twin:
     fast = beyond(used, source.sharp_truth, source.truth, found)
     with_vibration = trust.fit._replace(residuals=found.residuals + fast)
     analysis = _analysed(source, used, with_vibration, others.residuals + fast)
-    parameters = simulator_parameters(analysis, whole.rate, _steps(whole.readings))
+    step = _steps(whole.readings)
+    white = spectrum.without_rounding(analysis.white, step, whole.rate)
+    analysis = analysis._replace(white=white)
+    parameters = simulator_parameters(analysis, whole.rate, step)
     if source.gravity != -GRAVITY[2]:
         parameters["gravity"] = (0.0, 0.0, -source.gravity)
     checked = None if held_out is None else check(source, held_out, analysis, parameters)
@@ -491,11 +493,37 @@ def _analysed(source: TwinRecording, used: Recording, found: Fit, unseen: Array)
     return analyse(used, found, unseen, noises, sizes, size, rows)
 
 
+_LEAST_CODES: Final = 10
+_FINEST: Final = 1e-8
+"""Step over range: far above the rounding of floats."""
+_MOST_PARTS: Final = 4
+"""Two codes that both occur twice may be so many steps apart."""
+_NEAR_WHOLE: Final = 0.05
+_MOSTLY: Final = 0.9
+"""Of ten numbers by chance one is so near to a whole one."""
+
+
 def _steps(readings: Array) -> Array:
-    """Return the digital steps (6,) of the readings; 0 if there are none."""
-    finder = StepFinder(6)
-    finder.look(np.ascontiguousarray(readings.T))
-    return finder.step
+    """Return the digital steps (6,) of the readings (n, 6) in motion; 0 if there are none.
+
+    Values that occur twice are codes, whole numbers of steps apart; others may be interpolated.
+    """
+    result = np.zeros(6)
+    for k, column in enumerate(readings.T):
+        values, counts = np.unique(column, return_counts=True)
+        codes = values[counts > 1]
+        if len(codes) < _LEAST_CODES:
+            continue
+        smallest = float(np.diff(codes).min())
+        if smallest < _FINEST * np.ptp(values):  # of an exact motion that repeats itself
+            continue
+        for part in range(1, _MOST_PARTS + 1):
+            steps = np.diff(codes) * part / smallest
+            whole = np.abs(steps - np.round(steps)) < _NEAR_WHOLE
+            if whole.mean() > _MOSTLY:
+                result[k] = smallest / part
+                break
+    return result
 
 
 def _errors(found: Fit, given: Mask) -> dict[str, Calibrated]:

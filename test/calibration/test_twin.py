@@ -6,9 +6,10 @@
 import numpy as np
 import pytest
 
+import imu_sim_ros as ims
 from imu_sim_ros import rotation
 from imu_sim_ros.calibration.twin import alignment as clock
-from imu_sim_ros.calibration.twin import model
+from imu_sim_ros.calibration.twin import model, spectrum
 from imu_sim_ros.calibration.twin.alignment import coarse_offset, mounting
 from imu_sim_ros.calibration.twin.comparison import Windows, told_apart
 from imu_sim_ros.calibration.twin.fit import Recording, _inverse, _Sums, fit
@@ -39,6 +40,7 @@ from imu_sim_ros.calibration.twin.spectrum import (
     raised,
     white_floor,
 )
+from imu_sim_ros.jobs.twin import _steps
 
 RATE = 100.0
 SECONDS = 40.0
@@ -517,3 +519,45 @@ def test_a_classifier_tells_what_differs_and_only_that():
     # What was fitted is as like the rest as a twin that reads the same.
     simulated, own = Windows(a[:40], b + later, (a[:40],)).told_apart()
     assert simulated == own
+
+
+def test_the_white_floor_is_that_before_rounding():
+    """Noise of 2e-3 at 100 Hz is one step of 0.02 m/s^2: rounding adds 4.1 % to the density.
+
+    The twin has the step, too, so that rounding was simulated twice. A density's standard error is
+    1.5 % here, that of the mean of three axes of two flights 0.6 %; the threshold is five of them.
+    """
+    imu = {
+        "preset": "perfect",
+        "gyroscope_noise_density": 1.7e-4,
+        "accelerometer_noise_density": 2e-3,
+        "accelerometer_resolution": 0.02,
+    }
+    found = []
+    for seed in range(2):
+        flight = ims.simulate(imu=imu, trajectory="figure_eight", duration=30, rate=100, seed=seed)
+        twin = ims.twin(flight.readings, flight.truth)
+        assert twin.parameters["imu.accelerometer_resolution"] == pytest.approx([0.02] * 3)
+        found += list(twin.parameters["imu.accelerometer_noise_density"])
+    assert abs(np.sqrt(np.mean(np.square(found))) / 2e-3 - 1.0) < 0.03
+
+
+def test_rounding_that_is_most_of_the_floor_leaves_a_bound():
+    rounding = 0.02 / np.sqrt(12 * 100.0)
+    white = spectrum.White(*np.full((3, 6), rounding * 1.2), np.zeros((1, 6), dtype=bool))
+    found = spectrum.without_rounding(white, np.repeat([0.0, 0.02], 3), 100.0)
+    assert (found.low == np.repeat([rounding * 1.2, 0.0], 3)).all()
+    assert found.density[3:] == pytest.approx(rounding * np.sqrt(1.2**2 - 1.0))
+    assert (found.high == white.high).all()
+
+
+@pytest.mark.parametrize("imu", ["bmi088", "adis16448"])
+def test_the_steps_of_readings_in_motion_are_those_of_the_sensor(imu):
+    flight = ims.simulate(imu=imu, trajectory="figure_eight", duration=20, seed=0)
+    readings = np.hstack([flight.gyro, flight.accel])
+    readings[50:80] += 1e-5 * np.arange(30)[:, None]  # as if interpolated
+    own = flight.parameters.imu
+    expected = [*own.gyroscope.resolution, *own.accelerometer.resolution]
+    np.testing.assert_allclose(_steps(readings), expected, rtol=1e-9)
+    exact = ims.simulate(imu="perfect", trajectory="figure_eight", duration=20)
+    assert not _steps(np.hstack([exact.gyro, exact.accel])).any()

@@ -159,6 +159,24 @@ class White(NamedTuple):
     """(m, 6) bands in which there is nothing else."""
 
 
+def without_rounding(white: White, step: Array, rate: float) -> White:
+    """Return the floor that a sensor has before its readings are rounded.
+
+    Rounding adds ``step^2 / 12`` to the variance of a sample, as white noise that does not depend
+    on the sensor's own (Widrow and Kollar, Quantization Noise, 2008, section 4). Where it is more
+    than half of the floor this no longer holds, and the floor is a bound.
+
+    :param step: (6,) digital steps of the readings, 0 if there are none.
+    :param rate: samples per second [Hz].
+    """
+    rounding = step**2 / (12.0 * rate)
+    density, low, high = np.sqrt(np.maximum(np.square(white[:3]) - rounding, 0.0))
+    hidden = 2.0 * rounding > white.density**2
+    return white._replace(
+        density=density, low=np.where(hidden, 0.0, low), high=np.where(hidden, white.high, high)
+    )
+
+
 def white_floor(bands: Bands, lowest: float) -> White:
     """Return the density that all bands have in common.
 
