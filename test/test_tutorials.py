@@ -124,5 +124,14 @@ def test_a_guide_runs_as_it_is_written(page, tmp_path, monkeypatch, capsys):
     run_page(page, tmp_path, monkeypatch, capsys)
 
 
+def test_the_files_that_the_exercises_name_exist():
+    """Each exercise says where its formula is."""
+    page = (ROOT / "docs/tutorials/exercises.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`([\w/]+\.py)`", page))
+    assert len(named) > 12
+    homes = (ROOT, ROOT / "imu_sim_ros")
+    assert not [name for name in named if not any((home / name).is_file() for home in homes)]
+
+
 def test_every_tutorial_has_a_picture_and_is_about_five():
     assert {page.stem for page in PAGES} == set(PICTURES)
