@@ -129,7 +129,7 @@ def describe(
     for table, number, _, one in all_tables(sensors):
         if (table, number) not in tables:
             continue
-        own = getattr(one.own, one.name) if one.on_board else one.own
+        own = getattr(one.own, one.name) if one.with_imu else one.own
         rate, pose = own.rate or one.environment.rate, mount(one)
         comment = comments.get(one.space, next(iter(comments.values())))
         text_writer.write_euroc_table(

@@ -32,7 +32,7 @@ def configs(output: Path) -> Path:
 
 
 def companions(output: Path, body: SimulationParameters) -> dict[str, list[Path]]:
-    """Return the files that sensors of the body have next to an output, by sensor.
+    """Return the files that sensors have next to an output, by sensor.
 
     :param body: the parameters of the body.
     """
@@ -152,7 +152,7 @@ def _world(parameters: SimulationParameters) -> dict[str, Any]:
 
 
 def _sensor_text(parameters: SimulationParameters, name: str) -> str:
-    """Return a sensor of the body of this run, as ``--params-file`` takes it."""
+    """Return a sensor of this run, as ``--params-file`` takes it."""
     given = parameters.each_sensor[name]
     own = find_sensor(given.type or name).realised(given, parameters.seed, name)
     values = {f"{name}.{key}": value for key, value in flatten(own).items()}

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The sensors that come with the package, and the sensors of the body that can be named."""
+"""The sensors that come with the package, and the sensors that can be named."""
 
 import re
 from collections.abc import Iterator
@@ -64,7 +64,7 @@ def _sources(head: list[str]) -> Iterator[str]:
 
 
 def sensor_lines() -> list[str]:
-    """Return the sensors of the body that can be named, a line each; those of other packages too.
+    """Return the sensors that can be named, a line each; those of other packages too.
 
     What cannot be loaded has its reason.
     """
@@ -73,7 +73,7 @@ def sensor_lines() -> list[str]:
 
 
 def sensor_table() -> str:
-    """Return the sensors of the body as text: topics, then parameters with default and unit."""
+    """Return the sensors as text: topics, then parameters with default and unit."""
     found, problems = all_sensors()
     lines = []
     for sensor in found:
@@ -83,7 +83,7 @@ def sensor_table() -> str:
             unit = f" [{known.unit}]" if known.unit else ""
             words = f"{sensor.name}.{name} ({known.default}{unit}): {known.text}"
             lines.append(f"{'':12} {words}")
-    return "\n".join([*lines, *problems]) or "no sensor of the body is installed"
+    return "\n".join([*lines, *problems]) or "no sensor is installed"
 
 
 def table() -> str:

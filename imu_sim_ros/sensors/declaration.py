@@ -3,9 +3,9 @@
 
 """How a sensor is declared: parameters, model, topics, table, readings, in one place.
 
-A sensor on the board of an IMU, of which each has its own, has the parameters ``imu.NAME_...`` and
-the clock and transport of the board. A sensor that the parameter ``sensors`` names has the
-parameters ``NAME.*``, and the body has one of them.
+A sensor that each IMU has with it has the parameters ``imu.NAME_...`` and the clock, transport and
+mount of the IMU. A sensor that the parameter ``sensors`` names has the parameters ``NAME.*``, and a
+clock, transport and mount of its own; there may be several of a kind.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -37,7 +37,7 @@ class Model(Protocol):
     def configure(self, parameters: Any) -> None:
         """Take new values of live parameters, from the next sample on.
 
-        :param parameters: what the sensor was made with: the board's, or its own section.
+        :param parameters: what the sensor was made with: those of its IMU, or its own section.
         """
 
     def inject(self, fault: Fault, begin: Fraction) -> None:
@@ -51,7 +51,7 @@ Payloads = Callable[[Any, Any, Any], "RowTemplate | list[bytes]"]
 """Turns samples and the rows of them that are sent into messages.
 
 The last argument are the parameters valid for the samples: those of a simulation, with ``imu`` and
-``rate``, for a sensor on the board of an IMU, else the sensor's own section.
+``rate``, for a sensor that an IMU has with it, else the sensor's own section.
 """
 
 
@@ -63,9 +63,9 @@ class Mounted(NamedTuple):
     are several of a kind."""
     sensor: "Sensor"
     own: Any
-    """The parameters that its model is made with: its board's, or its own section."""
+    """The parameters that its model is made with: those of its IMU, or its own section."""
     environment: Any
-    """The world, with the rate and seed of its board."""
+    """The world, with the rate and seed of its IMU."""
     valid: Any
     """The parameters that its messages depend on."""
     frame: str
@@ -83,8 +83,8 @@ class Mounted(NamedTuple):
         return fault.triad in self.faulty or (not fault.triad and bool(self.sensor.parts))
 
     @property
-    def on_board(self) -> bool:
-        """Whether it is an IMU or on the board of one, whose clock and mount it shares."""
+    def with_imu(self) -> bool:
+        """Whether it is an IMU, or shares the clock and mount of one."""
         return self.own is not self.valid
 
 

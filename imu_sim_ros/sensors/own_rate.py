@@ -37,7 +37,7 @@ class Stamped(NamedTuple):
 class OwnRate:
     """Sample times, clock, transport and faults of one sensor.
 
-    Clock and transport have random streams of their own, for a sensor on a board with the
+    Clock and transport have random streams of their own, for a sensor of an IMU with the
     parameters of its IMU; the jitter is at most a quarter of this sensor's interval.
     """
 
@@ -91,5 +91,5 @@ class OwnRate:
 
 
 def instantaneous(imu: "ImuParameters") -> "ImuParameters":
-    """Return the board with readings at an instant: only gyroscope and accelerometer average."""
+    """Return the IMU with readings at an instant: only gyroscope and accelerometer average."""
     return dataclasses.replace(imu, sampling="instantaneous")

@@ -58,7 +58,7 @@ def registered() -> "tuple[Sensor, ...]":
 
 
 def find_sensor(name: str) -> "Sensor":
-    """Return a sensor of the body: one that is registered, one of ours, or an entry point's.
+    """Return a sensor by name: one that is registered, one of ours, or an entry point's.
 
     :raises ConfigurationError: for a name that does not exist, or cannot be loaded.
     """
@@ -79,7 +79,7 @@ def find_sensor(name: str) -> "Sensor":
 
 
 def all_sensors() -> "tuple[list[Sensor], list[str]]":
-    """Return all sensors of the body, and a line for each that cannot be loaded.
+    """Return all sensors that `sensors` can name, and a line for each that cannot be loaded.
 
     This looks up all entry points.
     """
@@ -94,7 +94,7 @@ def all_sensors() -> "tuple[list[Sensor], list[str]]":
 
 
 def is_known(name: str) -> bool:
-    """Return whether there is a sensor of the body of this name; entry points are looked up."""
+    """Return whether there is a sensor of this name; entry points are looked up."""
     return name in NAMED or name in _REGISTERED or name in _offered()
 
 
@@ -154,7 +154,7 @@ def _checked(sensor: Any, what: str) -> "Sensor":
     if not _NAME.fullmatch(sensor.name) or sensor.name in OF_IMUS:
         problems.append(
             f"{what}: name = {sensor.name!r}: must be lower-case letters, digits and underscores, "
-            "and not that of a sensor of a board"
+            "and not that of a sensor of IMUs"
         )
     if sensor.quantity != sensor.name:
         problems.append(f"{what}: quantity = {sensor.quantity!r}: must be the name, {sensor.name}")

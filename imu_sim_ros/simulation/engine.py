@@ -127,19 +127,14 @@ class Body:
         return list(dict.fromkeys(lines))
 
     def _of_place(self) -> list[str]:
-        """Return a line if the world's origin on the Earth is not that of a route, or not given."""
+        """Return a line if the world's origin on the Earth is not that of a route."""
         p, route = self.parameters, None
         if isinstance(p.trajectory, DriveParameters):
             from imu_sim_ros.trajectory.drive import route_in
 
             route = route_in(self.trajectory)
         if route is None or route.origin is None:
-            if "gnss" not in p.each_sensor or p.latitude_deg or p.longitude_deg:
-                return []
-            return [
-                "latitude_deg = 0 and longitude_deg = 0: fixes and satellites are those of a place "
-                "in the Gulf of Guinea; set both"
-            ]
+            return []
         latitude, longitude = route.origin
         if abs(latitude - p.latitude_deg) + abs(longitude - p.longitude_deg) < _SAME_PLACE:
             return []
@@ -221,7 +216,7 @@ class Body:
         """Let a fault begin.
 
         :param delay: seconds after the next sample, >= 0.
-        :param imu: name of the one IMU that it hits, with the sensors on its board; empty: all.
+        :param imu: name of the one IMU that it hits, with the sensors of this IMU; empty: all.
         :returns: about when it begins [ns], by the name of the IMU.
         :raises ConfigurationError: for another delay, and a sensor that is not simulated.
         """
@@ -242,7 +237,7 @@ class Body:
                 )
             # One that no IMU has with it is hit whichever IMU is meant.
             own = sensors[name]
-            of_imu = own.space.rstrip("/") if own.on_board else imu or next(iter(every))
+            of_imu = own.space.rstrip("/") if own.with_imu else imu or next(iter(every))
             if imu in ("", of_imu):
                 sampled = sensors[name].environment.rate
                 first = self.taken(sampled) + timebase.sample_count(delay, sampled)

@@ -76,7 +76,7 @@ class ErrorModel:
     ) -> None:
         """Set up the sensor; its first sample is the first reading.
 
-        :param sensors: ``orientation``, if the board states it next to the readings.
+        :param sensors: ``orientation``, if the IMU states it next to the readings.
         :param remark: receives a line for everything that looks like a mistake, and for the first
             irregularities of the stamps of each kind.
         """

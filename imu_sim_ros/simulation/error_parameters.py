@@ -207,7 +207,7 @@ def load_error_model(
 
 
 def orientation_problems(imu: ImuParameters, prefix: str = "") -> Iterator[str]:
-    """Say why a board cannot state an orientation of its own if only readings are given."""
+    """Say why an IMU cannot state an orientation of its own if only readings are given."""
     if imu.orientation.source == "filter":
         yield (
             f"{prefix}imu.orientation_source = 'filter': must be model in an error model; there "

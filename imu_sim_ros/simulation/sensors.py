@@ -3,7 +3,7 @@
 
 """The sensors of a body by name, from the parameters that users give.
 
-The one place that knows what stands where: ``imu`` and ``imus`` with the sensors on their boards,
+The one place that knows what stands where: ``imu`` and ``imus`` with the sensors of each,
 the true pose, and the sensors that ``sensors`` names.
 """
 
@@ -30,8 +30,8 @@ def mounted(parameters: SampledParameters) -> dict[str, Mounted]:
     for name, one in imus(parameters).items():
         space = f"{name}/" if name else ""
         for sensor in (imu.SENSOR, *sensors_of_imus()):
-            board = Mounted(sensor.name, sensor, one.imu, one, one, one.imu_frame, space)
-            found[space + sensor.quantity] = board
+            of_imu = Mounted(sensor.name, sensor, one.imu, one, one, one.imu_frame, space)
+            found[space + sensor.quantity] = of_imu
     frame = parameters.body_frame
     found[pose.NAME] = Mounted(pose.NAME, pose.SENSOR, parameters, parameters, parameters, frame)
     for name, own in getattr(parameters, "each_sensor", {}).items():

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The barometer of a board: the standard atmosphere at the IMU's height, and its errors."""
+"""The barometer of an IMU: the standard atmosphere at the IMU's height, and its errors."""
 
 import math
 from fractions import Fraction

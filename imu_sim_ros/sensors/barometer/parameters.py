@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of the barometer on the board of an IMU: ``imu.barometer_...``.
+"""Parameters of the barometer of an IMU: ``imu.barometer_...``.
 
 Where an error is one that gyroscopes and accelerometers have as well, its name is the same.
 """

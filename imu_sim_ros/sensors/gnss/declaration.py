@@ -207,4 +207,5 @@ SENSOR = Sensor(
     serial=Serial(lambda own: str(own.nmea), _sentences),
     companions=Companions(lambda own: (".obs", ".nav") if own.raw.rinex else (), _rinex),
     presets="gnss",
+    warnings=on_demand("imu_sim_ros.sensors.gnss.model", "nowhere"),
 )

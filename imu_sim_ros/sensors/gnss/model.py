@@ -19,7 +19,7 @@ from imu_sim_ros.sensors.gnss.sky import UNUSABLE, Geometry, Sky, constant
 from imu_sim_ros.sensors.gravity import CurvedEarth, geodetic
 from imu_sim_ros.sensors.model import SensorModel
 from imu_sim_ros.sensors.world import World
-from imu_sim_ros.trajectory.motion import Motion
+from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.types import Array, Integers, Mask
 
 NO_FIX: Final = -1
@@ -184,3 +184,19 @@ class Receiver(SensorModel):
         for box in np.reshape(p.outage_boxes, (-1, 6)):
             out |= ((place >= box[:3]) & (place <= box[3:])).all(axis=1)
         return out
+
+
+def nowhere(mounted: Mounted, trajectory: Trajectory, _: float) -> list[str]:
+    """Return a line if nobody has said where on the Earth the world is."""
+    world = mounted.environment
+    if world.latitude_deg or world.longitude_deg:
+        return []
+    from imu_sim_ros.trajectory.drive import route_in  # most motions are no drive
+
+    route = route_in(trajectory)
+    if route is not None and route.origin is not None:
+        return []
+    return [
+        "latitude_deg = 0 and longitude_deg = 0: fixes and satellites are those of a place "
+        "in the Gulf of Guinea; set both"
+    ]

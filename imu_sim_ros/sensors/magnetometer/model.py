@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The magnetometer of a board, from the field of the world to the digital output."""
+"""The magnetometer of an IMU, from the field of the world to the digital output."""
 
 import math
 from fractions import Fraction
@@ -153,7 +153,7 @@ class Magnetometer:
         self._triad.configure(instantaneous(imu))
 
     def calibration(self, unit: ImuParameters) -> tuple[Array, Array]:
-        """Return M (3, 3) and b (3,) [T] of ``reading = M B + b`` for a realised board."""
+        """Return M (3, 3) and b (3,) [T] of ``reading = M B + b`` for a realised IMU."""
         return unit.magnetometer.response_and_bias()
 
     def inject(self, fault: Fault, begin: Fraction) -> None:

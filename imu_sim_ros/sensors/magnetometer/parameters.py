@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of the magnetometer on the board of an IMU: ``imu.magnetometer_...``.
+"""Parameters of the magnetometer of an IMU: ``imu.magnetometer_...``.
 
 Where an error is one that gyroscopes and accelerometers have as well, its name is the same.
 """

@@ -1,4 +1,4 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The orientation that a board states: parameters, model and filter."""
+"""The orientation that an IMU states: parameters, model and filter."""

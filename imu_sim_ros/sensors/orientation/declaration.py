@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A board's orientation as the rest of the package sees it: samples, topic, table, readings."""
+"""An IMU's orientation as the rest of the package sees it: samples, topic, table, readings."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ TOPIC: Final = "imu/data"
 
 @dataclass(frozen=True, repr=False)
 class Orientations(SensorReadings):
-    """The n orientations that a board reports and delivers, and the truth of each."""
+    """The n orientations that an IMU reports and delivers, and the truth of each."""
 
     q_wi: Array
     """(n, 4) of the IMU in the world, as stated: unit quaternions (w, x, y, z)."""
@@ -89,7 +89,7 @@ SENSOR = Sensor(
 
 
 def read_orientation(path: str | Path, topic: str | None = None) -> Samples:
-    """Return the orientation that a board reports, from a bag or a EuRoC folder.
+    """Return the orientation that an IMU reports, from a bag or a EuRoC folder.
 
     :param path: the file or folder.
     :param topic: topic of type sensor_msgs/Imu; None: ``imu/data``, or the only one.

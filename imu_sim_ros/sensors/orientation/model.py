@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The orientation that a board states with its readings: ``imu/data`` (REP-145)."""
+"""The orientation that an IMU states with its readings: ``imu/data`` (REP-145)."""
 
 from fractions import Fraction
 from typing import Any, Final, Protocol
@@ -82,7 +82,7 @@ class ReadImu(Protocol):
 
 
 class FieldSensor(Protocol):
-    """The board's sensor of the magnetic field, as the filter needs it."""
+    """The IMU's sensor of the magnetic field, as the filter needs it."""
 
     @property
     def latest(self) -> Any:
@@ -97,11 +97,11 @@ class FieldSensor(Protocol):
         """(3,) the Earth's field in the world [T]."""
 
     def calibration(self, unit: ImuParameters) -> tuple[Array, Array]:
-        """Return M (3, 3) and b (3,) [T] of ``reading = M B + b`` for a realised board."""
+        """Return M (3, 3) and b (3,) [T] of ``reading = M B + b`` for a realised IMU."""
 
 
 class FilteredOrientation:
-    """A filter over the board's readings, corrected by a calibration or as they are."""
+    """A filter over the IMU's readings, corrected by a calibration or as they are."""
 
     def __init__(
         self, imu: ImuParameters, environment: EnvironmentParameters, field: FieldSensor
@@ -164,7 +164,7 @@ class Orientation:
         """Set up the model or the filter.
 
         :param read: the IMU, which is read before this.
-        :param field: of the board; the filter needs it.
+        :param field: of the IMU; the filter needs it.
         """
         rate = imu.orientation.rate
         ratio = timebase.exact_rate(environment.rate) / timebase.exact_rate(rate) if rate else 1

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of the orientation that a board states: ``imu.orientation_...``."""
+"""Parameters of the orientation that an IMU states: ``imu.orientation_...``."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -54,7 +54,7 @@ def wheel_places(model: str, track: float, wheelbase: float) -> Array:
 def realised_wheels(p: WheelsParameters, seed: int, name: str) -> WheelsParameters:
     """Return the wheels of a seed, with the true radii, distances and offset in their places.
 
-    :param name: of the wheels among the sensors of the body.
+    :param name: of the wheels among the sensors.
     """
 
     def drawn(source: str, percent: float, count: int) -> Array:
