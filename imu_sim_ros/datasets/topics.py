@@ -213,7 +213,9 @@ def usual_topics(
     tables = in_text and form in WITH_TABLES and path.suffix.lower() != ".csv"
 
     def written(one: Offered) -> bool:
-        sensor = one.mounted.sensor
+        sensor, own_files = one.mounted.sensor, one.mounted.sensor.companions
+        if in_text and sensor.table is None and own_files and own_files.suffixes(one.mounted.own):
+            return False  # they hold what a dataset has no place for
         if in_text and sensor.table is not None and not (tables and one.topic is sensor.topics[0]):
             return False
         return not (one.topic.foreign or (imu_only and one.topic.truth))

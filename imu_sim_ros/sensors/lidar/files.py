@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.outputs import make_folder
 from imu_sim_ros.sensors.environment import EnvironmentParameters
@@ -16,6 +15,8 @@ from imu_sim_ros.sensors.lidar.declaration import clouds
 from imu_sim_ros.sensors.lidar.layouts import LAYOUTS, Cloud
 from imu_sim_ros.sensors.lidar.parameters import LidarParameters
 
+_FIELDS: Final = LAYOUTS["velodyne"]
+"""Of PLY and PCD."""
 _PLY: Final = {"<f4": "float", "<u2": "ushort"}
 _PCD: Final = {"f": "F", "u": "U"}
 
@@ -26,24 +27,20 @@ def _kitti(cloud: Cloud) -> bytes:
     return np.concatenate([cloud.xyz, reflectance], axis=1).astype("<f4").tobytes()
 
 
-def _rows(cloud: Cloud) -> NDArray[np.void]:
-    return LAYOUTS["velodyne"].rows(cloud)
-
-
 def _ply(cloud: Cloud) -> bytes:
-    rows = _rows(cloud)
-    fields = "".join(f"property {_PLY[kind]} {name}\n" for name, kind in rows.dtype.descr)
+    rows = _FIELDS.rows(cloud)
+    fields = "".join(f"property {_PLY[kind]} {name}\n" for name, kind, _ in _FIELDS.fields)
     head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(rows)}\n{fields}end_header\n"
     return head.encode() + rows.tobytes()
 
 
 def _pcd(cloud: Cloud) -> bytes:
     """Return version 0.7 of the Point Cloud Library's format."""
-    rows = _rows(cloud)
-    kinds = [np.dtype(kind) for _, kind in rows.dtype.descr]
+    rows = _FIELDS.rows(cloud)
+    kinds = [np.dtype(kind) for _, kind, _ in _FIELDS.fields]
     lines = {
         "VERSION": "0.7",
-        "FIELDS": " ".join(name for name, _ in rows.dtype.descr),
+        "FIELDS": " ".join(name for name, _, _ in _FIELDS.fields),
         "SIZE": " ".join(str(kind.itemsize) for kind in kinds),
         "TYPE": " ".join(_PCD[kind.kind] for kind in kinds),
         "COUNT": " ".join("1" for _ in kinds),

@@ -88,7 +88,8 @@ def _lines(p: LidarParameters) -> tuple[Array, NDArray[np.uint16], Array]:
     """Return time [s], line and elevation above the middle of the lines [rad] of each ray."""
     count = math.floor(p.point_rate * p.span + 1e-9)
     line = np.arange(count) % p.lines
-    above: Array = math.radians(p.line_spacing_deg) * (line - 0.5 * (p.lines - 1))
+    middle = 0.5 * (p.lines - 1)
+    above = np.radians(p.line_spacing_deg * (line - middle)).astype(np.float64)
     ring = (p.lines - 1 - line if p.top_ring_first else line).astype(np.uint16)
     return np.arange(count) / p.point_rate, ring, above
 

@@ -509,6 +509,29 @@ def test_a_folder_with_a_file_for_each_scan(tmp_path):
                 assert np.array_equal(rows["time"], cloud.time.astype("f4"))
 
 
+def test_a_text_dataset_has_scans_as_files_alone(tmp_path, capsys):
+    words = ["--duration", "0.2s", "--quiet", "--lidar", "vlp16", "--scene", "ground"]
+    words += ["--format", "euroc", "-o", str(tmp_path / "a")]
+    assert generate.main(words) == 2
+    assert "topic points: does not exist in euroc" in capsys.readouterr().err
+    assert generate.main([*words, "--set", "lidar.files=ply"]) == 0
+    assert len(list((tmp_path / "a_scans").glob("*.ply"))) == 2
+
+
+def test_points_are_on_a_mesh(tmp_path):
+    """A box of triangles from a file, against its walls."""
+    trimesh = pytest.importorskip("trimesh")
+    pytest.importorskip("embreex")
+    trimesh.creation.box((12.0, 9.0, 6.0)).export(tmp_path / "box.ply")
+    scene = {"type": "mesh", "mesh": str(tmp_path / "box.ply"), "landmarks": 10}
+    flight = flown(scene, trajectory="tumble", reflectivity=0.25, **MOUNT)
+    points = in_world(flight)
+    assert len(points) == flight.lidar.range.size
+    away = np.abs(np.abs(points) - np.array([6.0, 4.5, 3.0]))
+    assert away.min(axis=1).max() < TENTH_OF_A_MM
+    assert (flight.lidar.reflectivity == 0.25).all()
+
+
 def test_the_rays_of_lidars_are_their_own():
     """A firing of channels one after the other, in the order and at the times that are given."""
     own = LidarParameters(
