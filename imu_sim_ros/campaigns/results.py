@@ -150,32 +150,45 @@ def _refuse(folder: Path, resume: bool, force: bool) -> None:
         return
     if not folder.is_dir():
         raise InputError(f"{folder}: exists and is not a folder")
-    names = sorted(os.listdir(folder))
-    log = folder / LOG
-    begun = (resume or not force) and is_present(log) and log.stat().st_size > 0
+    begun = (resume or not force) and _has_runs(folder)
     if resume and begun:
         return  # what else lies there, notes or pages, is not touched
-    foreign = [name for name in names if name not in _OWN and not _PART.fullmatch(name)]
-    if foreign:
-        raise InputError(
-            f"{folder}: contains {foreign[0]}, which is not from a campaign; name another folder"
-        )
-    if force:
-        return
-    there = [name for name in _RESULTS if name in names and (folder / name) != log]
-    unfinished = there == [_RUNS]  # interrupted within the first runs of programs
-    if resume and unfinished:
-        return
-    if begun or unfinished:
-        raise InputError(
-            f"{folder}: contains results; continue with --resume, start over with --force, or name "
+    complaint = _foreign(folder) or ("" if force else _results_there(folder, begun, resume))
+    if complaint:
+        raise InputError(f"{folder}: contains {complaint}")
+
+
+def _has_runs(folder: Path) -> bool:
+    """Return whether a campaign has made a run in a folder."""
+    log = folder / LOG
+    return is_present(log) and log.stat().st_size > 0
+
+
+def _foreign(folder: Path) -> str:
+    """Return a complaint about a file that no campaign wrote; empty: there is none."""
+    for name in sorted(os.listdir(folder)):
+        if name not in _OWN and not _PART.fullmatch(name):
+            return f"{name}, which is not from a campaign; name another folder"
+    return ""
+
+
+def _results_there(folder: Path, begun: bool, resume: bool) -> str:
+    """Return a complaint about results that are not to be replaced; empty: there are none.
+
+    :param begun: whether the log has runs, from which one may resume.
+    """
+    there = [name for name in _RESULTS if name != LOG and os.path.lexists(folder / name)]
+    interrupted = there == [_RUNS]  # within the first runs of programs
+    if resume and interrupted:
+        return ""
+    if begun or interrupted:
+        return "results; continue with --resume, start over with --force, or name another one"
+    if there:
+        return (
+            f"{there[0]} without the {LOG} it was generated from; start over with --force, or name "
             "another one"
         )
-    if there:
-        raise InputError(
-            f"{folder}: contains {there[0]} without the {LOG} it was generated from; start over "
-            "with --force, or name another one"
-        )
+    return ""
 
 
 def _remove(path: Path) -> None:

@@ -249,8 +249,8 @@ def non_inferior(differences: Array, margin: float) -> bool:
 
 
 def _known(value: float) -> float | None:
-    """Return None for an average in which an infinite difference is."""
-    return value if abs(value) < 0.25 * _INFINITE else None
+    """Return None for an average, or the middle of two, in which an infinite difference is."""
+    return value if abs(value) < 0.1 * _INFINITE else None
 
 
 def _tails(d: Array) -> tuple[float, float]:

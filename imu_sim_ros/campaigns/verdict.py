@@ -53,7 +53,7 @@ from imu_sim_ros.campaigns.statistics import (
     wins,
 )
 from imu_sim_ros.campaigns.summary import Group, groups, unmet, unmet_lines, unused
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Mask
 
 WITHOUT_ERRORS: Final = "perfect"
 """The preset with which nothing but the integration is wrong."""
@@ -418,6 +418,20 @@ def _losses(values: Array, better: Better) -> Array:
     return values if isinstance(better, str) else np.abs(values - better)
 
 
+class _Outcome(NamedTuple):
+    """What a comparison of two groups A and B says, p values not yet corrected."""
+
+    kind: str
+    effect: ConfidenceInterval
+    simultaneous: ConfidenceInterval
+    sign: int
+    """Above 0: A is worse."""
+    p: float | None
+    p_beyond: float | None
+    scatter: float | None = None
+    non_inferior: bool | None = None
+
+
 def _effect(
     a: Group, b: Group, names: tuple[str, str], rule: Criterion, comparisons: int
 ) -> Effect | None:
@@ -429,58 +443,86 @@ def _effect(
     seeds = [seed for seed in ours if seed in theirs]
     if not seeds:
         return None
-    done_a, done_b = ({int(r["seed"]) for r in g.rows if r["status"] == "done"} for g in (a, b))
-    was_done = [np.array([seed in done for seed in seeds]) for done in (done_a, done_b)]
-    share, share_p = share_difference(was_done[0], was_done[1])
-    pairs = np.array(
-        [
-            (ours[seed], theirs[seed])
-            for seed in seeds
-            if ours[seed] is not None and theirs[seed] is not None
-        ],
-        dtype=float,
-    ).reshape(-1, 2)
-    pairs = pairs[~np.isinf(pairs).all(axis=1)]
+    done = (_was_done(a, seeds), _was_done(b, seeds))
+    share, share_p = share_difference(done[0], done[1])
+    pairs = _pairs(ours, theirs, seeds)
     losses = _losses(pairs, rule.better)
     won, lost, _ = wins(losses[:, 0], losses[:, 1])
-    note = ""
-    if depends_on_alignment(rule.metric) and a.align and b.align and a.align != b.align:
-        note = f"aligned differently ({a.align} and {b.align}), so that they are not compared"
-    kind, scatter, moved, non_inferior = SHARE, None, NO_SHIFT, None
-    effect = together = NO_SHIFT.centre
+    note = _why_not_compared(a, b, rule)
     if rule.metric == SUCCESS:
-        moved = NO_SHIFT._replace(sign=-int(np.sign(share.value or 0.0)))
-        effect, together = share, share_difference(was_done[0], was_done[1], comparisons)[0]
-        if rule.margin is not None:
-            non_inferior = share.low is not None and share.low > -rule.margin.value
-    elif not note:
-        kind, values, margin = _scaled(pairs, losses, rule, rule.tolerance)
-        moved = shift(values[:, 0] - values[:, 1], margin, comparisons)
-        higher = rule.better == HIGHER
-        effect, together = (_unscaled(i, kind, higher) for i in (moved.centre, moved.simultaneous))
-        scatter = _scatter(pairs, rule)
-        if rule.margin is not None:
-            _, values, margin = _scaled(pairs, losses, rule, rule.margin)
-            non_inferior = statistics.non_inferior(values[:, 0] - values[:, 1], margin)
-    elif rule.margin is not None:
-        non_inferior = False
+        together = share_difference(done[0], done[1], comparisons)[0]
+        found = _of_success(share, together, share_p, rule)
+    elif note:
+        nothing = NO_SHIFT.centre, NO_SHIFT.centre, NO_SHIFT.sign, NO_SHIFT.p, NO_SHIFT.p_beyond
+        found = _Outcome(SHARE, *nothing, non_inferior=None if rule.margin is None else False)
+    else:
+        found = _of_metric(pairs, losses, rule, comparisons)
     return Effect(
-        *names,
-        kind,
-        effect,
-        together,
-        len(pairs),
-        won,
-        lost,
-        scatter,
-        share_p if rule.metric == SUCCESS else moved.p,
-        moved.p_beyond,
-        share,
-        share_p,
-        WORSE if moved.sign > 0 else BETTER,
-        note,
-        non_inferior,
+        a=names[0],
+        b=names[1],
+        kind=found.kind,
+        effect=found.effect,
+        simultaneous=found.simultaneous,
+        seeds=len(pairs),
+        won=won,
+        lost=lost,
+        scatter=found.scatter,
+        p=found.p,
+        p_beyond=found.p_beyond,
+        success=share,
+        success_p=share_p,
+        verdict=WORSE if found.sign > 0 else BETTER,
+        note=note,
+        non_inferior=found.non_inferior,
     )
+
+
+def _was_done(group: Group, seeds: Sequence[int]) -> Mask:
+    """Return on which seeds (n,) a run is done."""
+    done = {int(row["seed"]) for row in group.rows if row["status"] == "done"}
+    return np.array([seed in done for seed in seeds])
+
+
+def _pairs(
+    ours: Mapping[int, float | None], theirs: Mapping[int, float | None], seeds: Sequence[int]
+) -> Array:
+    """Return the values (n, 2) of both on each seed on which both have one, and not both failed."""
+    both = [(ours[seed], theirs[seed]) for seed in seeds]
+    known = [pair for pair in both if None not in pair]
+    pairs = np.array(known, dtype=float).reshape(-1, 2)
+    return pairs[~np.isinf(pairs).all(axis=1)]
+
+
+def _why_not_compared(a: Group, b: Group, rule: Criterion) -> str:
+    """Return why two groups are not compared; empty: they are."""
+    if depends_on_alignment(rule.metric) and a.align and b.align and a.align != b.align:
+        return f"aligned differently ({a.align} and {b.align}), so that they are not compared"
+    return ""
+
+
+def _of_success(
+    share: ConfidenceInterval, together: ConfidenceInterval, p: float | None, rule: Criterion
+) -> _Outcome:
+    """Return the outcome if the shares of runs done are what is compared."""
+    proven = None
+    if rule.margin is not None:
+        proven = share.low is not None and share.low > -rule.margin.value
+    sign = -int(np.sign(share.value or 0.0))
+    return _Outcome(SHARE, share, together, sign, p, NO_SHIFT.p_beyond, non_inferior=proven)
+
+
+def _of_metric(pairs: Array, losses: Array, rule: Criterion, comparisons: int) -> _Outcome:
+    """Return the outcome for a metric; pairs and losses are (n, 2)."""
+    kind, values, margin = _scaled(pairs, losses, rule, rule.tolerance)
+    moved = shift(values[:, 0] - values[:, 1], margin, comparisons)
+    higher = rule.better == HIGHER
+    effect, together = (_unscaled(i, kind, higher) for i in (moved.centre, moved.simultaneous))
+    proven = None
+    if rule.margin is not None:
+        _, values, margin = _scaled(pairs, losses, rule, rule.margin)
+        proven = statistics.non_inferior(values[:, 0] - values[:, 1], margin)
+    scatter = _scatter(pairs, rule)
+    return _Outcome(kind, effect, together, moved.sign, moved.p, moved.p_beyond, scatter, proven)
 
 
 def _scaled(
@@ -582,37 +624,71 @@ def _factor(found: Sequence[Group]) -> str:
     return several[0] if several else ""
 
 
+class _Draft(NamedTuple):
+    """A contest whose p values are not yet corrected for all others."""
+
+    factor: str
+    where: dict[str, str]
+    ranking: list[str]
+    unranked: list[str]
+    effects: list[Effect]
+
+    def decided(self, effects: list[Effect]) -> Contest:
+        """Return the contest with its effects decided."""
+        best = self.ranking[0] if effects[0].verdict == BETTER else None
+        own = (self.factor, self.where, self.ranking, self.unranked)
+        return Contest(*own, best, effects[0], effects)
+
+
 def _contests(found: Sequence[Group], rule: Criterion) -> list[Contest]:
-    drafts: list[tuple[str, dict[str, str], list[str], list[str], list[Effect]]] = []
-    typical = {id(group): _rank(group, rule) for group in found}
+    """Return the contests of every factor, decided together."""
+    ranks = {id(group): _rank(group, rule) for group in found}
+    contested = [
+        (factor, sorted(members, key=lambda group: ranks[id(group)]))
+        for factor, members in _members(found)
+    ]
+    count = sum(_pair_count(len(ranked)) for _, ranked in contested)
     varying = varying_names(found)
-    contested = list(_members(found))
-    count = sum(
-        math.comb(n, 2) if (n := len(members)) <= _ALL_PAIRS else n - 1 for _, members in contested
-    )
-    for factor, members in contested:
-        ranked = sorted(members, key=lambda group: typical[id(group)])
-        ideal = [one for one in ranked if factor == "imu" and one.words[factor] == WITHOUT_ERRORS]
-        ideal = ideal if len(ranked) > 2 else []  # it wins without a contest
-        ranked = [one for one in ranked if one not in ideal] + ideal
-        firsts = ranked[:1] if len(ranked) > _ALL_PAIRS else ranked
-        pairs = [(a, b) for k, a in enumerate(firsts) for b in ranked[k + 1 :]]
-        names = [group.words[factor] for group in ranked]
-        compared = [
-            _effect(a, b, (a.words[factor], b.words[factor]), rule, count) for a, b in pairs
-        ]
-        if compared[0] is not None:
-            others = [name for name in varying if name != factor]
-            where = {name: ranked[0].words[name] for name in others}
-            effects = [one for one in compared if one is not None]
-            drafts.append((factor, where, names, [one.words[factor] for one in ideal], effects))
-    decided = iter(_decided([effect for *_, effects in drafts for effect in effects], rule))
-    contests = []
-    for factor, where, names, unranked, effects in drafts:
-        final = [next(decided) for _ in effects]
-        best = names[0] if final[0].verdict == BETTER else None
-        contests.append(Contest(factor, where, names, unranked, best, final[0], final))
-    return contests
+    drafts = [_draft(factor, ranked, varying, rule, count) for factor, ranked in contested]
+    kept = [draft for draft in drafts if draft is not None]
+    decided = iter(_decided([effect for draft in kept for effect in draft.effects], rule))
+    return [draft.decided([next(decided) for _ in draft.effects]) for draft in kept]
+
+
+def _pair_count(members: int) -> int:
+    """Return how many pairs of a contest are compared."""
+    return math.comb(members, 2) if members <= _ALL_PAIRS else members - 1
+
+
+def _draft(
+    factor: str, ranked: Sequence[Group], varying: Sequence[str], rule: Criterion, count: int
+) -> _Draft | None:
+    """Return a contest of groups, the best first; None if the first two share no seed.
+
+    :param varying: the names that have several values in the campaign.
+    :param count: comparisons that are read together.
+    """
+    ideal = _without_contest(factor, ranked)
+    ranked = [one for one in ranked if one not in ideal] + ideal
+    firsts = ranked if len(ranked) <= _ALL_PAIRS else ranked[:1]
+    compared = [
+        _effect(a, b, (a.words[factor], b.words[factor]), rule, count)
+        for k, a in enumerate(firsts)
+        for b in ranked[k + 1 :]
+    ]
+    if compared[0] is None:
+        return None
+    where = {name: ranked[0].words[name] for name in varying if name != factor}
+    effects = [one for one in compared if one is not None]
+    names, unranked = ([one.words[factor] for one in some] for some in (ranked, ideal))
+    return _Draft(factor, where, names, unranked, effects)
+
+
+def _without_contest(factor: str, members: Sequence[Group]) -> list[Group]:
+    """Return the sensor without errors, which wins without a contest, if there are two others."""
+    if factor != "imu" or len(members) <= 2:
+        return []
+    return [one for one in members if one.words[factor] == WITHOUT_ERRORS]
 
 
 def _rank(group: Group, rule: Criterion) -> tuple[float, float]:

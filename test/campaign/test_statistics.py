@@ -266,6 +266,14 @@ def test_a_failed_run_is_worse_than_any_number():
     assert judged(now, rows_of("s0", errors), metric="success").baseline[0].verdict == "worse"
 
 
+def test_one_failure_in_three_seeds_has_no_size():
+    """The middle of six averages lies between a number and a half of something infinite."""
+    for values in ([None, 0.9, 0.8], [None, 1.1, 1.2], [None, None, 0.9, 0.8, 1.1]):
+        before = rows_of("s0", [1.0] * len(values))
+        (effect,) = judged(rows_of("s0", values), before, seeds=len(values)).baseline
+        assert (effect.effect.value, effect.verdict) == (None, "undecided")
+
+
 def test_failures_on_both_sides_say_nothing():
     rng = np.random.default_rng(4)
     errors = [None] * 30 + list(rng.lognormal(0.0, 0.5, 30))
