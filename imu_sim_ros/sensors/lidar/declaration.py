@@ -160,6 +160,7 @@ SENSOR = Sensor(
     readings=LidarReadings,
     realised=on_demand(_MODEL, "realised_lidar"),
     sees=True,
+    warnings=on_demand(_MODEL, "unseen"),
     text="LiDAR: each ray from where the sensor is at its own time, with the errors of ranges",
     companions=Companions(
         lambda own: ("_scans",) if own.files != "none" else (),

@@ -29,6 +29,11 @@ from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.places.rays import Traced
 from imu_sim_ros.random_streams import generator
+from imu_sim_ros.sensors.camera.scene_parameters import (
+    CloudParameters,
+    HouseParameters,
+    PointFileParameters,
+)
 from imu_sim_ros.sensors.declaration import Model, Mounted
 from imu_sim_ros.sensors.lidar.parameters import LidarParameters
 from imu_sim_ros.sensors.lidar.pattern import build_pattern
@@ -80,6 +85,14 @@ def realised_lidar(p: LidarParameters, seed: int, name: str) -> LidarParameters:
     rings = p.rings or int(build_pattern(p).ring.max()) + 1
     bias, error_deg = (tuple(each.tolist()) for each in drawn_rings(p, seed, name, rings))
     return dataclasses.replace(p, ring_bias=bias, ring_elevation_error_deg=error_deg)
+
+
+def unseen(mounted: Mounted, *_: object) -> list[str]:
+    """Return a line if the scene has nothing that rays meet."""
+    scene = mounted.environment.rig.scene
+    if not isinstance(scene, HouseParameters | CloudParameters | PointFileParameters):
+        return []
+    return [f"{mounted.name}: scene.type = {scene.type!r} has no surfaces: no ray returns"]
 
 
 class Lidar(SensorModel):

@@ -518,6 +518,12 @@ def test_a_text_dataset_has_scans_as_files_alone(tmp_path, capsys):
     assert len(list((tmp_path / "a_scans").glob("*.ply"))) == 2
 
 
+def test_a_scene_without_surfaces_is_told():
+    with pytest.warns(UserWarning, match="scene.type = 'house' has no surfaces: no ray returns"):
+        scans = flown("house", 0.2).lidar
+    assert (scans.outcome == NOTHING).all()
+
+
 def test_points_are_on_a_mesh(tmp_path):
     """A box of triangles from a file, against its walls."""
     trimesh = pytest.importorskip("trimesh")
