@@ -34,7 +34,7 @@ class WheelsParameters(SensorParameters):
     frame: str = text(
         "",
         "child frame of wheel/odom, at the middle of the axle, or of all four wheels; "
-        "empty: body_frame",
+        "empty: body_frame, or NAME_link if it has another mount",
     )
     odom_frame: str = text("odom", "frame of the pose in wheel/odom; it begins at 0")
     preset: str = text("none", "file in config/wheels, or a path, to start from")
@@ -227,8 +227,6 @@ class WheelsParameters(SensorParameters):
                 yield f"{prefix}patch_boxes: {list(box)}: least must be below largest"
             if not 0.0 <= box[6] <= 100.0:
                 yield f"{prefix}patch_boxes: slip {box[6]:g}: must be between 0 and 100"
-        if any(self.lever_arm) and not self.frame:
-            yield f"{prefix}frame: must be named if {prefix}lever_arm is not 0"
         if bool(self.patch_rate) != bool(self.patch_slip):
             yield (
                 f"{prefix}patch_rate = {self.patch_rate:g} and {prefix}patch_slip = "

@@ -318,7 +318,6 @@ def test_motion_that_wheels_cannot_do_is_told_in_a_line() -> None:
         ({"preset": "huskey"}, "unknown wheels 'huskey'"),
         ({"true_radii": [0.1, 0.1, 0.1]}, "true_radii"),
         ({"joint_names": ["a"]}, "joint_names .* must be empty or 2"),
-        ({"lever_arm": [-0.2, 0.0, 0.0]}, "wheels.frame: must be named"),
         ({"patch_rate": 1.0}, "must both be 0 or both be above 0"),
         ({"patch_boxes": [0, 0, 0, 1, 1, 0, 0.1]}, "least must be below largest"),
         ({"patch_boxes": [0, 0, 0, 1, 1, 1, -0.1]}, "slip -0.1: must be between 0 and 100"),
