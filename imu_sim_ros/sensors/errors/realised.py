@@ -76,7 +76,9 @@ def unit_of_seed(parameters: TriadParameters, triad: str, seed: Seed) -> TriadPa
 
     :param triad: name of the triad, as in the streams' names.
     """
-    return _unit_of(parameters, triad, seed) if np.ndim(seed) else _one(parameters, triad, seed)
+    return (
+        _unit_of(parameters, triad, seed) if np.ndim(seed) else _one(parameters, triad, int(seed))
+    )
 
 
 def _unit_of(parameters: TriadParameters, triad: str, seed: Seed) -> TriadParameters:

@@ -120,8 +120,11 @@ class Triad:
             self._turn_on_bias[units] = turn_on.bias
         if self._turn_on_scale is not None:
             self._turn_on_scale[units] = 1.0 + turn_on.scale
-        for term in (*self._bias_terms, *self._board_terms, self._white):
+        for term in self._bias_terms:
             term.begin(units)
+        for board_term in self._board_terms:
+            board_term.begin(units)
+        self._white.begin(units)
         self._low_pass.begin(units)
         self._increments.begin(units)
         self._done[units] = 0

@@ -196,7 +196,9 @@ class ImuBatch:
         rows: Any = int(places[0]) if self._in_phase else (places, np.arange(self.count))
         made = []
         for (name, triad), ideal in zip(self._triads.items(), (gyro, accel), strict=True):
-            additions = Additions(*(_at(rows, values) for values in self._ahead[name]))
+            scale, bias, noise = self._ahead[name]
+            scale = None if scale is None else _at(rows, scale)
+            additions = Additions(scale, _at(rows, bias), _at(rows, noise))
             made.append(
                 triad.read(0, ideal[None], accel[None], _NONE, self._faults, None, additions)
             )
@@ -206,9 +208,9 @@ class ImuBatch:
             for error, values in zip(ERRORS, reading[1:], strict=True)
             if error != "vibration"
         }
-        readings = [reading.reading[0] for reading in made]
+        rate, force = (reading.reading[0] for reading in made)
         temperature = np.copy(self._degrees[0 if len(self._degrees) == 1 else rows])
-        return BatchSamples(t_ns, *readings, temperature, held=held, **errors)
+        return BatchSamples(t_ns, rate, force, temperature, held=held, **errors)
 
     def _make_ahead(self, units: Units) -> None:
         """Make what the next samples of some units get, whatever their ideal readings are."""
@@ -230,11 +232,13 @@ class ImuBatch:
             kept = self._ahead[name]
             if made.scale is not None:
                 # A scale that never changes is kept once.
-                scale = made.scale[:1] if is_constant(made.scale) else made.scale
-                if kept.scale is None:
-                    kept = self._ahead[name] = kept._replace(scale=_room(self.count, len(scale)))
-                    kept.scale[...] = 1.0
-                kept.scale[:, units] = scale
+                own = made.scale[:1] if is_constant(made.scale) else made.scale
+                scale = kept.scale
+                if scale is None:
+                    scale = _room(self.count, len(own))
+                    scale[...] = 1.0
+                    self._ahead[name] = kept._replace(scale=scale)
+                scale[:, units] = own
             kept.bias[:, units], kept.noise[:, units] = made.bias, made.noise
 
 
@@ -247,10 +251,8 @@ def _room(count: int, rows: int = AHEAD) -> Array:
     return np.empty((rows, 3, count)).swapaxes(1, 2)
 
 
-def _at(rows: Any, values: Array | None) -> Array | None:
+def _at(rows: Any, values: Array) -> Array:
     """Return the values (1, count, 3) of each unit's next sample, a copy."""
-    if values is None:
-        return None
     if len(values) == 1:
         return np.copy(values)
     if isinstance(rows, int):

@@ -70,9 +70,9 @@ def board_terms(seed: Seed, triad: str, imu: ImuParameters, dt: float) -> tuple[
         terms.append(Ageing(strength, imu.age_days, dt, np.shape(seed)))
     if np.any(own.stress_step_sigma):
         sigma = np.asarray(own.stress_step_sigma)
-        terms.append(StressSteps(seed, triad, sigma, imu.stress_step_rate * dt))
+        terms.append(StressSteps(int(seed), triad, sigma, imu.stress_step_rate * dt))
     if np.any(own.shock_bias_sigma):
-        terms.append(ShockBias(seed, triad, imu, dt))
+        terms.append(ShockBias(int(seed), triad, imu, dt))
     return tuple(terms)
 
 
