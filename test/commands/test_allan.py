@@ -4,14 +4,17 @@
 """The command allan on bags, end to end."""
 
 import json
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import imu_sim_ros as ims
 from imu_sim_ros.commands import allan, generate
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build
+from imu_sim_ros.progress import shown_by
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 
 RATE, SECONDS = 100, 300
@@ -27,6 +30,24 @@ def make(path: Path, *arguments: str) -> Path:
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory) -> Path:
     return make(tmp_path_factory.mktemp("allan") / "rest.mcap", "--seed", "5")
+
+
+def test_progress_is_that_of_the_messages_for_whoever_shows_it(bag):
+    seen = []
+
+    @contextmanager
+    def bar(text, total):
+        seen.append((text, total))
+        yield lambda count: seen.append(count)
+
+    with shown_by(bar):
+        ims.allan(bag)
+    heading, *counts = seen
+    assert heading == ("read", sum(counts))
+    assert len(counts) > 1
+    seen.clear()
+    ims.allan(bag)
+    assert seen == []
 
 
 def analysed(capsys, *arguments: str) -> dict:
