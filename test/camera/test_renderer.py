@@ -44,6 +44,7 @@ def all_rays(view, scale):
 def test_rays_look_through_the_middle_of_each_part_of_a_pixel(make_rig, monkeypatch, lens, kept):
     """Kept for all images or found for each: projected, they meet their place again."""
     monkeypatch.setattr("imu_sim_ros.sensors.camera.images.rays._KEPT", kept)
+    monkeypatch.setattr("imu_sim_ros.sensors.camera.images.rays._BAND", 64_000)
     view = make_rig("target", **CAMERA, **LENSES[lens]).views["cam0"]
     rays, every = all_rays(view, 3)
     assert len(rays.bands) > 2

@@ -88,9 +88,14 @@ class ImageParameters:
         "folders NAME/depth, PNG of 16 bits in mm; 0 if nothing is seen",
     )
     frame: str = text("", "frame of the messages; empty: NAME_optical_frame")
+    antialiasing: bool = flag(
+        True,
+        "pixels see what is in their areas: every surface at an edge, and textures along their "
+        "footprints; false: what is at their centres, with stepped edges",
+    )
     supersampling: int = integer(
         1,
-        "rays along each side of a pixel; 2 to 4 give realistically sharp edges",
+        "rays along each side of a pixel, each of a part of its area",
         minimum=1,
         maximum=8,
     )

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.sensors.camera.images.rays import Corners
 from imu_sim_ros.sensors.camera.images.texture import LEVELS, Atlas
-from imu_sim_ros.types import Array, Integers, Mask, Single
+from imu_sim_ros.types import Array, Bytes, Integers, Mask, Single
 
 Shares = NDArray[np.uint16]
 
@@ -83,6 +83,13 @@ class Planes(NamedTuple):
         places += start
         return in_front, inverse, places
 
+    def linear(self, which: Integers, rays: Single, rows: Integers) -> Single:
+        """Return 1 / t, s / t and r / t (3, p, k) of rays (3, p, k): linear in the ray."""
+        vectors, start = self.seen(which, rows)
+        dots = _dots(vectors, rays)
+        dots[1:] += start * dots[0]
+        return dots
+
 
 def _dots(vectors: Single, rays: Single) -> Single:
     dots: Single = vectors[:, 0] * rays[0]
@@ -104,7 +111,7 @@ _TILE: Final = 4
 """Cells along the edge of a tile, the first step of the search."""
 _CORNERS: Final = 15_000
 """Corners of tiles, times rectangles, that are looked at once."""
-_PAIRS: Final = 400
+_PAIRS: Final = 1000
 """Pairs that are dealt with at once: the arrays of their rays stay in a processor's cache."""
 _APART: Final = np.float32(1e-5)
 """Share of 1 / t by which a surface is at least nearer than what it hides."""
@@ -119,19 +126,24 @@ class Pairs(NamedTuple):
     """(p,) number of the cell, row by row."""
     which: Integers
     """(p,) number of the rectangle; in a cell they ascend."""
+    fills: Mask
+    """(p,) it fills its cell."""
 
     def chunks(self, start: int, stop: int) -> Iterator[tuple[Integers, list[int]]]:
         """Yield the pairs of some cells, a few at a time, in ranks: the first of each cell, ...
 
         Those with the most pairs are first in each rank, so that all of a rank but the first belong
-        to the cells that are at the same places in the rank before.
+        to the cells that are at the same places in the rank before. Cells that one pair fills are
+        last.
 
         :returns: numbers of the pairs (q,), and how many of them are of each rank.
         """
         begin, end = np.searchsorted(self.cell, [start, stop]).tolist()
         first, counts = _runs(self.cell[begin:end])
-        order = np.argsort(-counts, kind="stable")
-        first, counts = first[order] + begin, counts[order]
+        first += begin
+        alone = (counts == 1) & self.fills.take(first)
+        order = np.argsort(-2 * counts + alone, kind="stable")
+        first, counts = first[order], counts[order]
         sums, k = np.cumsum(counts), 0
         while k < len(first):
             most = _PAIRS + (int(sums[k - 1]) if k else 0)
@@ -193,7 +205,7 @@ class CellGrid:
         step = max(1, _CORNERS // self._coarse[0].size)
         parts = [self._possible(planes, m, min(m + step, count)) for m in range(0, count, step)]
         if not parts:
-            return Pairs(np.zeros(0, np.int64), np.zeros(0, np.int64))
+            return Pairs(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.bool_))
         cell, which, nearest, hiding, corners = (
             np.concatenate([part[k] for part in parts], axis=-1) for k in range(5)
         )
@@ -206,7 +218,7 @@ class CellGrid:
         hides = (hiding == hidden) & (hiding > 0.0)
         seen = nearest > hidden
         seen &= ~self._behind(corners.take(order, axis=1), hides, cell)
-        return Pairs(cell[seen], which[order][seen])
+        return Pairs(cell[seen], which[order][seen], hiding[seen] > 0.0)
 
     def _behind(self, corners: Single, hides: Mask, cell: Integers) -> Mask:
         """Tell which pairs (p,) are behind another that fills their cell.
@@ -305,17 +317,32 @@ class Levels(NamedTuple):
     """(2, p) each."""
     share: Shares | None
     """(p,) of the coarser of two."""
+    along: Single | None = None
+    """(2, p) the longer axis of a pixel's footprint in s and r; None: it is as long as wide."""
+    looks: Bytes | None = None
+    """(p,) how many places along it are looked at: 1, 2, 4 or 8."""
 
 
-def levels(places: Single, atlas: Atlas, number: Integers, trilinear: bool) -> Levels:
+def levels(
+    places: Single, atlas: Atlas, number: Integers, trilinear: bool, areas: bool = False
+) -> Levels:
     """Return the levels of p pairs.
 
     :param places: (3, 2, p) of each of the probes s and r.
     :param number: (p,) of the rectangles' textures in the atlas.
+    :param areas: those that suit the width of a pixel's footprint, with looks along its length;
+        else those that suit its length.
     """
     size = atlas.size[number].T
-    square = _squares(places * size)
-    share = None
+    texels = places * size
+    steps = texels[1:] - texels[:1]
+    along = length = share = None
+    if areas:
+        square, length, along = _footprint(steps)
+    else:
+        steps *= steps
+        squares = steps[:, 0] + steps[:, 1]
+        square = np.maximum(squares[0], squares[1])
     if trilinear:
         level = np.searchsorted(_NEXT, square, side="right")
         # Between 2^k and 2^(k + 1) the share goes from 0 to 1; a square root is exact everywhere.
@@ -326,15 +353,59 @@ def levels(places: Single, atlas: Atlas, number: Integers, trilinear: bool) -> L
         each = [np.searchsorted(_NEAREST, square)]
     # Texel k of a level covers k to k + 1 in its own units; a look-up at k is its centre.
     offset = [(atlas.place[number, level] - _HALF).T for level in each]
-    return Levels([size * _FACTOR[level] for level in each], offset, share)
+    result = Levels([size * _FACTOR[level] for level in each], offset, share)
+    if along is None or length is None:
+        return result
+    return result._replace(along=along / size, looks=looks(length * _FACTOR[each[0]]))
 
 
-def _squares(places: Single) -> Single:
-    """Return the square of the step from one pixel to the next (p,) [texels^2].
+def looks(length: Single) -> Bytes:
+    """Return at how many places along footprints of some lengths (p,) [texels] pixels look."""
+    result = np.ones(len(length), np.uint8)
+    for least, more in _LOOKS:
+        result[length > least] = more
+    return result
 
-    :param places: (3, 2, p) column and row of probes.
+
+def steps_along(count: int) -> Single:
+    """Return where on a footprint (count,) these places are, from its middle, in its length.
+
+    >>> steps_along(4).tolist()
+    [-0.375, -0.125, 0.125, 0.375]
     """
-    steps = places[1:] - places[:1]
-    steps *= steps
-    squares = steps[:, 0] + steps[:, 1]
-    return np.asarray(np.maximum(squares[0], squares[1]))
+    steps: Single = (np.arange(count, dtype=np.float32) + _HALF) / np.float32(count) - _HALF
+    return steps
+
+
+_MOST_LOOKS: Final = 8
+_LOOKS: Final = ((1.5, 2), (3.0, 4), (6.0, _MOST_LOOKS))
+"""Lengths [texels] from which on a footprint is looked at so often: steps of 0.75 to 1.5."""
+COUNTS: Final = tuple(count for _, count in _LOOKS)
+
+_SHORTEST: Final = np.float32(1e-12)
+_LONGEST: Final = np.float32(1e12)
+
+
+def _footprint(steps: Single) -> tuple[Single, Single, Single]:
+    """Return what the ellipse of a pixel's steps is: width^2, length (p,) and long axis (2, p).
+
+    With the steps as the columns of J, they are the singular values of J, and the direction of the
+    larger one; the width is at least an eighth of the length.
+
+    :param steps: (2, 2, p) column and row [texels] of the steps to the right and down.
+    """
+    (a, c), (b, d) = np.clip(steps, -_LONGEST, _LONGEST)
+    xx, xy, yy = a * a + b * b, a * c + b * d, c * c + d * d
+    half = _HALF * (xx - yy)
+    root = np.sqrt(half * half + xy * xy)
+    long = np.maximum(_HALF * (xx + yy) + root, _SHORTEST)
+    determinant = a * d - b * c
+    least = long * np.float32(1.0 / _MOST_LOOKS**2)
+    width = np.maximum(determinant * determinant / long, least)
+    # Of the two ways to write the axis the one without a difference of equal numbers.
+    wide = half > 0.0
+    axis = np.stack([np.where(wide, half + root, xy), np.where(wide, xy, root - half)])
+    norm = np.sqrt(axis[0] * axis[0] + axis[1] * axis[1])
+    length = np.sqrt(long)
+    axis *= length / np.maximum(norm, _SHORTEST)
+    return width, length, axis

@@ -11,6 +11,7 @@ import numpy as np
 from imu_sim_ros.places.gloss import Active, Polish
 from imu_sim_ros.places.shadows import ShadowLine
 from imu_sim_ros.sensors.camera.images.cells import Pairs, Planes, within
+from imu_sim_ros.sensors.camera.images.edges import Parts
 from imu_sim_ros.sensors.camera.images.rays import CELL
 from imu_sim_ros.types import Bytes, Integers, Mask, Single
 
@@ -22,7 +23,8 @@ _NOTHING: Final = np.zeros((1, 1), np.float32)
 _TURNING: Final = np.float32(12.0)
 """Distances change by less than twice within this many pixels."""
 _ANYWHERE: Final = np.float32(1e9)
-_ROW, _COLUMN = np.divmod(np.arange(CELL**2), CELL)
+_SPOTS: Final = np.arange(CELL**2)
+_ROW, _COLUMN = np.divmod(_SPOTS, CELL)
 
 
 class Finish(NamedTuple):
@@ -94,8 +96,24 @@ class Glossy(NamedTuple):
         """Return which of some pairs have such regions."""
         return np.flatnonzero(self.regions.take(pairs))
 
-    def finishes(self, parts: Sequence["Seen"], planes: Planes, band: "Frame") -> Iterator[Finish]:
-        """Yield what gloss does to the pixels of a band.
+    def parts(self, parts: Parts, which: Integers, rows: Integers) -> "Seen":
+        """Return what parts of pixels see of glossy surfaces.
+
+        :param which: (k,) number of the rectangle of each.
+        :param rows: (k,) of the rays.
+        """
+        some = np.flatnonzero(self.regions.take(parts.pair))
+        return Seen(
+            parts.pair.take(some),
+            which.take(some),
+            some[:, None],
+            rows.take(some)[:, None],
+            np.ones((len(some), 1), np.bool_),
+            parts.places.take(some, axis=1)[..., None],
+        )
+
+    def finishes(self, parts: Sequence["Seen"], planes: Planes) -> Iterator[Finish]:
+        """Yield what gloss does to the values of a picture.
 
         :param parts: what is seen of its regions.
         """
@@ -103,13 +121,13 @@ class Glossy(NamedTuple):
         while first < len(parts):
             sizes = np.cumsum([len(part.pair) for part in parts[first:]])
             stop = first + 1 + int(np.searchsorted(sizes, _REGIONS))
-            done = self._finish(_together(parts[first:stop]), planes, band)
+            done = self._finish(_together(parts[first:stop]), planes)
             if done is not None:
                 yield done
             first = stop
 
-    def _finish(self, part: "Seen", planes: Planes, band: "Frame") -> Finish | None:
-        pair, which, cell, hit, places = part
+    def _finish(self, part: "Seen", planes: Planes) -> Finish | None:
+        pair, which, pixel, rows, hit, places = part
         count = self.regions.take(pair)
         row = np.repeat(np.arange(len(pair)), count)
         order = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
@@ -121,15 +139,15 @@ class Glossy(NamedTuple):
         if not len(some):
             return None
         row, number = row.take(some), number.take(some)
-        cell, face = cell.take(row), self.face.take(pair.take(row))
-        rows = band.rows(cell) if planes.start.shape[1] > 1 else cell[:, None]
+        pixel, rows = pixel.take(row, axis=0), rows.take(row, axis=0)
+        face = self.face.take(pair.take(row))
         start, height = _eye(planes, which.take(row), rows)
         sights = self.polish.sights(face, places.take(some, axis=1), start, height)
         region, lit = self.found.region.take(number), self.found.lit.take(number, axis=0)
         added = self.polish.added(region, lit, sights)
         seen = np.flatnonzero(hit.take(some, axis=0))
         return Finish(
-            band.pixels(cell).ravel().take(seen),
+            pixel.ravel().take(seen),
             added.keep.ravel().take(seen),
             added.add.reshape(len(added.add), -1).take(seen, axis=1),
         )
@@ -142,23 +160,19 @@ class Seen(NamedTuple):
     """(q,)."""
     which: Integers
     """(q,) number of the rectangle."""
-    cell: Integers
-    """(q,)."""
+    pixel: Integers
+    """(q, k) number of each ray's value in the picture."""
+    rows: Integers
+    """(q, k) of the rays, or (q, 1) for one pose."""
     hit: Mask
-    """(q, CELL^2) rays that meet the surface first."""
+    """(q, k) rays whose values there are those of the surface."""
     places: Single
-    """(2, q, CELL^2) of s and r."""
+    """(2, q, k) of s and r."""
 
 
 def _together(parts: Sequence[Seen]) -> Seen:
-    pair, which, cell, hit, places = zip(*parts, strict=True)
-    return Seen(
-        np.concatenate(pair),
-        np.concatenate(which),
-        np.concatenate(cell),
-        np.concatenate(hit),
-        np.concatenate(places, axis=1),
-    )
+    *others, places = zip(*parts, strict=True)
+    return Seen(*map(np.concatenate, others), np.concatenate(places, axis=1))
 
 
 class Frame(NamedTuple):
@@ -175,13 +189,24 @@ class Frame(NamedTuple):
 
     def pixels(self, cell: Integers) -> Integers:
         """Return the places of the rays of cells (p,) in the band's image: (p, CELL^2)."""
+        return self.pixel(cell[:, None], _SPOTS)
+
+    def pixel(self, cell: Integers, spot: Integers) -> Integers:
+        """Return the places of rays in the band's image.
+
+        :param spot: their numbers in their cells.
+        """
         row, column = np.divmod(cell - self.base, self.across)
         first: Integers = (row * self.width + column) * CELL
-        return first[:, None] + (_ROW * self.width + _COLUMN)
+        return first + (_ROW * self.width + _COLUMN).take(spot)
 
     def rows(self, cell: Integers) -> Integers:
         """Return the rows of the rays of cells: (p, CELL^2)."""
-        return np.minimum(cell[:, None] // self.across * CELL + _ROW, self.last)
+        return self.row(cell[:, None], _SPOTS)
+
+    def row(self, cell: Integers, spot: Integers) -> Integers:
+        """Return the rows of rays, given the numbers of their cells and theirs in these."""
+        return np.minimum(cell // self.across * CELL + _ROW.take(spot), self.last)
 
 
 def _eye(planes: Planes, which: Integers, rows: Integers) -> tuple[Single, Single]:
@@ -210,19 +235,40 @@ class Shaded(NamedTuple):
         begin, end = np.searchsorted(cells, [band.base, band.base + len(nearest)]).tolist()
         for first in range(begin, end, _REGIONS):
             cell = cells[first : min(first + _REGIONS, end)]
-            which, own, rows = np.zeros_like(cell), cell - band.base, band.rows(cell)
-            hit, inverse, places = self.planes.meet(which, rays.take(own, axis=1), rows)
+            own = cell - band.base
             away = nearest.take(own, axis=0)
-            seen = away > 0.0
-            _, height = _eye(self.planes, which, rows)
-            above = height * (1 - inverse / np.where(seen, away, np.float32(1.0)))
-            hit &= within(places)
-            hit &= seen & (np.abs(above) < _ON_FLOOR)
-            keep = self.line.kept(places)
-            some = np.flatnonzero(hit & (keep < 1.0))
-            if len(some):
-                pixel = band.pixels(cell).ravel().take(some)
-                yield Finish(pixel, keep.ravel().take(some), _NOTHING)
+            rows, pixel = band.rows(cell), band.pixels(cell)
+            yield from self._finish(rays.take(own, axis=1), rows, away, pixel)
+
+    def finishes_of(
+        self, rays: Single, rows: Integers, cell: Integers, inverse: Single
+    ) -> Iterator[Finish]:
+        """Yield what it does to k values of parts of pixels.
+
+        :param rays: (3, k, 1) of the pixels.
+        :param rows: (k, 1) of these rays.
+        :param cell: (k,) of them.
+        :param inverse: (k,) inverse distance of what the parts see.
+        """
+        some = np.flatnonzero(np.isin(cell, self.pairs.cell))
+        away = inverse.take(some)[:, None]
+        yield from self._finish(rays.take(some, axis=1), rows[some], away, some[:, None])
+
+    def _finish(
+        self, rays: Single, rows: Integers, away: Single, pixel: Integers
+    ) -> Iterator[Finish]:
+        """Yield what it does to values ``pixel`` (q, k), seen at inverse distances ``away``."""
+        which = np.zeros(len(rows), np.int64)
+        hit, inverse, places = self.planes.meet(which, rays, rows)
+        seen = away > 0.0
+        _, height = _eye(self.planes, which, rows)
+        above = height * (1 - inverse / np.where(seen, away, np.float32(1.0)))
+        hit &= within(places)
+        hit &= seen & (np.abs(above) < _ON_FLOOR)
+        keep = self.line.kept(places)
+        some = np.flatnonzero(hit & (keep < 1.0))
+        if len(some):
+            yield Finish(pixel.ravel().take(some), keep.ravel().take(some), _NOTHING)
 
 
 def joined(parts: Iterable[Finish]) -> Finish | None:

@@ -43,19 +43,24 @@ class Imager:
         self.view, self.atlas, self._trajectory = view, atlas, trajectory
         self._scene = scene
         p = view.parameters
-        self._renderer = self._renderer_of(p.supersampling, p.mip_levels == "trilinear")
+        trilinear = p.mip_levels == "trilinear"
+        self._renderer = self._renderer_of(p.supersampling, trilinear, areas=p.antialiasing)
         self._colours = atlas.image.shape[2:]
         self._grey_values = grey_values(p.response)
         self._vignette = _vignette(view, len(self._colours))
 
     def _renderer_of(
-        self, scale: int, trilinear: bool = False, model: CameraModel | None = None
+        self,
+        scale: int,
+        trilinear: bool = False,
+        model: CameraModel | None = None,
+        areas: bool = False,
     ) -> PictureMaker:
         model, scene = model or self.view.model, self._scene
         if isinstance(self.atlas, Look):
             assert scene.caster is not None
-            return MeshRenderer(model, scene.caster, self.atlas, scale, trilinear)
-        return Renderer(model, scene.surfaces, self.atlas, scale, trilinear, scene.crowd)
+            return MeshRenderer(model, scene.caster, self.atlas, scale, trilinear, areas)
+        return Renderer(model, scene.surfaces, self.atlas, scale, trilinear, scene.crowd, areas)
 
     def image(self, number: int) -> Bytes:
         """Return frame ``number``: grey values (h, w), or red, green and blue (h, w, 3)."""

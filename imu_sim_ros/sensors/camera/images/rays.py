@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.sensors.camera.model import CameraModel
-from imu_sim_ros.types import Integers, Single
+from imu_sim_ros.types import Array, Integers, Single
 
 _Value = TypeVar("_Value", bound=np.generic)
 
 CELL: Final = 8
 """Pixels along which the mip level is constant, in both directions."""
-_BAND: Final = 64_000
-"""Rays that are processed at once, about: their arrays stay in a processor's cache."""
+_BAND: Final = 190_000
+"""Rays that are processed at once, about: half of those of 752x480 pixels."""
 _KEPT: Final = 6_000_000
 """Rays that are kept, 12 bytes each; those of larger images are found anew for each."""
 
@@ -71,6 +71,18 @@ class PixelRays:
                 found.append(rays[:, inside[:, None], columns])
         return [np.concatenate(found, axis=1) for found in parts]
 
+    def between(self, rows: Array, columns: Array) -> Single:
+        """Return the rays (3, a, b) of rows (a,) and columns (b,) that need not be whole."""
+        u, v = ((places + 0.5) / self.scale - 0.5 for places in (columns, rows))
+        grid = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+        return self._through(grid, len(rows))
+
+    def _through(self, grid: Array, height: int) -> Single:
+        rays = self._model.unproject(grid)
+        direction = np.where(rays.valid[:, None], rays.direction, 0.0)
+        found: Single = direction.T.reshape(3, height, -1).astype(np.float32)
+        return found
+
     @cached_property
     def _kept(self) -> list[Single] | None:
         if self.height * self.width > _KEPT:
@@ -80,9 +92,7 @@ class PixelRays:
     def _found(self, number: int) -> Single:
         rows = self.row_places[self.rows(self.bands[number])]
         grid = np.stack(np.meshgrid(self._columns, rows), axis=-1).reshape(-1, 2)
-        rays = self._model.unproject(grid)
-        direction = np.where(rays.valid[:, None], rays.direction, 0.0)
-        found: Single = direction.T.reshape(3, -1, self.width).astype(np.float32)
+        found = self._through(grid, len(rows))
         return cell_by_cell(found) if self._by_cells else found
 
 
@@ -110,7 +120,7 @@ class Corners(NamedTuple):
     rays: Single
     """(3, a + 1, b + 1) in the camera's frame."""
     rows: Integers
-    """(a + 1,) their rows."""
+    """(a + 1,) the rows of rays there."""
 
 
 class Probes(NamedTuple):
@@ -122,8 +132,11 @@ class Probes(NamedTuple):
     """(3, cells) their rows."""
 
 
-def corners_and_probes(rays: PixelRays) -> tuple[Corners, Probes]:
-    """Return the corners of all cells, and the pixels in the middle of each."""
+def corners_and_probes(rays: PixelRays, areas: bool = False) -> tuple[Corners, Probes]:
+    """Return the corners of all cells, and the pixels in the middle of each.
+
+    :param areas: cells reach to the edges of their pixels, not only to the centres.
+    """
     height, width = rays.shape
     edges = [np.minimum(np.arange(0, n + CELL, CELL), n - 1) for n in rays.shape]
     i, j = (np.maximum(np.minimum(np.arange(0, n, CELL) + CELL // 2, n - 2), 0) for n in rays.shape)
@@ -131,6 +144,9 @@ def corners_and_probes(rays: PixelRays) -> tuple[Corners, Probes]:
     corners, *middle = rays.at((edges[0], edges[1]), (i, j), (i, right), (below, j))
     rows = np.stack([i, i, below]).repeat(len(j), axis=1)
     probes = Probes(np.stack(middle).reshape(3, 3, -1), rows)
+    if areas:
+        down, across = (np.minimum(np.arange(0, n + CELL, CELL), n) - 0.5 for n in rays.shape)
+        corners = rays.between(down, across)
     return Corners(np.ascontiguousarray(corners), edges[0]), probes
 
 

@@ -5,6 +5,7 @@
 
 import math
 import os
+import sys
 from collections.abc import Iterator, Sequence
 from typing import Any, Final, NamedTuple, Protocol, TypeVar
 
@@ -16,17 +17,21 @@ from imu_sim_ros.errors import MissingDependencyError
 from imu_sim_ros.places.bodies import Crowd
 from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.sensors.camera.images.cells import (
+    COUNTS,
     SHARES,
     CellGrid,
     Levels,
     Pairs,
     Planes,
+    Shares,
     levels,
+    steps_along,
     within,
 )
+from imu_sim_ros.sensors.camera.images.edges import Parts, Slopes, parts, together
 from imu_sim_ros.sensors.camera.images.finish import Finish, Frame, Glossy, Seen, Shaded, joined
 from imu_sim_ros.sensors.camera.images.rays import CELL, PixelRays, corners_and_probes, row_by_row
-from imu_sim_ros.sensors.camera.images.texture import BLANK, Atlas
+from imu_sim_ros.sensors.camera.images.texture import BACKGROUND, BLANK, Atlas
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.view import CameraPoses, Eyes
 from imu_sim_ros.types import Array, Bytes, Integers, Mask, Single
@@ -54,8 +59,53 @@ class Maps(NamedTuple):
     """The same in the next level, if there are two levels."""
     share: NDArray[np.uint16] | None = None
     """(h, w) what the coarse level contributes, in 1/256."""
+    stretches: "Sequence[Stretch]" = ()
+    """Pixels that look at several places."""
     finishes: Sequence[Finish] = ()
     """What is done to some pixels afterwards, one after the other."""
+    edges: "Edges | None" = None
+    """Pixels that see more than one surface; what they become in the end."""
+
+
+class Stretch(NamedTuple):
+    """Pixels that look at several places, and are the mean of them."""
+
+    pixel: Integers
+    """(n,) row by row."""
+    count: int
+    """How many places each looks at."""
+    looks: Maps
+    """Its first count n values are those of all pixels' first places, of their second, ..."""
+
+
+class Edges(NamedTuple):
+    """Pixels that see more than one surface, and what they see next to their centres."""
+
+    pixel: Integers
+    """(e,) row by row."""
+    own: Integers
+    """(e,) weight of what is there."""
+    nothing: Integers
+    """(e,) weight of the background."""
+    parts: Maps
+    """Their first k values are those of the parts."""
+    which: Integers
+    """(k,) to which pixel each belongs, ascending."""
+    weight: Integers
+    """(k,)."""
+
+    def put(self, picture: Bytes, atlas: Bytes) -> None:
+        """Change a picture (h, w[, 3])."""
+        values = picture.reshape(-1, *picture.shape[2:] or (1,))
+        parts = look_up(atlas, self.parts).reshape(-1, values.shape[1])[: len(self.which)]
+        total = values[self.pixel] * self.own[:, None]
+        total += self.nothing[:, None] * BACKGROUND
+        count = self.own + self.nothing
+        for k in range(values.shape[1]):
+            of_parts = np.bincount(self.which, self.weight * parts[:, k], len(total))
+            total[:, k] += of_parts.astype(np.int64)
+        count += np.bincount(self.which, self.weight, len(total)).astype(np.int64)
+        values[self.pixel] = (total + count[:, None] // 2) // count[:, None]
 
 
 class PictureMaker(Protocol):
@@ -89,6 +139,8 @@ class _Visible(NamedTuple):
     """Of the pairs."""
     glossy: Glossy | None = None
     """Regions whose gloss is seen in the cells of the pairs."""
+    slopes: Slopes | None = None
+    """Of the pairs; None: edges are as the centres of pixels see them."""
 
 
 class _Band(NamedTuple):
@@ -102,6 +154,8 @@ class _Band(NamedTuple):
     """(c, CELL^2) number of the pair, if it is wanted."""
     glossy: list[Seen]
     """What is seen of glossy surfaces."""
+    parts: list[Parts]
+    """What pixels at edges see, with the cells' numbers in the image."""
 
 
 class Renderer:
@@ -115,14 +169,17 @@ class Renderer:
         scale: int,
         trilinear: bool = False,
         crowd: Crowd | None = None,
+        areas: bool = False,
     ) -> None:
         """Set up the rays.
 
         :param scale: rays along each side of a pixel.
         :param trilinear: look at two mip levels.
+        :param areas: pixels see what is in their areas: several surfaces at edges, textures along
+            their footprints; else what is at their centres.
         :param crowd: bodies that move; their textures follow those of the surfaces.
         """
-        self._trilinear, self.crowd = trilinear, crowd
+        self._trilinear, self._areas, self.crowd = trilinear, areas, crowd
         self.surfaces, self.atlas = surfaces, atlas
         self._each = [_Fronts.of(where) for where in (surfaces, *(crowd.surfaces if crowd else ()))]
         self._first = np.cumsum([len(each.normals) for each in self._each])
@@ -133,7 +190,7 @@ class Renderer:
         self.rows = self._rays.row_places
         """Row of the image of each row of rays."""
         self.bands = self._rays.bands
-        corners, self._probes = corners_and_probes(self._rays)
+        corners, self._probes = corners_and_probes(self._rays, areas)
         self._units, self._cell_angle = _units(corners.rays)
         self._grid = CellGrid(corners, self._cell_angle)
         self._corner_rows = corners.rows
@@ -157,7 +214,7 @@ class Renderer:
         scale = self._rays.scale
         for number, band in enumerate(self.bands):
             rows = self._rays.rows(band)
-            drawn = self._drawn(visible, number, self._trilinear)
+            drawn = self._drawn(visible, number, self._trilinear or self._areas, self._areas)
             places = [self._image(number, each) for each in drawn.places]
             # The nearest steps of 1/32 texel, of two the even one.
             fixed = [cv2.convertMaps(x, y, cv2.CV_16SC2) for x, y in places]
@@ -166,19 +223,78 @@ class Renderer:
                 share = np.append(visible.levels.share, np.uint16(0))[drawn.pair]
                 share *= drawn.nearest > 0.0
                 fine = fine._replace(coarse=coarse[0], share=self._image(number, share))
+            frame = self._frame(number)
+            if visible.levels.looks is not None:
+                fine = fine._replace(stretches=list(self._long(visible, drawn, frame)))
             finishes = list(self._finishes(visible, shaded, drawn, number))
-            yield slice(rows.start // scale, rows.stop // scale), fine._replace(finishes=finishes)
+            edges = self._edges(visible, shaded, drawn, number)
+            fine = fine._replace(finishes=finishes, edges=edges)
+            yield slice(rows.start // scale, rows.stop // scale), fine
+
+    def _long(self, visible: _Visible, drawn: _Band, frame: Frame) -> Iterator[Stretch]:
+        """Yield the pixels of a band whose footprints are long."""
+        first = visible.pairs.cell.searchsorted(np.arange(len(drawn.nearest) + 1) + frame.base)
+        alone = np.diff(first) == 1
+        alone[alone] = visible.pairs.fills.take(first[:-1][alone])
+        # Of cells beyond the image some pixels are none.
+        row, column = np.divmod(np.arange(len(alone)), frame.across)
+        alone &= (column + 1) * CELL <= frame.width
+        alone &= (row + 1) * CELL + frame.base // frame.across * CELL <= frame.last + 1
+        numbers = frame.pixels(np.arange(len(alone)) + frame.base)
+        whole, mixed = np.flatnonzero(alone), np.flatnonzero(~alone)
+        texels = [each.take(whole, axis=1) for each in drawn.places]
+        pixel = numbers.take(whole, axis=0)
+        yield from _stretches_of_cells(visible.levels, first.take(whole), texels, pixel)
+        seen = drawn.nearest.take(mixed, axis=0) > 0.0
+        pair = np.where(seen, drawn.pair.take(mixed, axis=0), -1).reshape(-1)
+        texels = [each.take(mixed, axis=1).reshape(2, -1) for each in drawn.places]
+        yield from _stretches(visible.levels, pair, texels, numbers.take(mixed, axis=0).reshape(-1))
+
+    def _frame(self, number: int) -> Frame:
+        across, rays = self._grid.columns, self._rays
+        return Frame(self.bands[number].start * across, across, rays.height - 1, rays.width)
+
+    def _edges(
+        self, visible: _Visible, shaded: Sequence[Shaded], drawn: _Band, number: int
+    ) -> Edges | None:
+        """Return what the pixels at the edges of a band see."""
+        if not drawn.parts:
+            return None
+        every, frame = together(drawn.parts), self._frame(number)
+        levels, pair = visible.levels, every.pair
+        texels = [
+            every.places * scale.take(pair, axis=1) + offset.take(pair, axis=1)
+            for scale, offset in zip(levels.scale, levels.offset, strict=True)
+        ]
+        looks = in_rows(texels, levels.share.take(pair) if levels.share is not None else None)
+        every_part = np.arange(len(pair))
+        stretches = [Stretch(every_part, _OF_PARTS, _along(levels, pair, texels, _OF_PARTS))]
+        cell, spot = every.cell.take(every.pixel), every.spot.take(every.pixel)
+        rows, rays = frame.row(cell, spot), self._rays.of_band(number)
+        finishes = [
+            finish
+            for each in shaded
+            for finish in each.finishes_of(
+                rays[:, cell - frame.base, spot, None], rows[:, None], cell, every.inverse
+            )
+        ]
+        if visible.glossy is not None:
+            seen = visible.glossy.parts(every, visible.pairs.which.take(pair), rows)
+            gloss = joined(visible.glossy.finishes([seen], visible.planes))
+            finishes += [gloss] if gloss is not None else []
+        looks = looks._replace(stretches=stretches, finishes=finishes)
+        pixel = frame.pixel(every.cell, every.spot)
+        return Edges(pixel, every.own, every.nothing, looks, every.pixel, every.weight)
 
     def _finishes(
         self, visible: _Visible, shaded: Sequence[Shaded], drawn: _Band, number: int
     ) -> Iterator[Finish]:
         """Yield what is done to a band after its textures are looked up."""
-        across, rays = self._grid.columns, self._rays
-        frame = Frame(self.bands[number].start * across, across, rays.height - 1, rays.width)
+        frame = self._frame(number)
         for each in shaded:
-            yield from each.finishes(rays.of_band(number), drawn.nearest, frame)
+            yield from each.finishes(self._rays.of_band(number), drawn.nearest, frame)
         if visible.glossy is not None:
-            gloss = joined(visible.glossy.finishes(drawn.glossy, visible.planes, frame))
+            gloss = joined(visible.glossy.finishes(drawn.glossy, visible.planes))
             if gloss is not None:
                 yield gloss
 
@@ -253,13 +369,20 @@ class Renderer:
         # One probe after the other in memory: loops are long.
         inverse = np.stack([one[1] for one in met])[..., 0]
         places = np.stack([one[2] for one in met])[..., 0]
-        found_levels = levels(places, self.atlas, numbers[pairs.which], self._trilinear)
+        trilinear, slopes = self._trilinear, None
+        found_levels = levels(places, self.atlas, numbers[pairs.which], trilinear, self._areas)
+        if self._areas:
+            linear = [
+                planes.linear(pairs.which, rays.take(pairs.cell, axis=1)[..., None], row[:, None])
+                for rays, row in zip(self._probes.rays, rows, strict=True)
+            ]
+            slopes = Slopes.of(np.stack(linear)[..., 0])
         polish, shining = self.atlas.polish, None
         if gloss and polish is not None:
             face = self._shining[numbers[pairs.which]]
             probes = inverse, places, rows[0]
             shining = Glossy.of(polish, planes, face, pairs, probes, self._cell_angle)
-        return _Visible(planes, numbers, pairs, found_levels, shining)
+        return _Visible(planes, numbers, pairs, found_levels, shining, slopes)
 
     def _facing(self, k: int, position: Array, r_wc: Array) -> Integers:
         """Return the surfaces whose front is seen from one of some places (n, 3).
@@ -310,25 +433,34 @@ class Renderer:
             [[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0], [-right, -left, -below, -above]]
         )
 
-    def _drawn(self, visible: _Visible, number: int, with_pairs: bool = False) -> _Band:
-        """Return what a band of cells sees."""
-        band, across = self.bands[number], self._grid.columns
-        base, rays = band.start * across, self._rays.of_band(number)
-        shape, (scales, offsets, _) = rays.shape[1:], visible.levels
+    def _drawn(
+        self, visible: _Visible, number: int, with_pairs: bool = False, edges: bool = False
+    ) -> _Band:
+        """Return what a band of cells sees.
+
+        :param edges: what pixels at edges see, too.
+        """
+        band, frame, rays = self.bands[number], self._frame(number), self._rays.of_band(number)
+        base, across = frame.base, frame.across
+        shape, (scales, offsets, *_) = rays.shape[1:], visible.levels
         drawn = _Band(
             np.zeros(shape, np.float32),
             [np.full((2, *shape), BLANK) for _ in scales],
             np.zeros(shape if with_pairs else (0, 1), np.int64),
             [],
+            [],
         )
         last, moving = self._rays.height - 1, visible.planes.start.shape[1] > 1
         for pairs, sizes in visible.pairs.chunks(base, band.stop * across):
-            cell, which = (each.take(pairs) for each in visible.pairs)
+            cell, which, fills = (each.take(pairs) for each in visible.pairs)
             rows = cell[:, None] // across * CELL + _ROW_OF_PIXEL if moving else cell
             in_front, inverse, places = visible.planes.meet(
                 which, rays.take(cell - base, axis=1), np.minimum(rows, last)
             )
-            in_front &= within(places)
+            filled = len(sizes) == 1 and bool(fills.all())
+            of_planes = inverse * in_front if edges and not filled else inverse
+            if not filled:
+                in_front &= within(places)
             inverse *= in_front
             texels = []
             for scale, offset in zip(scales, offsets, strict=True):
@@ -341,7 +473,10 @@ class Renderer:
             if len(row):
                 hit = before == inverse.take(_cells_of_rows(sizes).take(row), axis=0)
                 hit &= before > 0.0
-                at = which.take(row), cell.take(row), hit, places.take(row, axis=1)
+                there = cell.take(row)
+                pixel = frame.pixels(there)
+                of_rays = frame.rows(there) if moving else there[:, None]
+                at = which.take(row), pixel, of_rays, hit, places.take(row, axis=1)
                 drawn.glossy.append(Seen(pairs.take(row), *at))
             here = cell[: sizes[0]] - base
             drawn.nearest[here] = inverse[: sizes[0]]
@@ -353,6 +488,20 @@ class Renderer:
                 whole[:, here] = best
             for each in own:
                 drawn.pair[here] = each[: sizes[0]]
+            if edges and not filled:
+                local, mixed = _cells_of_rows(sizes), ~fills[: sizes[0]]
+                mixed[: sum(sizes[1:2])] = True
+                some = np.flatnonzero(mixed.take(local))
+                found = parts(
+                    pairs.take(some),
+                    local.take(some),
+                    of_planes.take(some, axis=0),
+                    places.take(some, axis=1),
+                    (drawn.nearest[here], np.where(seen, own[0][: sizes[0]], -1)),
+                    visible.slopes,
+                )
+                if found is not None:
+                    drawn.parts.append(found._replace(cell=cell.take(found.cell)))
         return drawn
 
     def _image(self, number: int, values: NDArray[_Value]) -> NDArray[_Value]:
@@ -384,6 +533,95 @@ class _Fronts(NamedTuple):
         o, a, b, hides, _ = self.surfaces
         some = Surfaces(o[numbers], a[numbers], b[numbers], hides[numbers], ())
         return some, self.normals[numbers]
+
+
+_OF_PARTS: Final = 4
+"""How many places a part of a pixel looks at, whatever its footprint."""
+_LOOKS_WIDTH: Final = 64
+"""Columns of the maps of some pixels: OpenCV's rows are limited."""
+
+
+def in_rows(texels: Sequence[Sequence[Single]], share: Shares | None) -> Maps:
+    """Return the look-up of n places, columns and rows (n,), of each level, followed by others.
+
+    :param share: (n,) of the coarser of two levels.
+    """
+    cv2 = opencv()
+    count = len(texels[0][0])
+    shape = max(1, -(-count // _LOOKS_WIDTH)), _LOOKS_WIDTH
+    more = shape[0] * shape[1] - count
+    found = []
+    for each in texels:
+        x, y = (np.append(k, np.full(more, BLANK)) if more else k for k in each)
+        found.append(Maps(*cv2.convertMaps(x.reshape(shape), y.reshape(shape), cv2.CV_16SC2)))
+    fine, *coarse = found
+    if share is None:
+        return fine
+    padded = np.append(share, np.zeros(more, np.uint16)).reshape(shape)
+    return fine._replace(coarse=coarse[0], share=padded)
+
+
+def _stretches(
+    levels: Levels, pair: Integers, texels: Sequence[Single], pixel: Integers
+) -> Iterator[Stretch]:
+    """Yield those of n values whose footprints are long.
+
+    :param pair: (n,) that each sees; -1: none.
+    :param texels: (2, n) place of each in the atlas, of each level.
+    :param pixel: (n,) number of each in the picture.
+    """
+    if levels.looks is None or levels.along is None:
+        return
+    looks = np.append(levels.looks, np.uint8(1))[pair]
+    for count in COUNTS:
+        some = np.flatnonzero(looks == count)
+        if len(some):
+            own = pair.take(some)
+            middles = [texel.take(some, axis=1) for texel in texels]
+            yield Stretch(pixel.take(some), count, _along(levels, own, middles, count))
+
+
+def _stretches_of_cells(
+    levels: Levels, pair: Integers, texels: Sequence[Single], pixel: Integers
+) -> Iterator[Stretch]:
+    """Yield those of q cells, of which each is all of one pair, whose footprints are long.
+
+    :param pair: (q,).
+    :param texels: (2, q, CELL^2) place in the atlas, of each level.
+    :param pixel: (q, CELL^2) number in the picture.
+    """
+    looks = levels.looks.take(pair)
+    for count in COUNTS:
+        some = np.flatnonzero(looks == count)
+        if len(some):
+            own = pair.take(some)[:, None]
+            middles = [texel.take(some, axis=1) for texel in texels]
+            looked = _along(levels, own, middles, count)
+            yield Stretch(pixel.take(some, axis=0).reshape(-1), count, looked)
+
+
+def _along(levels: Levels, pair: Integers, middles: Sequence[Single], count: int) -> Maps:
+    """Return the look-up of some places along the footprints of n values, or of (q, CELL^2).
+
+    :param pair: (n,) or (q, 1).
+    :param middles: (2, n) or (2, q, CELL^2) of each level.
+    """
+    steps = steps_along(count).reshape(-1, *(1,) * pair.ndim)
+    found = []
+    for scale, offset, middle in zip(levels.scale, levels.offset, middles, strict=True):
+        places = []
+        for k in range(2):
+            size, first = scale[k].take(pair), offset[k].take(pair)
+            at = steps * (levels.along[k].take(pair) * size) + middle[k]
+            # No look leaves the rectangle.
+            np.maximum(at, first, out=at)
+            np.minimum(at, first + size, out=at)
+            places.append(at.reshape(-1))
+        found.append(places)
+    if levels.share is None:
+        return in_rows(found, None)
+    share = np.broadcast_to(levels.share.take(pair), middles[0].shape[1:])
+    return in_rows(found, np.tile(share.reshape(-1), count))
 
 
 def _keep_nearest(values: Sequence[NDArray[Any]], sizes: Sequence[int]) -> None:
@@ -431,8 +669,16 @@ def look_up(atlas: Bytes, maps: Maps) -> Bytes:
     Of two levels: ``((256 - share) fine + share coarse + 128) >> 8``.
     """
     picture = _mixed(atlas, maps)
+    values = picture.reshape(-1, *picture.shape[2:])
+    for pixel, count, looks in maps.stretches:
+        each = _mixed(atlas, looks).reshape(-1, *values.shape[1:])[: count * len(pixel)]
+        total = each.reshape(count, -1, *values.shape[1:]).sum(axis=0, dtype=np.uint16)
+        total += count // 2
+        values[pixel] = total // count
     for each in maps.finishes:
         each.put(picture)
+    if maps.edges is not None:
+        maps.edges.put(picture, atlas)
     return picture
 
 
@@ -456,6 +702,8 @@ def opencv() -> Any:
 
     :raises MissingDependencyError: if it is not installed.
     """
+    if (found := sys.modules.get("cv2")) is not None:
+        return found
     try:
         os.environ.setdefault("OPENCV_LOG_LEVEL", "OFF")  # what it logs goes to standard error
         import cv2
