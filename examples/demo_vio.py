@@ -22,7 +22,7 @@ BIN = Path(sys.executable).parent
 FLIGHT = [
     *("--imu", "adis16448", "--trajectory", "figure_eight", "--duration", "15s", "--seed", "3"),
     *("--camera", "euroc_cam0", "--camera", "euroc_cam1", "--scene", "room"),
-    *("--set", "camera.body_axes=flu", "--set", "camera.max_features=60"),
+    *("--set", "camera.max_features=60"),
     *("--set", "camera.exposure_time=0.004", "--set", "camera.blur_samples=2"),
     *("--set", "camera.vignetting=0.2"),
 ]

@@ -4,7 +4,7 @@
 r"""Visual-inertial odometry with gtsam on images: a corner tracker in front of gtsam_vio.py.
 
     generate -o hall/mav0 --format euroc --imu adis16448 --trajectory tour --duration 20s \
-        --set trajectory.rest_before=2 --camera euroc_cam0 --set camera.body_axes=flu \
+        --set trajectory.rest_before=2 --camera euroc_cam0 \
         --scene machine_hall --with-configs
     python examples/gtsam_image_vio.py hall --configuration hall/mav0_configs/simulation.yaml
 

@@ -4,7 +4,7 @@
 r"""Visual-inertial odometry with gtsam on simulated readings and tracks, judged against the truth.
 
     generate -o flight --format tracks --imu adis16448 --trajectory figure_eight --duration 15s \
-        --camera euroc_cam0 --set camera.body_axes=flu --set camera.max_features=60 \
+        --camera euroc_cam0 --set camera.max_features=60 \
         --set trajectory.lead_in.rest=2 --with-configs
     python examples/gtsam_vio.py flight
 

@@ -4,7 +4,7 @@
 r"""gtsam's visual-inertial odometry as a node on live topics: readings and features in, a path out.
 
     simulator --imu adis16448 --trajectory figure_eight --ros-args -p "cameras:=[cam0]" \
-        -p cam0.camera.preset:=euroc_cam0 -p camera.body_axes:=flu
+        -p cam0.camera.preset:=euroc_cam0
     python examples/gtsam_vio_node.py simulation.yaml -o estimate.txt
 
 The file is the ``simulation.yaml`` of ``generate --with-configs``, or the parameter file of the

@@ -4,7 +4,7 @@
 r"""ORB_SLAM3, mono- or stereo-inertial, on the images and readings of an EuRoC folder.
 
     generate -o flight/mav0 --format euroc --imu adis16448 --trajectory figure_eight \
-        --duration 30s --camera euroc_cam0 --camera euroc_cam1 --set camera.body_axes=flu \
+        --duration 30s --camera euroc_cam0 --camera euroc_cam1 \
         --with-configs
     python examples/orb_slam3_vio.py flight flight/mav0_configs estimate.tum
     evaluate estimate.tum flight/mav0/state_groundtruth_estimate0/data.csv --align se3

@@ -17,7 +17,6 @@ MOMENTS = {"office": 22.0, "corridor": 8.0, "warehouse": 1.5, "machine_hall": 4.
 # EuRoC's lens in colour, nine rays a pixel, at 1 Hz.
 CAMERA = {
     "camera.preset": "euroc_cam0",
-    "camera.body_axes": "flu",
     "camera.encoding": "rgb8",
     "camera.supersampling": 3,
     "camera.mip_levels": "trilinear",

@@ -358,6 +358,8 @@ class _Job:
         for name in cameras.views:
             for line in cameras.warnings(name):
                 self.watcher.warn(f"{name}: {line}")
+            for line in cameras.notes(name):
+                self.watcher.note(f"{name}: {line}")
         return cameras
 
     def _write_configs(self, folder: Path, body: Body) -> None:

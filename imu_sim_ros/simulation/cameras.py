@@ -20,7 +20,13 @@ from imu_sim_ros.sensors.camera.build import (
     scene_span,
 )
 from imu_sim_ros.sensors.camera.rig import Rig
-from imu_sim_ros.sensors.camera.rig_parameters import RigParameters, load_rig, of_rig, rig_problems
+from imu_sim_ros.sensors.camera.rig_parameters import (
+    RigParameters,
+    axes,
+    load_rig,
+    of_rig,
+    rig_problems,
+)
 from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.scene_parameters import AprilgridParameters, SceneParameters
 from imu_sim_ros.sensors.camera.target import (
@@ -46,7 +52,11 @@ from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulat
 from imu_sim_ros.simulation.sensors import arms_of_seeing, mounted
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.trajectory.parameters import SeriesParameters, TrajectoryParameters
+from imu_sim_ros.trajectory.parameters import (
+    PosesParameters,
+    SeriesParameters,
+    TrajectoryParameters,
+)
 
 
 def build_rig(parameters: Mapping[str, object]) -> Rig:
@@ -85,7 +95,8 @@ def on_simulation(given: Mapping[str, object], simulation: Simulated) -> Rig:
     :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be used.
     """
-    rig = load_rig(given)
+    recorded = isinstance(simulation.parameters.trajectory, PosesParameters)
+    rig = load_rig({**given, **axes(given, recorded)})
     problems = list(rig_problems(rig, simulation.parameters))
     if problems:
         raise ConfigurationError(problems)
@@ -138,7 +149,7 @@ def fitted(given: Mapping[str, object]) -> dict[str, object]:
         turns = _free_turns(given)
         if turns is None:
             return given
-        rig = load_rig(of_rig(given))
+        rig = load_rig({**of_rig(given), **axes(given, recorded=False)})
         moves = load_simulation({k: v for k, v in given.items() if k.startswith("trajectory.")})
     except ConfigurationError:
         return given  # whoever loads them says what is wrong

@@ -36,6 +36,7 @@ from imu_sim_ros.sensors.registry import find_sensor, is_known, kind_of, sees, s
 from imu_sim_ros.timebase import exact_rate
 from imu_sim_ros.trajectory.parameters import (
     TYPES,
+    PosesParameters,
     TrajectoryParameters,
     find_trajectory,
     names_a_file,
@@ -280,6 +281,10 @@ def layered(given: Mapping[str, object], node: str = NODE) -> dict[str, object]:
         common = layer_rig(common, node)
     imu = _of_imu(common, node)
     result = {**_of_sensors(common, node), **_of_trajectory(imu, common, node)}
+    if listed("cameras", given):
+        from imu_sim_ros.sensors.camera.rig_parameters import axes
+
+        result.update(axes(given, result["trajectory.type"] == PosesParameters.type))
     seed = common.get("seed", 0)
     for k, name in enumerate(several):
         usual: dict[str, object] = {"imu_frame": f"{name}_imu_link"}

@@ -16,14 +16,12 @@ WIDE_CAMERA = {
     "camera__height": 480,
     "camera__intrinsics": [458.65, 457.3, 367.2, 248.4],
 }
-_RAYS = 4
-"""Along each side of a pixel."""
 
 
 def judged(renderer, view, corners, low, high):
     """Return errors of corners (n, 2) [pixels] in six images from a box, and the images.
 
-    :param renderer: with four rays along each side of a pixel.
+    :param renderer: with any number of rays along each side of a pixel.
     :param corners: (m, 3) in the world, ahead along x.
     """
     cv2 = pytest.importorskip("cv2")
@@ -34,11 +32,11 @@ def judged(renderer, view, corners, low, high):
         eye = stream.uniform(low, high)
         turn = rotation.from_euler(stream.uniform(-0.12, 0.12, 3))
         poses = CameraPoses(eye[None], rotation.multiply(turn, mounting)[None])
-        total = np.zeros((480, 752), np.uint32)
+        total, rays = np.zeros((480, 752), np.uint32), len(renderer.rows) // 480
         for rows, picture in renderer.pictures(Eyes(poses)):
-            for a, b in np.ndindex(_RAYS, _RAYS):
-                total[rows] += picture[a::_RAYS, b::_RAYS]
-        image = np.rint(total / _RAYS**2).astype(np.uint8)
+            for a, b in np.ndindex(rays, rays):
+                total[rows] += picture[a::rays, b::rays]
+        image = np.rint(total / rays**2).astype(np.uint8)
         many = CameraPoses(*(np.repeat(part, len(corners), axis=0) for part in poses))
         uv, valid = view.model.project(in_camera(many, corners))
         uv = uv[valid & view.model.inside(uv, 15.0)]

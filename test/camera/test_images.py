@@ -213,6 +213,35 @@ def test_the_image_does_not_depend_on_its_bands(make_rig, monkeypatch, scale):
     assert np.array_equal(one.image(3), expected)
 
 
+@pytest.mark.parametrize("shutter", [0.0, 2e-4])
+def test_edges_and_grazing_textures_are_those_of_many_rays(make_rig, shutter):
+    """The mean of 8 x 8 rays is the judge: of pixels at edges, and of all others.
+
+    Eight places with one share each tell a straight edge's share to 1/16 on average, of a step of
+    up to 255 grey values; a centre alone tells it to 1/4.
+    """
+    values = {"scene__boxes": 8, "camera__row_time": shutter}
+    _, points = make_imager(make_rig, **values, **POINTS)
+    _, areas = make_imager(make_rig, **values)
+    _, many = make_imager(make_rig, **values, **POINTS, camera__supersampling=8)
+    worse, better = [], []
+    for number in (5, 40, 75):
+        judge = many.image(number).astype(float)
+        depth = areas.depth(number)
+        edge = np.zeros(depth.shape, bool)
+        for axis in (0, 1):
+            second = np.abs(np.diff(1.0 / depth, n=2, axis=axis)) > 0.02
+            inner = [slice(None)] * 2
+            inner[axis] = slice(1, -1)
+            edge[tuple(inner)] |= second
+        for each, found in ((points, worse), (areas, better)):
+            error = np.abs(each.image(number) - judge)
+            found.append((error[edge].mean(), error[~edge].mean()))
+    (edges, rest), (before, rest_before) = np.mean(better, axis=0), np.mean(worse, axis=0)
+    assert edges < 0.5 * before
+    assert rest < 0.8 * rest_before
+
+
 def test_sixteen_rays_a_pixel_of_a_stereo_pair_fit_into_300_mb():
     """The rays of EuRoC's two cameras alone are 139 MB; all maps at once were 1.4 GB."""
     code = (

@@ -144,8 +144,12 @@ def test_landmarks_are_on_what_the_path_sees(make_rig, tmp_path):
     assert np.array_equal(short.scene.landmarks, rig.scene.landmarks)
 
 
-@pytest.mark.parametrize("trilinear", [False, True])
-def test_corners_of_a_printed_checkerboard_are_unbiased(make_rig, tmp_path, trilinear):
+@pytest.mark.parametrize(
+    ("scale", "trilinear", "areas"), [(4, False, False), (4, True, False), (1, False, True)]
+)
+def test_corners_of_a_printed_checkerboard_are_unbiased(
+    make_rig, tmp_path, scale, trilinear, areas
+):
     """OpenCV's refinement is the judge; the texture's texels divide the squares."""
     board = quads([[4.0, 4.0, 0.0], [0.0, -4.0, 0.0], [0.0, 0.0, 3.0]])
     textured(*board, checkerboard(20, 15, 64)).export(tmp_path / "board.glb")
@@ -153,7 +157,7 @@ def test_corners_of_a_printed_checkerboard_are_unbiased(make_rig, tmp_path, tril
     view = make_rig("figure_eight", **{**SMALL, **WIDE_CAMERA, "scene__type": "room"}).views["cam0"]
     caster = MeshCaster(mesh)
     look = Look(mesh, caster.middle, colour=False, sun=False)
-    renderer = MeshRenderer(view.model, caster, look, 4, trilinear)
+    renderer = MeshRenderer(view.model, caster, look, scale, trilinear, areas)
     inner = np.array([(4.0, 4.0 - 0.2 * j, 0.2 * i) for i in range(1, 15) for j in range(1, 20)])
     errors, _ = judged(renderer, view, inner, (0.5, 1.5, 1.0), (1.5, 2.5, 2.0))
     assert len(errors) > 400

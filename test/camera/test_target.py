@@ -11,6 +11,7 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.camera.images.imager import Imager
 from imu_sim_ros.sensors.camera.images.texture import atlas
 from imu_sim_ros.simulation.cameras import build_rig, fitted
+from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 
@@ -110,6 +111,28 @@ def test_only_the_motion_before_the_board_follows_the_lens(other):
 
 
 def test_a_board_out_of_view_is_said():
-    """EuRoC's body has x up: without body_axes the camera looks past the board."""
+    """EuRoC's body has x up: in its own axes the camera looks past the board."""
     rig = build_rig(given("euroc_cam0", camera__body_axes="preset"))
-    assert rig.warnings("cam0") == ["no tag of the AprilGrid comes into view as a whole"]
+    [line] = rig.warnings("cam0")
+    assert "no tag of the AprilGrid comes into view" in line
+    assert "camera.body_axes = preset" in line
+
+
+def test_the_axes_of_the_body_are_those_of_the_trajectory(tmp_path):
+    """Forward, left, up for ours; a recording's own; what is told, and a mounting that is told."""
+    ours = {"cameras": ["cam0"], "camera.preset": "euroc_cam0", "trajectory.type": "polar"}
+    recorded = {**ours, "trajectory.type": "poses", "trajectory.file": "flight.csv"}
+
+    def axes(**told):
+        return {
+            kind: load_simulation({**given, **told}).rig.camera("cam0").body_axes
+            for kind, given in (("ours", ours), ("recorded", recorded))
+        }
+
+    assert axes() == {"ours": "flu", "recorded": "preset"}
+    assert axes(**{"cam0.camera.body_axes": "preset"})["ours"] == "preset"
+    assert axes(**{"camera.mounting": [1.0, 0, 0, 0, 1, 0, 0, 0, 1]})["ours"] == "preset"
+    rig = build_rig({**ours, "scene.type": "house", "camera.images": "none", "duration": 1.0})
+    forward = rotation.to_matrix(rig.views["cam0"].q_bc)[:, 2]
+    assert forward[0] > 0.99
+    assert rig.notes("cam0") == ["the body is forward, left, up (camera.body_axes flu)"]

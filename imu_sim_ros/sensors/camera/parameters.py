@@ -292,10 +292,11 @@ class CameraMountParameters:
     lever_arm: Vector = vector(0.0, "position of the camera in the body frame, p_bc", unit="m")
     mounting: Matrix = matrix(IDENTITY_MATRIX, "rotation R_bc of the camera in the body")
     body_axes: str = choice(
-        "preset",
-        ("preset", "flu"),
+        "trajectory",
+        ("trajectory", "preset", "flu"),
         "preset: the body's axes are those in which lever_arm and mounting are given; flu: the "
-        "body is forward, left, up, and rig_mounting turns the whole rig to look forward",
+        "body is forward, left, up, and rig_mounting turns the whole rig to look forward; "
+        "trajectory: preset for recorded poses and for a given mounting, flu for all others",
     )
     rig_mounting: Matrix = matrix(
         IDENTITY_MATRIX,
@@ -308,9 +309,12 @@ class CameraMountParameters:
             yield from rotation_problems(getattr(self, name), f"{prefix}{name}")
 
     def pose(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return R_bc (3, 3) and p_bc (3,) [m] with the rig turned as body_axes says."""
+        """Return R_bc (3, 3) and p_bc (3,) [m] with the rig turned as body_axes says.
+
+        Which axes a trajectory has is decided before: see :func:`~.rig_parameters.axes`.
+        """
         r, p = np.reshape(self.mounting, (3, 3)), np.asarray(self.lever_arm)
-        if self.body_axes == "preset":
+        if self.body_axes != "flu":
             return r, p
         turn = np.reshape(self.rig_mounting, (3, 3))
         return turn @ r, turn @ p

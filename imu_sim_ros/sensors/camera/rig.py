@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import arguments
+from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
 from imu_sim_ros.sensors.camera.build import build_scene, check_path, scene_span
 from imu_sim_ros.sensors.camera.mesh_scene import mesh_warnings
 from imu_sim_ros.sensors.camera.rig_parameters import (
@@ -71,6 +72,15 @@ class Rig:
             *target_warning(self.parameters.scene, view, self.trajectory),
             *mesh_warnings(self.scene, view, self.trajectory, name == next(iter(self.views))),
         ]
+
+    def notes(self, name: str) -> list[str]:
+        """Return which axes the body has, for a camera whose device has others."""
+        p = self.views[name].parameters
+        if p.rig_mounting == IDENTITY_MATRIX:
+            return []
+        if p.body_axes == "flu":
+            return ["the body is forward, left, up (camera.body_axes flu)"]
+        return [f"the body has the axes of {p.preset} (camera.body_axes preset)"]
 
     def tracker(self, name: str) -> Tracker:
         """Return the tracker of one camera."""

@@ -32,6 +32,7 @@ from imu_sim_ros.timebase import exact_rate
 DEFAULT_CAMERA: Final = "vio_data_simulation"
 DEFAULT_SCENE: Final = "room"
 LAYOUTS: Final = ("mono", "fusion", "none")
+_AXES: Final = ("body_axes", "mounting")
 _TAKEN: Final = ("camera", "imus", "imu", "trajectory", "publish", "inject")
 
 
@@ -82,6 +83,21 @@ class RigParameters:
     def each(self) -> dict[str, CameraParameters]:
         """Return the parameters of all cameras by name, in order."""
         return {name: self.camera(name) for name in self.cameras}
+
+
+def axes(given: Mapping[str, object], recorded: bool) -> dict[str, object]:
+    """Return ``NAME.camera.body_axes`` of the cameras for which the trajectory decides them.
+
+    :param given: what was told, above any preset, with ``cameras`` and ``camera.*``.
+    :param recorded: the trajectory is recorded poses: the body has the axes of their recording.
+    """
+    result: dict[str, object] = {}
+    for name in listed("cameras", given):
+        told = {key: given.get(f"{name}.camera.{key}", given.get(f"camera.{key}")) for key in _AXES}
+        if told["body_axes"] in (None, "trajectory"):
+            own = recorded or told["mounting"] is not None
+            result[f"{name}.camera.body_axes"] = "preset" if own else "flu"
+    return result
 
 
 def layer_rig(given: Mapping[str, object], node: str = "simulator") -> dict[str, object]:

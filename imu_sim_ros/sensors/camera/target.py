@@ -83,7 +83,10 @@ def target_warning(parameters: SceneParameters, view: View, trajectory: Trajecto
         return []
     (width, height), bits, _ = sight(view, trajectory, aprilgrid_corners(parameters))
     if bits == 0.0:
-        return ["no tag of the AprilGrid comes into view as a whole"]
+        return [
+            "no tag of the AprilGrid comes into view as a whole; camera.body_axes = "
+            f"{view.parameters.body_axes}, scene.position and scene.orientation say where it is"
+        ]
     if bits >= BITS and min(width, height) >= COVERAGE:
         return []
     return [

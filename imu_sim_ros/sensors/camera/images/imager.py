@@ -4,7 +4,7 @@
 """The images of one camera: pictures over the exposure, optics, noise, grey values."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache, cached_property
 from typing import Final
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.sensors.camera.images.exposure import AutoExposure, exposed, meter_model
+from imu_sim_ros.sensors.camera.images.flow import flow
 from imu_sim_ros.sensors.camera.images.grey_values import grey_values
 from imu_sim_ros.sensors.camera.images.mesh_look import Look
 from imu_sim_ros.sensors.camera.images.mesh_renderer import MeshRenderer
@@ -143,6 +144,35 @@ class Imager:
         if not self.moving:
             return self.depth(number), None
         return self._centres.depth_and_mask(self._seen_from(number))
+
+    def flow(self, number: int) -> Single:
+        """Return where what each pixel sees goes until the next image: steps (h, w, 2) [px].
+
+        From the pixel's centre in the middle of the exposure to the next frame that is delivered.
+        NaN for what sees nothing, for what is outside of the next image or hidden there, and
+        everywhere if there is none.
+        """
+        p = self.view.parameters
+        following = self._following(number)
+        if following is None:
+            return np.full((p.height, p.width, 2), np.nan, np.float32)
+        numbers = number, following
+        seconds = [np.array([self._seconds(self._content(each))]) for each in numbers]
+
+        def eyes(which: int) -> Callable[[Array], Eyes]:
+            return lambda rows: self._eyes(self._row_times(seconds[which], rows))
+
+        seen, then = (self.depth_and_mask(each) for each in numbers)
+        return flow(self.view.model, seen, then, eyes)
+
+    def _following(self, number: int) -> int | None:
+        """Return the next frame that is delivered; None: the last one was before."""
+        total = self.view.total
+        while total is None or number + 1 < total:
+            number += 1
+            if self.view.frames(number, 1).delivered[0]:
+                return number
+        return None
 
     def _seen_from(self, number: int) -> Eyes:
         """Return the poses of the pixels' centres in the middle of the exposure."""

@@ -1,0 +1,146 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Optical flow: where what each pixel sees is in the next image.
+
+The depth of a pixel puts what it sees into the world, or into the axes of the body that it belongs
+to; from there it is projected into the next image. With a rolling shutter each row has its own
+time, in the next image as well: the row v in which a point is seen solves v = v(point, t(v)).
+"""
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros import rotation
+from imu_sim_ros.sensors.camera.model import CameraModel
+from imu_sim_ros.sensors.camera.view import CameraPoses, Eyes
+from imu_sim_ros.types import Array, Bytes, Integers, Mask, Single
+
+_ROUNDS: Final = 12
+"""Most steps of the search for a row."""
+_CLOSE: Final = 1e-6
+"""Change of a row at which it is found [px]."""
+_FOUND: Final = 1e-3
+"""Change of a row from which on it is not [px]."""
+_BEHIND: Final = 0.005
+"""Share of its depth by which a point lies behind what is seen there if that hides it."""
+_KITTI: Final = 64.0
+_KITTI_ZERO: Final = 1 << 15
+
+
+def flow(
+    model: CameraModel,
+    seen: tuple[Single, Bytes | None],
+    then: tuple[Single, Bytes | None],
+    eyes: Callable[[float], Callable[[Array], Eyes]],
+) -> Single:
+    """Return the steps (h, w, 2) in u and v [px] from each pixel's centre to the next image.
+
+    NaN for pixels that see nothing, and for what is outside of the next image or hidden there.
+
+    :param seen: depth (h, w) [m] and mask (h, w) of the image.
+    :param then: those of the next one.
+    :param eyes: for 0, the image, and 1, the next one, a function from rows to the poses then.
+    """
+    depth, mask = seen
+    height, width = depth.shape
+    result = np.full((height * width, 2), np.nan, np.float32)
+    everywhere = np.flatnonzero(depth.reshape(-1) > 0.0)
+    bodies = np.zeros(len(everywhere), np.uint8)
+    if mask is not None:
+        bodies = mask.reshape(-1)[everywhere]
+    at, following = (_by_row(eyes(k), height) for k in (0, 1))
+    for body in np.unique(bodies):
+        pixel = everywhere[bodies == body]
+        row, column = np.divmod(pixel, width)
+        uv = np.stack([column, row], axis=1).astype(np.float64)
+        ray = model.unproject(uv).direction
+        local = ray * (depth.reshape(-1)[pixel].astype(np.float64) / ray[:, 2])[:, None]
+        here = at(uv[:, 1], int(body))
+        point = here.position + rotation.rotate(here.q_wc, local)
+        found, away, valid = _projected(model, point, uv[:, 1], lambda v: following(v, int(body)))
+        valid &= ~_hidden(found, away, valid, int(body), then)
+        result[pixel[valid]] = (found - uv)[valid]
+    return result.reshape(height, width, 2)
+
+
+_Poses = Callable[[Array, int], CameraPoses]
+
+
+def _by_row(eyes: Callable[[Array], Eyes], height: int) -> _Poses:
+    """Return the poses of a camera at rows (n,), in the world (0) or in a body's axes (1, ...).
+
+    Between whole rows, over microseconds, they are interpolated.
+    """
+    rows = np.arange(-1.0, height + 1.0)
+    every = eyes(rows)
+
+    def poses(v: Array, body: int) -> CameraPoses:
+        known = every.bodies[body - 1] if body else every.world
+        if len(known.position) == 1:
+            return known
+        first = np.clip(np.floor(v).astype(np.int64) + 1, 0, height)
+        share = (np.clip(v, -1.0, height) - rows[first])[:, None]
+        ends = [CameraPoses(*(each[k] for each in known)) for k in (first, first + 1)]
+        position, q = (a + share * (b - a) for a, b in zip(*ends, strict=True))
+        return CameraPoses(position, q / np.linalg.norm(q, axis=1, keepdims=True))
+
+    return poses
+
+
+def _projected(
+    model: CameraModel, points: Array, row: Array, poses: Callable[[Array], CameraPoses]
+) -> tuple[Array, Array, Mask]:
+    """Return the pixels (n, 2) of points (n, 3), their depths (n,), and which have any.
+
+    :param row: (n,) where the search begins.
+    """
+    v = row
+    for _ in range(_ROUNDS):
+        there = poses(v)
+        local = rotation.rotate_inverse(there.q_wc, points - there.position)
+        uv, valid = model.project(local)
+        change = np.where(valid, np.abs(uv[:, 1] - v), 0.0)
+        v = np.where(valid, uv[:, 1], v)
+        if len(there.position) == 1 or change.max(initial=0.0) < _CLOSE:
+            break
+    else:
+        valid &= change < _FOUND
+    return uv, local[:, 2], valid & model.inside(uv)
+
+
+def _hidden(
+    uv: Array, away: Array, valid: Mask, body: int, then: tuple[Single, Bytes | None]
+) -> Mask:
+    """Tell which points are behind all that the four pixels around them see."""
+    depth, mask = then
+    result = np.ones(len(uv), np.bool_)
+    some = np.flatnonzero(valid)
+    first: Integers = np.floor(uv[some]).astype(np.int64)
+    last = np.array(depth.shape[::-1]) - 1
+    for k in range(4):
+        column, row = np.clip(first + (k % 2, k // 2), 0, last).T
+        there = depth[row, column]
+        free = (there == 0.0) | (away[some] <= there * (1.0 + _BEHIND))
+        if mask is not None:
+            free &= mask[row, column] == body
+        result[some[free]] = False
+    return result
+
+
+def kitti_flow(steps: Single) -> NDArray[np.uint16]:
+    """Return flow (h, w, 2) as KITTI's PNGs have it (h, w, 3): ``64 u + 2^15``, v, validity.
+
+    Steps beyond 512 px are not valid (KITTI's development kit, io_flow.h).
+
+    >>> kitti_flow(np.array([[[1.0, -0.5], [np.nan, np.nan]]], np.float32)).tolist()
+    [[[32832, 32736, 1], [0, 0, 0]]]
+    """
+    found = np.rint(steps.astype(np.float64) * _KITTI) + _KITTI_ZERO
+    with np.errstate(invalid="ignore"):
+        valid = ((found >= 0.0) & (found < 1 << 16)).all(axis=2, keepdims=True)
+    values = np.concatenate([np.where(valid, found, 0.0), valid], axis=2)
+    return values.astype(np.uint16)
