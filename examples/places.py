@@ -14,12 +14,10 @@ from imu_sim_ros.sensors.camera.images.files import png
 
 # Seconds into the tour at which something is in view.
 MOMENTS = {"office": 22.0, "corridor": 8.0, "warehouse": 1.5, "machine_hall": 4.0, "street": 52.0}
-# EuRoC's lens in colour, nine rays a pixel, at 1 Hz.
+# EuRoC's lens in colour, at 1 Hz.
 CAMERA = {
     "camera.preset": "euroc_cam0",
     "camera.encoding": "rgb8",
-    "camera.supersampling": 3,
-    "camera.mip_levels": "trilinear",
 }
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")

@@ -124,6 +124,28 @@ def depths(
     return _rig(flight, camera, scene).depths(_NAME)
 
 
+def flows(
+    flight: Simulated,
+    camera: str | Path | Mapping[str, Any] = "euroc_cam0",
+    scene: str | Path = "room",
+) -> Iterator[tuple[int, Single]]:
+    """Yield the stamp [ns] and the optical flow (h, w, 2) [px] of each frame of a camera.
+
+    The steps in u and v from each pixel's centre, in the middle of the exposure, to where what it
+    sees is in the next frame, without errors; NaN for what is outside of that frame or hidden in
+    it, and in the last frame. Needs OpenCV.
+
+    :param flight: what :func:`imu_sim_ros.simulate` returns.
+    :param camera: as in :func:`tracks`.
+    :param scene: as in :func:`tracks`, with surfaces.
+    :returns: an iterator over stamps [ns] and flow (h, w, 2) [px].
+    :raises ConfigurationError: with a line for each problem.
+    :raises InputError: for a file that cannot be used.
+    :raises MissingDependencyError: if OpenCV is not installed.
+    """
+    return _rig(flight, camera, scene).flows(_NAME)
+
+
 def _rig(flight: Simulated, camera: str | Path | Mapping[str, Any], scene: str | Path) -> Rig:
     if not isinstance(getattr(flight, "parameters", None), SimulationParameters):
         arguments.refuse("flight", flight, "what simulate() returns", wrong_type=True)

@@ -17,6 +17,7 @@ from imu_sim_ros.conventions import (
     COMPRESSED_TOPIC,
     DEPTH_TOPIC,
     FEATURES_TOPIC,
+    FLOW_TOPIC,
     IMAGE_TOPIC,
     LANDMARKS_TOPIC,
     MASK_TOPIC,
@@ -101,7 +102,7 @@ class CameraBag:
         return [n for n in self._rig.views if any(t.startswith(f"{n}/") for t in self._topics)]
 
     def _wants_images(self, name: str) -> bool:
-        topics = (IMAGE_TOPIC, COMPRESSED_TOPIC, DEPTH_TOPIC, MASK_TOPIC)
+        topics = (IMAGE_TOPIC, COMPRESSED_TOPIC, DEPTH_TOPIC, MASK_TOPIC, FLOW_TOPIC)
         return any(f"{name}/{topic}" in self._topics for topic in topics)
 
     @property

@@ -29,6 +29,7 @@ from imu_sim_ros.conventions import (
     COMPRESSED_TOPIC,
     DEPTH_TOPIC,
     FEATURES_TOPIC,
+    FLOW_TOPIC,
     IMAGE_TOPIC,
     LANDMARKS_TOPIC,
     MASK_TOPIC,
@@ -249,6 +250,8 @@ def _kinds(camera: CameraParameters, moving: bool) -> dict[str, str]:
         kinds[DEPTH_TOPIC] = IMAGE
         if moving:
             kinds[MASK_TOPIC] = IMAGE
+    if camera.flow != "none":
+        kinds[FLOW_TOPIC] = IMAGE
     kinds[CAMERA_INFO_TOPIC] = CAMERA_INFO
     return kinds
 
@@ -265,13 +268,15 @@ class CameraMessages:
         kinds = _kinds(p, imager is not None and imager.moving)
         self._imager = imager
         self._info = CameraInfoEncoder(frame_id, info_of_camera(p), encoding)
-        self._raw = self._png = self._depth = self._mask = None
+        self._raw = self._png = self._depth = self._mask = self._flow = None
         if IMAGE_TOPIC in kinds:
             self._raw = ImageEncoder(frame_id, p.height, p.width, p.encoding, encoding)
         if COMPRESSED_TOPIC in kinds:
             self._png = CompressedImageEncoder(frame_id, p.encoding, encoding)
         if DEPTH_TOPIC in kinds:
             self._depth = ImageEncoder(frame_id, p.height, p.width, "32FC1", encoding)
+        if FLOW_TOPIC in kinds:
+            self._flow = ImageEncoder(frame_id, p.height, p.width, "32FC2", encoding)
         if MASK_TOPIC in kinds:
             self._mask = ImageEncoder(frame_id, p.height, p.width, "mono8", encoding)
 
@@ -291,11 +296,13 @@ class CameraMessages:
             found[DEPTH_TOPIC] = self._depth.encode(t_ns, depth)
             if self._mask is not None and mask is not None:
                 found[MASK_TOPIC] = self._mask.encode(t_ns, mask)
+        if self._flow is not None:
+            found[FLOW_TOPIC] = self._flow.encode(t_ns, self._imager.flow(number))
         return found
 
 
 def imagers(rig: Rig, names: list[str]) -> dict[str, Imager]:
-    """Return the imagers of the cameras named, for those with images or depth.
+    """Return the imagers of the cameras named, for those with images, depth or flow.
 
     :raises ConfigurationError: for a scene without surfaces.
     :raises MissingDependencyError: if OpenCV is not installed.
@@ -304,7 +311,9 @@ def imagers(rig: Rig, names: list[str]) -> dict[str, Imager]:
     wanted = {
         name: view
         for name, view in views.items()
-        if view.parameters.images != "none" or view.parameters.depth
+        if view.parameters.images != "none"
+        or view.parameters.depth
+        or view.parameters.flow != "none"
     }
     return imagers_of(wanted, rig.scene, rig.parameters.scene, rig.trajectory)
 

@@ -4,11 +4,12 @@
 """Images of cameras as PNG files: EuRoC/ASL folders, and those of kalibr_bagcreater.
 
 ``euroc``: ``cam0/data/<stamp>.png``, ``cam0/data.csv``, ``cam0/sensor.yaml``, and ``cam0/depth``,
-with bodies that move also ``cam0/mask``, if depth is asked for. ``csv``: ``cam0/<stamp>.png`` next
-to imu0.csv, as kalibr_bagcreater takes it. Threads make the images; OpenCV and NumPy let them run
-side by side.
+with bodies that move also ``cam0/mask``, if depth is asked for, and ``cam0/flow``. ``csv``:
+``cam0/<stamp>.png`` next to imu0.csv, as kalibr_bagcreater takes it. Threads make the
+images; OpenCV and NumPy let them run side by side.
 """
 
+import io
 from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -27,6 +28,7 @@ from imu_sim_ros.datasets.columns import Tables
 from imu_sim_ros.datasets.tracks import CameraProgress
 from imu_sim_ros.errors import InputError, system_error
 from imu_sim_ros.sensors.camera.images.files import png
+from imu_sim_ros.sensors.camera.images.flow import kitti_flow
 from imu_sim_ros.sensors.camera.images.imager import imagers
 from imu_sim_ros.sensors.camera.images.renderer import opencv
 from imu_sim_ros.sensors.camera.model import CameraModel
@@ -37,6 +39,7 @@ from imu_sim_ros.types import Array, Bytes, Single
 EUROC_HEADER: Final = "#timestamp [ns],filename"
 DEPTH_FOLDER: Final = "depth"
 MASK_FOLDER: Final = "mask"
+FLOW_FOLDER: Final = "flow"
 _AHEAD: Final = 4
 """Images in progress for each thread."""
 LATEST_NS: Final = 2**63 - 1
@@ -76,6 +79,8 @@ class ImageFolders:
             folders = [place]
             if self._has_depth(camera):
                 folders += [place.parent / name for name in self._further]
+            if self._flow(camera) != "none":
+                folders.append(place.parent / FLOW_FOLDER)
             for made_folder in folders:
                 try:
                     made_folder.mkdir(parents=True)
@@ -107,6 +112,10 @@ class ImageFolders:
     def _has_depth(self, camera: CameraProgress) -> bool:
         return self._tables and camera.view.parameters.depth
 
+    def _flow(self, camera: CameraProgress) -> str:
+        """Return the form of the flow of a camera, as ``camera.flow`` names it."""
+        return camera.view.parameters.flow if self._tables else "none"
+
     def until(self, t_ns: int) -> None:
         """Request all images taken before a time [ns], those of all cameras in order of time."""
         end = -1
@@ -136,6 +145,16 @@ class ImageFolders:
             for folder, each in ((DEPTH_FOLDER, millimetres(depth)), (MASK_FOLDER, mask)):
                 if each is not None:
                     write_png(path.parents[1] / folder / path.name, each)
+        form = self._flow(self.cameras[camera])
+        if form != "none":
+            steps = self._imagers[camera].flow(number)
+            place = path.parents[1] / FLOW_FOLDER / path.name
+            if form == "kitti":
+                write_png(place, kitti_flow(steps))
+            else:
+                content = io.BytesIO()
+                np.save(content, steps)
+                write_bytes(place.with_suffix(".npy"), content.getvalue())
 
     def _place(self, name: str) -> Path:
         return self._folder / name / "data" if self._tables else self._folder / name
@@ -173,8 +192,10 @@ class ImageFolders:
                     kept.append((n, t_ns))
                     continue
                 path.unlink(missing_ok=True)
-                for folder in self._further:
-                    (path.parents[1] / folder / path.name).unlink(missing_ok=True)
+                for folder in (*self._further, FLOW_FOLDER):
+                    beside = path.parents[1] / folder / path.name
+                    for file in (beside, beside.with_suffix(".npy")):
+                        file.unlink(missing_ok=True)
             self._frames[number] = kept
 
     def _file(self, camera: CameraProgress, t_ns: int) -> Path:

@@ -31,6 +31,7 @@ from imu_sim_ros.bags.reader import Bag
 from imu_sim_ros.conventions import (
     COMPRESSED_TOPIC,
     DEPTH_TOPIC,
+    FLOW_TOPIC,
     IMAGE_TOPIC,
     MASK_TOPIC,
     TF_STATIC_TOPIC,
@@ -86,8 +87,8 @@ def recorded_cameras(topics: Sequence[TopicInfo]) -> list[RecordedCamera]:
     """
     found: dict[str, dict[str, TopicInfo]] = {}
     for topic in sorted(topics, key=lambda topic: (topic.type == COMPRESSED_IMAGE, topic.name)):
-        mask = topic.name.endswith(f"/{MASK_TOPIC}")
-        if topic.type in (IMAGE, COMPRESSED_IMAGE) and not mask:
+        other = topic.name.endswith((f"/{MASK_TOPIC}", f"/{FLOW_TOPIC}"))
+        if topic.type in (IMAGE, COMPRESSED_IMAGE) and not other:
             kind = "depth" if topic.name.endswith(f"/{DEPTH_TOPIC}") else "images"
             found.setdefault(_base(topic.name), {}).setdefault(kind, topic)
     bases = sorted(found)

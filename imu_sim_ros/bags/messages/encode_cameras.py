@@ -28,6 +28,7 @@ _PIXEL_BYTES: Final = {
     "rgb16": 6,
     "16UC1": 2,
     "32FC1": 4,
+    "32FC2": 8,
 }
 _PNG_COLOURS: Final = {"rgb8": "bgr8", "rgba8": "bgra8", "rgb16": "bgr16"}
 """What image_transport calls the colours of an encoded image; it has no word for grey ones."""
@@ -104,7 +105,7 @@ class ImageEncoder:
     ) -> None:
         """Set up the messages.
 
-        :param pixels: mono8, mono16, rgb8, rgba8, rgb16, 16UC1 or 32FC1.
+        :param pixels: mono8, mono16, rgb8, rgba8, rgb16, 16UC1, 32FC1 or 32FC2.
         """
         step = width * _PIXEL_BYTES[pixels]
         self._head = StampedBuilder(frame_id, encoding)
@@ -114,7 +115,7 @@ class ImageEncoder:
         self._head.values([step, step * height], "<u4")
 
     def encode(self, t_ns: int, image: NDArray[np.generic]) -> bytes:
-        """Return the message of an image (h, w) or (h, w, 3)."""
+        """Return the message of an image (h, w), (h, w, 2) or (h, w, 3)."""
         return bytes(self._head.stamped(t_ns) + np.ascontiguousarray(image).data.cast("B"))
 
 

@@ -67,6 +67,7 @@ def distorted_radius(r: Array, k: Sequence[float]) -> Array:
 
 IMAGES = ("raw", "compressed", "both", "none")
 ENCODINGS = ("mono8", "rgb8")
+FLOWS = ("none", "raw", "kitti")
 MIP_LEVELS = ("nearest", "trilinear")
 RESPONSES = ("srgb", "linear")
 
@@ -86,6 +87,13 @@ class ImageParameters:
         False,
         "also the depth along the view, without errors: NAME/depth/image_raw, 32FC1 in m; in EuRoC "
         "folders NAME/depth, PNG of 16 bits in mm; 0 if nothing is seen",
+    )
+    flow: str = choice(
+        "none",
+        FLOWS,
+        "also the optical flow to the next image, without errors, and which pixels have one: "
+        "NAME/flow/image_raw, 32FC2 in px, NaN if there is none; in EuRoC folders NAME/flow: "
+        "raw: .npy of the same; kitti: KITTI's PNG of 16 bits instead",
     )
     frame: str = text("", "frame of the messages; empty: NAME_optical_frame")
     antialiasing: bool = flag(

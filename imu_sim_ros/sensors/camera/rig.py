@@ -122,6 +122,17 @@ class Rig:
         """
         return self._frames(name, "depth")
 
+    def flows(self, name: str) -> Iterator[tuple[int, Single]]:
+        """Yield the stamp [ns] and the optical flow (h, w, 2) [px] of all frames of a camera.
+
+        The steps in u and v to the next frame; NaN if there is none, and for what is outside of
+        the next image or hidden there. Frames that are lost are left out.
+
+        :raises ConfigurationError: for a scene without surfaces.
+        :raises MissingDependencyError: if OpenCV is not installed.
+        """
+        return self._frames(name, "flow")
+
     def _frames(self, name: str, what: str) -> Iterator[tuple[int, NDArray[Any]]]:
         from imu_sim_ros.sensors.camera.images.imager import imagers  # they need OpenCV
 

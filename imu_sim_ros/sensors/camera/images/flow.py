@@ -9,7 +9,8 @@ time, in the next image as well: the row v in which a point is seen solves v = v
 """
 
 from collections.abc import Callable
-from typing import Final
+from functools import partial
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,13 +62,17 @@ def flow(
         local = ray * (depth.reshape(-1)[pixel].astype(np.float64) / ray[:, 2])[:, None]
         here = at(uv[:, 1], int(body))
         point = here.position + rotation.rotate(here.q_wc, local)
-        found, away, valid = _projected(model, point, uv[:, 1], lambda v: following(v, int(body)))
+        found, away, valid = _projected(model, point, uv[:, 1], partial(following, body=int(body)))
         valid &= ~_hidden(found, away, valid, int(body), then)
         result[pixel[valid]] = (found - uv)[valid]
     return result.reshape(height, width, 2)
 
 
-_Poses = Callable[[Array, int], CameraPoses]
+class _Poses(Protocol):
+    """Where a camera is at rows (n,), in the world (0) or in the axes of a body (1, ...)."""
+
+    def __call__(self, v: Array, body: int) -> CameraPoses:
+        """Return one pose, or n."""
 
 
 def _by_row(eyes: Callable[[Array], Eyes], height: int) -> _Poses:
@@ -122,7 +127,7 @@ def _hidden(
     first: Integers = np.floor(uv[some]).astype(np.int64)
     last = np.array(depth.shape[::-1]) - 1
     for k in range(4):
-        column, row = np.clip(first + (k % 2, k // 2), 0, last).T
+        column, row = np.clip(first + np.array([k % 2, k // 2]), 0, last).T
         there = depth[row, column]
         free = (there == 0.0) | (away[some] <= there * (1.0 + _BEHIND))
         if mask is not None:
