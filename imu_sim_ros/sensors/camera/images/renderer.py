@@ -489,6 +489,7 @@ class Renderer:
             for each in own:
                 drawn.pair[here] = each[: sizes[0]]
             if edges and not filled:
+                assert visible.slopes is not None
                 local, mixed = _cells_of_rows(sizes), ~fills[: sizes[0]]
                 mixed[: sum(sizes[1:2])] = True
                 some = np.flatnonzero(mixed.take(local))
@@ -590,6 +591,7 @@ def _stretches_of_cells(
     :param texels: (2, q, CELL^2) place in the atlas, of each level.
     :param pixel: (q, CELL^2) number in the picture.
     """
+    assert levels.looks is not None
     looks = levels.looks.take(pair)
     for count in COUNTS:
         some = np.flatnonzero(looks == count)
@@ -606,6 +608,7 @@ def _along(levels: Levels, pair: Integers, middles: Sequence[Single], count: int
     :param pair: (n,) or (q, 1).
     :param middles: (2, n) or (2, q, CELL^2) of each level.
     """
+    assert levels.along is not None
     steps = steps_along(count).reshape(-1, *(1,) * pair.ndim)
     found = []
     for scale, offset, middle in zip(levels.scale, levels.offset, middles, strict=True):
