@@ -39,6 +39,7 @@ TOUR = {
     "scene__bodies__people": 3,
     "scene__bodies__carts": 1,
     "scene__bodies__doors": 2,
+    "camera__antialiasing": False,  # masks and depths are those of the pixels' centres
 }
 ROLLING = {"camera__row_time": 1e-4}
 
