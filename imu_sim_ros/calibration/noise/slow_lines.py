@@ -162,14 +162,27 @@ class _Search:
             if best.objective - found.objective <= _doubt(found.periods[-1:]).sum():
                 break
             best = found
+        gains = self._gains(best)
+        # Several lines that take the place of a walk gain much next to each other, little alone.
+        evident = gains > _EVIDENCE
+        while evident.any():
+            alone = self._gains(self._fit(best.periods[evident], best))
+            if (alone > _EVIDENCE).all():
+                break
+            gains[evident] = np.minimum(gains[evident], alone)
+            evident = gains > _EVIDENCE
         result = []
         angle = 2.0j * np.pi / self._n * (np.arange(self._n) + 0.5)
-        for k, (periods, part) in enumerate(zip(best.periods, best.parts, strict=True)):
-            gain = self._fit(np.delete(best.periods, k), best).objective - best.objective
+        for periods, part, gain in zip(best.periods, best.parts, gains, strict=True):
             if gain > _doubt(periods):
                 line = Line(0, float(periods) / self._n, float(abs(part)))
-                result.append((line, (part * np.exp(angle * periods)).real, gain))
+                result.append((line, (part * np.exp(angle * periods)).real, float(gain)))
         return result
+
+    def _gains(self, best: _Fit) -> Array:
+        """Return the log-likelihood that each line gains next to the others."""
+        without = (self._fit(np.delete(best.periods, k), best) for k in range(len(best.periods)))
+        return np.array([one.objective for one in without]) - best.objective
 
     def _of_lines(self, periods: Array, rows: slice = _ALL) -> Waves:
         """Return the coefficients (m, lines) of ``exp(2 pi i periods (j + 1/2) / n)``.
@@ -206,12 +219,14 @@ class _Search:
     def _fit(self, periods: Array, start: _Fit) -> _Fit:
         """Return the fit with lines near some frequencies, in turns with the noise.
 
-        The frequencies follow by Gauss's and Newton's steps.
+        The frequencies follow by Gauss's and Newton's steps, none as far as to another line.
         """
+        nearest, furthest = periods - 0.5 * _APART, periods + 0.5 * _APART
         best = self._with_lines(periods, start)
         for _ in range(_ALTERNATIONS):
             if len(periods):
-                periods = np.maximum(best.periods + self._step(best), 0.5 * _SLOWEST)
+                periods = np.clip(best.periods + self._step(best), nearest, furthest)
+                periods = np.maximum(periods, 0.5 * _SLOWEST)
             found = self._with_lines(periods, best)
             gain = best.objective - found.objective
             if gain > 0.0:
