@@ -44,7 +44,11 @@ def parser() -> program.Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Integrate, compare, and say what came out."""
-    below, above = program.parameter_layers(arguments, "integrator")
+    # A node's file may ask for the covariance, which no result of this program states.
+    below, above = (
+        {name: value for name, value in layer.items() if (name, value) != ("covariance", True)}
+        for layer in program.parameter_layers(arguments, "integrator")
+    )
     with output_and_plot(arguments) as written:
         if arguments.all:
             made = call(dead_reckon_all, arguments, below, above)

@@ -284,6 +284,8 @@ class ErrorModelBatch:
         if declared.place == "body" or declared.rate:
             refuse("input", input, "without place and rate in a batch: readings in the IMU's place")
         self._conventions = Conventions(self.parameters)
+        if not isinstance(spread, Mapping | None):
+            refuse("spread", spread, "a dictionary of parameters by name", wrong_type=True)
         drawn = {name: _spread(name, value) for name, value in (spread or {}).items()}
         self._batch = ImuBatch([one.imu for one in built], self.parameters, self.count, drawn)
         self._last: tuple[Array, Array] = (np.zeros((self.count, 3)), np.zeros((self.count, 3)))
@@ -365,7 +367,10 @@ class ErrorModelBatch:
         :raises ConfigurationError: for another mask or restart.
         """
         arguments.one_of("restart", restart, RESTARTS)
-        chosen = np.ones(self.count, np.bool_) if mask is None else np.asarray(mask)
+        try:
+            chosen = np.ones(self.count, np.bool_) if mask is None else np.asarray(mask)
+        except ValueError:  # lists of several lengths
+            refuse("mask", mask, f"{self.count} Booleans", wrong_type=True)
         if chosen.dtype != np.bool_ or chosen.shape != (self.count,):
             refuse("mask", mask, f"{self.count} Booleans")
         self._batch.begin(np.flatnonzero(chosen), restart)

@@ -331,8 +331,8 @@ def _unusable_names(
     names = listed(each.listed, values)
     taken = {*each.taken, *(field.name for field in dataclasses.fields(cls))}
     if len(set(names)) < len(names):
-        problems.append(f"{each.listed} = {names}: names must differ")
-        gone = names
+        # Which other name was meant is not known, nor whose parameters the values below it are.
+        raise ConfigurationError(f"{each.listed} = {names}: names must differ")
     for name in dict.fromkeys(names):
         if name in known:
             problems.append(f"{each.listed}: {name!r}: is a name in {known[name]}")

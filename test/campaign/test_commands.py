@@ -489,9 +489,9 @@ def test_programs_are_looked_up_before_the_first_run(plan_file, campaign, tmp_pa
         seeds=1,
         align="none",
         estimators={
-            "a": {"command": "nosuchprog {dataset}"},
-            "b": {"command": "./estimator.sh {estimate}"},
-            "c": {"command": "{python} {plan}/script.py {estimate}"},
+            "a": {"command": "nosuchprog {dataset}", "coverage": 0.0},
+            "b": {"command": "./estimator.sh {estimate}", "coverage": 0.0},
+            "c": {"command": "{python} {plan}/script.py {estimate}", "coverage": 0.0},
         },
     )
     status, _, lines = campaign(path, "-o", tmp_path / "out", "--check")
