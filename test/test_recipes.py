@@ -99,21 +99,23 @@ class Swing:
 
     active = False
 
-    def __init__(self, dt: float) -> None:
-        self._dt, self._samples = dt, 0
+    def __init__(self, shape: tuple[int, ...], dt: float) -> None:
+        self._dt, self._samples = dt, np.zeros(shape, np.int64)
         self._amplitude = np.zeros(3)
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take the amplitude."""
         self._amplitude = np.asarray(parameters.swing)
-        self.active = any(parameters.swing)
+        self.active = bool(self._amplitude.any())
 
-    def add_to(self, values: Array) -> None:
-        """Add n samples to values (n, 3)."""
-        n = len(values)
-        t = np.arange(self._samples, self._samples + n) * self._dt
-        values += self._amplitude * np.sin(2.0 * np.pi * t)[:, None]
-        self._samples += n
+    def begin(self, units: Units) -> None:
+        """Let some units of a batch begin again."""
+        self._samples[units] = 0
+
+    def add_to(self, values: Array, units: Units = ...) -> None:
+        """Add the next n samples of some units to values (n, ..., 3)."""
+        t = next_numbers(self._samples, len(values), units) * self._dt
+        values += self._amplitude[units] * np.sin(2.0 * np.pi * t)[..., None]
 '''
 
 
@@ -135,7 +137,10 @@ def test_an_error_term(copy: Copy) -> None:
             "class RateRamp:",
             f"{SWING}\n\nclass RateRamp:",
         ),
-        ("        RateRamp(dt),\n", "        RateRamp(dt),\n        Swing(dt),\n"),
+        (
+            "        RateRamp(np.shape(seed), dt),\n",
+            "        RateRamp(np.shape(seed), dt),\n        Swing(np.shape(seed), dt),\n",
+        ),
     )
     copy.guard(2)
     found = copy.run(
