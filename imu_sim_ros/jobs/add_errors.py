@@ -385,8 +385,7 @@ def _impossible(values: Array, quantity: gate.Quantity) -> Mask:
     """Return which rows (count, 3) are not finite, or larger than anything possible."""
     if -quantity.largest <= values.min() and values.max() <= quantity.largest:
         return np.zeros(len(values), np.bool_)
-    rows: Mask = ~(np.abs(values) <= quantity.largest).all(axis=1)
-    return rows
+    return ~np.asarray((np.abs(values) <= quantity.largest).all(axis=1))
 
 
 def _spread(name: str, value: Any) -> Spread:

@@ -171,8 +171,15 @@ class Seen(NamedTuple):
 
 
 def _together(parts: Sequence[Seen]) -> Seen:
-    *others, places = zip(*parts, strict=True)
-    return Seen(*map(np.concatenate, others), np.concatenate(places, axis=1))
+    pair, which, pixel, rows, hit, places = zip(*parts, strict=True)
+    return Seen(
+        np.concatenate(pair),
+        np.concatenate(which),
+        np.concatenate(pixel),
+        np.concatenate(rows),
+        np.concatenate(hit),
+        np.concatenate(places, axis=1),
+    )
 
 
 class Frame(NamedTuple):

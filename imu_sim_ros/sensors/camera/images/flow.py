@@ -36,7 +36,7 @@ def flow(
     model: CameraModel,
     seen: tuple[Single, Bytes | None],
     then: tuple[Single, Bytes | None],
-    eyes: Callable[[float], Callable[[Array], Eyes]],
+    eyes: Callable[[int], Callable[[Array], Eyes]],
 ) -> Single:
     """Return the steps (h, w, 2) in u and v [px] from each pixel's centre to the next image.
 

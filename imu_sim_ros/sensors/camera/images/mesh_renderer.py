@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.places.geometry import Floats
 from imu_sim_ros.places.mesh import MeshCaster
+from imu_sim_ros.places.mesh_file import Numbers
 from imu_sim_ros.sensors.camera.images.cells import COUNTS, SHARES, looks, steps_along
 from imu_sim_ros.sensors.camera.images.edges import PLACES
 from imu_sim_ros.sensors.camera.images.mesh_look import Look
@@ -51,9 +52,14 @@ class _Seen(NamedTuple):
 
     def some(self, which: Integers) -> "_Seen":
         """Return what some of the rays see."""
-        *others, place, way = self
-        parts = [each.take(which) for each in others]
-        return _Seen(*parts, place.take(which, axis=1), way.take(which, axis=0))
+        return _Seen(
+            self.number.take(which),
+            self.nothing.take(which),
+            self.distance.take(which),
+            self.along.take(which),
+            self.place.take(which, axis=1),
+            self.way.take(which, axis=0),
+        )
 
 
 class MeshRenderer:
@@ -293,7 +299,7 @@ class MeshRenderer:
     def _look_up(
         self,
         places: Single,
-        texture: Integers,
+        texture: Numbers,
         levels: list[Integers],
         share: NDArray[np.uint16] | None,
         nothing: Mask,

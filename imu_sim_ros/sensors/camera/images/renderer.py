@@ -72,10 +72,10 @@ class Stretch(NamedTuple):
 
     pixel: Integers
     """(n,) row by row."""
-    count: int
-    """How many places each looks at."""
+    places: int
+    """How many each pixel looks at."""
     looks: Maps
-    """Its first count n values are those of all pixels' first places, of their second, ..."""
+    """Its first ``places n`` values are those of all pixels' first places, of their second, ..."""
 
 
 class Edges(NamedTuple):
@@ -262,7 +262,7 @@ class Renderer:
             return None
         every, frame = together(drawn.parts), self._frame(number)
         levels, pair = visible.levels, every.pair
-        texels = [
+        texels: list[Single] = [
             every.places * scale.take(pair, axis=1) + offset.take(pair, axis=1)
             for scale, offset in zip(levels.scale, levels.offset, strict=True)
         ]
@@ -452,7 +452,8 @@ class Renderer:
         )
         last, moving = self._rays.height - 1, visible.planes.start.shape[1] > 1
         for pairs, sizes in visible.pairs.chunks(base, band.stop * across):
-            cell, which, fills = (each.take(pairs) for each in visible.pairs)
+            cell, which = visible.pairs.cell.take(pairs), visible.pairs.which.take(pairs)
+            fills = visible.pairs.fills.take(pairs)
             rows = cell[:, None] // across * CELL + _ROW_OF_PIXEL if moving else cell
             in_front, inverse, places = visible.planes.meet(
                 which, rays.take(cell - base, axis=1), np.minimum(rows, last)
@@ -542,7 +543,7 @@ _LOOKS_WIDTH: Final = 64
 """Columns of the maps of some pixels: OpenCV's rows are limited."""
 
 
-def in_rows(texels: Sequence[Sequence[Single]], share: Shares | None) -> Maps:
+def in_rows(texels: Sequence[Single | Sequence[Single]], share: Shares | None) -> Maps:
     """Return the look-up of n places, columns and rows (n,), of each level, followed by others.
 
     :param share: (n,) of the coarser of two levels.
@@ -678,8 +679,8 @@ def look_up(atlas: Bytes, maps: Maps) -> Bytes:
         total = each.reshape(count, -1, *values.shape[1:]).sum(axis=0, dtype=np.uint16)
         total += count // 2
         values[pixel] = total // count
-    for each in maps.finishes:
-        each.put(picture)
+    for finish in maps.finishes:
+        finish.put(picture)
     if maps.edges is not None:
         maps.edges.put(picture, atlas)
     return picture
