@@ -10,12 +10,14 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.bags.text.decimals import decimal
+from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import ImuValues, comment, remarks
 from imu_sim_ros.datasets.topics import resolved
 from imu_sim_ros.rotation import from_matrix
 from imu_sim_ros.sensors.lidar.declaration import CUSTOM_TOPIC, TOPIC
 from imu_sim_ros.sensors.lidar.parameters import LidarParameters
+from imu_sim_ros.sensors.orientation.declaration import TOPIC as NINE_AXES
 from imu_sim_ros.simulation.parameters import SimulationParameters
 from imu_sim_ros.types import Array
 
@@ -183,7 +185,7 @@ def _lio_sam(one: Ranging, parameters: SimulationParameters) -> str:
     densities = values.positive_densities()
     spinning = own.pattern == "spinning"
     columns = math.floor(own.span / own.firing_period + 1e-9) if spinning else 4000
-    raw, nine = values.topic, values.topic.replace("imu/data_raw", "imu/data")
+    raw, nine = values.topic, values.topic.replace(IMU_TOPIC, NINE_AXES)
     head = comment(
         [
             "LIO-SAM for ROS 1 (params.yaml); with ROS 2, the same keys under /**: "

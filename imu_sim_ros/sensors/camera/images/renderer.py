@@ -5,7 +5,6 @@
 
 import math
 import os
-import sys
 from collections.abc import Iterator, Sequence
 from typing import Any, Final, NamedTuple, Protocol, TypeVar
 
@@ -706,8 +705,6 @@ def opencv() -> Any:
 
     :raises MissingDependencyError: if it is not installed.
     """
-    if (found := sys.modules.get("cv2")) is not None:
-        return found
     try:
         os.environ.setdefault("OPENCV_LOG_LEVEL", "OFF")  # what it logs goes to standard error
         import cv2
