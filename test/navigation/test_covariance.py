@@ -173,7 +173,7 @@ def test_growth_of_an_unknown_scale():
     np.testing.assert_allclose(found, [0.0, 0.0, (3e-3 * 9.81 * T) ** 2], rtol=1e-9)
     result = Covariance(noise)
     for _ in range(100):
-        result.step(0.01, np.eye(3), np.zeros(3), [0.5, -0.4, 0.1])
+        result.step(0.01, np.eye(3), np.zeros(3), np.array([0.5, -0.4, 0.1]))
     angle = np.array([0.5, -0.4, 0.1]) * 1e-2 * AXES
     np.testing.assert_allclose(diagonal(result.matrix, ATTITUDE), angle**2, rtol=1e-9)
     # The latest reading's own error, which the twist of a message has: scale times rate.
@@ -231,12 +231,12 @@ def test_a_levelled_body_does_not_feel_the_bias_it_was_levelled_with():
     angle = b / 9.81  # two of them turn by half their product about the vertical
     np.testing.assert_allclose(np.diag(tilt), [angle**2, angle**2, angle**4 / 4.0])
     for _ in range(400):
-        result.step(0.01, np.eye(3), [0.0, 0.0, 9.81])
+        result.step(0.01, np.eye(3), np.array([0.0, 0.0, 9.81]))
     found = diagonal(result.matrix, VELOCITY)
     np.testing.assert_allclose(found, [0.0, 0.0, (b * time) ** 2], atol=1e-12)
     turned = after_rest(SILENT, 2.0, b, np.eye(3), gravity, 200.0)
     for _ in range(400):
-        turned.step(0.01, np.diag([-1.0, -1.0, 1.0]), [0.0, 0.0, 9.81])
+        turned.step(0.01, np.diag([-1.0, -1.0, 1.0]), np.array([0.0, 0.0, 9.81]))
     found = diagonal(turned.matrix, VELOCITY)
     np.testing.assert_allclose(found, np.square([2 * b * time, 2 * b * time, b * time]), rtol=1e-9)
 

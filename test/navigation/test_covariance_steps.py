@@ -41,7 +41,7 @@ def test_the_fast_step_is_the_plain_one(axes: tuple[float, float, float]) -> Non
         r_wb = rotation.exp(generator.standard_normal(3))
         r_wb = rotation.to_matrix(r_wb)
         force = generator.standard_normal(3) + np.array([0.0, 0.0, 9.81])
-        fast.step(h, r_wb, tuple(force))
+        fast.step(h, r_wb, force)
         tilt = -rotation.skew(r_wb @ force * h)
         f = np.eye(15)
         f[0:3, 9:12] = f[3:6, 12:15] = -r_wb * h
@@ -59,7 +59,7 @@ def test_the_fast_step_is_the_plain_one(axes: tuple[float, float, float]) -> Non
     np.testing.assert_allclose(
         fast.matrix / np.outer(sigma, sigma), plain / np.outer(sigma, sigma), rtol=0, atol=1e-12
     )
-    velocity, rate = (1.0, -2.0, 3.0), 500.0
+    velocity, rate = np.array([1.0, -2.0, 3.0]), 500.0
     pose, twist = fast.message(r_wb, velocity, rate)
     np.testing.assert_array_equal(pose, fast.pose())
     np.testing.assert_array_equal(twist, fast.twist(r_wb, velocity, rate))
@@ -93,7 +93,7 @@ def test_slow_errors_are_those_of_a_larger_state() -> None:
         h = generator.uniform(0.001, 0.02)
         r_wb = rotation.to_matrix(rotation.exp(generator.standard_normal(3)))
         force, rate = generator.standard_normal((2, 3)) + np.array([[0.0, 0.0, 9.81], [0, 0, 0]])
-        found.step(h, r_wb, tuple(force), tuple(rate))
+        found.step(h, r_wb, force, rate)
         tilt = -rotation.skew(r_wb @ force * h)
         f = np.eye(15 + count)
         f[0:3, 9:12] = f[3:6, 12:15] = -r_wb * h

@@ -27,12 +27,12 @@ class Case(NamedTuple):
     """(n + 1,) ends of the intervals."""
 
     def finely(self, rule: Quadrature) -> Array:
-        """Return means of rate and force (6, n) by a rule without shared nodes."""
-        total = np.zeros((6, len(self.t) - 1))
+        """Return means of rate and force (n, 6) by a rule without shared nodes."""
+        total = np.zeros((len(self.t) - 1, 6))
         length = np.diff(self.t)
         for node, weight in zip(*rule, strict=True):
             motion = self.trajectory.sample(self.t[:-1] + node * length)
-            total += weight * np.concatenate(self.imu.read(motion))
+            total += weight * np.hstack(self.imu.read(motion))
         return total
 
     def exact(self) -> Array:
@@ -45,8 +45,12 @@ class Case(NamedTuple):
         """Return the largest errors of rate and force (2,)."""
         motion = self.trajectory.sample(self.t)
         means = self.imu.read_mean(self.trajectory, self.t, motion, rule)
-        difference = np.abs(np.concatenate(means) - self.exact())
-        return difference.reshape(2, -1).max(axis=1)
+        return largest(np.hstack(means) - self.exact())
+
+
+def largest(difference: Array) -> Array:
+    """Return the largest sizes (2,) among those of rate and of force (n, 6)."""
+    return np.abs(difference).reshape(-1, 2, 3).max(axis=(0, 2))
 
 
 def gauss(count: int) -> Quadrature:
@@ -125,7 +129,7 @@ def test_no_mean_is_worse_than_that_of_three_gauss_nodes(build: str, rate: float
     given = spline(rate) if build == "spline" else case(build, rate, BOARD)
     rule = quadrature(given.trajectory.highest_frequency, 1.0 / rate)
     assert len(rule[0]) == 5
-    before = np.abs(given.finely(gauss(3)) - given.exact()).reshape(2, -1).max(axis=1)
+    before = largest(given.finely(gauss(3)) - given.exact())
     assert (given.error(rule) < 0.5 * before).all()
 
 
@@ -136,7 +140,7 @@ def test_averaged_readings_are_these_means() -> None:
     at_once = Body(load_simulation(values)).next(400)["imu"]
     given = case("lecture", 200.0)._replace(t=np.arange(400) * 0.005)
     expected = given.exact()
-    np.testing.assert_allclose(block.gyro[1:].T, expected[:3], atol=1e-13)
-    np.testing.assert_allclose(block.accel[1:].T, expected[3:], atol=5e-13)
+    np.testing.assert_allclose(block.gyro[1:], expected[:, :3], atol=1e-13)
+    np.testing.assert_allclose(block.accel[1:], expected[:, 3:], atol=5e-13)
     np.testing.assert_allclose(block.gyro[0], at_once.gyro[0], rtol=1e-15)
     np.testing.assert_allclose(block.accel[0], at_once.accel[0], rtol=1e-15)
