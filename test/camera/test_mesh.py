@@ -16,6 +16,7 @@ from imu_sim_ros.places.mesh_file import read_mesh
 from imu_sim_ros.sensors.camera.images.imager import imagers
 from imu_sim_ros.sensors.camera.images.mesh_look import Look
 from imu_sim_ros.sensors.camera.images.mesh_renderer import MeshRenderer
+from imu_sim_ros.sensors.camera.images.texture import BACKGROUND
 from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
 from imu_sim_ros.sensors.camera.view import CameraPoses, in_camera
 
@@ -51,6 +52,11 @@ LENSES = {
 def make_imager(make_rig, mesh, **values):
     rig = make_rig("figure_eight", **{**SMALL, "scene__mesh": str(mesh), **values})
     return rig, imagers(rig.views, rig.scene, rig.parameters.scene, rig.trajectory)["cam0"]
+
+
+def grid(columns, rows):
+    """Return all places (n, 2) in these columns and rows, row by row."""
+    return np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
 
 
 def pixel_rays(rig, number, pixels):
@@ -90,7 +96,7 @@ def test_depth_of_a_plane_and_a_box_is_that_of_their_equations(make_rig, tmp_pat
     """Walls at +-7 m: a plane's depth is linear, to float32's 6e-8 of 7 m."""
     rig, imager = make_imager(make_rig, room(tmp_path))
     depth = imager.depth(30)
-    pixels = np.stack(np.meshgrid(np.arange(188.0), np.arange(120.0)), axis=-1).reshape(-1, 2)
+    pixels = grid(np.arange(188.0), np.arange(120.0))
     eye, ways, share = pixel_rays(rig, 30, pixels)
     size = np.array([7.0, 7.0, 3.0])
     with np.errstate(divide="ignore"):
@@ -165,8 +171,16 @@ def test_corners_of_a_printed_checkerboard_are_unbiased(
     assert np.sqrt((errors**2).mean()) < 0.1
 
 
-def test_colours_are_those_of_the_vertices_in_between(make_rig, tmp_path):
-    """On a wall whose red goes with y and green with z, to a half of a grey value."""
+@pytest.mark.parametrize("antialiasing", [False, True])
+def test_colours_are_those_of_the_vertices_in_between(make_rig, tmp_path, antialiasing):
+    """On a wall whose red goes with y and green with z, to a half of a grey value.
+
+    With antialiasing those of pixels that see the wall alone: it is convex, so a pixel does whose
+    eight neighbours' centres meet it. At its edges blue tells how much of a pixel's area it takes.
+    Eight looks at the places in a pixel are off by at most 0.23 of it with any straight edge, by
+    0.062 in the mean over all edges (half-planes counted on a fine grid), and grey values of 50
+    between wall and background are rounded by 0.01; a look at the centre is off by up to 0.5.
+    """
     rectangle = [[7.0, 20.0, -20.0], [0.0, -40.0, 0.0], [0.0, 0.0, 40.0]]
     vertices, faces, _ = quads(rectangle)
     share = (vertices[:, 1:] + 20.0) / 40.0
@@ -175,16 +189,36 @@ def test_colours_are_those_of_the_vertices_in_between(make_rig, tmp_path):
         tmp_path / "wall.ply"
     )
     values = {"camera__encoding": "rgb8", "camera__images": "raw"}
+    values["camera__antialiasing"] = antialiasing
     rig, imager = make_imager(make_rig, tmp_path / "wall.ply", **values)
     image = imager.image(0).astype(float)
-    pixels = np.stack(np.meshgrid(np.arange(188.0), np.arange(120.0)), axis=-1).reshape(-1, 2)
-    eye, ways, _ = pixel_rays(rig, 0, pixels)
-    t = (7.0 - eye[:, 0]) / ways[:, 0]
-    at = eye + t[:, None] * ways
-    expected = np.column_stack([255 * (at[:, 1:] + 20.0) / 40.0, np.full(len(at), 60.0)])
-    seen = (t > 0) & (np.abs(at[:, 1:]) < 19.9).all(axis=1)
+    pixels = grid(np.arange(188.0), np.arange(120.0))
+
+    def wall(places):
+        """Return its colours (n, 3) at places in the image, and which of them see it (n,)."""
+        eye, ways, _ = pixel_rays(rig, 0, places)
+        t = (7.0 - eye[:, 0]) / ways[:, 0]
+        at = (eye + t[:, None] * ways)[:, 1:]
+        values = np.column_stack([255 * (at + 20.0) / 40.0, np.full(len(at), 60.0)])
+        return values, (t > 0) & (np.abs(at) < 20.0).all(axis=1)
+
+    expected, seen = wall(pixels)
+    around = grid(np.arange(-1.0, 2.0), np.arange(-1.0, 2.0))
+    neighbours = [wall(pixels + step)[1] for step in around]
+    if antialiasing:
+        seen = np.all(neighbours, axis=0)
     assert seen.mean() > 0.5
-    assert np.abs(image.reshape(-1, 3)[seen] - expected[seen]).max() < 0.51
+    image = image.reshape(-1, 3)
+    assert np.abs(image[seen] - expected[seen]).max() < 0.51
+    if not antialiasing:
+        return
+    edge = np.any(neighbours, axis=0) & ~seen
+    assert edge.sum() > 100
+    inside = (np.arange(16.0) + 0.5) / 16.0 - 0.5
+    area = np.mean([wall(pixels[edge] + step)[1] for step in grid(inside, inside)], axis=0)
+    error = (BACKGROUND - image[edge, 2]) / (BACKGROUND - 60.0) - area
+    assert np.abs(error).max() < 0.23 + 0.01
+    assert np.sqrt((error**2).mean()) < 0.062
 
 
 def test_images_do_everything_that_images_do(make_rig, tmp_path):
