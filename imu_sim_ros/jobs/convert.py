@@ -284,7 +284,7 @@ class _Job:
             placed |= {streams.GYRO_BIAS, streams.ACCEL_BIAS}  # columns of the states
         seen: set[str] = set()
         if self.staged.is_dir():
-            seen = {IMAGE, COMPRESSED_IMAGE, CAMERA_INFO, TF_MESSAGE}
+            seen = {CAMERA_INFO, TF_MESSAGE}
         return [t.name for t in topics if t.count and t.name not in placed and t.type not in seen]
 
     def _recovery(self, bag: Bag) -> list[str]:

@@ -341,3 +341,18 @@ def test_the_true_poses_of_a_folder_of_tables_are_kept(tmp_path, capsys):
     assert len(read_poses(tmp_path / "t.tum").t_ns) == 400
     assert convert_bag.main([str(tables), "-o", str(tmp_path / "euroc"), "--json", *EUROC]) == 0
     assert json.loads(capsys.readouterr().out)["not_converted"] == ["groundtruth.tum"]
+
+
+def test_images_without_a_place_are_named(tmp_path, capsys):
+    bag, small = tmp_path / "flow.mcap", ["camera.width=64", "camera.height=48"]
+    values = [*small, "camera.intrinsics=[40,40,32,24]", "camera.flow=raw", "camera.depth=true"]
+    words = [word for value in values for word in ("--set", value)]
+    words += ["--camera", "euroc_cam0", "--duration", "0.2s", "--quiet"]
+    assert generate.main(["-o", str(bag), *words]) == 0
+    capsys.readouterr()
+    assert convert_bag.main([str(bag), "-o", str(tmp_path / "euroc"), "--json", *EUROC]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert {"/cam0/image_raw", "/cam0/depth/image_raw"} <= set(result["messages"])
+    assert result["not_converted"] == [
+        *("/cam0/flow/image_raw", "/feature_tracker/feature", "/ground_truth/landmarks")
+    ]
