@@ -127,7 +127,8 @@ def nees_line(nees: Mapping[str, Any] | None, why_none: str | None) -> str:
         return f"no NEES: {why_none}"
     low, high = nees["band_95"]
     return (
-        f"NEES: {nees['mean']:.3g}, {nees['expected']} expected; "
+        f"NEES of the {nees['samples']} samples that state a covariance: {nees['mean']:.3g}, "
+        f"{nees['expected']} expected; "
         f"{100.0 * nees['inside_band']:.0f} % between {low:.3g} and {high:.3g}, 95 % expected"
     )
 

@@ -30,6 +30,7 @@ from imu_sim_ros.jobs.readings import Odometry, Readings, checked_poses, frame, 
 from imu_sim_ros.navigation import angles, initialisation
 from imu_sim_ros.navigation.association import interpolate_vectors
 from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, initial_covariance, propagate
+from imu_sim_ros.navigation.coverage import truth_line
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon as integrate
 from imu_sim_ros.navigation.evaluation import Drift, TrueStates, distances, drift_from
 from imu_sim_ros.navigation.mount import ImuMount, mount_of
@@ -99,16 +100,24 @@ class Track:
         return frame(self.t_ns, columns)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return length and errors, as ``--json`` prints them; None for errors without a truth."""
+        """Return length and errors, as ``--json`` prints them; None for errors without a truth.
+
+        ``truth_coverage`` is the share of the readings' time for which there is a truth, which
+        ends ``truth_until_s`` after the first reading; length and errors are those of this part.
+        """
         drift = self.drift()
         length = float(distances(self.position)[-1]) if drift is None else drift.distance
+        duration = self._seconds(self.t_ns[-1])
         result: dict[str, Any] = {
             "method": self.method,
             "attitude_update": self.attitude_update,
             "initial_state": self.initial_state,
             "samples": len(self),
-            "duration_s": float(self.t_ns[-1] - self.t_ns[0]) * 1e-9,
+            "duration_s": duration,
             "distance_m": length,
+            "truth_coverage": drift and (drift.compared_s / duration if duration else 1.0),
+            "compared_s": drift and drift.compared_s,
+            "truth_until_s": drift and self._seconds(drift.t_ns[-1]),
         }
         for name, unit in (("position", "m"), ("velocity", "m_s"), ("attitude", "rad")):
             result[f"final_{name}_error_{unit}"] = drift and drift.final(name)
@@ -118,6 +127,9 @@ class Track:
             known = error is not None and length > 0.0
             result[f"{kind}_position_error_percent"] = 100.0 * error / length if known else None
         return result
+
+    def _seconds(self, t_ns: int) -> float:
+        return float(t_ns - self.t_ns[0]) * 1e-9
 
     def drift(self) -> Drift | None:
         """Return truth minus estimate at the common times; None without a truth.
@@ -521,6 +533,9 @@ def lines(summaries: Sequence[Mapping[str, Any]]) -> Iterator[str | TextTable]:
         f"{first['samples']} readings, {first['duration_s']:.6g} s, "
         f"{first['distance_m']:.6g} m travelled, initial state: {first['initial_state']}"
     )
+    partial = truth_line(first)
+    if partial is not None:
+        yield partial
     columns = {
         "position [m]": "final_position_error_m",
         "of path [%]": "final_position_error_percent",

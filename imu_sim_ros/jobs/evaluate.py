@@ -115,8 +115,9 @@ class Evaluation:
     """What the RPE is over in :meth:`to_dict`; empty: 1 s and tenths of the path."""
 
     def __repr__(self) -> str:
+        without = f" ({self.without_truth} without a truth)" if self.without_truth else ""
         return (
-            f"<Evaluation of {len(self.t_ns)} poses, {self.coverage.words()}, "
+            f"<Evaluation of {len(self.t_ns)} poses{without}, {self.coverage.words()}, "
             f"{self.distance:.4g} m: "
             f"position {self.rms_position:.4g} m rms, attitude {self.rms_attitude:.4g} rad rms>"
         )

@@ -23,6 +23,10 @@ LARGEST_ALLOWANCE: Final = 0.25
 """Of the truth's time: the allowance ends there, or a short motion need not be estimated at all."""
 
 
+_UNSAID: Final = 0.1
+"""[s] Without a truth that is not worth a line: stamps of a truth of 10 Hz end so much earlier."""
+
+
 class Coverage(NamedTuple):
     """The time that an estimate and its truth have in common."""
 
@@ -68,6 +72,23 @@ def coverage_line(result: Mapping[str, Any]) -> str:
     return (
         f"{words}; begins after {result['initialisation_s']:.6g} s and breaks off after "
         f"{result['time_to_failure_s']:.6g} s: the errors below say nothing about the rest"
+    )
+
+
+def truth_line(result: Mapping[str, Any]) -> str | None:
+    """Return how much of an estimate has a truth, and what that means for its errors.
+
+    None: all of it, apart from an interval at an end.
+
+    :param result: has ``truth_coverage``, ``compared_s``, ``truth_until_s`` and ``duration_s``.
+    """
+    if result["truth_coverage"] is None or result["duration_s"] - result["compared_s"] < _UNSAID:
+        return None
+    return (
+        f"the truth covers {100.0 * result['truth_coverage']:.4g} % of the readings' time, "
+        f"{result['compared_s']:.6g} of {result['duration_s']:.6g} s, and ends after "
+        f"{result['truth_until_s']:.6g} s: final errors are those there, and the errors below say "
+        "nothing about the rest"
     )
 
 

@@ -17,6 +17,7 @@ from imu_sim_ros.navigation.association import (
     interpolate_poses,
     interpolate_vectors,
 )
+from imu_sim_ros.navigation.coverage import coverage
 from imu_sim_ros.navigation.state import NavigationState, NavigationStates
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.types import Array, Integers, Mask
@@ -49,6 +50,8 @@ class Drift(NamedTuple):
     """(m, 3) rotation vectors [rad]."""
     distance: float
     """Length of the true path over these times [m]."""
+    compared_s: float
+    """Time of the estimate for which the truth is known, gaps of the truth left out [s]."""
 
     def final(self, name: str) -> float:
         """Return the length of the last error of ``position``, ``velocity`` or ``attitude``."""
@@ -74,6 +77,7 @@ def drift_from(states: NavigationStates, truth: TrueStates) -> Drift:
         velocity - states.velocity[rows],
         attitude_errors(states.q_wb[rows], poses.q_wb),
         float(distances(poses.position)[-1]),
+        coverage(truth.poses.t_ns, states.t_ns, allowance=0.0).estimated_s,
     )
 
 

@@ -6,6 +6,7 @@
 import functools
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
+from weakref import WeakSet
 
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
@@ -34,6 +35,9 @@ _TYPES = {
     "texts": RosParameter.Type.STRING_ARRAY,
 }
 
+
+_seeded: "WeakSet[ConfiguredNode]" = WeakSet()
+"""The nodes of this process that have a seed."""
 
 _TYPES_OF_ROS = frozenset(each.value for each in RosParameter.Type)
 
@@ -74,9 +78,26 @@ class ConfiguredNode(Node):
         self.lifetime = Lifetime(self)
         self.given: dict[str, object] = given
         self.parameters: Any = build_layered(self.section, layering or dict, given)
+        if "seed" in given:
+            self._warn_of_the_same_seed(given["seed"])
         values = flatten(self.parameters)
         self._declare(values, parameters(self.section, values))
         self.add_on_set_parameters_callback(self._on_set)
+
+    def destroy_node(self) -> None:
+        """As rclpy defines it."""
+        _seeded.discard(self)
+        super().destroy_node()  # type: ignore[no-untyped-call]
+
+    def _warn_of_the_same_seed(self, seed: object) -> None:
+        """Say whose noise this node shares, as with a ``-p seed:=3`` for all of a process."""
+        same = [one.get_fully_qualified_name() for one in _seeded if one.given["seed"] == seed]
+        _seeded.add(self)
+        if same:
+            self.get_logger().warning(
+                f"seed = {seed}: {', '.join(sorted(same))} in this process has it, too: the same "
+                "sensors have identical noise; without seed, each node has one of its own"
+            )
 
     def get_logger(self) -> Any:
         """Return the node's logger; rclpy's own method has no type annotation."""

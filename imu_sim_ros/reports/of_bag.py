@@ -17,6 +17,7 @@ from imu_sim_ros.bags.text.reader import imu_names, is_text
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.navigation.association import common_rows, interpolate_poses
+from imu_sim_ros.navigation.coverage import coverage
 from imu_sim_ros.navigation.evaluation import (
     absolute_errors,
     anees_band,
@@ -290,7 +291,9 @@ def _errors(estimate: BagTrack, truth: BagTrack, link: str, colour: int) -> list
     words = (
         f"{estimate.name}: {float(np.sqrt(np.mean(size**2))):.4g} m root mean square over "
         f"{len(size):,} poses, {size[-1]:.4g} m at the end, at most {size[worst]:.4g} m "
-        f"(at {t_s[worst]:.6g} s); truth minus estimate"
+        f"(at {t_s[worst]:.6g} s); truth minus estimate; "
+        f"{coverage(estimate.poses.t_ns, truth.poses.t_ns).words()} of the truth's time"
+        f"{without_truth(len(estimate.poses.t_ns) - len(rows), 'poses')}"
     )
     if covariance is None:
         words += "; it has no covariance, hence no NEES"
@@ -301,6 +304,11 @@ def _errors(estimate: BagTrack, truth: BagTrack, link: str, colour: int) -> list
         words += summary
         plots.append(drawn)
     return [{"kind": "text", "text": words}, {"kind": "plots", "items": plots}]
+
+
+def without_truth(count: int, what: str) -> str:
+    """Return in words how many poses or readings no number is about, for the end of a phrase."""
+    return f"; {count:,} {what} without a truth are left out" if count else ""
 
 
 def error_series(t_s: Array, values: Array, variance: Array | None, colour: int) -> list[Item]:

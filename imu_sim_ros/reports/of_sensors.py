@@ -25,7 +25,7 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.association import common_rows, interpolate_poses
 from imu_sim_ros.navigation.evaluation import absolute_errors
 from imu_sim_ros.poses import PoseSequence
-from imu_sim_ros.reports.of_bag import NOT_MEASURED, error_series, plot
+from imu_sim_ros.reports.of_bag import NOT_MEASURED, error_series, plot, without_truth
 from imu_sim_ros.reports.page import Item, Section
 from imu_sim_ros.reports.streams import extremes
 from imu_sim_ros.sensors import known_tables
@@ -218,6 +218,7 @@ def _orientation(path: Path, info: TopicInfo, topics: Sequence[TopicInfo]) -> li
     turns = [Compared("angles", "deg", names, at_ns, one, np.zeros_like(one)) for one in angles]
     name = f"{info.name}: orientation"
     words = f"{_summary(name, error, variance, _AXES, 'rad')}; the truth is that of the body"
+    words += without_truth(len(read.t_ns) - len(rows), "readings")
     plots = [_readings(turns[0], turns[1], name, str(path))]
     plots += _error_plots(at_ns, error, variance, tuple(_AXES), name, "rad", str(path))
     return [{"kind": "text", "text": words}, {"kind": "plots", "items": plots}]
@@ -252,8 +253,10 @@ def compared(read: Compared, true: Compared | None, topic: str, link: str) -> li
     error, variance = read.values[rows] - there, read.variance[rows]
     plots = [_readings(read, true, name, link)]
     plots += _error_plots(read.t_ns[rows], error, variance, read.columns, name, read.unit, link)
+    words = _summary(name, error, variance, read.columns, read.unit)
+    words += without_truth(len(read.t_ns) - len(rows), "readings")
     return [
-        {"kind": "text", "text": _summary(name, error, variance, read.columns, read.unit)},
+        {"kind": "text", "text": words},
         {"kind": "plots", "items": plots},
     ]
 

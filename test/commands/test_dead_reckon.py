@@ -92,6 +92,32 @@ def test_json_of_one_method(bag, capsys):
     )
 
 
+@pytest.mark.parametrize(
+    ("truth", "compared", "until"),
+    [
+        (slice(0, 401), 2.0, 2.0),  # the truth ends
+        (np.r_[0:201, 601:1001], 1.0 + 1.995, 5.0),  # and has a gap of 2 s
+    ],
+)
+def test_a_truth_of_a_part_of_the_readings_is_told(tmp_path, capsys, truth, compared, until):
+    """Errors used to be those of the part, under the duration of the whole."""
+    bag = write(tmp_path / "part", block_of(), truth)
+    found = result(capsys, bag)
+    share = compared / 5.0
+    assert found["truth_coverage"] == pytest.approx(share)
+    assert (found["compared_s"], found["truth_until_s"]) == pytest.approx((compared, until))
+    for arguments in ((), ("--all",)):
+        _, out, _ = run(capsys, bag, *arguments)
+        words = f"the truth covers {100 * share:.4g} % of the readings' time, {compared:g} of 5 s"
+        assert f"{words}, and ends after {until:g} s" in out
+
+
+def test_a_whole_truth_needs_no_words(bag, capsys):
+    found = result(capsys, bag)
+    assert (found["truth_coverage"], found["compared_s"]) == pytest.approx((1.0, 5.0))
+    assert "the truth covers" not in run(capsys, bag)[1]
+
+
 def test_all_is_a_list_of_every_way(bag, capsys):
     found = result(capsys, bag, "--all")
     assert len(found) == 9

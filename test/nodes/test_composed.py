@@ -75,6 +75,28 @@ def test_a_parameter_of_one_node_of_a_process_is_none_of_the_others(listener: An
         context.try_shutdown()
 
 
+def test_two_nodes_of_a_process_with_one_seed_say_so(listener: Any, capfd: Any) -> None:
+    """``-p seed:=3`` of a composed process gave both the same noise without a word."""
+    context = rclpy.Context()
+    arguments = ["--ros-args", "-p", "seed:=3", "-p", "autostart:=false"]
+    rclpy.init(args=arguments, context=context, domain_id=listener.context.get_domain_id())
+    words = "seed = 3: /left/simulator in this process has it, too"
+
+    def warned(spaces: tuple[str, ...], **more: Any) -> bool:
+        nodes = [Simulator(context=context, namespace=space, **more) for space in spaces]
+        for node in nodes:
+            node.close()
+            node.destroy_node()
+        return words in capfd.readouterr().err
+
+    try:
+        assert warned(("left", "right"))
+        assert not warned(("left",))  # the others are gone
+        assert not warned(("left", "right"), use_global_arguments=False)  # each has its own
+    finally:
+        context.try_shutdown()
+
+
 def test_a_name_that_no_node_has_is_still_refused(start: Any, listener: Any) -> None:
     node = start("integrator", "--ros-args", "-p", "sed:=3")
     assert listener.wait_for_end(node) == 2

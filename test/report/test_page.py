@@ -292,6 +292,9 @@ def test_numbers_come_from_all_poses_and_pictures_keep_a_jump(bag, tmp_path):
     (words,) = [i["text"] for i in items(page, "text") if i["text"].startswith("jump.tum")]
     assert "0.2936 m root mean square over 29,001 poses" in words
     assert "at most 50 m" in words
+    # 30 s of poses, 1 s of it in a gap of the truth; of its 60 s, the first 5 are allowed.
+    assert "coverage 52.7 % of the truth's time" in words
+    assert "999 poses without a truth are left out" in words
     plots = {item["title"]: item for item in items(page, "plot")}
     error = plots["jump.tum: position error y"]["series"][0]
     assert min(error["y"]) == pytest.approx(-50.0, abs=1e-3)

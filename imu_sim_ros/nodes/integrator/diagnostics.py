@@ -37,7 +37,7 @@ class TruthComparison:
 
     def __init__(self) -> None:
         self.last: ErrorAt | None = None
-        self.count = 0
+        self.count = self.estimates = 0
         self._sum_of_squares = 0.0
         self._estimates: dict[int, Row] = {}
         self._truths: dict[int, OdometryFields] = {}
@@ -49,6 +49,7 @@ class TruthComparison:
 
     def add_estimate(self, estimate: Row) -> Iterator[ErrorAt]:
         """Take an estimate; yields its error if its truth is known already."""
+        self.estimates += 1
         truth = self._truths.pop(estimate.t_ns, None)
         if truth is None:
             pose = estimate._replace(pose_covariance=None, twist_covariance=None)
@@ -88,6 +89,7 @@ class IntegratorDiagnostics:
     def __init__(self, node: Any) -> None:
         self._node = node
         self._before = (0, 0, 0)
+        self._compared = 0
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(PERIOD, self._publish, clock=steady)
@@ -100,6 +102,9 @@ class IntegratorDiagnostics:
         new, new_irregular = totals.readings - self._before[0], irregular - self._before[1]
         refused = totals.refused - self._before[2]
         self._before = (totals.readings, irregular, totals.refused)
+        compared = 0 if self._node.comparison is None else self._node.comparison.count
+        no_truth = self._node.comparison is not None and compared == self._compared
+        self._compared = compared
         if refused:
             level, message = DiagnosticStatus.WARN, f"{refused} messages refused"
         elif not new:
@@ -108,6 +113,8 @@ class IntegratorDiagnostics:
             level, message = DiagnosticStatus.WARN, "waiting for the initial state"
         elif new_irregular:
             level, message = DiagnosticStatus.WARN, f"{new_irregular} irregular readings"
+        elif no_truth:
+            level, message = DiagnosticStatus.WARN, "no truth arrives: errors are not those of now"
         else:
             level, message = DiagnosticStatus.OK, "integrating"
         values = {
@@ -125,9 +132,13 @@ class IntegratorDiagnostics:
 
     def _errors(self) -> dict[str, str]:
         comparison = self._node.comparison
-        if comparison is None or comparison.last is None:
+        if comparison is None:
             return {}
+        counts = {"estimates with a truth": f"{comparison.count} of {comparison.estimates}"}
+        if comparison.last is None:
+            return counts
         return {
+            **counts,
             "position error [m]": f"{math.hypot(*comparison.last.position):.6f}",
             "rms position error [m]": f"{comparison.rms_position:.6f}",
             "attitude error [rad]": f"{math.hypot(*comparison.last.attitude):.8f}",

@@ -99,6 +99,47 @@ def test_several_imus_describe_themselves_each(start: Any, listener: Any) -> Non
     assert "the covariance does not include imu.accelerometer_rate_ramp\n" in integrator.output
 
 
+def test_the_mounted_one_of_two_imus_starts_at_the_truth_of_the_body(
+    start: Any, listener: Any
+) -> None:
+    """At a lever arm and turned by 90 degrees: 171 m were wrong after 6 s, in other frames.
+
+    The midpoint method is off by 2e-5 m on this motion at 200 Hz, also for an IMU of the body.
+    """
+    from diagnostic_msgs.msg import DiagnosticArray
+    from nav_msgs.msg import Odometry
+
+    listener.listen(ODOMETRY, Odometry)
+    listener.listen("/diagnostics", DiagnosticArray)
+    remap = ["--ros-args", "-r", f"{IMU}:=right/{IMU}"]
+    integrator = start("integrator", "--initial_state", "truth", "--error", "true", *remap)
+    mount = ("--right.imu.lever_arm", "[0.3, -0.2, 0.1]")
+    mount += ("--right.imu.mounting", "[1, 0, 0, 0, 0, -1, 0, 1, 0]")
+    simulator = start(
+        *("simulator", "--imus", "[left, right]", "--imu", "perfect", *mount, "--duration", "4"),
+        *("--trajectory", "figure_eight", "--world_frame", "map", "--body_frame", "drone"),
+        *("--right.rate", "200", "--wait_for_subscribers", "0"),
+        *("--wait_for_truth_subscribers", "1"),
+    )
+    assert listener.wait_for_end(simulator) == 0, simulator.output
+    listener.wait_for(ODOMETRY, 800)
+
+    def values() -> dict[str, str]:
+        found = [m.status[0] for m in listener.messages("/diagnostics")]
+        mine = [s.values for s in found if s.name == "integrator: dead reckoning"]
+        return {one.key: one.value for one in (mine[-1] if mine else [])}
+
+    whole = "800 of 800"
+    listener.wait_until(lambda: values().get("estimates with a truth") == whole, whole)
+    found = values()
+    assert integrator.end() == 0
+    frames = {(m.header.frame_id, m.child_frame_id) for m in listener.messages(ODOMETRY)}
+    assert frames == {("map", "drone")}
+    assert float(found["position error [m]"]) < 1e-4
+    assert float(found["rms position error [m]"]) < 1e-4
+    assert float(found["attitude error [rad]"]) < 1e-5
+
+
 def test_without_a_description_it_says_so_and_goes_on(start: Any, listener: Any) -> None:
     from nav_msgs.msg import Odometry
 

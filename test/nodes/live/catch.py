@@ -24,7 +24,9 @@ def numbers(message: object, names: str) -> list[float]:
 
 def plain(message: object) -> dict:
     if isinstance(message, DiagnosticArray):
-        return {"values": {entry.key: entry.value for entry in message.status[0].values}}
+        status = message.status[0]
+        values = {entry.key: entry.value for entry in status.values}
+        return {"message": status.message, "values": values}
     if isinstance(message, Path):
         return {"poses": len(message.poses)}
     if isinstance(message, Vector3Stamped):

@@ -6,7 +6,8 @@
 ``rate`` [Hz], ``count``, ``first_ns`` stamp of the first, ``skip`` and ``repeat`` indices, ``wait``
 for so many subscribers of each topic, ``best_effort``, ``latched``, ``topics`` (imu, truth, plain),
 ``accel``, ``hold`` [s] before the end, ``unstamped``: all stamps are zero, ``spoil``: triples of a
-message's index, what is spoilt in it (stamp, gyro, accel, position, q_wb) and the value.
+message's index, what is spoilt in it (stamp, gyro, accel, position, q_wb) and the value,
+``truths``: number of true states, after which there are readings alone.
 """
 
 import json
@@ -39,6 +40,7 @@ DEFAULTS = {
     "hold": 0.3,
     "unstamped": False,
     "spoil": [],
+    "truths": None,
 }
 
 
@@ -68,8 +70,9 @@ def main() -> None:
         if k in options["skip"]:
             continue
         for publisher, rows in outputs:
-            for _ in range(1 + options["repeat"].count(k)):
-                publisher.publish(rows[k])
+            for row in rows[k : k + 1]:
+                for _ in range(1 + options["repeat"].count(k)):
+                    publisher.publish(row)
     print("end", flush=True)
     for publisher, _ in outputs:
         publisher.wait_for_all_acked(Duration(seconds=1))
@@ -95,7 +98,7 @@ def contents(name: str, options: dict) -> tuple:
         poses = spoilt({"position": path, "q_wb": q_wb}, options).values()
         encoder = OdometryEncoder("world", "base_link")
         rows = encoder.encode(t_ns, *poses, accel * t[:, None], zero)
-        return Odometry, "ground_truth/odom", [row.tobytes() for row in rows]
+        return Odometry, "ground_truth/odom", [row.tobytes() for row in rows[: options["truths"]]]
     return Float64, "plain", [serialize_message(Float64(data=float(value))) for value in k]
 
 

@@ -102,6 +102,19 @@ def test_gaps_and_duplicates_are_warned_of_and_counted_in_the_diagnostics(node, 
     assert (values["gaps"], values["repeated"], values["backward"]) == ("1", "1", "0")
 
 
+def test_a_truth_that_ends_is_told_next_to_the_errors(node, feed, catch):
+    """The diagnostics used to go on with the last error, as if it were that of now."""
+    listener = catch("dead_reckoned/odom", "/diagnostics")
+    integrator = node("integrator", "--initial_state", "truth", "--error", "true")
+    listener.wait_for("publisher of /diagnostics")
+    assert feed(count=900, truths=200, accel=ACCEL, hold=1.5).status() == 0
+    assert integrator.end() == 0
+    found = caught(listener)["/diagnostics"]
+    assert found[-1]["values"]["estimates with a truth"] == "200 of 900"
+    said = [entry["message"] for entry in found]
+    assert "no truth arrives: errors are not those of now" in said
+
+
 def test_broken_messages_are_refused_counted_and_said_and_the_rest_is_integrated(node, feed, catch):
     topics = ("dead_reckoned/odom", "dead_reckoned/position_error", "dead_reckoned/attitude_error")
     listener = catch(*topics, "/diagnostics")
