@@ -105,6 +105,8 @@ class Generated:
     wall_s: float
     warnings: tuple[str, ...] = ()
     """Settings that are allowed but may be unintended, a line each."""
+    notes: tuple[str, ...] = ()
+    """What was made of recorded poses, of cameras' axes and of a place around the path."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""
@@ -191,14 +193,15 @@ def _written(
     motion: GivenMotion,
     force: bool,
 ) -> Generated:
-    """Write an output; its warnings are a part of the result."""
+    """Write an output; its warnings and notes are a part of the result."""
     read = [word for word in flatten(built).values() if is_file(word)]
     warnings: list[str] = []
-    watcher = Watcher(warnings.append)
+    notes: list[str] = []
+    watcher = Watcher(warnings.append, notes.append)
     found = write(
         path, form, options, built, Outputs(read, force), watcher, motion.pose_reader, motion.given
     )
-    return dataclasses.replace(found, warnings=tuple(warnings))
+    return dataclasses.replace(found, warnings=tuple(warnings), notes=tuple(notes))
 
 
 def _of_cameras(
@@ -325,10 +328,10 @@ class _Job:
             )
         for warning in body.warnings():
             self.watcher.warn(warning)
-        for note in body.notes():
-            self.watcher.note(note)
         output = written.where(self.path)
         cameras = self._cameras(body)
+        for note in body.notes():
+            self.watcher.note(note)
         with self._target(output, cameras) as target:
             written.describe(self.path, target.described)
             with self._companions(body, written) as companions:
@@ -371,11 +374,12 @@ class _Job:
             topics = bagcreater_topics(imus(body.parameters))
         for warning in write_configs(folder, body, topics, self.parameters.rig):
             self.watcher.warn(warning)
+        fitted = f"\n{body.scene.note}" if body.scene is not None and body.scene.note else ""
         files.write(
             _values(self.parameters),
             folder / "simulation.yaml",
             comment=f"All parameters of {self.path.name}:\n"
-            "generate --params-file simulation.yaml generates the same samples.",
+            f"generate --params-file simulation.yaml generates the same samples.{fitted}",
         )
 
     @contextmanager

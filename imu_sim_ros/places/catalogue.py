@@ -3,10 +3,12 @@
 
 """All places by name, with their default sizes."""
 
+import math
 from collections.abc import Iterator, Sequence
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.places.corridor import corridor
@@ -32,59 +34,101 @@ class Kind(NamedTuple):
     """Least size [m]."""
     most: tuple[float, float, float]
     """Largest size, so that light and images do not take minutes [m]."""
+    long: bool = False
+    """It runs along the longer of x and y; its sizes are length, width and height."""
+    fits: tuple[float, float, float] = (math.inf, math.inf, math.inf)
+    """Largest size around a path: beyond it would be something else [m]."""
+
+    def sides(self, each: Sequence[Any] | Array, extent: Sequence[float] | Array) -> NDArray[Any]:
+        """Return what is told of its sides along x, y and z, as it lies in an extent (3,) [m]."""
+        turned = self.long and extent[1] > extent[0]
+        return np.asarray(each)[[1, 0, 2] if turned else [0, 1, 2]]
 
 
 KINDS: Final[dict[str, Kind]] = {
     "office": Kind(office, (13.0, 9.4, 2.8), 2.4, 1.0, (8.0, 6.0, 2.7), (26.0, 20.0, 8.0)),
-    "corridor": Kind(corridor, (36.0, 2.4, 2.7), 1.0, 1.0, (12.0, 2.2, 2.5), (150.0, 150.0, 20.0)),
+    "corridor": Kind(
+        corridor,
+        (36.0, 2.4, 2.7),
+        0.6,
+        1.0,
+        (12.0, 2.2, 2.5),
+        (150.0, 150.0, 20.0),
+        long=True,
+        fits=(150.0, 4.0, 4.5),
+    ),
     "warehouse": Kind(warehouse, (26.0, 15.0, 6.5), 5.0, 1.0, (16.0, 9.0, 5.0), (60.0, 40.0, 12.0)),
     "machine_hall": Kind(
         machine_hall, (20.0, 13.0, 6.5), 8.0, 4.0, (12.0, 9.0, 5.0), (60.0, 40.0, 20.0)
     ),
-    "street": Kind(street, (60.0, 16.0, 12.0), 4.0, 1.0, (40.0, 12.0, 8.0), (150.0, 150.0, 60.0)),
+    "street": Kind(
+        street, (60.0, 16.0, 12.0), 4.0, 1.0, (40.0, 12.0, 8.0), (150.0, 150.0, 60.0), long=True
+    ),
 }
+_AXES: Final = ("along x", "along y", "high")
 _BELOW: Final = 0.3
 """Distance of the floor from the lowest place of a path [m]."""
 
 
-def around(kind: str, path: Array) -> tuple[Array, Array]:
+def around(name: str, path: Array) -> tuple[Array, Array]:
     """Return the corners (3,) of a place of some kind that fits a path (n, 3) [m].
 
     :raises ConfigurationError: for a path that is too large for it.
     """
-    margin, above, least = KINDS[kind].margin, KINDS[kind].above, np.array(KINDS[kind].least)
-    low = path.min(axis=0) - np.array([margin, margin, _BELOW])
-    high = path.max(axis=0) + np.array([margin, margin, above])
-    missing = np.maximum(least - (high - low), 0.0)
+    kind = KINDS[name]
+    low = path.min(axis=0) - np.array([kind.margin, kind.margin, _BELOW])
+    high = path.max(axis=0) + np.array([kind.margin, kind.margin, kind.above])
+    extent = high - low
+    missing = np.maximum(kind.sides(kind.least, extent) - extent, 0.0)
     low[:2] -= 0.5 * missing[:2]
     high[:2] += 0.5 * missing[:2]
     high[2] += missing[2]
-    if (high - low > KINDS[kind].most).any():
-        needed, most = (
-            " x ".join(f"{length:.1f}" for length in size)
-            for size in (high - low, KINDS[kind].most)
-        )
+    most = kind.sides(np.minimum(kind.most, kind.fits), extent)
+    words = kind.sides(["long", "wide", "high"], extent) if kind.long else _AXES
+    too_large = [
+        f"{length:.1f} m {word} (at most {limit:g} m)"
+        for length, word, limit in zip(high - low, words, most, strict=True)
+        if length > limit
+    ]
+    if too_large:
         raise ConfigurationError(
-            f"scene.type = {kind!r}: around the path it would have {needed} m; at most {most} m: "
+            f"scene.type = {name!r}: around the path it would be {', '.join(too_large)}: "
             "another scene, a shorter trajectory.length, or a shorter scene.horizon"
         )
     return low, high
 
 
-def size_problems(kind: str, size: Sequence[float], name: str) -> Iterator[str]:
-    """Yield whether only some sides are given, or too little for the place.
+def stretched(name: str, low: Array, high: Array) -> str:
+    """Return in words how large a place around a path is, and how large one usually is."""
+    size = high - low
+    usual_size = KINDS[name].sides(KINDS[name].size, size)
+    factors = " x ".join(f"{factor:.2f}" for factor in size / usual_size)
+    return (
+        f"scene.type {name}: {_metres(size)} m around the path, {factors} of the usual "
+        f"{_metres(usual_size)} m"
+    )
+
+
+def _metres(size: Array) -> str:
+    return " x ".join(f"{length:.1f}" for length in size)
+
+
+def size_problems(name: str, size: Sequence[float], parameter: str) -> Iterator[str]:
+    """Yield whether only some sides are given, or too little or too much for the place.
 
     :param size: along x, y, z [m]; 0: as usual.
     """
     if any(size) and not all(size):
-        yield f"{name} = {list(size)}: must be 0 or above 0 m on all axes"
+        yield f"{parameter} = {list(size)}: must be 0 or above 0 m on all axes"
     elif any(size):
-        limits = zip("xyz", size, KINDS[kind].least, KINDS[kind].most, strict=True)
+        kind = KINDS[name]
+        limits = zip("xyz", size, *(kind.sides(e, size) for e in (kind.least, kind.most)),
+                     strict=True)  # fmt: skip
         for axis, length, least, most in limits:
             if not least <= length <= most:
                 yield (
-                    f"{name} = {list(size)}: along {axis} must be {least:g} to {most:g} m "
-                    f"for {kind}"
+                    f"{parameter} = {list(size)}: along {axis} must be {least:g} to {most:g} m "
+                    f"for {name}"
                 )
 
 

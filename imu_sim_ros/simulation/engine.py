@@ -145,9 +145,13 @@ class Body:
         ]
 
     def notes(self) -> list[str]:
-        """Return the repairs of recorded poses, and how well the spline fits them."""
+        """Return what was made of recorded poses, and how large a place around the path is."""
         recorded = self._recorded()
-        return recorded.repairs + recorded.report.lines() if recorded is not None else []
+        lines = recorded.repairs + recorded.report.lines() if recorded is not None else []
+        scene, sensors = self.scene, mounted(self.parameters)
+        if not self.parameters.cameras and any(sensors[n].sensor.sees for n in self._wanted):
+            scene = self._made_scene()
+        return [*lines, scene.note] if scene is not None and scene.note else lines
 
     def _recorded(self) -> "RecordedMotion | None":
         """Return the recorded motion, if there is one; only then the splines are imported."""

@@ -31,11 +31,13 @@ from imu_sim_ros.trajectory.parameters import TourParameters
 from imu_sim_ros.trajectory.tour import tour, waypoints
 
 SMALL = {**SMALL_CAMERA, "scene__horizon": 10.0}
+NARROW = {"trajectory__y.amplitude": [1.2]}
+"""A figure eight that fits a corridor."""
 TEXTURES = {}
 
 
 def make_imager(make_rig, kind, **values):
-    rig = make_rig("figure_eight", **{**SMALL, "scene__type": kind, **values})
+    rig = make_rig("figure_eight", **{**SMALL, **NARROW, "scene__type": kind, **values})
     return rig, imagers(rig.views, rig.scene, rig.parameters.scene, rig.trajectory)["cam0"]
 
 
@@ -57,7 +59,7 @@ def distance_plainly(surfaces, eye, ray):
 @pytest.mark.parametrize("kind", KINDS)
 def test_depth_is_that_of_the_surfaces_equation(make_rig, kind):
     """To 0.1 mm, or float32's 6e-8 of the distance times what a grazing ray makes of it."""
-    rig = make_rig("figure_eight", **{**SMALL, "scene__type": kind})
+    rig = make_rig("figure_eight", **{**SMALL, **NARROW, "scene__type": kind})
     view = rig.views["cam0"]
     renderer = Renderer(view.model, rig.scene.surfaces, no_textures(rig.scene.surfaces), 1)
     stream = np.random.default_rng(2)
@@ -84,7 +86,7 @@ def no_textures(surfaces):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_nothing_stands_in_the_path(make_rig, kind):
-    rig = make_rig("figure_eight", **{**SMALL, "scene__type": kind})
+    rig = make_rig("figure_eight", **{**SMALL, **NARROW, "scene__type": kind})
     where = rig.scene.surfaces
     path = rig.views["cam0"].poses(rig.trajectory, np.linspace(0.0, 10.0, 800)).position
     caster, least = Caster(where), np.inf
@@ -96,7 +98,7 @@ def test_nothing_stands_in_the_path(make_rig, kind):
     assert least > 0.9 * CLEARANCE
     assert not hidden(where, path[:-1], path[1:]).any()
     # However much of it is flown.
-    short = make_rig("figure_eight", duration=2.0, **{**SMALL, "scene__type": kind})
+    short = make_rig("figure_eight", duration=2.0, **{**SMALL, **NARROW, "scene__type": kind})
     assert np.array_equal(short.scene.surfaces.origin, where.origin)
     assert len(where.origin) >= 10
 
@@ -117,7 +119,7 @@ def test_a_wide_hall_has_tanks_wherever_the_path_leaves_room():
 def test_the_same_parameters_give_the_same_bytes(make_rig):
     """On the oldest libraries and today's: this file runs on both."""
     values = {"scene__light": "lamps", "scene__texture": "rich", "camera__encoding": "rgb8"}
-    for antialiasing, expected in ((False, "886888e2f875753c"), (True, "da4b6256424d625e")):
+    for antialiasing, expected in ((False, "95a93159d0956847"), (True, "d388993f1a866b4b")):
         total = hashlib.sha256()
         for _ in range(2):
             values["camera__antialiasing"] = antialiasing
@@ -199,11 +201,44 @@ def test_a_path_that_leaves_its_place_is_refused(make_rig):
     with pytest.raises(ConfigurationError, match=r"leaves the corridor, from"):
         make_rig("figure_eight", scene__type="corridor", **size)
     with pytest.raises(ConfigurationError, match=r"along x must be 12 to 150 m for corridor"):
+        make_rig("figure_eight", scene__type="corridor", scene__size=[3.0, 3.0, 2.6])
+    along_y = r"along x must be 2.2 to 150 m for corridor\n.*along y must be 12 to 150 m"
+    with pytest.raises(ConfigurationError, match=along_y):
         make_rig("figure_eight", scene__type="corridor", scene__size=[1.0, 3.0, 2.6])
-    with pytest.raises(ConfigurationError, match=r"around the path it would have .* at most 26"):
+    with pytest.raises(ConfigurationError, match=r"it would be 61.8 m along x \(at most 26 m\)"):
         make_rig("line", scene__type="office", scene__horizon=60.0)
     with pytest.raises(ConfigurationError, match="must be one of rich, plain, blank"):
         make_rig("figure_eight", scene__type="corridor", scene__texture="blanc")
+
+
+def test_a_place_around_a_path_stays_what_it_is_and_says_how_large_it_is(make_rig):
+    """A corridor is at most 4 m wide and at least three times as long, whichever way the path runs.
+
+    Its walls are 0.6 m from the path, its floor 0.3 m, its ceiling 1 m; the camera's lever arm
+    and the roll add up to 0.15 m to the path.
+    """
+    with pytest.raises(ConfigurationError, match=r"it would be 6.3 m wide \(at most 4 m\)"):
+        make_rig("figure_eight", scene__type="corridor", scene__horizon=13.0)
+    turned = {"trajectory__x.amplitude": [1.2], "trajectory__y.amplitude": [6.0]}
+    turned = {**turned, "scene__horizon": 13.0}
+    for values, size in (
+        ({**NARROW, "scene__horizon": 13.0}, [12.0, 3.6, 2.5]),
+        (turned, [3.6, 13.2, 2.5]),
+    ):
+        scene = make_rig("figure_eight", scene__type="corridor", **values).scene
+        place = scene.painter.place
+        extent = place.high - place.low
+        assert extent == pytest.approx(size, abs=0.15)
+        words = " x ".join(f"{length:.1f}" for length in extent)
+        assert f"scene.type corridor: {words} m around the path" in scene.note
+        doors = [sum(each.kind == "door" for each in face.prints) for face in place.faces[:4]]
+        short, long = (doors[:2], doors[2:]) if extent[0] > extent[1] else (doors[2:], doors[:2])
+        assert short == [0, 0]
+        assert min(long) >= 3
+    street = make_rig("figure_eight", scene__type="street", **turned).scene.note
+    assert street.startswith("scene.type street: 12.0 x 40.0 x 8.0 m around the path, 0.75 x 0.67")
+    told = {"scene__size": [16.0, 7.0, 2.6], "scene__center": [0.0, 0.0, 1.5]}
+    assert make_rig("figure_eight", scene__type="corridor", **told).scene.note == ""
 
 
 @pytest.mark.parametrize(("scale", "areas"), [(4, False), (1, True)])

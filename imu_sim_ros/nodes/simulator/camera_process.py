@@ -168,6 +168,11 @@ class CameraNode:
         """Return warnings about the view of the camera."""
         return self._rig.warnings(self.name)
 
+    def notes(self) -> list[str]:
+        """Return what was made of the camera's axes, and by the first one of the scene."""
+        note = self._rig.scene.note if self.name == next(iter(self._rig.views)) else ""
+        return [*self._rig.notes(self.name), *([note] if note else [])]
+
     def publish(self, number: int, t0_ns: int) -> None:
         """Publish a frame."""
         for topic, payload in self.frames.take(number).items():
@@ -257,7 +262,7 @@ def _run(node: CameraNode, reports: Reports) -> None:
     threading.Thread(target=work, name="render", daemon=True).start()
     node.publish_scene()
     node.frames.wait_for_first()
-    reports.say(ready=True, warnings=node.warnings())
+    reports.say(ready=True, warnings=node.warnings(), notes=node.notes())
     begun = threading.Event()
     threading.Thread(
         target=_report_connected, args=(node, reports, begun), name="connected", daemon=True

@@ -73,14 +73,22 @@ class RemoteCounter:
 class CameraProcess:
     """One camera's process, seen from the node."""
 
-    def __init__(self, name: str, start: dict[str, Any], fail: Fail, warn: Callable[[str], None]):
+    def __init__(
+        self,
+        name: str,
+        start: dict[str, Any],
+        fail: Fail,
+        warn: Callable[[str], None],
+        note: Callable[[str], None],
+    ) -> None:
         """Start the process.
 
         :param start: its configuration, as JSON can hold it.
         :param fail: receives what ended the process.
-        :param warn: receives a line for the log.
+        :param warn: receives a warning for the log.
+        :param note: receives a line that is none.
         """
-        self.name, self._fail, self._warn = name, fail, warn
+        self.name, self._fail, self._warn, self._note = name, fail, warn, note
         self.counts: dict[str, int] = {}
         self.connected: dict[str, int] = {}
         """Subscribers that each of its publishers is connected to, until the run begins."""
@@ -155,6 +163,8 @@ class CameraProcess:
                 self._changed.notify_all()
             for warning in said.get("warnings", ()):
                 self._warn(f"{self.name}: {warning}")
+            for note in said.get("notes", ()):
+                self._note(f"{self.name}: {note}")
             if "problems" in said:
                 ended = True
                 kind = ConfigurationError if said["status"] == 2 else MachineError
@@ -227,7 +237,7 @@ class Cameras:
                     for key, parameter in node.get_parameters_by_prefix(_OVERRIDES).items()
                 },
             }
-            process = CameraProcess(name, start, fail, log.warning)
+            process = CameraProcess(name, start, fail, log.warning, log.info)
             self._processes.append(process)
             self.topics += names.values()
             self.counters += [

@@ -13,7 +13,7 @@ import numpy as np
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.places.bodies import Crowd
-from imu_sim_ros.places.catalogue import around
+from imu_sim_ros.places.catalogue import around, stretched
 from imu_sim_ros.places.catalogue import build as build_place
 from imu_sim_ros.places.geometry import Surfaces, hidden, joined, surfaces
 from imu_sim_ros.places.paint import Painter
@@ -179,12 +179,13 @@ def _room(p: RoomParameters, path: Array) -> Scene:
 
 
 def _place(p: PlaceParameters, passage: Passage) -> Scene:
-    path = np.concatenate(passage.places)
+    path, note = np.concatenate(passage.places), ""
     if any(p.size):
         size, center = np.asarray(p.size), np.asarray(p.center)
         low, high = center - 0.5 * size, center + 0.5 * size
     else:
         low, high = around(p.type, path)
+        note = stretched(p.type, low, high)
     keep = np.zeros((0, 3)) if any(p.size) else path  # a place of a given size is as it is
     site = Site(low, high, keep, p.seed, p.texture, p.light, p.bodies.doors)
     place = build_place(p.type, site)
@@ -194,7 +195,7 @@ def _place(p: PlaceParameters, passage: Passage) -> Scene:
     lines = np.zeros((0, 2, 3))
     crowd = _crowd(p, place, site, passage)
     painter = Painter(place, site)
-    return Scene(landmarks, normals, lines, everything, extent, painter, crowd=crowd)
+    return Scene(landmarks, normals, lines, everything, extent, painter, crowd=crowd, note=note)
 
 
 def _crowd(p: PlaceParameters, place: Place, site: Site, passage: Passage) -> Crowd | None:

@@ -38,6 +38,8 @@ class Scene(NamedTuple):
     """Of the mesh."""
     crowd: Crowd | None = None
     """What moves; None: nothing."""
+    note: str = ""
+    """How it was fitted to the path, in words; empty: it has the size that was told."""
 
     def hidden(self, eye: Array, points: Array) -> Mask:
         """Tell which landmarks (n, 3) are behind something, each seen from its eye (n, 3)."""

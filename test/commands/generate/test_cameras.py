@@ -8,8 +8,10 @@ import json
 import numpy as np
 import pytest
 
+import imu_sim_ros as ims
 from imu_sim_ros import rotation
 from imu_sim_ros.commands import generate
+from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.jobs import generate as job
 from imu_sim_ros.parameters import files
 from imu_sim_ros.poses import read_poses
@@ -97,6 +99,26 @@ def test_tracks_do_not_depend_on_how_they_are_written(tmp_path, monkeypatch):
     assert files_a == sorted(file.name for file in (tmp_path / "b").iterdir())
     for name in files_a:
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_a_place_says_how_large_it_is_around_the_path(tmp_path, capsys):
+    """In a note, in simulation.yaml and in Python's result; for cameras and for a LiDAR alone."""
+    made = ["-o", str(tmp_path / "a.mcap"), "--trajectory", "figure_eight", "--duration", "0.2s"]
+    words = ["--camera", "euroc_cam0", "--set", "camera.images=none", "--scene", "office"]
+    assert generate.main([*made, *words, "--with-configs"]) == 0
+    said = [line for line in capsys.readouterr().out.splitlines() if line.startswith("scene.type")]
+    assert len(said) == 1
+    assert said[0].startswith("scene.type office: 14.8 x 9.8 x 2.7 m around the path, 1.14 x 1.04")
+    text = (tmp_path / "a.mcap_configs" / "simulation.yaml").read_text(encoding="utf-8")
+    assert f"# {said[0]}\n" in text
+    given = {"trajectory": "figure_eight", "duration": 0.2, "scene": "warehouse"}
+    found = ims.generate(tmp_path / "b.mcap", **given, sensors=["lidar"])
+    assert found.notes == (
+        "scene.type warehouse: 20.0 x 15.0 x 5.0 m around the path, 0.77 x 1.00 x 0.77 of the "
+        "usual 26.0 x 15.0 x 6.5 m",
+    )
+    with pytest.raises(ConfigurationError, match="corridor': around the path it would be 6.2 m"):
+        ims.generate(tmp_path / "c.mcap", **{**given, "scene": "corridor"}, sensors=["lidar"])
 
 
 def test_cameras_leave_the_samples_as_they_are(tmp_path):
