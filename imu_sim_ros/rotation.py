@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, first_last
 
 IDENTITY: Final[Array] = np.array([1.0, 0.0, 0.0, 0.0])
 _SMALL_ANGLE: Final = 1e-4
@@ -36,7 +36,7 @@ _AHEAD: Final = 8
 def empty(shape: tuple[int, ...], components: int = 3) -> Array:
     """Return an array (*shape, components) to be filled in, one component after the other."""
     memory = np.empty((components, *shape))
-    return memory.T if len(shape) == 1 else np.moveaxis(memory, 0, -1)
+    return first_last(memory)
 
 
 def multiply(p: ArrayLike, q: ArrayLike) -> Array:
@@ -136,12 +136,10 @@ def transform(matrix: Array, v: Array) -> Array:
         return few
     if matrix.ndim > 2:
         result = empty(np.broadcast_shapes(matrix.shape[:-2], v.shape[:-1]))
-        product = np.empty(result.shape[:-1])
+        product = empty(result.shape[:-1])
         result[...] = 0.0
-        for i in range(3):
-            own = result[..., i]
-            for j in range(3):
-                own += np.multiply(matrix[..., i, j], v[..., j], out=product)
+        for j in range(3):
+            result += np.multiply(matrix[..., j], v[..., j, None], out=product)
         return result
     rows = matrix.tolist()
     result = empty(v.shape[:-1])

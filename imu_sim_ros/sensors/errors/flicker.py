@@ -16,7 +16,6 @@ before the rows follow by a scan. Chunks start at fixed sample indices and are g
 the result does not depend on how many samples are asked for at a time.
 """
 
-import itertools
 from functools import lru_cache
 from typing import Final, NamedTuple
 
@@ -24,7 +23,7 @@ import numpy as np
 
 from imu_sim_ros.random_streams import Seed, Streams, Units
 from imu_sim_ros.sensors.errors.processes import ChunkedProcess
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, first_last, last_first
 
 LONGEST_TIME: Final = 1e4
 """[s]; below 1 / (2 pi LONGEST_TIME) the density is flat."""
@@ -125,16 +124,16 @@ class FlickerNoise(ChunkedProcess):
     def _drawn(self, units: Units) -> Array:
         """Return initial states (..., 3, p)."""
         root = self._rows.root
-        numbers = np.moveaxis(self._streams.next(len(root), units), 0, -1)
+        numbers = first_last(self._streams.next(len(root), units))
         # A vector at a time: the sums are the same for one unit and for many.
         return np.matmul(root, numbers[..., None])[..., 0]
 
     def _make_chunks(self, count: int, units: Units) -> Array:
         rows, state = self._rows, self._state[units]
         several, poles = state.shape[:-2], state.shape[-1]
-        numbers = np.moveaxis(self._streams.next(count * CHUNK, units), 0, -1)
+        numbers = first_last(self._streams.next(count * CHUNK, units))
         # All rows of a unit's chunk in a product: its size, and so its sums, never differ.
-        noise = np.moveaxis(numbers.reshape(*several, 3, count, _ROWS, _COLUMNS), -4, -3)
+        noise = numbers.reshape(*several, 3, count, _ROWS, _COLUMNS).swapaxes(-4, -3)
         made = noise.reshape(*several, count, 3 * _ROWS, _COLUMNS) @ rows.from_noise
         values, ends = made[..., :_COLUMNS], made[..., _COLUMNS:]
         ends = ends.reshape(*several, count, 3, _ROWS, poles)  # of rows that start at 0
@@ -142,15 +141,14 @@ class FlickerNoise(ChunkedProcess):
         while step < _ROWS:  # of chunks that start at 0, by doubling
             ends[..., step:, :] += rows.decay[step] * ends[..., :-step, :]
             step *= 2
-        states = np.empty((count + 1, *state.shape))
-        states[0] = state
-        last = np.moveaxis(ends[..., -1, :], -3, 0)
-        for (before, after), own in zip(itertools.pairwise(states), last, strict=True):
-            np.multiply(rows.decay[_ROWS], before, out=after)
-            after += own
-        self._state[units] = states[-1]
-        starts = rows.decay[:_ROWS] * np.moveaxis(states[:-1], 0, -3)[..., None, :]
+        states = np.empty((*several, count, 3, poles))
+        for chunk in range(count):
+            states[..., chunk, :, :] = state
+            state = rows.decay[_ROWS] * state
+            state += ends[..., chunk, :, -1, :]
+        self._state[units] = state
+        starts = rows.decay[:_ROWS] * states[..., None, :]
         starts[..., 1:, :] += ends[..., :-1, :]
         values += starts.reshape(*several, count, 3 * _ROWS, poles) @ rows.from_state
-        found = np.moveaxis(values.reshape(*several, count, 3, CHUNK), -3, -2)
-        return np.moveaxis(found.reshape(*several, 3, count * CHUNK), -1, 0)
+        found = values.reshape(*several, count, 3, CHUNK).swapaxes(-3, -2)
+        return last_first(found.reshape(*several, 3, count * CHUNK))

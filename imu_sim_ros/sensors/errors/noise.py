@@ -17,7 +17,7 @@ from imu_sim_ros.sensors.errors.processes import GaussMarkovBank, next_numbers
 from imu_sim_ros.sensors.errors.response import ConstantBias, noise_gain
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, last_first
 
 
 class ErrorTerm(Protocol):
@@ -158,7 +158,7 @@ class RandomWalk(_RandomStream):
             steps = self._streams.next(len(values), units, self._axes)
             steps *= self._sigma[units]
             start = state[..., self._axes]
-            walk = np.moveaxis(np.empty((*start.shape, len(values) + 1)), -1, 0)
+            walk = last_first(np.empty((*start.shape, len(values) + 1)))
             walk[0], walk[1:] = start, steps
             # Adds one after the other, whatever the block's size.
             np.add.accumulate(walk, axis=0, out=walk)

@@ -178,18 +178,15 @@ class TemperatureProfile:
         return temperature
 
 
-def polynomial(coefficients: ArrayLike, difference: Array) -> Array | None:
-    """Return ``sum_k c_k dT^(k+1)`` per axis, (n, ..., 3); None without coefficients.
+def polynomial(coefficients: Array, difference: Array) -> Array:
+    """Return ``sum_k c_k dT^(k+1)`` per axis, (n, ..., 3).
 
     :param coefficients: (..., 3 k): x y z of k = 0, then of k = 1, and so on.
     :param difference: (n, ...) temperature above the reference [K].
     """
-    numbers = np.asarray(coefficients)
-    if not numbers.any():
-        return None
     result = series(difference.shape)
-    for k in range(numbers.shape[-1] - 3, -1, -3):
-        result += numbers[..., k : k + 3]
+    for k in range(coefficients.shape[-1] - 3, -1, -3):
+        result += coefficients[..., k : k + 3]
         result *= difference[..., None]
     return result
 

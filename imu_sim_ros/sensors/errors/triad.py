@@ -7,6 +7,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from imu_sim_ros.random_streams import Seed, Units
 from imu_sim_ros.sensors.errors.noise import WhiteNoise, bias_terms
@@ -86,6 +87,7 @@ class Triad:
         self._digitiser = Digitiser()
         self._increments = IncrementRounding(1.0 / rate, shape)
         self._last: Array | None = None
+        """The last reading, which a sensor that is stuck repeats."""
 
     def configure(self, imu: ImuParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
@@ -101,6 +103,8 @@ class Triad:
         self._white.configure(own)
         self._digitiser.configure(own)
         self._increments.configure(own)
+        self._thermal_scale = _unless_zero(own.temperature_scale)
+        self._thermal_bias = _unless_zero(own.temperature_bias)
 
     def begin(self, units: Units, own: TriadParameters, unit: TriadParameters | None) -> None:
         """Let some units of a batch begin again, from their present seeds.
@@ -135,7 +139,7 @@ class Triad:
         ideal: Array,
         force: Array,
         temperature_offset: Array,
-        faults: FaultSchedule,
+        faults: FaultSchedule | None,
         vibration: Array | None = None,
         additions: Additions | None = None,
     ) -> Reading:
@@ -147,6 +151,7 @@ class Triad:
         :param ideal: (n m, 3) ideal reading of this triad.
         :param force: (n m, 3) ideal specific force [m/s^2].
         :param temperature_offset: (n m,) temperature above the reference [K].
+        :param faults: None: there never are any.
         :param vibration: (n, 3) what the vehicle adds to the filtered readings.
         :param additions: those that :meth:`precompute` has made for these samples.
         """
@@ -162,7 +167,7 @@ class Triad:
             bias = self._bias(Surroundings(force, temperature_offset))
         else:
             bias = additions.bias
-        if faults.any:
+        if faults is not None and faults.any:
             bias = self._with_jumps(first, bias, faults)
         reading += bias
         if additions is None:
@@ -184,7 +189,15 @@ class Triad:
             vibration = _constant(0.0, reading.shape)
         else:
             reading += vibration
-        self._output(first, reading, faults)
+        if faults is not None and faults.any:
+            faults.saturate(self._triad, first, reading)
+        self._digitiser.apply(reading)
+        self._increments.apply(reading)
+        if faults is not None:
+            if faults.any:
+                faults.hold(self._triad, first, reading, self._last)
+            if len(reading):
+                self._last = reading[-1].copy()
         return Reading(reading, bias, scale, noise, response_error, low_pass, vibration)
 
     def _filtered(self, reading: Array) -> Array:
@@ -194,17 +207,6 @@ class Triad:
         before = np.copy(reading)
         self._low_pass.apply(reading)
         return np.subtract(reading, before, out=before)
-
-    def _output(self, first: int, reading: Array, faults: FaultSchedule) -> None:
-        """Round and saturate readings (n, 3) in place, and hold those that are stuck."""
-        if faults.any:
-            faults.saturate(self._triad, first, reading)
-        self._digitiser.apply(reading)
-        self._increments.apply(reading)
-        if faults.any:
-            faults.hold(self._triad, first, reading, self._last)
-        if len(reading):
-            self._last = reading[-1].copy()
 
     @property
     def follows_force(self) -> bool:
@@ -228,8 +230,9 @@ class Triad:
         if is_constant(temperature_offset) and self._ageing_scale is None:
             once = self._scale(temperature_offset[:1], units)
             return None if once is None else np.broadcast_to(once, (*temperature_offset.shape, 3))
-        coefficients = np.asarray(self._parameters.temperature_scale)
-        thermal = polynomial(coefficients[units], temperature_offset)
+        thermal = None
+        if self._thermal_scale is not None:
+            thermal = polynomial(self._thermal_scale[units], temperature_offset)
         if self._ageing_scale is not None:
             seconds = next_numbers(self._done, len(temperature_offset), units) * self._dt
             drift = self._ageing_scale[units] * aged(self._age_days, seconds)[..., None]
@@ -245,11 +248,13 @@ class Triad:
         """Return the sum of all biases (n, ..., 3) but for those of faults."""
         offset = surroundings.temperature_offset
         bias = series(offset.shape)
-        once = offset[:1] if is_constant(offset) else offset
-        thermal = polynomial(np.asarray(self._parameters.temperature_bias)[units], once)
-        if thermal is not None:
+        if self._thermal_bias is not None:
+            once = offset[:1] if is_constant(offset) else offset
+            thermal = polynomial(self._thermal_bias[units], once)
+            if self._turn_on_bias is not None:
+                thermal += self._turn_on_bias[units]
             bias += thermal
-        if self._turn_on_bias is not None:
+        elif self._turn_on_bias is not None:
             bias += self._turn_on_bias[units]
         for term in self._active_terms:
             term.add_to(bias, units)
@@ -271,6 +276,12 @@ class Triad:
 def is_constant(values: Array) -> bool:
     """Return whether values (n, ...) are one that stands for all times."""
     return len(values) > 1 and values.strides[0] == 0
+
+
+def _unless_zero(values: ArrayLike) -> Array | None:
+    """Return numbers as an array; None if all are zero."""
+    found = np.asarray(values)
+    return found if found.any() else None
 
 
 @lru_cache(maxsize=8)

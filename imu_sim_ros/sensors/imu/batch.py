@@ -24,7 +24,6 @@ from imu_sim_ros.sensors.errors.flicker import CHUNK
 from imu_sim_ros.sensors.errors.realised import unit_of_seed
 from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.sensors.errors.triad import Additions, Triad, is_constant
-from imu_sim_ros.sensors.faults import FaultSchedule
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 from imu_sim_ros.types import Array, Integers, Mask
@@ -32,8 +31,9 @@ from imu_sim_ros.types import Array, Integers, Mask
 RESTARTS: Final = ("same_seed", "same_unit", "next_seed")
 AHEAD: Final = CHUNK
 """Samples of a unit whose noise is made at once."""
-_AT_ONCE: Final = 128
-"""Units for which that is done together: their arrays stay in the processor's cache."""
+_AT_ONCE: Final = 48
+"""Units for which that is done together: their arrays stay in the processor's cache, and are small
+enough for memory that the system need not map anew each time."""
 _COMMON: Final = ("bandwidth",)
 """Parameters of a triad that all units share."""
 _NOT_IN_BATCHES: Final = ("temperature_hysteresis", "stress_step_sigma", "shock_bias_sigma")
@@ -112,13 +112,17 @@ class ImuBatch:
         self._in_phase = True
         self._temperature = TemperatureProfile(environment.temperature)
         self._reference = self._imus[0].reference_temperature
-        self._faults = FaultSchedule(environment.seed, 1.0 / self._rate)
         imu = dataclasses.replace(self._imus[0], **self._parameters(slice(None)))
         self._triads = {name: Triad(name, imu, self.seeds, self._rate) for name in TRIADS}
         for name, triad in self._triads.items():
             triad.take(unit_of_seed(imu.triad(name), name, self.unit_seeds))
         self._ahead = {name: Additions(None, _room(count), _room(count)) for name in TRIADS}
         self._degrees = np.empty((1 if self._temperature.constant else AHEAD, count))
+        self._offset: Array | None = None
+        """(AHEAD, ...) of a temperature that never changes, above the reference [K]."""
+        if self._temperature.constant:
+            self._degrees[...] = degrees = self._temperature.at(np.zeros(1))
+            self._offset = np.broadcast_to(degrees - self._reference, (AHEAD, _AT_ONCE))
 
     def _parameters(self, units: Units) -> dict[str, Any]:
         """Return the parameters of some units, arrays (m, k), before constants are drawn."""
@@ -186,22 +190,25 @@ class ImuBatch:
         :param accel: (count, 3) ideal specific forces [m/s^2].
         :param held: (count,) passed on.
         """
-        places = self._index % AHEAD
-        due = np.flatnonzero(places == 0)
+        rows: Any
+        if self._in_phase:
+            rows = int(self._index[0]) % AHEAD
+            due = range(0 if rows else self.count)
+        else:
+            places = self._index % AHEAD
+            rows = (places, np.arange(self.count))
+            due = np.flatnonzero(places == 0)
         for begin in range(0, len(due), _AT_ONCE):
             units = due[begin : begin + _AT_ONCE]
             together = units[-1] - units[0] + 1 == len(units)  # a slice needs no copies
             self._make_ahead(slice(units[0], units[-1] + 1) if together else units)
         self._index += 1
-        rows: Any = int(places[0]) if self._in_phase else (places, np.arange(self.count))
         made = []
         for (name, triad), ideal in zip(self._triads.items(), (gyro, accel), strict=True):
             scale, bias, noise = self._ahead[name]
             scale = None if scale is None else _at(rows, scale)
             additions = Additions(scale, _at(rows, bias), _at(rows, noise))
-            made.append(
-                triad.read(0, ideal[None], accel[None], _NONE, self._faults, None, additions)
-            )
+            made.append(triad.read(0, ideal[None], accel[None], _NONE, None, None, additions))
         errors: dict[str, Any] = {
             f"{name}_{error}": values[0]
             for name, reading in zip(("gyro", "accel"), made, strict=True)
@@ -215,10 +222,8 @@ class ImuBatch:
     def _make_ahead(self, units: Units) -> None:
         """Make what the next samples of some units get, whatever their ideal readings are."""
         first = self._index[units]
-        if self._temperature.constant:
-            degrees = self._temperature.at(np.zeros(1)) - self._reference
-            offset = np.broadcast_to(degrees, (AHEAD, len(first)))
-            self._degrees[:, units] = self._temperature.at(np.zeros(1))
+        if self._offset is not None:
+            offset = self._offset[:, : len(first)]
         else:
             temperature = np.empty((AHEAD, len(first)))
             for begin in np.unique(first).tolist():
