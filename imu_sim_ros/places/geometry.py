@@ -163,28 +163,19 @@ class Caster:
                     which[on] = m
         return Hits(distance, number)
 
-    def blocked(
-        self,
-        origins: Floats,
-        directions: Floats,
-        ends: Floats | float = 1.0,
-        among: Mask | None = None,
-    ) -> Mask:
+    def blocked(self, origins: Floats, directions: Floats, ends: Floats | float = 1.0) -> Mask:
         """Tell which rays (n,) meet any surface between their origin and t = ``ends``.
 
         :param origins: (n, 3) [m].
         :param directions: (n, 3) of any length.
         :param ends: (n,) or one number.
-        :param among: (m,) which surfaces count; None: all.
         """
         result = np.zeros(len(origins), np.bool_)
         ends = np.broadcast_to(np.asarray(ends, self._kind), (len(origins),))
-        every = range(len(self._planes)) if among is None else np.flatnonzero(among).tolist()
-        planes = [self._planes[m] for m in every]
         for part in _parts(len(origins)):
             rays = _Rays.of(origins[part], directions[part], self._kind)
             here, end = result[part], ends[part]
-            for plane in planes:
+            for plane in self._planes:
                 t, on = plane.meet(rays)
                 on &= t > 1e-4
                 on &= t < end

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.places.geometry import Caster, Floats, Rectangle, Surfaces, surfaces
+from imu_sim_ros.places.sight import hidden_places
 from imu_sim_ros.types import Array, Integers, Mask, Single
 
 _POINTS: Final = 24_000
@@ -198,7 +199,6 @@ def _direct(points: _Points, solid: Caster, lighting: Lighting) -> tuple[Single,
 
 def _from_lamps(points: _Points, solid: Caster, lighting: Lighting, sources: Single) -> Single:
     result = np.zeros_like(points.places)
-    normals = solid.surfaces.normal
     for lamp, alone in zip(lighting.lamps, sources, strict=False):
         origin, across, up = lamp.rectangle
         normal = np.cross(across, up)
@@ -215,9 +215,7 @@ def _from_lamps(points: _Points, solid: Caster, lighting: Lighting, sources: Sin
             square = np.maximum(square, np.float32(0.02))
             value = share * np.maximum(there, 0) * np.maximum(here, 0) / (square * square)
             rows = np.flatnonzero(value * colour.max() > _LEAST / _SAMPLES**2)
-            # A ray to the lamp meets one side of a closed body that faces the lamp.
-            facing = ((place - solid.surfaces.origin) * normals).sum(axis=1) > 0.0
-            seen = rows[~solid.blocked(points.places[rows], way[rows], 1.0, facing)]
+            seen = rows[~hidden_places(solid.surfaces, place, normal, points.places[rows])]
             result[seen] += value[seen, None] * colour
             alone[seen] += value[seen]
     return result

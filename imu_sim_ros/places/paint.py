@@ -3,7 +3,7 @@
 
 """The textures of a place: materials and prints under its light."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import Final, TypeVar
 
@@ -151,10 +151,21 @@ def _repeated(
     tile: NDArray[_Value], start: Sequence[int] | Integers, rows: int, columns: int
 ) -> NDArray[_Value]:
     """Return a tile that repeats, from a row and a column on: (rows, columns, ...)."""
-    lines = (np.arange(rows) + start[0]) % len(tile)
-    posts = (np.arange(columns) + start[1]) % len(tile)
-    result: NDArray[_Value] = tile.take(lines, axis=0).take(posts, axis=1)
+    result = np.empty((rows, columns, *tile.shape[2:]), tile.dtype)
+    for down, of_tile in _repeats(int(start[0]), rows, len(tile)):
+        for across, part in _repeats(int(start[1]), columns, len(tile)):
+            result[down, across] = tile[of_tile, part]
     return result
+
+
+def _repeats(start: int, count: int, period: int) -> Iterator[tuple[slice, slice]]:
+    """Yield parts of so many places, and which of a tile, from one of these on, are there."""
+    first = 0
+    while first < count:
+        own = (start + first) % period
+        length = min(period - own, count - first)
+        yield slice(first, first + length), slice(own, own + length)
+        first += length
 
 
 def grey(colours: Bytes) -> Bytes:

@@ -41,8 +41,8 @@ class Sheet:
     def fill(self, x0: float, y0: float, x1: float, y1: float, colour: Colour | Array) -> None:
         """Fill a rectangle, at least a texel."""
         rows, columns = self.values.shape[:2]
-        left, right = (round(x / self.width * columns) for x in (x0, x1))
-        low, high = (round(y / self.height * rows) for y in (y0, y1))
+        left, right = round(x0 / self.width * columns), round(x1 / self.width * columns)
+        low, high = round(y0 / self.height * rows), round(y1 / self.height * rows)
         self.values[max(low, 0) : max(high, low + 1), max(left, 0) : max(right, left + 1)] = colour
 
     def all(self, colour: Colour | Array) -> None:

@@ -19,6 +19,8 @@ CELL: Final = 8
 """Pixels along which the mip level is constant, in both directions."""
 _BAND: Final = 190_000
 """Rays that are processed at once, about: half of those of 752x480 pixels."""
+_AT_ONCE: Final = 4096
+"""Pixels whose rays are found at once: the arrays stay in a processor's cache."""
 _KEPT: Final = 6_000_000
 """Rays that are kept, 12 bytes each; those of larger images are found anew for each."""
 
@@ -78,10 +80,12 @@ class PixelRays:
         return self._through(grid, len(rows))
 
     def _through(self, grid: Array, height: int) -> Single:
-        rays = self._model.unproject(grid)
-        direction = np.where(rays.valid[:, None], rays.direction, 0.0)
-        found: Single = direction.T.reshape(3, height, -1).astype(np.float32)
-        return found
+        found = np.zeros((3, len(grid)), np.float32)
+        for first in range(0, len(grid), _AT_ONCE):
+            part = slice(first, first + _AT_ONCE)
+            rays = self._model.unproject(grid[part])
+            found[:, part] = np.where(rays.valid[:, None], rays.direction, 0.0).T
+        return found.reshape(3, height, -1)
 
     @cached_property
     def _kept(self) -> list[Single] | None:

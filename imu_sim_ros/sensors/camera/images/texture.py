@@ -145,16 +145,24 @@ def assembled(
         shapes = [*shapes, *further]
     image = np.zeros((height, width, *(3,) * colour), np.uint8)
     image[:_BLANK_EDGE, :_BLANK_EDGE] = BACKGROUND
-    around = [(_EDGE, _EDGE), (_EDGE, _EDGE), *[(0, 0)] * colour]
     for m in range(len(shapes)):
         level = texture(m)
         for k, (row, column) in enumerate(corners[m * LEVELS : (m + 1) * LEVELS]):
             level = _next_level(level) if k else level
-            padded = np.pad(level, around, mode="wrap" if repeat else "edge")
-            image[row : row + padded.shape[0], column : column + padded.shape[1]] = padded
+            _put(image, level, row, column, repeat)
     size = np.array(shapes, dtype=np.float32).reshape(-1, 2)[:, ::-1]
     place = np.array(corners, dtype=np.float32).reshape(len(shapes), LEVELS, 2)[..., ::-1]
     return Atlas(image, size, place + np.float32(_EDGE))
+
+
+def _put(image: Bytes, level: Bytes, row: int, column: int, repeat: bool) -> None:
+    """Put a level into the atlas, with a texel around it, of its own edge or of the opposite."""
+    rows, columns = (length + 2 * _EDGE for length in level.shape[:2])
+    there = image[row : row + rows, column : column + columns]
+    there[_EDGE:-_EDGE, _EDGE:-_EDGE] = level
+    before, after = (-2, 1) if repeat else (1, -2)
+    there[:, 0], there[:, -1] = there[:, before], there[:, after]
+    there[0], there[-1] = there[before], there[after]
 
 
 def _places(shapes: Sequence[tuple[int, int]]) -> tuple[list[tuple[int, int]], int, int]:
@@ -192,8 +200,10 @@ def _shapes_of_levels(height: int, width: int) -> Iterator[tuple[int, int]]:
 
 def _next_level(above: Bytes) -> Bytes:
     """Return the mip level after one: each texel the rounded mean of four."""
-    odd = [(0, above.shape[0] % 2), (0, above.shape[1] % 2), *[(0, 0)] * (above.ndim - 2)]
-    even = np.pad(above, odd, mode="edge")
+    even = above
+    for axis in (0, 1):
+        if above.shape[axis] % 2:
+            even = np.concatenate([even, even.take([-1], axis=axis)], axis=axis)
     four = even[::2, ::2].astype(np.uint16)
     for part in (even[1::2, ::2], even[::2, 1::2], even[1::2, 1::2]):
         four += part
