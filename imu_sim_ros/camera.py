@@ -42,7 +42,7 @@ def project(points: ArrayLike, camera: str | Path | Mapping[str, Any] = "euroc_c
 def tracks(
     flight: Simulated,
     camera: str | Path | Mapping[str, Any] = "euroc_cam0",
-    scene: str | Path = "room",
+    scene: str | Path = "auto",
     block: int = BLOCK,
 ) -> Iterator[Tracks]:
     """Yield what a camera on the flight's body tracks, in blocks of frames, in order.
@@ -72,7 +72,7 @@ def tracks(
 def frames(
     flight: Simulated,
     camera: str | Path | Mapping[str, Any] = "euroc_cam0",
-    scene: str | Path = "room",
+    scene: str | Path = "auto",
 ) -> Iterator[tuple[int, Bytes]]:
     """Yield the stamp [ns] and the image of each frame of a camera on the flight.
 
@@ -100,7 +100,7 @@ def frames(
 def depths(
     flight: Simulated,
     camera: str | Path | Mapping[str, Any] = "euroc_cam0",
-    scene: str | Path = "room",
+    scene: str | Path = "auto",
 ) -> Iterator[tuple[int, Single]]:
     """Yield the stamp [ns] and the depth along the view (h, w) [m] of each frame of a camera.
 
@@ -127,7 +127,7 @@ def depths(
 def flows(
     flight: Simulated,
     camera: str | Path | Mapping[str, Any] = "euroc_cam0",
-    scene: str | Path = "room",
+    scene: str | Path = "auto",
 ) -> Iterator[tuple[int, Single]]:
     """Yield the stamp [ns] and the optical flow (h, w, 2) [px] of each frame of a camera.
 

@@ -21,6 +21,7 @@ from imu_sim_ros.sensors.camera.build import (
 )
 from imu_sim_ros.sensors.camera.rig import Rig
 from imu_sim_ros.sensors.camera.rig_parameters import (
+    DEFAULT_SCENE,
     RigParameters,
     axes,
     load_rig,
@@ -55,6 +56,7 @@ from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.trajectory.parameters import (
     PosesParameters,
     SeriesParameters,
+    TourParameters,
     TrajectoryParameters,
 )
 
@@ -138,7 +140,8 @@ def fitted(given: Mapping[str, object]) -> dict[str, object]:
     images, the smallest tags that have enough pixels a bit in every place, fewer of them for wide
     lenses, and turns as far as the corners need to cover the images; rigs that look in other
     directions than x stay as they are. The trajectory ``tour`` in a place goes through that place,
-    which has its usual size unless told. What is given stays as it is.
+    which has its usual size unless told; if no scene is told, cameras see the tour's own place.
+    What is given stays as it is.
 
     :param given: as for :func:`imu_sim_ros.simulation.cameras.build_rig`; not checked here.
     """
@@ -167,7 +170,9 @@ def fitted(given: Mapping[str, object]) -> dict[str, object]:
 
 def _toured(given: Mapping[str, object]) -> dict[str, object]:
     """Return parameters with a tour through the place that cameras see, and that place for it."""
-    kind = given.get("scene.type")
+    kind = given.get("scene.type", DEFAULT_SCENE)
+    if kind == DEFAULT_SCENE:
+        kind = given.get("trajectory.place", TourParameters.place)
     if given.get("trajectory.type") != "tour" or kind not in KINDS or "cameras" not in given:
         return dict(given)
     own = {
@@ -188,7 +193,7 @@ def _toured(given: Mapping[str, object]) -> dict[str, object]:
         "scene.center": (0.5 * (low + high)).tolist(),
         "scene.seed": values.get("trajectory.place_seed", 0),
     }
-    return {**there, **values}
+    return {**there, **values, "scene.type": kind}
 
 
 def _free_turns(given: Mapping[str, object]) -> list[str] | None:

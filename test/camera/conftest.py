@@ -15,8 +15,12 @@ T0_NS = 1_000_000_000
 
 
 def make_rig(trajectory="figure_eight", duration=10.0, seed=3, **values):
-    """Build a rig from parameters, ``__`` for a dot; one camera unless ``cameras`` says more."""
-    given = {"cameras": ["cam0"], **{k.replace("__", "."): v for k, v in values.items()}}
+    """Build a rig from parameters, ``__`` for a dot; one camera in a room unless they say more."""
+    given = {
+        "cameras": ["cam0"],
+        "scene.type": "room",
+        **{k.replace("__", "."): v for k, v in values.items()},
+    }
     path = {k: given.pop(k) for k in list(given) if k.startswith("trajectory.")}
     simulation = load_simulation({**trajectory_layer(trajectory), **path})
     motion = build_trajectory(simulation.trajectory)

@@ -47,6 +47,29 @@ def test_a_path_that_leaves_the_room_is_an_error(make_rig):
         make_rig("line", scene__horizon=5.0)
 
 
+def test_the_default_scene_is_an_office_or_a_room_where_none_fits(make_rig):
+    """What only an office has is never left out: a path too large for it is then an error."""
+    assert load_rig({"cameras": ["cam0"]}).scene.type == "auto"
+    own = {"scene__type": "auto", "scene__seed": 4}
+    auto = make_rig(**own, scene__landmarks=300).scene
+    office = make_rig(**{**own, "scene__type": "office"}, scene__landmarks=300).scene
+    assert auto.painter is not None
+    assert auto.note == office.note
+    assert np.array_equal(auto.landmarks, office.landmarks)
+    fallen = make_rig("lecture", **own).scene
+    room = make_rig("lecture", **{**own, "scene__type": "room"}).scene
+    assert "a room, since an office is too small for a path of 30.1 x 40.1 m" in fallen.note
+    assert np.array_equal(fallen.landmarks, room.landmarks)
+    assert np.array_equal(fallen.surfaces.origin, room.surfaces.origin)
+    for value in ({"scene__light": "dim"}, {"scene__bodies__people": 1}):
+        with pytest.raises(ConfigurationError, match=r"'office': around the path it would be"):
+            make_rig("lecture", **own, **value)
+    with pytest.raises(ConfigurationError, match=r"along x must be 8 to 26 m for office"):
+        make_rig(**own, scene__size=[3.0, 9.0, 3.0])
+    with pytest.raises(ConfigurationError, match=r"scene\.horizon = 5: .*leaves the office"):
+        make_rig("line", **own, scene__horizon=5.0)
+
+
 @pytest.mark.parametrize("scene", ["room", "cloud"])
 def test_a_scene_does_not_depend_on_the_duration(make_rig, scene):
     values = {"scene__type": scene, "scene__horizon": 8.0, "cam0__camera__preset": "euroc_cam0"}

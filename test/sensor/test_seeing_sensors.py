@@ -85,7 +85,9 @@ def read(given: dict[str, Any], **own: Any) -> tuple[Body, dict[str, Any]]:
 
 def test_beams_end_on_the_walls_of_a_room() -> None:
     """Both sensors end their beams on the room's planes; x of the second one is y of the body."""
-    body, found = read(GIVEN, **{"scene.size": [60.0, 50.0, 40.0], "scene.boxes": 0})
+    body, found = read(
+        GIVEN, **{"scene.type": "room", "scene.size": [60.0, 50.0, 40.0], "scene.boxes": 0}
+    )
     for name, axis in (("beam", 0), ("side", 1)):
         one = found[name]
         motion = body.trajectory.sample((one.true_t_ns - body.t0_ns) * 1e-9)

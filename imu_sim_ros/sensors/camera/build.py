@@ -25,6 +25,7 @@ from imu_sim_ros.sensors.camera.mesh_scene import mesh_scene
 from imu_sim_ros.sensors.camera.scene import Scene, read_points
 from imu_sim_ros.sensors.camera.scene_parameters import (
     AprilgridParameters,
+    AutoParameters,
     CheckerboardParameters,
     CloudParameters,
     HouseParameters,
@@ -75,6 +76,8 @@ def build_scene(
     :raises MissingDependencyError: for a mesh, if trimesh or embreex is not installed.
     """
     match parameters:
+        case AutoParameters():
+            return _office_or_room(parameters, _passage(arms, trajectory, span))
         case RoomParameters():
             return _room(parameters, _path(arms, trajectory, span))
         case PlaceParameters():
@@ -123,6 +126,9 @@ def check_path(
         return
     path = _path(arms, trajectory, min(duration, _LONGEST))
     low, high = path.min(axis=0), path.max(axis=0)
+    kind = parameters.type
+    if isinstance(parameters, AutoParameters):
+        kind = "room" if scene.painter is None else "office"
     if scene.painter is not None:
         corner, end = scene.painter.place.low, scene.painter.place.high
     else:
@@ -135,7 +141,7 @@ def check_path(
             where = _shown(path[int(np.argmax(meets))])
             raise ConfigurationError(
                 f"scene.size = {list(parameters.size)}: the path meets something at {where} m; "
-                f"without a size the {parameters.type} leaves it free, and trajectory.type tour "
+                f"without a size the {kind} leaves it free, and trajectory.type tour "
                 "flies around everything"
             )
     if (low <= corner).any() or (high >= end).any():
@@ -144,7 +150,7 @@ def check_path(
             given = f"horizon = {parameters.horizon:g}"
         raise ConfigurationError(
             f"scene.{given}: the path, from {_shown(low)} to {_shown(high)} m, "
-            f"leaves the {parameters.type}, from {_shown(corner)} to {_shown(end)} m"
+            f"leaves the {kind}, from {_shown(corner)} to {_shown(end)} m"
         )
 
 
@@ -196,6 +202,21 @@ def _place(p: PlaceParameters, passage: Passage) -> Scene:
     crowd = _crowd(p, place, site, passage)
     painter = Painter(place, site)
     return Scene(landmarks, normals, lines, everything, extent, painter, crowd=crowd, note=note)
+
+
+def _office_or_room(p: AutoParameters, passage: Passage) -> Scene:
+    """Return an office, or a room around a path that is too large for one."""
+    path, room = np.concatenate(passage.places), p.room
+    if room is not None:
+        try:
+            around("office", path)
+        except ConfigurationError:
+            length, width, _ = np.ptp(path, axis=0)
+            return _room(room, path)._replace(
+                note=f"scene.type auto: a room, since an office is too small for a path of "
+                f"{length:.1f} x {width:.1f} m"
+            )
+    return _place(p.office, passage)
 
 
 def _crowd(p: PlaceParameters, place: Place, site: Site, passage: Passage) -> Crowd | None:

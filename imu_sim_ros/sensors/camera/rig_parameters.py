@@ -30,7 +30,7 @@ from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.timebase import exact_rate
 
 DEFAULT_CAMERA: Final = "vio_data_simulation"
-DEFAULT_SCENE: Final = "room"
+DEFAULT_SCENE: Final = "auto"
 LAYOUTS: Final = ("mono", "fusion", "none")
 _AXES: Final = ("body_axes", "mounting")
 _TAKEN: Final = ("camera", "imus", "imu", "trajectory", "publish", "inject")

@@ -4,7 +4,7 @@
 """Parameters of what cameras see, one section for each ``scene.type``."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import suggestion
@@ -37,7 +37,7 @@ LOOKS = ("auto", "unlit", "sun")
 class SceneParameters:
     """What every scene has."""
 
-    type: str = text("room", TYPE_TEXT)
+    type: str = text("auto", TYPE_TEXT)
     seed: int = integer(0, "seed of places and textures", minimum=0, maximum=2**63 - 1)
 
 
@@ -322,7 +322,8 @@ class PlaceParameters(PathSceneParameters):
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield whether only some sides are given, or too little for the place."""
-        yield from size_problems(self.type, self.size, f"{prefix}size")
+        kind = "office" if isinstance(self, OfficeParameters) else self.type
+        yield from size_problems(kind, self.size, f"{prefix}size")
 
 
 @dataclass(frozen=True)
@@ -330,6 +331,31 @@ class OfficeParameters(PlaceParameters):
     """Desks in an open room with windows, closed rooms behind doors along one side."""
 
     type: str = text("office", TYPE_TEXT)
+
+
+@dataclass(frozen=True)
+class AutoParameters(OfficeParameters):
+    """`office`; `room` around a path that is too large, unless what is set is an office's alone.
+
+    Of the trajectory `tour` with cameras the place that it goes through.
+    """
+
+    type: str = text("auto", TYPE_TEXT)
+
+    @property
+    def office(self) -> OfficeParameters:
+        """The same of an office."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return OfficeParameters(**{**values, "type": "office"})
+
+    @property
+    def room(self) -> RoomParameters | None:
+        """The same of a room; None: this describes more than a room has."""
+        room = RoomParameters(seed=self.seed, horizon=self.horizon)
+        plain = type(self)(seed=self.seed, horizon=self.horizon, landmarks=self.landmarks)
+        if self.landmarks != type(self).landmarks:
+            room = replace(room, landmarks=self.landmarks)
+        return room if self == plain else None
 
 
 @dataclass(frozen=True)
@@ -361,6 +387,7 @@ class StreetParameters(PlaceParameters):
 
 
 TYPES: dict[str, type[SceneParameters]] = {
+    "auto": AutoParameters,
     "room": RoomParameters,
     "house": HouseParameters,
     "cloud": CloudParameters,

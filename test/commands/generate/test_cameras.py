@@ -121,6 +121,18 @@ def test_a_place_says_how_large_it_is_around_the_path(tmp_path, capsys):
         ims.generate(tmp_path / "c.mcap", **{**given, "scene": "corridor"}, sensors=["lidar"])
 
 
+def test_a_tour_goes_through_what_cameras_see(tmp_path):
+    """Without a scene they see the place that the tour goes through, with its seed and size."""
+    tour = ["--trajectory", "tour", "--duration", "0.2s", "--camera", "euroc_cam0", "--quiet"]
+    own = ["--set", "trajectory.place=warehouse", "--set", "trajectory.place_seed=2"]
+    told = ["--scene", "warehouse", "--set", "scene.seed=2"]
+    for name, words in (("a", own), ("b", told)):
+        made = ["-o", str(tmp_path / name), "--format", "tracks"]
+        assert generate.main([*made, *tour, *words]) == 0
+    tracks = [(tmp_path / name / "tracks.csv").read_bytes() for name in "ab"]
+    assert tracks[0] == tracks[1]
+
+
 def test_cameras_leave_the_samples_as_they_are(tmp_path):
     words = ["--duration", "2s", "--seed", "5", "--quiet"]
     assert generate.main(["-o", str(tmp_path / "a"), "--format", "tracks", *HOUSE]) == 0
