@@ -188,10 +188,13 @@ def plant(b: PlaceBuilder, origin: Place3, stream: Stream) -> None:
 
 
 def wall_decoration(b: PlaceBuilder, wall: int) -> None:
-    """Hang posters, a clock, outlets and a skirting on a wall."""
+    """Hang posters, a clock, outlets and a skirting on a wall, where nothing else is.
+
+    Whatever stands before it must be there.
+    """
     _, across, up = b.faces[wall].rectangle
     width, height = (float(np.sqrt((side * side).sum())) for side in (across, up))
-    prints = [Print("strip", 0, 0, width, 0.07)]
+    b.add_prints(wall, [Print("strip", 0, 0, width, 0.07)])
     left = 0.4 + float(b.decor.uniform(0, 0.8))
     while left < width - 1.4:
         choice = b.decor.random()
@@ -204,14 +207,15 @@ def wall_decoration(b: PlaceBuilder, wall: int) -> None:
             )[int(b.decor.integers(4))]
             if left + w < width - 0.2:
                 bottom = 1.0 + float(b.decor.uniform(0, 0.3))
-                prints.append(Print(kind, left, bottom, w, h, b.number()))
+                b.hang(wall, Print(kind, left, bottom, w, h, b.number()))
             left += w
         elif choice > 0.85:
-            prints.append(Print("outlet", left, 0.3, 0.16, 0.08))
+            b.hang(wall, Print("outlet", left, 0.3, 0.16, 0.08))
         left += 0.5 + float(b.decor.uniform(0, 1.4))
     if b.decor.random() < b.rich(0.4):
-        prints.append(Print("clock", 0.5 * width, min(2.1, height - 0.5), 0.3, 0.3))
-    b.add_prints(wall, prints)
+        for share in (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8):
+            if b.hang(wall, Print("clock", share * width, min(2.1, height - 0.5), 0.3, 0.3)):
+                break
 
 
 def windows(

@@ -11,8 +11,13 @@ with Fresnel's reflectance F by Schlick's approximation (An inexpensive BRDF mod
 physically-based rendering, 1994), the angle a between the mirrored sight and the source, the angles
 of sight and source from the normal, and the irradiance E from the source alone, shadows included:
 Phong's lobe, normalised as by Neumann, Neumann and Szirmay-Kalos (Compact metallic reflectance
-models, 1999), so that it keeps its power at grazing angles. If that is x times the light of a lamp
-itself, x / (1 + x) is seen: lamps are no points, and nothing mirrored is brighter. What is seen,
+models, 1999), so that it keeps its power at grazing angles. Lamps are no points. The highlight of
+one is its mirrored rectangle, blurred by the lobe: with s, A and w the place along a side, half of
+that side and the half-width of the blur, where the mirrored sight meets the lamp's plane, the
+product over both sides of ``S((A - s) / w) - S((-A - s) / w)``, where the smooth step S from -1 to
+1 has the variance 1 / n of the lobe at ``w = sqrt(5 / n)`` times the distance and the slant. It is
+divided by its value at s = 0; there the lobe is x times the light of the lamp itself, of which
+x / (1 + x) is seen, because nothing mirrored is brighter. What is seen,
 env, follows from the upward part of the mirrored direction alone: the mean of the ceiling or the
 sky, the walls and the floor. The colour of what one cannot see through is that of a face seen
 within 60 degrees of its normal, so that only ``F(cos) - F(1/2)`` counts there.
@@ -36,6 +41,11 @@ _FAINT: Final = 0.02
 """Light by which a highlight is lowered, so that it ends somewhere."""
 _NARROW: Final = 0.15
 """Faces with a shorter side show none [m]."""
+_SLANT: Final = np.float32(2.0)
+"""By which a lobe that meets a lamp at a slant is wider at most."""
+_WIDEST: Final = 2.0 * 2.0**0.5
+"""Angle from the mirrored direction at which a lobe ends, in half-widths of its blur: at the
+largest slant, along the diagonal of a lamp."""
 _PIXELS: Final = np.float32(6.0)
 """Half a cell, and what perspective may add to it [pixels]."""
 
@@ -80,20 +90,20 @@ class Gloss(NamedTuple):
 
 
 _MATERIALS: Final = {
-    "tiles": Gloss(normal_reflectance(1.5), 0.6, 8),
-    "board": Gloss(normal_reflectance(1.5), 0.3, 6),
-    "paint": Gloss(normal_reflectance(1.5), 0.3, 7),
-    "metal": Gloss(0.55, 0.5, 6),
+    "tiles": Gloss(normal_reflectance(1.5), 0.6, 11),
+    "board": Gloss(normal_reflectance(1.5), 0.3, 7),
+    "paint": Gloss(normal_reflectance(1.5), 0.3, 8),
+    "metal": Gloss(0.55, 0.5, 7),
 }
 """Glazed, varnished, lacquered; brushed steel."""
-_GLASS: Final = Gloss(normal_reflectance(1.52), 1.0, 10, clear=True)
+_GLASS: Final = Gloss(normal_reflectance(1.52), 1.0, 12, clear=True)
 _PRINTS: Final[dict[str, tuple[Gloss, tuple[float, float, float, float]]]] = {
     "glass": (_GLASS, (0.07, 0.06, 0.07, 0.07)),
     "night": (_GLASS, (0.055, 0.055, 0.055, 0.055)),
     "panes": (_GLASS, (0.0, 0.0, 0.0, 0.0)),
     "shop": (_GLASS, (0.07, 0.35, 0.07, 0.68)),
     "screen": (_GLASS, (0.02, 0.02, 0.02, 0.02)),
-    "whiteboard": (Gloss(normal_reflectance(1.5), 0.6, 7), (0.0, 0.0, 0.0, 0.0)),
+    "whiteboard": (Gloss(normal_reflectance(1.5), 0.6, 9), (0.0, 0.0, 0.0, 0.0)),
 }
 """Gloss of a print, but for a frame at its left, bottom, right and top [m]."""
 
@@ -223,7 +233,8 @@ class Polish:
         self._gain = np.float32(0.5) * (power + np.float32(2.0))
         peak = self._sources.mirrored(self._sources.most[self.face] * self._gain[:, None])
         peak *= self._sources.brightest * at_60[:, None]
-        self._floor, self._lobe, self._sine = _lobes(peak, power)
+        self._blur = np.sqrt(np.float32(5.0) / power)
+        self._floor, self._lobe, self._sine = _lobes(peak, power, self._blur, self._sources.near)
 
     def active(self, face: Integers, sights: Sights, steps: Single, angle: float) -> "Active":
         """Return the regions of some faces (p,) that may be seen in a cell, and their sources.
@@ -293,9 +304,8 @@ class Polish:
                 here = sights.some(some)
                 own = region[some]
                 ends = self._floor[own, source]
-                value = self._sources.lobe(self.face[own], source, here, self._doublings[own], ends)
-                value *= self._gain[own, None]
-                value = self._sources.mirrored(value, source[:, None])
+                lobe = Lobe(self._doublings[own], ends, self._gain[own], self._blur[own])
+                value = self._sources.seen(self.face[own], source, here, lobe)
                 value *= mirrored[some]
                 add[:, some] += self._sources.colour[:, source, None] * value
         return Added(share, add)
@@ -320,17 +330,36 @@ class Active(NamedTuple):
     """(q, sources) whose highlight may be there."""
 
 
-def _lobes(peak: Single, power: Single) -> tuple[Single, Single, Single]:
+class Lobe(NamedTuple):
+    """How p surfaces spread what they mirror."""
+
+    doublings: Integers
+    """(p,) The exponent is 2 to the power of them."""
+    floor: Single
+    """(p,) by which the power is lowered."""
+    gain: Single
+    """(p,) of the middle."""
+    blur: Single
+    """(p,) half-width of a smooth step that is as wide [rad]."""
+
+
+def _lobes(
+    peak: Single, power: Single, blur: Single, near: Single
+) -> tuple[Single, Single, Single]:
     """Return the share of a lobe's middle (k, sources) below which no highlight is seen.
 
     And cosine and sine of the angle at which that is.
 
     :param peak: (k, sources) brightest highlights.
     :param power: (k,) exponents of the lobes.
+    :param blur: (k,) half-widths of their smooth steps [rad].
+    :param near: (sources,) 1 for lamps.
     """
     with np.errstate(divide="ignore"):
         floor = np.round(np.minimum(_FAINT / peak.astype(np.float64), 1.0), 6)
-    cosine = np.round(floor ** (1.0 / power[:, None].astype(np.float64)) - 1e-4, 4)
+    of_sun = floor ** (1.0 / power[:, None].astype(np.float64))
+    of_lamps = np.cos(np.minimum(_WIDEST * blur.astype(np.float64), 1.5))[:, None]
+    cosine = np.round(np.where(near > 0, of_lamps, of_sun) - 1e-4, 4)
     sine = np.sqrt(np.maximum(1.0 - cosine * cosine, 0.0))
     cosine[floor >= 1.0] = np.inf
     return floor.astype(np.float32), cosine.astype(np.float32), sine.astype(np.float32)
@@ -359,7 +388,12 @@ class _Sources(NamedTuple):
     """Lamps, and the sun, as faces see them."""
 
     place: Single
-    """(3, m, l) along the sides and the normal of each face [m]; of the sun its direction."""
+    """(3, m, l) middle, along the sides and the normal of each face [m]; of the sun its direction.
+    """
+    axes: Single
+    """(3, 3, m, l) unit vectors of a lamp's sides and normal, likewise."""
+    halves: Single
+    """(2, l) half of its sides [m]."""
     sides: Single
     """(2, m) lengths of the sides [m]."""
     near: Single
@@ -389,6 +423,12 @@ class _Sources(NamedTuple):
         middles = [sum(0.5 * side for side in (2 * o, a, b)) for (o, a, b), _ in lamps]
         offsets = [middle - origins for middle in middles] + [np.broadcast_to(sun, origins.shape)]
         local = [[(unit * offset).sum(axis=1) for offset in offsets] for unit in units]
+        shapes_of = np.array([(a, b) for (_, a, b), _ in lamps] + [np.eye(3)[:2]])
+        lengths = np.sqrt((shapes_of * shapes_of).sum(axis=2))
+        own = shapes_of / lengths[..., None]
+        own = np.concatenate([own, np.cross(own[:, :1], own[:, 1:])], axis=1)
+        # (3, 3, m, l): each axis of each lamp along each direction of each face.
+        axes = (own[:, :, None, None] * units).sum(axis=-1).transpose(1, 2, 3, 0)
         colours = np.array([*(each.colour for each in lamps), place.lighting.sun], np.float32)
         colours *= light.exposure
         shapes = np.array([each.shape[1:] for each in light.sources], np.int64)
@@ -396,6 +436,8 @@ class _Sources(NamedTuple):
         most = np.array([each.max(axis=(1, 2)) for each in light.sources], np.float32)
         return cls(
             np.array(local, np.float32).swapaxes(1, 2),
+            np.ascontiguousarray(axes, np.float32),
+            (0.5 * lengths.T).astype(np.float32),
             place.surfaces().sides.T.astype(np.float32),
             np.array([1.0] * len(lamps) + [0.0], np.float32),
             (weights @ colours.T) * _FULL,
@@ -429,48 +471,79 @@ class _Sources(NamedTuple):
         dot = sights.across * x + sights.up * y + sights.height * z
         away = np.sqrt(x * x + y * y + z * z)
         cosine, sine = lobe
-        wide = np.float32(angle) + self.near * size[:, None] / np.maximum(away, np.float32(1e-3))
+        near = self.near * (size[:, None] + np.sqrt((self.halves * self.halves).sum(axis=0)))
+        wide = np.float32(angle) + near / np.maximum(away, np.float32(1e-3))
         seen: Mask = dot > (cosine - sine * wide) * away * sights.away
-        return seen | (self.near * size[:, None] > away) & np.isfinite(cosine)
+        return seen | (near > away) & np.isfinite(cosine)
 
-    def lobe(
+    def seen(self, face: Integers, source: Integers, sights: Sights, lobe: Lobe) -> Single:
+        """Return the light that is seen of sources in the mirrored direction (p, k).
+
+        :param source: (p,) one for each.
+        """
+        middle = self.place[:, face, source, None]
+        near = self.near[source, None] * self.sides[:, face, None]
+        x, y, z = middle[0] - near[0] * sights.s, middle[1] - near[1] * sights.r, middle[2]
+        share = np.empty_like(x)
+        lamp = self.near[source] > 0
+        for rows in (np.flatnonzero(lamp), np.flatnonzero(~lamp)):
+            if len(rows):
+                some, to = sights.some(rows), (x[rows], y[rows], z[rows])
+                if lamp[rows[0]]:
+                    blur = lobe.blur[rows]
+                    share[rows] = self._of_lamp(face[rows], source[rows], some, to, blur)
+                else:
+                    share[rows] = _of_sun(some, to, lobe.doublings[rows], lobe.floor[rows])
+        rows = np.flatnonzero(share.any(axis=1))
+        result = np.zeros_like(share)
+        if len(rows):
+            here = sights.some(rows)
+            x, y, z = x[rows], y[rows], z[rows]
+            away = np.maximum(np.sqrt(x * x + y * y + z * z), np.float32(1e-6))
+            value = self.light_at(face[rows], source[rows], here)
+            value *= lobe.gain[rows, None]
+            value /= np.maximum(here.height / here.away, z / away)
+            value = self.mirrored(value, source[rows, None])
+            value *= share[rows]
+            result[rows] = value
+        return result
+
+    def _of_lamp(
         self,
         face: Integers,
         source: Integers,
         sights: Sights,
-        doublings: Integers,
-        floor: Single,
+        to: tuple[Single, Single, Single],
+        blur: Single,
     ) -> Single:
-        """Return light times the power of the cosine from the mirrored direction (p, k).
+        """Return the share (p, k) of a highlight's middle that lamps (p,) have.
 
-        :param source: (p,) one for each.
-        :param doublings: (p,) the power is 2 to the power of them.
-        :param floor: (p,) by which the power is lowered.
+        :param to: the lamp's middle from the place that mirrors, along each direction of the face.
         """
-        x, y, z = self.place[:, face, source, None]
-        near = self.near[source, None] * self.sides[:, face, None]
-        x, y = x - near[0] * sights.s, y - near[1] * sights.r
-        dot = sights.across * x
-        dot += sights.up * y
-        dot += sights.height * z
-        x *= x
-        y *= y
-        x += y
-        x += z * z
-        away = np.maximum(np.sqrt(x, out=x), np.float32(1e-6))
-        dot /= np.multiply(away, sights.away, out=y)
-        np.maximum(dot, 0, out=dot)
-        for k in range(int(doublings.max())):
-            np.multiply(dot, dot, out=dot, where=(doublings > k)[:, None])
-        dot -= floor[:, None]
-        np.maximum(dot, 0, out=dot)
-        some = np.flatnonzero(dot.any(axis=1))
-        result = np.zeros_like(dot)
-        if len(some):
-            here = sights.some(some)
-            value = dot[some] * self.light_at(face[some], source[some], here)
-            value /= np.maximum(here.height / here.away, z[some] / away[some])
-            result[some] = value
+        ray = sights.across, sights.up, sights.height
+
+        def along(axis: Single, vector: tuple[Single, Single, Single]) -> Single:
+            result: Single = axis[0] * vector[0] + axis[1] * vector[1] + axis[2] * vector[2]
+            return result
+
+        axes = self.axes[:, :, face, source, None]
+        steepness, height = along(axes[2], ray), along(axes[2], to)
+        ahead = height * steepness > 0  # the others never meet the lamp's plane
+        steepness = np.where(ahead, steepness, _ONE)
+        far = np.where(ahead, height, 0) / steepness
+        wide = far * sights.away * blur[:, None]
+        result: Single = ahead.astype(np.float32)
+        for axis, half in zip(axes, self.halves[:, source, None], strict=False):
+            side = along(axis, ray)
+            place = far * side - along(axis, to)
+            side /= steepness
+            side *= side
+            side += _ONE
+            inverse = _ONE / np.maximum(
+                wide * np.minimum(np.sqrt(side, out=side), _SLANT), np.float32(1e-6)
+            )
+            result *= _step((half - place) * inverse) + _step((half + place) * inverse)
+            result /= 2 * _step(half * inverse)
         return result
 
     def light_at(self, face: Integers, source: Integers, sights: Sights) -> Single:
@@ -497,3 +570,28 @@ def _between(place: Single, count: Integers) -> tuple[Integers, Single]:
     )
     whole = at.astype(np.int64)
     return whole, at - whole.astype(np.float32)
+
+
+def _step(place: Single) -> Single:
+    """Return a smooth step from -1/2 to 1/2 between -1 and 1, whose slope has the variance 1/5."""
+    x = np.clip(place, -_ONE, _ONE)
+    result: Single = x * (np.float32(0.75) - np.float32(0.25) * x * x)
+    return result
+
+
+def _of_sun(
+    sights: Sights, to: tuple[Single, Single, Single], doublings: Integers, floor: Single
+) -> Single:
+    """Return the share (p, k) of a highlight's middle that the sun has.
+
+    :param to: direction of the sun along each direction of the face.
+    :param doublings: (p,) and ``floor`` (p,): as those of :class:`Lobe`.
+    """
+    x, y, z = to
+    dot = sights.across * x + sights.up * y + sights.height * z
+    dot /= sights.away * np.sqrt(x * x + y * y + z * z)
+    np.maximum(dot, 0, out=dot)
+    for k in range(int(doublings.max())):
+        np.multiply(dot, dot, out=dot, where=(doublings > k)[:, None])
+    dot -= floor[:, None]
+    return np.maximum(dot, 0, out=dot)

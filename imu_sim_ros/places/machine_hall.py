@@ -41,7 +41,6 @@ def machine_hall(site: Site) -> Place:
     lit = windows(b, sides["-y"], 0.55 * (z1 - z0), 0.3 * (z1 - z0))
     for side in ("-x", "+x"):
         b.add_prints(sides[side], [Print("gate", 0.5 * (y1 - y0) - 1.6, 0, 3.2, 3.2, 0)])
-    wall_decoration(b, sides["+y"])
     for x in np.arange(x0 + 2.5, x1 - 1.5, 5.0):
         for y in (y0 + 0.2, y1 - 0.2):
             _standing(b, (x - 0.2, y - 0.2, z0), (x + 0.2, y + 0.2, z1), "concrete:98948e")
@@ -57,6 +56,7 @@ def machine_hall(site: Site) -> Place:
             for y in (y0 + _ROW + 1.6, y1 - _ROW - 1.7)
         ]
         b.add_prints(sides["floor"], lanes)
+    wall_decoration(b, sides["+y"])
     _lamps(b)
     height = z0 + min(1.8, 0.4 * (z1 - z0))
     u, v = x1 - x0, y1 - y0

@@ -53,8 +53,6 @@ def office(site: Site) -> Place:
     stops = []
     if partition < y1:
         stops = _closed_rooms(b, partition, stream)
-    for side in ("-x", "+x", "+y") if partition == y1 else ("-x", "+x"):
-        wall_decoration(b, sides[side])
     west, east = _desks(b, partition, stream)
     ceiling_lamps(b)
     for x in (x0 + 0.45, x1 - 0.45):
@@ -65,6 +63,8 @@ def office(site: Site) -> Place:
         low, high = (x - 0.5, y0 + 0.01, z0), (x + 0.5, y0 + 0.13, z0 + 0.6)
         if b.free(low, high):
             b.box(low, high, "paint:f0f0ec", {"+y": [Print("grille", 0.02, 0.03, 0.96, 0.54, 0)]})
+    for side in ("-x", "+x", "+y") if partition == y1 else ("-x", "+x"):
+        wall_decoration(b, sides[side])
     return Place(
         tuple(b.faces),
         lit(b),
@@ -80,28 +80,19 @@ def _closed_rooms(b: PlaceBuilder, y: float, stream: np.random.Generator) -> lis
     x0, _, z0 = b.site.low.tolist()
     x1, y1, z1 = b.site.high.tolist()
     count = max(1, round((x1 - x0) / 4.4))
-    width, stops = (x1 - x0) / count, []
+    width = (x1 - x0) / count
+    stops: list[list[float]] = []
+    walls: list[int] = []
     for k in range(count):
         left, right = x0 + k * width, x0 + (k + 1) * width
         opening = left + (0.25 if k % 2 else 0.65) * (width - _DOOR)
         _front(b, (left, right), y, opening)
         if k and b.free((left - 0.05, y, z0), (left + 0.05, y1, z1)):
-            prints = {
-                side: [Print("strip", 0, 0, y1 - y, 0.07)]
-                + (
-                    [Print("whiteboard", 0.5, 1.0, 2.0, 1.1, b.number())]
-                    if b.decor.random() < b.rich(0.6)
-                    else []
-                )
-                for side in ("-x", "+x")
-            }
-            b.box(
-                (left - 0.05, y + _WALL, z0),
-                (left + 0.05, y1, z1),
-                "plaster",
-                prints,
-                leave="top,bottom,-y,+y",
-            )
+            strip = [Print("strip", 0, 0, y1 - y, 0.07)]
+            low, high = (left - 0.05, y + _WALL, z0), (left + 0.05, y1, z1)
+            made = b.box(low, high, "plaster", dict.fromkeys(("-x", "+x"), strip),
+                         leave="top,bottom,-y,+y")  # fmt: skip
+            walls += made.values()
         middle = 0.5 * (left + right)
         if k % 2 == 0:
             table(b, (middle, y1 - 1.35, z0), (2.0, 1.0), stream, chairs=True)
@@ -111,6 +102,10 @@ def _closed_rooms(b: PlaceBuilder, y: float, stream: np.random.Generator) -> lis
         if b.free(low, high):
             bookcase(b, low, high, "-x")
         stops.append([opening + 0.5 * _DOOR, y + 0.75, z0 + _HEIGHT])
+    for wall in walls:
+        if b.decor.random() < b.rich(0.6):
+            number, places = b.number(), (0.5, 0.8, 0.2, 1.1)
+            any(b.hang(wall, Print("whiteboard", at, 1.0, 2.0, 1.1, number)) for at in places)
     return stops
 
 

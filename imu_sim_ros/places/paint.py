@@ -29,6 +29,8 @@ _Value = TypeVar("_Value", np.uint8, np.int8)
 
 MIDDLE: Final = {"day": 0.55, "lamps": 0.5, "dim": 0.16}
 """Irradiance that half of a place's surfaces exceed, by its light; at 1 white is white."""
+_IN_LEAVES: Final = 0.7
+"""Light in the shade of a crown, of its mean."""
 _ROWS: Final = 256
 """Rows of a texture that are lit at once."""
 _WEIGHTS: Final = (77, 150, 29)
@@ -53,7 +55,21 @@ class Painter:
     def _exposed(self) -> Baked:
         sky = self.place.sky
         light = bake(self._surfaces, self._albedo, sky, self.place.lighting, self.place.detail)
+        self._scattered_in_leaves(light.total)
         return light.exposed(_exposure(light.total, sky, self._areas(), MIDDLE[self._site.light]))
+
+    def _scattered_in_leaves(self, light: Sequence[Single]) -> None:
+        """Let leaves that stand together share light: none is darker than a part of their mean.
+
+        Without it the insides of a crown, of boxes that reach into each other, are black.
+        """
+        leaves = [face.material.startswith("leaves") for face in self.place.faces]
+        ends = np.flatnonzero(np.diff([False, *leaves, False]))
+        for first, last in ends.reshape(-1, 2).tolist():
+            crown = light[first:last]
+            points = np.concatenate([each.reshape(-1, 3) for each in crown])
+            for each in crown:
+                np.maximum(each, np.float32(_IN_LEAVES) * points.mean(axis=0), out=each)
 
     @cached_property
     def _light(self) -> list[Single]:

@@ -18,6 +18,12 @@ from imu_sim_ros.types import Array, Mask
 
 TEXTURES: Final = ("rich", "plain", "blank")
 LIGHTS: Final = ("day", "lamps", "dim")
+_LINES: Final = ("strip", "band", "plinth")
+"""Prints that run along walls behind everything."""
+_GAP: Final = 0.05
+"""Distance of what hangs on a wall from what hangs or stands next to it [m]."""
+_BEFORE: Final = 0.8
+"""What stands nearer to a wall hides a part of it [m]."""
 CLEARANCE: Final = 0.3
 """Whatever stands in a place keeps this far from the path [m]."""
 
@@ -186,6 +192,39 @@ class PlaceBuilder:
         old = self.faces[face]
         self.faces[face] = old._replace(prints=(*old.prints, *prints))
 
+    def hang(self, wall: int, what: Print) -> bool:
+        """Put a print on a wall, unless something hangs there or stands before it.
+
+        :returns: whether it hangs there.
+        """
+        width, height = (float(np.sqrt(side @ side)) for side in self.faces[wall].rectangle[1:])
+        hung = [each for each in self.faces[wall].prints if each.kind not in _LINES]
+        low = np.array([[each.left, each.bottom] for each in hung]).reshape(-1, 2)
+        high = low + np.array([[each.width, each.height] for each in hung]).reshape(-1, 2)
+        standing = self._standing_before(wall)
+        low, high = np.concatenate([low, standing[0]]), np.concatenate([high, standing[1]])
+        corner = np.array([what.left, what.bottom])
+        end = corner + np.array([what.width, what.height])
+        if (corner < 0.0).any() or (end > (width, height)).any():
+            return False
+        if ((low < end + _GAP) & (high > corner - _GAP)).all(axis=1).any():
+            return False
+        self.add_prints(wall, [what])
+        return True
+
+    def _standing_before(self, wall: int) -> tuple[Array, Array]:
+        """Return what of a wall, from corners to ends (n, 2), faces near it or on it hide [m]."""
+        sides = np.array([face.rectangle for face in self.faces])
+        origin, across, up = sides[wall]
+        axes = [each / np.sqrt(each @ each) for each in (across, up, np.cross(across, up))]
+        offsets = sides[:, 0, None] + np.stack(
+            [np.zeros_like(sides[:, 0]), sides[:, 1], sides[:, 2], sides[:, 1] + sides[:, 2]], 1
+        )
+        at = (offsets - origin) @ np.array(axes).T  # (faces, corners, 3)
+        low, high = at.min(axis=1), at.max(axis=1)
+        near = (low[:, 2] > -1e-6) & (low[:, 2] < _BEFORE) & (high[:, 2] > 1e-6)
+        return low[near, :2], high[near, :2]
+
     def box(
         self,
         low: Sequence[float],
@@ -195,13 +234,14 @@ class PlaceBuilder:
         turn: float = 0.0,
         leave: str = "bottom",
         materials: Mapping[str, str] | None = None,
-    ) -> None:
+    ) -> dict[str, int]:
         """Add the outer faces of a box.
 
         :param prints: by side: -x, +x, -y, +y, top, bottom.
         :param turn: about its upright axis [rad].
         :param leave: sides that nobody sees, by commas.
         :param materials: of some sides.
+        :returns: the place of each side among the faces.
         """
         middle = 0.5 * (np.asarray(low, np.float64) + np.asarray(high, np.float64))
         (x0, y0, z0), (x1, y1, z1) = low - middle, high - middle
@@ -215,13 +255,15 @@ class PlaceBuilder:
             "bottom": ((x0, y1, z0), (dx, 0, 0), (0, -dy, 0)),
         }
         matrix = turned(turn)
-        left_out = leave.split(",")
+        left_out, found = leave.split(","), {}
         for side, vectors in sides.items():
             if side in left_out:
                 continue
             origin, across, up = (matrix @ np.array(v, np.float64) for v in vectors)
             of_side = (prints or {}).get(side, ())
-            self.face(middle + origin, across, up, (materials or {}).get(side, material), of_side)
+            own = (materials or {}).get(side, material)
+            found[side] = self.face(middle + origin, across, up, own, of_side)
+        return found
 
     def prism(
         self,

@@ -34,6 +34,7 @@ SMALL = {**SMALL_CAMERA, "scene__horizon": 10.0}
 NARROW = {"trajectory__y.amplitude": [1.2]}
 """A figure eight that fits a corridor."""
 TEXTURES = {}
+HANGING = ("poster", "notices", "whiteboard", "clock", "outlet")
 
 
 def make_imager(make_rig, kind, **values):
@@ -161,6 +162,53 @@ def test_landmarks_are_on_surfaces_and_seen_where_nothing_hides_them(make_rig):
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_what_hangs_on_a_wall_hangs_before_nothing_else_and_behind_nothing(kind, seed):
+    """Neither over another print, nor behind a bookcase: rays from 0.3 m in front of it meet it."""
+    low, high = usual(kind, (0.0, 0.0, 0.0))
+    place = build(kind, Site(low, high, np.zeros((0, 3)), seed, "rich"))
+    caster, found = Caster(place.surfaces()), 0
+    for m, face in enumerate(place.faces):
+        hung = [each for each in face.prints if each.kind in HANGING]
+        others = [each for each in face.prints if each.kind not in ("strip", "band", "plinth")]
+        for each in hung:
+            over = [
+                other
+                for other in others
+                if other is not each
+                and each.left < other.left + other.width
+                and other.left < each.left + each.width
+                and each.bottom < other.bottom + other.height
+                and other.bottom < each.bottom + each.height
+            ]
+            assert over == []
+            origin, across, up = face.rectangle
+            units = [side / np.linalg.norm(side) for side in (across, up)]
+            normal = np.cross(*units)
+            grid = np.stack(np.meshgrid(*[np.linspace(0.02, 0.98, 12)] * 2), axis=-1).reshape(-1, 2)
+            corner, size = (each.left, each.bottom), (each.width, each.height)
+            at = origin + (corner + grid * size) @ np.array(units)
+            hits = caster.cast(at + 0.3 * normal, np.broadcast_to(-normal, at.shape))
+            assert (hits.surface == m).all()
+            found += 1
+    assert found >= {"office": 5, "corridor": 3, "machine_hall": 1}.get(kind, 0)
+
+
+def test_no_part_of_a_crown_is_black():
+    """The darkest light on a tree is half of its mean; the insides of its boxes had none."""
+    low, high = usual("street", (40.0, 12.0, 8.0))
+    site = Site(low, high, np.zeros((0, 3)), 1)
+    place = build("street", site)
+    light = Painter(place, site)._exposed.total
+    leaves = [face.material == "leaves" for face in place.faces]
+    ends = np.flatnonzero(np.diff([False, *leaves, False])).reshape(-1, 2)
+    assert len(ends) > 5
+    for first, last in ends:
+        crown = np.concatenate([each.reshape(-1, 3) for each in light[first:last]])
+        assert (crown.min(axis=0) > 0.5 * crown.mean(axis=0)).all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_cameras_on_a_tour_see_the_place_that_it_goes_through(kind):
     """Seed and size of the scene are those of the tour, whichever of the two was told."""
     given = {"cameras": ["cam0"], "trajectory.type": "tour", "scene.type": kind, "scene.seed": 3}
@@ -270,18 +318,55 @@ def test_corners_of_a_printed_grid_in_a_lit_scene_are_unbiased(make_rig, scale, 
     assert np.sqrt((errors**2).mean()) < 0.1
 
 
-def test_a_highlight_is_where_the_mirrored_lamp_is(make_rig):
-    """To within a pixel: the lobe's middle, but for the slope of the lamp's light on the wall."""
+def before_a_glossy_wall(make_rig, lamp):
+    """Return a camera's view of a tiled wall at x = 4 m, its textures, and a renderer of it."""
     site = Site(np.zeros(3), np.array([4.0, 4.0, 2.5]), np.zeros((0, 3)))
     builder = PlaceBuilder(site)
     builder.face((4.0, 4.0, 0.0), (0, -4.0, 0), (0, 0, 2.5), "tiles")
-    pane = (np.array([1.0, 2.4, 2.1]), np.array([0, 0.2, 0]), np.array([0, 0, 0.2]))
-    lighting = Lighting([Lamp(pane, (20.0, 20.0, 20.0))], sky=(0.2, 0.2, 0.2))
+    lighting = Lighting([Lamp(lamp, (20.0, 20.0, 20.0))], sky=(0.2, 0.2, 0.2))
     place = Place(tuple(builder.faces), lighting, site.low, site.high, np.zeros((0, 3)))
-    wall = place.surfaces()
-    textures = atlas(wall, CorridorParameters(), False, Painter(place, site))
+    textures = atlas(place.surfaces(), CorridorParameters(), False, Painter(place, site))
     view = make_rig("figure_eight", **SMALL).views["cam0"]
-    renderer = Renderer(view.model, wall, textures, 1)
+    return view, textures, Renderer(view.model, place.surfaces(), textures, 1)
+
+
+def test_a_square_lamp_has_a_square_highlight(make_rig):
+    """The share of Phong's lobe that falls on the lamp, summed over 40 x 40 parts of it.
+
+    Of its largest value, to 6 %: the blur is a product of two smooth steps instead of the lobe
+    itself, whose integrals differ by at most 0.025, on each side.
+    """
+    corner, side = np.array([1.0, 1.9, 1.2]), 0.8
+    lamp = (corner, np.array([0, side, 0]), np.array([0, 0, side]))
+    view, _, renderer = before_a_glossy_wall(make_rig, lamp)
+    mounting = rotation.from_matrix(np.array(SMALL["camera__mounting"]).reshape(3, 3))
+    eye = np.array([0.8, 2.1, 1.0])
+    poses = CameraPoses(eye[None], mounting[None])
+    [(_, maps)] = renderer.maps(Eyes(poses))
+    [gloss] = maps.finishes
+    v, u = np.divmod(gloss.pixel, 188)
+    ray = view.model.unproject(np.column_stack([u, v]).astype(float)).direction
+    way = rotation.rotate(np.broadcast_to(mounting, (len(ray), 4)), ray)
+    at = eye + way * ((4.0 - eye[0]) / way[:, :1])
+    mirrored = way * (-1.0, 1.0, 1.0) / np.linalg.norm(way, axis=1, keepdims=True)
+    steps = (np.arange(40) + 0.5) / 40 * side
+    expected = np.zeros(len(at))
+    for y, z in np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2):
+        to = corner + np.array([0.0, y, z]) - at
+        square = (to * to).sum(axis=1)
+        cosine = (to * mirrored).sum(axis=1) / np.sqrt(square)
+        expected += np.maximum(cosine, 0.0) ** 2048 * -to[:, 0] / square**1.5
+    middle = expected > 0.02 * expected.max()
+    assert middle.sum() > 150
+    found = gloss.add[0] - np.median(gloss.add[0][~middle])
+    scale = found[middle] @ expected[middle] / (expected[middle] @ expected[middle])
+    assert np.abs(found / scale - expected).max() < 0.06 * expected.max()
+
+
+def test_a_highlight_is_where_the_mirrored_lamp_is(make_rig):
+    """To within a pixel: the lobe's middle, but for the slope of the lamp's light on the wall."""
+    pane = (np.array([1.0, 2.4, 2.1]), np.array([0, 0.2, 0]), np.array([0, 0, 0.2]))
+    view, textures, renderer = before_a_glossy_wall(make_rig, pane)
     mounting = rotation.from_matrix(np.array(SMALL["camera__mounting"]).reshape(3, 3))
     for eye in ((1.0, 2.1, 1.0), (0.6, 2.9, 1.6)):
         poses = CameraPoses(np.array([eye]), mounting[None])
@@ -292,6 +377,6 @@ def test_a_highlight_is_where_the_mirrored_lamp_is(make_rig):
         v, u = divmod(brightest, 188)
         assert np.abs(expected[0] - (u, v)).max() < 1.0
         image = np.concatenate([picture for _, picture in renderer.pictures(Eyes(poses))])
-        matt = Renderer(view.model, wall, textures._replace(polish=None), 1)
+        matt = Renderer(view.model, renderer.surfaces, textures._replace(polish=None), 1)
         plain = np.concatenate([picture for _, picture in matt.pictures(Eyes(poses))])
         assert image[v, u] > plain[v, u] + 10
