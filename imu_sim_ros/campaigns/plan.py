@@ -58,7 +58,7 @@ from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.places.neighbours import files_of
 from imu_sim_ros.simulation.parameters import (
     SimulationParameters,
-    has_cameras,
+    has_scene,
     load_simulation,
 )
 
@@ -147,7 +147,7 @@ class Plan:
         """
         with _in_cell(cell):
             given = joined(self.parameters, cell.layer())
-            if has_cameras(given):
+            if has_scene(given):
                 from imu_sim_ros.simulation.cameras import fitted
 
                 given = fitted(given)

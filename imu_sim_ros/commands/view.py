@@ -7,6 +7,7 @@ Needs rerun: ``pip install imu_sim_ros[view]``.
 """
 
 import argparse
+import sys
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -14,20 +15,16 @@ from typing import Any, Final
 import numpy as np
 
 from imu_sim_ros import program
-from imu_sim_ros.bags.messages.encode import IMU, VECTOR3_STAMPED
+from imu_sim_ros.bags.clouds import cloud_frame, measured_clouds, read_cloud, read_clouds
+from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, VECTOR3_STAMPED
 from imu_sim_ros.bags.messages.encode_cameras import COMPRESSED_IMAGE, IMAGE
 from imu_sim_ros.bags.read import open_bag, read_imu, vector_blocks
 from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.commands.common import FORCE, outputs
-from imu_sim_ros.conventions import LANDMARKS_TOPIC
+from imu_sim_ros.conventions import LANDMARKS_TOPIC, TF_STATIC_TOPIC
+from imu_sim_ros.datasets.world import fixed_in, frame_of, pose_between
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.jobs.recorded import (
-    camera_names,
-    measured_clouds,
-    read_cloud,
-    read_images,
-    read_points,
-)
+from imu_sim_ros.jobs.recorded import camera_names, read_images
 from imu_sim_ros.jobs.tracks import has_truth, read_track, truth_topic
 from imu_sim_ros.plots.flight_view import FlightView, rerun
 
@@ -37,6 +34,8 @@ view flight.mcap track.csv vio.tum --save flight.rrd
 view MH_01/mav0 --save MH_01.rrd
 """
 
+
+_TRUTH: Final = "truth"
 
 _ARGUMENTS: Final = {
     "flight FLIGHT": {"type": Path, "help": "bag or EuRoC folder"},
@@ -85,9 +84,9 @@ def _fill(shown: FlightView, arguments: argparse.Namespace) -> dict[str, Any]:
     """Add all that the inputs hold; returns how much it is."""
     flight = arguments.flight
     found = {"paths": 0, "readings": 0, "biases": 0, "images": 0, "scans": 0, "landmarks": 0}
-    if has_truth(flight):
-        topic = truth_topic(flight, arguments.truth_topic)
-        shown.path("truth", read_track(flight, topic).poses)
+    truth = truth_topic(flight, arguments.truth_topic) if has_truth(flight) else None
+    if truth is not None:
+        shown.path(_TRUTH, read_track(flight, truth).poses)
         found["paths"] += 1
     for estimate in arguments.estimates:
         shown.path(estimate.stem, read_track(estimate).poses)
@@ -106,9 +105,9 @@ def _fill(shown: FlightView, arguments: argparse.Namespace) -> dict[str, Any]:
         for name in cameras:
             shown.images(name.strip("/"), read_images(flight, name))
             found["images"] += 1
-    for topic in () if is_text(flight) else measured_clouds(flight):
-        shown.clouds(topic.strip("/"), read_points(flight, topic))
-        found["scans"] += 1
+    if not is_text(flight):
+        body = frame_of(flight, ODOMETRY, truth, 1) if truth else ""
+        found["scans"] = _clouds(shown, flight, body)
     points = _landmarks(flight, arguments.landmarks)
     if len(points):
         shown.points("landmarks", points)
@@ -130,6 +129,26 @@ def _biases(shown: FlightView, flight: Path) -> int:
         parts = list(vector_blocks(flight, topic))
         t_ns, values = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
         shown.series(topic.strip("/"), t_ns, values)
+    return len(topics)
+
+
+def _clouds(shown: FlightView, flight: Path, body: str) -> int:
+    """Add the scans of a bag; returns how many topics have some.
+
+    :param body: frame of the true poses; empty: there are none.
+    """
+    topics = measured_clouds(flight)
+    for topic in topics:
+        frame = cloud_frame(flight, topic)
+        mount = pose_between(fixed_in(flight), frame, body) if body else None
+        place = None if mount is None else (f"{_TRUTH}/body/{frame}", mount)
+        if place is None:
+            print(
+                f"view: {topic}: in its own frame, because the bag does not say where {frame} is "
+                f"in the world (a true path, and {TF_STATIC_TOPIC})",
+                file=sys.stderr,
+            )
+        shown.clouds(topic.strip("/"), read_clouds(flight, topic), place)
     return len(topics)
 
 

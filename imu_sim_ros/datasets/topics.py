@@ -25,6 +25,7 @@ from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.simulation.sensors import imus_in
 from imu_sim_ros.simulation.topics import (
+    MOUNTS,
     Encode,
     Offered,
     delivered,
@@ -221,7 +222,10 @@ def usual_topics(
         return not (one.topic.foreign or (imu_only and one.topic.truth))
 
     known = offered(sensors).items()
-    return [name for name, one in known if is_published(one.topic, usual) and written(one)]
+    found = [name for name, one in known if is_published(one.topic, usual) and written(one)]
+    if not in_text and any(one.sensor.sees for one in sensors.values()):
+        found.append(MOUNTS)  # who places its points in the world needs them
+    return found
 
 
 def resolved(name: str) -> str:

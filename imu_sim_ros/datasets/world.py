@@ -117,21 +117,16 @@ def _of_folder(folder: Path) -> Array | None:
 def _of_bag(
     path: Path, imu_topic: str | None, truth_topic: str | None, with_truth: bool
 ) -> _RecordedMount:
-    frame = _frame(path, IMU, imu_topic, 0)
-    body = _frame(path, ODOMETRY, truth_topic, 1) if with_truth else ""
+    frame = frame_of(path, IMU, imu_topic, 0)
+    body = frame_of(path, ODOMETRY, truth_topic, 1) if with_truth else ""
     if frame == body or (with_truth and not (frame and body)):
         return _RecordedMount()
-    transforms: Transforms = {}
-    with open_bag(path) as bag:
-        names = {t.name for t in bag.topics if t.name == TF_STATIC_TOPIC and t.type == TF_MESSAGE}
-        for _, message in decoded_messages(bag, names):
-            transforms.update(fixed_transforms(message))
+    transforms = fixed_in(path)
     if not with_truth:
         return _RecordedMount(to_root(transforms, frame))
-    of_imu, of_body = ancestors(transforms, frame), ancestors(transforms, body)
-    for shared, pose in of_imu.items():
-        if shared in of_body:
-            return _RecordedMount(inverse(of_body[shared]) @ pose)
+    found = pose_between(transforms, frame, body)
+    if found is not None:
+        return _RecordedMount(found)
     return _RecordedMount(
         None,
         f"nothing says where {frame} is in {body} ({TF_STATIC_TOPIC}, or the _truth.yaml of "
@@ -139,7 +134,26 @@ def _of_bag(
     )
 
 
-def _frame(path: Path, kind: str, topic: str | None, which: int) -> str:
+def fixed_in(path: Path) -> Transforms:
+    """Return the transforms of a bag's ``/tf_static``."""
+    transforms: Transforms = {}
+    with open_bag(path) as bag:
+        names = {t.name for t in bag.topics if t.name == TF_STATIC_TOPIC and t.type == TF_MESSAGE}
+        for _, message in decoded_messages(bag, names):
+            transforms.update(fixed_transforms(message))
+    return transforms
+
+
+def pose_between(transforms: Transforms, frame: str, body: str) -> Array | None:
+    """Return T (4, 4), which maps coordinates in a frame to those in another; None: not known."""
+    of_frame, of_body = ancestors(transforms, frame), ancestors(transforms, body)
+    for shared, pose in of_frame.items():
+        if shared in of_body:
+            return inverse(of_body[shared]) @ pose
+    return None
+
+
+def frame_of(path: Path, kind: str, topic: str | None, which: int) -> str:
     """Return a frame of a topic's first message."""
     for _, fields in decoded_blocks(path, kind, topic, ()):
         return str(fields.texts[which])

@@ -42,7 +42,7 @@ from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.declaration import Companion
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.simulation.engine import Body
-from imu_sim_ros.simulation.parameters import has_cameras, imus, values_of
+from imu_sim_ros.simulation.parameters import has_scene, imus, values_of
 from imu_sim_ros.simulation.playback import (
     SimulatorParameters,
     load_simulator,
@@ -62,11 +62,11 @@ _MAX_JOBS: Final = 1024
 
 
 def load_body(given: Mapping[str, object]) -> SimulatorParameters:
-    """Return the body that parameters by dotted name describe, with what suits its cameras.
+    """Return the body that parameters by dotted name describe, with what suits what sees.
 
     :raises ConfigurationError: with a line for each problem.
     """
-    if has_cameras(given):
+    if has_scene(given):
         from imu_sim_ros.simulation.cameras import fitted
 
         given = fitted(given)

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from imu_sim_ros import arguments
 from imu_sim_ros.arguments import BAG_OR_FILE
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.types import Array
 
 if TYPE_CHECKING:
     from imu_sim_ros.datasets.recorded import RecordedFrames
@@ -114,7 +113,7 @@ def _images(path: Path, name: str) -> Iterator[tuple[int, NDArray[Any]]]:
 
 
 def read_points(path: str | Path, topic: str | None = None) -> Iterator[tuple[int, NDArray[Any]]]:
-    """Yield the clouds of a LiDAR in a bag.
+    """Yield the clouds that a bag holds.
 
     :param path: the bag.
     :param topic: topic of type sensor_msgs/PointCloud2; needed if a bag has several, but for those
@@ -130,9 +129,11 @@ def read_points(path: str | Path, topic: str | None = None) -> Iterator[tuple[in
     >>> [(t_ns, int(points["ring"].max())) for t_ns, points in ims.read_points(path)]
     [(1000000000, 1), (1100000000, 1)]
     """
+    from imu_sim_ros.bags.clouds import cloud_topics, measured_clouds, read_clouds
+
     path = arguments.path("path", path, BAG_OR_FILE)
     name = arguments.topic("topic", topic)
-    offered, measured = _cloud_topics(Path(path)), measured_clouds(Path(path))
+    offered, measured = cloud_topics(Path(path)), measured_clouds(Path(path))
     chosen = (
         measured if name is None else [one for one in offered if one.strip("/") == name.strip("/")]
     )
@@ -140,73 +141,4 @@ def read_points(path: str | Path, topic: str | None = None) -> Iterator[tuple[in
         words = ", ".join(offered) or "no clouds"
         options = "" if name is None else f"no clouds on {name}; "
         raise InputError(f"{path}: {options}has {words}; topic= names one")
-    return _clouds(Path(path), chosen[0])
-
-
-def measured_clouds(path: Path) -> list[str]:
-    """Return the topics of clouds in a bag, without those of the truth."""
-    return [name for name in _cloud_topics(path) if "ground_truth" not in name.split("/")]
-
-
-def _cloud_topics(path: Path) -> list[str]:
-    from imu_sim_ros.bags.messages.encode_cameras import POINT_CLOUD2
-    from imu_sim_ros.bags.read import open_bag
-
-    with open_bag(path) as bag:
-        return [one.name for one in bag.topics if one.type == POINT_CLOUD2 and one.count]
-
-
-def read_cloud(path: Path, name: str) -> Array:
-    """Return the points (n, 3) [m] of the first PointCloud2 of a topic; (0, 3): the bag has none.
-
-    :raises InputError: for a cloud without x, y and z.
-    """
-    from imu_sim_ros.bags.read import open_bag
-
-    with open_bag(path) as bag:
-        topic = next((one for one in bag.topics if one.name.strip("/") == name), None)
-    if topic is None or not topic.count:
-        return np.empty((0, 3))
-    _, rows = next(_clouds(path, topic.name))
-    return np.stack([rows[axis].astype(np.float64) for axis in "xyz"], axis=-1)
-
-
-def _clouds(path: Path, name: str) -> Iterator[tuple[int, NDArray[Any]]]:
-    from imu_sim_ros.bags.messages import schemas
-    from imu_sim_ros.bags.messages.blocks import as_list
-    from imu_sim_ros.bags.read import open_bag
-    from imu_sim_ros.bags.reader import errors_naming
-
-    with open_bag(path) as bag:
-        topic = next(one for one in bag.topics if one.name == name)
-        types = schemas.typestore([(topic.type, topic.schema)], bag.encoding)
-        decode = types.deserialize_cdr if bag.encoding == "cdr" else types.deserialize_ros1
-        for block in (block for group in bag.groups([name]) for block in group):
-            for payload in as_list(block.payloads):
-                with errors_naming(path, f" ({name})"):
-                    message: Any = decode(payload, topic.type)
-                    rows = _points(message, name)
-                stamp = message.header.stamp
-                yield int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec), rows
-
-
-def _points(cloud: Any, name: str) -> NDArray[Any]:
-    """Return the points (n,) of a message with all of its fields."""
-    from imu_sim_ros.bags.messages.encode_cameras import POINT_TYPES
-
-    kinds = {number: kind for kind, number in POINT_TYPES.items()}
-    order = ">" if cloud.is_bigendian else "<"
-    fields = {one.name: one for one in cloud.fields if int(one.datatype) in kinds}
-    if any(axis not in fields or int(fields[axis].datatype) not in (7, 8) for axis in "xyz"):
-        raise InputError(f"{name}: a cloud without x, y and z as floating-point numbers")
-    formats: list[Any] = [order + kinds[int(one.datatype)] for one in fields.values()]
-    counts = [max(int(one.count), 1) for one in fields.values()]
-    row = np.dtype(
-        {
-            "names": list(fields),
-            "formats": [f if n == 1 else (f, (n,)) for f, n in zip(formats, counts, strict=True)],
-            "offsets": [int(one.offset) for one in fields.values()],
-            "itemsize": int(cloud.point_step),
-        }
-    )
-    return np.frombuffer(bytes(cloud.data), dtype=row)
+    return read_clouds(Path(path), chosen[0])

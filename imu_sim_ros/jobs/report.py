@@ -210,6 +210,7 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
     """Return the sections of a bag: its streams, its truth and the estimates of it."""
     from imu_sim_ros.reports.of_aiding import gnss_sections
     from imu_sim_ros.reports.of_bag import BagTrack, bag_sections, motion
+    from imu_sim_ros.reports.of_clouds import cloud_sections
     from imu_sim_ros.reports.of_sensors import sensor_sections
 
     def read(source: Path, topic: str | None, name: str) -> BagTrack:
@@ -233,7 +234,7 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
                 estimates.append(read(path, topic, topic))
         if sources.truth_topic and truth is None:
             raise InputError(f"{path}: --truth-topic {sources.truth_topic}: no such Odometry")
-        more += gnss_sections(path) + sensor_sections(path)
+        more += gnss_sections(path) + sensor_sections(path) + cloud_sections(path)
     estimates += [read(file, None, file.name) for file in files]
     skipped = tell_skipped(path) if sources.skip_bad_rows else None
     return bag_sections(path, truth, estimates, skipped) + more

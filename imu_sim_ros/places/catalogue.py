@@ -70,13 +70,15 @@ _BELOW: Final = 0.3
 """Distance of the floor from the lowest place of a path [m]."""
 
 
-def around(name: str, path: Array) -> tuple[Array, Array]:
+def around(name: str, path: Array, foot: float) -> tuple[Array, Array]:
     """Return the corners (3,) of a place of some kind that fits a path (n, 3) [m].
 
+    :param foot: lowest place of the body, which the floor is not above [m].
     :raises ConfigurationError: for a path that is too large for it.
     """
     kind = KINDS[name]
     low = path.min(axis=0) - np.array([kind.margin, kind.margin, _BELOW])
+    low[2] = min(low[2], foot)
     high = path.max(axis=0) + np.array([kind.margin, kind.margin, kind.above])
     extent = high - low
     missing = np.maximum(kind.sides(kind.least, extent) - extent, 0.0)

@@ -17,6 +17,7 @@ from imu_sim_ros import rotation
 from imu_sim_ros.bags.messages import schemas
 from imu_sim_ros.bags.messages.blocks import TopicInfo, as_list
 from imu_sim_ros.bags.messages.encode import IMU, NAV_SAT_FIX, ODOMETRY
+from imu_sim_ros.bags.messages.encode_cameras import POINT_CLOUD2
 from imu_sim_ros.bags.messages.layouts import FIELDS
 from imu_sim_ros.bags.read import decoded_blocks, open_bag, read_odometry
 from imu_sim_ros.bags.reader import errors_naming
@@ -72,12 +73,12 @@ class Compared(NamedTuple):
 
 
 def sensor_sections(path: Path) -> list[Section]:
-    """Return a section for each topic of readings that has a truth, GNSS and poses not counted.
+    """Return a section for each topic of numbers that has a truth, GNSS and poses not counted.
 
     :raises InputError: for what cannot be read.
     """
     with open_bag(path) as bag:
-        topics = [info for info in bag.topics if info.count]
+        topics = [info for info in bag.topics if info.count and info.type != POINT_CLOUD2]
     sections = []
     for info in topics:
         true_name = truth_of(info, topics)

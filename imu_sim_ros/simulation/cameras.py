@@ -49,7 +49,11 @@ from imu_sim_ros.sensors.camera.target import (
 )
 from imu_sim_ros.sensors.camera.view import View
 from imu_sim_ros.simulation.engine import Body
-from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
+from imu_sim_ros.simulation.parameters import (
+    SimulationParameters,
+    has_scene,
+    load_simulation,
+)
 from imu_sim_ros.simulation.sensors import arms_of_seeing, mounted
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.motion import Trajectory
@@ -134,7 +138,7 @@ def scene_around(simulation: "Simulated") -> Scene:
 
 
 def fitted(given: Mapping[str, object]) -> dict[str, object]:
-    """Return parameters by dotted name with the board and the motion that suit the cameras.
+    """Return parameters by dotted name with the board and the motion that suit what sees.
 
     The trajectory ``target`` before the scene ``aprilgrid`` gets a board before the middle of the
     images, the smallest tags that have enough pixels a bit in every place, fewer of them for wide
@@ -169,11 +173,11 @@ def fitted(given: Mapping[str, object]) -> dict[str, object]:
 
 
 def _toured(given: Mapping[str, object]) -> dict[str, object]:
-    """Return parameters with a tour through the place that cameras see, and that place for it."""
+    """Return parameters with a tour through the place that sensors see, and that place for it."""
     kind = given.get("scene.type", DEFAULT_SCENE)
     if kind == DEFAULT_SCENE:
         kind = given.get("trajectory.place", TourParameters.place)
-    if given.get("trajectory.type") != "tour" or kind not in KINDS or "cameras" not in given:
+    if given.get("trajectory.type") != "tour" or kind not in KINDS or not has_scene(given):
         return dict(given)
     own = {
         f"trajectory.{to}": given[f"scene.{name}"]

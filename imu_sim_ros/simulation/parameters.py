@@ -142,11 +142,6 @@ def _rig_parameters() -> type:
     return RigParameters
 
 
-def has_cameras(given: Mapping[str, object]) -> bool:
-    """Return whether any parameter is about cameras."""
-    return any(key == "cameras" or key.startswith(("camera.", "features.")) for key in given)
-
-
 def has_scene(given: Mapping[str, object]) -> bool:
     """Return whether there is anything that sees a scene."""
     if listed("cameras", given):

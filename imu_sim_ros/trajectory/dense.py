@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Poses at very many times that lie close together, such as those of the rays of a LiDAR."""
+"""Poses at very many times that lie close together, such as those of the rays of a scan."""
 
 import math
 from collections.abc import Callable

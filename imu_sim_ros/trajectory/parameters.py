@@ -254,10 +254,10 @@ class TourParameters(TrajectoryParameters):
 
     type: str = text("tour", TYPE_TEXT)
     place: str = choice(
-        "office", tuple(KINDS), "place to fly through; with cameras in a place, that place"
+        "office", tuple(KINDS), "place to fly through; if sensors see a place, that place"
     )
     place_seed: int = integer(
-        0, "seed of the place; with cameras in a place, scene.seed", minimum=0, maximum=2**63 - 1
+        0, "seed of the place; if sensors see a place, scene.seed", minimum=0, maximum=2**63 - 1
     )
     place_size: Vector = vector(
         ZERO_VECTOR,

@@ -96,9 +96,32 @@ def test_an_existing_file_is_kept_and_a_missing_library_is_named(flight, capsys,
 def test_scans_of_a_lidar_are_in_the_file(flight, capsys):
     bag = flight / "ranged.mcap"
     words = ["--lidar", "vlp16", "--scene", "ground", "--duration", "0.3s", "--quiet"]
+    words += ["--set", "lidar.lever_arm=[0.1, -0.2, 0.3]"]
+    words += ["--set", "lidar.mounting=[0, -1, 0, 1, 0, 0, 0, 0, 1]"]
     assert generate.main(["-o", str(bag), *words]) == 0
     assert view.main([str(bag), "--save", str(flight / "ranged.rrd"), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["scans"] == 1
     entities, _, _ = rows(flight / "ranged.rrd")
+    assert {"/world/truth/body/lidar", "/world/truth/body/lidar/points"} <= set(entities)
+    assert not any("ground_truth" in name for name in entities)
+    words = ["-m", "rerun", "rrd", "print", "-vvv", "--entity", "/world/truth/body/lidar"]
+    done = subprocess.run(
+        [sys.executable, *words, str(flight / "ranged.rrd")],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert "[[0.1, -0.2, 0.3]]" in done.stdout
+    # Column by column.
+    assert "[[0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0]]" in done.stdout
+
+
+def test_scans_that_have_no_place_are_in_their_own_frame(flight, capsys):
+    bag = flight / "placeless.mcap"
+    words = ["--lidar", "perfect", "--scene", "ground", "--duration", "0.2s", "--quiet"]
+    words += ["--topics", "imu/data_raw,ground_truth/odom,points"]
+    assert generate.main(["-o", str(bag), *words]) == 0
+    assert view.main([str(bag), "--save", str(flight / "placeless.rrd"), "--quiet"]) == 0
+    assert "/points: in its own frame, because the bag does not say where lidar is" in (
+        capsys.readouterr().err
+    )
+    entities, _, _ = rows(flight / "placeless.rrd")
     assert "/points" in entities
-    assert "/ground_truth/points" not in entities

@@ -17,6 +17,7 @@ from imu_sim_ros.datasets.topics import resolved
 from imu_sim_ros.rotation import from_matrix
 from imu_sim_ros.sensors.lidar.declaration import CUSTOM_TOPIC, TOPIC
 from imu_sim_ros.sensors.lidar.parameters import LidarParameters
+from imu_sim_ros.sensors.lidar.pattern import build_pattern
 from imu_sim_ros.sensors.orientation.declaration import TOPIC as NINE_AXES
 from imu_sim_ros.simulation.parameters import SimulationParameters
 from imu_sim_ros.types import Array
@@ -53,6 +54,11 @@ class Ranging:
         """Size of a voxel of maps [m]."""
         return 0.3 if self.farthest < _INDOORS else 0.5
 
+    def of_rings(self) -> list[int]:
+        """Return how many rays of a scan each ring has."""
+        rays: list[int] = np.bincount(build_pattern(self.lidar).ring).tolist()
+        return rays
+
     def pose(self) -> tuple[Array, Array]:
         """Return R_bl (3, 3) and p_bl (3,): the LiDAR in the body."""
         return np.reshape(self.lidar.mounting, (3, 3)), np.asarray(self.lidar.lever_arm)
@@ -80,7 +86,9 @@ def files(subject: Subject) -> dict[str, str]:
         one = Ranging(values, own, f"{name}/" if own.type else "")
         made = {"kiss_icp": _kiss_icp(one), "rko_lio": _rko_lio(one)}
         if own.layout in _FAST_LIO:
-            made |= {"fast_lio": _fast_lio(one), "lio_sam": _lio_sam(one, parameters)}
+            made["fast_lio"] = _fast_lio(one)
+        if own.layout == "velodyne" or (own.layout == "ouster" and own.pattern == "spinning"):
+            made["lio_sam"] = _lio_sam(one, parameters)
         found.update({f"{k}_{name}.yaml" if own.type else f"{k}.yaml": v for k, v in made.items()})
     return found
 
@@ -167,7 +175,7 @@ def _fast_lio(one: Ranging) -> str:
     return (
         f'{head}common:\n  lid_topic: "{topic}"\n  imu_topic: "{values.topic}"\n'
         f"  time_sync_en: false\n  time_offset_lidar_to_imu: {_real(offset)}\n"
-        f"preprocess:\n  lidar_type: {kind}\n  scan_line: {own.rings or 1}\n"
+        f"preprocess:\n  lidar_type: {kind}\n  scan_line: {len(one.of_rings())}\n"
         f"  scan_rate: {round(own.rate)}\n  timestamp_unit: {unit}\n"
         f"  blind: {_real(own.minimum_range)}\n"
         f"mapping:\n{lines}  fov_degree: {360 if own.pattern in ('spinning', 'nodding') else 90}\n"
@@ -180,11 +188,11 @@ def _fast_lio(one: Ranging) -> str:
 
 def _lio_sam(one: Ranging, parameters: SimulationParameters) -> str:
     own, values = one.lidar, one.values
-    livox = own.layout == "livox"
     rotation, position = one.in_imu()
     densities = values.positive_densities()
-    spinning = own.pattern == "spinning"
-    columns = math.floor(own.span / own.firing_period + 1e-9) if spinning else 4000
+    # Its "livox" takes the fields of Velodyne, and the place of a point in its line for its column.
+    kind = own.layout if own.pattern == "spinning" else "livox"
+    of_rings = one.of_rings()
     raw, nine = values.topic, values.topic.replace(IMU_TOPIC, NINE_AXES)
     head = comment(
         [
@@ -198,7 +206,6 @@ def _lio_sam(one: Ranging, parameters: SimulationParameters) -> str:
     )
     # R_li maps what the IMU measures to the LiDAR's axes; the IMU's place is in those.
     r_li, p_li = rotation.T, -(rotation.T @ position)
-    topic = resolved(f"{one.space}{CUSTOM_TOPIC}") if livox else one.topic
     numbers = {
         "lidarMinRange": own.minimum_range,
         "lidarMaxRange": one.farthest,
@@ -216,14 +223,13 @@ def _lio_sam(one: Ranging, parameters: SimulationParameters) -> str:
         "mappingSurfLeafSize": 0.2 if indoors else 0.4,
     }
     lines = "".join(f"  {key}: {_real(value)}\n" for key, value in numbers.items())
-    kind = {"livox": "livox", "ouster": "ouster"}.get(own.layout, "velodyne")
     frame = parameters.body_frame
     return (
-        f'{head}lio_sam:\n  pointCloudTopic: "{topic}"\n  imuTopic: "{nine}"\n'
+        f'{head}lio_sam:\n  pointCloudTopic: "{one.topic}"\n  imuTopic: "{nine}"\n'
         '  odomTopic: "odometry/imu"\n  gpsTopic: "odometry/gps"\n'
         f'  lidarFrame: "{own.frame}"\n  baselinkFrame: "{frame}"\n'
         '  odometryFrame: "odom"\n  mapFrame: "map"\n'
-        f"  sensor: {kind}\n  N_SCAN: {own.rings or 1}\n  Horizon_SCAN: {columns}\n"
+        f"  sensor: {kind}\n  N_SCAN: {len(of_rings)}\n  Horizon_SCAN: {max(of_rings)}\n"
         f"  downsampleRate: 1\n{lines}"
         f"  extrinsicTrans: {_list(p_li)}\n  extrinsicRot: {_list(r_li)}\n"
         f"  extrinsicRPY: {_list(r_li)}\n"

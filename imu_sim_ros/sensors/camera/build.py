@@ -81,7 +81,8 @@ def build_scene(
         case RoomParameters():
             return _room(parameters, _path(arms, trajectory, span))
         case PlaceParameters():
-            return _place(parameters, _passage(arms, trajectory, span))
+            body = _path(np.zeros((1, 3)), trajectory, span)
+            return _place(parameters, _passage(arms, trajectory, span), float(body[:, 2].min()))
         case HouseParameters():
             return _house(parameters)
         case CloudParameters():
@@ -184,13 +185,13 @@ def _room(p: RoomParameters, path: Array) -> Scene:
     return Scene(landmarks, normals, np.zeros((0, 2, 3)), everything, extent)
 
 
-def _place(p: PlaceParameters, passage: Passage) -> Scene:
+def _place(p: PlaceParameters, passage: Passage, foot: float) -> Scene:
     path, note = np.concatenate(passage.places), ""
     if any(p.size):
         size, center = np.asarray(p.size), np.asarray(p.center)
         low, high = center - 0.5 * size, center + 0.5 * size
     else:
-        low, high = around(p.type, path)
+        low, high = around(p.type, path, foot)
         note = stretched(p.type, low, high)
     keep = np.zeros((0, 3)) if any(p.size) else path  # a place of a given size is as it is
     site = Site(low, high, keep, p.seed, p.texture, p.light, p.bodies.doors)

@@ -9,6 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.types import Array, Single
 
 Fields = tuple[tuple[str, str, int], ...]
@@ -48,6 +49,12 @@ class PointLayout(NamedTuple):
         return np.dtype(
             {"names": names, "formats": formats, "offsets": offsets, "itemsize": self.size}
         )
+
+    @property
+    def most_rings(self) -> int:
+        """How many rings or lines its points can tell apart."""
+        kind = next(kind for name, kind, _ in self.fields if name in ("ring", "line"))
+        return np.iinfo(kind).max + 1
 
     def rows(self, cloud: Cloud) -> NDArray[np.void]:
         """Return the points (k,) of a scan."""
@@ -137,9 +144,14 @@ LAYOUTS: Final[dict[str, PointLayout]] = {
 
 
 def custom_points(cloud: Cloud) -> NDArray[np.void]:
-    """Return the points (k,) of a livox_ros_driver2/CustomMsg."""
+    """Return the points (k,) of a livox_ros_driver2/CustomMsg.
+
+    :raises ConfigurationError: for more lines than it can tell apart.
+    """
     from imu_sim_ros.bags.messages.encode_cameras import LIVOX_POINT
 
+    if cloud.ring.max(initial=0) > 255:
+        raise ConfigurationError("livox_ros_driver2/CustomMsg counts lines in a byte: at most 256")
     rows = np.zeros(len(cloud.xyz), LIVOX_POINT)
     for k, name in enumerate("xyz"):
         rows[name] = cloud.xyz[:, k]

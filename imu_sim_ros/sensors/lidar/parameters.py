@@ -229,6 +229,11 @@ class LidarParameters(SensorParameters):
             count = len(getattr(self, name))
             if count not in (0, self.rings):
                 yield f"{prefix}{name}: has {count} numbers; must be empty or have {self.rings}"
+        if self.rings > LAYOUTS[self.layout].most_rings:
+            yield (
+                f"{prefix}layout = {self.layout!r}: has at most {LAYOUTS[self.layout].most_rings} "
+                f"rings, of {self.rings}"
+            )
         yield from getattr(self, f"_problems_of_{self.pattern}")(prefix)
 
     def _problems_of_spinning(self, prefix: str) -> Iterator[str]:

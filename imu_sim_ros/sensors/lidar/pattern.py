@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.errors import InputError, system_error
 from imu_sim_ros.inputs.rows import open_regular
+from imu_sim_ros.sensors.lidar.layouts import LAYOUTS
 from imu_sim_ros.sensors.lidar.parameters import MOST_RAYS, LidarParameters
 from imu_sim_ros.types import Array
 
@@ -178,5 +179,8 @@ def _check_row(
         )
     if abs(row[2]) > 90.0:
         raise InputError(f"{where}: elevation {row[2]:g} deg: must be between -90 and 90")
-    if len(row) == 4 and row[3] not in range(65_536):
-        raise InputError(f"{where}: ring {row[3]:g}: must be an integer from 0 to 65535")
+    most = LAYOUTS[p.layout].most_rings - 1
+    if len(row) == 4 and not (row[3].is_integer() and 0 <= row[3] <= most):
+        raise InputError(
+            f"{where}: ring {row[3]:g}: must be an integer from 0 to {most} for {p.layout}"
+        )

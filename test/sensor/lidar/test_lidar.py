@@ -14,7 +14,7 @@ import imu_sim_ros as ims
 from imu_sim_ros import rotation
 from imu_sim_ros.commands import generate
 from imu_sim_ros.parameters import files
-from imu_sim_ros.sensors.lidar.layouts import LAYOUTS
+from imu_sim_ros.sensors.lidar.layouts import LAYOUTS, custom_points
 from imu_sim_ros.sensors.lidar.model import (
     FALSE,
     GLASS,
@@ -28,6 +28,8 @@ from imu_sim_ros.sensors.lidar.parameters import LidarParameters
 from imu_sim_ros.sensors.lidar.pattern import build_pattern
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.trajectory.parameters import TourParameters
+from imu_sim_ros.trajectory.tour import tour
 
 TENTH_OF_A_MM = 1e-4
 MOUNT = {"lever_arm": [0.1, -0.2, 0.3], "mounting": [0.0, -1, 0, 1, 0, 0, 0, 0, 1]}
@@ -354,7 +356,9 @@ def test_a_table_of_ones_own(tmp_path):
         ("0.2,1,2\n", "line 1: time 0.2 s: must not decrease"),
         ("0.05,1,2\n0.01,1,2\n", "line 2: time 0.01 s: must not decrease"),
         ("0,1,91\n", "line 1: elevation 91 deg"),
-        ("0,1,2,1.5\n", "line 1: ring 1.5: must be an integer"),
+        ("0,1,2,1.5\n", "line 1: ring 1.5: must be an integer from 0 to 65535"),
+        ("0,1,2,nan\n", "line 1: a value that is not finite"),
+        ("-0.01,1,2\n", "line 1: time -0.01 s: must not decrease, from 0"),
     ],
 )
 def test_bad_tables_get_a_line(tmp_path, capsys, text, says):
@@ -388,6 +392,14 @@ def test_bad_tables_get_a_line(tmp_path, capsys, text, says):
         ({"pattern": "table"}, "lidar.table = '': must name a file"),
         ({"pattern": "table", "table": "no.csv"}, "no.csv"),
         ({"range_nose": 1.0}, "did you mean lidar.range_noise"),
+        (
+            {"layout": "ouster", "elevations_deg": [0.1] * 257},
+            "lidar.layout = 'ouster': has at most 256 rings, of 257",
+        ),
+        (
+            {"pattern": "rosette", "point_rate": 1e9},
+            "lidar.point_rate = 1000000000.0: must be a finite number at least 1 and at most",
+        ),
     ],
 )
 def test_bad_parameters_get_a_line(given, says):
@@ -516,6 +528,64 @@ def test_a_text_dataset_has_scans_as_files_alone(tmp_path, capsys):
     assert "topic points: does not exist in euroc" in capsys.readouterr().err
     assert generate.main([*words, "--set", "lidar.files=ply"]) == 0
     assert len(list((tmp_path / "a_scans").glob("*.ply"))) == 2
+
+
+@pytest.mark.parametrize("layout", ["ouster", "livox"])
+def test_rings_beyond_a_byte_are_refused_where_they_would_wrap(tmp_path, layout):
+    """A number of 256 would be written as 0."""
+    table = tmp_path / "rays.csv"
+    table.write_text("0,0,0,255\n0,0,1,256\n")
+    own = {"pattern": "table", "table": str(table)}
+    with pytest.raises(ims.InputError, match=f"line 2: ring 256: .* 0 to 255 for {layout}"):
+        flown("ground", 0.2, layout=layout, **own)
+    cloud = static(BOX, 0.3, layout="velodyne", **own).cloud(0)
+    assert LAYOUTS["velodyne"].rows(cloud)["ring"].tolist() == [255, 256]
+    with pytest.raises(ims.ConfigurationError, match="counts lines in a byte"):
+        custom_points(cloud)
+
+
+def test_a_tour_goes_through_the_place_that_a_lidar_sees(tmp_path):
+    """In Python and in a bag: the corridor's own tour, in a corridor of its usual size."""
+    expected = tour(TourParameters(place="corridor", place_seed=3)).sample(np.arange(4) * 0.05)
+    scene = {"type": "corridor", "seed": 3}
+    flight = ims.simulate(
+        trajectory="tour", duration=0.2, rate=20, sensors=["lidar"], scene=scene,
+        lidar={"firing_period": 0.01},
+    )  # fmt: skip
+    assert np.allclose(flight.truth.position, expected.position, atol=1e-12)
+    assert flight.parameters.rig.scene.size == (36.0, 2.4, 2.7)
+    words = ["--trajectory", "tour", "--scene", "corridor", "--set", "scene.seed=3", "--quiet"]
+    words += ["--duration", "0.2s", "--rate", "20", "--set", "sensors=[lidar]"]
+    words += ["--set", "lidar.firing_period=0.01"]
+    assert generate.main(["-o", str(tmp_path / "a.mcap"), *words]) == 0
+    truth = ims.read_odometry(tmp_path / "a.mcap")
+    assert np.allclose(truth.position, expected.position, atol=1e-12)
+
+
+@pytest.mark.parametrize("height", [0.0, 1.5])
+def test_a_car_stands_on_the_street_below_its_lidar(height):
+    """The ground is 0.3 m below what sees, or below the body, which is at z = 0."""
+    flight = flown(
+        "street", 0.1, trajectory="yard", lever_arm=[0.0, 0.0, height], firing_period=1e-3
+    )
+    z = in_world(flight)[:, 2]
+    ground = 0.0 if height else -0.3
+    assert (np.abs(z - ground) < TENTH_OF_A_MM).mean() > 0.2
+    assert z.min() > ground - 0.02 - TENTH_OF_A_MM  # grass lies 2 cm below asphalt
+
+
+def test_a_bag_says_where_a_lidar_is(tmp_path):
+    """Without being asked for: LIO and viewers need the mount."""
+    words = ["--lidar", "perfect", "--scene", "ground", "--duration", "0.2s", "--quiet"]
+    words += ["--set", "lidar.lever_arm=[0.1, -0.2, 0.3]", "--set", "lidar.firing_period=0.01"]
+    assert generate.main(["-o", str(tmp_path / "a.mcap"), *words]) == 0
+    with AnyReader([tmp_path / "a.mcap"]) as reader:
+        (found,) = (c for c in reader.connections if c.topic == "/tf_static")
+        ((_, _, payload),) = reader.messages([found])
+        transforms = reader.deserialize(payload, found.msgtype).transforms
+    (one,) = (t for t in transforms if t.child_frame_id == "lidar")
+    arm = one.transform.translation
+    assert (one.header.frame_id, arm.x, arm.y, arm.z) == ("base_link", 0.1, -0.2, 0.3)
 
 
 def test_a_scene_without_surfaces_is_told():

@@ -1,0 +1,92 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Clouds that a bag holds: sensor_msgs/PointCloud2."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.bags.messages import schemas
+from imu_sim_ros.bags.messages.blocks import as_list
+from imu_sim_ros.bags.messages.encode_cameras import POINT_CLOUD2, POINT_TYPES
+from imu_sim_ros.bags.read import open_bag
+from imu_sim_ros.bags.reader import errors_naming
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.types import Array
+
+
+def measured_clouds(path: Path) -> list[str]:
+    """Return the topics of clouds in a bag, without those of the truth."""
+    return [name for name in cloud_topics(path) if "ground_truth" not in name.split("/")]
+
+
+def cloud_topics(path: Path) -> list[str]:
+    """Return the topics of clouds in a bag."""
+    with open_bag(path) as bag:
+        return [one.name for one in bag.topics if one.type == POINT_CLOUD2 and one.count]
+
+
+def read_cloud(path: Path, name: str) -> Array:
+    """Return the points (n, 3) [m] of the first PointCloud2 of a topic; (0, 3): the bag has none.
+
+    :raises InputError: for a cloud without x, y and z.
+    """
+    with open_bag(path) as bag:
+        topic = next((one for one in bag.topics if one.name.strip("/") == name), None)
+    if topic is None or not topic.count:
+        return np.empty((0, 3))
+    _, rows = next(read_clouds(path, topic.name))
+    return np.stack([rows[axis].astype(np.float64) for axis in "xyz"], axis=-1)
+
+
+def cloud_frame(path: Path, name: str) -> str:
+    """Return the frame of the first cloud of a topic."""
+    return str(next(_messages(path, name)).header.frame_id)
+
+
+def read_clouds(path: Path, name: str) -> Iterator[tuple[int, NDArray[Any]]]:
+    """Yield stamps [ns] and points, structured arrays (k,), of the clouds of a topic.
+
+    :raises InputError: for a cloud without x, y and z.
+    """
+    for message in _messages(path, name):
+        with errors_naming(path, f" ({name})"):
+            rows = _points(message, name)
+        stamp = message.header.stamp
+        yield int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec), rows
+
+
+def _messages(path: Path, name: str) -> Iterator[Any]:
+    with open_bag(path) as bag:
+        topic = next(one for one in bag.topics if one.name == name)
+        types = schemas.typestore([(topic.type, topic.schema)], bag.encoding)
+        decode = types.deserialize_cdr if bag.encoding == "cdr" else types.deserialize_ros1
+        for block in (block for group in bag.groups([name]) for block in group):
+            for payload in as_list(block.payloads):
+                with errors_naming(path, f" ({name})"):
+                    message = decode(payload, topic.type)
+                yield message
+
+
+def _points(cloud: Any, name: str) -> NDArray[Any]:
+    """Return the points (n,) of a message with all of its fields."""
+    kinds = {number: kind for kind, number in POINT_TYPES.items()}
+    order = ">" if cloud.is_bigendian else "<"
+    fields = {one.name: one for one in cloud.fields if int(one.datatype) in kinds}
+    if any(axis not in fields or int(fields[axis].datatype) not in (7, 8) for axis in "xyz"):
+        raise InputError(f"{name}: a cloud without x, y and z as floating-point numbers")
+    formats: list[Any] = [order + kinds[int(one.datatype)] for one in fields.values()]
+    counts = [max(int(one.count), 1) for one in fields.values()]
+    row = np.dtype(
+        {
+            "names": list(fields),
+            "formats": [f if n == 1 else (f, (n,)) for f, n in zip(formats, counts, strict=True)],
+            "offsets": [int(one.offset) for one in fields.values()],
+            "itemsize": int(cloud.point_step),
+        }
+    )
+    return np.frombuffer(bytes(cloud.data), dtype=row)

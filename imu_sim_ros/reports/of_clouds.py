@@ -1,0 +1,181 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Clouds of a bag as sections of a page: scans from above, how many points, and how far."""
+
+import base64
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.bags.clouds import measured_clouds, read_clouds
+from imu_sim_ros.bags.messages.blocks import TopicInfo
+from imu_sim_ros.bags.read import open_bag
+from imu_sim_ros.reports.of_bag import plot
+from imu_sim_ros.reports.of_sensors import truth_of
+from imu_sim_ros.reports.page import Item, Section
+from imu_sim_ros.reports.streams import GAP, extremes
+from imu_sim_ros.types import Array, Bytes
+
+_PICTURES: Final = 3
+_PIXELS: Final = 360
+"""Width of a picture."""
+_WITHIN: Final = 0.9
+"""Share of the points that pictures show: the farthest few would make the others a spot."""
+_BINS: Final = 120
+"""Of the histogram of ranges."""
+_KINDS: Final = ("of several surfaces", "of rain or dust", "of what moves")
+_GROUND: Final = 24
+_DARKEST: Final = 90
+"""Grey values of nothing, and of a point without intensity."""
+
+
+def cloud_sections(path: Path) -> list[Section]:
+    """Return a section for each topic of clouds in a bag that is no truth; [] without any.
+
+    :raises InputError: for what cannot be read.
+    """
+    sections = []
+    with open_bag(path) as bag:
+        topics = [info for info in bag.topics if info.count]
+    for name in measured_clouds(path):
+        info = next(one for one in topics if one.name == name)
+        sections.append(Section(f"{path.name}: {name}", _items(path, info, topics)))
+    return sections
+
+
+def _items(path: Path, info: TopicInfo, topics: list[TopicInfo]) -> list[Item]:
+    wanted = set(np.linspace(0, info.count - 1, _PICTURES).round().astype(int).tolist())
+    stamps, counts, shown = [], [], []
+    histogram, edges = np.zeros(_BINS), np.linspace(0.0, 1.0, _BINS + 1)
+    for k, (t_ns, points) in enumerate(read_clouds(path, info.name)):
+        places = np.stack([points[axis] for axis in "xyz"], axis=1)
+        finite = np.isfinite(places).all(axis=1)
+        ranges = np.sqrt((places[finite].astype(np.float64) ** 2).sum(axis=1))
+        stamps.append(t_ns)
+        counts.append(len(ranges))
+        while len(ranges) and ranges.max() > edges[-1]:  # bins of twice the width
+            histogram = np.append(histogram.reshape(-1, 2).sum(axis=1), np.zeros(_BINS // 2))
+            edges *= 2.0
+        histogram += np.histogram(ranges, edges)[0]
+        if k in wanted:
+            shown.append((t_ns, places[finite], points[finite]))
+    t_s = (np.array(stamps) - stamps[0]) * 1e-9
+    number: Array = np.array(counts, dtype=np.float64)
+    steps = np.diff(t_s)
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    missing = np.rint(steps / usual - 1.0)[steps > GAP * usual].sum() if usual > 0.0 else 0.0
+    words = f"{info.name}: {len(t_s):,} scans"
+    if usual > 0.0:
+        words += f", {1.0 / usual:.6g} Hz, {int(missing):,} missing between others"
+    words += (
+        f"; {number.mean():,.0f} points in a scan on average, {number.min():,.0f} to "
+        f"{number.max():,.0f}"
+    )
+    plots = [
+        plot(f"{info.name}: points in a scan", "time [s]", "", [_line("", 0, t_s, number)]),
+        _ranges(info.name, histogram, edges),
+    ]
+    true_name = truth_of(info, topics)
+    if true_name is not None:
+        truth = _truth(path, true_name)
+        if truth.error_m is not None:
+            words += f"; range as read minus true: {truth.error_m:.3g} m root mean square"
+            title = f"{info.name}: error of ranges, root mean square of each scan"
+            plots.append(plot(title, "time [s]", "[m]", [_line("", 0, *truth.errors)]))
+            plots[-1]["caption"] = "Of points of one surface."
+        lines = [_line(what, k, *one) for k, (what, one) in enumerate(truth.counts.items())]
+        if lines:
+            title = f"{info.name}: points that are not of one surface at rest"
+            plots.append(plot(title, "time [s]", "", lines, legend=True))
+    for one in plots:
+        if one["x"]["label"] == "time [s]":
+            one["link"] = f"{path} {info.name}"
+    return [
+        {"kind": "text", "text": words},
+        *_pictures(info.name, shown, stamps[0]),
+        {"kind": "plots", "items": plots},
+    ]
+
+
+def _line(name: str, colour: int, t_s: Array, values: Array) -> Item:
+    rows = extremes(values)
+    return {"name": name, "colour": colour, "x": t_s[rows], "y": values[rows]}
+
+
+class _Truth(NamedTuple):
+    counts: dict[str, tuple[Array, Array]]
+    """Times (n,) [s] and numbers of points (n,) of each scan by what they are."""
+    errors: tuple[Array, Array]
+    """Times (n,) [s] and root mean squares (n,) of the errors of a scan's ranges [m]."""
+    error_m: float | None
+    """Root mean square of all [m]; None: the truth has no errors of ranges."""
+
+
+def _truth(path: Path, name: str) -> _Truth:
+    """Return what the truth says of the points of each scan."""
+    stamps, counts, squares = [], [], []
+    for t_ns, points in read_clouds(path, name):
+        names = points.dtype.names or ()
+        stamps.append(t_ns)
+        outcome = points["outcome"] if "outcome" in names else np.zeros(len(points))
+        body = points["body"] if "body" in names else np.zeros(len(points))
+        counts.append([*((outcome == k).sum() for k in (1, 2)), (body > 0).sum()])
+        error = points["range_error"] if "range_error" in names else np.full(len(points), np.nan)
+        known = np.isfinite(error) & (outcome == 0)
+        squares.append([(error[known].astype(np.float64) ** 2).sum(), known.sum()])
+    t_s: Array = (np.array(stamps) - stamps[0]) * 1e-9
+    numbers, sums = np.array(counts, np.float64), np.array(squares, np.float64)
+    found = {title: (t_s, numbers[:, k]) for k, title in enumerate(_KINDS) if numbers[:, k].any()}
+    each = np.sqrt(sums[:, 0] / np.maximum(sums[:, 1], 1.0))
+    total = sums.sum(axis=0)
+    return _Truth(found, (t_s, each), float(np.sqrt(total[0] / total[1])) if total[1] else None)
+
+
+def _ranges(name: str, histogram: Array, edges: Array) -> Item:
+    last = int(np.max(np.flatnonzero(histogram), initial=0)) + 1
+    x, share = np.repeat(edges[: last + 1], 2)[1:-1], histogram / max(histogram.sum(), 1.0)
+    width = edges[1] - edges[0]
+    y = np.repeat(share[:last] / width, 2)
+    series = [{"name": "", "colour": 0, "x": x, "y": y}]
+    caption = "Share of all points per metre of range."
+    return plot(f"{name}: ranges", "range [m]", "[1/m]", series, caption=caption)
+
+
+def _pictures(name: str, shown: list[tuple[int, Array, NDArray[Any]]], first_ns: int) -> list[Item]:
+    """Return scans seen from above, as bright as their intensity."""
+    from imu_sim_ros.sensors.camera.images.files import png
+
+    flat = [np.abs(places[:, :2]).max(axis=1) for _, places, _ in shown]
+    every = np.concatenate(flat)
+    if not len(every):
+        return []
+    half = float(np.quantile(every, _WITHIN)) or 1.0
+    frames = []
+    for t_ns, places, points in shown:
+        data = base64.b64encode(png(_from_above(places, points, half))).decode()
+        frames.append({"t_s": (t_ns - first_ns) * 1e-9, "png": data})
+    words = (
+        f"{name}: scans from above, x to the right, y up, {2.0 * half:.3g} m wide with "
+        f"{_WITHIN:.0%} of all points; brighter: more intensity"
+    )
+    return [{"kind": "strip", "title": words, "frames": frames}]
+
+
+def _from_above(places: Array, points: NDArray[Any], half: float) -> Bytes:
+    """Return a picture (_PIXELS, _PIXELS) of a scan; of points in one pixel the brightest."""
+    grey = np.full(len(places), 255.0)
+    if "intensity" in (points.dtype.names or ()) and len(places):
+        intensity = np.nan_to_num(points["intensity"].astype(np.float64))
+        brightest = float(np.quantile(intensity, 0.98))
+        if brightest > 0.0:
+            share = np.clip(intensity / brightest, 0.0, 1.0)
+            grey = _DARKEST + (255.0 - _DARKEST) * share
+    column = np.floor((places[:, 0] / half + 1.0) * 0.5 * _PIXELS).astype(np.intp)
+    row = np.floor((1.0 - places[:, 1] / half) * 0.5 * _PIXELS).astype(np.intp)
+    inside = (column >= 0) & (column < _PIXELS) & (row >= 0) & (row < _PIXELS)
+    picture = np.full((_PIXELS, _PIXELS), _GROUND, np.float64)
+    np.maximum.at(picture, (row[inside], column[inside]), grey[inside])
+    return picture.astype(np.uint8)
