@@ -144,7 +144,7 @@ def fitted(given: Mapping[str, object]) -> dict[str, object]:
     images, the smallest tags that have enough pixels a bit in every place, fewer of them for wide
     lenses, and turns as far as the corners need to cover the images; rigs that look in other
     directions than x stay as they are. The trajectory ``tour`` in a place goes through that place,
-    which has its usual size unless told; if no scene is told, cameras see the tour's own place.
+    which has its usual size unless told; if no scene is told, sensors see the tour's own place.
     What is given stays as it is.
 
     :param given: as for :func:`imu_sim_ros.simulation.cameras.build_rig`; not checked here.
