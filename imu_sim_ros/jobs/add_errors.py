@@ -5,9 +5,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -27,23 +28,28 @@ from imu_sim_ros.conventions import (
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.jobs.flight import Flight, Source
+from imu_sim_ros.jobs.readings import joined
 from imu_sim_ros.jobs.simulate import flat_parameters, imu_parameters
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
-from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.barometer.declaration import PressureReadings
+from imu_sim_ros.sensors.barometer.model import Atmosphere
+from imu_sim_ros.sensors.block import ImuBlock, joined_blocks
 from imu_sim_ros.sensors.faults import KINDS, Fault
 from imu_sim_ros.sensors.imu import sdf
 from imu_sim_ros.sensors.imu.batch import RESTARTS, BatchSamples, ImuBatch, Spread
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.imu.model import NOWHERE, unknown_motion
+from imu_sim_ros.sensors.magnetometer.declaration import MagneticReadings
 from imu_sim_ros.sensors.parameters import LONGEST
 from imu_sim_ros.simulation import error_model
-from imu_sim_ros.simulation.error_input import Conventions, GivenReadings
+from imu_sim_ros.simulation.error_input import Conventions, GivenReadings, GivenValues
 from imu_sim_ros.simulation.error_parameters import (
     NODE,
     ErrorModelParameters,
     load_error_model,
 )
+from imu_sim_ros.simulation.given_sensor import OTHERS, Counts, GivenBoardSensor
 from imu_sim_ros.types import Array, Integers, Mask
 
 TOPICS: Final = (IMU_TOPIC, IDEAL_IMU_TOPIC, GYROSCOPE_BIAS_TOPIC, ACCELEROMETER_BIAS_TOPIC)
@@ -60,6 +66,8 @@ def add_errors(
     accel: ArrayLike,
     *,
     orientation: ArrayLike | None = None,
+    magnetic_field: tuple[ArrayLike, ArrayLike] | None = None,
+    pressure: tuple[ArrayLike, ArrayLike] | None = None,
     imu: str | Path | Mapping[str, Any] | None = None,
     rate: float | None = None,
     seed: int | None = None,
@@ -77,6 +85,9 @@ def add_errors(
     :param gyro: (n, 3) ideal angular rates [rad/s].
     :param accel: (n, 3) ideal specific forces [m/s^2].
     :param orientation: (n, 4) q_wb, unit quaternions (w, x, y, z); needed if gravity is missing.
+    :param magnetic_field: stamps (k,) [ns] and ideal fields (k, 3) [T] in the axes of the readings,
+        of which the magnetometer of the IMU makes ``flight.magnetic_field``.
+    :param pressure: stamps (k,) [ns] and ideal pressures (k,) [Pa] at the IMU, for its barometer.
     :param imu: as in :func:`simulate`, or a Gazebo model such as ``model.sdf``.
     :param rate: samples per second [Hz]; by default that of the stamps.
     :param seed: seed of all random streams.
@@ -105,8 +116,37 @@ def add_errors(
     windows: list[dict[str, Any]] = []
     for begin in range(0, len(given.t_ns), ROWS_AT_ONCE):
         windows += model.read(given.at(slice(begin, begin + ROWS_AT_ONCE)))
+    topics = TOPICS
+    for quantity, pair in (("magnetic_field", magnetic_field), ("pressure", pressure)):
+        if pair is not None:
+            topics += _add_other(model.other(quantity), pair, windows)
     name = f"{_sensor_name(imu, built)} on given readings"
-    return Flight(Source(built, NOWHERE, int(given.t_ns[0])), windows, name, TOPICS)
+    return Flight(Source(built, NOWHERE, int(given.t_ns[0])), windows, name, topics)
+
+
+def _add_other(
+    sensor: GivenBoardSensor, pair: Any, windows: Sequence[dict[str, Any]]
+) -> tuple[str, ...]:
+    """Add what another sensor reads to the windows of its IMU; return its topics.
+
+    :param pair: stamps and ideal values.
+    :raises ConfigurationError: for anything else.
+    """
+    quantity = sensor.quantity
+    if not isinstance(pair, tuple | list) or len(pair) != 2:
+        refuse(quantity, pair, "a pair of stamps and values", wrong_type=True)
+    given = _given_values(quantity, *pair)
+    if not len(given.t_ns):
+        raise InputError(f"{quantity}: no readings")
+    block = joined_blocks(sensor.read(given))
+    begin = 0
+    for k, window in enumerate(windows):
+        end = len(block.true_t_ns)
+        if k + 1 < len(windows):
+            last_ns = window[IMU].true_t_ns[-1]
+            end = max(int(np.searchsorted(block.true_t_ns, last_ns, side="right")), begin)
+        window[quantity], begin = block.at(begin, end), end
+    return tuple(one.name for one in sensor.topics if one.flags is not None)
 
 
 class ErrorModel:
@@ -151,7 +191,7 @@ class ErrorModel:
         return self._model.parameters
 
     @property
-    def counts(self) -> error_model.Counts:
+    def counts(self) -> Counts:
         """Counts of irregular readings so far: missing, repeated, restarts, ..."""
         return self._model.counts
 
@@ -177,6 +217,53 @@ class ErrorModel:
             return blocks[0]
         return error_model.joined(blocks) if blocks else _nothing(self._model.position)
 
+    def read_magnetic_field(self, t_ns: int | ArrayLike, field: ArrayLike) -> MagneticReadings:
+        """Return what the magnetometer of the IMU reads: a sample for each ideal field.
+
+        Its rate is ``imu.magnetometer_rate``; its samples need not be those of the IMU.
+
+        :param t_ns: stamp, or (n,) stamps [ns].
+        :param field: (3,) or (n, 3) ideal magnetic fields in the axes of the readings [T].
+        :returns: stamps, readings, ideal fields and biases of the samples that are delivered.
+        :raises InputError: for fields that are not finite or not possible; all are discarded.
+
+        >>> import imu_sim_ros as ims
+        >>> model = ims.ErrorModel(imu="mpu9250", rate=1000, seed=1)
+        >>> model.read_magnetic_field(0, [0.0, 2e-5, -4e-5]).field.shape
+        (1, 3)
+        """
+        given = _given_values("magnetic_field", t_ns, field)
+        found: MagneticReadings = _delivered(self._model.other("magnetic_field"), given)
+        return found
+
+    def read_pressure(
+        self,
+        t_ns: int | ArrayLike,
+        pressure: ArrayLike | None = None,
+        *,
+        altitude: ArrayLike | None = None,
+    ) -> PressureReadings:
+        """Return what the barometer of the IMU reads: a sample for each ideal pressure.
+
+        Its rate is ``imu.barometer_rate``; its samples need not be those of the IMU.
+
+        :param t_ns: stamp, or (n,) stamps [ns].
+        :param pressure: number or (n,): of the still air at the IMU [Pa].
+        :param altitude: in its place, heights above sea level [m], whose pressure is that of
+            ``atmosphere.*``.
+        :returns: stamps, readings, ideal pressures and biases of the samples that are delivered.
+        :raises InputError: for values that are not finite or not possible; all are discarded.
+
+        >>> import imu_sim_ros as ims
+        >>> model = ims.ErrorModel(rate=1000, seed=1)
+        >>> round(float(model.read_pressure(0, altitude=100.0).ideal_pressure[0]))
+        100129
+        """
+        values = _pressures(self.parameters, pressure, altitude)
+        given = _given_values("pressure", t_ns, values)
+        found: PressureReadings = _delivered(self._model.other("pressure"), given)
+        return found
+
     def update(self, **parameters: Any) -> None:
         """Change live parameters by their ROS names, ``imu={"gyroscope_bias": [0.1, 0, 0]}``.
 
@@ -200,7 +287,8 @@ class ErrorModel:
         """Start a fault; returns the index of the first affected sample.
 
         :param kind: ``bias_jump``, ``saturation``, ``stuck``, ``dropout`` or ``latency``.
-        :param triad: ``gyroscope`` or ``accelerometer``, for the first three kinds.
+        :param triad: ``gyroscope`` or ``accelerometer``, for the first three kinds; a fault of any
+            kind may hit ``magnetometer`` or ``barometer``.
         :param value: strength, in the unit of the affected quantity.
         :param duration: length of the fault [s].
         :param delay: time from the next sample to the fault [s].
@@ -208,7 +296,7 @@ class ErrorModel:
         """
         arguments.one_of("kind", kind, KINDS)
         if not isinstance(triad, str) or triad:
-            arguments.one_of("triad", triad, TRIADS)
+            arguments.one_of("triad", triad, (*TRIADS, *OTHERS))
         if not (isinstance(duration, float) and duration == math.inf):
             arguments.number("duration", duration, "seconds, or math.inf", 0.0, above=True)
         arguments.number("delay", delay, "seconds", 0.0, LONGEST)
@@ -487,6 +575,51 @@ def _given(t_ns: Any, gyro: Any, accel: Any, orientation: Any, name: str) -> Giv
         gate.Verdict(times, [(gate.ORIENTATION, q_wb)]).complain(name)
     # Copies: a simulator may fill in the same arrays for its next step.
     return GivenReadings(times, np.array(rates, order="F"), np.array(forces, order="F"), q_wb)
+
+
+_QUANTITIES: Final = {"magnetic_field": gate.FIELD, "pressure": gate.PRESSURE}
+
+
+def _given_values(name: str, t_ns: Any, values: Any) -> GivenValues:
+    """Return ideal values of another sensor as somebody gives them, checked.
+
+    :param name: what they are.
+    :raises InputError: for what is not a reading.
+    """
+    times = arguments.stamps("t_ns", [t_ns] if isinstance(t_ns, int | np.integer) else t_ns)
+    if name == "magnetic_field":
+        found = _rows("field", values, 3)
+    else:
+        found = arguments.array(name, np.atleast_1d(values), (None,), finite=False)
+    if len(found) != len(times):
+        raise ConfigurationError(
+            f"{name}: {len(times)} stamps, {len(found)} values: must be equally many"
+        )
+    gate.Verdict(times, [(_QUANTITIES[name], found)]).complain(name)
+    return GivenValues(times, np.array(found))
+
+
+def _pressures(parameters: ErrorModelParameters, pressure: Any, altitude: Any) -> Any:
+    """Return pressures [Pa], which somebody gives as such or as heights.
+
+    :raises ConfigurationError: for both, or neither.
+    """
+    if (pressure is None) == (altitude is None):
+        raise ConfigurationError("read_pressure: needs either pressure or altitude")
+    if altitude is None:
+        return pressure
+    heights = arguments.array("altitude", np.atleast_1d(altitude), (None,))
+    return Atmosphere(parameters.atmosphere).pressure(heights)
+
+
+def _delivered(sensor: GivenBoardSensor, given: GivenValues) -> Any:
+    """Return the samples of ideal values that are delivered, as a flight has them."""
+    windows = [{sensor.quantity: block} for block in sensor.read(given)]
+    if windows:
+        return joined(windows, sensor.quantity, sensor.readings)
+    none = given.at(slice(0))
+    values = {one.name: none.values for one in dataclasses.fields(sensor.readings)}
+    return sensor.readings(**{**values, "t_ns": none.t_ns, "true_t_ns": none.t_ns})
 
 
 def _rows(name: str, value: Any, columns: int) -> Array:

@@ -33,8 +33,9 @@ from imu_sim_ros.jobs.output import Form, checked_form, checked_place, is_file
 from imu_sim_ros.names import unknown
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.simulation.error_input import GivenReadings
-from imu_sim_ros.simulation.error_model import Counts, ErrorModel
+from imu_sim_ros.simulation.error_model import ErrorModel
 from imu_sim_ros.simulation.error_parameters import orientation_problems
+from imu_sim_ros.simulation.given_sensor import Counts
 from imu_sim_ros.simulation.topics import OF_THE_ERROR_MODEL, delivered
 
 FORMATS = ("euroc", "csv")

@@ -3,10 +3,11 @@
 
 """Blocks of samples: what an IMU and the sensors with it report, and the truth of it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.trajectory.motion import Motion
@@ -99,3 +100,30 @@ class SensorBlock(NamedTuple):
             return self.values[name]
         except KeyError:
             raise AttributeError(f"no {name} was measured") from None
+
+    def at(self, begin: int, end: int) -> "SensorBlock":
+        """Return the samples ``begin .. end - 1``."""
+        rows = slice(begin, end)
+        sent = self.delivered[(self.delivered >= begin) & (self.delivered < end)] - begin
+        times = (one[rows] for one in (self.true_t_ns, self.t_ns, self.release_t_ns))
+        return SensorBlock(
+            *times, sent, {name: one[rows] for name, one in self.values.items()}, self.span_ns
+        )
+
+
+def joined_blocks(blocks: Sequence[SensorBlock]) -> SensorBlock:
+    """Return the samples of blocks, one at least, as one."""
+    if len(blocks) == 1:
+        return blocks[0]
+    first = np.cumsum([0, *(len(one.true_t_ns) for one in blocks)])
+    times = (
+        np.concatenate([getattr(one, name) for one in blocks])
+        for name in ("true_t_ns", "t_ns", "release_t_ns")
+    )
+    sent = [one.delivered + begin for one, begin in zip(blocks, first, strict=False)]
+    return SensorBlock(
+        *times,
+        np.concatenate(sent),
+        {name: np.concatenate([one.values[name] for one in blocks]) for name in blocks[0].values},
+        blocks[0].span_ns,
+    )

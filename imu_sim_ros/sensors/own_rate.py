@@ -80,6 +80,15 @@ class OwnRate:
         self._position = samples.first + len(samples.t)
         return samples
 
+    def given(self, true_t_ns: Times) -> Sampled:
+        """Return the next samples, whose times somebody gives; errors follow the nominal ones.
+
+        :param true_t_ns: (n,) [ns].
+        """
+        nominal = self.times.following(self._position, len(true_t_ns))
+        self._position += len(true_t_ns)
+        return nominal._replace(true_t_ns=true_t_ns)
+
     def stamp(self, samples: Sampled) -> Stamped:
         """Return stamps and transport of the samples that were returned last."""
         count = len(samples.true_t_ns)

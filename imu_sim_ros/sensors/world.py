@@ -123,6 +123,9 @@ class SampleTimes:
     def within(self, window: Window) -> Sampled:
         """Return the samples in a window."""
         first = self.index(window.begin)
-        count = self.index(window.end) - first
+        return self.following(first, self.index(window.end) - first)
+
+    def following(self, first: int, count: int) -> Sampled:
+        """Return the samples from an index on."""
         true_t_ns = timebase.sample_times_ns(first, count, self._rate, self._first_ns)
         return Sampled(first, true_t_ns, timebase.seconds_since(true_t_ns, self._t0_ns))

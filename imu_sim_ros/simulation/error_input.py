@@ -9,7 +9,7 @@ readings come at a time.
 
 import math
 from collections.abc import Callable, Iterator
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -27,8 +27,13 @@ from imu_sim_ros.simulation.error_parameters import (
 )
 from imu_sim_ros.types import Array, Mask, Times
 
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
 _RESTART_NS: Final = 1_000_000_000
 """Stamps that jump back by more are those of a simulator that was reset."""
+_LOOKED_BACK: Final = 4
+"""Intervals in which a burst of readings may make up for a long one."""
 _IN_A_ROW: Final = 5
 """So many earlier stamps that increase are those of a simulator that was reset, too."""
 
@@ -50,8 +55,68 @@ class GivenReadings(NamedTuple):
         q_wb = None if self.q_wb is None else self.q_wb[rows]
         return GivenReadings(self.t_ns[rows], self.gyro[rows], self.accel[rows], q_wb)
 
+    def followed_by(self, other: "GivenReadings") -> "GivenReadings":
+        """Return these and later ones."""
+        q_wb = None
+        if self.q_wb is not None and other.q_wb is not None:
+            q_wb = np.concatenate([self.q_wb, other.q_wb])
+        return GivenReadings(
+            np.concatenate([self.t_ns, other.t_ns]),
+            np.concatenate([self.gyro, other.gyro]),
+            np.concatenate([self.accel, other.accel]),
+            q_wb,
+        )
 
-class Order:
+    def lasting(self, t_ns: Times) -> "GivenReadings":
+        """Return a single one at other times (n,) [ns]."""
+        gyro, accel = (np.repeat(one, len(t_ns), axis=0) for one in (self.gyro, self.accel))
+        q_wb = None if self.q_wb is None else np.repeat(self.q_wb, len(t_ns), axis=0)
+        return GivenReadings(t_ns, gyro, accel, q_wb)
+
+
+class GivenValues(NamedTuple):
+    """n ideal values of another sensor."""
+
+    t_ns: Times
+    """(n,) [ns]."""
+    values: Array
+    """(n,) or (n, 3)."""
+
+    def at(self, rows: slice | Mask) -> "GivenValues":
+        """Return some of them."""
+        return GivenValues(self.t_ns[rows], self.values[rows])
+
+    def followed_by(self, other: "GivenValues") -> "GivenValues":
+        """Return these and later ones."""
+        pairs = zip(self, other, strict=True)
+        return GivenValues(*(np.concatenate(pair) for pair in pairs))
+
+    def lasting(self, t_ns: Times) -> "GivenValues":
+        """Return a single one at other times (n,) [ns]."""
+        return GivenValues(t_ns, np.repeat(self.values, len(t_ns), axis=0))
+
+
+class Readings(Protocol):
+    """n readings that somebody gives."""
+
+    @property
+    def t_ns(self) -> Times:
+        """(n,) [ns]."""
+
+    def at(self, rows: slice | Mask) -> "Self":
+        """Return some of them."""
+
+    def followed_by(self, other: "Self") -> "Self":
+        """Return these and later ones."""
+
+    def lasting(self, t_ns: Times) -> "Self":
+        """Return a single one at other times (n,) [ns]."""
+
+
+Given = TypeVar("Given", bound=Readings)
+
+
+class Order(Generic[Given]):
     """Tells readings that come late from those of a simulator that was reset.
 
     The stamps of a reset are at or before the first one, or more than a second back, or several
@@ -73,16 +138,16 @@ class Order:
         self._first_ns: int | None = None
         self.last_ns = 0
         """Stamp of the last reading that was passed on."""
-        self._waiting: GivenReadings | None = None
+        self._waiting: Given | None = None
 
-    def parts(self, given: GivenReadings) -> Iterator[tuple[GivenReadings, int]]:
+    def parts(self, given: Given) -> Iterator[tuple[Given, int]]:
         """Yield stretches of readings whose stamps increase.
 
         With each comes how far its stamps have jumped back before it [ns]; 0: it follows.
         """
         known = 0 if self._waiting is None else len(self._waiting.t_ns)
         if self._waiting is not None:
-            given, self._waiting = _joined(self._waiting, given), None
+            given, self._waiting = self._waiting.followed_by(given), None
         t_ns = given.t_ns.tolist()
         if not t_ns:
             return
@@ -124,6 +189,50 @@ class Order:
             self._waiting = given.at(waiting)
 
 
+class Gaps:
+    """Tells missing readings by the last stamps, without a clock of its own.
+
+    Irregular stamps leave out none: over some of the last intervals there are enough of them.
+    """
+
+    def __init__(self, nominal_ns: float, longest_ns: float) -> None:
+        """Begin with the next reading.
+
+        :param nominal_ns: interval of the readings [ns].
+        :param longest_ns: a longer gap is a pause, which leaves out nothing [ns].
+        """
+        self._nominal_ns, self._longest_ns = nominal_ns, longest_ns
+        self._recent_ns = np.empty(0, np.int64)
+        """The last stamps."""
+
+    def parts(self, t_ns: Times) -> Iterator[tuple[slice | None, int, int]]:
+        """Yield rows without a gap (None: all), how many are missing before them, and the pause.
+
+        :param t_ns: (n,) the next stamps, which increase [ns].
+        """
+        before, given = len(self._recent_ns), t_ns
+        t_ns = np.concatenate([self._recent_ns, t_ns])
+        self._recent_ns = t_ns[-_LOOKED_BACK:]
+        since = max(before, 1)
+        long = t_ns[since:] - t_ns[since - 1 : -1] > 1.5 * self._nominal_ns
+        begin = missing = pause = 0
+        for k in (np.flatnonzero(long) + since).tolist() if long.any() else ():
+            if k > before:
+                yield slice(begin, k - before), missing, pause
+            begin = k - before
+            missing, pause = self._gap(t_ns[: k + 1])
+        yield (slice(begin, len(given)) if begin else None), missing, pause
+
+    def _gap(self, t_ns: Times) -> tuple[int, int]:
+        """Return how many readings the last step of stamps leaves out, or its length as a pause."""
+        step_ns = int(t_ns[-1] - t_ns[-2])
+        if step_ns > self._longest_ns:
+            return 0, step_ns
+        before = t_ns[-_LOOKED_BACK - 1 : -1][::-1]
+        expected = np.rint((t_ns[-1] - before) / self._nominal_ns).astype(np.int64)
+        return max(int((expected - np.arange(1, len(before) + 1)).min()), 0), 0
+
+
 class Conventions:
     """Axes, gravity and place as declared."""
 
@@ -137,8 +246,16 @@ class Conventions:
         self._q_input = None if declared.axes == "flu" else _flu_in(declared.axes)
         self._world = _enu_of_ned() if declared.axes == "frd" else None
         self._place = _Place(parameters) if declared.place == "body" and has_place(imu) else None
+        turned = np.eye(3) if self._turn is None else self._turn
+        if declared.place == "body":
+            turned = np.reshape(imu.mounting, (3, 3)).T @ turned
+        self._turn_field = None if np.array_equal(turned, np.eye(3)) else turned
         self.nothing = self._turn is None and self._place is None and not self._adds_gravity
         """Whether readings stay as they are."""
+
+    def field(self, values: Array) -> Array:
+        """Return magnetic fields (n, 3) in the IMU's axes."""
+        return values if self._turn_field is None else transform(self._turn_field, values)
 
     def apply(self, given: GivenReadings) -> GivenReadings:
         """Return readings of the IMU in its place.
@@ -254,7 +371,7 @@ class Resampler:
         """Take n readings; return the samples up to the last of them."""
         if self._begin_ns is None:
             self._begin_ns = int(given.t_ns[0])
-        known = given if self._kept is None else _joined(self._kept, given)
+        known = given if self._kept is None else self._kept.followed_by(given)
         end_ns = int(known.t_ns[-1])
         count = self._count_until(end_ns)
         times = timebase.sample_times_ns(self._next, count, self._rate, self._begin_ns)
@@ -328,18 +445,6 @@ class Resampler:
         self._kept = known.at(slice(first, None))
 
 
-def _joined(a: GivenReadings, b: GivenReadings) -> GivenReadings:
-    q_wb = None
-    if a.q_wb is not None and b.q_wb is not None:
-        q_wb = np.concatenate([a.q_wb, b.q_wb])
-    return GivenReadings(
-        np.concatenate([a.t_ns, b.t_ns]),
-        np.concatenate([a.gyro, b.gyro]),
-        np.concatenate([a.accel, b.accel]),
-        q_wb,
-    )
-
-
 def _line(t_ns: Times, values: Array, at_ns: Times) -> Array:
     """Return the straight lines through values (n,) at times (m,); exact at the values' times."""
     if len(t_ns) == 1:
@@ -409,7 +514,9 @@ class Differentiator:
             if back:
                 self._forget()
             assert part.q_wb is not None
-            known = _joined(known, self._differences(part.t_ns, part.q_wb, part.gyro, part.accel))
+            known = known.followed_by(
+                self._differences(part.t_ns, part.q_wb, part.gyro, part.accel)
+            )
         return known
 
     def _differences(

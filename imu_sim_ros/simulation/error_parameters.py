@@ -108,6 +108,11 @@ class ErrorModelParameters(SampledParameters):
         """Say what cannot be done without the motion between the readings."""
         yield from super().problems(prefix)
         yield from self._rate_problems(prefix)
+        if self.input.place == "imu" and any(self.imu.accelerometer_positions):
+            yield (
+                f"{prefix}imu.accelerometer_positions: must be 0 unless {prefix}input.place is "
+                "body: readings in the IMU's place are those of a single point"
+            )
         exponents = (*self.imu.vibration.gyroscope_exponents,)
         if any(exponents) or any(self.imu.vibration.accelerometer_exponents):
             yield (

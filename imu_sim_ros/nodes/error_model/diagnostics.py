@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from imu_sim_ros.nodes.diagnostics import PERIOD, diagnostics
 from imu_sim_ros.nodes.publishing import Counter
-from imu_sim_ros.simulation.error_model import Counts
+from imu_sim_ros.simulation.given_sensor import Counts
 
 _IRREGULAR: Final = ("missing", "pauses", "restarts", "repeated", "backward")
 

@@ -8,19 +8,20 @@ from fractions import Fraction
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros.conventions import STANDARD_GRAVITY
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.rotation import empty, rotate
+from imu_sim_ros.sensors.barometer.parameters import BarometerParameters
 from imu_sim_ros.sensors.block import SensorBlock
 from imu_sim_ros.sensors.environment import AtmosphereParameters, EnvironmentParameters
-from imu_sim_ros.sensors.errors.triad import Triad
-from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.errors.triad import Additions, Triad
+from imu_sim_ros.sensors.faults import Fault, FaultSchedule
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.own_rate import OwnRate, instantaneous
-from imu_sim_ros.sensors.world import Window, World
-from imu_sim_ros.types import Array
+from imu_sim_ros.sensors.world import Sampled, Window, World
+from imu_sim_ros.types import Array, Times
 
 EARTH_RADIUS: Final = 6356766.0
 """[m] of the geopotential height."""
@@ -94,14 +95,60 @@ class Gusts:
 
     def next(self, count: int) -> Array:
         """Return the next values (count,) [Pa]."""
-        if not self._probability:
-            return np.zeros(count)
         starts = np.flatnonzero(self._times.random(count) < self._probability)
         sizes = self._sigma * self._sizes.standard_normal(len(starts))
         values = np.concatenate([[self._held], sizes])
         result: Array = values[np.searchsorted(starts, np.arange(count), side="right")]
         self._held = float(values[-1])
         return result
+
+
+def gusts(parameters: BarometerParameters, seed: int) -> Gusts | None:
+    """Return the gusts at one barometer; None if there are none."""
+    p = parameters
+    return Gusts(seed, p.gust_rate, p.gust_sigma, 1.0 / p.rate) if p.gust_rate else None
+
+
+class PressureErrors:
+    """The errors of one barometer, or of those of a batch, on ideal pressures.
+
+    They are those of a triad's first axis.
+    """
+
+    def __init__(self, triad: Triad) -> None:
+        """Take the sensor's own errors; :meth:`configure` gives its limits."""
+        self.triad = triad
+        self._limits: tuple[ArrayLike, ArrayLike] = (0.0, math.inf)
+
+    def configure(self, minimum: ArrayLike, maximum: ArrayLike) -> None:
+        """Take the lowest and the highest pressure [Pa] that can be read; 0: no limit."""
+        self._limits = (minimum, np.where(np.asarray(maximum) > 0.0, maximum, math.inf))
+
+    def read(
+        self,
+        first: int,
+        ideal: Array,
+        gust: Array | None,
+        temperature_offset: Array,
+        faults: FaultSchedule | None,
+        additions: Additions | None = None,
+    ) -> dict[str, Array]:
+        """Return the next n samples and their truth, as a flight has them.
+
+        :param ideal: (n, ...) pressure of the still air [Pa].
+        :param gust: (n, ...) what wind adds [Pa]; None: nothing.
+        :param temperature_offset: (n, ...) temperature above the reference [K].
+        :param additions: as for :meth:`Triad.read`.
+        """
+        values = empty(ideal.shape)
+        values[..., 1:] = 0.0
+        values[..., 0] = ideal if gust is None else ideal + gust
+        made = self.triad.read(
+            first, values, values, temperature_offset, faults, additions=additions
+        )
+        bias = made.bias[..., 0] if gust is None else made.bias[..., 0] + gust
+        reading = np.clip(made.reading[..., 0], *self._limits)
+        return {"pressure": reading, "ideal_pressure": ideal, "bias": bias}
 
 
 class Barometer:
@@ -117,17 +164,16 @@ class Barometer:
         self._atmosphere = Atmosphere(environment.atmosphere)
         self._height = environment.height
         self._lever_arm_b = np.array(imu.lever_arm)
-        self._gusts = Gusts(environment.seed, own.gust_rate, own.gust_sigma, 1.0 / own.rate)
-        self._triad = Triad(NAME, instantaneous(imu), environment.seed, own.rate)
+        self._gusts = gusts(own, environment.seed)
+        self._errors = PressureErrors(Triad(NAME, instantaneous(imu), environment.seed, own.rate))
         self.configure(imu)
 
     def configure(self, imu: ImuParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
-        own = imu.barometer
         self._reference_temperature = imu.reference_temperature
-        self._limits = (own.minimum, own.maximum or math.inf)
         self._own.configure(imu)
-        self._triad.configure(instantaneous(imu))
+        self._errors.configure(imu.barometer.minimum, imu.barometer.maximum)
+        self._errors.triad.configure(instantaneous(imu))
 
     def inject(self, fault: Fault, begin: Fraction) -> None:
         """Let a fault begin with the first sample not before a time since the start [s]."""
@@ -140,20 +186,18 @@ class Barometer:
         arm_w = rotate(motion.q_wb, self._lever_arm_b)
         # In a curved world, too, z is the height above the origin's (CurvedEarth).
         ideal = self._atmosphere.pressure(self._height + motion.position[:, 2] + arm_w[:, 2])
-        gust = self._gusts.next(len(samples.t))
-        values = empty((len(samples.t),))
-        values[:, 1:] = 0.0
-        np.add(ideal, gust, out=values[:, 0])
+        return self._read(samples, ideal, world)
+
+    def apply(self, true_t_ns: Times, ideal: Array, world: World) -> SensorBlock:
+        """Return the next n samples of ideal pressures that somebody gives.
+
+        :param true_t_ns: (n,) of the samples [ns].
+        :param ideal: (n,) of the still air at the IMU [Pa].
+        """
+        return self._read(self._own.given(true_t_ns), ideal, world)
+
+    def _read(self, samples: Sampled, ideal: Array, world: World) -> SensorBlock:
+        gust = None if self._gusts is None else self._gusts.next(len(samples.t))
         offset = world.temperature.at(samples.t) - self._reference_temperature
-        made = self._triad.read(
-            samples.first, values, np.zeros(values.shape), offset, self._own.faults
-        )
-        return SensorBlock(
-            samples.true_t_ns,
-            *self._own.stamp(samples),
-            {
-                "pressure": np.clip(made.reading[:, 0], *self._limits),
-                "ideal_pressure": ideal,
-                "bias": made.bias[:, 0] + gust,
-            },
-        )
+        values = self._errors.read(samples.first, ideal, gust, offset, self._own.faults)
+        return SensorBlock(samples.true_t_ns, *self._own.stamp(samples), values)

@@ -5,7 +5,7 @@
 
 import math
 from fractions import Fraction
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -16,13 +16,13 @@ from imu_sim_ros.sensors.block import SensorBlock
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.realised import with_constants, with_turn_on
 from imu_sim_ros.sensors.errors.response import TurnOn
-from imu_sim_ros.sensors.errors.triad import Triad
-from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.errors.triad import Additions, Triad
+from imu_sim_ros.sensors.faults import Fault, FaultSchedule
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
 from imu_sim_ros.sensors.own_rate import OwnRate, instantaneous
-from imu_sim_ros.sensors.world import Window, World
-from imu_sim_ros.types import Array
+from imu_sim_ros.sensors.world import Sampled, Window, World
+from imu_sim_ros.types import Array, Times
 
 MU0_OVER_4_PI: Final = 1e-7
 """[T m/A]; the value measured in the SI of 2019 agrees to nine digits."""
@@ -121,6 +121,64 @@ def realised_magnetometer(parameters: MagnetometerParameters, seed: int) -> Magn
     return with_turn_on(p, drawn, gain)
 
 
+class Iron(NamedTuple):
+    """What is near a magnetometer, in its own axes: of one unit, or of the units of a batch."""
+
+    response: Array
+    """(..., 3, 3) misalignment and soft iron; exactly the identity if there is neither."""
+    hard: Array
+    """(..., 3) hard iron [T]."""
+    coupling: Array
+    """(..., 3) field of one ampere [T/A]."""
+
+
+def iron(unit: MagnetometerParameters) -> Iron:
+    """Return what is near one magnetometer, whose constants are drawn."""
+    r_mi = rotation.to_matrix(rotation.exp(unit.misalignment)).T
+    near = np.reshape(unit.soft_iron, (3, 3)), np.array(unit.hard_iron)
+    return Iron(r_mi @ near[0], r_mi @ near[1], r_mi @ np.array(unit.current_coupling))
+
+
+def currents(parameters: MagnetometerParameters, t: Array) -> Array | None:
+    """Return the current in the wires (n,) [A] at times t (n,) [s]; None: never any."""
+    if not parameters.current_profile:
+        return None
+    profile = np.reshape(parameters.current_profile, (-1, 2)).T
+    return np.interp(t, profile[0], profile[1])
+
+
+class MagneticErrors:
+    """The errors of one magnetometer, or of those of a batch, on ideal fields."""
+
+    def __init__(self, triad: Triad, near: Iron) -> None:
+        """Take the sensor's own errors, and what is near it."""
+        self.triad, self.near = triad, near
+
+    def read(
+        self,
+        first: int,
+        ideal: Array,
+        current: Array | None,
+        temperature_offset: Array,
+        faults: FaultSchedule | None,
+        additions: Additions | None = None,
+    ) -> dict[str, Array]:
+        """Return the next n samples and their truth, as a flight has them.
+
+        :param ideal: (n, ..., 3) field in the IMU's axes [T].
+        :param current: (n, ...) in the wires [A]; None: none.
+        :param temperature_offset: (n, ...) temperature above the reference [K].
+        :param additions: as for :meth:`Triad.read`.
+        """
+        disturbance = np.broadcast_to(self.near.hard, ideal.shape)
+        if current is not None:
+            disturbance = disturbance + self.near.coupling * current[..., None]
+        along = transform(self.near.response, ideal) + disturbance
+        made = self.triad.read(first, along, along, temperature_offset, faults, additions=additions)
+        bias = made.bias + made.scale * disturbance
+        return {"field": made.reading, "ideal_field": ideal, "bias": bias}
+
+
 class Magnetometer:
     """One magnetometer; its samples are read in order."""
 
@@ -134,23 +192,19 @@ class Magnetometer:
         self.earth_w, self.interval = self._field.earth_w, 1.0 / imu.magnetometer.rate
         self._lever_arm_b = np.array(imu.lever_arm)
         self._r_ib = np.reshape(imu.mounting, (3, 3)).T
+        self._parameters: MagnetometerParameters = imu.magnetometer
         unit = with_constants(imu.magnetometer, NAME, environment.seed)
-        # Misalignment and soft iron in one matrix: exactly the identity if there is neither.
-        self._r_mi = rotation.to_matrix(rotation.exp(unit.misalignment)).T
-        self._iron = self._r_mi @ np.reshape(unit.soft_iron, (3, 3))
-        self._hard_iron: Array = self._r_mi @ np.array(unit.hard_iron)
-        self._coupling: Array = self._r_mi @ np.array(unit.current_coupling)
-        self._current = np.reshape(unit.current_profile, (-1, 2)).T
+        triad = Triad(NAME, instantaneous(imu), environment.seed, imu.magnetometer.rate)
+        self._errors = MagneticErrors(triad, iron(unit))
         self.latest: SensorBlock | None = None
         """What was read last."""
-        self._triad = Triad(NAME, instantaneous(imu), environment.seed, imu.magnetometer.rate)
         self.configure(imu)
 
     def configure(self, imu: ImuParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
         self._reference_temperature = imu.reference_temperature
         self._own.configure(imu)
-        self._triad.configure(instantaneous(imu))
+        self._errors.triad.configure(instantaneous(imu))
 
     def calibration(self, unit: ImuParameters) -> tuple[Array, Array]:
         """Return M (3, 3) and b (3,) [T] of ``reading = M B + b`` for a realised IMU."""
@@ -167,26 +221,19 @@ class Magnetometer:
         place = motion.position + rotate(motion.q_wb, self._lever_arm_b)
         field_w = self._field.at(samples.t, place)
         ideal = transform(self._r_ib, rotate_inverse(motion.q_wb, field_w))
-        disturbance = self._disturbance(samples.t)
-        offset = world.temperature.at(samples.t) - self._reference_temperature
-        along = transform(self._iron, ideal) + disturbance
-        made = self._triad.read(
-            samples.first, along, np.zeros(along.shape), offset, self._own.faults
-        )
-        self.latest = SensorBlock(
-            samples.true_t_ns,
-            *self._own.stamp(samples),
-            {
-                "field": made.reading,
-                "ideal_field": ideal,
-                "bias": made.bias + made.scale * disturbance,
-            },
-        )
-        return self.latest
+        return self._read(samples, ideal, world)
 
-    def _disturbance(self, t: Array) -> Array:
-        """Return what iron and currents add in the sensor's axes (n, 3) [T]."""
-        if not self._current.size:
-            return np.broadcast_to(self._hard_iron, (len(t), 3))
-        current = np.interp(t, self._current[0], self._current[1])
-        return self._hard_iron + self._coupling * current[:, None]
+    def apply(self, true_t_ns: Times, ideal: Array, world: World) -> SensorBlock:
+        """Return the next n samples of ideal fields that somebody gives.
+
+        :param true_t_ns: (n,) of the samples [ns].
+        :param ideal: (n, 3) in the IMU's axes [T].
+        """
+        return self._read(self._own.given(true_t_ns), ideal, world)
+
+    def _read(self, samples: Sampled, ideal: Array, world: World) -> SensorBlock:
+        current = currents(self._parameters, samples.t)
+        offset = world.temperature.at(samples.t) - self._reference_temperature
+        values = self._errors.read(samples.first, ideal, current, offset, self._own.faults)
+        self.latest = SensorBlock(samples.true_t_ns, *self._own.stamp(samples), values)
+        return self.latest

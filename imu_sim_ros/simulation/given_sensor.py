@@ -1,0 +1,285 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A sensor whose ideal readings somebody else gives: order of their stamps, gaps, restarts."""
+
+import dataclasses
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any, Final, Generic, TypeVar
+
+import numpy as np
+
+from imu_sim_ros import timebase
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.sensors.barometer.declaration import SENSOR as BAROMETER
+from imu_sim_ros.sensors.block import SensorBlock
+from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.imu.model import NOWHERE
+from imu_sim_ros.sensors.magnetometer.declaration import SENSOR as MAGNETOMETER
+from imu_sim_ros.sensors.world import World
+from imu_sim_ros.simulation.error_input import Conventions, Gaps, GivenValues, Order, Readings
+from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
+from imu_sim_ros.simulation.sensors import models, mounted
+
+OTHERS: Final = {one.name: one.quantity for one in (MAGNETOMETER, BAROMETER)}
+"""What the other sensors of an IMU measure that take ideal values, by their names."""
+_SAMPLES_AT_ONCE: Final = 65536
+"""Most samples of a gap that are taken at once."""
+_REPORTED: Final = 3
+"""Irregularities of a kind that are remarked on; all of them are counted."""
+Given = TypeVar("Given", bound=Readings)
+Window = TypeVar("Window")
+
+
+@dataclasses.dataclass
+class Counts:
+    """What happened to the readings so far."""
+
+    readings: int = 0
+    """That came in, the refused ones too."""
+    samples: int = 0
+    """That went out."""
+    missing: int = 0
+    """Samples that nobody sent, and during which biases went on."""
+    pauses: int = 0
+    restarts: int = 0
+    repeated: int = 0
+    """Readings with the stamp of the one before; left out."""
+    backward: int = 0
+    """Readings with an earlier stamp; left out."""
+
+
+class GivenSensor(ABC, Generic[Given, Window]):
+    """Ideal readings in, windows of samples out; the first sample is the first reading."""
+
+    def __init__(
+        self,
+        parameters: ErrorModelParameters,
+        rate: float,
+        remark: Callable[[str], object],
+        what: str = "",
+    ) -> None:
+        """Start before the first reading.
+
+        :param rate: samples per second [Hz].
+        :param remark: receives a line for the first irregularities of the stamps of each kind.
+        :param what: its readings are, in front of each line.
+        """
+        self.parameters = parameters
+        self.counts = Counts()
+        self._rate, self._remark = rate, remark
+        self._what = f"{what}: " if what else ""
+        self._nominal_ns = 1e9 / rate
+        self._order = self._new_order()
+        self._begin(parameters.seed)
+
+    def _begin(self, seed: int) -> None:
+        """Begin with the next reading."""
+        self.seed = seed
+        """Seed of the errors since the last restart."""
+        self.position = 0
+        """Samples since the last restart, missing ones too."""
+        self._last_ns: int | None = None
+        self._held: Given | None = None
+        """The last reading, which the sensor goes on with during a gap."""
+        self._gaps = Gaps(self._nominal_ns, self.parameters.input.longest_gap * 1e9)
+        self._faults: list[tuple[Fault, int]] = []
+        """Those that wait for the first reading, with the first sample that they hit."""
+
+    def _placed(self, given: Given) -> Given:
+        """Return readings in the sensor's place and axes."""
+        return given
+
+    @abstractmethod
+    def _sampled(self, given: Given) -> list[Window]:
+        """Return the samples of readings in the sensor's place; ``position`` counts on."""
+
+    @abstractmethod
+    def _count(self, window: Window) -> int:
+        """Return how many samples there are in a window."""
+
+    def _look(self, given: Given) -> None:
+        """See readings in order, as they came."""
+
+    def _missing(self, count: int) -> int:
+        """Return how many of the readings that a gap leaves out are missing samples."""
+        return count
+
+    def _paused(self) -> None:
+        """Begin again after a pause, with the same errors."""
+
+    def reset(self) -> None:
+        """Begin again with the next reading, with the seed that input.restart gives."""
+        self._order = self._new_order()
+        self._begin(self._seed_of_restart())
+
+    def _new_order(self) -> Order[Given]:
+        return Order(self._leave_out, self._take_back)
+
+    def _seed_of_restart(self) -> int:
+        return self.seed + (self.parameters.input.restart == "next_seed")
+
+    def begin_of(self, index: int) -> Fraction:
+        """Return the nominal time of a sample since the first one [s]."""
+        return index / timebase.exact_rate(self._rate)
+
+    def first_hit(self, delay: float) -> int:
+        """Return the index of the first sample that a fault hits after a delay [s].
+
+        :raises ConfigurationError: for a delay that is none.
+        """
+        if not 0.0 <= delay < np.inf:
+            raise ConfigurationError(f"fault delay = {delay}: must be at least 0 s")
+        return self.position + timebase.sample_count(delay, self._rate)
+
+    def time_of(self, index: int) -> int | None:
+        """Return about when a sample to come is taken [ns]; None before the first reading."""
+        if self._last_ns is None:
+            return None
+        return self._last_ns + round((index - self.position + 1) * self._nominal_ns)
+
+    def read(self, given: Given) -> list[Window]:
+        """Return the samples that readings give, in one window or several.
+
+        If stamps jump back the errors begin again; readings that repeat a stamp, or come late,
+        are left out.
+
+        :param given: as they come from the other simulator; they have passed the gate.
+        """
+        self.counts.readings += len(given.t_ns)
+        windows = [
+            window
+            for part, back_ns in self._order.parts(given)
+            for window in self._in_order(part, back_ns)
+        ]
+        for window in windows:
+            self.counts.samples += self._count(window)
+        return windows
+
+    def _in_order(self, given: Given, back_ns: int) -> list[Window]:
+        """Return the samples of readings in order, after a jump back of their stamps."""
+        if back_ns:
+            self._restart(back_ns)
+        self._look(given)
+        windows: list[Window] = []
+        for rows, left_out, pause_ns in self._gaps.parts(given.t_ns):
+            if pause_ns:
+                self.counts.pauses += 1
+                line = f"no readings for {pause_ns * 1e-9:.3f} s: a pause, the errors stand still"
+                self._report(self.counts.pauses, line)
+                self._paused()
+            elif left_out and (missing := self._missing(left_out)):
+                self.counts.missing += missing
+                self._skip(missing)
+            part = given if rows is None else given.at(rows)
+            self._last_ns = int(part.t_ns[-1])
+            windows += self._sampled(self._placed(part))
+        return windows
+
+    def _skip(self, count: int) -> None:
+        """Let the sensor take samples that nobody sees, where it was last."""
+        held = self._held
+        if held is None:
+            return
+        while count:
+            step = min(count, _SAMPLES_AT_ONCE)
+            steps = np.arange(1, step + 1) * self._nominal_ns
+            self._sampled(held.lasting(held.t_ns + np.rint(steps).astype(np.int64)))
+            count -= step
+
+    def _hold(self, given: Given) -> None:
+        self._held = given if len(given.t_ns) == 1 else given.at(slice(-1, None))
+
+    def _leave_out(self, step_ns: int) -> None:
+        if step_ns:
+            self.counts.backward += 1
+            line = f"a stamp {-step_ns * 1e-9:.6f} s before the previous one; left out"
+            self._report(self.counts.backward, line)
+        else:
+            self.counts.repeated += 1
+            line = "a reading with the stamp of the previous one; left out"
+            self._report(self.counts.repeated, line)
+
+    def _take_back(self, count: int) -> None:
+        self.counts.backward -= count
+
+    def _report(self, count: int, line: str) -> None:
+        """Remark on an irregularity of the stamps, unless there were a few of its kind before.
+
+        :param count: of its kind so far.
+        """
+        if count < _REPORTED:
+            self._remark(f"{self._what}{line}")
+        elif count == _REPORTED:
+            self._remark(f"{self._what}{line}; further ones are only counted")
+
+    def _restart(self, back_ns: int) -> None:
+        self.counts.restarts += 1
+        seed = self._seed_of_restart()
+        line = f"stamps jump back by {back_ns * 1e-9:.3f} s: the errors begin again, seed {seed}"
+        self._report(self.counts.restarts, line)
+        self._begin(seed)
+
+
+class GivenBoardSensor(GivenSensor[GivenValues, SensorBlock]):
+    """The magnetometer or the barometer of an IMU: each ideal value is a sample at its rate."""
+
+    def __init__(
+        self, quantity: str, parameters: ErrorModelParameters, remark: Callable[[str], object]
+    ) -> None:
+        """Start before the first value.
+
+        :param quantity: ``magnetic_field`` [T], in the axes of the readings, or ``pressure`` [Pa].
+        """
+        declared = mounted(parameters)[quantity].sensor
+        self.quantity, self.name = quantity, declared.name
+        """The name is that of its parameters and faults."""
+        self.readings, self.topics = declared.readings, declared.topics
+        self._conventions = Conventions(parameters)
+        rate: float = getattr(parameters.imu, self.name).rate
+        super().__init__(parameters, rate, remark, quantity.replace("_", " "))
+
+    def _begin(self, seed: int) -> None:
+        super()._begin(seed)
+        self._model: Any = None
+
+    def configure(self, parameters: ErrorModelParameters) -> None:
+        """Take new values of live parameters, from the next sample on."""
+        self.parameters = parameters
+        if self._model is not None:
+            self._model.configure(parameters.imu)
+
+    def inject(self, fault: Fault, delay: float) -> int:
+        """Let a fault begin; returns the index of the first sample that it hits.
+
+        :raises ConfigurationError: for a delay that is none.
+        """
+        first = self.first_hit(delay)
+        if self._model is None:
+            self._faults.append((fault, first))
+        else:
+            self._model.inject(fault, self.begin_of(first))
+        return first
+
+    def _placed(self, given: GivenValues) -> GivenValues:
+        if self.quantity != "magnetic_field":
+            return given
+        return given._replace(values=self._conventions.field(given.values))
+
+    def _sampled(self, given: GivenValues) -> list[SensorBlock]:
+        self._hold(given)
+        if self._model is None:
+            environment = dataclasses.replace(self.parameters, seed=self.seed)
+            t0_ns = int(given.t_ns[0])
+            self._world = World(NOWHERE, environment, t0_ns)
+            self._model = models(mounted(environment), [self.quantity], t0_ns)[self.quantity]
+            for fault, first in self._faults:
+                self._model.inject(fault, self.begin_of(first))
+        self.position += len(given.t_ns)
+        block: SensorBlock = self._model.apply(given.t_ns, given.values, self._world)
+        return [block]
+
+    def _count(self, window: SensorBlock) -> int:
+        return len(window.true_t_ns)
