@@ -37,9 +37,16 @@ from imu_sim_ros.sensors.barometer.model import Atmosphere
 from imu_sim_ros.sensors.block import ImuBlock, joined_blocks
 from imu_sim_ros.sensors.faults import KINDS, Fault
 from imu_sim_ros.sensors.imu import sdf
-from imu_sim_ros.sensors.imu.batch import RESTARTS, BatchSamples, ImuBatch, Spread
+from imu_sim_ros.sensors.imu.batch import (
+    RESTARTS,
+    BatchField,
+    BatchPressure,
+    BatchSamples,
+    ImuBatch,
+)
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.imu.model import NOWHERE, unknown_motion
+from imu_sim_ros.sensors.imu.units import Spread
 from imu_sim_ros.sensors.magnetometer.declaration import MagneticReadings
 from imu_sim_ros.sensors.parameters import LONGEST
 from imu_sim_ros.simulation import error_model
@@ -112,11 +119,11 @@ def add_errors(
         raise InputError("add_errors: no readings")
     layers = layers_of(imu, seed, params_file, input, parameters, rate)
     built = with_rate(layers, lambda: rate_of(given.t_ns))
-    model = error_model.ErrorModel(built, remark=_warn)
+    model = error_model.ErrorModel(built, OTHERS.values(), _warn)
     windows: list[dict[str, Any]] = []
     for begin in range(0, len(given.t_ns), ROWS_AT_ONCE):
         windows += model.read(given.at(slice(begin, begin + ROWS_AT_ONCE)))
-    topics = TOPICS
+    topics: tuple[str, ...] = TOPICS
     for quantity, pair in (("magnetic_field", magnetic_field), ("pressure", pressure)):
         if pair is not None:
             topics += _add_other(model.other(quantity), pair, windows)
@@ -183,7 +190,7 @@ class ErrorModel:
     ) -> None:
         """Set up the sensor."""
         layers = layers_of(imu, seed, params_file, input, parameters, rate)
-        self._model = error_model.ErrorModel(load_error_model(layers), remark=_warn)
+        self._model = error_model.ErrorModel(load_error_model(layers), OTHERS.values(), _warn)
 
     @property
     def parameters(self) -> ErrorModelParameters:
@@ -376,13 +383,14 @@ class ErrorModelBatch:
             refuse("spread", spread, "a dictionary of parameters by name", wrong_type=True)
         drawn = {name: _spread(name, value) for name, value in (spread or {}).items()}
         self._batch = ImuBatch([one.imu for one in built], self.parameters, self.count, drawn)
-        self._last: tuple[Array, Array] = (np.zeros((self.count, 3)), np.zeros((self.count, 3)))
+        self._last: dict[str, Array] = {}
+        """The last ideal values, by quantity."""
         self._told = 0
 
     @property
     def seeds(self) -> Integers:
         """The seed of each environment's present run (count,)."""
-        return self._batch.seeds.copy()
+        return self._batch.units.seeds.copy()
 
     def unit(self, k: int) -> dict[str, Any]:
         """Return the arguments ``imu`` and ``seed`` of the one ``ErrorModel`` that reads the same.
@@ -392,9 +400,10 @@ class ErrorModelBatch:
         :param k: environment.
         """
         arguments.whole("k", k, f"an environment from 0 to {self.count - 1}", 0, self.count - 1)
-        if self._batch.seeds[k] != self._batch.unit_seeds[k]:
+        units = self._batch.units
+        if units.seeds[k] != units.unit_seeds[k]:
             refuse("k", k, "an environment that did not begin again as the same unit")
-        return {"imu": self._batch.unit(k), "seed": int(self._batch.seeds[k])}
+        return {"imu": units.unit(k), "seed": int(units.seeds[k])}
 
     def read(
         self,
@@ -426,12 +435,59 @@ class ErrorModelBatch:
             held |= ~(np.abs(np.linalg.norm(q_wb, axis=1) - 1.0) < gate.UNIT_TOLERANCE)
         given = self._conventions.apply(GivenReadings(single, rates, forces, q_wb))
         rates, forces = given.gyro, given.accel
-        if held.any():
-            for now, last in zip((rates, forces), self._last, strict=True):
-                now[held] = last[held]
-            self._tell(np.flatnonzero(held))
-        self._last = rates, forces
+        self._hold(held, gyro=rates, accel=forces)
         return self._batch.read(t_ns, rates, forces, held)
+
+    def read_magnetic_field(self, t_ns: int, field: ArrayLike) -> BatchField:
+        """Return the next sample of the magnetometer of each environment.
+
+        Each call is a sample, ``1 / imu.magnetometer_rate`` later. What is not finite or not
+        possible is held, as by :meth:`read`.
+
+        :param t_ns: time of the sample [ns], passed on.
+        :param field: (count, 3) ideal magnetic fields in the axes of the readings [T].
+        :raises ConfigurationError: for an array of another shape, and rates that differ.
+        """
+        fields = arguments.array("field", field, (self.count, 3), finite=False)
+        fields = np.array(fields, order="F")
+        held = _impossible(fields, gate.FIELD)
+        fields = self._conventions.field(fields)
+        self._hold(held, field=fields)
+        return self._batch.magnetometers.read(t_ns, fields, held)
+
+    def read_pressure(
+        self,
+        t_ns: int,
+        pressure: ArrayLike | None = None,
+        *,
+        altitude: ArrayLike | None = None,
+    ) -> BatchPressure:
+        """Return the next sample of the barometer of each environment.
+
+        Each call is a sample, ``1 / imu.barometer_rate`` later. What is not finite or not possible
+        is held, as by :meth:`read`.
+
+        :param t_ns: time of the sample [ns], passed on.
+        :param pressure: (count,) of the still air at the IMUs [Pa].
+        :param altitude: in its place, (count,) heights above sea level [m].
+        :raises ConfigurationError: for an array of another shape, and rates that differ.
+        """
+        name, given = _one_of(pressure=pressure, altitude=altitude)
+        values = arguments.array(name, given, (self.count,), finite=False).copy()
+        held = _impossible(values[:, None], gate.POSITION if name == "altitude" else gate.PRESSURE)
+        if name == "altitude":
+            values[held] = 0.0
+            values = Atmosphere(self.parameters.atmosphere).pressure(values)
+        self._hold(held, pressure=values)
+        return self._batch.barometers.read(t_ns, values, held)
+
+    def _hold(self, held: Mask, **values: Array) -> None:
+        """Keep the last values of some environments in place of these, and say so."""
+        if held.any():
+            for name, now in values.items():
+                now[held] = self._last[name][held] if name in self._last else 0.0
+            self._tell(np.flatnonzero(held))
+        self._last |= values
 
     def _tell(self, units: Integers) -> None:
         self._told += 1
@@ -442,7 +498,7 @@ class ErrorModelBatch:
             warnings.warn(
                 f"environment {first}{more}: a reading that is not finite or not possible; "
                 f"it keeps the one before{last}",
-                stacklevel=3,
+                stacklevel=4,
             )
 
     def reset(self, mask: ArrayLike | None = None, restart: str = "next_seed") -> None:
@@ -604,12 +660,22 @@ def _pressures(parameters: ErrorModelParameters, pressure: Any, altitude: Any) -
 
     :raises ConfigurationError: for both, or neither.
     """
-    if (pressure is None) == (altitude is None):
-        raise ConfigurationError("read_pressure: needs either pressure or altitude")
-    if altitude is None:
-        return pressure
-    heights = arguments.array("altitude", np.atleast_1d(altitude), (None,))
+    name, values = _one_of(pressure=pressure, altitude=altitude)
+    if name == "pressure":
+        return values
+    heights = arguments.array("altitude", np.atleast_1d(values), (None,))
     return Atmosphere(parameters.atmosphere).pressure(heights)
+
+
+def _one_of(**values: Any) -> tuple[str, Any]:
+    """Return the one of two arguments that is given.
+
+    :raises ConfigurationError: if both are, or neither.
+    """
+    given = [pair for pair in values.items() if pair[1] is not None]
+    if len(given) != 1:
+        raise ConfigurationError(f"read_pressure: needs either {' or '.join(values)}")
+    return given[0]
 
 
 def _delivered(sensor: GivenBoardSensor, given: GivenValues) -> Any:
@@ -618,7 +684,7 @@ def _delivered(sensor: GivenBoardSensor, given: GivenValues) -> Any:
     if windows:
         return joined(windows, sensor.quantity, sensor.readings)
     none = given.at(slice(0))
-    values = {one.name: none.values for one in dataclasses.fields(sensor.readings)}
+    values: dict[str, Any] = {one.name: none.values for one in dataclasses.fields(sensor.readings)}
     return sensor.readings(**{**values, "t_ns": none.t_ns, "true_t_ns": none.t_ns})
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from imu_sim_ros import rotation
 from imu_sim_ros.bags.messages.decode import MessageDecoder
-from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
+from imu_sim_ros.bags.messages.encode import FLUID_PRESSURE, IMU, MAGNETIC_FIELD, ODOMETRY
 from imu_sim_ros.bags.messages.layouts import STAMP_OFFSET
 from imu_sim_ros.bags.messages.transforms import TransformsEncoder
 from imu_sim_ros.errors import InputError, MissingDependencyError
@@ -176,6 +176,10 @@ _FRAME: Final = 12
 _imu = MessageDecoder(IMU, _READINGS)
 _ideal = MessageDecoder(IMU, ("orientation", "orientation_covariance", *_READINGS))
 _odometry = MessageDecoder(ODOMETRY, _STATES)
+_values = {
+    MAGNETIC_FIELD: (MessageDecoder(MAGNETIC_FIELD, ("magnetic_field",)), gate.FIELD),
+    FLUID_PRESSURE: (MessageDecoder(FLUID_PRESSURE, ("fluid_pressure",)), gate.PRESSURE),
+}
 
 
 def imu_reading(payload: bytes) -> ImuReading:
@@ -199,6 +203,19 @@ def ideal_reading(payload: bytes) -> tuple[ImuReading, Quaternion | None]:
     if stated < 0.0 or not abs(w * w + x * x + y * y + z * z - 1.0) < _LENGTH:
         return result, None
     return result, _unit((w, x, y, z))
+
+
+def value(type_name: str, payload: bytes) -> tuple[int, tuple[float, ...]]:
+    """Return stamp and value of a sensor_msgs/MagneticField or sensor_msgs/FluidPressure.
+
+    :raises InputError: as for :func:`imu_reading`.
+    """
+    decoder, quantity = _values[type_name]
+    second, nanosecond, *numbers = decoder.numbers(payload)
+    t_ns = _stamp(second, nanosecond)
+    if not gate.Verdict(np.array([t_ns]), [(quantity, np.array([numbers]))]).good.all():
+        raise _refused(t_ns, (quantity, tuple(numbers)))
+    return t_ns, tuple(numbers)
 
 
 def frame_id(payload: bytes) -> str:

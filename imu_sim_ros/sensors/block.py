@@ -105,10 +105,13 @@ class SensorBlock(NamedTuple):
         """Return the samples ``begin .. end - 1``."""
         rows = slice(begin, end)
         sent = self.delivered[(self.delivered >= begin) & (self.delivered < end)] - begin
-        times = (one[rows] for one in (self.true_t_ns, self.t_ns, self.release_t_ns))
-        return SensorBlock(
-            *times, sent, {name: one[rows] for name, one in self.values.items()}, self.span_ns
+        true_t_ns, t_ns, release_t_ns = (
+            self.true_t_ns[rows],
+            self.t_ns[rows],
+            self.release_t_ns[rows],
         )
+        values = {name: one[rows] for name, one in self.values.items()}
+        return SensorBlock(true_t_ns, t_ns, release_t_ns, sent, values, self.span_ns)
 
 
 def joined_blocks(blocks: Sequence[SensorBlock]) -> SensorBlock:
@@ -116,13 +119,11 @@ def joined_blocks(blocks: Sequence[SensorBlock]) -> SensorBlock:
     if len(blocks) == 1:
         return blocks[0]
     first = np.cumsum([0, *(len(one.true_t_ns) for one in blocks)])
-    times = (
-        np.concatenate([getattr(one, name) for one in blocks])
-        for name in ("true_t_ns", "t_ns", "release_t_ns")
-    )
     sent = [one.delivered + begin for one, begin in zip(blocks, first, strict=False)]
     return SensorBlock(
-        *times,
+        np.concatenate([one.true_t_ns for one in blocks]),
+        np.concatenate([one.t_ns for one in blocks]),
+        np.concatenate([one.release_t_ns for one in blocks]),
         np.concatenate(sent),
         {name: np.concatenate([one.values[name] for one in blocks]) for name in blocks[0].values},
         blocks[0].span_ns,

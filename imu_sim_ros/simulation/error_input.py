@@ -96,7 +96,7 @@ class GivenValues(NamedTuple):
         return GivenValues(t_ns, np.repeat(self.values, len(t_ns), axis=0))
 
 
-class Readings(Protocol):
+class InOrder(Protocol):
     """n readings that somebody gives."""
 
     @property
@@ -113,7 +113,7 @@ class Readings(Protocol):
         """Return a single one at other times (n,) [ns]."""
 
 
-Given = TypeVar("Given", bound=Readings)
+Given = TypeVar("Given", bound=InOrder)
 
 
 class Order(Generic[Given]):
@@ -495,7 +495,7 @@ class Differentiator:
 
     def begin(self) -> None:
         """Forget what was before."""
-        self._order = Order()
+        self._order: Order[GivenReadings] = Order()
         self._forget()
 
     def _forget(self) -> None:

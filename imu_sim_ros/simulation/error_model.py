@@ -52,17 +52,19 @@ class ErrorModel(GivenSensor[GivenReadings, dict[str, Any]]):
     ) -> None:
         """Set up the sensor; its first sample is the first reading.
 
-        :param sensors: ``orientation`` is one of them if the IMU states it next to the readings.
+        :param sensors: ``orientation`` is one of them if the IMU states it next to the readings,
+            ``magnetic_field`` and ``pressure`` if it measures them.
         :param remark: receives a line for everything that looks like a mistake, and for the first
             irregularities of the stamps of each kind.
         """
         self._sensors = frozenset(sensors) - {IMU, *OTHERS.values()}
+        self._measured = frozenset(sensors)
         self._resamples = bool(parameters.input.rate) and (
             parameters.input.rate != parameters.rate or parameters.imu.sampling != "instantaneous"
         )
         self._gravity_w = gravity_vector(parameters)
         self._check = StartCheck(parameters)
-        self._others: dict[str, GivenBoardSensor] = {}
+        self._board: dict[str, GivenBoardSensor] = {}
         super().__init__(parameters, parameters.rate, remark)
         for line in parameters.warnings():
             remark(line)
@@ -72,9 +74,9 @@ class ErrorModel(GivenSensor[GivenReadings, dict[str, Any]]):
 
         :param quantity: ``magnetic_field`` or ``pressure``.
         """
-        if quantity not in self._others:
-            self._others[quantity] = GivenBoardSensor(quantity, self.parameters, self._remark)
-        return self._others[quantity]
+        if quantity not in self._board:
+            self._board[quantity] = GivenBoardSensor(quantity, self.parameters, self._remark)
+        return self._board[quantity]
 
     @property
     def uses_orientation(self) -> bool:
@@ -91,7 +93,7 @@ class ErrorModel(GivenSensor[GivenReadings, dict[str, Any]]):
     def reset(self) -> None:
         """Begin again with the next reading, with the seed that input.restart gives."""
         super().reset()
-        for other in self._others.values():
+        for other in self._board.values():
             other.reset()
 
     def update(self, parameters: ErrorModelParameters) -> None:
@@ -111,8 +113,22 @@ class ErrorModel(GivenSensor[GivenReadings, dict[str, Any]]):
             raise ConfigurationError(problems)
         self.parameters = parameters
         self._pending = parameters
-        for other in self._others.values():
+        for other in self._board.values():
             other.configure(parameters)
+
+    def hit_by(self, fault: Fault) -> "GivenSensor[Any, Any]":
+        """Return the sensor that a fault hits.
+
+        :raises ConfigurationError: for one that is not there.
+        """
+        quantity = OTHERS.get(fault.triad, "")
+        if quantity in self._measured:
+            return self.other(quantity)
+        if fault.triad not in ("", *TRIADS):
+            raise ConfigurationError(
+                f"fault triad = {fault.triad}: an error model has no {fault.triad}"
+            )
+        return self
 
     def inject(self, fault: Fault, delay: float = 0.0) -> int:
         """Let a fault begin; returns the index of the first sample that it hits.
@@ -120,13 +136,9 @@ class ErrorModel(GivenSensor[GivenReadings, dict[str, Any]]):
         :param delay: seconds after the sensor's next sample, >= 0.
         :raises ConfigurationError: for another delay, and a sensor that is not there.
         """
-        quantity = OTHERS.get(fault.triad)
-        if quantity is not None:
-            return self.other(quantity).inject(fault, delay)
-        if fault.triad not in ("", *TRIADS):
-            raise ConfigurationError(
-                f"fault triad = {fault.triad}: an error model has no {fault.triad}"
-            )
+        hit = self.hit_by(fault)
+        if isinstance(hit, GivenBoardSensor):
+            return hit.inject(fault, delay)
         first = self.first_hit(delay)
         if self._imu is None:
             self._faults.append((fault, first))

@@ -152,7 +152,9 @@ class ErrorPublishParameters:
 
     ground_truth_imu: bool = flag(False, "publish ground_truth/imu, the readings without errors")
     biases: bool = flag(
-        False, "publish ground_truth/gyroscope_bias and ground_truth/accelerometer_bias"
+        False,
+        "publish ground_truth/gyroscope_bias and ground_truth/accelerometer_bias, and those of "
+        "magnetometer and barometer if their readings are",
     )
     errors: bool = flag(
         False,
@@ -160,6 +162,20 @@ class ErrorPublishParameters:
         "_response_error, _low_pass and _vibration, and those of the accelerometer",
     )
     temperature: bool = flag(False, "publish imu/temperature")
+    magnetic_field: bool = flag(
+        False, "subscribe to imu/mag/ideal, and publish imu/mag, the readings of the magnetometer"
+    )
+    ground_truth_magnetic_field: bool = flag(
+        False,
+        "subscribe to imu/mag/ideal, and publish ground_truth/mag, the same in the IMU's axes",
+    )
+    pressure: bool = flag(
+        False,
+        "subscribe to imu/pressure/ideal, and publish imu/pressure, the readings of the barometer",
+    )
+    ground_truth_pressure: bool = flag(
+        False, "subscribe to imu/pressure/ideal, and publish ground_truth/pressure, the same"
+    )
     orientation: bool = flag(
         False,
         "publish imu/data, the readings with an orientation; the input must have one",

@@ -19,7 +19,7 @@ from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.model import NOWHERE
 from imu_sim_ros.sensors.magnetometer.declaration import SENSOR as MAGNETOMETER
 from imu_sim_ros.sensors.world import World
-from imu_sim_ros.simulation.error_input import Conventions, Gaps, GivenValues, Order, Readings
+from imu_sim_ros.simulation.error_input import Conventions, Gaps, GivenValues, InOrder, Order
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
 from imu_sim_ros.simulation.sensors import models, mounted
 
@@ -29,8 +29,12 @@ _SAMPLES_AT_ONCE: Final = 65536
 """Most samples of a gap that are taken at once."""
 _REPORTED: Final = 3
 """Irregularities of a kind that are remarked on; all of them are counted."""
-Given = TypeVar("Given", bound=Readings)
-Window = TypeVar("Window")
+_STRONGEST: Final = 0.01
+"""[T] Two hundred times the Earth's field, and a fiftieth of it in gauss."""
+_LOWEST: Final = 5000.0
+"""[Pa] Of the standard atmosphere in 20 km; in hPa, nowhere is more than 1100."""
+Given = TypeVar("Given", bound=InOrder)
+Made = TypeVar("Made")
 
 
 @dataclasses.dataclass
@@ -51,7 +55,7 @@ class Counts:
     """Readings with an earlier stamp; left out."""
 
 
-class GivenSensor(ABC, Generic[Given, Window]):
+class GivenSensor(ABC, Generic[Given, Made]):
     """Ideal readings in, windows of samples out; the first sample is the first reading."""
 
     def __init__(
@@ -93,11 +97,11 @@ class GivenSensor(ABC, Generic[Given, Window]):
         return given
 
     @abstractmethod
-    def _sampled(self, given: Given) -> list[Window]:
+    def _sampled(self, given: Given) -> list[Made]:
         """Return the samples of readings in the sensor's place; ``position`` counts on."""
 
     @abstractmethod
-    def _count(self, window: Window) -> int:
+    def _count(self, window: Made) -> int:
         """Return how many samples there are in a window."""
 
     def _look(self, given: Given) -> None:
@@ -140,7 +144,7 @@ class GivenSensor(ABC, Generic[Given, Window]):
             return None
         return self._last_ns + round((index - self.position + 1) * self._nominal_ns)
 
-    def read(self, given: Given) -> list[Window]:
+    def read(self, given: Given) -> list[Made]:
         """Return the samples that readings give, in one window or several.
 
         If stamps jump back the errors begin again; readings that repeat a stamp, or come late,
@@ -158,12 +162,12 @@ class GivenSensor(ABC, Generic[Given, Window]):
             self.counts.samples += self._count(window)
         return windows
 
-    def _in_order(self, given: Given, back_ns: int) -> list[Window]:
+    def _in_order(self, given: Given, back_ns: int) -> list[Made]:
         """Return the samples of readings in order, after a jump back of their stamps."""
         if back_ns:
             self._restart(back_ns)
         self._look(given)
-        windows: list[Window] = []
+        windows: list[Made] = []
         for rows, left_out, pause_ns in self._gaps.parts(given.t_ns):
             if pause_ns:
                 self.counts.pauses += 1
@@ -238,12 +242,30 @@ class GivenBoardSensor(GivenSensor[GivenValues, SensorBlock]):
         """The name is that of its parameters and faults."""
         self.readings, self.topics = declared.readings, declared.topics
         self._conventions = Conventions(parameters)
+        self._looked = False
         rate: float = getattr(parameters.imu, self.name).rate
         super().__init__(parameters, rate, remark, quantity.replace("_", " "))
 
     def _begin(self, seed: int) -> None:
         super()._begin(seed)
         self._model: Any = None
+
+    def _look(self, given: GivenValues) -> None:
+        """Say if the first values look like those of another unit."""
+        if self._looked or not self.parameters.input.check:
+            return
+        self._looked = True
+        size = float(np.linalg.norm(given.values[:1]))
+        if self.quantity == "magnetic_field" and size > _STRONGEST:
+            self._remark(
+                f"magnetic field: the first one is {size:.3g} T long; are the values in "
+                "microtesla or gauss? They must be in tesla"
+            )
+        if self.quantity == "pressure" and size < _LOWEST:
+            self._remark(
+                f"pressure: the first one is {size:.5g} Pa; are the values in hectopascal, or "
+                "heights? They must be in pascal"
+            )
 
     def configure(self, parameters: ErrorModelParameters) -> None:
         """Take new values of live parameters, from the next sample on."""

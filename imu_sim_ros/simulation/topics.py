@@ -22,7 +22,9 @@ from imu_sim_ros.conventions import (
     TF_STATIC_TOPIC,
 )
 from imu_sim_ros.rotation import from_matrix
+from imu_sim_ros.sensors.barometer.declaration import SENSOR as BAROMETER
 from imu_sim_ros.sensors.declaration import Mounted, Payloads, Topic
+from imu_sim_ros.sensors.magnetometer.declaration import SENSOR as MAGNETOMETER
 from imu_sim_ros.sensors.orientation.declaration import TOPIC as ORIENTATION_TOPIC
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.simulation.sensors import mounts
@@ -33,6 +35,13 @@ OF_THE_ERROR_MODEL: Final = (
     *ERROR_TOPICS,
 )
 """Topics that an error model has for the readings of somebody else."""
+OF_ITS_BOARD: Final = tuple(
+    topic.name
+    for sensor in (MAGNETOMETER, BAROMETER)
+    for topic in sensor.topics
+    if topic.flags is not None
+)
+"""Those for ideal fields and pressures that come with them."""
 MOUNTS: Final = TF_STATIC_TOPIC.strip("/")
 
 

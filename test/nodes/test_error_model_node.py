@@ -10,11 +10,16 @@ from geometry_msgs.msg import Vector3Stamped
 from nav_msgs.msg import Odometry
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
-from sensor_msgs.msg import Imu, Temperature
+from sensor_msgs.msg import FluidPressure, Imu, MagneticField, Temperature
 from std_srvs.srv import Trigger
 
 import imu_sim_ros as ims
-from imu_sim_ros.bags.messages.encode import ImuEncoder, OdometryEncoder
+from imu_sim_ros.bags.messages.encode import (
+    FluidPressureEncoder,
+    ImuEncoder,
+    MagneticFieldEncoder,
+    OdometryEncoder,
+)
 from imu_sim_ros.nodes.error_model.node import ErrorModelNode
 from imu_sim_ros.rotation import rotate_inverse
 
@@ -98,6 +103,49 @@ def test_live_readings_are_those_of_the_simulation(start, listener, flight):
     assert node.end() == 0
     assert f"error_model: received {len(flight)} messages on imu/ideal" in node.output
     assert f"error_model: published {len(flight)} messages on imu/data_raw" in node.output
+
+
+def test_magnetometer_and_barometer_are_those_of_the_simulation(start, listener):
+    given = {"preset": "mpu9250", "barometer_preset": "bmp388", "barometer_rate": 50.0}
+    sensors = ["magnetic_field", "pressure"]
+    run = {"imu": given, "rate": RATE, "seed": SEED, "trajectory": "figure_eight", "duration": 2}
+    flight = ims.simulate(sensors=sensors, **run)
+    read = flight.magnetic_field, flight.pressure
+    listener.listen("imu/mag", MagneticField)
+    listener.listen("ground_truth/magnetometer_bias", Vector3Stamped)
+    listener.listen("imu/pressure", FluidPressure)
+    listener.listen("ground_truth/faults", DiagnosticArray)
+    node = start(
+        "error_model",
+        *("--imu", "mpu9250", "--rate", "500", "--seed", "3", "--publish.biases", "true"),
+        *("--publish.magnetic_field", "true", "--publish.pressure", "true"),
+        *("--imu.barometer_preset", "bmp388", "--imu.barometer_rate", "50"),
+    )
+    fields = Source(listener, MagneticField, "imu/mag/ideal")
+    airs = Source(listener, FluidPressure, "imu/pressure/ideal")
+    rows = MagneticFieldEncoder("imu_link").encode(read[0].true_t_ns, read[0].ideal_field)
+    messages = [row.tobytes() for row in rows]
+    nan = messages[0].replace(read[0].ideal_field[0, 0].tobytes(), np.float64(np.nan).tobytes())
+    fields.send([nan, *messages])
+    rows = FluidPressureEncoder("imu_link").encode(read[1].true_t_ns, read[1].ideal_pressure)
+    airs.send([row.tobytes() for row in rows])
+    listener.wait_for("imu/mag", len(read[0]))
+    listener.wait_for("ground_truth/magnetometer_bias", len(read[0]))
+    listener.wait_for("imu/pressure", len(read[1]))
+    found = listener.messages("imu/mag")
+    assert np.array_equal(vectors(found, "magnetic_field"), read[0].field)
+    density = np.array([one.magnetic_field_covariance[0] for one in found])
+    assert (density > 0.0).all()  # the resolution's
+    bias = listener.messages("ground_truth/magnetometer_bias")
+    assert np.array_equal(vectors(bias, "vector"), read[0].bias)
+    air = [message.fluid_pressure for message in listener.messages("imu/pressure")]
+    assert np.array_equal(air, read[1].pressure)
+    result = listener.set("error_model", inject__kind="stuck", inject__triad="magnetometer")
+    assert result.successful, result.reason
+    listener.wait_for("ground_truth/faults", 1)
+    assert node.end() == 0
+    assert f"received {len(read[0]) + 1} messages on imu/mag/ideal" in node.output
+    assert "imu/mag/ideal: refused" in node.output
 
 
 def test_changes_faults_reset_and_bad_messages(start, listener):

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
+from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.random_streams import Streams, axis_generators
 from imu_sim_ros.sensors.imu.batch import BatchSamples
+from imu_sim_ros.timebase import sample_times_ns
 
 RATE, COUNT, STEPS = 200.0, 5, 300
 """Steps over two chunks of noise."""
@@ -131,7 +133,7 @@ def test_a_spread_unit_can_be_made_alone() -> None:
 def test_spreads_have_their_distributions() -> None:
     """Of 3,000 numbers each: mean within 5 sigma / sqrt(n), deviation within 5 / sqrt(2 n)."""
     model = ims.ErrorModel(imu="perfect", rate=RATE, seed=0, count=1000, spread=SPREAD)
-    own = model._batch._parameters(slice(None))
+    own = {name: model._batch.units.triad(name, slice(None)) for name in TRIADS}
     n = 3000
     bias = own["accelerometer"].bias
     assert abs(bias.mean()) < 5.0 * 0.2 / np.sqrt(n)
@@ -164,16 +166,16 @@ def test_the_same_unit_keeps_its_calibration_and_gets_new_noise() -> None:
     model = ims.ErrorModel(imu=TERMS, rate=RATE, seed=3, count=COUNT)
     still = np.zeros((COUNT, 3))
     first = model.read(0, still, still)
-    before = model._batch._triads["gyroscope"]._parameters.quadratic.copy()
+    triad = model._batch._triads["gyroscope"]
+    before = triad._parameters.quadratic.copy()
     model.reset(restart="same_unit")
     second = model.read(0, still, still)
-    np.testing.assert_array_equal(model._batch._triads["gyroscope"]._parameters.quadratic, before)
+    np.testing.assert_array_equal(triad._parameters.quadratic, before)
     assert not (first.gyro_bias == second.gyro_bias).any()  # turn-on and noise
     with pytest.raises(ConfigurationError, match="did not begin again as the same unit"):
         model.unit(0)
     model.reset(restart="next_seed")
-    after = model._batch._triads["gyroscope"]._parameters.quadratic
-    assert not (after == before).any()
+    assert not (triad._parameters.quadratic == before).any()
 
 
 def test_statistics_over_environments() -> None:
@@ -265,3 +267,139 @@ def test_bad_calls_are_refused_with_a_line() -> None:
         model.reset(restart="again")
     with pytest.raises(ConfigurationError, match="k = 5"):
         model.unit(5)
+
+
+FIELD = 1e-5 * RNG.normal(size=(STEPS, COUNT, 3)) + [2e-5, 0.0, -4e-5]
+PRESSURE = 1e5 + 100.0 * RNG.normal(size=(STEPS, COUNT))
+BOARD: dict[str, Any] = {
+    "magnetometer_rate": 50.0,
+    "magnetometer_hard_iron": [1e-5, 0.0, -2e-5],
+    "magnetometer_hard_iron_sigma": 1e-5,
+    "magnetometer_soft_iron_sigma": 0.02,
+    "magnetometer_misalignment_sigma": 0.02,
+    "magnetometer_current_coupling": [1e-6, 2e-6, 0.0],
+    "magnetometer_current_profile": [0.0, 1.0, 3.0, 2.0],
+    "magnetometer_noise_density": 1e-7,
+    "magnetometer_random_walk": 1e-8,
+    "magnetometer_bias_instability": 1e-7,
+    "magnetometer_turn_on_bias_sigma": 1e-5,
+    "magnetometer_turn_on_scale_sigma": 0.01,
+    "magnetometer_temperature_bias": [1e-7, 2e-7, 3e-7],
+    "magnetometer_time_offset": 0.01,
+    "magnetometer_range": [5e-5, 5e-5, 0.0],
+    "magnetometer_resolution": 1.5e-7,
+    "barometer_rate": 25.0,
+    "barometer_noise_density": 1.0,
+    "barometer_random_walk": 0.1,
+    "barometer_gauss_markov_sigma": 20.0,
+    "barometer_correlation_time": 10.0,
+    "barometer_turn_on_bias_sigma": 100.0,
+    "barometer_temperature_bias_sigma": 1.0,
+    "barometer_gust_rate": 2.0,
+    "barometer_gust_sigma": 5.0,
+    "barometer_maximum": 100200.0,
+    "barometer_resolution": 0.5,
+}
+WARMING = {"profile": [0.0, 20.0, 3.0, 40.0]}
+
+
+def board_steps(model: Any, begin: int, end: int) -> list[tuple[Any, Any]]:
+    return [
+        (model.read_magnetic_field(k, FIELD[k]), model.read_pressure(k, PRESSURE[k]))
+        for k in range(begin, end)
+    ]
+
+
+def assert_same_board(samples: list[tuple[Any, Any]], unit: int, single: Any, begin: int) -> None:
+    """Compare a unit's magnetometer and barometer with the ones that begin at a step."""
+    rows = slice(begin, begin + len(samples))
+    imu, count = single.parameters.imu, len(samples)
+    t_ns = [sample_times_ns(0, count, own.rate) for own in (imu.magnetometer, imu.barometer)]
+    read = single.read_magnetic_field(t_ns[0], FIELD[rows, unit])
+    air = single.read_pressure(t_ns[1], PRESSURE[rows, unit])
+    for name in ("field", "bias"):
+        mine = np.array([getattr(sample, name)[unit] for sample, _ in samples])
+        np.testing.assert_array_equal(mine, getattr(read, name), err_msg=f"{unit} {name}")
+    for name in ("pressure", "bias"):
+        mine = np.array([getattr(sample, name)[unit] for _, sample in samples])
+        np.testing.assert_array_equal(mine, getattr(air, name), err_msg=f"{unit} {name}")
+
+
+@pytest.mark.parametrize("imu", [BOARD, {"preset": "mpu9250", "barometer_preset": "bmp388"}])
+def test_magnetometers_and_barometers_are_those_of_their_seeds(imu: dict[str, Any]) -> None:
+    """At step 50 some begin as the next unit, at 130 another one with the same seed."""
+    given = {"rate": RATE, "imu": imu, "temperature": WARMING, "input": {"axes": "frd"}}
+    model = ims.ErrorModel(count=COUNT, seed=3, **given)
+    samples = board_steps(model, 0, 50)
+    model.reset(np.array([True, False, False, True, False]))
+    samples += board_steps(model, 50, 130)
+    model.reset(np.array([False, True, False, False, False]), "same_seed")
+    samples += board_steps(model, 130, STEPS)
+    for unit, begin, seed in ((0, 50, 3 + COUNT), (3, 50, 6 + COUNT), (1, 130, 4), (2, 0, 5)):
+        assert_same_board(samples[begin:], unit, ims.ErrorModel(seed=seed, **given), begin)
+
+
+def test_a_list_and_a_spread_of_magnetometers() -> None:
+    each = [{**BOARD, "barometer_gust_rate": 0.0, "barometer_gust_sigma": 0.0}, BOARD]
+    spread = {
+        "magnetometer_hard_iron": ("gaussian", 1e-5),
+        "magnetometer_noise_density": ("uniform", 1e-8, 1e-7),
+        "magnetometer_misalignment_sigma": ("uniform", 0.0, 0.1),
+    }
+    model = ims.ErrorModel(imu=each, rate=RATE, seed=3, count=COUNT, spread=spread)
+    samples = board_steps(model, 0, 150)
+    for unit in range(COUNT):
+        own = model.unit(unit)
+        assert set(own["imu"]) == set(spread)
+        alone = ims.ErrorModel(imu={**each[unit % 2], **own["imu"]}, rate=RATE, seed=own["seed"])
+        assert_same_board(samples, unit, alone, 0)
+
+
+def test_bad_fields_and_pressures_are_held() -> None:
+    model = ims.ErrorModel(imu=BOARD, rate=RATE, seed=3, count=COUNT)
+    good = ims.ErrorModel(imu=BOARD, rate=RATE, seed=3, count=COUNT)
+    for one in (model, good):
+        board_steps(one, 0, 1)
+    field, pressure = FIELD[1].copy(), PRESSURE[1].copy()
+    field[2, 1], pressure[4] = np.nan, np.inf
+    with pytest.warns(UserWarning, match="environment 2: a reading"):
+        found = model.read_magnetic_field(0, field)
+    with pytest.warns(UserWarning, match="environment 4: a reading"):
+        air = model.read_pressure(0, pressure)
+    assert np.flatnonzero(found.held).tolist() == [2]
+    assert np.flatnonzero(air.held).tolist() == [4]
+    field[2], pressure[4] = FIELD[0, 2], PRESSURE[0, 4]
+    np.testing.assert_array_equal(found.field, good.read_magnetic_field(0, field).field)
+    np.testing.assert_array_equal(air.pressure, good.read_pressure(0, pressure).pressure)
+
+
+def test_heights_are_pressures_of_the_atmosphere() -> None:
+    """At 11 km the standard has 22632 Pa (US Standard Atmosphere 1976, geopotential)."""
+    model = ims.ErrorModel(imu="perfect", rate=RATE, seed=3, count=COUNT)
+    heights = np.full(COUNT, 6356766.0 * 11e3 / (6356766.0 - 11e3))
+    heights[1] = np.nan
+    with pytest.warns(UserWarning, match="environment 1"):
+        found = model.read_pressure(0, altitude=heights)
+    np.testing.assert_allclose(np.delete(found.pressure, 1), 22632.06, atol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("call", "line"),
+    [
+        (lambda m: m.read_magnetic_field(0, np.zeros((4, 3))), r"field.*shape \(5, 3\)"),
+        (lambda m: m.read_pressure(0, np.zeros((5, 1))), r"pressure.*shape \(5,\)"),
+        (lambda m: m.read_pressure(0), "either pressure or altitude"),
+        (lambda m: m.read_pressure(0, PRESSURE[0], altitude=PRESSURE[0]), "either pressure or"),
+    ],
+)
+def test_bad_fields_and_pressures_are_refused_with_a_line(call: Any, line: str) -> None:
+    model = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3, count=COUNT)
+    with pytest.raises(ConfigurationError, match=line):
+        call(model)
+
+
+def test_magnetometers_of_different_rates_are_refused_when_they_are_read() -> None:
+    model = ims.ErrorModel(imu=["mpu9250", "bno055"], rate=RATE, seed=3, count=COUNT)
+    model.read(0, GYRO[0], ACCEL[0])
+    with pytest.raises(ConfigurationError, match="imu.magnetometer_rate: must be the same"):
+        model.read_magnetic_field(0, FIELD[0])

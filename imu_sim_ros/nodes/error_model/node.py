@@ -7,7 +7,7 @@ import dataclasses
 import sys
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from typing import Any, Final
 
 import numpy as np
@@ -30,7 +30,9 @@ from imu_sim_ros.nodes.error_model.output import DEPTH, ErrorModelOutputs, wante
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import check_overrides, create
 from imu_sim_ros.nodes.subscriptions import MatchedInputs, RawSubscriptions, Taken
-from imu_sim_ros.simulation.error_input import Differentiator, GivenReadings
+from imu_sim_ros.sensors.barometer.declaration import SENSOR as BAROMETER
+from imu_sim_ros.sensors.magnetometer.declaration import SENSOR as MAGNETOMETER
+from imu_sim_ros.simulation.error_input import Differentiator, GivenReadings, GivenValues
 from imu_sim_ros.simulation.error_model import ErrorModel
 from imu_sim_ros.simulation.error_parameters import (
     NODE,
@@ -58,10 +60,16 @@ class ErrorModelNode(ConfiguredNode):
         parameters: ErrorNodeParameters = self.parameters
         self._lock = threading.Lock()
         """Readings are taken in the reader's thread; everything else runs in the executor's."""
-        self._received = self.refused = 0
+        self._received: Counter[str] = Counter()
+        self.refused = 0
         self._remarks: list[str] = []
         self._said: deque[float] = deque(maxlen=_REMARKS_A_SECOND)
         sensors = {one.name for one in wanted(parameters).values()}
+        self._values = {  # what other sensors measure, and the type of its messages, by topic
+            one.topics[0].name + conventions.IDEAL_SUFFIX: (one.quantity, one.topics[0].type)
+            for one in (MAGNETOMETER, BAROMETER)
+            if one.quantity in sensors
+        }
         self.model = ErrorModel(parameters, sensors, self._remark)
         self._oriented = self.model.uses_orientation
         self._odometry = Differentiator(parameters) if parameters.odometry else None
@@ -96,9 +104,10 @@ class ErrorModelNode(ConfiguredNode):
         self._matched = MatchedInputs(self, self.reader, self._inputs, DEPTH)
 
     def _inputs(self) -> dict[str, Any]:
+        others = {name: decode.message_class(kind) for name, (_, kind) in self._values.items()}
         if self.parameters.odometry:
-            return {conventions.INPUT_ODOMETRY_TOPIC: Odometry}
-        return {conventions.INPUT_IMU_TOPIC: Imu}
+            return {conventions.INPUT_ODOMETRY_TOPIC: Odometry, **others}
+        return {conventions.INPUT_IMU_TOPIC: Imu, **others}
 
     def close(self) -> None:
         """Process what has arrived, wait for the subscribers, and print the counts."""
@@ -106,16 +115,20 @@ class ErrorModelNode(ConfiguredNode):
         self.outputs.close()
         for counter in self.outputs.counters:
             counter.publisher.wait_for_all_acked(_ACKNOWLEDGEMENT)
-        received, (topic,) = self._received, self._inputs()
-        print(f"error_model: received {received} messages on {topic}", flush=True)
+        for topic in self._inputs():
+            count = self._received[topic]
+            print(f"error_model: received {count} messages on {topic}", flush=True)
         for counter in self.outputs.counters:
             print(f"error_model: published {counter.count} messages on {counter.topic}", flush=True)
 
     # ----------------------------------------------------------------------------- readings
     def _take(self, topic: str, taken: list[Taken]) -> None:
         """Add errors to messages, as they are delivered, and publish them."""
-        self._received += len(taken)
+        self._received[topic] += len(taken)
         with self._lock:
+            if topic in self._values:
+                self._take_values(topic, taken)
+                return
             if self._takes_frame:
                 self._take_frame(taken)
             try:
@@ -124,6 +137,22 @@ class ErrorModelNode(ConfiguredNode):
                     self.outputs.publish(block, self.parameters)
             except InputError as error:
                 self._refuse(topic, error, len(taken))
+
+    def _take_values(self, topic: str, taken: list[Taken]) -> None:
+        """Add errors to ideal values of another sensor, and publish them."""
+        quantity, kind = self._values[topic]
+        found = []
+        for payload, _ in taken:
+            try:
+                found.append(decode.value(kind, payload))
+            except InputError as error:
+                self._refuse(topic, error)
+        if found:
+            t_ns = np.array([one for one, _ in found], np.int64)
+            values = np.array([numbers for _, numbers in found])
+            given = GivenValues(t_ns, values if values.shape[1] > 1 else values[:, 0])
+            for block in self.model.other(quantity).read(given):
+                self.outputs.publish({quantity: block}, self.parameters)
 
     def _take_frame(self, taken: list[Taken]) -> None:
         """Let the readings be in the frame of the first message that has one."""
@@ -202,7 +231,7 @@ class ErrorModelNode(ConfiguredNode):
         fault = parameters.inject.fault()
         with self._lock:
             first = self.model.inject(fault, parameters.inject.delay)
-            t_ns = self.model.time_of(first)
+            t_ns = self.model.hit_by(fault).time_of(first)
         now = self.get_clock().now() if t_ns is None else Time(nanoseconds=t_ns)
         name = f"{self.get_name()}: fault"
         self._faults.publish(fault_message(name, fault, "", now.to_msg()))

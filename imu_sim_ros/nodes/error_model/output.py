@@ -15,10 +15,13 @@ from imu_sim_ros.bags.messages.blocks import as_list
 from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.nodes.lifetime import Fail, SupervisedThread
 from imu_sim_ros.nodes.publishing import Counter, create
+from imu_sim_ros.sensors.barometer.declaration import TOPIC as BAROMETER_TOPIC
+from imu_sim_ros.sensors.magnetometer.declaration import TOPIC as MAGNETOMETER_TOPIC
 from imu_sim_ros.sensors.orientation.declaration import TOPIC as ORIENTATION_TOPIC
 from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
 from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.simulation.topics import (
+    OF_ITS_BOARD,
     OF_THE_ERROR_MODEL,
     Encode,
     Offered,
@@ -28,14 +31,14 @@ from imu_sim_ros.simulation.topics import (
 
 DEPTH: Final = 4000
 """Messages kept for a reliable subscriber that has not acknowledged them: 4 s at 1 kHz."""
-_READINGS: Final = (IMU_TOPIC, ORIENTATION_TOPIC)
+_READINGS: Final = (IMU_TOPIC, ORIENTATION_TOPIC, MAGNETOMETER_TOPIC, BAROMETER_TOPIC)
 """What the sensor's driver releases; the truth has no latency."""
 
 
 def wanted(parameters: ErrorNodeParameters) -> dict[str, Offered]:
     """Return the topics that are published."""
     known = offered(mounted(parameters))
-    every = {name: known[name] for name in OF_THE_ERROR_MODEL}
+    every = {name: known[name] for name in (*OF_THE_ERROR_MODEL, *OF_ITS_BOARD)}
     return {n: one for n, one in every.items() if is_published(one.topic, parameters.publish)}
 
 
@@ -71,8 +74,13 @@ class ErrorModelOutputs:
         ]
 
     def publish(self, samples: Mapping[str, Any], parameters: ErrorNodeParameters) -> None:
-        """Publish the messages of samples by sensor; readings with the delay that they have."""
+        """Publish the messages of samples by sensor; readings with the delay that they have.
+
+        A window has the IMU's, or those of another sensor.
+        """
         for topic, sensor, encode, counter in self._outputs:
+            if sensor not in samples:
+                continue
             read = samples[sensor]
             messages = encode(read, parameters)
             payloads = as_list(messages.payloads)

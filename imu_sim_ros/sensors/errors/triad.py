@@ -59,24 +59,31 @@ class Additions(NamedTuple):
 class Triad:
     """One triad; see the package's docstring for the order of the errors."""
 
-    def __init__(self, triad: str, imu: ImuParameters, seed: Seed, rate: float) -> None:
+    def __init__(
+        self,
+        triad: str,
+        imu: ImuParameters,
+        seed: Seed,
+        rate: float,
+        own: TriadParameters | None = None,
+    ) -> None:
         """Set up the errors at their start; :meth:`configure` gives them their strength.
 
-        :param imu: of a batch, the triad's parameters are arrays (count, k).
         :param seed: of a batch, an array that changes before units :meth:`begin` again.
         :param rate: samples per second [Hz].
+        :param own: of a batch, the triad's parameters, arrays (count, k); None: the IMU's.
         """
         self._ratio = int(imu.internal_ratio(rate))
         internal = rate * self._ratio
         dt, shape = 1.0 / internal, np.shape(seed)
         self._triad, self._seed = triad, seed
-        own = imu.triad(triad)
+        own = imu.triad(triad) if own is None else own
         turn_on = TurnOn(seed, triad, own)
         self._turn_on_bias = turn_on.bias if np.any(own.turn_on_bias_sigma) else None
         self._turn_on_scale = 1.0 + turn_on.scale if np.any(own.turn_on_scale_sigma) else None
         self._response = Response()
         self._bias_terms = bias_terms(seed, triad, own, dt)
-        self._board_terms = board_terms(seed, triad, imu, dt)
+        self._board_terms = board_terms(seed, triad, imu, own, dt)
         ages = np.any(own.ageing_scale)
         self._ageing_scale = np.asarray(own.ageing_scale) if ages else None
         self._age_days, self._dt = imu.age_days, dt

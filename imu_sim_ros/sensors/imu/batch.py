@@ -7,51 +7,25 @@ The arithmetic is that of one IMU (:class:`~imu_sim_ros.sensors.errors.triad.Tri
 more: unit k reads, bit for bit, what one IMU with its parameters and its seed reads.
 """
 
-import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import timebase
 from imu_sim_ros.conventions import ERRORS, TRIADS
-from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.names import suggestion
-from imu_sim_ros.parameters.sections import parameters as declared
-from imu_sim_ros.random_streams import Streams, Units
+from imu_sim_ros.random_streams import Units
+from imu_sim_ros.sensors.barometer.model import NAME as BAROMETER
+from imu_sim_ros.sensors.barometer.model import Gusts, PressureErrors, gusts
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.errors.flicker import CHUNK
-from imu_sim_ros.sensors.errors.realised import unit_of_seed
-from imu_sim_ros.sensors.errors.response import TemperatureProfile
-from imu_sim_ros.sensors.errors.triad import Additions, Triad, is_constant
+from imu_sim_ros.sensors.errors.realised import with_constants
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.imu.triads import TriadParameters
+from imu_sim_ros.sensors.imu.units import AHEAD, Spread, Triads, UnitsOfBatch, check_alike
+from imu_sim_ros.sensors.magnetometer.model import NAME as MAGNETOMETER
+from imu_sim_ros.sensors.magnetometer.model import Iron, MagneticErrors, current_at, iron
 from imu_sim_ros.types import Array, Integers, Mask
 
 RESTARTS: Final = ("same_seed", "same_unit", "next_seed")
-AHEAD: Final = CHUNK
-"""Samples of a unit whose noise is made at once."""
-_AT_ONCE: Final = 48
-"""Units for which that is done together: their arrays stay in the processor's cache, and are small
-enough for memory that the system need not map anew each time."""
-_COMMON: Final = ("bandwidth",)
-"""Parameters of a triad that all units share."""
-_NOT_IN_BATCHES: Final = ("temperature_hysteresis", "stress_step_sigma", "shock_bias_sigma")
-_OF_MESSAGES: Final = (
-    *("clock_skew_ppm", "clock_drift_ppm_per_hour", "stamp_offset", "jitter", "latency"),
-    *("latency_jitter", "dropout_probability", "dropout_burst_rate", "duplicate_probability"),
-)
-
-
-class Spread(NamedTuple):
-    """How a parameter differs from unit to unit."""
-
-    kind: str
-    """``uniform``, from low to high, or ``gaussian``, about the parameter's own value."""
-    low: Array
-    """(3,); of a gaussian, the standard deviation."""
-    high: Array
-    """(3,)"""
 
 
 class BatchSamples(NamedTuple):
@@ -84,8 +58,34 @@ class BatchSamples(NamedTuple):
     """(count,) units whose ideal reading was impossible: they kept the one before."""
 
 
+class BatchField(NamedTuple):
+    """A sample of each magnetometer; all arrays have ``count`` rows."""
+
+    t_ns: int
+    """As given [ns]."""
+    field: Array
+    """(count, 3) readings [T]."""
+    bias: Array
+    """(count, 3) what is added to the field times the sensor's response [T]."""
+    held: Mask
+    """(count,) units whose ideal field was impossible: they kept the one before."""
+
+
+class BatchPressure(NamedTuple):
+    """A sample of each barometer; all arrays have ``count`` rows."""
+
+    t_ns: int
+    """As given [ns]."""
+    pressure: Array
+    """(count,) readings [Pa]."""
+    bias: Array
+    """(count,) what is added to it, without white noise and rounding [Pa]."""
+    held: Mask
+    """(count,) units whose ideal pressure was impossible: they kept the one before."""
+
+
 class ImuBatch:
-    """The IMUs; every call of :meth:`read` is the next sample of all of them."""
+    """The IMUs; every call of a sensor's ``read`` is the next sample of all of that kind."""
 
     def __init__(
         self,
@@ -94,74 +94,19 @@ class ImuBatch:
         count: int,
         spread: Mapping[str, Spread] | None = None,
     ) -> None:
-        """Set up all units at their start; unit k has the seed of the environment plus k.
+        """Set up all units at their start; arguments as for :class:`UnitsOfBatch`."""
+        self.units = UnitsOfBatch(imus, environment, count, spread or {})
+        self._triads = Triads(self.units, TRIADS, environment)
 
-        :param imus: unit k has parameters k modulo their number.
-        :param spread: parameters that differ from unit to unit, by name.
-        :raises ConfigurationError: for what a batch does not have.
-        """
-        self._imus, self._spread = list(imus), dict(spread or {})
-        _check(self._imus, self._spread)
-        self._rate, self.count = environment.rate, count
-        self.unit_seeds: Integers = environment.seed + np.arange(count)
-        """(count,) of what differs from unit to unit."""
-        self.seeds = self.unit_seeds.copy()
-        """(count,) of what differs from run to run: noise, turn-on."""
-        self._index = np.zeros(count, np.int64)
-        """(count,) of the next sample of each unit since it began."""
-        self._in_phase = True
-        self._temperature = TemperatureProfile(environment.temperature)
-        self._reference = self._imus[0].reference_temperature
-        imu = dataclasses.replace(self._imus[0], **self._parameters(slice(None)))
-        self._triads = {name: Triad(name, imu, self.seeds, self._rate) for name in TRIADS}
-        for name, triad in self._triads.items():
-            triad.take(unit_of_seed(imu.triad(name), name, self.unit_seeds))
-        self._ahead = {name: Additions(None, _room(count), _room(count)) for name in TRIADS}
-        self._degrees = np.empty((1 if self._temperature.constant else AHEAD, count))
-        self._offset: Array | None = None
-        """(AHEAD, ...) of a temperature that never changes, above the reference [K]."""
-        if self._temperature.constant:
-            self._degrees[...] = degrees = self._temperature.at(np.zeros(1))
-            self._offset = np.broadcast_to(degrees - self._reference, (AHEAD, _AT_ONCE))
+    @cached_property
+    def magnetometers(self) -> "MagnetometerBatch":
+        """Their magnetometers, which start when they are first asked for."""
+        return MagnetometerBatch(self.units)
 
-    def _parameters(self, units: Units) -> dict[str, Any]:
-        """Return the parameters of some units, arrays (m, k), before constants are drawn."""
-        seeds = self.unit_seeds[units]
-        which = np.arange(self.count)[units] % len(self._imus)
-        return {name: self._of_triad(name, seeds, which) for name in TRIADS}
-
-    def _of_triad(self, name: str, seeds: Integers, which: Integers) -> TriadParameters:
-        own = [imu.triad(name) for imu in self._imus]
-        values: dict[str, Any] = {}
-        for field in dataclasses.fields(own[0]):
-            if field.name in _COMMON:
-                continue
-            rows = [np.asarray(getattr(one, field.name), np.float64) for one in own]
-            width = max(len(row) for row in rows)
-            table = np.stack([np.pad(row, (0, width - len(row))) for row in rows])
-            alike = bool((table == table[0]).all())
-            each = np.broadcast_to(table[0], (len(seeds), width)) if alike else table[which]
-            spread = self._spread.get(f"{name}_{field.name}")
-            if spread is not None:
-                each = _drawn(spread, each, seeds, f"spread.{name}_{field.name}")
-                limits = declared(TriadParameters)[field.name]
-                each = np.clip(each, limits.minimum, limits.maximum)
-            values[field.name] = each
-        return dataclasses.replace(own[0], **values)
-
-    def unit(self, k: int) -> dict[str, Any]:
-        """Return the parameters of unit k, by name: those of one IMU that reads the same.
-
-        Its ``seed`` gives the same run as long as the unit has not begun again as ``same_unit``.
-        """
-        values: dict[str, Any] = {}
-        for name, own in self._parameters(slice(k, k + 1)).items():
-            for field in dataclasses.fields(own):
-                value = np.ravel(getattr(own, field.name)).tolist()
-                usual = list(getattr(self._imus[k % len(self._imus)].triad(name), field.name))
-                if value[: len(usual)] != usual:
-                    values[f"{name}_{field.name}"] = value
-        return values
+    @cached_property
+    def barometers(self) -> "BarometerBatch":
+        """Their barometers, likewise."""
+        return BarometerBatch(self.units)
 
     def begin(self, units: Integers, restart: str) -> None:
         """Let some units begin again with their next sample.
@@ -170,18 +115,11 @@ class ImuBatch:
         """
         if not len(units):
             return
-        if restart != "same_seed":
-            self.seeds[units] += self.count
-        renewed = restart == "next_seed"
-        if renewed:
-            self.unit_seeds[units] += self.count
-        own = self._parameters(units)
-        for name, triad in self._triads.items():
-            drawn = unit_of_seed(own[name], name, self.unit_seeds[units]) if renewed else None
-            triad.begin(units, own[name], drawn)
-        self._index[units] = 0
-        places = self._index % AHEAD
-        self._in_phase = bool((places == places[0]).all())
+        renewed = self.units.begin(units, restart)
+        self._triads.begin(units, renewed)
+        for name in ("magnetometers", "barometers"):
+            if name in self.__dict__:
+                getattr(self, name).begin(units, renewed)
 
     def read(self, t_ns: int, gyro: Array, accel: Array, held: Mask) -> BatchSamples:
         """Return the next sample of each unit.
@@ -190,25 +128,11 @@ class ImuBatch:
         :param accel: (count, 3) ideal specific forces [m/s^2].
         :param held: (count,) passed on.
         """
-        rows: Any
-        if self._in_phase:
-            rows = int(self._index[0]) % AHEAD
-            due = range(0 if rows else self.count)
-        else:
-            places = self._index % AHEAD
-            rows = (places, np.arange(self.count))
-            due = np.flatnonzero(places == 0)
-        for begin in range(0, len(due), _AT_ONCE):
-            units = due[begin : begin + _AT_ONCE]
-            together = units[-1] - units[0] + 1 == len(units)  # a slice needs no copies
-            self._make_ahead(slice(units[0], units[-1] + 1) if together else units)
-        self._index += 1
-        made = []
-        for (name, triad), ideal in zip(self._triads.items(), (gyro, accel), strict=True):
-            scale, bias, noise = self._ahead[name]
-            scale = None if scale is None else _at(rows, scale)
-            additions = Additions(scale, _at(rows, bias), _at(rows, noise))
-            made.append(triad.read(0, ideal[None], accel[None], _NONE, None, None, additions))
+        additions, temperature, _ = self._triads.next()
+        made = [
+            self._triads[name].read(0, ideal[None], accel[None], _NONE, None, None, additions[name])
+            for name, ideal in zip(TRIADS, (gyro, accel), strict=True)
+        ]
         errors: dict[str, Any] = {
             f"{name}_{error}": values[0]
             for name, reading in zip(("gyro", "accel"), made, strict=True)
@@ -216,103 +140,101 @@ class ImuBatch:
             if error != "vibration"
         }
         rate, force = (reading.reading[0] for reading in made)
-        temperature = np.copy(self._degrees[0 if len(self._degrees) == 1 else rows])
         return BatchSamples(t_ns, rate, force, temperature, held=held, **errors)
-
-    def _make_ahead(self, units: Units) -> None:
-        """Make what the next samples of some units get, whatever their ideal readings are."""
-        first = self._index[units]
-        if self._offset is not None:
-            offset = self._offset[:, : len(first)]
-        else:
-            temperature = np.empty((AHEAD, len(first)))
-            for begin in np.unique(first).tolist():
-                t_ns = timebase.sample_times_ns(begin, AHEAD, self._rate)
-                own = self._temperature.at(timebase.seconds_since(t_ns, 0))
-                temperature[:, first == begin] = own[:, None]
-            self._degrees[:, units] = temperature
-            offset = temperature - self._reference
-        for name, triad in self._triads.items():
-            made = triad.precompute(offset, units)
-            kept = self._ahead[name]
-            if made.scale is not None:
-                # A scale that never changes is kept once.
-                own = made.scale[:1] if is_constant(made.scale) else made.scale
-                scale = kept.scale
-                if scale is None:
-                    scale = _room(self.count, len(own))
-                    scale[...] = 1.0
-                    self._ahead[name] = kept._replace(scale=scale)
-                scale[:, units] = own
-            kept.bias[:, units], kept.noise[:, units] = made.bias, made.noise
 
 
 _NONE: Final = np.zeros(1)
 """A temperature that nothing depends on: what does was made before."""
 
 
-def _room(count: int, rows: int = AHEAD) -> Array:
-    """Return memory (rows, count, 3), each component of a row contiguous."""
-    return np.empty((rows, 3, count)).swapaxes(1, 2)
+class MagnetometerBatch:
+    """The magnetometers of the units."""
+
+    def __init__(self, units: UnitsOfBatch) -> None:
+        """Set up all of them at their start."""
+        self._units = units
+        own = [imu.magnetometer for imu in units.imus]
+        check_alike(own, f"imu.{MAGNETOMETER}", ("rate", "time_offset", "current_profile"))
+        self._common = own[0]
+        """Whose rate and currents all share."""
+        flows = {"current": self._currents} if self._common.current_profile else {}
+        self._triads = Triads(units, [MAGNETOMETER], self._common, flows)
+        self._errors = MagneticErrors(self._triads[MAGNETOMETER], self._iron(slice(None)))
+
+    def begin(self, units: Integers, renewed: bool) -> None:
+        """Let some units begin again; arguments as for :meth:`Triads.begin`."""
+        self._triads.begin(units, renewed)
+        if renewed:
+            for near, own in zip(self._errors.near, self._iron(units), strict=True):
+                near[units] = own
+
+    def read(self, t_ns: int, field: Array, held: Mask) -> BatchField:
+        """Return the next sample of each unit.
+
+        :param field: (count, 3) ideal fields in the axes of the IMUs [T].
+        :param held: (count,) passed on.
+        """
+        additions, _, others = self._triads.next()
+        current = others.get("current")
+        made = self._errors.read(0, field[None], current, _NONE, None, additions[MAGNETOMETER])
+        return BatchField(t_ns, made["field"][0], made["bias"][0], held)
+
+    def _iron(self, units: Units) -> Iron:
+        """Return what is near the magnetometers of some units."""
+        seeds = self._units.unit_seeds[units].tolist()
+        each = [
+            iron(with_constants(own, MAGNETOMETER, seed))
+            for own, seed in zip(self._units.magnetometers(units), seeds, strict=True)
+        ]
+        return Iron(*(np.stack(parts) for parts in zip(*each, strict=True)))
+
+    def _currents(self, units: Units, first: Integers) -> Array:
+        """Return the currents of the next samples (AHEAD, m) [A]."""
+        return self._triads.at_times(first, lambda t: current_at(self._common, t))
 
 
-def _at(rows: Any, values: Array) -> Array:
-    """Return the values (1, count, 3) of each unit's next sample, a copy."""
-    if len(values) == 1:
-        return np.copy(values)
-    if isinstance(rows, int):
-        return np.copy(values[rows : rows + 1])
-    place, unit = rows
-    memory = values.swapaxes(1, 2).reshape(-1)
-    count = len(unit)
-    begin = place * (3 * count) + unit
-    found = memory.take(begin + count * np.arange(3)[:, None])
-    return found.T[None]
+class BarometerBatch:
+    """The barometers of the units."""
 
+    def __init__(self, units: UnitsOfBatch) -> None:
+        """Set up all of them at their start."""
+        self._units = units
+        which = units.which(slice(None))
+        own = [imu.barometer for imu in units.imus]
+        check_alike(own, f"imu.{BAROMETER}", ("rate", "time_offset"))
+        self._gusts: list[Gusts | None] = [None] * units.count
+        self._draw(np.arange(units.count))
+        flows = {"gust": self._blow} if any(one.gust_rate for one in own) else {}
+        self._triads = Triads(units, [BAROMETER], own[0], flows)
+        self._errors = PressureErrors(self._triads[BAROMETER])
+        limits = [np.array([getattr(one, name) for one in own]) for name in ("minimum", "maximum")]
+        self._errors.configure(*(limit[which] for limit in limits))
 
-def _drawn(spread: Spread, own: Array, seeds: Integers, source: str) -> Array:
-    """Return values (m, 3) of units."""
-    if spread.kind == "gaussian":
-        return own + spread.low * Streams(seeds, source).next(1)[0]
-    share = Streams(seeds, source, numbers="random").next(1)[0]
-    return spread.low + (spread.high - spread.low) * share
+    def _draw(self, units: Integers) -> None:
+        """Let the gusts of some units begin; each is a process of its own."""
+        which = self._units.which(units).tolist()
+        for unit, number in zip(units.tolist(), which, strict=True):
+            own = self._units.imus[number].barometer
+            self._gusts[unit] = gusts(own, int(self._units.seeds[unit]))
 
+    def _blow(self, units: Units, _: Integers) -> Array:
+        """Return what gusts add to the next samples (AHEAD, m) [Pa]."""
+        chosen = np.arange(self._units.count)[units].tolist()
+        each = [one.next(AHEAD) if (one := self._gusts[k]) else np.zeros(AHEAD) for k in chosen]
+        return np.stack(each, axis=1)
 
-def _check(imus: Sequence[ImuParameters], spread: Mapping[str, Spread]) -> None:
-    """Make sure that a batch has what is asked of it.
+    def begin(self, units: Integers, renewed: bool) -> None:
+        """Let some units begin again; arguments as for :meth:`Triads.begin`."""
+        self._draw(units)
+        self._triads.begin(units, renewed)
 
-    :raises ConfigurationError: with a line for each thing.
-    """
-    problems = list(dict.fromkeys(_problems(imus)))
-    known = {
-        f"{triad}_{name}"
-        for triad in TRIADS
-        for name, parameter in declared(TriadParameters).items()
-        if parameter.kind == "vector" and name not in (*_COMMON, *_NOT_IN_BATCHES)
-    }
-    problems += [
-        f"spread {name}: {suggestion(name, sorted(known))}" for name in spread if name not in known
-    ]
-    if problems:
-        raise ConfigurationError(problems)
+    def read(self, t_ns: int, pressure: Array, held: Mask) -> BatchPressure:
+        """Return the next sample of each unit.
 
-
-def _problems(imus: Sequence[ImuParameters]) -> Iterator[str]:
-    first = imus[0]
-    for imu in imus:
-        if imu.sampling != "instantaneous":
-            yield f"imu.sampling = {imu.sampling!r}: must be instantaneous in a batch"
-        if imu.vibration.there:
-            yield "imu.vibration: not in a batch"
-        for name in _OF_MESSAGES:
-            if getattr(imu, name, 0.0):
-                yield f"imu.{name}: not in a batch, whose samples have no stamps or messages"
-        for triad in TRIADS:
-            for name in _NOT_IN_BATCHES:
-                if any(getattr(imu.triad(triad), name)):
-                    yield f"imu.{triad}_{name}: not in a batch"
-            if imu.triad(triad).bandwidth != first.triad(triad).bandwidth:
-                yield f"imu.{triad}_bandwidth: must be the same for all units of a batch"
-        for name in ("bandwidth_order", "reference_temperature", "age_days"):
-            if getattr(imu, name) != getattr(first, name):
-                yield f"imu.{name}: must be the same for all units of a batch"
+        :param pressure: (count,) of the still air at the IMUs [Pa].
+        :param held: (count,) passed on.
+        """
+        additions, _, others = self._triads.next()
+        gust = others.get("gust")
+        made = self._errors.read(0, pressure[None], gust, _NONE, None, additions[BAROMETER])
+        return BatchPressure(t_ns, made["pressure"][0], made["bias"][0], held)

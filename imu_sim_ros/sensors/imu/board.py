@@ -21,6 +21,7 @@ from imu_sim_ros.random_streams import (
 )
 from imu_sim_ros.sensors.errors.processes import next_numbers
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.imu.triads import TriadParameters
 from imu_sim_ros.types import Array
 
 _DAY = 86400.0
@@ -55,12 +56,14 @@ class _OfOneUnit:
         """Do nothing: there is no batch."""
 
 
-def board_terms(seed: Seed, triad: str, imu: ImuParameters, dt: float) -> tuple[BoardTerm, ...]:
+def board_terms(
+    seed: Seed, triad: str, imu: ImuParameters, own: TriadParameters, dt: float
+) -> tuple[BoardTerm, ...]:
     """Return those of a triad's terms that are not off.
 
+    :param own: parameters of the triad.
     :param dt: time between two readings [s].
     """
-    own = imu.triad(triad)
     terms: list[BoardTerm] = []
     if np.any(own.temperature_hysteresis):
         width = np.asarray(own.temperature_hysteresis)

@@ -5,6 +5,7 @@
 
 import math
 from fractions import Fraction
+from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -132,6 +133,7 @@ class Iron(NamedTuple):
     """(..., 3) field of one ampere [T/A]."""
 
 
+@lru_cache(maxsize=16)
 def iron(unit: MagnetometerParameters) -> Iron:
     """Return what is near one magnetometer, whose constants are drawn."""
     r_mi = rotation.to_matrix(rotation.exp(unit.misalignment)).T
@@ -139,10 +141,8 @@ def iron(unit: MagnetometerParameters) -> Iron:
     return Iron(r_mi @ near[0], r_mi @ near[1], r_mi @ np.array(unit.current_coupling))
 
 
-def currents(parameters: MagnetometerParameters, t: Array) -> Array | None:
-    """Return the current in the wires (n,) [A] at times t (n,) [s]; None: never any."""
-    if not parameters.current_profile:
-        return None
+def current_at(parameters: MagnetometerParameters, t: Array) -> Array:
+    """Return the current in the wires (n,) [A] at times t (n,) [s], if there ever is any."""
     profile = np.reshape(parameters.current_profile, (-1, 2)).T
     return np.interp(t, profile[0], profile[1])
 
@@ -232,7 +232,8 @@ class Magnetometer:
         return self._read(self._own.given(true_t_ns), ideal, world)
 
     def _read(self, samples: Sampled, ideal: Array, world: World) -> SensorBlock:
-        current = currents(self._parameters, samples.t)
+        flows = bool(self._parameters.current_profile)
+        current = current_at(self._parameters, samples.t) if flows else None
         offset = world.temperature.at(samples.t) - self._reference_temperature
         values = self._errors.read(samples.first, ideal, current, offset, self._own.faults)
         self.latest = SensorBlock(samples.true_t_ns, *self._own.stamp(samples), values)

@@ -27,7 +27,7 @@ from imu_sim_ros.sensors.imu.triads import TriadParameters, invertible_problems
 from imu_sim_ros.sensors.parameters import OwnRateParameters
 from imu_sim_ros.types import Array
 
-_AS_IN_TRIADS: Final = (
+AS_IN_TRIADS: Final = (
     "noise_density",
     "random_walk",
     "bias_instability",
@@ -39,6 +39,7 @@ _AS_IN_TRIADS: Final = (
     "range",
     "resolution",
 )
+"""Errors that are those of a triad."""
 
 
 @dataclass(frozen=True)
@@ -158,7 +159,7 @@ class MagnetometerParameters(OwnRateParameters):
 
     def as_triad(self) -> TriadParameters:
         """Return the errors of the sensor itself; iron, axes and currents are not among them."""
-        return TriadParameters(**{name: getattr(self, name) for name in _AS_IN_TRIADS})
+        return TriadParameters(**{name: getattr(self, name) for name in AS_IN_TRIADS})
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield a line for each contradiction between parameters."""
@@ -174,6 +175,9 @@ class MagnetometerParameters(OwnRateParameters):
                     f"{prefix}current_profile: time {after:g} s after {before:g} s: "
                     "times must increase"
                 )
+
+
+"""Errors that are those of a triad."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,383 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The units of a batch: the parameters of each, and what is made ahead for their next samples."""
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.names import suggestion
+from imu_sim_ros.parameters.kinds import Parameter
+from imu_sim_ros.parameters.sections import parameters as declared
+from imu_sim_ros.random_streams import Streams, Units
+from imu_sim_ros.sensors.environment import EnvironmentParameters
+from imu_sim_ros.sensors.errors.flicker import CHUNK
+from imu_sim_ros.sensors.errors.realised import of_each, unit_of_seed
+from imu_sim_ros.sensors.errors.response import TemperatureProfile
+from imu_sim_ros.sensors.errors.triad import Additions, Triad, is_constant
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.imu.triads import TriadParameters
+from imu_sim_ros.sensors.magnetometer.parameters import AS_IN_TRIADS, MagnetometerParameters
+from imu_sim_ros.sensors.own_rate import instantaneous
+from imu_sim_ros.sensors.parameters import OwnRateParameters
+from imu_sim_ros.sensors.world import SampleTimes
+from imu_sim_ros.types import Array, Integers
+
+AHEAD: Final = CHUNK
+"""Samples of a unit whose noise is made at once."""
+_AT_ONCE: Final = 48
+"""Units for which that is done together: their arrays stay in the processor's cache, and are small
+enough for memory that the system need not map anew each time."""
+_COMMON: Final = ("bandwidth",)
+"""Parameters of a triad that all units share."""
+_NOT_IN_BATCHES: Final = ("temperature_hysteresis", "stress_step_sigma", "shock_bias_sigma")
+_OF_MESSAGES: Final = (
+    *("clock_skew_ppm", "clock_drift_ppm_per_hour", "stamp_offset", "jitter", "latency"),
+    *("latency_jitter", "dropout_probability", "dropout_burst_rate", "duplicate_probability"),
+)
+_MAGNETOMETER: Final = "magnetometer"
+
+
+class Spread(NamedTuple):
+    """How a parameter differs from unit to unit."""
+
+    kind: str
+    """``uniform``, from low to high, or ``gaussian``, about the parameter's own value."""
+    low: Array
+    """(3,); of a gaussian, the standard deviation."""
+    high: Array
+    """(3,)"""
+
+
+class UnitsOfBatch:
+    """Parameters and seeds of the units; unit k has the seed of the environment plus k."""
+
+    def __init__(
+        self,
+        imus: Sequence[ImuParameters],
+        environment: EnvironmentParameters,
+        count: int,
+        spread: Mapping[str, Spread],
+    ) -> None:
+        """Take them.
+
+        :param imus: unit k has parameters k modulo their number.
+        :param spread: parameters that differ from unit to unit, by name.
+        :raises ConfigurationError: for what a batch does not have.
+        """
+        _check(imus, spread)
+        self.imus, self.environment, self.count = list(imus), environment, count
+        self._spread = spread
+        self.unit_seeds: Integers = environment.seed + np.arange(count)
+        """(count,) of what differs from unit to unit."""
+        self.seeds = self.unit_seeds.copy()
+        """(count,) of what differs from run to run: noise, turn-on."""
+
+    def which(self, units: Units) -> Integers:
+        """Return the number of the parameters of some units."""
+        return np.arange(self.count)[units] % len(self.imus)
+
+    def triad(self, name: str, units: Units) -> TriadParameters:
+        """Return the parameters of a triad, arrays (m, k), before constants are drawn.
+
+        :param name: of the triad, or of another sensor as if it were one.
+        """
+        own = [imu.triad(name) for imu in self.imus]
+        values: dict[str, Any] = {}
+        for field in dataclasses.fields(own[0]):
+            if field.name not in _COMMON:
+                rows = [np.asarray(getattr(one, field.name), np.float64) for one in own]
+                spread = name in TRIADS or field.name in AS_IN_TRIADS
+                full = f"{name}_{field.name}" if spread else ""
+                values[field.name] = self._of_units(rows, full, units)
+        return dataclasses.replace(own[0], **values)
+
+    def _of_units(self, rows: list[Array], name: str, units: Units) -> Array:
+        """Return a parameter of some units (m, k).
+
+        :param rows: (k,) of each of the IMUs.
+        """
+        which = self.which(units)
+        width = max(len(row) for row in rows)
+        table = np.stack([np.pad(row, (0, width - len(row))) for row in rows])
+        alike = bool((table == table[0]).all())
+        each = of_each(table[0], which.shape) if alike else table[which]
+        spread = self._spread.get(name)
+        if spread is None:
+            return each
+        limits = _spreadable()[name]
+        each = _drawn(spread, each, self.unit_seeds[units], f"spread.{name}")
+        return np.clip(each, limits.minimum, limits.maximum)
+
+    def magnetometers(self, units: Units) -> Iterator[MagnetometerParameters]:
+        """Yield the parameters of magnetometers, before constants are drawn."""
+        own = [imu.magnetometer for imu in self.imus]
+        changed = {
+            field.name: self._of_units(
+                [np.asarray(getattr(one, field.name)) for one in own],
+                f"{_MAGNETOMETER}_{field.name}",
+                units,
+            )
+            for field in dataclasses.fields(own[0])
+            if f"{_MAGNETOMETER}_{field.name}" in self._spread
+        }
+        for k, number in enumerate(self.which(units).tolist()):
+            values = {name: tuple(each[k].tolist()) for name, each in changed.items()}
+            yield dataclasses.replace(own[number], **values) if values else own[number]
+
+    def unit(self, k: int) -> dict[str, Any]:
+        """Return the parameters of unit k, by name: those of one IMU that reads the same."""
+        imu, units = self.imus[k % len(self.imus)], slice(k, k + 1)
+        own: dict[str, Any] = {name: self.triad(name, units) for name in TRIADS}
+        own[_MAGNETOMETER] = next(self.magnetometers(units))
+        values: dict[str, Any] = {}
+        for name, section in own.items():
+            for field in dataclasses.fields(section):
+                value = np.asarray(getattr(section, field.name)).ravel().tolist()
+                of_imu = imu.triad(name) if name in TRIADS else imu.magnetometer
+                usual = np.ravel(getattr(of_imu, field.name)).tolist()
+                if value[: len(usual)] != usual:
+                    values[f"{name}_{field.name}"] = value
+        return values
+
+    def begin(self, units: Integers, restart: str) -> bool:
+        """Give some units the seeds with which they begin again; return whether they are new units.
+
+        :param restart: one of ``RESTARTS``.
+        """
+        if restart != "same_seed":
+            self.seeds[units] += self.count
+        if restart == "next_seed":
+            self.unit_seeds[units] += self.count
+        return restart == "next_seed"
+
+
+class Next(NamedTuple):
+    """What the next sample of each unit gets; all arrays are copies."""
+
+    additions: dict[str, Additions]
+    """(1, count, 3) by triad."""
+    temperature: Array
+    """(count,) [degC]."""
+    others: dict[str, Array]
+    """(1, count) by name."""
+
+
+Make = Callable[[Units, Integers], Array]
+"""Returns further values (AHEAD, m) of some units, from the indices of their next samples (m,)."""
+
+
+class Triads:
+    """The triads that are sampled together, of all units, and what is made ahead for them."""
+
+    def __init__(
+        self,
+        units: UnitsOfBatch,
+        names: Sequence[str],
+        own: OwnRateParameters | EnvironmentParameters,
+        others: Mapping[str, Make] | None = None,
+    ) -> None:
+        """Start before the first sample.
+
+        :param own: has the rate.
+        :param others: values that are made ahead, too.
+        """
+        self._units, count = units, units.count
+        self._times = SampleTimes(own.rate, 0, getattr(own, "time_offset", 0.0))
+        self._index = np.zeros(count, np.int64)
+        """(count,) of the next sample of each unit since it began."""
+        self._in_phase = True
+        self._temperature = TemperatureProfile(units.environment.temperature)
+        self._reference = units.imus[0].reference_temperature
+        imu = instantaneous(units.imus[0])
+        self._triads: dict[str, Triad] = {}
+        for name in names:
+            one = units.triad(name, slice(None))
+            self._triads[name] = Triad(name, imu, units.seeds, own.rate, one)
+            self._triads[name].take(unit_of_seed(one, name, units.unit_seeds))
+        self._ahead = {name: Additions(None, _room(count), _room(count)) for name in names}
+        self._make_others = dict(others or {})
+        self._others = {name: np.empty((AHEAD, count)) for name in self._make_others}
+        self._degrees = np.empty((1 if self._temperature.constant else AHEAD, count))
+        self._offset: Array | None = None
+        """(AHEAD, ...) of a temperature that never changes, above the reference [K]."""
+        if self._temperature.constant:
+            self._degrees[...] = degrees = self._temperature.at(np.zeros(1))
+            self._offset = np.broadcast_to(degrees - self._reference, (AHEAD, _AT_ONCE))
+
+    def __getitem__(self, name: str) -> Triad:
+        return self._triads[name]
+
+    def at_times(self, first: Integers, values: Callable[[Array], Array]) -> Array:
+        """Return what depends on time for the next samples (AHEAD, m) of units.
+
+        :param first: (m,) indices of the next samples.
+        :param values: returns it at times (n,) [s].
+        """
+        found = np.empty((AHEAD, len(first)))
+        for begin in np.unique(first).tolist():
+            found[:, first == begin] = values(self._times.following(begin, AHEAD).t)[:, None]
+        return found
+
+    def begin(self, units: Integers, renewed: bool) -> None:
+        """Let some units begin again with their next sample.
+
+        :param renewed: they are new units.
+        """
+        for name, triad in self._triads.items():
+            own = self._units.triad(name, units)
+            seeds = self._units.unit_seeds[units]
+            triad.begin(units, own, unit_of_seed(own, name, seeds) if renewed else None)
+        self._index[units] = 0
+        places = self._index % AHEAD
+        self._in_phase = bool((places == places[0]).all())
+
+    def next(self) -> Next:
+        """Return what the next sample of each unit gets."""
+        rows: Any
+        due: range | Integers
+        if self._in_phase:
+            rows = int(self._index[0]) % AHEAD
+            due = range(0 if rows else self._units.count)
+        else:
+            places = self._index % AHEAD
+            rows = (places, np.arange(self._units.count))
+            due = np.flatnonzero(places == 0)
+        for begin in range(0, len(due), _AT_ONCE):
+            units = due[begin : begin + _AT_ONCE]
+            together = units[-1] - units[0] + 1 == len(units)  # a slice needs no copies
+            self._make_ahead(slice(units[0], units[-1] + 1) if together else units)
+        self._index += 1
+        additions = {
+            name: Additions(
+                None if scale is None else _at(rows, scale), _at(rows, bias), _at(rows, noise)
+            )
+            for name, (scale, bias, noise) in self._ahead.items()
+        }
+        temperature = np.copy(self._degrees[0 if len(self._degrees) == 1 else rows])
+        others = {name: np.copy(values[rows])[None] for name, values in self._others.items()}
+        return Next(additions, temperature, others)
+
+    def _make_ahead(self, units: Units) -> None:
+        """Make what the next samples of some units get, whatever their ideal readings are."""
+        first = self._index[units]
+        if self._offset is not None:
+            offset = self._offset[:, : len(first)]
+        else:
+            temperature = self.at_times(first, self._temperature.at)
+            self._degrees[:, units] = temperature
+            offset = temperature - self._reference
+        for name, triad in self._triads.items():
+            made = triad.precompute(offset, units)
+            kept = self._ahead[name]
+            if made.scale is not None:
+                # A scale that never changes is kept once.
+                own = made.scale[:1] if is_constant(made.scale) else made.scale
+                scale = kept.scale
+                if scale is None:
+                    scale = _room(self._units.count, len(own))
+                    scale[...] = 1.0
+                    self._ahead[name] = kept._replace(scale=scale)
+                scale[:, units] = own
+            kept.bias[:, units], kept.noise[:, units] = made.bias, made.noise
+        for name, make in self._make_others.items():
+            self._others[name][:, units] = make(units, first)
+
+
+def _room(count: int, rows: int = AHEAD) -> Array:
+    """Return memory (rows, count, 3), each component of a row contiguous."""
+    return np.empty((rows, 3, count)).swapaxes(1, 2)
+
+
+def _at(rows: Any, values: Array) -> Array:
+    """Return the values (1, count, 3) of each unit's next sample, a copy."""
+    if len(values) == 1:
+        return np.copy(values)
+    if isinstance(rows, int):
+        return np.copy(values[rows : rows + 1])
+    place, unit = rows
+    memory = values.swapaxes(1, 2).reshape(-1)
+    count = len(unit)
+    begin = place * (3 * count) + unit
+    found = memory.take(begin + count * np.arange(3)[:, None])
+    return found.T[None]
+
+
+def _drawn(spread: Spread, own: Array, seeds: Integers, source: str) -> Array:
+    """Return values (m, 3) of units."""
+    if spread.kind == "gaussian":
+        return own + spread.low * Streams(seeds, source).next(1)[0]
+    share = Streams(seeds, source, numbers="random").next(1)[0]
+    return spread.low + (spread.high - spread.low) * share
+
+
+@cache
+def _spreadable() -> Mapping[str, Parameter]:
+    """Return the parameters that may differ from unit to unit, by name: those per axis."""
+    return {
+        f"{sensor}_{name}": parameter
+        for sensors, section in (
+            (TRIADS, TriadParameters),
+            ((_MAGNETOMETER,), MagnetometerParameters),
+        )
+        for sensor in sensors
+        for name, parameter in declared(section).items()
+        if parameter.kind == "vector" and name not in (*_COMMON, *_NOT_IN_BATCHES)
+    }
+
+
+def _check(imus: Sequence[ImuParameters], spread: Mapping[str, Spread]) -> None:
+    """Make sure that a batch has what is asked of it.
+
+    :raises ConfigurationError: with a line for each thing.
+    """
+    problems = list(dict.fromkeys(_problems(imus)))
+    known = _spreadable()
+    problems += [
+        f"spread {name}: {suggestion(name, sorted(known))}" for name in spread if name not in known
+    ]
+    if problems:
+        raise ConfigurationError(problems)
+
+
+def _problems(imus: Sequence[ImuParameters]) -> Iterator[str]:
+    first = imus[0]
+    for imu in imus:
+        if imu.sampling != "instantaneous":
+            yield f"imu.sampling = {imu.sampling!r}: must be instantaneous in a batch"
+        if imu.vibration.there:
+            yield "imu.vibration: not in a batch"
+        for name in _OF_MESSAGES:
+            if getattr(imu, name, 0.0):
+                yield f"imu.{name}: not in a batch, whose samples have no stamps or messages"
+        for triad in TRIADS:
+            for name in _NOT_IN_BATCHES:
+                if any(getattr(imu.triad(triad), name)):
+                    yield f"imu.{triad}_{name}: not in a batch"
+            if imu.triad(triad).bandwidth != first.triad(triad).bandwidth:
+                yield f"imu.{triad}_bandwidth: must be the same for all units of a batch"
+        yield from _unlike(
+            first, imu, "imu.", ("bandwidth_order", "reference_temperature", "age_days")
+        )
+
+
+def check_alike(sections: Sequence[Any], prefix: str, names: Sequence[str]) -> None:
+    """Make sure that what all units of a batch share is the same in all sections.
+
+    :raises ConfigurationError: with a line for each parameter that is not.
+    """
+    lines = (line for one in sections for line in _unlike(sections[0], one, f"{prefix}_", names))
+    if problems := list(dict.fromkeys(lines)):
+        raise ConfigurationError(problems)
+
+
+def _unlike(first: Any, other: Any, prefix: str, names: Sequence[str]) -> Iterator[str]:
+    for name in names:
+        if getattr(first, name) != getattr(other, name):
+            yield f"{prefix}{name}: must be the same for all units of a batch"
