@@ -37,7 +37,7 @@ OPTIONAL = {
     "fast": ["orjson>=3.9"],
     "frames": ["pandas"],
     "magnetic": ["pygeomag"],
-    "mesh": ["trimesh>=4.0", "embreex>=4.4", "pillow"],
+    "mesh": ["trimesh>=4.0", "embreex>=4.4"],
     "view": ["rerun-sdk>=0.22"],
 }
 DEVELOPMENT = {
@@ -110,6 +110,7 @@ setup(
         "numpy>=1.26",
         "scipy>=1.11",
         "matplotlib>=3.6",
+        "pillow",
         "PyYAML",
         "rich",
         "rosbags>=0.10",

@@ -246,6 +246,7 @@ def test_dependencies_of_package_xml_and_setup_py_are_the_same():
         "numpy": "python3-numpy",
         "scipy": "python3-scipy",
         "matplotlib": "python3-matplotlib",
+        "pillow": "python3-pil",
         "PyYAML": "python3-yaml",
         "rich": "python3-rich",
         "rosbags": "python3-rosbags-pip",

@@ -80,13 +80,34 @@ def test_other_forms_are_decoded(form):
     np.testing.assert_array_equal(decoded(data), IMAGE)
 
 
+@pytest.mark.parametrize("colours", [(), (3,)])
+def test_a_jpeg_has_the_pixels_that_opencv_finds(colours):
+    cv2 = pytest.importorskip("cv2")
+    stream = np.random.default_rng(1)
+    for restart in (0, 3):
+        image = stream.integers(0, 256, (37, 53, *colours), dtype=np.uint8)
+        options = [cv2.IMWRITE_JPEG_QUALITY, 70, cv2.IMWRITE_JPEG_RST_INTERVAL, restart]
+        for progressive in (0, 1):
+            more = [cv2.IMWRITE_JPEG_PROGRESSIVE, progressive]
+            data = cv2.imencode(".jpg", image, options + more)[1]
+            expected = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+            found = decoded(data.tobytes())
+            np.testing.assert_array_equal(found, expected[..., ::-1] if colours else expected)
+
+
 def test_a_damaged_jpeg_is_refused_without_a_line_of_libjpeg(capfd):
-    """Lost pixels are an error; superfluous bytes, which cameras send, are none."""
+    """Lost pixels are an error, even one row of blocks; superfluous bytes are none."""
     cv2 = pytest.importorskip("cv2")
     data = cv2.imencode(".jpg", np.tile(IMAGE, (4, 4)))[1].tobytes()
-    assert decoded(data[:-2] + bytes(20) + data[-2:]).shape == (68, 92)
-    with pytest.raises(InputError, match="a JPEG that is damaged: Corrupt JPEG data: premature"):
-        decoded(data[: len(data) // 2] + data[-2:])
+    whole = decoded(data[:-2] + bytes(20) + data[-2:])
+    np.testing.assert_array_equal(whole, decoded(data))
+    assert whole.shape == (68, 92)
+    for end in (len(data) // 2, len(data) - 60):
+        with pytest.raises(InputError, match="a JPEG that is damaged: image file is truncated"):
+            decoded(data[:end] + data[-2:])
+    at = data.index(b"\xff\xc4")  # a table of Huffman's code
+    with pytest.raises(InputError, match="a JPEG that is damaged: "):
+        decoded(data[: at + 6] + bytes([255] * 12) + data[at + 18 :])
     assert capfd.readouterr().err == ""
 
 

@@ -3,14 +3,10 @@
 
 """Images as files: encoded, and examined before anything decodes them."""
 
-import os
+import io
 import re
 import struct
-import tempfile
-import threading
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
 from typing import Any, Final
 
 import numpy as np
@@ -18,6 +14,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.sensors.camera.images.renderer import opencv
+from imu_sim_ros.types import Bytes
 
 _DEEP: Final = 1
 """Compression level of 16-bit values, depths: their repetitions are found at all levels."""
@@ -49,14 +46,12 @@ def decoded(data: bytes) -> NDArray[Any]:
     """
     cv2 = opencv()
     data = examined(data)[1]
-    said: list[str] = []
+    if data.startswith(JPEG):
+        return _pixels_of_jpeg(data)
     try:
-        with _libjpeg(said) if data.startswith(JPEG) else nullcontext():
-            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:  # of sizes that it refuses
         image = None
-    if said:
-        raise InputError(f"a JPEG that is damaged: {said[0]}")
     if image is None:
         raise InputError(f"{len(data)} bytes that OpenCV cannot decode as an image")
     if image.ndim == 2:
@@ -65,34 +60,32 @@ def decoded(data: bytes) -> NDArray[Any]:
     return np.ascontiguousarray(image[..., order])
 
 
-@contextmanager
-def _libjpeg(said: list[str]) -> Iterator[None]:
-    """Keep what libjpeg writes to standard error, and append what it says of lost pixels.
+def _pixels_of_jpeg(data: bytes) -> Bytes:
+    """Return the pixels of a JPEG (h, w) or (h, w, 3), as Pillow reads it.
 
-    Superfluous bytes, which many cameras send, lose none. What another thread writes meanwhile is
-    passed on.
+    OpenCV writes what libjpeg says to standard error, and returns grey where pixels are lost.
+    Pillow is silent, and refuses data that end before the last pixel, unless an end of the image is
+    marked: the mark is taken off, and zeros make up for what libjpeg reads ahead. A progressive
+    image needs its mark.
     """
-    with _STANDARD_ERROR, tempfile.TemporaryFile() as kept:
-        before = os.dup(2)
-        os.dup2(kept.fileno(), 2)
-        try:
-            yield
-        finally:
-            os.dup2(before, 2)
-            os.close(before)
-            kept.seek(0)
-            for line in kept.read().splitlines(keepends=True):
-                if not _OF_LIBJPEG.match(line):
-                    os.write(2, line)
-                elif b"extraneous bytes" not in line:
-                    said.append(line.decode("ascii", "replace").strip())
+    from PIL.JpegImagePlugin import JpegImageFile
+
+    end = len(data.rstrip(b"\0")) - len(_END)
+    try:
+        image = JpegImageFile(io.BytesIO(data))
+        if "progressive" not in image.info:
+            image = JpegImageFile(io.BytesIO(data[:end] + bytes(_AHEAD)))
+        return np.asarray(image if image.mode == "L" else image.convert("RGB"))
+    except MemoryError:
+        raise
+    except Exception as error:  # damaged ones raise errors of many classes in Pillow
+        raise InputError(f"a JPEG that is damaged: {error}") from None
 
 
-_STANDARD_ERROR: Final = threading.Lock()
-_OF_LIBJPEG: Final = re.compile(
-    rb"(Corrupt JPEG data|Premature end of JPEG|Inconsistent progression|Invalid SOS|"
-    rb"Warning: unknown JFIF|Unsupported marker|Invalid color|Unknown Adobe)"
-)
+_END: Final = b"\xff\xd9"
+"""Mark at the end of a JPEG."""
+_AHEAD: Final = 8
+"""Bytes that libjpeg reads ahead at most."""
 PNG: Final = b"\x89PNG\r\n\x1a\n"
 JPEG: Final = b"\xff\xd8\xff"
 _MAX_PIXELS: Final = 1 << 27
@@ -210,7 +203,7 @@ def _jpeg(data: bytes) -> Size:
         if marker in _START_OF_FRAME:
             height, width = struct.unpack_from(">HH", data, position + 5)
             _check_size(width, height)
-            if not data.rstrip(b"\0").endswith(b"\xff\xd9"):
+            if not data.rstrip(b"\0").endswith(_END):
                 raise InputError(f"a JPEG that is cut off after {len(data)} bytes")
             return height, width
         position += 1 if marker == 0xFF else 2 + length
