@@ -33,6 +33,7 @@ from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import values_of
 from imu_sim_ros.simulation.sensors import mounted
+from imu_sim_ros.simulation.topics import offered
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.camera.rig import Rig
@@ -134,7 +135,13 @@ def _tracks(
 def _bag(
     path: Path, sensors: Mapping[str, Mounted], rig: "Rig | None", windows: Iterator[Read]
 ) -> Path:
-    topics = {name: name for name in usual_topics(sensors, None, path, imu_only=False)}
+    known = offered(sensors)
+    # No program reads the truth of all that is seen, which is twice as large as what is seen.
+    topics = {
+        name: name
+        for name in usual_topics(sensors, None, path, imu_only=False)
+        if not (known[name].topic.truth and known[name].mounted.sensor.sees)
+    }
     with open_writer(path) as writer:
         target = BagTarget(writer, sensors, topics)
         if rig is None:

@@ -66,6 +66,8 @@ class Passage(NamedTuple):
     """(k, n, 3) of each of k cameras [m]."""
     ends: bool
     """False: it goes on after the last time."""
+    foot: float
+    """Lowest place of the body, on which the cameras are [m]."""
 
 
 class _Floor(NamedTuple):

@@ -81,8 +81,7 @@ def build_scene(
         case RoomParameters():
             return _room(parameters, _path(arms, trajectory, span))
         case PlaceParameters():
-            body = _path(np.zeros((1, 3)), trajectory, span)
-            return _place(parameters, _passage(arms, trajectory, span), float(body[:, 2].min()))
+            return _place(parameters, _passage(arms, trajectory, span))
         case HouseParameters():
             return _house(parameters)
         case CloudParameters():
@@ -164,7 +163,8 @@ def _passage(arms: Array, trajectory: Trajectory, duration: float) -> Passage:
     t = np.linspace(0.0, duration, _LOOKS)
     motion = trajectory.sample(np.clip(t, 0.0, trajectory.duration))
     places = motion.position + rotation.rotate(motion.q_wb, arms[:, None])
-    return Passage(t, places, duration >= trajectory.duration)
+    foot = float(motion.position[:, 2].min())
+    return Passage(t, places, duration >= trajectory.duration, foot)
 
 
 def _room(p: RoomParameters, path: Array) -> Scene:
@@ -185,13 +185,13 @@ def _room(p: RoomParameters, path: Array) -> Scene:
     return Scene(landmarks, normals, np.zeros((0, 2, 3)), everything, extent)
 
 
-def _place(p: PlaceParameters, passage: Passage, foot: float) -> Scene:
+def _place(p: PlaceParameters, passage: Passage) -> Scene:
     path, note = np.concatenate(passage.places), ""
     if any(p.size):
         size, center = np.asarray(p.size), np.asarray(p.center)
         low, high = center - 0.5 * size, center + 0.5 * size
     else:
-        low, high = around(p.type, path, foot)
+        low, high = around(p.type, path, passage.foot)
         note = stretched(p.type, low, high)
     keep = np.zeros((0, 3)) if any(p.size) else path  # a place of a given size is as it is
     site = Site(low, high, keep, p.seed, p.texture, p.light, p.bodies.doors)
@@ -210,7 +210,7 @@ def _office_or_room(p: AutoParameters, passage: Passage) -> Scene:
     path, room = np.concatenate(passage.places), p.room
     if room is not None:
         try:
-            around("office", path)
+            around("office", path, passage.foot)
         except ConfigurationError:
             length, width, _ = np.ptp(path, axis=0)
             return _room(room, path)._replace(

@@ -131,13 +131,21 @@ def _table(p: LidarParameters) -> Pattern:
     path = Path(p.table)
     try:
         with open_regular(path) as file:
-            text = file.read(_LARGEST_FILE).decode("utf-8")
+            data = file.read(_LARGEST_FILE + 1)
     except OSError as error:
         raise system_error(path, error) from None
+    if len(data) > _LARGEST_FILE:
+        raise InputError(f"{path}: larger than {_LARGEST_FILE >> 20} MiB")
+    try:
+        lines = data.decode("utf-8").splitlines()
     except UnicodeDecodeError:
         raise InputError(f"{path}: is no text") from None
+    if len(lines) > MOST_RAYS:  # said before a quarter of a minute is spent on them
+        count = sum(not line.lstrip().startswith("#") for line in lines if line.strip())
+        if count > MOST_RAYS + 1:
+            raise InputError(f"{path}: {count:,} lines of rays; at most {MOST_RAYS:,}")
     rows: list[list[float]] = []
-    for number, line in enumerate(text.splitlines(), start=1):
+    for number, line in enumerate(lines, start=1):
         words = line.split("#")[0].replace(",", " ").replace(";", " ").split()
         try:
             row = [float(word) for word in words]

@@ -3,6 +3,7 @@
 
 """A LiDAR against closed forms: points on surfaces, distortion, each error, layouts, bad input."""
 
+import os
 import re
 
 import numpy as np
@@ -370,6 +371,17 @@ def test_bad_tables_get_a_line(tmp_path, capsys, text, says):
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert says in line
     assert not (tmp_path / "a.mcap").exists()
+
+
+def test_huge_tables_are_refused_at_once(tmp_path):
+    table = tmp_path / "rays.csv"
+    own = LidarParameters(pattern="table", table=str(table))
+    table.write_text("# rays\n" + "0,1,2\n" * 2_000_002)
+    with pytest.raises(ims.InputError, match="2,000,002 lines of rays; at most 2,000,000"):
+        build_pattern(own)
+    os.truncate(table, (200 << 20) + 1)
+    with pytest.raises(ims.InputError, match="larger than 200 MiB"):
+        build_pattern(own)
 
 
 @pytest.mark.parametrize(
