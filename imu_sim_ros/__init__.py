@@ -112,8 +112,8 @@ if TYPE_CHECKING:
     from imu_sim_ros.sensors.magnetometer.declaration import read_magnetometer as read_magnetometer
     from imu_sim_ros.sensors.orientation.declaration import Orientations as Orientations
     from imu_sim_ros.sensors.orientation.declaration import read_orientation as read_orientation
+    from imu_sim_ros.sensors.recorded import RecordedSamples as RecordedSamples
     from imu_sim_ros.sensors.registry import register_sensor as register_sensor
-    from imu_sim_ros.sensors.samples import Samples as Samples
     from imu_sim_ros.trajectory.motion import Motion as Motion
 _HOMES = {
     "camera": ["camera"],
@@ -151,7 +151,7 @@ _HOMES = {
     "sensors.barometer.declaration": ["PressureReadings", "read_pressure"],
     "sensors.magnetometer.declaration": ["MagneticReadings", "read_magnetometer"],
     "sensors.orientation.declaration": ["Orientations", "read_orientation"],
-    "sensors.samples": ["Samples"],
+    "sensors.recorded": ["RecordedSamples"],
     "sensors.registry": ["register_sensor"],
     "trajectory.motion": ["Motion"],
 }

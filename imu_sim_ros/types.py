@@ -3,6 +3,7 @@
 
 """Arrays by the names that the whole package has for them; each use states shape and unit."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -34,11 +35,14 @@ def first_last(values: NDArray[Any]) -> NDArray[Any]:
     return values.transpose(*range(1, values.ndim), 0)
 
 
-def shapes(rows: Any) -> str:
-    """Return a line with the names and shapes of a named tuple's arrays, for its ``repr``."""
+def shapes(rows: Any, more: Mapping[str, Any] = {}) -> str:
+    """Return a line with the names and shapes of a named tuple's arrays, for its ``repr``.
+
+    :param more: further ones, by name.
+    """
     named = [
         f"{name} {value.shape}" if isinstance(value, np.ndarray) else f"{name} {value!r}"
-        for name, value in rows._asdict().items()
+        for name, value in {**rows._asdict(), **more}.items()
         if isinstance(value, np.ndarray | int | float) and np.size(value)
     ]
     return f"<{type(rows).__name__}: {', '.join(named) or 'empty'}>"

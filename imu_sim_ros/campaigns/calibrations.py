@@ -24,9 +24,9 @@ from imu_sim_ros.campaigns.metrics import CALIBRATED, NOISE, THERMAL, Metrics
 from imu_sim_ros.campaigns.parameters import CalibrationEstimator
 from imu_sim_ros.campaigns.simulated import RunReadings, SimulatedCell
 from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
+from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.parameters import SimulationParameters
 from imu_sim_ros.simulation.topics import delivered
 from imu_sim_ros.types import Array
@@ -93,7 +93,7 @@ def _deterministic(cell: SimulatedCell, parameters: SimulationParameters, kind: 
     return _deviations(values, truth)
 
 
-def _steady(block: ImuBlock, *, rotating: bool) -> tuple[Steady, Array]:
+def _steady(block: Samples, *, rotating: bool) -> tuple[Steady, Array]:
     """Return the steady pieces and their true rates (m, 3)."""
     steady = find_steady(*delivered(block), rotating=rotating)
     return true_rates(steady, block.true_t_ns, block.motion.angular_velocity)

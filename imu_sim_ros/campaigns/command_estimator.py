@@ -37,7 +37,7 @@ from imu_sim_ros.errors import ImuSimError, InputError
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.names import shown
 from imu_sim_ros.parameters import files
-from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.samples import Samples
 
 METRICS: Final = "metrics.json"
 """File for the plan's own metrics, written by the program."""
@@ -68,7 +68,7 @@ def run_command(
     estimator: CommandEstimator,
     name: str,
     seed: int,
-    block: ImuBlock,
+    block: Samples,
     folder: Path,
     metrics: Metrics,
 ) -> None:
@@ -110,7 +110,7 @@ def run_command(
                 place.parent.rmdir()
 
 
-def _duration(block: ImuBlock) -> float:
+def _duration(block: Samples) -> float:
     return float(block.true_t_ns[-1] - block.true_t_ns[0]) * 1e-9
 
 
@@ -397,7 +397,7 @@ def _written(estimator: CommandEstimator, place: Path) -> Path | None:
     return path if os.path.lexists(path) else None
 
 
-def _left_behind(estimator: CommandEstimator, block: ImuBlock, place: Path) -> Metrics:
+def _left_behind(estimator: CommandEstimator, block: Samples, place: Path) -> Metrics:
     """Return how long the trajectory of a program lasts that did not end well."""
     with contextlib.suppress(ImuSimError, OSError):
         path = _written(estimator, place)
@@ -412,7 +412,7 @@ def _compare(
     cell: SimulatedCell,
     estimator: CommandEstimator,
     alignment: str,
-    block: ImuBlock,
+    block: Samples,
     place: Path,
     metrics: Metrics,
 ) -> None:

@@ -33,7 +33,7 @@ from imu_sim_ros.navigation.evaluation import (
 )
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import rotate, rotate_inverse
-from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.types import Array, Mask, Times
 
 
@@ -93,7 +93,7 @@ def coverage_metrics(
 
 def estimate_metrics(
     found: EstimatedTrack,
-    block: ImuBlock,
+    block: Samples,
     alignment: str,
     relative: tuple[Relative, ...],
     estimator: TrajectoryEstimator,
@@ -159,7 +159,7 @@ def _at_rows(poses: PoseSequence, rows: NDArray[np.intp]) -> PoseSequence:
 
 
 def _velocity_error(
-    found: EstimatedTrack, row: NDArray[np.intp], aligned: Alignment, block: ImuBlock
+    found: EstimatedTrack, row: NDArray[np.intp], aligned: Alignment, block: Samples
 ) -> Array | None:
     """Return truth minus estimate (1, 3), in the world; None if there is no velocity."""
     if found.velocity is None:
@@ -194,7 +194,7 @@ def _consistency(
 
 
 def _velocity_nees(
-    found: EstimatedTrack, row: NDArray[np.intp], truth: PoseSequence, block: ImuBlock
+    found: EstimatedTrack, row: NDArray[np.intp], truth: PoseSequence, block: Samples
 ) -> float | None:
     """Return the NEES of the last velocity in the body, which yaw and position do not change.
 

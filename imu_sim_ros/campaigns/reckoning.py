@@ -32,8 +32,8 @@ from imu_sim_ros.navigation.mount import mount_of
 from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.state import NavigationState, NavigationStates
 from imu_sim_ros.poses import PoseSequence
-from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
+from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.types import Array
 
 _NEES: Final = {"position": POSITION, "attitude": ATTITUDE, "velocity": VELOCITY}
@@ -42,7 +42,7 @@ _NEES: Final = {"position": POSITION, "attitude": ATTITUDE, "velocity": VELOCITY
 def reckoned(
     cell: SimulatedCell,
     estimator: DeadReckonEstimator,
-    block: ImuBlock,
+    block: Samples,
     readings: RunReadings,
     start: NavigationState,
 ) -> NavigationStates:
@@ -72,7 +72,7 @@ class DeadReckoning:
         self._cell = cell
         self._covariances: tuple[dict[str, Array | None], float] | None = None
 
-    def metrics(self, name: str, estimator: DeadReckonEstimator, block: ImuBlock) -> Metrics:
+    def metrics(self, name: str, estimator: DeadReckonEstimator, block: Samples) -> Metrics:
         """Return the metrics of one run.
 
         :param name: of the estimator in the plan.
@@ -112,7 +112,7 @@ class DeadReckoning:
         return metrics
 
     def _consistency(
-        self, truth: NavigationStates, block: ImuBlock, states: NavigationStates
+        self, truth: NavigationStates, block: Samples, states: NavigationStates
     ) -> Metrics:
         """Return the NEES of the final state; the covariance is that along the truth.
 
@@ -133,7 +133,7 @@ class DeadReckoning:
         return {**found, "attitude_sigma_rad": sigma}
 
     def _final_covariances(
-        self, truth: NavigationStates, block: ImuBlock
+        self, truth: NavigationStates, block: Samples
     ) -> tuple[dict[str, Array | None], float]:
         """Return those of the final state that are valid, and the attitude's largest sigma."""
         imu = self._cell.parameters.imu

@@ -17,7 +17,7 @@ from imu_sim_ros.campaigns.plan import Plan
 from imu_sim_ros.campaigns.reckoning import DeadReckoning
 from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.errors import ImuSimError
-from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.samples import Samples
 
 DONE: Final = "done"
 _OF_FAILED: Final = (*COVERED, "wall_s", "peak_memory_mb")
@@ -56,7 +56,7 @@ class CellRuns:
                     yield self._row(seed, name, DONE, metrics)
 
     def _estimate(
-        self, name: str, seed: int, block: Callable[[], ImuBlock], folder: Path, metrics: Metrics
+        self, name: str, seed: int, block: Callable[[], Samples], folder: Path, metrics: Metrics
     ) -> None:
         """Fill in the metrics of one run; of one that fails, those that it has, too."""
         estimator = self.plan.estimators[name]

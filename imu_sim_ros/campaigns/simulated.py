@@ -13,9 +13,9 @@ from imu_sim_ros.campaigns.plan import Plan
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.poses import PoseSequence
-from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
+from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.topics import delivered
 from imu_sim_ros.trajectory.motion import RememberedTrajectory
@@ -59,9 +59,9 @@ class SimulatedCell:
         self._base.trajectory = RememberedTrajectory(self._base.trajectory)
         self._truth: TrueMotion | None = None
 
-    def block(self, seed: int) -> ImuBlock:
+    def block(self, seed: int) -> Samples:
         """Return all samples of the IMU of a seed."""
-        block: ImuBlock = self.simulation(seed).next(self.total)[IMU]
+        block: Samples = self.simulation(seed).next(self.total)[IMU]
         return block
 
     def simulation(self, seed: int) -> Body:
@@ -71,7 +71,7 @@ class SimulatedCell:
             simulation.inject(timed.fault, timed.at)
         return simulation
 
-    def truth(self, block: ImuBlock) -> TrueMotion:
+    def truth(self, block: Samples) -> TrueMotion:
         """Return the true states at the true times; they are the same for all seeds.
 
         :param block: all samples of any seed.
@@ -82,7 +82,7 @@ class SimulatedCell:
             self._truth = TrueMotion(states, PoseSequence(t_ns, motion.position, motion.q_wb))
         return self._truth
 
-    def readings(self, block: ImuBlock) -> RunReadings:
+    def readings(self, block: Samples) -> RunReadings:
         """Return the delivered readings, each stamp once and in order."""
         t_ns, gyro, accel = delivered(block)
         if len(t_ns) and bool(np.all(t_ns[1:] > t_ns[:-1])):

@@ -19,7 +19,6 @@ from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.names import unknown
-from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.simulation.playback import SimulatorParameters
@@ -33,7 +32,6 @@ from imu_sim_ros.simulation.topics import (
     is_published,
     offered,
 )
-from imu_sim_ros.types import Array
 
 Read = Mapping[str, Any]
 """Samples of the sensors of one body in a window of time, by name."""
@@ -166,15 +164,9 @@ class DatasetTarget:
 def _states(read: Any) -> BodyStates:
     """Return the true states at the samples of an IMU, or of the pose, which has no biases."""
     t_ns = read.true_t_ns
-    if isinstance(read, ImuBlock):
-        biases = read.gyro_bias, read.accel_bias
-        return BodyStates(t_ns, *_moving(read.motion), *biases)
-    none = np.zeros((len(t_ns), 3))
-    return BodyStates(t_ns, *_moving(read), none, none)
-
-
-def _moving(motion: Any) -> tuple[Array, Array, Array]:
-    return motion.position, motion.q_wb, motion.velocity
+    motion, none = read.values.get("motion", read), np.zeros((len(t_ns), 3))
+    biases = (read.values.get(name, none) for name in ("gyro_bias", "accel_bias"))
+    return BodyStates(t_ns, motion.position, motion.q_wb, motion.velocity, *biases)
 
 
 def in_tables(

@@ -26,11 +26,11 @@ from imu_sim_ros.bags.writer import amount
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets.images import ImageFolders, image_name, write_png
 from imu_sim_ros.datasets.topics import Read
-from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.rig import Rig
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.topics import delivered
 from imu_sim_ros.types import Array, Times
 
@@ -112,7 +112,7 @@ class TumVi:
 
         :param read: of the only IMU, among others.
         """
-        block: ImuBlock = read[IMU]
+        block: Samples = read[IMU]
         t_ns, gyro, accel = delivered(block)
         readings = [t_ns, np.concatenate([gyro, accel], axis=1)]
         self._open["mav0/imu0/data.csv"].write(decimals.lines(readings))

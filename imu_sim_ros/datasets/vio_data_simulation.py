@@ -22,10 +22,10 @@ from imu_sim_ros.bags.writer import amount
 from imu_sim_ros.datasets.topics import Read
 from imu_sim_ros.datasets.tracks import CameraProgress
 from imu_sim_ros.errors import InputError, system_error
-from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.camera.rig import Rig
 from imu_sim_ros.sensors.camera.view import View
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
+from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.types import Array
 
@@ -101,7 +101,7 @@ class VioDataSimulation:
 
         :param read: of the only IMU, among others.
         """
-        block: ImuBlock = read[IMU]
+        block: Samples = read[IMU]
         m = block.motion
         t = (block.true_t_ns - self._t0_ns)[:, None] * _SECOND
         pose = [t, m.q_wb, m.position]

@@ -34,7 +34,6 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.sensors.barometer.declaration import PressureReadings
 from imu_sim_ros.sensors.barometer.model import Atmosphere
-from imu_sim_ros.sensors.block import ImuBlock, joined_blocks
 from imu_sim_ros.sensors.faults import KINDS, Fault
 from imu_sim_ros.sensors.imu import sdf
 from imu_sim_ros.sensors.imu.batch import (
@@ -49,6 +48,7 @@ from imu_sim_ros.sensors.imu.model import NOWHERE, unknown_motion
 from imu_sim_ros.sensors.imu.units import Spread
 from imu_sim_ros.sensors.magnetometer.declaration import MagneticReadings
 from imu_sim_ros.sensors.parameters import LONGEST
+from imu_sim_ros.sensors.samples import Samples, joined
 from imu_sim_ros.simulation import error_model
 from imu_sim_ros.simulation.error_input import Conventions, GivenReadings, GivenValues
 from imu_sim_ros.simulation.error_parameters import (
@@ -145,7 +145,7 @@ def _add_other(
     given = _given_values(quantity, *pair)
     if not len(given.t_ns):
         raise InputError(f"{quantity}: no readings")
-    block = joined_blocks(sensor.read(given))
+    block = joined(sensor.read(given))
     begin = 0
     for k, window in enumerate(windows):
         end = len(block.true_t_ns)
@@ -208,7 +208,7 @@ class ErrorModel:
         gyro: ArrayLike,
         accel: ArrayLike,
         orientation: ArrayLike | None = None,
-    ) -> ImuBlock:
+    ) -> Samples:
         """Return the samples of ideal readings: one for each, unless ``input.rate`` is higher.
 
         :param t_ns: stamp, or (n,) stamps [ns].
@@ -222,7 +222,7 @@ class ErrorModel:
         blocks = [read[IMU] for read in self._model.read(given)]
         if len(blocks) == 1:
             return blocks[0]
-        return error_model.joined(blocks) if blocks else _nothing(self._model.position)
+        return joined(blocks) if blocks else _nothing(self._model.position)
 
     def read_magnetic_field(self, t_ns: int | ArrayLike, field: ArrayLike) -> MagneticReadings:
         """Return what the magnetometer of the IMU reads: a sample for each ideal field.
@@ -585,21 +585,13 @@ def from_sdf(file: str | Path, sensor: str | None = None) -> dict[str, Any]:
     return {**own, **{k: v for k, v in found.items() if not k.startswith("imu.")}}
 
 
-def _nothing(position: int) -> ImuBlock:
+def _nothing(position: int) -> Samples:
     times, vectors = np.empty(0, np.int64), np.empty((0, 3))
-    columns: dict[str, Any] = dict.fromkeys(
+    values: dict[str, Any] = dict.fromkeys(
         ("gyro", "accel", "ideal_gyro", "ideal_accel", *ERROR_TOPICS.values()), vectors
     )
-    return ImuBlock(
-        first=position,
-        true_t_ns=times,
-        t_ns=times,
-        release_t_ns=times,
-        delivered=times,
-        temperature=np.empty(0),
-        motion=unknown_motion(0),
-        **columns,
-    )
+    values |= {"temperature": np.empty(0), "motion": unknown_motion(0)}
+    return Samples(times, times, times, times, values, position)
 
 
 def _warn(line: str) -> None:

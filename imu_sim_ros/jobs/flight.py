@@ -20,9 +20,17 @@ from imu_sim_ros.conventions import ERROR_TOPICS
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.jobs.output import checked_place, renamed_topics, saved
-from imu_sim_ros.jobs.readings import Odometry, Readings, check_arrays, frame, joined, read_imu
+from imu_sim_ros.jobs.readings import (
+    Odometry,
+    Readings,
+    check_arrays,
+    delivered_of,
+    frame,
+    read_imu,
+)
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
+from imu_sim_ros.sensors.samples import joined
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SampledParameters
 from imu_sim_ros.simulation.sensors import mounted
@@ -187,7 +195,7 @@ class Flight:
         if not name.startswith("_"):
             one = mounted(self.parameters).get(name)
             if one is not None:
-                found = self.__dict__[name] = joined(self._windows, name, one.sensor.readings)
+                found = self.__dict__[name] = delivered_of(self._windows, name, one.sensor.readings)
                 return found
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
@@ -199,28 +207,19 @@ class Flight:
     def truth(self) -> Truth:
         """The truth at all samples, lost ones too."""
 
-        def joined(name: str) -> Array:
-            parts = [getattr(block, name) for block in self._blocks]
-            if all(
-                part.strides[0] == 0 for part in parts
-            ):  # an error that the sensor does not have
-                return np.broadcast_to(parts[0][:1], (sum(map(len, parts)), 3))
-            return np.concatenate(parts)
-
-        def motion(name: str) -> Array:
-            return np.concatenate([getattr(block.motion, name) for block in self._blocks])
-
+        read = joined(self._blocks)
+        motion = read.motion
         return Truth(
-            np.concatenate([block.true_t_ns for block in self._blocks]),
-            motion("position"),
-            motion("q_wb"),
-            motion("velocity"),
-            motion("angular_velocity"),
+            read.true_t_ns,
+            motion.position,
+            motion.q_wb,
+            motion.velocity,
+            motion.angular_velocity,
             self.name,
-            acceleration=motion("acceleration"),
-            gyro=joined("ideal_gyro"),
-            accel=joined("ideal_accel"),
-            **{name: joined(name) for name in ERROR_TOPICS.values()},
+            acceleration=motion.acceleration,
+            gyro=read.ideal_gyro,
+            accel=read.ideal_accel,
+            **{name: read.values[name] for name in ERROR_TOPICS.values()},
         )
 
     @property
@@ -285,7 +284,7 @@ class Flight:
         usual = usual_topics(sensors, form, path, imu_only)
         names = chosen_topics(wanted, renamed_topics(rename), sensors, usual)
         for sensor in sensors_of(names, offered(sensors)):
-            joined(self._windows, sensor, sensors[sensor].sensor.readings)  # refused first
+            delivered_of(self._windows, sensor, sensors[sensor].sensor.readings)  # refused first
         with saved(path, force, flatten(self.parameters).values()) as place:
             self._write(place, format, names)
         return path

@@ -298,7 +298,7 @@ def checked_sensors(names: Collection[str], given: Mapping[str, object]) -> froz
     return frozenset(chosen)
 
 
-def joined(windows: Sequence[Mapping[str, Any]], name: str, readings: type) -> Any:
+def delivered_of(windows: Sequence[Mapping[str, Any]], name: str, readings: type) -> Any:
     """Return the delivered samples of a sensor from all windows.
 
     :param name: of the sensor on the body.

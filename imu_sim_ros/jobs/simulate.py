@@ -26,9 +26,9 @@ from imu_sim_ros.parameters.sections import OF_EVERY_NODE, bad_values
 from imu_sim_ros.parameters.sections import parameters as described
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensors import sensors_of_imus
-from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
+from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.engine import BLOCK_SIZE, Body
 from imu_sim_ros.simulation.parameters import SimulationParameters, has_scene, load_simulation
 from imu_sim_ros.simulation.playback import SimulatorParameters, of_the_node
@@ -117,7 +117,7 @@ def blocks(
     sensors: Collection[str] | None = None,
     block_size: int = BLOCK_SIZE,
     **parameters: Any,
-) -> Iterator[ImuBlock]:
+) -> Iterator[Samples]:
     """Yield the samples of a simulation in blocks, in memory that does not grow with the duration.
 
     :param block_size: samples in a block; the samples do not depend on it.
@@ -140,10 +140,10 @@ def _warn(body: Body) -> None:
         warnings.warn(line, stacklevel=3)
 
 
-def _block(read: dict[str, Any]) -> ImuBlock:
+def _block(read: dict[str, Any]) -> Samples:
     """Return the samples of the IMU, with those of the other sensors."""
-    block: ImuBlock = read.pop(IMU)
-    return block._replace(sensors=read)
+    block: Samples = read.pop(IMU)
+    return block._replace(values={**block.values, "sensors": read})
 
 
 def _all_samples(body: Body) -> list[dict[str, Any]]:

@@ -11,11 +11,11 @@ from numpy.random import Generator
 
 from imu_sim_ros import rotation
 from imu_sim_ros.random_streams import generator
-from imu_sim_ros.sensors.block import SensorBlock
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.faults import Fault
-from imu_sim_ros.sensors.own_rate import OwnRate
 from imu_sim_ros.sensors.parameters import SensorParameters
+from imu_sim_ros.sensors.samples import Samples
+from imu_sim_ros.sensors.timing import Timing
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array, Mask
@@ -36,7 +36,8 @@ class SensorModel:
         self.q_bs: Array = rotation.from_matrix(np.reshape(self.parameters.mounting, (3, 3)))
         """(4,) orientation in the body."""
         self._seed = mounted.environment.seed
-        self._own = OwnRate(self.name, self.parameters, self.parameters, mounted.environment, t0_ns)
+        p = self.parameters
+        self._timing = Timing(self.name, p.rate, p, self._seed, t0_ns, p.time_offset, p.span)
         self._before: Array | None = None
 
     def stream(self, source: str) -> Generator:
@@ -72,39 +73,38 @@ class SensorModel:
     def configure(self, parameters: SensorParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
         self.parameters = parameters
-        self._own.configure(parameters)
+        self._timing.configure(parameters)
 
     def inject(self, fault: Fault, begin: Fraction) -> None:
         """Let a fault begin with the first sample not before a time since the start [s]."""
-        self._own.inject(fault, begin)
+        self._timing.inject(fault, begin)
 
-    def read(self, window: Window, world: World) -> SensorBlock:
+    def read(self, window: Window, world: World) -> Samples:
         """Return the samples in a window, which begins where the last one ended."""
-        samples = self._own.within(window)
+        samples = self._timing.times.within(window)
         values = dict(self.measure(samples.t, world))
         self._take_faults(samples.first, values)
         values = dict(self.complete(values))
-        t_ns, release_t_ns, delivered = self._own.stamp(samples)
+        read = self._timing.samples(samples.first, samples.true_t_ns, values)
         sent = self.sent(values)
-        if sent is not None:
-            delivered = delivered[sent[delivered]]
-        times = samples.true_t_ns, t_ns, release_t_ns
-        return SensorBlock(*times, delivered, values, self._own.span_ns)
+        if sent is None:
+            return read
+        return read._replace(delivered=read.delivered[sent[read.delivered]])
 
     def _take_faults(self, first: int, values: dict[str, Array]) -> None:
         """Let faults change the readings."""
         name = next(iter(values))
         reading = values[name]
         count = len(reading)
-        if self._own.faults.any and count:
+        if self._timing.faults.any and count:
             columns = reading.reshape(count, -1).shape[1]
             rows = np.zeros((count, 3))
             rows[:, :columns] = reading.reshape(count, -1)
             jump = np.zeros((count, 3))
-            self._own.faults.add_bias(self.name, first, jump)
+            self._timing.faults.add_bias(self.name, first, jump)
             rows += jump
-            self._own.faults.saturate(self.name, first, rows)
-            self._own.faults.hold(self.name, first, rows, self._before)
+            self._timing.faults.saturate(self.name, first, rows)
+            self._timing.faults.hold(self.name, first, rows, self._before)
             values[name] = rows[:, :columns].reshape(reading.shape)
             if "bias" in values:
                 added = jump[:, :columns].reshape(reading.shape)

@@ -1,59 +1,116 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a sensor other than the IMU recorded, from any file."""
+"""What a sensor reports in a window of time, and the truth of it: one form for all sensors."""
 
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
-from imu_sim_ros import arguments
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.timebase import span
-from imu_sim_ros.types import Array, Times
+import numpy as np
 
-if TYPE_CHECKING:
-    from imu_sim_ros.inputs.tables import Table
+from imu_sim_ros.types import Integers, Times, shapes
 
 
-@dataclass(frozen=True, repr=False)
-class Samples:
-    """The n samples of a recorded sensor."""
+class Samples(NamedTuple):
+    """n consecutive samples of one sensor; all arrays but ``delivered`` have n rows.
 
+    ``samples.NAME`` is ``samples.values["NAME"]``. Those of an IMU, for each of its triads
+    (``gyro_...`` in rad/s, ``accel_...`` in m/s^2, all (n, 3)):
+
+    ``gyro``, ``accel``
+        the readings: the digital output (rounding and saturation) of the sum ``ideal +
+        response_error + bias + noise + low_pass + vibration``.
+    ``ideal_gyro``, ``ideal_accel``
+        angular rate and specific force at the IMU in its own frame, without any error.
+    ``gyro_bias``, ``accel_bias``
+        sum of all bias terms.
+    ``gyro_scale``, ``accel_scale``
+        scale factor from turn-on, temperature and age; 1 without error.
+    ``gyro_noise``, ``accel_noise``
+        white noise, before the low-pass.
+    ``gyro_response_error``, ``accel_response_error``
+        what scale factors, misalignment, non-linearity and g-sensitivity add:
+        ``scale * (S x + q x^2 + G f + H f^2) - x``, with x the ideal reading; no G and H in the
+        accelerometer.
+    ``gyro_low_pass``, ``accel_low_pass``
+        what the low-pass adds: its output minus its input.
+    ``gyro_vibration``, ``accel_vibration``
+        vibration of the vehicle, ``imu.vibration``.
+    ``temperature``
+        (n,) of the sensor [degC].
+    ``motion``
+        the body's :class:`~imu_sim_ros.trajectory.motion.Motion` at ``true_t_ns``.
+    """
+
+    true_t_ns: Times
+    """(n,) true times of the samples [ns]."""
     t_ns: Times
-    """(n,) stamps [ns]."""
-    values: Array
-    """(n, 3) magnetic field [T], (n,) pressure [Pa], or (n, 4) orientation q_wi (w, x, y, z)."""
-    covariance: Array
-    """(n, 3, 3), of a pressure (n,): of each sample, as its message states it; 0: unknown."""
-    name: str = "samples"
+    """(n,) the stamps of the messages, with the errors of the sensor's clock [ns]."""
+    release_t_ns: Times
+    """(n,) when a message leaves the driver: true time and transport latency [ns]."""
+    delivered: Integers
+    """(m,) rows that are delivered, in order: dropped ones are missing, duplicates occur twice."""
+    values: Mapping[str, Any]
+    """Readings and their truth by name, arrays (n, ...) or a tuple of such arrays."""
+    first: int = 0
+    """Index of the first sample."""
+    span_ns: int = 0
+    """How long after its true time a sample is complete [ns]."""
 
-    def __len__(self) -> int:
-        return len(self.t_ns)
+    def __getattr__(self, name: str) -> Any:
+        """Return one of the values."""
+        try:
+            return self.values[name]
+        except KeyError:
+            raise AttributeError(f"no {name} was measured") from None
+
+    def at(self, begin: int, end: int) -> "Samples":
+        """Return the samples ``begin .. end - 1``."""
+        rows = slice(begin, end)
+        sent = self.delivered[(self.delivered >= begin) & (self.delivered < end)] - begin
+        return self._replace(
+            true_t_ns=self.true_t_ns[rows],
+            t_ns=self.t_ns[rows],
+            release_t_ns=self.release_t_ns[rows],
+            delivered=sent,
+            values={name: _rows(one, rows) for name, one in self.values.items()},
+            first=self.first + begin,
+        )
+
+    def __dir__(self) -> list[str]:
+        return sorted({*object.__dir__(self), *self.values})
 
     def __repr__(self) -> str:
-        return f"<Samples {self.name}: {span(self.t_ns)}>"
+        return shapes(self, self.values)
 
 
-def read_samples(table: "Table", path: str | Path, topic: str | None) -> Samples:
-    """Return the samples of a sensor.
+def joined(parts: Sequence[Samples]) -> Samples:
+    """Return consecutive samples, of one part at least, as one."""
+    if len(parts) == 1:
+        return parts[0]
+    shifts = np.cumsum([0, *(len(part.true_t_ns) for part in parts[:-1])])
+    return parts[0]._replace(
+        true_t_ns=np.concatenate([part.true_t_ns for part in parts]),
+        t_ns=np.concatenate([part.t_ns for part in parts]),
+        release_t_ns=np.concatenate([part.release_t_ns for part in parts]),
+        delivered=np.concatenate(
+            [part.delivered + shift for part, shift in zip(parts, shifts, strict=True)]
+        ),
+        values={name: _joined([one.values[name] for one in parts]) for name in parts[0].values},
+    )
 
-    :param table: of the sensor.
-    :param path: the file or folder.
-    :param topic: None: the sensor's own, or the only one of its type.
-    :raises InputError: for a file that cannot be read, or has no such samples.
-    """
-    from imu_sim_ros.bags.read import open_bag
-    from imu_sim_ros.bags.sensor_tables import read_table
-    from imu_sim_ros.bags.text.reader import is_text
 
-    path = arguments.path("path", path, arguments.BAG_OR_FILE)
-    topic = arguments.topic("topic", topic)
-    if topic is None and not is_text(path):
-        with open_bag(path) as bag:
-            names = (one.name for one in bag.topics if one.name.strip("/") == table.topic)
-            topic = next(names, None)
-    found = read_table(path, table, topic)
-    if not len(found.t_ns):
-        raise InputError(f"{path}: contains no {table.name}")
-    return Samples(found.t_ns, found.values, found.covariance, arguments.name_of(path))
+def _rows(values: Any, rows: slice) -> Any:
+    """Return rows of an array, or of a tuple of arrays."""
+    if isinstance(values, tuple):
+        return type(values)(*(one[rows] for one in values))
+    return values[rows]
+
+
+def _joined(parts: Sequence[Any]) -> Any:
+    """Return arrays, or tuples of arrays, one behind the other."""
+    if isinstance(parts[0], tuple):
+        return type(parts[0])(*map(_joined, zip(*parts, strict=True)))
+    if all(part.strides[0] == 0 for part in parts):  # an error that the sensor does not have
+        return np.broadcast_to(parts[0][:1], (sum(map(len, parts)), *parts[0].shape[1:]))
+    return np.concatenate(parts)

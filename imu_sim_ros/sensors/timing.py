@@ -1,24 +1,102 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Errors in time: the sensor's clock, the transport of the messages, losses and duplicates."""
+"""A sensor in time: when it samples, its clock, and the transport of its messages."""
 
+import dataclasses
 import math
+from collections.abc import Mapping
+from fractions import Fraction
 from functools import cache, cached_property
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.random import Generator
 
 from imu_sim_ros import timebase
 from imu_sim_ros.random_streams import generator
-from imu_sim_ros.sensors.faults import FaultSchedule
-from imu_sim_ros.sensors.parameters import TimingParameters
+from imu_sim_ros.sensors.faults import Fault, FaultSchedule
+from imu_sim_ros.sensors.parameters import LARGEST_JITTER_SIGMA, TimingParameters
+from imu_sim_ros.sensors.samples import Samples
+from imu_sim_ros.sensors.world import Sampled, SampleTimes
 from imu_sim_ros.types import Integers, Mask, Times
 
 LARGEST_JITTER: Final = 0.45
 """Jitter is cut off here, in intervals between two samples, so that stamps always increase."""
 _NEVER: Final = np.iinfo(np.int64).min
+
+
+class Timing:
+    """Sample times, clock, transport and faults of one sensor.
+
+    Clock and transport have random streams of their own. A sensor of an IMU has the IMU's
+    parameters of both, but its jitter is at most a quarter of its own interval.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        rate: float,
+        timing: TimingParameters,
+        seed: int,
+        t0_ns: int,
+        offset: float = 0.0,
+        span: float = 0.0,
+    ) -> None:
+        """Start before the first sample.
+
+        :param name: of the sensor, the first part of its random streams' names; that of an IMU is
+            empty.
+        :param timing: of clock and transport.
+        :param t0_ns: time of the start [ns].
+        :param offset: of the first sample after the start [s].
+        :param span: how long a sample takes [s].
+        """
+        prefix = f"{name}." if name else ""
+        self._rate, self._position = rate, 0
+        self.times = SampleTimes(rate, t0_ns, offset, span)
+        self._span_ns = timebase.to_nanoseconds(span)
+        self._clock = Clock(seed, timing, rate, t0_ns, prefix)
+        self._transport = Transport(seed, rate, prefix)
+        self.faults = FaultSchedule(seed, 1.0 / rate, prefix)
+        self.configure(timing)
+
+    def configure(self, timing: TimingParameters) -> None:
+        """Take new values of live parameters, from the next sample on."""
+        # What suits the IMU's interval may be more than this sensor's allows.
+        if timing.jitter > LARGEST_JITTER_SIGMA / self._rate:
+            timing = dataclasses.replace(timing, jitter=LARGEST_JITTER_SIGMA / self._rate)
+        self._clock.configure(timing)
+        self._transport.configure(timing)
+
+    def inject(self, fault: Fault, begin: Fraction) -> None:
+        """Let a fault begin with the first sample that is not before a time since the start [s]."""
+        self.faults.add(fault, max(self.times.index(begin), self._position), self._position)
+
+    def given(self, true_t_ns: Times) -> Sampled:
+        """Return the next samples, whose times somebody gives; errors follow the nominal ones.
+
+        :param true_t_ns: (n,) [ns].
+        """
+        nominal = self.times.following(self._position, len(true_t_ns))
+        return nominal._replace(true_t_ns=true_t_ns)
+
+    def samples(self, first: int, true_t_ns: Times, values: Mapping[str, Any]) -> Samples:
+        """Return the next n samples, with their stamps and their transport.
+
+        :param first: index of the first of them.
+        :param values: (n, ...) readings and their truth, by name.
+        """
+        self._position = first + len(true_t_ns)
+        return Samples(
+            true_t_ns,
+            self._clock.stamp(true_t_ns),
+            self._transport.release(first, true_t_ns + self._span_ns, self.faults),
+            self._transport.deliver(first, len(true_t_ns), self.faults),
+            values,
+            first,
+            self._span_ns,
+        )
 
 
 class Clock:

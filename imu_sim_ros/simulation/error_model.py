@@ -12,15 +12,12 @@ import dataclasses
 from collections.abc import Callable, Collection
 from typing import Any
 
-import numpy as np
-
 from imu_sim_ros import timebase
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.parameters.sections import parameters as described
 from imu_sim_ros.rotation import rotate
-from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.gravity import gravity_vector
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
@@ -226,24 +223,3 @@ class ErrorModel(GivenSensor[GivenReadings, dict[str, Any]]):
             return motion
         acceleration = rotate(given.q_wb, given.accel) + self._gravity_w
         return motion._replace(q_wb=given.q_wb, acceleration=acceleration)
-
-
-def joined(blocks: list[ImuBlock]) -> ImuBlock:
-    """Return blocks, at least one, as one."""
-    if len(blocks) == 1:
-        return blocks[0]
-    columns: dict[str, Any] = {}
-    shift, delivered = 0, []
-    for block in blocks:
-        delivered.append(block.delivered + shift)
-        shift += len(block.true_t_ns)
-    for name in ImuBlock._fields:
-        if name not in ("first", "delivered", "motion", "sensors"):
-            columns[name] = np.concatenate([getattr(block, name) for block in blocks])
-    motion = Motion(*(np.concatenate(v) for v in zip(*(b.motion for b in blocks), strict=True)))
-    return ImuBlock(
-        first=blocks[0].first,
-        delivered=np.concatenate(delivered),
-        motion=motion,
-        **columns,
-    )

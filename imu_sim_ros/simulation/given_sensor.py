@@ -14,10 +14,10 @@ import numpy as np
 from imu_sim_ros import timebase
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensors.barometer.declaration import SENSOR as BAROMETER
-from imu_sim_ros.sensors.block import SensorBlock
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.model import NOWHERE
 from imu_sim_ros.sensors.magnetometer.declaration import SENSOR as MAGNETOMETER
+from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.error_input import Conventions, Gaps, GivenValues, InOrder, Order
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
@@ -227,7 +227,7 @@ class GivenSensor(ABC, Generic[Given, Made]):
         self._begin(seed)
 
 
-class GivenBoardSensor(GivenSensor[GivenValues, SensorBlock]):
+class GivenBoardSensor(GivenSensor[GivenValues, Samples]):
     """The magnetometer or the barometer of an IMU: each ideal value is a sample at its rate."""
 
     def __init__(
@@ -290,7 +290,7 @@ class GivenBoardSensor(GivenSensor[GivenValues, SensorBlock]):
             return given
         return given._replace(values=self._conventions.field(given.values))
 
-    def _sampled(self, given: GivenValues) -> list[SensorBlock]:
+    def _sampled(self, given: GivenValues) -> list[Samples]:
         self._hold(given)
         if self._model is None:
             environment = dataclasses.replace(self.parameters, seed=self.seed)
@@ -300,8 +300,8 @@ class GivenBoardSensor(GivenSensor[GivenValues, SensorBlock]):
             for fault, first in self._faults:
                 self._model.inject(fault, self.begin_of(first))
         self.position += len(given.t_ns)
-        block: SensorBlock = self._model.apply(given.t_ns, given.values, self._world)
+        block: Samples = self._model.apply(given.t_ns, given.values, self._world)
         return [block]
 
-    def _count(self, window: SensorBlock) -> int:
+    def _count(self, window: Samples) -> int:
         return len(window.true_t_ns)

@@ -92,7 +92,7 @@ class Offered(NamedTuple):
             if topic.truth:
                 made = payloads(read, slice(None), now)
                 times = read.true_t_ns[: len(made)]
-                return Messages(times, times + getattr(read, "span_ns", 0), made)
+                return Messages(times, times + read.span_ns, made)
             rows: Any = delivered_rows(read)
             if topic.sent is not None:
                 rows = read.delivered[topic.sent(read)[read.delivered]]

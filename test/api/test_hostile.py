@@ -236,7 +236,7 @@ RESULTS = {
         "Report",
         "Track",
     ),
-    *("MagneticReadings", "Orientations", "Preintegration", "PressureReadings", "Samples"),
+    *("MagneticReadings", "Orientations", "Preintegration", "PressureReadings", "RecordedSamples"),
     "TriadCalibration",
     *("TriadNoise", "Truth", "Twin"),
 }

@@ -47,7 +47,7 @@ PUBLIC = [
     "Readings",
     "ReadingsEvaluation",
     "Report",
-    "Samples",
+    "RecordedSamples",
     "Track",
     "TriadCalibration",
     "TriadNoise",

@@ -12,11 +12,11 @@ from scipy import integrate
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters.sections import build
-from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.environment import TemperatureParameters
 from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.sensors.imu.board import ShockBias, Surroundings
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -48,7 +48,7 @@ def simulation(**values: Any) -> Body:
     return Body(load_simulation({**base, **values}))
 
 
-def at_rest(count: int, **values: Any) -> ImuBlock:
+def at_rest(count: int, **values: Any) -> Samples:
     return simulation(**{"trajectory.type": "static", **values}).next(count)["imu"]
 
 

@@ -11,11 +11,11 @@ from scipy import signal
 
 from imu_sim_ros.conventions import ERRORS, TRIADS
 from imu_sim_ros.parameters.sections import build
-from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.environment import TemperatureParameters
 from imu_sim_ros.sensors.errors.noise import accel_variance_discrete, gyro_variance_discrete
 from imu_sim_ros.sensors.errors.realised import unit_of_seed
 from imu_sim_ros.sensors.errors.response import TemperatureProfile, noise_gain, polynomial
+from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -29,7 +29,7 @@ def simulation(**values: object) -> Body:
     return Body(load_simulation({**base, **values}))
 
 
-def read(count: int = 500, **values: object) -> ImuBlock:
+def read(count: int = 500, **values: object) -> Samples:
     return simulation(**values).next(count)["imu"]
 
 

@@ -6,14 +6,14 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros.sensors.block import ImuBlock
+from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 N = 100_000
 
 
-def read(count: int = N, rate: float = 200.0, **values: object) -> ImuBlock:
+def read(count: int = N, rate: float = 200.0, **values: object) -> Samples:
     imu = {f"imu.{name}": value for name, value in values.items()}
     base = {"imu.preset": "perfect", "trajectory.type": "static", "rate": rate}
     return Body(load_simulation({**base, **imu})).next(count)["imu"]

@@ -7,7 +7,8 @@ import hashlib
 
 import numpy as np
 
-from imu_sim_ros.sensors.block import ImuBlock, SensorBlock
+from imu_sim_ros.sensors.samples import Samples
+from imu_sim_ros.sensors.samples import joined as joined_samples
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -66,11 +67,11 @@ def perfect(values: dict[str, object]) -> Body:
     return Body(load_simulation({"imu.preset": "perfect", "trajectory.type": "static", **values}))
 
 
-def arrays(block: ImuBlock) -> list[np.ndarray]:
+def arrays(block: Samples) -> list[np.ndarray]:
     """All fields of the IMU in order, but ``delivered`` as indices of samples."""
-    flat = [*block[1 : block._fields.index("motion")], *block.motion]
-    flat[3] = block.delivered + block.first
-    return flat
+    times = [block.true_t_ns, block.t_ns, block.release_t_ns, block.delivered + block.first]
+    values = [value for name, value in block.values.items() if name != "motion"]
+    return [*times, *values, *block.motion]
 
 
 def joined(run: Body, size: int, count: int = SAMPLES) -> list[np.ndarray]:
@@ -94,19 +95,12 @@ RANDOM_TERMS = {
 }
 
 
-def read_all(run: Body, size: int, count: int, quantity: str) -> SensorBlock:
+def read_all(run: Body, size: int, count: int, quantity: str) -> Samples:
     """All samples of a sensor, read in windows."""
-    parts, before = [], 0
-    for block in run.windows(size, count):
-        read = block[quantity]
-        parts.append(read._replace(delivered=read.delivered + before))
-        before += len(read.t_ns)
-    *times, values, _ = zip(*parts, strict=True)
-    together = {name: np.concatenate([one[name] for one in values]) for name in values[0]}
-    return SensorBlock(*map(np.concatenate, times), together)
+    return joined_samples([block[quantity] for block in run.windows(size, count)])
 
 
-def same_bytes(a: SensorBlock, b: SensorBlock) -> bool:
+def same_bytes(a: Samples, b: Samples) -> bool:
     """Whether two hold the same samples."""
     columns = ([*one[:4], *(one.values[name] for name in a.values)] for one in (a, b))
     return all(x.tobytes() == y.tobytes() for x, y in zip(*columns, strict=True))

@@ -10,17 +10,17 @@ from simulation_runs import EVERY_TERM
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.parameters.sections import parameters
-from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.triads import TriadParameters
+from imu_sim_ros.sensors.samples import Samples
+from imu_sim_ros.sensors.samples import joined as joined_blocks
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.error_input import Differentiator, GivenReadings
 from imu_sim_ros.simulation.error_model import ErrorModel
-from imu_sim_ros.simulation.error_model import joined as joined_blocks
 from imu_sim_ros.simulation.error_parameters import load_error_model
 from imu_sim_ros.simulation.parameters import load_simulation
 
-COMPARED = [name for name in ImuBlock._fields if name not in ("first", "motion", "sensors")]
+TIMES = ("true_t_ns", "t_ns", "release_t_ns", "delivered")
 COUNT = 700
 OF_TRIADS = {  # a value for every parameter of a triad that is not a switch of another
     "noise_density": {"noise_density": 0.01},
@@ -108,12 +108,12 @@ for triad in ("gyroscope", "accelerometer"):  # percent and matrix exclude each 
     CASES["everything"].pop(f"imu.{triad}_scale_misalignment")
 
 
-def joined(read: list[object]) -> ImuBlock:
+def joined(read: list[object]) -> Samples:
     """Return the IMU's samples of a model's windows, and of blocks, as one block."""
     return joined_blocks([one["imu"] if isinstance(one, dict) else one for one in read])
 
 
-def truth_of(values: dict[str, object], count: int = COUNT) -> ImuBlock:
+def truth_of(values: dict[str, object], count: int = COUNT) -> Samples:
     base = {"imu.preset": "perfect", "trajectory.type": "lecture", "seed": 5}
     return Body(load_simulation({**base, **values})).next(count)["imu"]
 
@@ -122,11 +122,11 @@ def model_of(values: dict[str, object], **more: object) -> ErrorModel:
     return ErrorModel(load_error_model({"imu.preset": "perfect", "seed": 5, **values, **more}))
 
 
-def given_of(block: ImuBlock) -> GivenReadings:
+def given_of(block: Samples) -> GivenReadings:
     return GivenReadings(block.true_t_ns, block.ideal_gyro, block.ideal_accel)
 
 
-def read_in(model: ErrorModel, given: GivenReadings, sizes: list[int]) -> ImuBlock:
+def read_in(model: ErrorModel, given: GivenReadings, sizes: list[int]) -> Samples:
     blocks, begin, k = [], 0, 0
     while begin < len(given.t_ns):
         size = sizes[k % len(sizes)]
@@ -135,8 +135,8 @@ def read_in(model: ErrorModel, given: GivenReadings, sizes: list[int]) -> ImuBlo
     return joined(blocks)
 
 
-def assert_same(found: ImuBlock, expected: ImuBlock) -> None:
-    for name in COMPARED:
+def assert_same(found: Samples, expected: Samples) -> None:
+    for name in (*TIMES, *(name for name in expected.values if name != "motion")):
         mine, theirs = getattr(found, name), getattr(expected, name)
         assert np.ascontiguousarray(mine).tobytes() == np.ascontiguousarray(theirs).tobytes(), name
 
@@ -157,7 +157,7 @@ def test_single_readings_follow_blocks_and_faults() -> None:
     values = {k: v for name in ("noise_density", "resolution") for k, v in of_triads(name).items()}
     given = given_of(truth_of(values))
 
-    def run(pieces: list[tuple[int, int]]) -> ImuBlock:
+    def run(pieces: list[tuple[int, int]]) -> Samples:
         model, blocks, begin = model_of(values), [], 0
         model.inject(Fault("stuck", 0.1, triad="gyroscope"), 2.0)
         for count, size in pieces:
@@ -262,11 +262,11 @@ def test_live_changes_and_faults_do_not_depend_on_the_blocks() -> None:
     values = {"imu.gyroscope_noise_density": 0.01, "imu.gyroscope_random_walk": 1e-3}
     given = given_of(truth_of(values))
 
-    def run(sizes: list[int]) -> ImuBlock:
+    def run(sizes: list[int]) -> Samples:
         model = model_of(values)
         model.inject(Fault("bias_jump", 0.5, (0.1, 0.0, 0.0), "gyroscope"), 1.0)
 
-        def read(rows: slice) -> ImuBlock:
+        def read(rows: slice) -> Samples:
             return read_in(model, given.at(rows), sizes)
 
         begin = read(slice(0, 100))

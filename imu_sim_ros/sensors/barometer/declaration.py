@@ -15,7 +15,7 @@ from imu_sim_ros.sensors.barometer.parameters import BarometerParameters, Barome
 from imu_sim_ros.sensors.declaration import Model, Mounted, Sensor, SensorReadings, topic
 from imu_sim_ros.sensors.errors.realised import realised_triad
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.samples import Samples, read_samples
+from imu_sim_ros.sensors.recorded import RecordedSamples, read_samples
 from imu_sim_ros.types import Array
 
 TYPE: Final = "sensor_msgs/msg/FluidPressure"
@@ -114,7 +114,7 @@ SENSOR = Sensor(
 )
 
 
-def read_pressure(path: str | Path, topic: str | None = None) -> Samples:
+def read_pressure(path: str | Path, topic: str | None = None) -> RecordedSamples:
     """Return the pressure in a bag or a EuRoC folder.
 
     :param path: the file or folder.
@@ -131,4 +131,4 @@ def read_pressure(path: str | Path, topic: str | None = None) -> Samples:
     """
     found = read_samples(TABLE, path, topic)
     flat = found.values.reshape(-1), found.covariance.reshape(-1)
-    return Samples(found.t_ns, *flat, found.name)
+    return RecordedSamples(found.t_ns, *flat, found.name)

@@ -14,12 +14,12 @@ from imu_sim_ros.conventions import STANDARD_GRAVITY
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.rotation import empty, rotate
 from imu_sim_ros.sensors.barometer.parameters import BarometerParameters
-from imu_sim_ros.sensors.block import SensorBlock
 from imu_sim_ros.sensors.environment import AtmosphereParameters, EnvironmentParameters
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.faults import Fault, FaultSchedule
-from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.own_rate import OwnRate, instantaneous
+from imu_sim_ros.sensors.imu.parameters import ImuParameters, instantaneous
+from imu_sim_ros.sensors.samples import Samples
+from imu_sim_ros.sensors.timing import Timing
 from imu_sim_ros.sensors.world import Sampled, Window, World
 from imu_sim_ros.types import Array, Times
 
@@ -160,7 +160,8 @@ class Barometer:
         :param t0_ns: time of the start [ns].
         """
         own = imu.barometer
-        self._own = OwnRate(NAME, own, imu, environment, t0_ns)
+        seed = environment.seed
+        self._timing = Timing(NAME, own.rate, imu, seed, t0_ns, own.time_offset, own.span)
         self._atmosphere = Atmosphere(environment.atmosphere)
         self._height = environment.height
         self._lever_arm_b = np.array(imu.lever_arm)
@@ -171,33 +172,33 @@ class Barometer:
     def configure(self, imu: ImuParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
         self._reference_temperature = imu.reference_temperature
-        self._own.configure(imu)
+        self._timing.configure(imu)
         self._errors.configure(imu.barometer.minimum, imu.barometer.maximum)
         self._errors.triad.configure(instantaneous(imu))
 
     def inject(self, fault: Fault, begin: Fraction) -> None:
         """Let a fault begin with the first sample not before a time since the start [s]."""
-        self._own.inject(fault, begin)
+        self._timing.inject(fault, begin)
 
-    def read(self, window: Window, world: World) -> SensorBlock:
+    def read(self, window: Window, world: World) -> Samples:
         """Return the samples in a window, which begins where the last one ended."""
-        samples = self._own.within(window)
+        samples = self._timing.times.within(window)
         motion = world.motion(samples.t)
         arm_w = rotate(motion.q_wb, self._lever_arm_b)
         # In a curved world, too, z is the height above the origin's (CurvedEarth).
         ideal = self._atmosphere.pressure(self._height + motion.position[:, 2] + arm_w[:, 2])
         return self._read(samples, ideal, world)
 
-    def apply(self, true_t_ns: Times, ideal: Array, world: World) -> SensorBlock:
+    def apply(self, true_t_ns: Times, ideal: Array, world: World) -> Samples:
         """Return the next n samples of ideal pressures that somebody gives.
 
         :param true_t_ns: (n,) of the samples [ns].
         :param ideal: (n,) of the still air at the IMU [Pa].
         """
-        return self._read(self._own.given(true_t_ns), ideal, world)
+        return self._read(self._timing.given(true_t_ns), ideal, world)
 
-    def _read(self, samples: Sampled, ideal: Array, world: World) -> SensorBlock:
+    def _read(self, samples: Sampled, ideal: Array, world: World) -> Samples:
         gust = None if self._gusts is None else self._gusts.next(len(samples.t))
         offset = world.temperature.at(samples.t) - self._reference_temperature
-        values = self._errors.read(samples.first, ideal, gust, offset, self._own.faults)
-        return SensorBlock(samples.true_t_ns, *self._own.stamp(samples), values)
+        values = self._errors.read(samples.first, ideal, gust, offset, self._timing.faults)
+        return self._timing.samples(samples.first, samples.true_t_ns, values)

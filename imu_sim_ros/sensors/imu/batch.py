@@ -44,7 +44,7 @@ class BatchSamples(NamedTuple):
     temperature: Array
     """(count,) [degC]"""
     gyro_bias: Array
-    """(count, 3) true errors, as those of :class:`~imu_sim_ros.sensors.block.ImuBlock`."""
+    """(count, 3) true errors, as those of :class:`~imu_sim_ros.sensors.samples.Samples`."""
     accel_bias: Array
     gyro_scale: Array
     accel_scale: Array

@@ -13,15 +13,15 @@ import numpy as np
 
 from imu_sim_ros import timebase
 from imu_sim_ros.conventions import ERRORS, TRIADS
-from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.sensors.errors.triad import Additions, Reading, Triad
-from imu_sim_ros.sensors.faults import Fault, FaultSchedule
+from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.ideal import IdealImu, Quadrature, quadrature
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.timing import Clock, Transport
-from imu_sim_ros.sensors.world import SampleTimes, Window, World
+from imu_sim_ros.sensors.samples import Samples
+from imu_sim_ros.sensors.timing import Timing
+from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.types import Array, Times
 
@@ -38,7 +38,7 @@ AHEAD: Final = 64
 class Imu:
     """One IMU; its samples are read in order."""
 
-    latest: ImuBlock
+    latest: Samples
     """What was read last."""
 
     def __init__(self, imu: ImuParameters, environment: EnvironmentParameters, t0_ns: int) -> None:
@@ -47,8 +47,7 @@ class Imu:
         :param t0_ns: time of sample 0 [ns].
         """
         seed, rate = environment.seed, environment.rate
-        self._rate, self._next = rate, 0
-        self._times = SampleTimes(rate, t0_ns)
+        self._rate = rate
         self._averaged = imu.sampling == "averaged"
         self._quadrature: Quadrature | None = None
         self._ratio = int(imu.internal_ratio(rate))
@@ -56,9 +55,7 @@ class Imu:
         self._temperature = TemperatureProfile(environment.temperature)
         self._triads = [Triad(triad, imu, seed, rate) for triad in TRIADS]
         self._follows_force = any(triad.follows_force for triad in self._triads)
-        self._clock = Clock(seed, imu, rate, t0_ns)
-        self._transport = Transport(seed, rate)
-        self._faults = FaultSchedule(seed, 1.0 / rate)
+        self._timing = Timing("", rate, imu, seed, t0_ns)
         self._vibration = _vibration(imu, environment)
         self._ahead: _Ahead | None = None
         self.configure(imu)
@@ -71,8 +68,7 @@ class Imu:
         self._reference_temperature = imu.reference_temperature
         for triad in self._triads:
             triad.configure(imu)
-        self._clock.configure(imu)
-        self._transport.configure(imu)
+        self._timing.configure(imu)
 
     def prepare(self, trajectory: Trajectory) -> None:
         """Determine how finely a motion has to be sampled, before the first reading.
@@ -84,11 +80,11 @@ class Imu:
 
     def inject(self, fault: Fault, begin: Fraction) -> None:
         """Let a fault begin with the first sample not before a time since the start [s]."""
-        self._faults.add(fault, max(self._times.index(begin), self._next), self._next)
+        self._timing.inject(fault, begin)
 
-    def read(self, window: Window, world: World) -> ImuBlock:
+    def read(self, window: Window, world: World) -> Samples:
         """Return the samples in a window, which begins where the last one ended."""
-        first, true_t_ns, t = self._times.within(window)
+        first, true_t_ns, t = self._timing.times.within(window)
         motion, ideal_gyro, ideal_accel = self._ideal_readings(first, t, world)
         ideal = (ideal_gyro, ideal_accel)
         temperature = self._temperature.at(t)
@@ -101,7 +97,7 @@ class Imu:
 
     def apply(
         self, first: int, true_t_ns: Times, motion: Motion, ideal_gyro: Array, ideal_accel: Array
-    ) -> ImuBlock:
+    ) -> Samples:
         """Return samples ``first .. first + n - 1`` of ideal readings that somebody gives.
 
         Errors that depend on time follow the samples' indices, so that they are those of
@@ -146,28 +142,19 @@ class Imu:
         temperature: Array,
         gyro: Reading,
         accel: Reading,
-    ) -> ImuBlock:
+    ) -> Samples:
         """Return n samples with stamps and transport."""
-        self._next = first + len(true_t_ns)
-        errors: dict[str, Any] = {
-            f"{name}_{error}": values
-            for name, triad in (("gyro", gyro), ("accel", accel))
-            for error, values in zip(ERRORS, triad[1:], strict=True)
+        values: dict[str, Any] = {
+            "gyro": gyro.reading,
+            "accel": accel.reading,
+            "temperature": temperature,
+            "ideal_gyro": ideal[0],
+            "ideal_accel": ideal[1],
+            "motion": motion,
         }
-        self.latest = ImuBlock(
-            first=first,
-            true_t_ns=true_t_ns,
-            t_ns=self._clock.stamp(true_t_ns),
-            release_t_ns=self._transport.release(first, true_t_ns, self._faults),
-            delivered=self._transport.deliver(first, len(true_t_ns), self._faults),
-            gyro=gyro.reading,
-            accel=accel.reading,
-            temperature=temperature,
-            ideal_gyro=ideal[0],
-            ideal_accel=ideal[1],
-            motion=motion,
-            **errors,
-        )
+        for k, error in enumerate(ERRORS):
+            values[f"gyro_{error}"], values[f"accel_{error}"] = gyro[1 + k], accel[1 + k]
+        self.latest = self._timing.samples(first, true_t_ns, values)
         return self.latest
 
     def _pieces(
@@ -237,7 +224,7 @@ class Imu:
         offset = temperature - self._reference_temperature
         shaken = (None, None) if vibration is None else (vibration[:, :3], vibration[:, 3:])
         gyro, accel = (
-            triad.read(first, ideal, ideal_accel, offset, self._faults, own, added)
+            triad.read(first, ideal, ideal_accel, offset, self._timing.faults, own, added)
             for triad, ideal, own, added in zip(
                 self._triads,
                 (ideal_gyro, ideal_accel),

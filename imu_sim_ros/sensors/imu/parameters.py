@@ -4,7 +4,7 @@
 """Parameters of the IMU: the triads' errors, mounting, timing, and the vehicle's vibration."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import pairwise
 from typing import Any
@@ -384,3 +384,8 @@ class ImuParameters(BareImuParameters):
             return super().triad(name)
         errors: TriadParameters = getattr(self, name).as_triad()
         return errors
+
+
+def instantaneous(imu: ImuParameters) -> ImuParameters:
+    """Return the IMU with readings at an instant: only gyroscope and accelerometer average."""
+    return replace(imu, sampling="instantaneous")

@@ -21,10 +21,9 @@ from imu_sim_ros.sensors.errors.flicker import CHUNK
 from imu_sim_ros.sensors.errors.realised import of_each, unit_of_seed
 from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.sensors.errors.triad import Additions, Triad, is_constant
-from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.imu.parameters import ImuParameters, instantaneous
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 from imu_sim_ros.sensors.magnetometer.parameters import AS_IN_TRIADS, MagnetometerParameters
-from imu_sim_ros.sensors.own_rate import instantaneous
 from imu_sim_ros.sensors.parameters import OwnRateParameters
 from imu_sim_ros.sensors.world import SampleTimes
 from imu_sim_ros.types import Array, Integers

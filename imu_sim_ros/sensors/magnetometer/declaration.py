@@ -16,7 +16,7 @@ from imu_sim_ros.inputs.tables import Encode, Table
 from imu_sim_ros.sensors.declaration import Model, Mounted, Sensor, SensorReadings, topic
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters, MagnetometerSwitches
-from imu_sim_ros.sensors.samples import Samples, read_samples
+from imu_sim_ros.sensors.recorded import RecordedSamples, read_samples
 from imu_sim_ros.types import Array
 
 TYPE: Final = "sensor_msgs/msg/MagneticField"
@@ -114,7 +114,7 @@ SENSOR = Sensor(
 )
 
 
-def read_magnetometer(path: str | Path, topic: str | None = None) -> Samples:
+def read_magnetometer(path: str | Path, topic: str | None = None) -> RecordedSamples:
     """Return the magnetic field in a bag or a EuRoC folder.
 
     :param path: the file or folder.

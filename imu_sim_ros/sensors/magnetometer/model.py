@@ -13,15 +13,15 @@ import numpy as np
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
 from imu_sim_ros.rotation import empty, rotate, rotate_inverse, transform
-from imu_sim_ros.sensors.block import SensorBlock
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.realised import with_constants, with_turn_on
 from imu_sim_ros.sensors.errors.response import TurnOn
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.faults import Fault, FaultSchedule
-from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.imu.parameters import ImuParameters, instantaneous
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
-from imu_sim_ros.sensors.own_rate import OwnRate, instantaneous
+from imu_sim_ros.sensors.samples import Samples
+from imu_sim_ros.sensors.timing import Timing
 from imu_sim_ros.sensors.world import Sampled, Window, World
 from imu_sim_ros.types import Array, Times
 
@@ -187,7 +187,8 @@ class Magnetometer:
 
         :param t0_ns: time of the start [ns].
         """
-        self._own = OwnRate(NAME, imu.magnetometer, imu, environment, t0_ns)
+        own, seed = imu.magnetometer, environment.seed
+        self._timing = Timing(NAME, own.rate, imu, seed, t0_ns, own.time_offset, own.span)
         self._field = MagneticField(environment)
         self.earth_w, self.interval = self._field.earth_w, 1.0 / imu.magnetometer.rate
         self._lever_arm_b = np.array(imu.lever_arm)
@@ -196,14 +197,14 @@ class Magnetometer:
         unit = with_constants(imu.magnetometer, NAME, environment.seed)
         triad = Triad(NAME, instantaneous(imu), environment.seed, imu.magnetometer.rate)
         self._errors = MagneticErrors(triad, iron(unit))
-        self.latest: SensorBlock | None = None
+        self.latest: Samples | None = None
         """What was read last."""
         self.configure(imu)
 
     def configure(self, imu: ImuParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
         self._reference_temperature = imu.reference_temperature
-        self._own.configure(imu)
+        self._timing.configure(imu)
         self._errors.triad.configure(instantaneous(imu))
 
     def calibration(self, unit: ImuParameters) -> tuple[Array, Array]:
@@ -212,29 +213,29 @@ class Magnetometer:
 
     def inject(self, fault: Fault, begin: Fraction) -> None:
         """Let a fault begin with the first sample not before a time since the start [s]."""
-        self._own.inject(fault, begin)
+        self._timing.inject(fault, begin)
 
-    def read(self, window: Window, world: World) -> SensorBlock:
+    def read(self, window: Window, world: World) -> Samples:
         """Return the samples in a window, which begins where the last one ended."""
-        samples = self._own.within(window)
+        samples = self._timing.times.within(window)
         motion = world.motion(samples.t)
         place = motion.position + rotate(motion.q_wb, self._lever_arm_b)
         field_w = self._field.at(samples.t, place)
         ideal = transform(self._r_ib, rotate_inverse(motion.q_wb, field_w))
         return self._read(samples, ideal, world)
 
-    def apply(self, true_t_ns: Times, ideal: Array, world: World) -> SensorBlock:
+    def apply(self, true_t_ns: Times, ideal: Array, world: World) -> Samples:
         """Return the next n samples of ideal fields that somebody gives.
 
         :param true_t_ns: (n,) of the samples [ns].
         :param ideal: (n, 3) in the IMU's axes [T].
         """
-        return self._read(self._own.given(true_t_ns), ideal, world)
+        return self._read(self._timing.given(true_t_ns), ideal, world)
 
-    def _read(self, samples: Sampled, ideal: Array, world: World) -> SensorBlock:
+    def _read(self, samples: Sampled, ideal: Array, world: World) -> Samples:
         flows = bool(self._parameters.current_profile)
         current = current_at(self._parameters, samples.t) if flows else None
         offset = world.temperature.at(samples.t) - self._reference_temperature
-        values = self._errors.read(samples.first, ideal, current, offset, self._own.faults)
-        self.latest = SensorBlock(samples.true_t_ns, *self._own.stamp(samples), values)
+        values = self._errors.read(samples.first, ideal, current, offset, self._timing.faults)
+        self.latest = self._timing.samples(samples.first, samples.true_t_ns, values)
         return self.latest

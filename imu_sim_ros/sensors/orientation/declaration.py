@@ -21,7 +21,7 @@ from imu_sim_ros.sensors.declaration import (
 from imu_sim_ros.sensors.imu.declaration import readings
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.orientation.parameters import OrientationParameters, OrientationSwitches
-from imu_sim_ros.sensors.samples import Samples, read_samples
+from imu_sim_ros.sensors.recorded import RecordedSamples, read_samples
 from imu_sim_ros.types import Array
 
 TYPE: Final = "sensor_msgs/msg/Imu"
@@ -88,7 +88,7 @@ SENSOR = Sensor(
 )
 
 
-def read_orientation(path: str | Path, topic: str | None = None) -> Samples:
+def read_orientation(path: str | Path, topic: str | None = None) -> RecordedSamples:
     """Return the orientation that an IMU reports, from a bag or a EuRoC folder.
 
     :param path: the file or folder.

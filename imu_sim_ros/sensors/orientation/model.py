@@ -10,13 +10,13 @@ import numpy as np
 
 from imu_sim_ros import rotation, timebase
 from imu_sim_ros.random_streams import axis_generators
-from imu_sim_ros.sensors.block import ImuBlock, SensorBlock
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.processes import GaussMarkovBank
 from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.orientation.filter import OrientationFilter
+from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.types import Array
 
@@ -48,7 +48,7 @@ class ModelledOrientation:
         self._per_acceleration = np.array(p.acceleration_sensitivity)
         self._dynamic = GaussMarkovBank(seed, "orientation.acceleration", p.acceleration_time, dt)
 
-    def next(self, block: ImuBlock, q_wi: Array) -> tuple[Array, Array]:
+    def next(self, block: Samples, q_wi: Array) -> tuple[Array, Array]:
         """Return orientations (n, 4) and the variances of their errors (n, 3) [rad^2].
 
         :param q_wi: (n, 4) the true ones.
@@ -77,7 +77,7 @@ class ReadImu(Protocol):
     """The IMU whose orientation is stated."""
 
     @property
-    def latest(self) -> ImuBlock:
+    def latest(self) -> Samples:
         """What was read last."""
 
 
@@ -122,7 +122,7 @@ class FilteredOrientation:
                 _Correction(*field.calibration(unit)),
             ]
 
-    def next(self, block: ImuBlock, q_wi: Array) -> tuple[Array, Array]:
+    def next(self, block: Samples, q_wi: Array) -> tuple[Array, Array]:
         """Return orientations (n, 4) and the stated variances (n, 3) [rad^2]."""
         magnetic = self._field.latest
         n = len(block.true_t_ns)
@@ -183,14 +183,14 @@ class Orientation:
     def inject(self, fault: Fault, begin: Fraction) -> None:
         """Do nothing: an orientation has no faults of its own."""
 
-    def read(self, window: Window, world: World) -> SensorBlock:
+    def read(self, window: Window, world: World) -> Samples:
         """Return the orientations of the IMU's samples, and of the field's, that were read last."""
         block = self._imu.latest
         truth = rotation.multiply(block.motion.q_wb, self._q_bi)
         q, variance = self._source.next(block, truth)
         rows = np.flatnonzero((block.first + np.arange(len(block.true_t_ns))) % self._every == 0)
         delivered = block.delivered[(block.first + block.delivered) % self._every == 0]
-        return SensorBlock(
+        return Samples(
             block.true_t_ns[rows],
             block.t_ns[rows],
             block.release_t_ns[rows],

@@ -8,18 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from imu_sim_ros.sensors.block import SensorBlock
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import SampleTimes, Window, World
 from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Times
 
 
-def pose_samples(true_t_ns: Times, motion: Motion) -> SensorBlock:
+def pose_samples(true_t_ns: Times, motion: Motion) -> Samples:
     """Return a known motion at times (n,) [ns] as samples."""
     every = np.arange(len(true_t_ns))
-    return SensorBlock(true_t_ns, true_t_ns, true_t_ns, every, motion._asdict())
+    return Samples(true_t_ns, true_t_ns, true_t_ns, every, motion._asdict())
 
 
 class Pose:
@@ -34,7 +34,7 @@ class Pose:
     def inject(self, fault: Fault, begin: Fraction) -> None:
         """Do nothing: the truth has no faults."""
 
-    def read(self, window: Window, world: World) -> SensorBlock:
+    def read(self, window: Window, world: World) -> Samples:
         """Return the samples in a window."""
         samples = self._times.within(window)
         return pose_samples(samples.true_t_ns, world.motion(samples.t))

@@ -11,8 +11,8 @@ import pytest
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.rotation import skew, to_matrix
-from imu_sim_ros.sensors.block import ImuBlock
 from imu_sim_ros.sensors.gravity import EARTH_RATE, CurvedEarth, normal_gravity
+from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -74,7 +74,7 @@ class Jet:
         return self.of(self.f**p, p * self.f ** (p - 1), p * (p - 1) * self.f ** (p - 2))
 
 
-def in_space(block: ImuBlock, t: np.ndarray, arm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def in_space(block: Samples, t: np.ndarray, arm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return rate and specific force (n, 3) of a point of the body from its path in space.
 
     ``f = R^T (r'' - gravitation)``; the rate from the derivative of the attitude in space.

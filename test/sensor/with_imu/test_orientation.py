@@ -17,9 +17,9 @@ from simulation_runs import read_all, same_bytes
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters import files
-from imu_sim_ros.sensors.block import SensorBlock
 from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.sensors.orientation.model import EXACT
+from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -83,7 +83,7 @@ def as_rotation(q: np.ndarray) -> Rotation:
     return Rotation.from_quat(q[..., [1, 2, 3, 0]])
 
 
-def errors(read: SensorBlock) -> np.ndarray:
+def errors(read: Samples) -> np.ndarray:
     """Return rotation vectors about the world's axes (n, 3) [rad]."""
     truth = as_rotation(read.ideal_q_wi)
     error: np.ndarray = (as_rotation(read.q_wi) * truth.inv()).as_rotvec()
