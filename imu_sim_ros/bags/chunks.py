@@ -117,13 +117,16 @@ _MAX_WORKERS: Final = 4
 """More than this the thread that writes cannot follow; each has a few chunks in memory."""
 
 
+_Counts = list[tuple[int, int, int]]
+"""Messages, first and last time of each topic."""
+
+
 class _Mark(NamedTuple):
     """The state of a file up to which it is complete."""
 
     position: int
     chunks: int
-    counts: list[tuple[int, int, int]]
-    """Messages, first and last time of each topic."""
+    counts: _Counts
 
 
 class _Chunk(NamedTuple):
@@ -131,8 +134,8 @@ class _Chunk(NamedTuple):
 
     records: Bytes
     messages: Sequence[Indexed]
-    counts: list[tuple[int, int, int]]
-    """Messages, first and last time of each topic, this chunk included."""
+    counts: _Counts
+    """This chunk included."""
 
 
 class ChunkWriter(Writer):
@@ -151,7 +154,9 @@ class ChunkWriter(Writer):
         self._finishing: int | None = None
         """Where the file's end begins, once that is being written."""
         self._mark = _Mark(0, 0, [])
-        self._pipeline: Pipeline[_Chunk, tuple[_Chunk, Any]] | None = None
+        self._before = b""
+        """What stands before the records of the next chunk."""
+        self._pipeline: Pipeline[_Chunk, tuple[_Counts, Any]] | None = None
 
     @abstractmethod
     def _records(
@@ -165,10 +170,6 @@ class ChunkWriter(Writer):
     @abstractmethod
     def _record(self, topic: BagTopic, index: int, t_ns: int, payload: bytes) -> bytes:
         """Return one message as a record."""
-
-    def _first_in_chunk(self) -> bytes:
-        """Return the bytes before the records of the next chunk."""
-        return b""
 
     @abstractmethod
     def _pack(self, records: Bytes, messages: Sequence[Indexed]) -> Any:
@@ -196,7 +197,7 @@ class ChunkWriter(Writer):
         """Return the handle of a new topic; its description follows the chunks so far."""
         self._wait()
         topic = super().add_topic(name, type_name, qos, definition, keeps_seq)
-        self._note(self._counts())
+        self._mark = _Mark(self.file.position, len(self._written), self._counts())
         return topic
 
     @property
@@ -212,12 +213,14 @@ class ChunkWriter(Writer):
 
     def write_blocks(self, blocks: Sequence[Block]) -> None:
         """Write the messages of several topics, ordered by record time among each other."""
-        self._collect_raw()
+        if self._raw:
+            self._collect_raw()
         for block in (block for block in blocks if len(block.t_ns)):
             self._pending.append(block)
-            self._pending_bytes += _bytes(block.payloads)
+            many = block.payloads
+            self._pending_bytes += sum(map(len, many)) if isinstance(many, list) else many.size
         if self._pending_bytes >= CHUNK_BYTES:
-            self._emit_in_threads()
+            self._emit(in_threads=True)
 
     def write_raw(self, topic: BagTopic, t_ns: int, payload: bytes) -> None:
         """Write one message."""
@@ -225,7 +228,7 @@ class ChunkWriter(Writer):
         self._pending_bytes += len(payload)
         if self._pending_bytes >= CHUNK_BYTES:
             self._collect_raw()
-            self._emit_in_threads()
+            self._emit(in_threads=True)
 
     def flush(self, durable: bool = False) -> None:
         """Write the messages in memory as a chunk of their own."""
@@ -290,15 +293,28 @@ class ChunkWriter(Writer):
         for topic, (times, payloads) in by_topic.items():
             self._pending.append(Block(topic, np.array(times, dtype=np.int64), payloads))
 
-    def _emit(self) -> None:
-        """Write everything in memory, in chunks of about equal size."""
+    def _emit(self, in_threads: bool = False) -> None:
+        """Write everything in memory, in chunks of about equal size.
+
+        :param in_threads: threads, which cost a little, take the chunks from now on; the last chunk
+            of a small file, and those that are flushed one by one, do without.
+        """
+        if in_threads and self._pipeline is None:
+            # A checksum alone is quick, and quickest where the records are still in the cache.
+            workers = min(cores(), _MAX_WORKERS) if self._compression not in ("", "none") else 0
+            self._pipeline = Pipeline(self._packed, self._keep, workers)
         blocks = self._pending
         self._pending, self._pending_bytes = [], 0
         if not blocks:
             return
         self._emitting = True
         if _mergeable(blocks):
-            for part in parts([self._as_records(block) for block in blocks], CHUNK_BYTES):
+            records = [
+                Records(topic, t_ns, self._records(topic, topic.count, t_ns, as_row_template(many)))
+                for topic, t_ns, many in blocks
+                if not isinstance(many, list)
+            ]
+            for part in parts(records, CHUNK_BYTES):
                 content, index = merged(part)
                 for topic, t_ns, _ in index:
                     topic.add(len(t_ns), int(t_ns[0]), int(t_ns[-1]))
@@ -306,17 +322,6 @@ class ChunkWriter(Writer):
         else:
             self._emit_merged(blocks)
         self._emitting = False
-
-    def _emit_in_threads(self) -> None:
-        """Write everything that waits; threads, which cost a little, take the chunks from now on.
-
-        The last chunk of a small file, and those that are flushed one by one, do without.
-        """
-        if self._pipeline is None:
-            # A checksum alone is quick, and quickest where the records are still in the cache.
-            workers = min(cores(), _MAX_WORKERS) if self._compression not in ("", "none") else 0
-            self._pipeline = Pipeline(self._packed, self._store_chunk, workers)
-        self._emit()
 
     def _wait(self) -> None:
         """Wait until the chunks so far are in the file."""
@@ -328,37 +333,29 @@ class ChunkWriter(Writer):
             self._pipeline.close()
             self._pipeline = None
 
-    def _counts(self) -> list[tuple[int, int, int]]:
+    def _counts(self) -> _Counts:
         return [(topic.count, topic.first_ns, topic.last_ns) for topic in self.topics]
-
-    def _note(self, counts: list[tuple[int, int, int]]) -> None:
-        """Remember that everything is whole up to here."""
-        self._mark = _Mark(self.file.position, len(self._written), counts)
 
     def _hand_over(self, records: Bytes, messages: Sequence[Indexed]) -> None:
         """Let a chunk be written."""
-        if before := self._first_in_chunk():
+        if before := self._before:
+            self._before = b""
             records = np.concatenate([np.frombuffer(before, np.uint8), records])
             messages = [Indexed(t, t_ns, offsets + len(before)) for t, t_ns, offsets in messages]
         chunk = _Chunk(records, messages, self._counts())
         if self._pipeline is None:
-            self._store_chunk(self._packed(chunk))
+            self._keep(self._packed(chunk))
         else:
             self._pipeline.give(chunk)
 
-    def _packed(self, chunk: _Chunk) -> tuple[_Chunk, Any]:
-        return chunk, self._pack(chunk.records, chunk.messages)
+    def _packed(self, chunk: _Chunk) -> tuple[_Counts, Any]:
+        return chunk.counts, self._pack(chunk.records, chunk.messages)
 
-    def _store_chunk(self, made: tuple[_Chunk, Any]) -> None:
-        chunk, packed = made
+    def _keep(self, made: tuple[_Counts, Any]) -> None:
+        """Write a chunk, and remember that everything is whole up to here."""
+        counts, packed = made
         self._store(packed)
-        self._note(chunk.counts)
-
-    def _as_records(self, block: Block) -> Records:
-        topic, t_ns, payloads = block
-        assert not isinstance(payloads, list)
-        made = self._records(topic, topic.count, t_ns, as_row_template(payloads))
-        return Records(topic, t_ns, made)
+        self._mark = _Mark(self.file.position, len(self._written), counts)
 
     def _emit_merged(self, blocks: Sequence[Block]) -> None:
         """Write any blocks, message by message in the order of time."""
@@ -409,7 +406,3 @@ def _mergeable(blocks: Sequence[Block]) -> bool:
         and not any(isinstance(block.payloads, list) for block in blocks)
         and all(bool(np.all(block.t_ns[1:] >= block.t_ns[:-1])) for block in blocks)
     )
-
-
-def _bytes(payloads: Payloads | RowTemplate) -> int:
-    return sum(map(len, payloads)) if isinstance(payloads, list) else payloads.size

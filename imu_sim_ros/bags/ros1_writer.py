@@ -136,7 +136,6 @@ class Rosbag1Writer(ChunkWriter):
     def __init__(self, path: Path, compression: str = "none") -> None:
         super().__init__(path, compression, renamed=True)
         self._compress = compressor(compression)
-        self._announced = 0
         self._numbered: set[BagTopic] = set()
         self.file.write(MAGIC, self._bag_header(0))
 
@@ -159,6 +158,8 @@ class Rosbag1Writer(ChunkWriter):
             )
         if not topic.keeps_seq and _begins_with_header(topic.schema.text):
             self._numbered.add(topic)
+        # Connections stand in the first chunk after they were made, before any of their messages.
+        self._before += self._connection(topic)
 
     def _connection(self, topic: BagTopic) -> bytes:
         name = topic.name.encode()
@@ -195,12 +196,6 @@ class Rosbag1Writer(ChunkWriter):
         if topic in self._numbered and len(payload) >= _SEQ_BYTES:
             payload = _u4((topic.before + index) & 0xFFFFFFFF) + payload[_SEQ_BYTES:]
         return header + _u4(len(payload)) + payload
-
-    def _first_in_chunk(self) -> bytes:
-        # Connections stand in the first chunk after they were made, before any of their messages.
-        new = b"".join(self._connection(topic) for topic in self.topics[self._announced :])
-        self._announced = len(self.topics)
-        return new
 
     def _pack(self, records: Bytes, messages: Sequence[Indexed]) -> _Packed:
         data = memoryview(records.data)

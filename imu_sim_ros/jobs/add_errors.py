@@ -28,7 +28,7 @@ from imu_sim_ros.conventions import (
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.jobs.flight import Flight, Source
-from imu_sim_ros.jobs.readings import joined
+from imu_sim_ros.jobs.readings import delivered_of
 from imu_sim_ros.jobs.simulate import flat_parameters, imu_parameters
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
@@ -220,8 +220,6 @@ class ErrorModel:
         """
         given = _given(t_ns, gyro, accel, orientation, "read")
         blocks = [read[IMU] for read in self._model.read(given)]
-        if len(blocks) == 1:
-            return blocks[0]
         return joined(blocks) if blocks else _nothing(self._model.position)
 
     def read_magnetic_field(self, t_ns: int | ArrayLike, field: ArrayLike) -> MagneticReadings:
@@ -674,7 +672,7 @@ def _delivered(sensor: GivenBoardSensor, given: GivenValues) -> Any:
     """Return the samples of ideal values that are delivered, as a flight has them."""
     windows = [{sensor.quantity: block} for block in sensor.read(given)]
     if windows:
-        return joined(windows, sensor.quantity, sensor.readings)
+        return delivered_of(windows, sensor.quantity, sensor.readings)
     none = given.at(slice(0))
     values: dict[str, Any] = {one.name: none.values for one in dataclasses.fields(sensor.readings)}
     return sensor.readings(**{**values, "t_ns": none.t_ns, "true_t_ns": none.t_ns})

@@ -292,9 +292,11 @@ class Body:
         return self._windows(arguments.block_size("block_size", block_size), count)
 
     def _windows(self, block_size: int, count: int | None) -> Iterator[dict[str, Any]]:
-        end = math.inf if count is None else self.position + count
+        position, rate = self.position, timebase.exact_rate(self.rate)
+        end = math.inf if count is None else position + count
         if self.total is not None:
             end = min(end, self.total)
         most = min(block_size, max(self._longest * self.rate, 1.0))
-        while self.position < end:
-            yield self.next(int(min(most, end - self.position)))
+        while position < end:
+            position += int(min(most, end - position))
+            yield self.until(position / rate)

@@ -29,7 +29,7 @@ class RowTemplate:
     Most bytes of a message are the same in all messages of a topic.
     """
 
-    __slots__ = ("columns", "count", "template")
+    __slots__ = ("columns", "count", "shape", "size", "template")
 
     def __init__(self, template: bytes, columns: Sequence[Column], count: int) -> None:
         """Keep the parts; nothing is copied.
@@ -38,16 +38,10 @@ class RowTemplate:
         :param count: number of rows.
         """
         self.template, self.columns, self.count = template, columns, count
-
-    @property
-    def shape(self) -> tuple[int, int]:
+        self.shape = (count, len(template))
         """Number of rows, and bytes of each."""
-        return self.count, len(self.template)
-
-    @property
-    def size(self) -> int:
+        self.size = count * len(template)
         """Bytes of all rows."""
-        return self.count * len(self.template)
 
     def __len__(self) -> int:
         return self.count

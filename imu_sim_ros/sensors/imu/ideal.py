@@ -122,12 +122,9 @@ class IdealImu:
         (:class:`imu_sim_ros.sensors.gravity.CurvedEarth`).
         """
         if _at_rest(motion):
-            rate, force = self._read(Motion(*(values[:1] for values in motion)))
+            rate, force = self.read(Motion(*(values[:1] for values in motion)))
             n = len(motion.q_wb)
             return np.broadcast_to(rate, (n, 3)), np.broadcast_to(force, (n, 3))
-        return self._read(motion)
-
-    def _read(self, motion: Motion) -> tuple[Array, Array]:
         rate, force = self._of_the_body(motion)
         rate_i, force_i = transform(self._r_ib, rate), transform(self._r_ib, force)
         if self._has_size:
