@@ -16,7 +16,6 @@ _FOLDERS: Final = {
     "imu": "imus",
     "truth": "imus",
     "trajectory": "trajectories",
-    "camera": "cameras",
     "scene": "scenes",
     "plan": "campaigns",
 }
@@ -57,7 +56,7 @@ def _names_and_files(
 ) -> list[str]:
     from argcomplete.completers import FilesCompleter
 
-    if action.dest == "set":
+    if "--set" in action.option_strings:
         return [f"{name}=" for name in _parameters(parser) if name.startswith(prefix)]
     names = files.names(_FOLDERS.get(action.dest, action.dest))
     return [*(name for name in names if name.startswith(prefix)), *FilesCompleter()(prefix)]

@@ -11,16 +11,18 @@ import warnings
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, NoReturn, Protocol
 
 from imu_sim_ros import __version__, signals, timebase
 from imu_sim_ros.completion import complete
-from imu_sim_ros.errors import ConfigurationError, Remark, explain
+from imu_sim_ros.errors import Remark, explain
 from imu_sim_ros.json_text import as_json
 from imu_sim_ros.names import unknown
 from imu_sim_ros.parameters import files
-from imu_sim_ros.progress import shown_by
+from imu_sim_ros.progress import Watcher, watched_by
+from imu_sim_ros.signatures import assignment, reader
 from imu_sim_ros.text_tables import TextTable, print_lines
 
 
@@ -44,17 +46,6 @@ def duration(words: str) -> float:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
-def assignment(words: str) -> tuple[str, object]:
-    """Return name and value of ``key=value``; the value is YAML, none an empty string."""
-    name, equals, value = words.partition("=")
-    if not equals or not name.strip():
-        raise argparse.ArgumentTypeError(f"{words!r} is not of the form key=value")
-    try:
-        return name.strip(), files.parse_yaml(value) if value.strip() else ""
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(f"{name}: {error}") from None
-
-
 _KINDS: Final[dict[str, Callable[[str], object]]] = {
     **dict.fromkeys(("FILE", "DIR", "PATH", "BAG"), Path),
     "TIME": duration,
@@ -73,8 +64,10 @@ def add_options(parser: Any, options: Mapping[str, Any]) -> None:
     """Add arguments to a parser or a group of it.
 
     :param options: by names and metavariable, ``-o --output FILE``, which a switch does not have:
-        the help, or all keywords of ``add_argument`` that do not follow from the metavariable.
+        the help, or all keywords of ``add_argument`` that do not follow from the metavariable, and
+        ``group``, the heading in the help under which it stands.
     """
+    groups = {group.title: group for group in parser._action_groups}
     for option, given in options.items():
         words = option.split()
         names = [word for word in words if word.startswith("-")] or words[:1]
@@ -84,7 +77,10 @@ def add_options(parser: Any, options: Mapping[str, Any]) -> None:
         elif isinstance(given, str):
             keywords = {"action": "store_true"}
         keywords |= {"help": given} if isinstance(given, str) else given
-        parser.add_argument(*names, **keywords)
+        title = keywords.pop("group", None)
+        if title is not None and title not in groups:
+            groups[title] = parser.add_argument_group(title)
+        groups.get(title, parser).add_argument(*names, **keywords)
 
 
 _PARAMETERS: Final = {
@@ -95,7 +91,7 @@ _PARAMETERS: Final = {
         "help": "ROS 2 parameter file or kalibr imu.yaml; repeatable",
     },
     "--set KEY=VALUE": {
-        "type": assignment,
+        "type": reader(assignment),
         "action": "append",
         "default": [],
         "help": "set one parameter, e.g. imu.gyroscope_bias=[0.01,0,0]; repeatable",
@@ -112,16 +108,7 @@ def parameter_layers(
     arguments: argparse.Namespace, node: str
 ) -> tuple[dict[str, object], dict[str, object]]:
     """Return what files give to a node, and what ``--set`` does; all bad files are reported."""
-    layers: dict[str, object] = {}
-    problems: list[str] = []
-    for path in arguments.params_file:
-        try:
-            layers.update(files.load(path, node))
-        except ConfigurationError as error:
-            problems += error.problems
-    if problems:
-        raise ConfigurationError(problems)
-    return layers, dict(arguments.set)
+    return files.load_all(arguments.params_file, node), dict(arguments.set)
 
 
 def given(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:
@@ -462,10 +449,19 @@ def main(
     except Exception as error:  # an argument of an unforeseen kind
         return _report_error(made.prog, error, debug=False)
     debug = getattr(arguments, "debug", False)
-    if any(getattr(arguments, name, False) for name in ("quiet", "json")):
+    quiet = any(getattr(arguments, name, False) for name in ("quiet", "json"))
+    with watched_by(_watcher(made.prog, quiet)):
         return run(made.prog, lambda: command(arguments), debug)
-    with shown_by(progress):
-        return run(made.prog, lambda: command(arguments), debug)
+
+
+def _watcher(name: str, quiet: bool) -> Watcher:
+    """Return who prints what jobs say, as lines of a program, and their progress."""
+
+    def said(kind: str) -> Callable[[str], None]:
+        return lambda line: print(f"{name}: {kind}{line}", file=sys.stderr)
+
+    lines = Watcher(warn=said("warning: "), remark=said(""), undisturbed=signals.collected)
+    return lines if quiet else replace(lines, bar=progress, note=said("note: "))
 
 
 @contextmanager

@@ -45,10 +45,10 @@ ROOMS = {
     "reports": LOW | {"sensors", "bags", "datasets", "navigation", "calibration", "campaigns"},
     "jobs": BODY
     | {"simulation", "bags", "datasets", "navigation", "calibration", "plots"}
-    | {"campaigns", "reports"},
+    | {"campaigns", "reports", "signatures"},
     "signals": LOW,
     "signatures": LOW,
-    "program": LOW | {"signals", "completion", "trajectory"},
+    "program": LOW | {"signals", "signatures", "completion", "trajectory"},
     "completion": LOW | {"navigation", "simulation"},
     "startup": LOW,
 }

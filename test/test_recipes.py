@@ -503,6 +503,54 @@ def test_an_option_of_a_job(copy: Copy) -> None:
     }
 
 
+def test_an_option_of_a_job_that_writes(copy: Copy) -> None:
+    """The same of ``generate``, whose parameters are as well those of the simulator."""
+    copy.change(
+        "imu_sim_ros/jobs/generate.py",
+        (
+            "    skip_bad_rows: SkipBadRows = False,\n    force",
+            "    skip_bad_rows: SkipBadRows = False,\n"
+            '    hold: Annotated[float, "TIME", OUTPUT] = 0.0,\n    force',
+        ),
+        (
+            "    :param force: replace what exists, but never",
+            "    :param hold: stand still at first [s]\n"
+            "    :param force: replace what exists, but never",
+        ),
+        (
+            "    built = load_body(given)\n",
+            '    arguments.number("hold", hold, "seconds, from 0 to 9", 0.0, 9.0)\n'
+            '    built = load_body({**given, "trajectory.lead_in.rest": hold})\n',
+        ),
+    )
+    copy.guard(1)
+    found = copy.run(
+        """
+        import contextlib, filecmp, io, json
+        import imu_sim_ros as ims
+        from imu_sim_ros.commands import generate
+        words = "--duration 1s --trajectory circle --quiet --hold".split()
+        err = io.StringIO()
+        with contextlib.redirect_stderr(err):
+            done = generate.main(["-o", "command/a.mcap", *words, "0.5s"])
+            refused = generate.main(["-o", "b.mcap", *words, "10"])
+        ims.generate("python/a.mcap", duration=1, trajectory="circle", hold=0.5)
+        output = generate.parser().format_help().partition("\\noutput:\\n")[2]
+        print(json.dumps({
+            "status": [done, refused], "said": err.getvalue(),
+            "help": "--hold TIME           stand still at first (default: 0s)" in output,
+            "same": filecmp.cmp("command/a.mcap", "python/a.mcap", False),
+        }))
+        """
+    )
+    assert found == {
+        "status": [0, 2],
+        "said": "generate: --hold 10.0: must be seconds, from 0 to 9\n",
+        "help": True,
+        "same": True,
+    }
+
+
 def test_a_consumer(copy: Copy) -> None:
     """A module and a line in ``folder.py``: ``--with-configs`` writes its file."""
     copy.write(

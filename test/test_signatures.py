@@ -3,7 +3,7 @@
 
 """A program's arguments from the signature and the docstring of a job."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,7 +12,7 @@ import pytest
 from imu_sim_ros import program
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.jobs.evaluate import delta
-from imu_sim_ros.signatures import arguments_of, call
+from imu_sim_ros.signatures import Heading, Text, arguments_of, assignment, call
 
 
 def job(
@@ -114,3 +114,77 @@ def test_problems_name_the_options() -> None:
     with pytest.raises(ConfigurationError) as caught:
         parsed("a --gap 0s --field 0")
     assert caught.value.problems == ("--gap 0: too short", "--field 0.0: none")
+
+
+def pair(words: str) -> tuple[str, str]:
+    old, _, new = words.partition("=")
+    return old, new
+
+
+SHARED = Annotated[str | Path, "-o --output PATH", Text("where to"), Heading("output")]
+
+
+def writer(
+    source: Annotated[str | Path, "INPUT"],
+    output: SHARED,
+    *,
+    topics: Annotated[str | Sequence[str], "NAME,..."] = (),
+    rename: Annotated[Mapping[str, str] | None, "--topic OLD=NEW", pair, Heading("output")] = None,
+    rate: Annotated[float | None, "HZ"] = None,
+    cameras: Annotated[Sequence[str], "--camera NAME"] = (),
+    **parameters: Annotated[Any, "--set KEY=VALUE", assignment, Text("a parameter")],
+) -> dict[str, Any]:
+    """Write something.
+
+    :param source: what is read
+    :param output: in other words for Python
+    :param topics: names (default: all)
+    :param rename: new names
+    :param rate: samples
+    :param cameras: names
+    """
+    last = parameters.get("parameters", {})
+    if (used := last.get("rate", rate)) == 0.0:
+        raise ConfigurationError([f"rate = {used}: too low", "topics: none of them"])
+    return dict(locals())
+
+
+def written(words: str) -> dict[str, Any]:
+    parser = program.Parser("writer", arguments=arguments_of(writer))
+    return call(writer, parser.parse_every(words.split()))
+
+
+def test_names_in_one_word_pairs_and_parameters() -> None:
+    found = written("a -o b --topics x,y --topic x=u --topic y=v --set rate=3 --set cameras=[c]")
+    assert (found["source"], found["output"]) == (Path("a"), Path("b"))
+    assert found["topics"] == ["x", "y"]
+    assert found["rename"] == {"x": "u", "y": "v"}
+    # Parameters never become arguments of the job that have the same name.
+    assert (found["rate"], found["cameras"]) == (None, ())
+    assert found["parameters"] == {"parameters": {"rate": 3, "cameras": ["c"]}}
+    bare = written("a -o b")
+    assert (bare["topics"], bare["rename"], bare["parameters"]) == ((), None, {})
+
+
+def test_an_option_without_a_default_is_required(capsys: Any) -> None:
+    with pytest.raises(SystemExit):
+        written("a")
+    assert "-o/--output" in capsys.readouterr().err
+
+
+def test_headings_and_shared_texts_stand_in_the_help() -> None:
+    text = program.Parser("writer", arguments=arguments_of(writer)).format_help()
+    general, output = text.split("\noutput:\n")
+    assert "where to" in output
+    assert "--topic OLD=NEW" in output
+    assert "other words" not in text
+    assert "a parameter" in general
+    assert "default: ()" not in text
+
+
+def test_only_what_was_given_as_an_option_is_named_as_one() -> None:
+    for words, first in (("--rate 0", "--rate 0.0: too low"), ("--set rate=0.0", "rate = 0.0: ")):
+        with pytest.raises(ConfigurationError) as caught:
+            written(f"a -o b --topics x {words}")
+        assert caught.value.problems[0].startswith(first)
+        assert caught.value.problems[1] == "--topics: none of them"

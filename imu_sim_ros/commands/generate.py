@@ -9,18 +9,13 @@ from functools import partial
 from typing import Any, Final
 
 from imu_sim_ros import program
-from imu_sim_ros.commands import bag_output, simulation_arguments
-from imu_sim_ros.commands.common import SKIP_BAD_ROWS, PoseReader, outputs
-from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
-from imu_sim_ros.datasets.camera_outputs import FORMATS
 from imu_sim_ros.errors import ImuSimError
-from imu_sim_ros.jobs.generate import GenerateOptions, load_body, write
-from imu_sim_ros.jobs.output import Watcher
-from imu_sim_ros.parameters.sections import flatten
-from imu_sim_ros.sensors import catalogue
-from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
-from imu_sim_ros.simulation.sensors import mounted
-from imu_sim_ros.simulation.topics import offered
+from imu_sim_ros.jobs.generate import OF_SENSORS
+from imu_sim_ros.jobs.generate import generate as job
+from imu_sim_ros.parameters import files
+from imu_sim_ros.sensors import NAMED, catalogue
+from imu_sim_ros.signatures import arguments_of, call
+from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.parameters import TourParameters
 
 EXAMPLES: Final = """
@@ -32,41 +27,30 @@ EXAMPLES: Final = """
 """
 
 
+_SENSORS: Final = {
+    f"--{name} NAME|FILE": {
+        "action": "append",
+        "help": f"simulate {name}: a preset ({', '.join(files.names(name))}) or a file; "
+        f"repeatable, further ones are named {name}1, {name}2, ...",
+        "group": str(OF_SENSORS),
+    }
+    for name in NAMED
+}
+
+
 def parser() -> program.Parser:
     """Return the command's arguments."""
-    result = _Parser("generate", description=__doc__, examples=EXAMPLES)
-    result.sensors = simulation_arguments.add(result)
-    program.add_options(result, SKIP_BAD_ROWS)
-    group = result.add_argument_group("output")
-    bag_output.add_arguments(group, FORMATS)
-    program.add_options(group, _OUTPUT)
-    program.add_options(result, program.JSON_AND_QUIET)
-    lists = result.add_argument_group("lists (print and exit)")
-    program.add_options(lists, _LISTS)
-    return result
-
-
-_ALL: Final = ", ".join(offered(mounted(SimulationParameters())))
-_OUTPUT: Final = {
-    "--topics NAME,...": {
-        "default": "",
-        "help": f"topics to write (default: {IMU_TOPIC},{TRUTH_TOPIC}); all: {_ALL}",
-    },
-    "--imu-only": "leave out the ground truth",
-    "--with-configs": "write all parameters and a configuration file for each supported stack "
-    "(kalibr, VINS, OpenVINS, ORB_SLAM3, Basalt, imu_utils, allan_variance_ros; with GNSS or "
-    "wheels also robot_localization, FusionCore and MINS) to OUTPUT_configs",
-}
+    arguments = {**arguments_of(job), **_SENSORS, **program.JSON_AND_QUIET, **_LISTS}
+    return _Parser("generate", description=__doc__, examples=EXAMPLES, arguments=arguments)
 
 
 class _Parser(program.Parser):
     """Its help names the sensors of other packages, for which it looks only then."""
 
-    sensors: Any
-
     def format_help(self) -> str:
         """Return the help text."""
-        self.sensors.description = "; ".join(catalogue.sensor_lines()) or "none is installed"
+        (group,) = (one for one in self._action_groups if one.title == OF_SENSORS)
+        group.description = "; ".join(catalogue.sensor_lines()) or "none is installed"
         return super().format_help()
 
 
@@ -102,8 +86,11 @@ class _Tour(argparse.Action):
         parser.exit()
 
 
+_AND_EXIT: Final = "lists (print and exit)"
+
+
 def _list(folder: str, text: str) -> dict[str, Any]:
-    return {"action": _List, "nargs": 0, "const": folder, "help": text}
+    return {"action": _List, "nargs": 0, "const": folder, "help": text, "group": _AND_EXIT}
 
 
 _LISTS: Final = {
@@ -120,34 +107,15 @@ _LISTS: Final = {
         "action": _Tour,
         "help": "print the waypoints of a tour through a place, as a parameter file for "
         "--trajectory",
+        "group": _AND_EXIT,
     },
 }
 
 
 def generate(arguments: argparse.Namespace) -> None:
     """Write the requested output."""
-    body = load_body(simulation_arguments.layers(arguments))
-    form = bag_output.whole_form(arguments)
-    written = outputs(arguments, flatten(body).values())
-    options = GenerateOptions(arguments.imu_only, arguments.with_configs, arguments.jobs)
-    reader = PoseReader(arguments, "generate")
-    watcher = _watcher(arguments)
-    made = write(arguments.output, form, options, body, written, watcher, reader)
-    speed = bag_output.time_and_speed(sum(made.messages.values()), made.wall_s, "messages")
-    line = f"{bag_output.counts(made.messages)}; {made.bytes / 1e6:,.1f} MB in {speed}"
-    program.print_result(arguments, made.to_dict(), [f"{made.output}: {line}"])
-
-
-def _watcher(arguments: argparse.Namespace) -> Watcher:
-    """Return who prints warnings, notes and progress."""
-    quiet = arguments.quiet or arguments.json
-
-    def warn(line: str) -> None:
-        print(f"generate: warning: {line}", file=sys.stderr)
-
-    note = (lambda line: None) if quiet else print
-    text = f"writing {arguments.output}"
-    return Watcher(warn, note, lambda total: program.progress(text, total, quiet))
+    sensors = {name: presets for name in NAMED if (presets := getattr(arguments, name))}
+    program.show(arguments, call(job, arguments, below=sensors))
 
 
 main = partial(program.main, parser, generate)

@@ -43,6 +43,8 @@ def check_form(form: str | None, path: Path, cameras: "Rig | None", imus: int) -
         raise InputError(f"cameras: need a bag, or a folder and --format {', '.join(forms)}")
     if cameras is None and form in CAMERA_FORMATS:
         raise InputError(f"format {form}: needs a camera; --camera names one")
+    if form == "vio_data_simulation" and cameras is not None and len(cameras.views) > 1:
+        raise InputError(f"format {form}: has room for one camera, not {len(cameras.views)}")
 
 
 class CameraTarget(DatasetTarget):

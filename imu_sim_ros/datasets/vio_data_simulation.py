@@ -21,7 +21,7 @@ from imu_sim_ros.bags.text import decimals
 from imu_sim_ros.bags.writer import amount
 from imu_sim_ros.datasets.topics import Read
 from imu_sim_ros.datasets.tracks import CameraProgress
-from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.errors import system_error
 from imu_sim_ros.sensors.camera.rig import Rig
 from imu_sim_ros.sensors.camera.view import View
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
@@ -65,12 +65,8 @@ class VioDataSimulation:
     def __init__(self, folder: Path, rig: Rig, trajectory: Trajectory) -> None:
         """Open the files.
 
-        :raises InputError: for several cameras, as the form has only one.
+        :param rig: with one camera.
         """
-        if len(rig.views) != 1:
-            raise InputError(
-                f"format vio_data_simulation: has room for one camera, not {len(rig.views)}"
-            )
         make_folder(folder)
         self.path = folder
         (folder / "keyframe").mkdir()

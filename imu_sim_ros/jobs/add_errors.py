@@ -29,7 +29,8 @@ from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.jobs.flight import Flight, Source
 from imu_sim_ros.jobs.readings import delivered_of
-from imu_sim_ros.jobs.simulate import flat_parameters, imu_parameters
+from imu_sim_ros.jobs.simulate import flat_parameters, imu_parameters, keyword_parameters
+from imu_sim_ros.jobs.writing import parameter_files
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.sensors.barometer.declaration import PressureReadings
@@ -691,7 +692,7 @@ def _rows(name: str, value: Any, columns: int) -> Array:
 def layers_of(
     imu: Any,
     seed: int | None,
-    params_file: str | Path | None,
+    params_file: str | Path | Sequence[str | Path] | None,
     input: Mapping[str, Any] | None,
     parameters: Mapping[str, Any],
     rate: float | None,
@@ -700,22 +701,20 @@ def layers_of(
 
     :raises ConfigurationError: with a line for each argument that is not what it must be.
     """
-    given: dict[str, object] = {}
-    if params_file is not None:
-        given |= files.load(arguments.path("params_file", params_file), NODE)
+    given = files.load_all(parameter_files(params_file), NODE)
     of_sensor = imu_parameters(imu)
     of_sensor.pop("rate", None)  # readings have one of their own
-    given |= {**of_sensor, **flat_parameters("parameters", parameters)}
+    own, last = keyword_parameters(parameters)
+    given |= {**of_sensor, **own}
     if input is not None:
         if not isinstance(input, Mapping):
             refuse("input", input, "parameters by name", wrong_type=True)
-        own = flat_parameters("input", input)
-        given |= {f"input.{name}": value for name, value in own.items()}
+        given |= flat_parameters("input", input, "input.")
     if seed is not None:
         given["seed"] = seed
     if rate is not None:
         given["rate"] = rate
-    return given
+    return {**given, **last}
 
 
 def with_rate(layers: Mapping[str, object], rate: Callable[[], float]) -> ErrorModelParameters:

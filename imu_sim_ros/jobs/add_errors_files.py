@@ -5,15 +5,14 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Final
 
 from imu_sim_ros import arguments
 from imu_sim_ros.bags.outputs import Outputs
@@ -28,10 +27,31 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.jobs import convert
 from imu_sim_ros.jobs.add_errors import ROWS_AT_ONCE, layers_of, rate_of, with_rate
 from imu_sim_ros.jobs.add_errors_bag import USUAL, BagErrors, names_in, rate_in, source_of
-from imu_sim_ros.jobs.convert import ConversionWatcher, ConvertOptions
-from imu_sim_ros.jobs.output import Form, checked_form, checked_place, is_file
+from imu_sim_ros.jobs.output import SkipBadRows
+from imu_sim_ros.jobs.writing import (
+    Compression,
+    DiscardPartial,
+    Force,
+    Form,
+    Format,
+    Journal,
+    Output,
+    ParameterFiles,
+    Parameters,
+    Rename,
+    SplitDuration,
+    SplitSize,
+    Storage,
+    checked_form,
+    counts,
+    outputs,
+    parameter_files,
+    time_and_speed,
+)
 from imu_sim_ros.names import unknown
+from imu_sim_ros.progress import progress
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
+from imu_sim_ros.signatures import Heading, Text
 from imu_sim_ros.simulation.error_input import GivenReadings
 from imu_sim_ros.simulation.error_model import ErrorModel
 from imu_sim_ros.simulation.error_parameters import orientation_problems
@@ -40,16 +60,11 @@ from imu_sim_ros.simulation.topics import OF_THE_ERROR_MODEL, delivered
 
 FORMATS = ("euroc", "csv")
 """Datasets that have readings."""
-
-
-@dataclass(frozen=True)
-class ErrorOptions:
-    """Which readings get errors, and what else of the input stays."""
-
-    input_topic: str | None = None
-    """The ideal readings, or odometry; None: the only sensor_msgs/Imu."""
-    without: Sequence[str] = ()
-    """Topics of the input that are left out."""
+_SENSOR: Final = Heading("sensor")
+_TOPICS: Final = Heading("topics")
+_ADDED: Final = Text(
+    f"topics to add (default: {','.join(USUAL)}); all: {', '.join(OF_THE_ERROR_MODEL)}"
+)
 
 
 @dataclass(frozen=True)
@@ -74,48 +89,59 @@ class ErrorsAdded:
             "wall_s": self.wall_s,
         }
 
+    def lines(self) -> Iterator[str]:
+        """Yield what ``add_errors`` prints."""
+        found = vars(self.counts)
+        kinds = ("missing", "pauses", "restarts", "repeated", "backward")
+        notes = "".join(f", {found[kind]:,} {kind}" for kind in kinds if found[kind])
+        speed = time_and_speed(found["readings"], self.wall_s, "readings")
+        yield f"{self.output}: {counts(self.messages)}{notes}; {speed}"
+
     def __repr__(self) -> str:
         counts = ", ".join(f"{count} {name}" for name, count in self.messages.items())
         return f"<ErrorsAdded {self.output.name}: {counts or 'no messages'}>"
 
 
 def add_errors_to_file(
-    source: str | Path,
-    output: str | Path,
+    source: Annotated[str | Path, "INPUT"],
+    output: Output,
     *,
-    imu: str | Path | Mapping[str, Any] | None = None,
-    rate: float | None = None,
-    seed: int | None = None,
-    params_file: str | Path | None = None,
+    imu: Annotated[str | Path | Mapping[str, Any] | None, "NAME|FILE", _SENSOR] = None,
+    rate: Annotated[float | None, "HZ", _SENSOR] = None,
+    seed: Annotated[int | None, "N", _SENSOR] = None,
+    params_file: ParameterFiles = None,
     input: Mapping[str, Any] | None = None,
-    input_topic: str | None = None,
-    topics: str | Sequence[str] = (),
-    without: str | Sequence[str] = (),
-    format: str | None = None,
-    storage: str | None = None,
-    compression: str | None = None,
-    split_duration: float = 0.0,
-    split_size: int = 0,
-    rename: Mapping[str, str] | None = None,
-    skip_bad_rows: bool = False,
-    force: bool = False,
-    **parameters: Any,
+    input_topic: Annotated[str | None, "NAME", _TOPICS] = None,
+    topics: Annotated[str | Sequence[str], "NAME,...", _ADDED, _TOPICS] = (),
+    without: Annotated[str | Sequence[str], "NAME,...", _TOPICS] = (),
+    format: Annotated[Format, FORMATS] = None,
+    storage: Storage = None,
+    compression: Compression = None,
+    split_duration: SplitDuration = 0.0,
+    split_size: SplitSize = 0,
+    rename: Rename = None,
+    skip_bad_rows: SkipBadRows = False,
+    force: Force = False,
+    discard_partial: DiscardPartial = False,
+    **parameters: Parameters,
 ) -> ErrorsAdded:
     """Add a sensor's errors to the ideal readings of a file, as the program ``add_errors`` does.
 
     Every other message of a bag stays as it is, byte for byte.
 
-    :param source: ROS 1 bag, ``.mcap``, rosbag2 folder, EuRoC folder or CSV file.
-    :param input_topic: topic of the ideal readings, or of odometry; by default the only
-        sensor_msgs/Imu.
-    :param topics: topics to add; by default ``imu/data_raw`` and the true biases.
-    :param without: topics of the source to leave out.
-    :param format: a dataset in place of a bag: ``euroc``, ``csv``.
-    :param skip_bad_rows: leave out readings that are not finite or not possible.
+    :param source: ROS 1 bag, .mcap, rosbag2 folder, EuRoC folder or CSV file
+    :param imu: sensor: a preset (see generate --list-imus), a parameter file, or a Gazebo model
+        (model.sdf)
+    :param rate: sampling rate (default: that of the input)
+    :param seed: seed of all random streams
+    :param input_topic: topic of the ideal readings, or of odometry (default: the only
+        sensor_msgs/Imu topic)
+    :param topics: topics to add; by default ``imu/data_raw`` and the true biases
+    :param without: topics of the input to leave out
+    :param skip_bad_rows: leave out readings that are not finite or not possible
 
-    The other arguments that concern the output (``output``, ``storage``, ``compression``,
-    ``split_duration``, ``split_size``, ``rename``, ``force``) are those of :func:`generate`, all
-    others those of :func:`add_errors`.
+    The other arguments that concern the output are those of :func:`generate`, all others those
+    of :func:`add_errors`.
 
     :returns: what was written: path, messages of each topic, what happened to the readings.
     :raises ConfigurationError: with a line for each problem with an argument or a parameter.
@@ -126,48 +152,29 @@ def add_errors_to_file(
     >>> ims.add_errors_to_file(ideal.output, folder / "n.bag", imu="bmi088", topics="imu/data_raw")
     <ErrorsAdded n.bag: 400 /imu/data_raw, 400 /ground_truth/imu>
     """
-    path, place = arguments.path("source", source), checked_place(output, force)
+    path = arguments.path("source", source)
     bag = (storage, compression, split_duration, split_size)
     form = checked_form(FORMATS, format, *bag, topics, rename)
     topic = None if input_topic is None else arguments.text("input_topic", input_topic, "a topic")
-    options = ErrorOptions(topic, arguments.words("without", without))
-    skip = arguments.switch("skip_bad_rows", skip_bad_rows)
     layers = layers_of(imu, seed, params_file, input, parameters, rate)
-    watcher, lines = convert.collecting(path, skip)
-    read = [path, *(word for word in layers.values() if is_file(word))]
-    found = write(path, place, form, options, layers, Outputs(read, force), watcher)
-    return dataclasses.replace(found, warnings=tuple(lines))
-
-
-def write(
-    source: Path,
-    path: Path,
-    form: Form,
-    options: ErrorOptions,
-    layers: Mapping[str, object],
-    written: Outputs,
-    watcher: ConversionWatcher,
-) -> ErrorsAdded:
-    """Write the readings of a source with errors.
-
-    :param layers: parameters of the error model by name.
-    :param written: receives the output.
-    :raises ConfigurationError: with a line for each problem with a parameter.
-    :raises InputError: for a source that cannot be read, and an output that cannot be written.
-    """
+    read = [path, *parameter_files(params_file), *layers.values()]
+    place, written = outputs(output, force, discard_partial, read)
+    journal = Journal(path, arguments.switch("skip_bad_rows", skip_bad_rows))
+    left_out = arguments.words("without", without)
     started = time.perf_counter()
-    if not path.name:  # the files next to it are named after it
-        raise InputError(f"{str(path)!r}: is not a file name")
-    dataset = dataset_form(path, form.dataset, form.of_bags_only())
+    if not place.name:  # the files next to it are named after it
+        raise InputError(f"{str(place)!r}: is not a file name")
+    dataset = dataset_form(place, form.dataset, form.of_bags_only())
     if dataset is None:
-        check_writer(path, form.storage, form.compression)
+        check_writer(place, form.storage, form.compression)
     elif dataset not in FORMATS:
-        raise InputError(f"{path}: {dataset} has no readings")
-    job = _Job(source, path, form, options, layers, dataset, written, watcher)
-    written.add(path, kept=True)
-    with written, tempfile.TemporaryDirectory(dir=written.where(path).parent) as folder:
-        counts, messages = job.run(Path(folder))
-    return ErrorsAdded(path, messages, counts, time.perf_counter() - started)
+        raise InputError(f"{place}: {dataset} has no readings")
+    job = _Job(path, place, form, topic, left_out, layers, dataset, written, journal)
+    written.add(place, kept=True)
+    with written, tempfile.TemporaryDirectory(dir=written.where(place).parent) as folder:
+        found, messages = job.run(Path(folder))
+    wall_s = time.perf_counter() - started
+    return ErrorsAdded(place, messages, found, wall_s, tuple(journal.lines))
 
 
 class _Job:
@@ -178,20 +185,24 @@ class _Job:
         source: Path,
         path: Path,
         form: Form,
-        options: ErrorOptions,
+        input_topic: str | None,
+        without: Sequence[str],
         layers: Mapping[str, object],
         dataset: str | None,
         written: Outputs,
-        watcher: ConversionWatcher,
+        journal: Journal,
     ) -> None:
         """Take what is asked for.
 
+        :param input_topic: the ideal readings, or odometry; None: the only sensor_msgs/Imu.
+        :param without: topics of the input that are left out.
         :param dataset: its form; a dataset has room for one IMU. None: a bag.
         :raises InputError: with a line for each topic that is none of the sensor's.
         """
-        self.source, self.path, self.form, self.options = source, path, form, options
+        self.source, self.path, self.form = source, path, form
+        self.input_topic, self.without = input_topic, without
         self.layers, self.dataset = layers, dataset
-        self.written, self.watcher = written, watcher
+        self.written, self.journal = written, journal
         names = [name.strip().lstrip("/") for name in form.topics if name.strip()]
         problems = [
             unknown("topic", name, OF_THE_ERROR_MODEL)
@@ -211,7 +222,7 @@ class _Job:
     @property
     def _uncounted(self) -> Callable[[int], None] | None:
         """What receives skipped rows that are counted elsewhere; None: they are errors."""
-        return self.watcher.skipped and (lambda _: None)
+        return self.journal.skipped and (lambda _: None)
 
     def run(self, folder: Path) -> tuple[Counts, dict[str, int]]:
         """Write the output; return what happened, and the messages by topic.
@@ -235,13 +246,12 @@ class _Job:
 
     def _convert(self, source: Path, target: Path) -> None:
         """Convert text or bag into the other."""
-        watcher = dataclasses.replace(self.watcher, progress=ConversionWatcher.progress)
         form = Form(None if target.suffix == ".mcap" else self.dataset)
-        convert.write(source, target, form, ConvertOptions(), Outputs([source]), watcher)
+        convert.write(source, target, form, Outputs([source]), self.journal, shown=False)
 
     def _bag(self, path: Path, place: Path) -> tuple[Counts, dict[str, int]]:
         with open_bag(path) as bag:
-            source = source_of(bag, self.options.input_topic if path == self.source else None)
+            source = source_of(bag, self.input_topic if path == self.source else None)
             parameters = with_rate(self.layers, lambda: rate_in(bag, source))
             if "imu/data" in self.added and (found := list(orientation_problems(parameters.imu))):
                 raise InputError(found)
@@ -251,16 +261,17 @@ class _Job:
                 copied = [topic for topic in copied if topic.type != source.type]
             given = dict(self.form.renamed)
             names, renamed = names_in(bag, source, copied, self.added, given)
-            errors = BagErrors(bag, source, parameters, names, self.watcher.warn)
+            errors = BagErrors(bag, source, parameters, names, self.journal.warn)
             total = sum(topic.count for topic in {*copied, source})
-            skipped, warned = self.watcher.skipped, self.watcher.warned or _say_nothing
-            with self._writer(place) as writer, self.watcher.progress(total) as advance:
+            skipped, warned = self.journal.skipped, self.journal.passed_on or _say_nothing
+            text = f"writing {self.path}"
+            with self._writer(place) as writer, progress(text, lambda: total) as advance:
                 errors.write(writer, copied, renamed, advance, skipped, warned)
             return errors.model.counts, {topic.name: topic.count for topic in writer.topics}
 
     def _left_out(self, bag: Bag, source: str) -> set[str]:
         """Return the names of topics that are not copied."""
-        left_out = {"/" + name.strip().lstrip("/") for name in self.options.without if name}
+        left_out = {"/" + name.strip().lstrip("/") for name in self.without if name}
         have = {"/" + topic.name.lstrip("/") for topic in bag.topics}
         if bag.path != self.source:  # a dataset's biases are those of the readings before
             left_out |= {"/" + name for name in self.added} & have - {source}
@@ -288,7 +299,7 @@ class _Job:
             for t_ns, gyro, accel in text_reader.imu_blocks(self.source, None, self._uncounted):
                 if model is None:
                     parameters = with_rate(self.layers, functools.partial(rate_of, t_ns))
-                    model = ErrorModel(parameters, remark=self.watcher.warn)
+                    model = ErrorModel(parameters, remark=self.journal.warn)
                 for begin in range(0, len(t_ns), ROWS_AT_ONCE):
                     rows = slice(begin, begin + ROWS_AT_ONCE)
                     for samples in model.read(GivenReadings(t_ns[rows], gyro[rows], accel[rows])):

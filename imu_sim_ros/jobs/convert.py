@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import numpy as np
 
@@ -31,10 +31,26 @@ from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.bags.write import check_writer, dataset_form, open_writer
 from imu_sim_ros.bags.writer import Writer, amount, described
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
 from imu_sim_ros.inputs.tables import Table
-from imu_sim_ros.jobs.output import Form, Watcher, checked_form, checked_place
+from imu_sim_ros.jobs.output import SkipBadRows
+from imu_sim_ros.jobs.writing import (
+    Compression,
+    DiscardPartial,
+    Force,
+    Form,
+    Format,
+    Journal,
+    Output,
+    Rename,
+    SplitDuration,
+    SplitSize,
+    Storage,
+    checked_form,
+    counts,
+    outputs,
+)
 from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.progress import Advance, progress
 from imu_sim_ros.sensors import known_tables
 
 if TYPE_CHECKING:
@@ -45,16 +61,6 @@ IMAGES: Final = ("raw", "compressed", "both", "none")
 _SHOWN_DAMAGE: Final = 10
 Counts = tuple[dict[str, int], int]
 """Messages or rows by topic, and the last stamp [ns]; -1 without any."""
-
-
-@dataclass(frozen=True)
-class ConvertOptions:
-    """How a source is read."""
-
-    images: str | None = None
-    """Messages for a folder's images: raw, compressed, both, none; None: raw."""
-    recover: bool = False
-    """Recover all complete messages of an interrupted or damaged bag."""
 
 
 @dataclass(frozen=True)
@@ -89,46 +95,45 @@ class Converted:
         lost = {"found": list(self.found), "left_out": list(self.left_out)}
         return {**result, **lost, "lost_ranges": len(self.left_out)}
 
+    def lines(self) -> Iterator[str]:
+        """Yield what ``convert_bag`` prints."""
+        last_ns = self.last_stamp_ns
+        until = f", up to stamp {last_ns / 1e9:.9f} s" if last_ns is not None else ""
+        word = "recovered" if self.recovered else "written"
+        yield f"{self.output}: {word}: {counts(self.messages) or 'no messages'}{until}"
+        if self.not_converted:
+            yield f"{self.output}: has no place for {', '.join(self.not_converted)}"
+
     def __repr__(self) -> str:
         counts = ", ".join(f"{count} {name}" for name, count in self.messages.items())
         return f"<Converted {self.output.name}: {counts or 'no messages'}>"
 
 
-@dataclass(frozen=True)
-class ConversionWatcher(Watcher):
-    """Receivers of warnings and progress, and the treatment of bad rows."""
-
-    skipped: Skipped | None = None
-    """Receives how many bad rows or messages are skipped; None: those of text are errors, those
-    of bags are passed on."""
-    warned: Warned | None = None
-    """Receives lines about messages that pass although not finite or not possible."""
-
-
 def convert(
-    source: str | Path,
-    output: str | Path,
+    source: Annotated[str | Path, "INPUT"],
+    output: Output,
     *,
-    format: str | None = None,
-    storage: str | None = None,
-    compression: str | None = None,
-    split_duration: float = 0.0,
-    split_size: int = 0,
-    topics: str | Sequence[str] = (),
-    rename: Mapping[str, str] | None = None,
-    images: str | None = None,
-    recover: bool = False,
-    skip_bad_rows: bool = False,
-    force: bool = False,
+    format: Annotated[Format, text_writer.FORMATS] = None,
+    storage: Storage = None,
+    compression: Compression = None,
+    split_duration: SplitDuration = 0.0,
+    split_size: SplitSize = 0,
+    topics: Annotated[str | Sequence[str], "NAME,..."] = (),
+    rename: Rename = None,
+    images: Annotated[str | None, IMAGES] = None,
+    recover: Annotated[bool, "--recover"] = False,
+    skip_bad_rows: SkipBadRows = False,
+    force: Force = False,
+    discard_partial: DiscardPartial = False,
 ) -> Converted:
     """Write a bag or dataset in another form, as the program ``convert_bag`` does.
 
-    :param source: ROS 1 bag, ``.mcap``, rosbag2 folder, EuRoC folder, CSV or TUM file.
-    :param format: a dataset in place of a bag: ``euroc``, ``csv``, ``tum``.
-    :param topics: those to convert; by default all.
-    :param images: messages for a folder's images: ``raw``, ``compressed``, ``both``, ``none``.
-    :param recover: recover all complete messages of an interrupted or damaged bag.
-    :param skip_bad_rows: leave out readings and poses that are not finite or not possible.
+    :param source: ROS 1 bag, .mcap, rosbag2 folder, EuRoC folder, CSV or TUM file
+    :param topics: topics to convert (default: all)
+    :param images: messages for a folder's images (default: raw); select a bag's images with
+        --topics
+    :param recover: recover all complete messages of an interrupted or damaged bag
+    :param skip_bad_rows: leave out readings and poses that are not finite or not possible
 
     The other arguments are those of :func:`generate`.
 
@@ -141,63 +146,33 @@ def convert(
     >>> ims.convert(made.output, folder / "whole.bag", compression="lz4")
     <Converted whole.bag: 400 /imu/data_raw, 400 /ground_truth/odom>
     """
-    path, place = arguments.path("source", source), checked_place(output, force)
+    path = arguments.path("source", source)
+    place, written = outputs(output, force, discard_partial, [path])
     bag = (storage, compression, split_duration, split_size)
     form = checked_form(text_writer.FORMATS, format, *bag, topics, rename)
     if images is not None:
         arguments.one_of("images", images, IMAGES)
-    options = ConvertOptions(images, arguments.switch("recover", recover))
-    skip = arguments.switch("skip_bad_rows", skip_bad_rows)
-    return _written(path, place, form, options, force, skip)
-
-
-def _written(
-    path: Path, place: Path, form: Form, options: ConvertOptions, force: bool, skip: bool
-) -> Converted:
-    """Convert, and return all warnings as a part of the result."""
-    watcher, lines = collecting(path, skip)
-    found = write(path, place, form, options, Outputs([path], force), watcher)
-    return dataclasses.replace(found, warnings=tuple(lines))
-
-
-def collecting(path: Path, skip: bool) -> tuple[ConversionWatcher, list[str]]:
-    """Return who learns of what happens to the messages of a file, and keeps it as lines.
-
-    :param skip: leave out bad rows.
-    """
-    lines: list[str] = []
-
-    def skipped(count: int) -> None:
-        lines.append(f"{path}: {count} bad rows skipped")
-
-    def warned(bad: BadRows) -> None:
-        lines.append(f"{passed_on(bad)}; they are passed on, skip_bad_rows leaves them out")
-
-    watcher = ConversionWatcher(
-        lines.append, skipped=skipped if skip else None, warned=None if skip else warned
-    )
-    return watcher, lines
-
-
-def passed_on(bad: BadRows) -> str:
-    """Return lines about invalid messages of a bag that are converted anyway."""
-    return (
-        f"{bad.source}: {bad.rows} of {bad.rows + bad.good} messages are not finite or not "
-        f"possible, the first is {bad.first}"
-    )
+    arguments.switch("recover", recover)
+    journal = Journal(path, arguments.switch("skip_bad_rows", skip_bad_rows))
+    found = write(path, place, form, written, journal, images=images, recover=recover)
+    return dataclasses.replace(found, warnings=tuple(journal.lines))
 
 
 def write(
     source: Path,
     path: Path,
     form: Form,
-    options: ConvertOptions,
     written: Outputs,
-    watcher: ConversionWatcher,
+    journal: Journal,
+    *,
+    images: str | None = None,
+    recover: bool = False,
+    shown: bool = True,
 ) -> Converted:
-    """Convert a source into an output.
+    """Convert a source into an output; arguments as for :func:`convert`.
 
     :param written: receives the output.
+    :param shown: whether progress is.
     :raises InputError: for a source that cannot be read, and an output that cannot be written.
     """
     if not path.name:
@@ -206,7 +181,7 @@ def write(
     if dataset is None:
         check_writer(path, form.storage, form.compression)
     written.add(path, kept=True)
-    job = _Job(source, path, form, options, dataset, written, watcher)
+    job = _Job(source, path, form, dataset, written, journal, images, recover, shown)
     job.check_images()
     with written:
         return job.from_text() if job.is_text else job.from_bag()
@@ -220,15 +195,18 @@ class _Job:
         source: Path,
         path: Path,
         form: Form,
-        options: ConvertOptions,
         dataset: str | None,
         written: Outputs,
-        watcher: ConversionWatcher,
+        journal: Journal,
+        images: str | None,
+        recover: bool,
+        shown: bool,
     ) -> None:
-        self.source, self.path, self.form, self.options = source, path, form, options
+        self.source, self.path, self.form = source, path, form
+        self.images, self.recover, self.shown = images, recover, shown
         self.dataset = dataset or ""
         """Empty: a bag."""
-        self.written, self.watcher = written, watcher
+        self.written, self.journal = written, journal
         self.staged = written.where(path)
         self.is_text = text_reader.is_text(source)
         self.not_converted: list[str] = []
@@ -239,7 +217,7 @@ class _Job:
 
     def check_images(self) -> None:
         """Refuse a choice of images that would have no effect."""
-        images = self.options.images
+        images = self.images
         if images and not self.is_text and self.source.exists():
             raise InputError(
                 f"images {images}: applies to folders only; select a bag's images with topics"
@@ -248,8 +226,8 @@ class _Job:
             raise InputError(f"images {images}: does not apply to {self.dataset}; only none does")
 
     def from_bag(self) -> Converted:
-        whole = not self.options.recover or _is_whole(self.source)
-        with open_bag(self.source, self.options.recover) as bag:
+        whole = not self.recover or _is_whole(self.source)
+        with open_bag(self.source, self.recover) as bag:
             topics = streams.chosen(bag, self.form.topics)
             if not self.dataset:
                 counts, last_ns = self._bag_to_bag(bag, topics)
@@ -258,12 +236,12 @@ class _Job:
             else:
                 counts, last_ns = self._bag_to_dataset(bag, topics)
         self.not_converted = self._without_place(topics, counts) if self.dataset else []
-        if not self.options.recover:
+        if not self.recover:
             return self._result((counts, last_ns))
         if not sum(counts.values()):
             raise InputError([*self._recovery(bag), f"{self.source}: nothing recoverable"])
         for line in self._recovery(bag):
-            self.watcher.warn(line)
+            self.journal.remark(line)
         recovered = not whole or bool(bag.damage or bag.found)
         return dataclasses.replace(
             self._result((counts, last_ns)),
@@ -299,6 +277,11 @@ class _Job:
         lost = {0: "nothing is", 1: "1 range is"}.get(count, f"{count} ranges are")
         return [*lines, f"{bag.path}: {lost} left out"]
 
+    def _progress(self, total: int) -> AbstractContextManager[Advance]:
+        if not self.shown:
+            return contextlib.nullcontext(lambda count: None)
+        return progress(f"writing {self.path}", lambda: total)
+
     def _writer(self) -> Writer:
         writer = open_writer(
             self.staged,
@@ -314,12 +297,12 @@ class _Job:
         total = sum(topic.count for topic in topics)
         with (
             self._writer() as writer,
-            self.watcher.progress(total) as advance,
+            self._progress(total) as advance,
         ):
-            refused = self.watcher.skipped, self.watcher.warned
+            refused = self.journal.skipped, self.journal.passed_on
             lines = streams.bag_to_bag(bag, writer, topics, self.renamed, advance, *refused)
         for line in lines:
-            self.watcher.warn(line)
+            self.journal.remark(line)
         return _tally(writer)
 
     def _bag_to_dataset(self, bag: Bag, topics: Sequence[Any]) -> Counts:
@@ -335,14 +318,14 @@ class _Job:
         with self._dataset(bool(truths), names) as dataset:
             images = self._images(bag, topics)
             total += sum(topic.count for topic in images.topics) if images else 0
-            with self.watcher.progress(total) as advance:
-                skipped, warned = self.watcher.skipped, self.watcher.warned
+            with self._progress(total) as advance:
+                skipped, warned = self.journal.skipped, self.journal.passed_on
                 streams.to_dataset(
                     bag.path,
                     dataset,
                     chosen,
                     advance,
-                    self.options.recover,
+                    self.recover,
                     skipped,
                     _described(names),
                     warned,
@@ -388,8 +371,8 @@ class _Job:
 
     def _bag_to_tum(self, bag: Bag, topics: Sequence[Any]) -> Counts:
         named = topics[0].name if self.form.topics and len(topics) == 1 else None
-        skipped, warned = self.watcher.skipped, self.watcher.warned
-        recover = self.options.recover
+        skipped, warned = self.journal.skipped, self.journal.passed_on
+        recover = self.recover
         poses = read_poses(bag.path, named, skipped is not None, warned=warned, recover=recover)
         if skipped is not None and poses.skipped:
             skipped(poses.skipped)
@@ -409,18 +392,18 @@ class _Job:
         if self.dataset:
             return self._result(self._text_to_dataset())
         if streams.holds_poses(self.source):
-            with self._writer() as writer, self.watcher.progress(0) as advance:
+            with self._writer() as writer, self._progress(0) as advance:
                 streams.poses_to_bag(self._poses(), writer, self.renamed, advance)
             return self._result(_tally(writer))
         with (
             self._folder_images() as images,
             self._writer() as writer,
-            self.watcher.progress(0) as advance,
+            self._progress(0) as advance,
         ):
             renamed = self.renamed
-            seen = images.streams(writer, renamed, self.options.images or "raw") if images else []
+            seen = images.streams(writer, renamed, self.images or "raw") if images else []
             known = known_tables()
-            skipped = self.watcher.skipped
+            skipped = self.journal.skipped
             streams.text_to_bag(self.source, writer, renamed, advance, skipped, seen, known)
             self.not_converted = [
                 name
@@ -432,9 +415,9 @@ class _Job:
     def _poses(self) -> PoseSequence:
         """Return the poses of a text file, or of a folder."""
         source = text_reader.pose_file(self.source) or self.source
-        poses = read_poses(source, None, self.watcher.skipped is not None)
-        if self.watcher.skipped is not None and poses.skipped:
-            self.watcher.skipped(poses.skipped)
+        poses = read_poses(source, None, self.journal.skipped is not None)
+        if self.journal.skipped is not None and poses.skipped:
+            self.journal.skipped(poses.skipped)
         return poses
 
     def _text_to_dataset(self) -> Counts:
@@ -448,11 +431,11 @@ class _Job:
         with (
             self._folder_images() as images,
             self._dataset(states, names) as dataset,
-            self.watcher.progress(0) as advance,
+            self._progress(0) as advance,
         ):
             chosen: dict[str, str | None] = {IMU: None, **({ODOMETRY: None} if states else {})}
             streams.to_dataset(
-                *(self.source, dataset, chosen, advance, False, self.watcher.skipped),
+                *(self.source, dataset, chosen, advance, False, self.journal.skipped),
                 _described(names),
             )
             seen = {}
@@ -468,11 +451,11 @@ class _Job:
         """Return the images of a folder; None if it has none, or they are not wanted."""
         places = text_reader.places(self.source) if self.source.is_dir() else ()
         cameras = [name for place in places for name in text_reader.sensor_folders(place, "cam")]
-        if self.options.images == "none" or not cameras:
+        if self.images == "none" or not cameras:
             return contextlib.nullcontext()
         from imu_sim_ros.datasets.recorded_folder import FolderImages  # with the cameras' modules
 
-        return FolderImages(self.source, self.watcher.skipped)
+        return FolderImages(self.source, self.journal.skipped)
 
     def _describe(self, states: bool, tables: Collection[str]) -> None:
         """Write sensor.yaml files; values that the input does not have are left out."""

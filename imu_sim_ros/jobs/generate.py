@@ -8,11 +8,11 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from imu_sim_ros import arguments
 from imu_sim_ros.bags.outputs import Outputs
@@ -24,7 +24,7 @@ from imu_sim_ros.bags.write import (
     dataset_form,
     open_writer,
 )
-from imu_sim_ros.conventions import TRUTH_TOPIC
+from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets import camera_outputs, truth_files
 from imu_sim_ros.datasets.topics import (
     BagTarget,
@@ -34,15 +34,45 @@ from imu_sim_ros.datasets.topics import (
     usual_topics,
 )
 from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.jobs.output import Form, Watcher, checked_form, checked_place, is_file
-from imu_sim_ros.jobs.simulate import GivenMotion, Moving, given_layers
+from imu_sim_ros.jobs.output import SkipBadRows
+from imu_sim_ros.jobs.simulate import GivenMotion, Moving, given_layers, keyword_parameters
+from imu_sim_ros.jobs.writing import (
+    OUTPUT,
+    Compression,
+    DiscardPartial,
+    Force,
+    Form,
+    Format,
+    Journal,
+    Output,
+    ParameterFiles,
+    Parameters,
+    Rename,
+    SplitDuration,
+    SplitSize,
+    Storage,
+    checked_form,
+    counts,
+    outputs,
+    parameter_files,
+    time_and_speed,
+)
 from imu_sim_ros.machine import cores
 from imu_sim_ros.parameters import files
-from imu_sim_ros.parameters.sections import flatten
+from imu_sim_ros.parameters.sections import flatten, listed
+from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.progress import progress
+from imu_sim_ros.sensors import NAMED
 from imu_sim_ros.sensors.declaration import Companion
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
+from imu_sim_ros.signatures import Heading, Text
 from imu_sim_ros.simulation.engine import Body
-from imu_sim_ros.simulation.parameters import has_scene, imus, values_of
+from imu_sim_ros.simulation.parameters import (
+    SimulationParameters,
+    has_scene,
+    imus,
+    values_of,
+)
 from imu_sim_ros.simulation.playback import (
     SimulatorParameters,
     load_simulator,
@@ -81,18 +111,6 @@ def _values(body: SimulatorParameters) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class GenerateOptions:
-    """Further outputs, and options of speed."""
-
-    imu_only: bool = False
-    """Without the truth."""
-    with_configs: bool = False
-    """Write each stack's configuration to OUTPUT_configs."""
-    jobs: int = field(default_factory=cores)
-    """Threads that render images."""
-
-
-@dataclass(frozen=True)
 class Generated:
     """What :func:`generate` wrote."""
 
@@ -106,7 +124,7 @@ class Generated:
     warnings: tuple[str, ...] = ()
     """Settings that are allowed but may be unintended, a line each."""
     notes: tuple[str, ...] = ()
-    """What was made of recorded poses, of cameras' axes and of a place around the path."""
+    """What has no effect, what was made of recorded poses, of cameras' axes and of a place."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""
@@ -118,50 +136,109 @@ class Generated:
             "bytes": self.bytes,
         }
 
+    def lines(self) -> Iterator[str]:
+        """Yield what ``generate`` prints."""
+        speed = time_and_speed(sum(self.messages.values()), self.wall_s, "messages")
+        yield f"{self.output}: {counts(self.messages)}; {self.bytes / 1e6:,.1f} MB in {speed}"
+
     def __repr__(self) -> str:
         counts = ", ".join(f"{count} {name}" for name, count in self.messages.items())
         return f"<Generated {self.output.name}: {counts}>"
 
 
+_SIMULATION: Final = Heading("simulation")
+_CAMERAS: Final = Heading("cameras")
+_EVERY: Final = ", ".join(offered(mounted(SimulationParameters())))
+_WRITTEN: Final = Text(f"topics to write (default: {IMU_TOPIC},{TRUTH_TOPIC}); all: {_EVERY}")
+OF_SENSORS: Final = Heading("sensors of the body (--set sensors=[NAME,...])")
+
+
 def generate(
-    output: str | Path,
+    output: Output,
     *,
-    imu: str | Path | Mapping[str, Any] | None = None,
-    trajectory: Moving = None,
-    duration: float | str | None = None,
-    rate: float | None = None,
-    seed: int | None = None,
-    cameras: str | Path | Sequence[str | Path] = (),
-    scene: str | Path | None = None,
-    params_file: str | Path | None = None,
-    format: str | None = None,
-    storage: str | None = None,
-    compression: str | None = None,
-    split_duration: float = 0.0,
-    split_size: int = 0,
-    topics: str | Sequence[str] = (),
-    imu_only: bool = False,
-    rename: Mapping[str, str] | None = None,
-    with_configs: bool = False,
-    jobs: int | None = None,
-    force: bool = False,
-    **parameters: Any,
+    params_file: ParameterFiles = None,
+    imu: Annotated[
+        str | Path | Mapping[str, Any] | None,
+        "NAME|FILE",
+        Text("IMU: a preset (see --list-imus) or a file"),
+        _SIMULATION,
+    ] = None,
+    trajectory: Annotated[
+        Moving,
+        "NAME|FILE",
+        Text(
+            "motion: a preset (see --list-trajectories), a parameter file, a route (GPX, KML), or "
+            "recorded poses (TUM, EuRoC, bag)"
+        ),
+        _SIMULATION,
+    ] = None,
+    robust: Annotated[bool, "--robust", _SIMULATION] = False,
+    rate: Annotated[float | None, "HZ", Text("sampling rate"), _SIMULATION] = None,
+    duration: Annotated[
+        float | str | None, "TIME", Text("length of the run (20s, 10min, 4h)"), _SIMULATION
+    ] = None,
+    seed: Annotated[int | None, "N", Text("seed of all random streams"), _SIMULATION] = None,
+    rinex: Annotated[bool, "--rinex", OF_SENSORS] = False,
+    cameras: Annotated[
+        str | Path | Sequence[str | Path],
+        "--camera NAME|FILE",
+        str,
+        Text(
+            "camera: a preset (see --list-cameras) or a file; repeatable, named cam0, cam1, ... in "
+            "order"
+        ),
+        _CAMERAS,
+    ] = (),
+    scene: Annotated[
+        str | Path | None,
+        "NAME|FILE",
+        Text(
+            "scene: a preset (see --list-scenes), a parameter file, points (CSV, PLY), or a mesh "
+            "(GLB, glTF, OBJ, PLY, STL)"
+        ),
+        _CAMERAS,
+    ] = None,
+    jobs: Annotated[int | None, "N", _CAMERAS] = None,
+    format: Annotated[Format, camera_outputs.FORMATS] = None,
+    storage: Storage = None,
+    compression: Compression = None,
+    split_duration: SplitDuration = 0.0,
+    split_size: SplitSize = 0,
+    topics: Annotated[str | Sequence[str], "NAME,...", _WRITTEN, OUTPUT] = (),
+    imu_only: Annotated[bool, "--imu-only", OUTPUT] = False,
+    rename: Rename = None,
+    with_configs: Annotated[bool, "--with-configs", OUTPUT] = False,
+    skip_bad_rows: SkipBadRows = False,
+    force: Force = False,
+    discard_partial: DiscardPartial = False,
+    **parameters: Parameters,
 ) -> Generated:
     """Write a bag or a dataset of any duration, as the program ``generate`` does.
 
     :param output: ``NAME.bag`` is a ROS 1 bag, ``NAME.mcap`` one MCAP file, ``NAME.csv`` and
         ``NAME.tum`` are tables, anything else a rosbag2 folder. Parent folders are created.
+    :param params_file: one or several ROS 2 parameter files; all other arguments go before them.
+    :param robust: repair recorded poses: drop outliers, close jumps, smooth arrival stamps
+        (trajectory.robust)
+    :param rinex: write raw GNSS measurements as RINEX next to the output: NAME.obs, NAME.nav
     :param cameras: names in config/cameras or parameter files: cam0, cam1, ... in this order.
     :param scene: a name in config/scenes, a parameter file, or a file of points or a mesh.
+    :param jobs: number of threads that render images (default: one per processor)
     :param format: a dataset in place of a bag: ``euroc``, ``csv``, ``tum``, ``tracks``, ...
     :param storage: ``mcap``, ``sqlite3`` or ``ros1``; ``compression``: ``none``, ``lz4``, ...
     :param split_duration: length of each file [s], and ``split_size``: its size [bytes]; 0: all.
     :param topics: by default the readings, ``ground_truth/odom`` and those of other sensors.
-    :param imu_only: leave out the truth.
+    :param imu_only: leave out the ground truth
     :param rename: new names for topics, ``{"imu/data_raw": "/imu0"}``.
-    :param with_configs: write the configuration of each stack to OUTPUT_configs.
-    :param jobs: threads that render images; by default one for each processor.
+    :param with_configs: write all parameters and a configuration file for each supported stack
+        (kalibr, VINS, OpenVINS, ORB_SLAM3, Basalt, imu_utils, allan_variance_ros; with GNSS or
+        wheels also robot_localization, FusionCore and MINS) to OUTPUT_configs
+    :param skip_bad_rows: leave out poses of the trajectory's file that are not possible.
     :param force: replace what exists, but never a file that is read.
+    :param discard_partial: keep nothing of an interrupted run.
+    :param parameters: any other parameter, as for :func:`simulate`; a sensor of the body by a name
+        in config, a file, several of them, or True: ``gnss="ublox_m8"``. What ``parameters`` itself
+        has, a dictionary by ROS names, goes before all other arguments.
 
     The other arguments are those of :func:`simulate`.
 
@@ -175,103 +252,132 @@ def generate(
     """
     bag = (storage, compression, split_duration, split_size)
     form = checked_form(camera_outputs.FORMATS, format, *bag, topics, rename)
-    imu_only = arguments.switch("imu_only", imu_only)
-    with_configs = arguments.switch("with_configs", with_configs)
-    options = GenerateOptions(imu_only, with_configs, cores() if jobs is None else jobs)
-    own, motion = given_layers(imu, trajectory, duration, rate, seed, parameters)
-    file = None if params_file is None else arguments.path("params_file", params_file)
-    below = {} if file is None else files.load(file, "simulator")
-    built = load_body({**below, **_of_cameras(cameras, scene), **own})
-    return _written(checked_place(output, force), form, options, built, motion, force)
-
-
-def _written(
-    path: Path,
-    form: Form,
-    options: GenerateOptions,
-    built: SimulatorParameters,
-    motion: GivenMotion,
-    force: bool,
-) -> Generated:
-    """Write an output; its warnings and notes are a part of the result."""
-    read = [word for word in flatten(built).values() if is_file(word)]
-    warnings: list[str] = []
-    notes: list[str] = []
-    watcher = Watcher(warnings.append, notes.append)
-    found = write(
-        path, form, options, built, Outputs(read, force), watcher, motion.pose_reader, motion.given
+    arguments.switch("imu_only", imu_only)
+    arguments.switch("with_configs", with_configs)
+    skip = arguments.switch("skip_bad_rows", skip_bad_rows)
+    journal = Journal()
+    given, motion = described(
+        journal,
+        params_file,
+        (imu, trajectory, duration, rate, seed),
+        (arguments.switch("robust", robust), arguments.switch("rinex", rinex)),
+        named_cameras(cameras, scene),
+        parameters,
     )
-    return dataclasses.replace(found, warnings=tuple(warnings), notes=tuple(notes))
+    built = load_body(given)
+    values = flatten(built)
+    folders = [Path(str(one)) for name, one in values.items() if name.endswith(".file") and one]
+    read = [*parameter_files(params_file), *values.values(), *folders]
+    path, written = outputs(output, force, discard_partial, read)
+
+    def pose_reader(file: str | Path, topic: str | None = None) -> PoseSequence:
+        poses = motion.pose_reader(file, topic, skip)
+        if poses.skipped:
+            journal.remark(f"{file}: {poses.skipped} bad rows skipped")
+        return poses
+
+    job = _Job(path, form, built, journal, imu_only, cores() if jobs is None else jobs)
+    found = job.write(written, with_configs, pose_reader, motion.given)
+    return dataclasses.replace(found, warnings=tuple(journal.lines), notes=tuple(journal.notes))
 
 
-def _of_cameras(
+def described(
+    journal: Journal,
+    params_file: Any,
+    usual: tuple[Any, Any, Any, Any, Any],
+    switches: tuple[bool, bool],
+    cameras: Mapping[str, object],
+    parameters: Mapping[str, Any],
+) -> tuple[dict[str, object], GivenMotion]:
+    """Return all parameters of a run by dotted name, and its motion.
+
+    :param journal: receives notes about what has an unexpected effect.
+    :param usual: IMU, trajectory, duration, rate and seed.
+    :param switches: robust, rinex.
+    :param cameras: parameters of the cameras that are named, which go before those of files.
+    :param parameters: of :func:`generate`.
+    """
+    in_files = files.load_all(parameter_files(params_file), "simulator")
+    keywords = {name: value for name, value in parameters.items() if name != "parameters"}
+    _, last = keyword_parameters({n: v for n, v in parameters.items() if n not in keywords})
+    own, motion = given_layers(*usual, keywords)
+    robust, rinex = switches
+    own |= {"trajectory.robust": True} if robust else {}
+    own |= {"gnss.raw.rinex": True} if rinex else {}
+    given = {**_without_other_cameras(in_files, cameras), **cameras, **own}
+    _put_sensors(given, ["gnss"] if rinex else [])
+    given |= last
+    for note in _notes(usual[0], in_files, of_the_node(given)):
+        journal.note(note)
+    return given, motion
+
+
+def _without_other_cameras(
+    in_files: Mapping[str, object], cameras: Mapping[str, object]
+) -> dict[str, object]:
+    """Return parameters of files without those of cameras that are not there, as others are."""
+    named, wanted = in_files.get("cameras"), cameras.get("cameras")
+    if not isinstance(wanted, list) or not isinstance(named, list):
+        return dict(in_files)
+    gone = set(map(str, named)) - set(wanted)
+    return {name: one for name, one in in_files.items() if name.partition(".")[0] not in gone}
+
+
+def _put_sensors(given: dict[str, object], used: list[str]) -> None:
+    """Put sensors of the body, named as a whole, among those of the files.
+
+    :param used: others that are switched on.
+    """
+    for kind in NAMED:
+        named = given.pop(kind, ())
+        for k, preset in enumerate(named if isinstance(named, list | tuple) else [named]):
+            name = f"{kind}{k}" if k else kind
+            used.append(name)
+            if preset is not True:
+                allowed = "a name, the path of a file, or several"
+                given[f"{name}.preset"] = str(arguments.path(kind, preset, allowed))
+            if k:
+                given[f"{name}.type"] = kind
+    if used:
+        given["sensors"] = list(dict.fromkeys([*listed("sensors", given), *used]))
+
+
+def _notes(imu: object, in_files: Iterable[str], node: Iterable[str]) -> Iterator[str]:
+    """Yield a line for each allowed parameter with an unexpected effect.
+
+    :param in_files: names of the parameters that stand in files.
+    :param node: names of parameters that only a node has.
+    """
+    shown = dict.fromkeys(name.partition("./")[0] for name in node)  # one for all topics
+    if shown:
+        yield f"no effect in a file: {', '.join(shown)}"
+    above = [name for name in in_files if name.startswith("imu.") and name != "imu.preset"]
+    if isinstance(imu, str | Path) and above:
+        others = f" and {len(above) - 3} more" if len(above) > 3 else ""
+        yield (
+            f"--imu {imu} is the base of the parameter file; "
+            f"the values of the file take precedence: {', '.join(above[:3])}{others}"
+        )
+
+
+def named_cameras(
     cameras: str | Path | Sequence[str | Path], scene: str | Path | None
 ) -> dict[str, object]:
-    """Return the parameters of cameras that are given by name or file."""
+    """Return the parameters, by dotted name, of cameras cam0, cam1, ... and of their scene."""
     allowed = "a name or the path of a file"
     several = [cameras] if isinstance(cameras, str | Path) else cameras
     if not isinstance(several, list | tuple):
         arguments.refuse("cameras", cameras, "names or paths of files", wrong_type=True)
-    return camera_layer(
-        [str(arguments.path("cameras", one, allowed)) for one in several],
-        None if scene is None else str(arguments.path("scene", scene, allowed)),
-    )
-
-
-def camera_layer(cameras: Sequence[str], scene: str | None) -> dict[str, object]:
-    """Return the parameters, by dotted name, of cameras cam0, cam1, ... and of their scene.
-
-    :param cameras: names in config/cameras, or files.
-    :param scene: a name in config/scenes or a file.
-    """
-    result: dict[str, object] = {}
-    if cameras:
-        result["cameras"] = [f"cam{k}" for k in range(len(cameras))]
-        result.update({f"cam{k}.camera.preset": name for k, name in enumerate(cameras)})
+    names = {
+        f"cam{k}": str(arguments.path("cameras", one, allowed)) for k, one in enumerate(several)
+    }
+    result: dict[str, object] = {"cameras": list(names)} if names else {}
+    result |= {f"{name}.camera.preset": preset for name, preset in names.items()}
     if scene is not None:
         from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
 
-        result.update(scene_layer(scene))
+        result |= scene_layer(str(arguments.path("scene", scene, allowed)))
     return result
-
-
-def write(
-    path: Path,
-    form: Form,
-    options: GenerateOptions,
-    parameters: SimulatorParameters,
-    written: Outputs,
-    watcher: Watcher,
-    pose_reader: PoseReader,
-    trajectory: Trajectory | None = None,
-) -> Generated:
-    """Write an output, its realised truth and its configurations.
-
-    :param written: receives all that is written.
-    :param pose_reader: reads a file of poses.
-    :param trajectory: a bare motion that was given as an object.
-    :raises ConfigurationError: for what cannot be simulated.
-    :raises InputError: for what cannot be written.
-    """
-    started = time.perf_counter()
-    if not path.name:  # the files next to it are named after it
-        raise InputError(f"{str(path)!r}: is not a file name")
-    job = _Job(path, form, options, parameters, watcher)
-    written.add(path, kept=True)
-    if options.with_configs:
-        written.add(truth_files.configs(path), companion_of=path)
-    truths: dict[Path, str] = {}
-    if job.dataset not in _WITHOUT_READINGS and not path.parent.is_file():  # one line is enough
-        truths = truth_files.new_truths(path, parameters)
-        for place in truths:
-            written.add(place, companion_of=path, kept=True)
-        for place in itertools.chain.from_iterable(job.companions.values()):
-            written.add(place, companion_of=path)
-    with written:
-        for place, text in truths.items():
-            written.where(place).write_text(text, encoding="utf-8")
-        result = job.run(written, pose_reader, trajectory)
-    return dataclasses.replace(result, wall_s=time.perf_counter() - started)
 
 
 _WITHOUT_READINGS: Final = ("tum", "vio_data_simulation")
@@ -284,25 +390,28 @@ class _Job:
         self,
         path: Path,
         form: Form,
-        options: GenerateOptions,
         parameters: SimulatorParameters,
-        watcher: Watcher,
+        journal: Journal,
+        imu_only: bool,
+        jobs: int,
     ) -> None:
-        self.path, self.form, self.options = path, form, options
-        self.parameters, self.watcher = parameters, watcher
+        if not path.name:  # the files next to it are named after it
+            raise InputError(f"{str(path)!r}: is not a file name")
+        self.path, self.form, self.jobs = path, form, jobs
+        self.parameters, self.journal = parameters, journal
         self.sensors = mounted(parameters)
         self.dataset = dataset_form(path, form.dataset, form.of_bags_only())
         self.companions: dict[str, list[Path]] = {}
         if self.dataset not in _WITHOUT_READINGS:
             self.companions = truth_files.companions(path, parameters)
-        usual = usual_topics(self.sensors, self.dataset, path, options.imu_only)
+        usual = usual_topics(self.sensors, self.dataset, path, imu_only)
         self.names = chosen_topics(
             form.topics, form.renamed, self.sensors, usual, self._camera_topics()
         )
         fastest = max(one.environment.rate for one in self.sensors.values())
         check_split(form.split_duration, 1.0 / fastest, parameters.duration or 0.0)
         if parameters.cameras:
-            arguments.whole("jobs", options.jobs, f"from 1 to {_MAX_JOBS}", 1, _MAX_JOBS)
+            arguments.whole("jobs", jobs, f"from 1 to {_MAX_JOBS}", 1, _MAX_JOBS)
         if self.dataset is None:
             check_writer(path, form.storage, form.compression)
 
@@ -314,10 +423,46 @@ class _Job:
 
         return list(camera_topics(self.parameters.rig))
 
-    def run(
-        self, written: Outputs, pose_reader: PoseReader, trajectory: Trajectory | None
+    def write(
+        self,
+        written: Outputs,
+        with_configs: bool,
+        pose_reader: PoseReader,
+        trajectory: Trajectory | None,
     ) -> Generated:
-        """Write the output and its configurations."""
+        """Write the output, its realised truth and its configurations.
+
+        :param written: receives all that is written.
+        :param pose_reader: reads a file of poses.
+        :param trajectory: a bare motion that was given as an object.
+        :raises ConfigurationError: for what cannot be simulated.
+        :raises InputError: for what cannot be written.
+        """
+        started, path = time.perf_counter(), self.path
+        written.add(path, kept=True)
+        if with_configs:
+            written.add(truth_files.configs(path), companion_of=path)
+        truths: dict[Path, str] = {}
+        if self.dataset not in _WITHOUT_READINGS and not path.parent.is_file():  # one line will do
+            truths = truth_files.new_truths(path, self.parameters)
+            for place in truths:
+                written.add(place, companion_of=path, kept=True)
+            for place in itertools.chain.from_iterable(self.companions.values()):
+                written.add(place, companion_of=path)
+        with written:
+            for place, text in truths.items():
+                written.where(place).write_text(text, encoding="utf-8")
+            body, target, samples = self._simulate(written, pose_reader, trajectory)
+            if with_configs:
+                self._write_configs(written.where(truth_files.configs(path)), body)
+            size = sum(file.stat().st_size for file in target.files if file.is_file())
+        wall_s = time.perf_counter() - started
+        return Generated(path, target.counts, samples, size, wall_s)
+
+    def _simulate(
+        self, written: Outputs, pose_reader: PoseReader, trajectory: Trajectory | None
+    ) -> tuple[Body, Any, int]:
+        """Write the output; return the body, what received it, and the number of IMU samples."""
         simulator = self.parameters
         wanted = sensors_of(self.names, offered(self.sensors)) | self.companions.keys() | {POSE}
         moving = build_trajectory(simulator.trajectory, pose_reader, trajectory)
@@ -327,11 +472,13 @@ class _Job:
                 "duration = 0: this trajectory has no end; give a duration, for instance 20s"
             )
         for warning in body.warnings():
-            self.watcher.warn(warning)
+            self.journal.warn(warning)
         output = written.where(self.path)
         cameras = self._cameras(body)
+        camera_outputs.check_form(self.dataset, output, cameras, len(imus_in(self.sensors)))
+        self._say_of(cameras)
         for note in body.notes():
-            self.watcher.note(note)
+            self.journal.note(note)
         with self._target(output, cameras) as target:
             written.describe(self.path, target.described)
             with self._companions(body, written) as companions:
@@ -340,15 +487,7 @@ class _Job:
             from imu_sim_ros.datasets.configurations import write_tum_vi_calibration
 
             write_tum_vi_calibration(output / "dso", simulator, self.parameters.rig)
-        if self.options.with_configs:
-            self._write_configs(written.where(truth_files.configs(self.path)), body)
-        return Generated(
-            self.path,
-            target.counts,
-            samples,
-            sum(file.stat().st_size for file in target.files if file.is_file()),
-            0.0,
-        )
+        return body, target, samples
 
     def _cameras(self, body: Body) -> Rig | None:
         """Return the cameras on the body, with their scene."""
@@ -358,12 +497,16 @@ class _Job:
 
         cameras = rig_on(self.parameters.rig, body)
         body.scene = cameras.scene
+        return cameras
+
+    def _say_of(self, cameras: Rig | None) -> None:
+        if cameras is None:
+            return
         for name in cameras.views:
             for line in cameras.warnings(name):
-                self.watcher.warn(f"{name}: {line}")
+                self.journal.warn(f"{name}: {line}")
             for line in cameras.notes(name):
-                self.watcher.note(f"{name}: {line}")
-        return cameras
+                self.journal.note(f"{name}: {line}")
 
     def _write_configs(self, folder: Path, body: Body) -> None:
         """Write each stack's configuration, and all parameters."""
@@ -373,7 +516,7 @@ class _Job:
         if self.form.dataset == "csv":
             topics = bagcreater_topics(imus(body.parameters))
         for warning in write_configs(folder, body, topics, self.parameters.rig):
-            self.watcher.warn(warning)
+            self.journal.warn(warning)
         fitted = f"\n{body.scene.note}" if body.scene is not None and body.scene.note else ""
         files.write(
             _values(self.parameters),
@@ -397,14 +540,13 @@ class _Job:
             of_cameras = {name: new for name, new in self.names.items() if name not in known}
             from imu_sim_ros.datasets.camera_bag import CameraBag
 
-            with CameraBag(bag, cameras, of_cameras, self.options.jobs) as target:
+            with CameraBag(bag, cameras, of_cameras, self.jobs) as target:
                 yield target
 
     @contextmanager
     def _target(self, output: Path, cameras: Rig | None) -> Iterator[Any]:
         """Open the output; it is complete when the block ends without an error."""
         form = self.dataset
-        camera_outputs.check_form(form, output, cameras, len(imus_in(self.sensors)))
         if form is None:
             with self._bag(output, cameras) as bag:
                 yield bag
@@ -416,8 +558,8 @@ class _Job:
                 cameras,
                 self.names,
                 self.sensors,
-                self.options.jobs,
-                self.watcher.warn,
+                self.jobs,
+                self.journal.warn,
             ) as folder:
                 yield folder
         else:
@@ -437,7 +579,7 @@ class _Job:
                 from imu_sim_ros.datasets.images import ImageFolders
 
                 comment = f"simulated by imu_sim_ros, seed {self.parameters.seed}"
-                with ImageFolders(output, cameras, form, self.options.jobs, comment) as images:
+                with ImageFolders(output, cameras, form, self.jobs, comment) as images:
                     target = camera_outputs.CameraTarget(dataset, images, self.sensors)
                     yield target
             if form == "euroc":
@@ -463,7 +605,7 @@ class _Job:
     def _write(self, body: Body, target: Any, companions: Mapping[str, Companion]) -> int:
         """Write all samples, which a thread of its own makes; return how many those of IMUs are."""
         every, samples = imus_in(self.sensors), 0
-        with self.watcher.progress(body.total or 0) as advance:
+        with progress(f"writing {self.path}", lambda: body.total or 0) as advance:
             windows = prefetch(
                 body.windows(min(BLOCK_SIZE, getattr(target, "block_size", BLOCK_SIZE)))
             )

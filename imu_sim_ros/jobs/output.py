@@ -3,15 +3,19 @@
 
 """Outputs of every ``save``: refused if something exists, renamed when they are complete."""
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, TypeGuard
 
 from imu_sim_ros import arguments
+from imu_sim_ros.signatures import Text
 
-SkipBadRows = Annotated[bool, "--skip-bad-rows"]
+SkipBadRows = Annotated[
+    bool,
+    "--skip-bad-rows",
+    Text("skip and count bad rows of text and bad messages of bags (poses, readings)"),
+]
 """Whether bad rows and messages are left out and counted, or errors."""
 
 
@@ -22,77 +26,6 @@ def checked_place(path: str | Path, force: bool) -> Path:
     """
     arguments.switch("force", force)
     return arguments.path("path", path, "the path of an output")
-
-
-@dataclass(frozen=True)
-class Form:
-    """What kind of file or folder is written."""
-
-    dataset: str | None = None
-    """``euroc``, ``csv``, ``tum``, ...; None: a bag."""
-    storage: str | None = None
-    compression: str | None = None
-    split_duration: float = 0.0
-    """[s] of one file; 0: all."""
-    split_size: int = 0
-    """[bytes] of one file; 0: all."""
-    topics: Sequence[str] = ()
-    """Those that are written; empty: the usual ones."""
-    renamed: Mapping[str, str] = field(default_factory=dict)
-    """Names in the bag by the topics' own."""
-
-    def of_bags_only(self) -> dict[str, object]:
-        """Return what applies to bags only, by name."""
-        names = ("storage", "compression", "split_duration", "split_size")
-        return {name: getattr(self, name) for name in names}
-
-
-def checked_form(
-    formats: Collection[str],
-    format: str | None,
-    storage: str | None,
-    compression: str | None,
-    split_duration: float,
-    split_size: int,
-    topics: str | Sequence[str],
-    rename: Mapping[str, str] | None,
-) -> Form:
-    """Return the form that a caller's arguments describe.
-
-    :param formats: the datasets that can be written.
-    :raises ConfigurationError: for an invalid one.
-    """
-    from imu_sim_ros.bags.write import COMPRESSED, STORAGES
-
-    def known(name: str, value: str | None, words: Collection[str]) -> str | None:
-        return None if value is None else arguments.one_of(name, value, words)
-
-    return Form(
-        known("format", format, formats),
-        known("storage", storage, STORAGES),
-        known("compression", compression, COMPRESSED),
-        arguments.number("split_duration", split_duration, "seconds, from 0 to 1e9", 0.0, 1e9),
-        arguments.whole("split_size", split_size, "bytes, 0 or more", 0, 1 << 62),
-        arguments.words("topics", topics),
-        renamed_topics(rename),
-    )
-
-
-@contextmanager
-def _no_progress(_total: int) -> Iterator[Callable[[float], None]]:
-    """Yield what receives progress that nobody watches."""
-    yield lambda _count: None
-
-
-@dataclass(frozen=True)
-class Watcher:
-    """Receivers of warnings and progress; by default there are none."""
-
-    warn: Callable[[str], None] = lambda line: None
-    note: Callable[[str], None] = lambda line: None
-    progress: Callable[[int], AbstractContextManager[Callable[[float], None]]] = _no_progress
-    """Called with the number of samples or messages; its block receives how many more have been
-    written."""
 
 
 @contextmanager

@@ -221,7 +221,7 @@ def given_layers(
     parameters: Mapping[str, Any],
 ) -> tuple[dict[str, object], GivenMotion]:
     """Return the parameters that the arguments of :func:`simulate` give, by dotted name."""
-    flat = flat_parameters("parameters", parameters)
+    flat, last = keyword_parameters(parameters)
     motion = _motion(trajectory)
     own: dict[str, object] = {**imu_parameters(imu), **flat, **motion.parameters}
     if "trajectory.type" not in flat:  # else they describe another motion
@@ -229,7 +229,7 @@ def given_layers(
     given = {"duration": None if duration is None else _seconds(duration), "rate": rate}
     given["seed"] = seed
     own.update({name: value for name, value in given.items() if value is not None})
-    return own, motion
+    return {**own, **last}, motion
 
 
 def _of_file(path: Path) -> tuple[dict[str, object], frozenset[str]]:
@@ -314,6 +314,20 @@ def imu_parameters(imu: object) -> dict[str, object]:
         return {**beside, **{f"imu.{name}": value for name, value in own.items()}}
     allowed = "a name, the path of a file, or parameters by name"
     return {"imu.preset": str(arguments.path("imu", imu, allowed))}
+
+
+def keyword_parameters(
+    parameters: Mapping[str, Any],
+) -> tuple[dict[str, object], dict[str, object]]:
+    """Return keyword arguments by dotted name, and those in ``parameters={...}``, which win.
+
+    :raises ConfigurationError: for a name that is none.
+    """
+    last = parameters.get("parameters", {})
+    if not isinstance(last, Mapping):
+        refuse("parameters", last, "parameters by name", wrong_type=True)
+    own = {name: value for name, value in parameters.items() if name != "parameters"}
+    return flat_parameters("parameters", own), flat_parameters("parameters", last)
 
 
 def flat_parameters(

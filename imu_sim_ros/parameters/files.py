@@ -7,7 +7,7 @@ The format is that of ROS 2: node names (or the wildcards ``/**`` and ``/*``) ab
 ``ros__parameters``, nested or dotted names below. A kalibr ``imu.yaml`` is understood as well.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
@@ -61,6 +61,23 @@ def load(path: str | Path, node: str = "simulator") -> dict[str, object]:
         result.update({name: placed(name, value, Path(path)) for name, value in values.items()})
     if not sections:
         raise ConfigurationError(f"{path}: no section for the node {node} (/{node} or /**)")
+    return result
+
+
+def load_all(paths: Iterable[str | Path], node: str) -> dict[str, object]:
+    """Return the parameters that files give to a node, later files above earlier ones.
+
+    :raises ConfigurationError: with a line for each problem of every file.
+    """
+    result: dict[str, object] = {}
+    problems: list[str] = []
+    for path in paths:
+        try:
+            result.update(load(path, node))
+        except ConfigurationError as error:
+            problems += error.problems
+    if problems:
+        raise ConfigurationError(problems)
     return result
 
 

@@ -4,6 +4,7 @@
 """``ims.generate`` and ``ims.convert``: the files of the programs, from Python."""
 
 import filecmp
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -180,3 +181,60 @@ def test_dead_reckoning_of_a_file_knows_the_world_it_was_simulated_in(tmp_path):
     curved = ims.simulate(**options, curved_earth=True, gravity_model="wgs84", latitude_deg=48.0)
     with pytest.warns(UserWarning, match="curved Earth"):
         ims.dead_reckon(curved)
+
+
+def test_files_parameters_and_sensors_are_those_of_the_program(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("a.yaml").write_text("/**:\n  ros__parameters: {rate: 50.0, sensors: [wheels]}\n")
+    Path("b.yaml").write_text("/**:\n  ros__parameters: {rate: 100.0, imu.jitter: 1.0e-5}\n")
+    words = "-o program/a.mcap --params-file a.yaml --params-file b.yaml --gnss phone --duration 1s"
+    assert generate.main([*words.split(), "--rate", "20", "--set", "rate=200", "--quiet"]) == 0
+    made = ims.generate(
+        "python/a.mcap",
+        params_file=["a.yaml", "b.yaml"],
+        gnss="phone",
+        duration=1,
+        rate=20,
+        parameters={"rate": 200.0},
+    )
+    assert made.samples == 200
+    assert {"/wheel/odom", "/gps/fix"} < set(made.messages)
+    assert filecmp.cmp("program/a.mcap", "python/a.mcap", shallow=False)
+    (line,) = made.lines()
+    assert line.startswith("python/a.mcap: 200 /imu/data_raw, 200 /ground_truth/odom, ")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"params_file": 3}, "params_file = 3: must be paths of files"),
+        ({"parameters": 3}, "parameters = 3: must be parameters by name"),
+        ({"gnss": [3]}, "gnss = 3: must be a name, the path of a file, or several"),
+        ({"robust": 1}, "robust = 1: must be True or False"),
+        ({"discard_partial": None}, "discard_partial = None: must be True or False"),
+        ({"parameters": {"rate": -1.0}}, "rate = -1.0: must be"),
+    ],
+)
+def test_arguments_of_the_program_are_checked_in_python(arguments, message, tmp_path):
+    with pytest.raises(ims.ConfigurationError) as caught:
+        ims.generate(tmp_path / "x", **{"duration": 1, **arguments})
+    assert message in str(caught.value)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_parameter_file_is_never_replaced(tmp_path):
+    file = tmp_path / "p.yaml"
+    file.write_text("/**:\n  ros__parameters: {rate: 50.0}\n")
+    source = ims.generate(tmp_path / "a.mcap", duration=1).output
+    with pytest.raises(ims.InputError, match="an input is never overwritten"):
+        ims.generate(file, params_file=file, duration=1, force=True)
+    with pytest.raises(ims.InputError, match="an input is never overwritten"):
+        ims.add_errors_to_file(source, file, params_file=file, force=True)
+    assert "50.0" in file.read_text()
+
+
+def test_a_folder_that_is_called_like_a_frame_is_no_input(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("world").mkdir()
+    for force in (False, True):
+        ims.generate("world/a.mcap", duration=1, world_frame="world", force=force)

@@ -14,7 +14,7 @@ import imu_sim_ros as ims
 from imu_sim_ros.commands import allan, generate
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build
-from imu_sim_ros.progress import shown_by
+from imu_sim_ros.progress import Watcher, watched_by
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 
 RATE, SECONDS = 100, 300
@@ -40,7 +40,7 @@ def test_progress_is_that_of_the_messages_for_whoever_shows_it(bag):
         seen.append((text, total))
         yield lambda count: seen.append(count)
 
-    with shown_by(bar):
+    with watched_by(Watcher(bar)):
         ims.allan(bag)
     heading, *counts = seen
     assert heading == ("read", sum(counts))

@@ -14,9 +14,11 @@ from pathlib import Path
 
 import pytest
 
-from imu_sim_ros.commands import control, simulation_arguments, start
-from imu_sim_ros.jobs.generate import load_body
+from imu_sim_ros.commands import control, start
+from imu_sim_ros.jobs.generate import described, load_body, named_cameras
+from imu_sim_ros.jobs.writing import Journal
 from imu_sim_ros.parameters import files
+from imu_sim_ros.sensors import NAMED
 from imu_sim_ros.simulation.engine import Body
 
 WITH_PARSER = [*start.PROGRAMS, "demo"]
@@ -170,6 +172,16 @@ def test_every_command_of_the_manual_is_accepted():
             pytest.fail(line)
 
 
+def body_of(given):
+    """Return the body that a command line of generate describes."""
+    usual = (given.imu, given.trajectory, given.duration, given.rate, given.seed)
+    switches = (bool(given.robust), bool(given.rinex))
+    sensors = {name: found for name in NAMED if (found := getattr(given, name))}
+    more = {**sensors, "parameters": dict(given.parameters or ())}
+    cameras = named_cameras(given.cameras or (), given.scene)
+    return load_body(described(Journal(), given.params_file, usual, switches, cameras, more)[0])
+
+
 def test_every_dataset_of_the_manual_has_an_end_and_a_truth_of_its_own():
     """Whoever types all commands of a page is never refused."""
     written = set()
@@ -184,8 +196,7 @@ def test_every_dataset_of_the_manual_has_an_end_and_a_truth_of_its_own():
         written.add(truth)
         named = given.trajectory in (None, *files.names("trajectories"))
         if given.duration is None and named and not given.params_file:  # those are the page's own
-            body = load_body(simulation_arguments.layers(given))
-            assert Body(body).total is not None, line
+            assert Body(body_of(given)).total is not None, line
     assert len(written) > 30
 
 

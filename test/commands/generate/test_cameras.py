@@ -106,7 +106,8 @@ def test_a_place_says_how_large_it_is_around_the_path(tmp_path, capsys):
     made = ["-o", str(tmp_path / "a.mcap"), "--trajectory", "figure_eight", "--duration", "0.2s"]
     words = ["--camera", "euroc_cam0", "--set", "camera.images=none", "--scene", "office"]
     assert generate.main([*made, *words, "--with-configs"]) == 0
-    said = [line for line in capsys.readouterr().out.splitlines() if line.startswith("scene.type")]
+    notes = (line.partition(" note: ")[2] for line in capsys.readouterr().err.splitlines())
+    said = [line for line in notes if line.startswith("scene.type")]
     assert len(said) == 1
     assert said[0].startswith("scene.type office: 14.8 x 9.8 x 2.7 m around the path, 1.14 x 1.04")
     text = (tmp_path / "a.mcap_configs" / "simulation.yaml").read_text(encoding="utf-8")

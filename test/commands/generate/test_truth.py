@@ -12,8 +12,9 @@ import pytest
 import imu_sim_ros as ims
 from imu_sim_ros.bags.read import read_imu
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
-from imu_sim_ros.commands import calibrate, dead_reckon, generate, simulation_arguments
-from imu_sim_ros.jobs.generate import load_body
+from imu_sim_ros.commands import calibrate, dead_reckon, generate
+from imu_sim_ros.jobs.generate import described, load_body
+from imu_sim_ros.jobs.writing import Journal
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -131,8 +132,8 @@ def test_every_shipped_file_is_understood_by_node_and_command(path):
     more = {"cameras": ["cam0"]} if path.parent.name in ("cameras", "scenes") else {}
     given = {**files.load(path, "simulator"), **more}
     load_simulator(given)
-    words = ["-o", "x", "--params-file", str(path), *(["--set", "cameras=[cam0]"] if more else [])]
-    body = load_body(simulation_arguments.layers(generate.parser().parse_args([*words, "--quiet"])))
+    layers, _ = described(Journal(), path, (None,) * 5, (False, False), {}, {"parameters": more})
+    body = load_body(layers)
     assert (body.rig is not None) == bool(more)
 
 
