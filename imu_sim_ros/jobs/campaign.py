@@ -9,11 +9,11 @@ import contextlib
 import errno
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
 from imu_sim_ros import arguments
 from imu_sim_ros.campaigns import campaign as runs
@@ -29,85 +29,12 @@ from imu_sim_ros.campaigns.verdict import Judgement, counts, headline, judge
 from imu_sim_ros.errors import InputError, system_error
 from imu_sim_ros.jobs.report import write_campaign_page
 from imu_sim_ros.navigation.evaluation import anees_band
+from imu_sim_ros.progress import progress, watcher
+from imu_sim_ros.signatures import Text
 from imu_sim_ros.text_tables import TextTable
 
 if TYPE_CHECKING:
     from imu_sim_ros.campaigns.engine import Engine
-
-__all__ = ["Campaign", "Options", "Workers", "campaign", "make"]
-
-
-@dataclass(frozen=True)
-class Workers:
-    """The processes or the cluster that make the runs."""
-
-    processes: int = 1
-    """On this machine; 1 starts no further one."""
-    scheduler: str | None = None
-    """Address of a Dask scheduler, ``tcp://host:8786``."""
-    dask: bool = False
-    """On a local Dask cluster."""
-    timeout: float = 60.0
-    """[s] How long a scheduler without workers is waited for."""
-    tell: Callable[[str], None] = field(default=lambda line: None, repr=False)
-    """Receives the address of the dashboard."""
-
-    def problems(self) -> Iterator[str]:
-        """Yield a line for each problem."""
-        if self.processes < 1:
-            yield f"--workers {self.processes}: must be at least 1"
-        if not 0.0 < self.timeout < 1e6:
-            yield f"--worker-timeout {self.timeout:g}: must be above 0 s"
-        if self.dask and self.scheduler:
-            yield "--dask and --scheduler: choose one"
-
-    @contextlib.contextmanager
-    def engine(self, plan: Plan) -> Iterator[Engine]:
-        """Yield the engine of the runs."""
-        if not (self.dask or self.scheduler):
-            yield engines.local(self.processes)
-            return
-        with engines.client(self.scheduler, self.processes, self.timeout) as client:
-            engines.check_workers(client, plan)
-            if address := engines.dashboard(client):
-                self.tell(f"dashboard: {address}")
-            yield engines.dask(client)
-
-
-@dataclass(frozen=True)
-class Options:
-    """How the results are made, and with which results they are compared."""
-
-    resume: bool = False
-    force: bool = False
-    retry_failed: bool = False
-    batch: int | None = None
-    """Seeds in a task; None: chosen by the estimators."""
-    metric: str = ""
-    """Metric of the verdict; empty: the plan's first."""
-    baseline: Path | None = None
-    """Results of an earlier campaign."""
-    tolerance: Tolerance | None = None
-    """None: the plan's."""
-    non_inferiority: Tolerance | None = None
-    """Margin of non-inferiority to the baseline; None: not asked."""
-    report: bool = True
-    command: str = ""
-    """Name of the program in the footer of the page."""
-
-    def problems(self, plan: Plan, output: Path | None) -> Iterator[str]:
-        """Yield a line for each problem."""
-        known = (*plan.metrics, SUCCESS)
-        if self.batch is not None and self.batch < 1:
-            yield f"--batch {self.batch}: must be at least 1"
-        if self.metric and self.metric not in known:
-            yield f"--metric {self.metric}: must be one of {', '.join(known)}"
-        if self.non_inferiority is not None and self.baseline is None:
-            yield f"--non-inferiority {self.non_inferiority}: needs --baseline"
-        if self.resume and self.force:
-            yield "--resume and --force: choose one"
-        if self.baseline is not None and output is not None and _lies_in(self.baseline, output):
-            yield f"--baseline {self.baseline}: is written by this campaign"
 
 
 def _lies_in(path: Path, folder: Path) -> bool:
@@ -151,51 +78,66 @@ class Campaign:
             "judgement": self.judgement.to_dict(),
         }
 
+    def lines(self) -> Iterator[str | TextTable]:
+        """Yield the text of the results, as ``campaign`` prints it."""
+        return _lines(self)
+
     def __repr__(self) -> str:
-        heads = (
-            [
-                "; ".join(
-                    headline(
-                        self.judgement.headline, self.judgement.metric, self.judgement.tolerance
-                    )
-                )
-            ]
-            if self.judgement.headline
-            else []
-        )
-        words = [f"{len(self.runs)} runs, {self.done} done", *heads]
+        found, words = self.judgement, [f"{len(self.runs)} runs, {self.done} done"]
+        if found.headline:
+            words.append("; ".join(headline(found.headline, found.metric, found.tolerance)))
         return f"<Campaign {self.plan.options.name}: {'; '.join(words)}>"
 
 
 def campaign(
-    plan: str | PathLike[str],
-    output: str | PathLike[str],
+    plan: Annotated[str | PathLike[str], "PLAN"],
+    output: Annotated[str | PathLike[str], "-o --output DIR"],
     *,
-    workers: int = 1,
-    scheduler: str | None = None,
-    resume: bool = False,
-    force: bool = False,
-    metric: str = "",
-    baseline: str | PathLike[str] | None = None,
-    tolerance: str | None = None,
-    non_inferiority: str | None = None,
+    workers: Annotated[
+        int,
+        "N",
+        Text("worker processes on this machine; default: one per core; 1 starts no worker process"),
+    ] = 1,
+    scheduler: Annotated[str | None, "ADDRESS"] = None,
+    dask: Annotated[bool, "--dask"] = False,
+    worker_timeout: Annotated[float, "TIME"] = 60.0,
+    resume: Annotated[bool, "--resume"] = False,
+    force: Annotated[bool, "--force"] = False,
+    retry_failed: Annotated[bool, "--retry-failed"] = False,
+    batch: Annotated[int | None, "N"] = None,
+    metric: Annotated[str, "NAME"] = "",
+    baseline: Annotated[str | PathLike[str] | None, "FILE"] = None,
+    tolerance: Annotated[str | None, "SHARE"] = None,
+    non_inferiority: Annotated[str | None, "SHARE"] = None,
+    report: Annotated[bool, "--no-report", Text("write no report.html")] = True,
+    command: str = "campaign() of imu_sim_ros",
 ) -> Campaign:
     r"""Make all runs of a plan, and judge the results.
 
     With several workers, call this function below ``if __name__ == "__main__":``, as for all
     processes that Python spawns.
 
-    :param plan: file of the plan, or a name in config/campaigns.
-    :param output: folder of the results and the page.
+    :param plan: a file, or a name in config/campaigns
+    :param output: folder for the results and the page
     :param workers: number of processes on this machine; with 1, no further process is started.
-    :param scheduler: address of a Dask scheduler, ``tcp://host:8786``, instead of processes.
-    :param resume: continue with the results in the folder.
-    :param force: start over, discarding the results in the folder.
-    :param metric: metric of the verdict, or ``success``; if empty, the first metric of the plan.
-    :param baseline: folder, ``results.csv`` or ``results.parquet`` of an earlier campaign.
-    :param tolerance: difference that does not matter, ``5 %`` or a number in the metric's unit.
-    :param non_inferiority: with ``baseline``, margin by which each result must be proven not to be
-        worse; without it, only a significantly worse result is a problem.
+    :param scheduler: run on a Dask cluster, tcp://host:8786
+    :param dask: run on a local Dask cluster with its dashboard
+    :param worker_timeout: time to wait for the first worker of a scheduler [s]
+    :param resume: continue with the results in the folder
+    :param force: start over, discarding the results in the folder
+    :param retry_failed: with --resume: repeat failed runs
+    :param batch: seeds per task; default: 50 for built-in estimators, 1 for programs
+    :param metric: metric of the tables and of the baseline, or success; default: ate_rmse_m, or
+        the plan's first
+    :param baseline: folder, results.csv or results.parquet of an earlier campaign: each result that
+        is significantly worse is a problem, with which the program ends with status 3
+    :param tolerance: difference that does not matter: 5%, or a number in the metric's unit;
+        default: the plan's, 2%
+    :param non_inferiority: with --baseline: each result that is not proven to be less than this
+        share worse is a problem, too: 5%, or a number in the metric's unit; with --power: the
+        number of seeds that this proof needs
+    :param report: write report.html.
+    :param command: how the page says that it was made.
     :returns: a :class:`Campaign` with the rows of results and the judgement.
     :raises ConfigurationError: for an invalid plan or argument, with a line for each problem.
     :raises InputError: for a folder or file that cannot be used.
@@ -208,84 +150,100 @@ def campaign(
     (2, ['align', 'ate_rmse_m', 'ate_rmse_rad'])
     """
     path = find_plan(str(arguments.path("plan", plan, "a file, or a name in config/campaigns")))
-    options = Options(
-        resume=arguments.switch("resume", resume),
-        force=arguments.switch("force", force),
-        metric=arguments.text("metric", metric, "the name of a metric", empty=True),
-        baseline=None if baseline is None else arguments.path("baseline", baseline),
-        tolerance=None if tolerance is None else parse_tolerance(tolerance),
-        non_inferiority=None
-        if non_inferiority is None
-        else parse_tolerance(non_inferiority, "non_inferiority"),
-        command="campaign() of imu_sim_ros",
-    )
-    place = arguments.path("output", output, "the path of a folder")
-    loaded = load_plan(path)
+    folder = arguments.path("output", output, "the path of a folder")
+    for name, value in (("resume", resume), ("force", force), ("retry_failed", retry_failed)):
+        arguments.switch(name, value)
+    arguments.switch("report", report)
+    arguments.switch("dask", dask)
+    before = None if baseline is None else arguments.path("baseline", baseline)
+    limits = Limits.of(tolerance, non_inferiority)
     most = "a number of processes, from 1 to 10000"
-    found_in = Workers(
-        arguments.whole("workers", workers, most, 1, 10_000),
-        None if scheduler is None else arguments.text("scheduler", scheduler, "tcp://HOST:PORT"),
-    )
-    problems = [*found_in.problems(), *options.problems(loaded, place)]
+    processes = arguments.whole("workers", workers, most, 1, 10_000)
+    arguments.number("worker_timeout", worker_timeout, "above 0 s", 0.0, 1e6, above=True)
+    if scheduler is not None:
+        arguments.text("scheduler", scheduler, "tcp://HOST:PORT")
+    if batch is not None:
+        arguments.whole("batch", batch, "at least 1", 1, 1 << 31)
+    loaded = load_plan(path)
+    if arguments.text("metric", metric, "the name of a metric", empty=True):
+        arguments.one_of("metric", metric, (*loaded.metrics, SUCCESS))
+    problems = []
+    if dask and scheduler:
+        problems.append("--dask and --scheduler: choose one")
+    if resume and force:
+        problems.append("--resume and --force: choose one")
+    if limits.non_inferiority is not None and before is None:
+        problems.append(f"--non-inferiority {limits.non_inferiority}: needs --baseline")
+    if before is not None and _lies_in(before, folder):
+        problems.append(f"--baseline {before}: is written by this campaign")
     if problems:
         raise InputError(problems)
     check_plan(loaded, path)
-    return make(loaded, path, place, found_in, options)
-
-
-Advance = Callable[..., None]
-"""Receives how many more runs there are, and words about all of them."""
-
-
-@contextlib.contextmanager
-def _no_progress(done: int) -> Iterator[Advance]:
-    yield lambda count, text: None
-
-
-def make(
-    plan: Plan,
-    path: Path,
-    folder: Path,
-    workers: Workers,
-    options: Options,
-    progress: Callable[[int], contextlib.AbstractContextManager[Advance]] = _no_progress,
-) -> Campaign:
-    """Make the runs of a plan that has been checked; arguments and result as for :func:`campaign`.
-
-    :param path: of the plan's file.
-    :param progress: is given how many runs there are, and yields what receives those that come.
-    """
     started = time.perf_counter()
-    earlier = None if options.baseline is None else read_results(options.baseline)
-    metric = options.metric or plan.metrics[0]
+    earlier = None if before is None else read_results(before)
+    judged = metric or loaded.metrics[0]
     with (
         _explaining_full_disk(folder),
-        Store(folder, options.resume, options.force) as store,
-        workers.engine(plan) as engine,
+        Store(folder, resume, force) as store,
+        _engine(loaded, processes, scheduler, dask, worker_timeout) as engine,
     ):
         store.keep_plan(path)
-        before = min(sum(1 for _ in store.rows()), plan.run_count)
-        tally = runs.Tally(plan, before)
-        with _explaining_interruption(folder), progress(before) as advance:
+        done = min(sum(1 for _ in store.rows()), loaded.run_count)
+        tally = runs.Tally(loaded, done)
+        shown = progress("", lambda: loaded.run_count, done=done)
+        with _explaining_interruption(folder), shown as advance:
             advance(0, tally.add([]))
             outcome = runs.run(
-                plan,
+                loaded,
                 store,
                 engine,
                 lambda rows: advance(len(rows), tally.add(rows)),
-                options.retry_failed,
-                options.batch,
+                retry_failed,
+                batch,
             )
-        if options.report:
+        if report:
             # A metric that no run has cannot be drawn.
-            there = metric == SUCCESS or any(row.get(metric) is not None for row in outcome.rows)
-            drawn = metric if there else ""
-            baselines = [] if options.baseline is None else [options.baseline]
-            limits = options.tolerance, options.non_inferiority
-            write_campaign_page(folder, drawn, baselines, limits, options.command)
-    found = judge(plan, outcome.rows, metric, earlier, options.tolerance, options.non_inferiority)
+            there = judged == SUCCESS or any(row.get(judged) is not None for row in outcome.rows)
+            drawn = judged if there else ""
+            write_campaign_page(folder, drawn, [before] if before else [], limits, command)
+    found = judge(loaded, outcome.rows, judged, earlier, *limits)
     wall_s = time.perf_counter() - started
-    return Campaign(plan, folder, outcome.rows, outcome.new, found, wall_s)
+    return Campaign(loaded, folder, outcome.rows, outcome.new, found, wall_s)
+
+
+class Limits(NamedTuple):
+    """What differences matter."""
+
+    tolerance: Tolerance | None
+    """None: the plan's."""
+    non_inferiority: Tolerance | None
+    """Margin of non-inferiority to the baseline; None: not asked."""
+
+    @classmethod
+    def of(cls, tolerance: str | None, non_inferiority: str | None) -> Limits:
+        """Return those that words describe.
+
+        :raises ConfigurationError: for other words.
+        """
+        given = {"tolerance": tolerance, "non_inferiority": non_inferiority}
+        return cls(
+            *(None if one is None else parse_tolerance(one, name) for name, one in given.items())
+        )
+
+
+@contextlib.contextmanager
+def _engine(
+    plan: Plan, processes: int, scheduler: str | None, dask: bool, timeout: float
+) -> Iterator[Engine]:
+    """Yield the engine of the runs."""
+    if not (dask or scheduler):
+        yield engines.local(processes)
+        return
+    with engines.client(scheduler, processes, timeout) as client:
+        engines.check_workers(client, plan)
+        if address := engines.dashboard(client):
+            watcher().note(f"dashboard: {address}")
+        yield engines.dask(client)
 
 
 @contextlib.contextmanager
@@ -413,8 +371,7 @@ _SHOWN: Final = 40
 """Rows of a table."""
 
 
-def lines(made: Campaign) -> Iterator[str | TextTable]:
-    """Yield the text of a campaign's results."""
+def _lines(made: Campaign) -> Iterator[str | TextTable]:
     metric, found = made.judgement.metric, groups(made.runs, made.plan.grid_names)
     rows = [_row(group, metric) for group in found[:_SHOWN]]
     header = ["cell", "estimator", "done", "coverage", "median", "95 % interval", "p95"]

@@ -16,9 +16,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import imu_sim_ros as ims
 from imu_sim_ros.campaigns import command_estimator as command
 from imu_sim_ros.campaigns.plan import load_plan
 from imu_sim_ros.campaigns.runs import CellRuns
+from imu_sim_ros.commands.campaign import main
 
 # Reads the truth of the EuRoC folder and writes it as its estimate, moved and turned in yaw.
 HONEST = """
@@ -617,3 +619,31 @@ def run_aided(tmp_path, plan_file):
         return row
 
     return one
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"batch": 0}, "batch = 0: must be at least 1"),
+        ({"worker_timeout": 0.0}, "worker_timeout = 0.0: must be above 0 s"),
+        ({"metric": "ate_rms_m"}, "metric = 'ate_rms_m': did you mean ate_rmse_m?"),
+        ({"report": 1}, "report = 1: must be True or False"),
+        ({"dask": True, "scheduler": "tcp://a:1"}, "--dask and --scheduler: choose one"),
+        ({"resume": True, "force": True}, "--resume and --force: choose one"),
+        ({"non_inferiority": "5%"}, "--non-inferiority 5 %: needs --baseline"),
+    ],
+)
+def test_python_takes_and_checks_what_the_program_takes(plan_file, tmp_path, arguments, message):
+    folder = tmp_path / "out"
+    with pytest.raises(ims.ImuSimError) as caught:
+        ims.campaign(plan_file(), folder, **arguments)
+    assert message in str(caught.value)
+    assert not folder.exists()
+
+
+def test_the_problem_of_an_option_has_its_name(plan_file, tmp_path, capsys):
+    folder = tmp_path / "out"
+    assert main([str(plan_file()), "-o", str(folder), "--workers", "0"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == "campaign: --workers 0: must be a number of processes, from 1 to 10000"
+    assert not folder.exists()
