@@ -15,7 +15,7 @@ from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.parameters import SensorParameters
 from imu_sim_ros.sensors.samples import Samples
-from imu_sim_ros.sensors.timing import Timing
+from imu_sim_ros.sensors.timing import SampleTiming
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array, Mask
@@ -37,7 +37,7 @@ class SensorModel:
         """(4,) orientation in the body."""
         self._seed = mounted.environment.seed
         p = self.parameters
-        self._timing = Timing(self.name, p.rate, p, self._seed, t0_ns, p.time_offset, p.span)
+        self._timing = SampleTiming(self.name, p.rate, p, self._seed, t0_ns, p.time_offset, p.span)
         self._before: Array | None = None
 
     def stream(self, source: str) -> Generator:

@@ -26,7 +26,7 @@ LARGEST_JITTER: Final = 0.45
 _NEVER: Final = np.iinfo(np.int64).min
 
 
-class Timing:
+class SampleTiming:
     """Sample times, clock, transport and faults of one sensor.
 
     Clock and transport have random streams of their own. A sensor of an IMU has the IMU's

@@ -19,7 +19,7 @@ from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.faults import Fault, FaultSchedule
 from imu_sim_ros.sensors.imu.parameters import ImuParameters, instantaneous
 from imu_sim_ros.sensors.samples import Samples
-from imu_sim_ros.sensors.timing import Timing
+from imu_sim_ros.sensors.timing import SampleTiming
 from imu_sim_ros.sensors.world import Sampled, Window, World
 from imu_sim_ros.types import Array, Times
 
@@ -161,7 +161,7 @@ class Barometer:
         """
         own = imu.barometer
         seed = environment.seed
-        self._timing = Timing(NAME, own.rate, imu, seed, t0_ns, own.time_offset, own.span)
+        self._timing = SampleTiming(NAME, own.rate, imu, seed, t0_ns, own.time_offset, own.span)
         self._atmosphere = Atmosphere(environment.atmosphere)
         self._height = environment.height
         self._lever_arm_b = np.array(imu.lever_arm)

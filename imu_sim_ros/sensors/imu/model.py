@@ -20,7 +20,7 @@ from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.ideal import IdealImu, Quadrature, quadrature
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.samples import Samples
-from imu_sim_ros.sensors.timing import Timing
+from imu_sim_ros.sensors.timing import SampleTiming
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.types import Array, Times
@@ -55,7 +55,7 @@ class Imu:
         self._temperature = TemperatureProfile(environment.temperature)
         self._triads = [Triad(triad, imu, seed, rate) for triad in TRIADS]
         self._follows_force = any(triad.follows_force for triad in self._triads)
-        self._timing = Timing("", rate, imu, seed, t0_ns)
+        self._timing = SampleTiming("", rate, imu, seed, t0_ns)
         self._vibration = _vibration(imu, environment)
         self._ahead: _Ahead | None = None
         self.configure(imu)

@@ -21,7 +21,7 @@ from imu_sim_ros.sensors.faults import Fault, FaultSchedule
 from imu_sim_ros.sensors.imu.parameters import ImuParameters, instantaneous
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
 from imu_sim_ros.sensors.samples import Samples
-from imu_sim_ros.sensors.timing import Timing
+from imu_sim_ros.sensors.timing import SampleTiming
 from imu_sim_ros.sensors.world import Sampled, Window, World
 from imu_sim_ros.types import Array, Times
 
@@ -188,7 +188,7 @@ class Magnetometer:
         :param t0_ns: time of the start [ns].
         """
         own, seed = imu.magnetometer, environment.seed
-        self._timing = Timing(NAME, own.rate, imu, seed, t0_ns, own.time_offset, own.span)
+        self._timing = SampleTiming(NAME, own.rate, imu, seed, t0_ns, own.time_offset, own.span)
         self._field = MagneticField(environment)
         self.earth_w, self.interval = self._field.earth_w, 1.0 / imu.magnetometer.rate
         self._lever_arm_b = np.array(imu.lever_arm)
