@@ -18,7 +18,7 @@ from imu_sim_ros.bags.messages import schemas
 from imu_sim_ros.bags.messages.blocks import TopicInfo, as_list
 from imu_sim_ros.bags.messages.encode import IMU, NAV_SAT_FIX, ODOMETRY
 from imu_sim_ros.bags.messages.encode_cameras import POINT_CLOUD2
-from imu_sim_ros.bags.messages.layouts import FIELDS
+from imu_sim_ros.bags.messages.layouts import TYPES, fields
 from imu_sim_ros.bags.read import decoded_blocks, open_bag, read_odometry
 from imu_sim_ros.bags.reader import errors_naming
 from imu_sim_ros.bags.sensor_tables import read_table
@@ -153,11 +153,11 @@ def _numbers(
     path: Path, type_name: str, topic: str, skipped: tuple[str, ...]
 ) -> tuple[Times, dict[str, Array]]:
     """Return stamps, and all numbers of messages by the names of their fields."""
-    if type_name in FIELDS:
+    if type_name in TYPES:
         names = tuple(
-            name for name, kind, _ in FIELDS[type_name] if kind == "f8" and name not in skipped
+            name for name, kind, _ in fields(type_name) if kind == "f8" and name not in skipped
         )
-        found = [fields for _, fields in decoded_blocks(path, type_name, topic, names)]
+        found = [values for _, values in decoded_blocks(path, type_name, topic, names)]
         columns = {name: np.concatenate([one.numbers[name] for one in found]) for name in names}
         return np.concatenate([one.t_ns for one in found]), columns
     stamps: list[int] = []

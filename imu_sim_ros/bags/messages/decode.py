@@ -11,7 +11,14 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.bags.messages.blocks import MessageBlock, Payloads
-from imu_sim_ros.bags.messages.layouts import FIELDS, Layout, layout, raw_texts, texts_of
+from imu_sim_ros.bags.messages.layouts import (
+    TYPES,
+    Layout,
+    fields,
+    layout,
+    raw_texts,
+    texts_of,
+)
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
@@ -41,7 +48,7 @@ class Decoded(NamedTuple):
 def decode_block(block: MessageBlock, encoding: str, names: Sequence[str]) -> Decoded:
     """Return fields of a block's messages.
 
-    :param names: of :data:`imu_sim_ros.bags.messages.layouts.FIELDS` of this type.
+    :param names: of :func:`imu_sim_ros.bags.messages.layouts.fields` of this type.
     :raises InputError: for a message that is not one of its type.
     """
     type_name = block.topic.type
@@ -56,11 +63,11 @@ def decode_block(block: MessageBlock, encoding: str, names: Sequence[str]) -> De
         name: np.empty((count, *first.dtype[name].shape), dtype=np.float64) for name in names
     }
     for form, rows, payloads in groups:
-        fields = form.view(payloads)
-        seconds = fields["sec"].astype(np.int64) * NANOSECONDS_PER_SECOND
-        t_ns[rows] = seconds + fields["nanosec"]
+        values = form.view(payloads)
+        seconds = values["sec"].astype(np.int64) * NANOSECONDS_PER_SECOND
+        t_ns[rows] = seconds + values["nanosec"]
         for name in names:
-            numbers[name][rows] = fields[name]
+            numbers[name][rows] = values[name]
     texts = texts_of(type_name, encoding, _message(block.payloads, 0))
     return Decoded(texts, t_ns, numbers)
 
@@ -75,7 +82,7 @@ class MessageDecoder:
     def __init__(self, type_name: str, names: Sequence[str]) -> None:
         """Set up the decoder.
 
-        :param names: fields of :data:`imu_sim_ros.bags.messages.layouts.FIELDS`, in that order.
+        :param names: of :func:`imu_sim_ros.bags.messages.layouts.fields`, in that order.
         """
         self._type_name, self._names = type_name, ("sec", "nanosec", *names)
         self._latest: _Form | None = None
@@ -158,7 +165,7 @@ def transcode(block: MessageBlock, source: str, target: str) -> Payloads | None:
     :param target: the other one.
     """
     type_name = block.topic.type
-    if type_name not in FIELDS:
+    if type_name not in TYPES:
         return None
     try:
         groups = _groups(type_name, source, block.payloads)
@@ -171,10 +178,10 @@ def transcode(block: MessageBlock, source: str, target: str) -> Payloads | None:
     result = layout(type_name, target, texts)
     rows = np.empty((len(payloads), result.size), np.uint8)
     rows[:] = np.frombuffer(result.template, np.uint8)
-    fields, old = result.view(rows), form.view(payloads)
+    new, old = result.view(rows), form.view(payloads)
     for name in result.dtype.names or ():
         if name in (form.dtype.names or ()):
-            fields[name] = old[name]
+            new[name] = old[name]
     return rows
 
 
@@ -196,7 +203,7 @@ _STATED: Final = "orientation_covariance"
 
 def gated_fields(type_name: str) -> tuple[str, ...]:
     """Return the fields of a type of message that the gate looks at; none of most types."""
-    names = [name for name, _, _ in FIELDS.get(type_name, ())]
+    names = [name for name, _, _ in fields(type_name)] if type_name in TYPES else []
     looked_at = tuple(name for name in names if name in (*_QUANTITIES, _STATED))
     return looked_at if looked_at != (_STATED,) else ()
 
@@ -230,9 +237,9 @@ class MessageGate:
 
     def passed(self, block: MessageBlock, encoding: str) -> MessageBlock:
         """Return the messages of the next block that pass, unchanged."""
-        fields = gated_fields(block.topic.type)
+        names = gated_fields(block.topic.type)
         try:
-            good = self.good(decode_block(block, encoding, fields)) if fields else None
+            good = self.good(decode_block(block, encoding, names)) if names else None
         except InputError:  # they are not of their type, which a copy of them does not mind
             good = None
         if good is None:

@@ -13,14 +13,14 @@ and ``ros1``, the packed little-endian form of ROS 1.
 """
 
 import struct
-from collections.abc import Iterator, Sequence
-from functools import lru_cache
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache, lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.messages.definitions.gps import NUMBERS as GPS_NUMBERS
+from imu_sim_ros.bags.messages.schemas import definitions
 from imu_sim_ros.types import Bytes
 
 ENCODINGS: Final = ("cdr", "ros1")
@@ -28,84 +28,69 @@ ENCODINGS: Final = ("cdr", "ros1")
 _CDR_HEADER: Final = b"\x00\x01\x00\x00"
 _LENGTH: Final = 4
 """Bytes of the length of a string or an array."""
-_STAMPED: Final = (("stamp", "header", 1), ("frame_id", "text", 1))
-
-# The one description of each message, from which the bytes' places follow everywhere. Fields in the
-# order of the message definitions of common_interfaces (the same in ROS 1): name, kind (f8, text,
-# i1, u1, u2, time, or header: in ROS 1 a sequence number precedes the stamp) and count.
-FIELDS: Final[dict[str, tuple[tuple[str, str, int], ...]]] = {
-    "sensor_msgs/msg/Imu": (
-        *_STAMPED,
-        ("orientation", "f8", 4),
-        ("orientation_covariance", "f8", 9),
-        ("angular_velocity", "f8", 3),
-        ("angular_velocity_covariance", "f8", 9),
-        ("linear_acceleration", "f8", 3),
-        ("linear_acceleration_covariance", "f8", 9),
-    ),
-    "nav_msgs/msg/Odometry": (
-        *_STAMPED,
-        ("child_frame_id", "text", 1),
-        ("position", "f8", 3),
-        ("orientation", "f8", 4),
-        ("pose_covariance", "f8", 36),
-        ("linear", "f8", 3),
-        ("angular", "f8", 3),
-        ("twist_covariance", "f8", 36),
-    ),
-    "geometry_msgs/msg/PoseStamped": (
-        *_STAMPED,
-        ("position", "f8", 3),
-        ("orientation", "f8", 4),
-    ),
-    "geometry_msgs/msg/Vector3Stamped": (*_STAMPED, ("vector", "f8", 3)),
-    "geometry_msgs/msg/TwistWithCovarianceStamped": (
-        *_STAMPED,
-        ("linear", "f8", 3),
-        ("angular", "f8", 3),
-        ("twist_covariance", "f8", 36),
-    ),
-    "sensor_msgs/msg/Temperature": (
-        *_STAMPED,
-        ("temperature", "f8", 1),
-        ("variance", "f8", 1),
-    ),
-    "sensor_msgs/msg/MagneticField": (
-        *_STAMPED,
-        ("magnetic_field", "f8", 3),
-        ("magnetic_field_covariance", "f8", 9),
-    ),
-    "sensor_msgs/msg/FluidPressure": (
-        *_STAMPED,
-        ("fluid_pressure", "f8", 1),
-        ("variance", "f8", 1),
-    ),
-    "sensor_msgs/msg/NavSatFix": (
-        *_STAMPED,
-        ("status", "i1", 1),
-        ("service", "u2", 1),
-        ("latitude", "f8", 1),
-        ("longitude", "f8", 1),
-        ("altitude", "f8", 1),
-        ("position_covariance", "f8", 9),
-        ("position_covariance_type", "u1", 1),
-    ),
-    "gps_msgs/msg/GPSFix": (
-        *_STAMPED,
-        ("status_stamp", "header", 1),
-        ("status_frame_id", "text", 1),
-        ("satellites_used", "u2", 1),
-        ("satellite_used_prn", "u4", 1),  # the length of an array, as with the next four: empty
-        ("satellites_visible", "u2", 1),
-        *((f"satellite_visible_{one}", "u4", 1) for one in ("prn", "z", "azimuth", "snr")),
-        ("status", "i2", 1),
-        *((f"{one}_source", "u2", 1) for one in ("motion", "orientation", "position")),
-        *((name, "f8", 1) for name in GPS_NUMBERS),
-        ("position_covariance", "f8", 9),
-        ("position_covariance_type", "u1", 1),
-    ),
-    "rosgraph_msgs/msg/Clock": (("clock", "time", 1),),
+TYPES: Final = (
+    "geometry_msgs/msg/PoseStamped",
+    "geometry_msgs/msg/TwistWithCovarianceStamped",
+    "geometry_msgs/msg/Vector3Stamped",
+    "gps_msgs/msg/GPSFix",
+    "nav_msgs/msg/Odometry",
+    "rosgraph_msgs/msg/Clock",
+    "sensor_msgs/msg/FluidPressure",
+    "sensor_msgs/msg/Imu",
+    "sensor_msgs/msg/MagneticField",
+    "sensor_msgs/msg/NavSatFix",
+    "sensor_msgs/msg/Temperature",
+)
+"""Types of messages that are read and translated in bulk, by their layouts."""
+_CODES: Final = {
+    **{f"float{bits}": f"f{bits // 8}" for bits in (32, 64)},
+    **{f"int{bits}": f"i{bits // 8}" for bits in (8, 16, 32, 64)},
+    **{f"uint{bits}": f"u{bits // 8}" for bits in (8, 16, 32, 64)},
+    "bool": "u1",
 }
+_VECTORS: Final = (["x", "y", "z"], ["x", "y", "z", "w"])
+
+
+@cache
+def fields(type_name: str, encoding: str = "cdr") -> tuple[tuple[str, str, int], ...]:
+    """Return the fields of a type in the order of its definition: name, kind and count.
+
+    The kind is f8, text, i1, u1, u2, ..., time, or header (in ROS 1 a sequence number precedes the
+    stamp). Vectors and quaternions are fields of three and four numbers; parts of parts have their
+    last name, ``position`` of ``pose.pose.position``, covariances and headers also the one before,
+    ``pose_covariance``. Arrays of any length are taken to be empty: the field is their length.
+    """
+    return tuple(_fields("", definitions(type_name, encoding)))
+
+
+def _fields(
+    name: str, texts: Mapping[str, str], within: str = ""
+) -> Iterator[tuple[str, str, int]]:
+    before = f"{within}_" if within else ""
+    for line in texts[name].splitlines():
+        words = line.partition("#")[0].split()
+        if not words or "=" in line.partition("#")[0]:  # a constant
+            continue
+        (kind, _, size), own = words[0].partition("["), words[1]
+        if kind in ("std_msgs/Header", "Header"):
+            yield f"{before}stamp", "header", 1
+            yield f"{before}frame_id", "text", 1
+        elif size == "]":
+            yield own, "u4", 1
+        elif kind == "string":
+            yield own, "text", 1
+        elif kind in ("builtin_interfaces/Time", "time"):
+            yield own, "time", 1
+        elif kind in _CODES:
+            named = f"{before}{own}" if own == "covariance" else own
+            yield named, _CODES[kind], int(size.rstrip("]") or 1)
+        else:  # ROS 1 leaves out the package of neighbours
+            whole = next(one for one in texts if one == kind or one.endswith(f"/{kind}"))
+            parts = list(_fields(whole, texts, own))
+            if [part for part, _, _ in parts] in _VECTORS:
+                yield own, parts[0][1], len(parts)
+            else:
+                yield from parts
 
 
 def _numbers(name: str, kind: str, count: int, cdr: bool) -> Iterator[tuple[str, str, int]]:
@@ -203,7 +188,7 @@ class LayoutBuilder:
         self.template += bytes(size * count)
 
     def field(self, name: str, kind: str, count: int = 1, suffix: str = "") -> None:
-        """Add a field other than a string, kind and count as in :data:`FIELDS`.
+        """Add a field other than a string, kind and count as in :func:`fields`.
 
         :param suffix: behind the names of its parts, if there are several such fields.
         """
@@ -260,7 +245,7 @@ def _words(size: int, spans: Sequence[tuple[int, int]]) -> np.dtype[np.void]:
 def layout(type_name: str, encoding: str, texts: Sequence[str | bytes] = ()) -> Layout:
     """Return the layout of a message type.
 
-    :param type_name: a key of FIELDS.
+    :param type_name: in the form of ROS 2; one whose texts stand before its numbers of eight bytes.
     :param encoding: one of ENCODINGS.
     :param texts: contents of the message's text fields, in order; a tuple. Bytes are those of a
         message, as :func:`raw_texts` returns them.
@@ -269,7 +254,7 @@ def layout(type_name: str, encoding: str, texts: Sequence[str | bytes] = ()) -> 
         raise ValueError(f"encoding {encoding!r}: must be one of {', '.join(ENCODINGS)}")
     builder = LayoutBuilder(encoding)
     remaining = iter(texts)
-    for name, kind, count in FIELDS[type_name]:
+    for name, kind, count in fields(type_name, encoding):
         if kind == "text":
             builder.text(next(remaining))
         else:
@@ -283,7 +268,7 @@ def layout(type_name: str, encoding: str, texts: Sequence[str | bytes] = ()) -> 
 def _ahead_of_texts(type_name: str, encoding: str) -> tuple[int, ...]:
     """Return how many bytes of numbers lie between each string and the one before it."""
     gaps = [0]
-    for name, kind, count in FIELDS[type_name]:
+    for name, kind, count in fields(type_name, encoding):
         if kind == "text":
             gaps.append(0)
         else:

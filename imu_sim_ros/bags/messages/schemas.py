@@ -3,6 +3,7 @@
 
 """Message definitions: text, digest and quality of service that a bag carries for its topics."""
 
+import re
 from collections.abc import Iterable
 from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
@@ -83,6 +84,16 @@ def schema(type_name: str, encoding: str, types: "Typestore | None" = None) -> S
     full = full_text(ros1_name(type_name))
     # The text with its comments, unless the bag's type of that name is another one.
     return Schema(full if full and own == types.fielddefs[type_name] else text, md5)
+
+
+def definitions(type_name: str, encoding: str) -> dict[str, str]:
+    """Return the definitions of a type, first, and of those that it contains, by name.
+
+    :param type_name: in the form of ROS 2.
+    """
+    whole = schema(type_name, encoding).text
+    first, *others = re.split(r"^=+\nMSG: ", whole, flags=re.MULTILINE)
+    return {"": first, **{part: text for part, _, text in (o.partition("\n") for o in others)}}
 
 
 def _written(type_name: str, encoding: str) -> Schema | None:

@@ -10,7 +10,7 @@ from typing import Final
 
 from imu_sim_ros.bags.messages.definitions import gps, livox
 
-FIELDS: Final[dict[str, str]] = {
+TEXTS: Final[dict[str, str]] = {
     **gps.ROS2,
     **livox.ROS2,
     "builtin_interfaces/Time": ("int32 sec\nuint32 nanosec\n"),
@@ -204,15 +204,15 @@ def joined_text(name: str) -> str:
 
     :param name: for instance sensor_msgs/Imu.
     """
-    others = "".join(f"{_SEPARATOR}\nMSG: {other}\n{FIELDS[other]}" for other in _nested(name))
-    return FIELDS[name] + others
+    others = "".join(f"{_SEPARATOR}\nMSG: {other}\n{TEXTS[other]}" for other in _nested(name))
+    return TEXTS[name] + others
 
 
 def _nested(name: str) -> dict[str, None]:
     """Return the types within a type, each once, where it occurs first."""
     found: dict[str, None] = {}
-    for line in FIELDS[name].splitlines():
+    for line in TEXTS[name].splitlines():
         inner = line.split()[0].partition("[")[0]
-        if inner in FIELDS:
+        if inner in TEXTS:
             found |= {other: None for other in (inner, *_nested(inner)) if other not in found}
     return found
