@@ -419,3 +419,15 @@ def test_lines_that_only_together_take_the_place_of_a_walk_are_not_taken_out(see
     found = find_lines(white + walk, 0.05)
     assert found.lines == []
     assert found.doubtful
+
+
+def test_fewer_than_0_6_periods_are_a_ramp():
+    """Of a parabola a sinusoid was told that had 0.3 periods in the record."""
+    from imu_sim_ros.calibration.noise.slow_lines import find_lines
+
+    n, rng = 3600, np.random.default_rng(0)
+    x = np.linspace(-1.0, 1.0, n)
+    found = find_lines(rng.standard_normal((3, n)) + 0.4 * x**2 + 0.3 * x, 0.05)
+    lines = found.lines + found.doubtful
+    assert lines
+    assert min(line.frequency * n for line in lines) >= 0.6 - 1e-9

@@ -200,7 +200,8 @@ def test_intervals_of_a_floor_hold_it_whatever_else_some_bands_have(share, times
         power = rng.chisquare(freedom) / freedom
         power[rng.permutation(50)[: round(50 * share)]] *= rng.uniform(*times)
         edges = np.arange(51.0)
-        bands = Bands(edges[:-1], edges[1:], power[:, :, None] * np.eye(6), freedom)
+        own = np.ones(len(power))
+        bands = Bands(edges[:-1], edges[1:], power[:, :, None] * np.eye(6), freedom, own)
         white = white_floor(bands, 0.0)
         held += np.count_nonzero((white.low <= 1.0) & (white.high >= 1.0))
         intervals += np.count_nonzero(white.low)
@@ -208,6 +209,30 @@ def test_intervals_of_a_floor_hold_it_whatever_else_some_bands_have(share, times
     # costs up to 2 %. Standard errors wrong by sqrt(2) hold 83 %.
     assert held >= 0.895 * 6 * trials
     assert intervals < 0.1 * 6 * trials if hides else intervals > 0.6 * 6 * trials
+
+
+def test_the_floor_of_white_noise_is_its_density_with_the_scatter_that_is_stated():
+    """40 records of 30 s, six axes each: densities are right, and so are their intervals.
+
+    A floor scatters by 2.6 %, the mean of 240 by 0.17 %; a root of a mean is lower by half of its
+    relative variance, and the cut at a quantile costs as much again. With a fifth too few degrees
+    of freedom the mean was 2 % too high. Of the squares in a band, the relative variance is 2 over
+    the degrees of freedom; over 240 records, its mean over 50 bands is known within 2 %.
+    """
+    rng, n = np.random.default_rng(3), 3000
+    edges, powers, floors = band_edges(n / RATE, RATE), [], []
+    for _ in range(40):
+        bands = cross_spectra(rng.standard_normal((n, 6)), [slice(0, n)], RATE, edges)
+        powers.append(bands.density**2 * RATE)
+        floors.append(white_floor(bands, 1.0)[:3])
+    density, low, high = np.sqrt(RATE) * np.moveaxis(floors, 1, 0)
+    found = low > 0.0  # else it is a bound
+    assert np.mean(found) > 0.95
+    assert abs(np.mean(density[found]) - 1.0) < 0.01
+    # 228 intervals of 95 %: one standard deviation is 1.4 %.
+    assert np.mean((low <= 1.0) & (high >= 1.0)) > 0.90
+    scatter = np.var(powers, axis=(0, 2)) / np.mean(powers, axis=(0, 2)) ** 2
+    assert np.mean(scatter * bands.freedom[:, 0] / 2.0) == pytest.approx(1.0, abs=0.08)
 
 
 def test_bands_above_the_floor_are_found_with_their_coherence():

@@ -226,7 +226,7 @@ class _Search:
         for _ in range(_ALTERNATIONS):
             if len(periods):
                 periods = np.clip(best.periods + self._step(best), nearest, furthest)
-                periods = np.maximum(periods, 0.5 * _SLOWEST)
+                periods = np.maximum(periods, _SLOWEST)
             found = self._with_lines(periods, best)
             gain = best.objective - found.objective
             if gain > 0.0:

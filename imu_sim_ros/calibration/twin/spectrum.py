@@ -9,6 +9,7 @@ averaged over tapers and frequencies are never negative.
 """
 
 from collections.abc import Sequence
+from functools import cache
 from itertools import pairwise
 from typing import Final, NamedTuple
 
@@ -17,8 +18,11 @@ import numpy as np
 from imu_sim_ros.types import Array, Complex, Mask
 
 _TAPERS: Final = 5
-_EFFICIENCY: Final = 0.8
-"""Share of a record that five sine tapers use: white noise of 3000 samples scatters accordingly."""
+_EFFICIENCY: Final = 1.0 / (1.0 + 0.5 / _TAPERS)
+"""Share of a record that sine tapers use: the sum of their squares is ``1 - mean of cos 2 pi k t``.
+"""
+_REACH: Final = 64
+"""Frequencies apart at which tapers share nothing any more."""
 _LONGEST: Final = 1 << 14
 """Samples transformed at once."""
 _SHORTEST: Final = 256
@@ -28,6 +32,9 @@ _RATIO: Final = 1.3
 _CHANCE: Final = 3.0
 """Standard deviations."""
 _MAJORITY: Final = 0.5
+_STARTS: Final = (0.5 * _MAJORITY, 0.5)
+"""Quantiles from which a floor is looked for: the median if it is a bare majority, and if it is in
+all rows, since a few low ones can be mistaken for a floor of their own."""
 _KEPT: Final = 0.7
 """Quantile of a floor's rows above which they are left out."""
 _ROUNDS: Final = 50
@@ -54,6 +61,8 @@ class Bands(NamedTuple):
     """(m, 6, 6) mean two-sided cross-spectral densities."""
     freedom: Array
     """(m, 6) independent squares in each mean: degrees of freedom of a density."""
+    own: Array
+    """(m,) share of these that neighbouring bands do not have as well."""
 
     @property
     def density(self) -> Array:
@@ -71,7 +80,7 @@ class Bands(NamedTuple):
 
     def rows(self, chosen: Mask) -> "Bands":
         """Return some of the bands."""
-        return Bands(self.low[chosen], self.high[chosen], self.matrix[chosen], self.freedom[chosen])
+        return Bands._make(column[chosen] for column in self)
 
     def less(self, noise: Complex) -> "Bands":
         """Return the bands without a noise (m, 6, 6) that is known.
@@ -119,7 +128,7 @@ def cross_spectra(values: Array, parts: Sequence[slice], rate: float, edges: Arr
     :param edges: (m + 1,) [Hz].
     """
     total = np.zeros((len(edges) - 1, 6, 6), dtype=np.complex128)
-    count = np.zeros(len(edges) - 1)
+    count, freedom = np.zeros((2, len(edges) - 1))
     for part in parts:
         spectra = _tapered(values[part], rate)
         frequency = np.arange(spectra.shape[1]) * rate / (part.stop - part.start)
@@ -128,11 +137,36 @@ def cross_spectra(values: Array, parts: Sequence[slice], rate: float, edges: Arr
             x = spectra[:, first:last].reshape(-1, 6)
             total[band] += np.einsum("ki,kj->ij", x, x.conj())
             count[band] += len(x)
+            freedom[band] += _freedom(last - first)
     there = count > 0
     total[there] /= count[there, None, None]
-    # Tapers share their frequencies, so there are two looks at each, less what the ends lose.
-    freedom = np.maximum(2.0 * _EFFICIENCY * count / _TAPERS, 2.0)
-    return Bands(edges[:-1], edges[1:], total, np.tile(freedom[:, None], 6)).rows(there)
+    own = 2.0 * _EFFICIENCY * count / _TAPERS / np.maximum(freedom, 1.0)
+    columns = (edges[:-1], edges[1:], total, np.tile(freedom[:, None], 6), own)
+    return Bands(*columns).rows(there)
+
+
+@cache
+def _freedom(count: int) -> float:
+    """Return the degrees of freedom of a mean over the tapers and neighbouring frequencies.
+
+    Of white noise, spectra x_k(f) have covariances <h_k, h_l e_m>, the spectrum of the product of
+    two tapers at the distance m of their frequencies; those of the squares are their squares S(m),
+    summed over k and l. The mean over F frequencies has ``2 (K F)^2 / sum_m (F - |m|) S(m)``.
+    """
+    if not count:
+        return 0.0
+    apart = np.arange(min(count, _REACH))
+    shared = (count - apart) * _shared()[apart]
+    return 2.0 * (_TAPERS * count) ** 2 / float(2.0 * shared.sum() - shared[0])
+
+
+@cache
+def _shared() -> Array:
+    """Return what all pairs of tapers share at frequencies 0, 1, ... apart; in a long record."""
+    place = np.arange(1, 4097) * np.pi / 4097
+    tapers = np.sqrt(2.0 / 4097) * np.sin(np.arange(1, _TAPERS + 1)[:, None] * place)
+    products = np.fft.fft(tapers[:, None] * tapers, axis=-1)
+    return np.asarray(np.sum(np.abs(products) ** 2, axis=(0, 1)))
 
 
 def _tapered(values: Array, rate: float) -> Complex:
@@ -202,6 +236,7 @@ def white_floor(bands: Bands, lowest: float) -> White:
         clear = whole if len(whole) else selected
         rows, freedom = power[clear, axis], np.maximum(bands.freedom[clear, axis], 2.0)
         mean, of_mean = _common(rows, freedom) if len(whole) > 1 else (0.0, 0.0)
+        of_mean *= np.average(bands.own[clear], weights=freedom)
         if mean:
             ends = chi2.ppf([0.975, 0.025], of_mean) / of_mean
             density[axis], (low[axis], high[axis]) = np.sqrt(mean), np.sqrt(mean / ends)
@@ -229,19 +264,23 @@ def _common(power: Array, freedom: Array) -> tuple[float, float]:
 
     end = chi2.ppf(_KEPT, freedom) / freedom
     part = chi2.cdf(freedom * end, freedom + 2.0) / _KEPT
-    mean = float(np.quantile(power, 0.5 * _MAJORITY))  # the median if they are a bare majority
-    for _ in range(_ROUNDS):
-        kept = power < end * mean
-        if not kept.any():
-            return 0.0, 0.0
-        mean = float(np.sum((power * freedom)[kept]) / np.sum((part * freedom)[kept]))
-    # All that chance explains is alike: sum of freedom / 2 (P / mean - 1)^2 is 1 a row on average.
-    near = power <= mean * (1.0 + _CHANCE * np.sqrt(2.0 / freedom))
-    spread = float(np.sum((0.5 * freedom * (power / mean - 1.0) ** 2)[near]))
-    count = np.count_nonzero(near)
-    alike = spread <= count + _CHANCE * np.sqrt(2.0 * count)
-    share = np.count_nonzero(kept) / _KEPT / len(power)
-    if not alike or share < _MAJORITY:
+    for start in _STARTS:
+        mean = float(np.quantile(power, start))
+        for _ in range(_ROUNDS):
+            kept = power < end * mean
+            if not kept.any():
+                break
+            mean = float(np.sum((power * freedom)[kept]) / np.sum((part * freedom)[kept]))
+        # What chance explains is alike: over m rows with n degrees of freedom, the sum of
+        # n / 2 (P / mean - 1)^2 is m, and its variance the sum of 2 + 12 / n (fourth moment).
+        near = power <= mean * (1.0 + _CHANCE * np.sqrt(2.0 / freedom))
+        spread = float(np.sum((0.5 * freedom * (power / mean - 1.0) ** 2)[near]))
+        variance = float(np.sum((2.0 + 12.0 / freedom)[near]))
+        alike = spread <= np.count_nonzero(near) + _CHANCE * np.sqrt(variance)
+        share = np.count_nonzero(kept) / _KEPT / len(power)
+        if alike and share >= _MAJORITY:
+            break
+    else:
         return 0.0, 0.0
     # A root of sum n (P - m part) over kept rows: its variance is that of the sum over its slope^2.
     second = (1.0 + 2.0 / freedom) * chi2.cdf(freedom * end, freedom + 4.0)
