@@ -110,7 +110,8 @@ class Evaluation:
     time_offset: TimeOffset | None = None
     """What was added to the estimate's stamps, on request."""
     reprojection: list[dict[str, Any]] | None = None
-    """For each camera, how far its features lie from their landmarks as seen from the estimate."""
+    """For each camera, how far its features lie from their landmarks as seen from the estimate:
+    ``features`` are those with poses at their times, of all."""
     rpe: tuple[tuple[float, str], ...] = ()
     """What the RPE is over in :meth:`to_dict`; empty: 1 s and tenths of the path."""
 
@@ -615,11 +616,9 @@ def _reprojection(
         row = tracks.uv[rows, 1] - 0.5 * (camera.height - 1)
         t_ns = tracks.true_t_ns[rows] + np.rint(camera.row_time * row * 1e9).astype(np.int64)
         known = _has_poses(estimate.t_ns, t_ns) & _has_poses(truth.t_ns, t_ns)
-        rows, t_ns = rows[known], t_ns[known]
-        if not len(rows):
-            continue
+        of, rows, t_ns = len(rows), rows[known], t_ns[known]
         points, uv = tracks.landmarks[tracks.landmark[rows]], tracks.uv[rows]
-        entry: dict[str, Any] = {"camera": name, "features": len(rows)}
+        entry: dict[str, Any] = {"camera": name, "features": len(rows), "of": of}
         for what, poses in (("", estimate), ("_of_truth", truth)):
             at = poses_at(poses, t_ns)
             errors = reprojection_errors(camera, at.position, at.q_wb, points, uv)
@@ -628,7 +627,7 @@ def _reprojection(
             entry["rms_px" + what] = _rms_per_axis(lengths)
             entry["median_px" + what] = float(np.median(lengths)) if len(lengths) else None
         result.append(entry)
-    if not result:
+    if not any(entry["features"] for entry in result):
         raise InputError(
             f"{folder}: no frame has poses of estimate and truth at its time, or within 20 ms "
             "before and after it"
@@ -655,10 +654,17 @@ def _reprojection_lines(result: list[dict[str, Any]]) -> list[str]:
     """Return the result, one line for each camera."""
     return [
         f"reprojection, {entry['camera']}: {_shown(entry['rms_px'])} px in u and in v over "
-        f"{entry['features']:,} features; from the true poses {_shown(entry['rms_px_of_truth'])} px"
+        f"{_of(entry['features'], entry['of'])}; from the true poses "
+        f"{_shown(entry['rms_px_of_truth'])} px"
         + (f"; {entry['behind']} landmarks would not be seen" if entry["behind"] else "")
         for entry in result
     ]
+
+
+def _of(features: int, every: int) -> str:
+    """Return how many features have a pose at their time."""
+    words = f"{features:,} features"
+    return words if features == every else f"{words} of {every:,}, the others without poses"
 
 
 def _shown(value: float | None) -> str:

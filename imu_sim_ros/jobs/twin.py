@@ -196,7 +196,8 @@ class Twin:
     given: Mask
     """(42,) which numbers are given, in the order of ``calibration.twin.model``."""
     warnings: tuple[str, ...]
-    """What hangs on the poses' noise, and what contradicts itself: a line each."""
+    """What hangs on the poses' noise, what contradicts itself, and readings without a truth: a line
+    each."""
     parameters: dict[str, Value]
     """Parameters of the simulator, by name."""
     analysis: Analysis
@@ -206,9 +207,8 @@ class Twin:
     source: TwinRecording
 
     def __repr__(self) -> str:
-        seconds = np.ptp(self.source.recording.stamps)
         return (
-            f"<Twin of {Path(self.source.name).name}, {seconds:.3g} s: "
+            f"<Twin of {Path(self.source.name).name}, {self.source.seconds:.3g} s: "
             f"{len(self.analysis.lines.frequency)} lines, {len(self.analysis.vibration.low)} bands>"
         )
 
@@ -226,7 +226,8 @@ class Twin:
         result: dict[str, Any] = plain(
             {
                 "rate_hz": self.source.recording.rate,
-                "seconds": float(np.ptp(found.bias_t)) if len(found.bias_t) else 0.0,
+                "seconds": self.source.seconds,
+                "readings_s": self.source.given_s,
                 "errors": {
                     name: {"value": v.value, "sigma": v.sigma} for name, v in self.errors.items()
                 },
@@ -399,7 +400,7 @@ def _found(source: TwinRecording, fit: float | None) -> Twin:
         errors,
         trust.undetermined,
         trust.given,
-        trust.warnings,
+        (*source.without_truth(), *trust.warnings),
         parameters,
         analysis,
         checked,

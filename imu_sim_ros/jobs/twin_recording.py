@@ -38,6 +38,8 @@ from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import PosesParameters
 from imu_sim_ros.types import Array, Mask
 
+_UNSAID: Final = 1.0
+"""[s] of the readings without a truth that are not worth a line: margins and the clocks' offset."""
 _MARGIN: Final = 0.2
 """[s] at both ends of the truth, where a spline has neighbours on one side only."""
 _SHORTEST: Final = 10.0
@@ -95,6 +97,22 @@ class TwinRecording(NamedTuple):
     t0_ns: int
     """Stamp of the truth's first pose [ns]."""
     name: str
+    given_s: float
+    """Time of all readings, of which the recording has those with a truth [s]."""
+
+    @property
+    def seconds(self) -> float:
+        """Time of the readings with a truth [s]."""
+        return float(np.ptp(self.recording.stamps))
+
+    def without_truth(self) -> tuple[str, ...]:
+        """Return a line if the truth covers a part of the readings only."""
+        if self.given_s - self.seconds < _UNSAID:
+            return ()
+        return (
+            f"the truth covers {self.seconds:.4g} of {self.given_s:.4g} s of the readings; the "
+            "rest is not used",
+        )
 
     def motion(self, t: Array) -> Motion:
         """Return the body's motion at times (n,) [s]."""
@@ -189,6 +207,7 @@ def recorded(
         r_ib=np.eye(3),
         t0_ns=t0_ns,
         name=readings.name,
+        given_s=float(np.ptp(stamps)),
     )
     return _placed(half, readings, stamps, near, max_offset, name)
 

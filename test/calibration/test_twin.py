@@ -41,6 +41,7 @@ from imu_sim_ros.calibration.twin.spectrum import (
     white_floor,
 )
 from imu_sim_ros.jobs.twin import _steps
+from imu_sim_ros.poses import PoseSequence
 
 RATE = 100.0
 SECONDS = 40.0
@@ -586,3 +587,17 @@ def test_the_steps_of_readings_in_motion_are_those_of_the_sensor(imu):
     np.testing.assert_allclose(_steps(readings), expected, rtol=1e-9)
     exact = ims.simulate(imu="perfect", trajectory="figure_eight", duration=20)
     assert not _steps(np.hstack([exact.gyro, exact.accel])).any()
+
+
+def test_readings_without_a_truth_are_told():
+    """Half of them were left out without a word, and 5 s of the others were not counted."""
+    flight = ims.simulate(imu="mti3", trajectory="figure_eight", duration=30, rate=100, seed=1)
+    true = flight.truth
+    half = (column[:1501] for column in (true.t_ns, true.position, true.q_wb))
+    truth = PoseSequence(*half)
+    twin = ims.twin(flight.readings, truth)
+    found = twin.to_dict()
+    assert (found["seconds"], found["readings_s"]) == pytest.approx((14.6, 29.99), abs=0.03)
+    assert f"the truth covers {found['seconds']:.4g} of 29.99 s of the readings" in twin.warnings[0]
+    whole = ims.twin(flight.readings, flight.truth)
+    assert not any("the truth covers" in line for line in whole.warnings)

@@ -411,7 +411,13 @@ def test_frames_without_a_pose_near_them_are_left_out(tracks, capsys, tmp_path):
     entry = result(capsys, sparse, tracks / "groundtruth.tum", "--tracks", tracks)["reprojection"]
     assert entry[0]["rms_px"] == pytest.approx(0.7, rel=0.1)  # 10 frames
     # Rows of a rolling shutter are between poses half a second apart.
-    assert len(entry) == 1 or entry[1]["features"] < 50
+    assert [one["camera"] for one in entry] == ["cam0", "cam1"]
+    assert entry[1]["features"] < 50
+    assert entry[0]["features"] < 0.2 * entry[0]["of"]
+    _, out, _ = run(capsys, sparse, tracks / "groundtruth.tum", "--tracks", tracks)
+    for one in entry:
+        few = f"{one['features']:,} features of {one['of']:,}, the others without poses"
+        assert few in out
 
 
 def test_bad_tracks_are_one_line(tracks, capsys, tmp_path):
