@@ -494,12 +494,20 @@ def run(program: str, command: Callable[[], None], debug: bool = False) -> int:
         _give_up_output()
         return 1
     except KeyboardInterrupt as error:
-        for line in error.args or ["nothing was written"]:
-            print(f"{program}: interrupted; {line}", file=sys.stderr)
-        return signals.status()
+        return _report_interruption(program, error)
     except Exception as error:
+        # Initialising an extension module turns an interruption into an ImportError (pybind11).
+        if isinstance(error.__cause__, KeyboardInterrupt):
+            return _report_interruption(program, error.__cause__)
         return _report_error(program, error, debug)
     return 0
+
+
+def _report_interruption(program: str, error: KeyboardInterrupt) -> int:
+    """Print what became of the outputs; return the exit status."""
+    for line in error.args or ["nothing was written"]:
+        print(f"{program}: interrupted; {line}", file=sys.stderr)
+    return signals.status()
 
 
 def _report_error(program: str, error: Exception, debug: bool) -> int:

@@ -19,7 +19,7 @@ from imu_sim_ros import arguments
 from imu_sim_ros.bags import convert as streams
 from imu_sim_ros.bags import sensor_tables
 from imu_sim_ros.bags.messages.blocks import TopicInfo
-from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
+from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, POSE_STAMPED
 from imu_sim_ros.bags.messages.encode_cameras import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.outputs import Outputs
@@ -310,7 +310,7 @@ class _Job:
         truths = [topic for topic in topics if topic.type == ODOMETRY]
         chosen: dict[str, str | None] = {IMU: readings.name}
         if truths:
-            chosen[ODOMETRY] = bag.topic(ODOMETRY, self._only_named(topics, ODOMETRY)).name
+            chosen[ODOMETRY] = self._true_states(bag, topics)
         one_table = self.staged.suffix.lower() == ".csv"
         tables = {} if one_table else sensor_tables.tables_of(topics, readings.name, known_tables())
         names = {kind: topic.name for kind, topic in tables.items()}
@@ -351,6 +351,18 @@ class _Job:
 
         return RecordedImages(bag, recorded_cameras(topics), self.staged, self.dataset)
 
+    def _true_states(self, bag: Bag, topics: Sequence[TopicInfo]) -> str:
+        """Return the topic of Odometry that becomes the truth of the dataset."""
+        named = self._only_named(topics, ODOMETRY)
+        if named is None:
+            states = [topic.name for topic in topics if topic.type == ODOMETRY]
+            own = [name for name in states if name.endswith(streams.TRUTH)]
+            named = own[0] if len(own) == 1 else None
+        found = bag.topic(ODOMETRY, named).name
+        if named is None:
+            self.watcher.warn(f"{bag.path}: {found} becomes the truth of the dataset")
+        return found
+
     def _only_named(self, topics: Sequence[Any], type_name: str) -> str | None:
         """Return the topic of a type among ``topics``; None if there is none."""
         fitting = [topic.name for topic in topics if topic.type == type_name]
@@ -376,7 +388,9 @@ class _Job:
         poses = read_poses(bag.path, named, skipped is not None, warned=warned, recover=recover)
         if skipped is not None and poses.skipped:
             skipped(poses.skipped)
-        return self._write_tum(poses, named or streams.TRUTH)
+        kinds = {topic.type for topic in bag.topics}
+        found = bag.topic(ODOMETRY if ODOMETRY in kinds else POSE_STAMPED, named).name
+        return self._write_tum(poses, found)
 
     def _write_tum(self, poses: PoseSequence, name: str) -> Counts:
         none = np.zeros((len(poses.t_ns), 3))

@@ -372,7 +372,7 @@ def read_recording(
     readings = read_imu(path, imu_topic, skip_bad_rows=skip_bad_rows)
     truth = None
     if truth_topic is not None or tracks.has_truth(path):
-        topic = tracks.truth_topic(path, truth_topic)
+        topic = tracks.assumed_truth(path, truth_topic)
         skipped = tell_skipped(f"the truth of {path}") if skip_bad_rows else None
         truth = Odometry.of_messages(read_odometry(path, topic, skipped), name_of(path))
     return ReadingsAndTruth(readings, truth)

@@ -16,6 +16,7 @@ import numpy as np
 from imu_sim_ros.arguments import BAG_OR_FILE, array, number, one_of, refuse, switch, text
 from imu_sim_ros.arguments import path as checked_path
 from imu_sim_ros.arguments import topic as checked_topic
+from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.attitude import (
@@ -27,7 +28,7 @@ from imu_sim_ros.jobs.attitude import (
 from imu_sim_ros.jobs.measured import ReadingsEvaluation, evaluate_measured, sensor_of
 from imu_sim_ros.jobs.output import SkipBadRows, saved
 from imu_sim_ros.jobs.readings import HasPoses, checked_poses
-from imu_sim_ros.jobs.tracks import RecordedTrack, read_track
+from imu_sim_ros.jobs.tracks import RecordedTrack, odometry_topics, read_track
 from imu_sim_ros.jobs.tracks import truth_topic as truth_topic_of
 from imu_sim_ros.navigation.association import (
     ALIGNMENTS,
@@ -415,9 +416,31 @@ def evaluate(
         _refuse_all(unfit, "omitted: attitudes alone have no positions")
         true = _track("truth", truth, truth_topic, skip)
         return evaluate_attitude(estimate, true.poses, max_gap)
+    _check_two(estimate, truth, estimate_topic, truth_topic)
     track = _track("estimate", estimate, estimate_topic, skip)
     true = _track("truth", truth, truth_topic, skip)
     return replace(compared(track, true, align, max_gap, time_offset, folder), rpe=over)
+
+
+def _check_two(estimate: Any, truth: Any, estimate_topic: str | None, topic: str | None) -> None:
+    """Refuse a topic of a bag that would be compared with itself, with errors of 0.
+
+    :raises InputError: if it is.
+    """
+    if not all(isinstance(one, str | Path) and Path(one).exists() for one in (estimate, truth)):
+        return
+    path = Path(estimate)
+    if is_text(path) or not path.samefile(truth):
+        return
+    only = next(iter(odometry_topics(path)), None)  # with several, an estimate has to be named
+    both = {
+        (name or only or "").strip("/") for name in (estimate_topic, truth_topic_of(path, topic))
+    }
+    if len(both) == 1:
+        raise InputError(
+            f"{path}: estimate and truth are both /{both.pop()}, whose errors would be 0; name "
+            "another topic of one of them"
+        )
 
 
 def _table(estimate: object, topic: str | None) -> Table | None:

@@ -28,7 +28,7 @@ from imu_sim_ros.jobs.attitude import (
     nees_line,
     stated_consistency,
 )
-from imu_sim_ros.jobs.tracks import read_track, truth_topic
+from imu_sim_ros.jobs.tracks import assumed_truth, read_track
 from imu_sim_ros.navigation.association import common_rows, interpolate_vectors
 from imu_sim_ros.navigation.coverage import Coverage, coverage
 from imu_sim_ros.sensors import known_tables
@@ -124,7 +124,7 @@ def evaluate_measured(
     if len(measured.t_ns) < 2:
         raise InputError(f"{where}: {len(measured.t_ns)} values; two or more are needed")
     if table.of_readings:
-        chosen = truth_topic(*truth)
+        chosen = assumed_truth(*truth)
         poses = read_track(truth[0], chosen, skip_bad_rows=skip_bad_rows).poses
         attitudes = (measured.t_ns, measured.values, poses, max_gap)
         turned = compared_attitudes(*attitudes, _mounting(imu), measured.covariance)

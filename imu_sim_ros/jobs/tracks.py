@@ -3,6 +3,7 @@
 
 """Trajectories from wherever the commands find them: text, folders, topics of bags."""
 
+import warnings
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,7 +13,7 @@ from imu_sim_ros.bags.messages.encode import ODOMETRY
 from imu_sim_ros.bags.read import odometry_blocks, open_bag, read_poses
 from imu_sim_ros.bags.text.reader import has_states, is_text
 from imu_sim_ros.conventions import TRUTH_TOPIC
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.errors import InputError, Remark
 from imu_sim_ros.inputs.rows import Skipped, tell_skipped
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.poses import PoseSequence, write_tum
@@ -46,6 +47,22 @@ def truth_topic(path: Path, topic: str | None) -> str | None:
         return topic
     named = [name for name in odometry_topics(path) if name.strip("/").endswith(TRUTH_TOPIC)]
     return named[0] if len(named) == 1 else None
+
+
+def assumed_truth(path: Path, topic: str | None) -> str | None:
+    """Return the topic of the truth: as :func:`truth_topic`, else the only one of Odometry.
+
+    That may be an estimate, such as ``wheel/odom``; a remark names it.
+    """
+    found = truth_topic(path, topic)
+    if found is not None or is_text(path):
+        return found
+    names = odometry_topics(path)
+    if len(names) != 1:
+        return None
+    words = f"{path}: taken as the truth: {names[0]}, the only topic of {ODOMETRY}"
+    warnings.warn(words, Remark, stacklevel=4)
+    return names[0]
 
 
 def has_truth(path: Path) -> bool:

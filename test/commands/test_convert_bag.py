@@ -323,6 +323,26 @@ def test_topics_without_a_place_in_a_dataset_are_named_whatever_was_loaded(tmp_p
 EUROC = ["--format", "euroc"]
 
 
+def test_the_truth_of_a_dataset_is_ground_truth_or_named(tmp_path, capsys):
+    """A drive was refused for its two odometries; that of wheels alone became the truth unsaid."""
+    drive, wheels = tmp_path / "drive.mcap", tmp_path / "wheels.mcap"
+    words = ["--duration", "2s", "--wheels", "husky_a200", "--trajectory", "yard", "--quiet"]
+    for bag, more in ((drive, ",ground_truth/odom"), (wheels, "")):
+        topics = ["--topics", f"imu/data_raw,wheel/odom{more}"]
+        assert generate.main(["-o", str(bag), *words, *topics]) == 0
+    found = _convert(capsys, drive, "-o", tmp_path / "drive", *EUROC)
+    assert found["messages"] == {"/imu/data_raw": 400, "/ground_truth/odom": 400}
+    assert found["not_converted"] == ["/wheel/odom"]
+    whole = ["-o", tmp_path / "wheels", *EUROC]
+    for more, said in (([], 1), (["--topics", "imu/data_raw,wheel/odom", "--force"], 0)):
+        assert convert_bag.main([str(one) for one in (wheels, *whole, *more)]) == 0
+        lines = capsys.readouterr().err
+        assert lines.count("/wheel/odom becomes the truth of the dataset") == said
+    tum = _convert(capsys, wheels, "-o", tmp_path / "wheels.tum")
+    assert list(tum["messages"]) == ["/wheel/odom"]  # it said /ground_truth/odom
+    assert tum["not_converted"] == ["/imu/data_raw"]
+
+
 def test_the_true_poses_of_a_folder_of_tables_are_kept(tmp_path, capsys):
     """They were dropped on the way back into a bag, without a word."""
     words = ["--trajectory", "figure_eight", "--duration", "2s", "--quiet", "--force"]

@@ -112,6 +112,15 @@ def test_a_truth_of_a_part_of_the_readings_is_told(tmp_path, capsys, truth, comp
         assert f"{words}, and ends after {until:g} s" in out
 
 
+def test_odometry_that_passes_for_the_truth_is_named(tmp_path, capsys):
+    """Of readings with wheel/odom alone, errors were "against the truth" without a word."""
+    bag = write(tmp_path / "robot", block_of(), topics=("wheel/odom",))
+    status, out, errors = run(capsys, bag)
+    assert (status, len(errors)) == (0, 1)
+    assert "taken as the truth: /wheel/odom, the only topic of nav_msgs/msg/Odometry" in errors[0]
+    assert run(capsys, bag, "--truth-topic", "wheel/odom")[1:] == (out, [])
+
+
 def test_a_whole_truth_needs_no_words(bag, capsys):
     found = result(capsys, bag)
     assert (found["truth_coverage"], found["compared_s"]) == pytest.approx((1.0, 5.0))

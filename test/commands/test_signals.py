@@ -194,3 +194,17 @@ def test_a_thread_that_waits_is_interrupted():
     process.send_signal(signal.SIGTERM)
     assert process.communicate(timeout=300)[1] == "work: interrupted; nothing was written\n"
     assert process.returncode == 143
+
+
+def test_a_signal_while_an_extension_is_initialised_is_an_interruption(capsys):
+    """Of pybind11 it comes as an ImportError, caused by it: status 1, and "unexpected"."""
+
+    def command() -> None:
+        try:
+            os.kill(os.getpid(), signal.SIGTERM)
+            time.sleep(10.0)
+        except KeyboardInterrupt as error:
+            raise ImportError("initialization failed") from error
+
+    assert program.run("allan", command) == 143
+    assert capsys.readouterr().err == "allan: interrupted; nothing was written\n"

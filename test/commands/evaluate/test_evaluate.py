@@ -144,6 +144,16 @@ def write_bag(path, poses, velocity_b=None, covariances=(None, None)):
     return path
 
 
+def test_a_topic_is_not_compared_with_itself(tmp_path, capsys):
+    """A bag without a truth gave errors of 0, and a NEES of 0."""
+    bag = write_bag(tmp_path / "run", track())
+    words = (bag, bag, "--estimate-topic", "dead_reckoned/odom")
+    for arguments in (words[:2], words, (*words, "--truth-topic", "/dead_reckoned/odom")):
+        status, out, errors = run(capsys, *arguments)
+        assert (status, out, len(errors)) == (2, "", 1)
+        assert "estimate and truth are both /dead_reckoned/odom" in errors[0]
+
+
 @pytest.mark.parametrize("factor", [1.0, 2.0])
 def test_nees_of_a_bag_with_covariances(tmp_path, capsys, factor):
     """Independent errors of known size: the mean over 400 poses is 3, or 3/4 at twice the sigma."""
