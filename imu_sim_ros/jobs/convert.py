@@ -360,7 +360,7 @@ class _Job:
             named = own[0] if len(own) == 1 else None
         found = bag.topic(ODOMETRY, named).name
         if named is None:
-            self.watcher.warn(f"{bag.path}: {found} becomes the truth of the dataset")
+            self.journal.remark(f"{bag.path}: {found} becomes the truth of the dataset")
         return found
 
     def _only_named(self, topics: Sequence[Any], type_name: str) -> str | None:
