@@ -9,11 +9,15 @@ r"""Visual-inertial odometry with gtsam on images: a corner tracker in front of 
     python examples/gtsam_image_vio.py hall --configuration hall/mav0_configs/simulation.yaml
 
 FAST corners, spread over the image, are followed by OpenCV's pyramidal Lucas-Kanade, forth and
-back; those that do not return, or contradict the epipolar geometry of two frames, are dropped. The
-first pose and velocity are given, and the biases are taken from the rest. Without a rest, dead
-reckoning with unknown biases is metres off before corners have landmarks. The summary tells how
-many corners were followed from frame to frame, and for how many frames those that were followed at
-all: that is what light and textures of a place change. Needs gtsam and opencv-python-headless.
+back; those that do not return, or contradict the epipolar geometry of two frames, are dropped.
+
+With a rest before the flight (trajectory.rest_before, trajectory.lead_in.rest) its pose is given,
+and the biases are taken from it. Without one, ``gtsam_start.py`` finds velocity, gravity, scale and
+biases from the first seconds in which the camera moves; only position and heading at their
+beginning are given. The estimate then begins 2 s after the camera has begun to move. The
+summary tells how many corners were followed from frame to frame, and for how many frames those that
+were followed at all: that is what light and textures of a place change. Needs gtsam and
+opencv-python-headless.
 """
 
 import argparse
@@ -23,9 +27,9 @@ from pathlib import Path
 
 import cv2
 import gtsam
+import gtsam_start
 import gtsam_vio
 import numpy as np
-from gtsam.symbol_shorthand import L
 
 from imu_sim_ros import rotation
 from imu_sim_ros.sensors.camera.model import CameraModel
@@ -184,13 +188,18 @@ class ImageEstimator(gtsam_vio.Estimator):
             self._cameras = [gtsam_vio.CameraFactors(self._with_noise())]
         self._refuse(misses, OUTLIER)
 
+    @property
+    def camera(self) -> gtsam_vio.CameraFactors:
+        """The camera in gtsam's terms."""
+        return self._cameras[0]
+
     def _misses(self, pose: gtsam.Pose3, ids: np.ndarray, uv: np.ndarray) -> dict[int, np.ndarray]:
         """Return how far (2,) known landmarks are from their pixels."""
         camera, found = self._cameras[0], {}
         eye = pose.compose(camera.body_camera)
         for identity, pixel in zip(ids.tolist(), uv, strict=True):
             if identity in self._known:
-                local = eye.transformTo(self.isam.calculateEstimatePoint3(L(identity)))
+                local = eye.transformTo(self.place(identity))
                 if local[2] > 0.1:
                     place = camera.calibration.uncalibrate(local[:2] / local[2])
                     found[identity] = place - pixel
@@ -222,7 +231,9 @@ def run(folder: Path, configuration: Path, rate: float = 4.0) -> tuple[gtsam_vio
     begin = imu_t[0] + round((motion.lead_in.rest or motion.rest_before) * 1e9)
     image_t = image_t[(image_t >= begin) & (image_t <= min(imu_t[-1], true_t[-1]))]
     tracker = CornerTracker(CameraModel(camera), camera.intrinsics[0])
-    stride, rows, found, keys = max(1, round(camera.rate / rate)), [], [], []
+    stride, found, keys = max(1, round(camera.rate / rate)), [], []
+    rested, last, trues = bool(begin > imu_t[0]), None, []
+    window = None if rested else gtsam_start.Window(parameters, estimator.camera)
     for k, now in enumerate(image_t.tolist()):
         name = folder / "mav0" / "cam0" / "data" / f"{now:019d}.png"
         tracker.look(cv2.imread(str(name), cv2.IMREAD_GRAYSCALE))
@@ -230,26 +241,38 @@ def run(folder: Path, configuration: Path, rate: float = 4.0) -> tuple[gtsam_vio
             continue
         row, at = int(np.searchsorted(imu_t, now)), int(np.searchsorted(true_t, now))
         true = gtsam.Pose3(gtsam.Rot3(rotation.to_matrix(truth[at, 4:8])), truth[at, 1:4])
-        if not keys:
-            if begin > imu_t[0]:
-                estimator.rest(true, imu[imu_t < begin, 1:])
-            estimator.start(true, truth[at, 8:11])
+        readings, last = _between(imu, imu_t, row if last is None else last, row), row
+        if window is not None:
+            window.add(readings, *tracker.oldest())
+            trues = [*trues, true][-len(window.frames) :]
+            started = window.start(trues[0])
+            if started is None:
+                continue
+            estimator.begin(started)
+            window = None
         else:
-            span = slice(rows[-1], row + 1)
-            mean = 0.5 * (imu[span][1:, 1:] + imu[span][:-1, 1:])
-            for values, dt in zip(mean, np.diff(imu_t[span]) * 1e-9, strict=True):
-                estimator.integrate(values[3:], values[:3], float(dt))
-        estimator.look(*tracker.oldest())
+            if not keys and rested:
+                estimator.rest(true, imu[imu_t < begin, 1:])
+                estimator.start(true, truth[at, 8:11])
+            for values in readings:
+                estimator.integrate(values[:3], values[3:6], float(values[6]))
+            estimator.look(*tracker.oldest())
         tracker.drop(estimator.refused)
-        rows.append(row)
         keys.append(now)
         found.append(gtsam_vio.compared(estimator, true))
+    if not keys:
+        raise SystemExit(
+            f"no start: in {len(image_t)} images the camera never moved for "
+            f"{gtsam_start.LEAST:g} s so that velocity and gravity can be told; a rest before the "
+            "flight gives them (trajectory.lead_in.rest=2)"
+        )
     result = gtsam_vio.Result(
         np.array(keys), *(np.array(column) for column in zip(*found, strict=True))
     )
     lifetimes = [age for age in tracker.lifetimes + tracker.ages.tolist() if age > 1]
     summary = {
         **result.summary(),
+        "start_s": float((keys[0] - image_t[0]) * 1e-9),
         "path_m": float(np.linalg.norm(np.diff(truth[:, 1:4], axis=0), axis=1).sum()),
         "corners_mean": float(np.mean(tracker.counts)),
         "corners_least": int(np.min(tracker.counts)),
@@ -258,6 +281,13 @@ def run(folder: Path, configuration: Path, rate: float = 4.0) -> tuple[gtsam_vio
         "lifetime_median_frames": float(np.median(lifetimes)),
     }
     return result, summary
+
+
+def _between(imu: np.ndarray, imu_t: np.ndarray, first: int, last: int) -> np.ndarray:
+    """Return the means of neighbouring readings (n, 7): force, rate, time between them [s]."""
+    part = imu[first : last + 1, 1:]
+    mean = 0.5 * (part[1:] + part[:-1])
+    return np.column_stack([mean[:, 3:], mean[:, :3], np.diff(imu_t[first : last + 1]) * 1e-9])
 
 
 def main() -> None:

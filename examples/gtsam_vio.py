@@ -9,7 +9,9 @@ r"""Visual-inertial odometry with gtsam on simulated readings and tracks, judged
     python examples/gtsam_vio.py flight
 
 A problem with known ids: CombinedImuFactor between key frames, a projection factor for each
-feature of each camera, iSAM2. ``-o`` writes the path with its covariance, which ``evaluate`` reads.
+feature of each camera, and iSAM2 on the last seconds, LAG: what is older is marginalised, so that a
+key frame takes as long at the end of a flight as at its beginning. ``-o`` writes the path with its
+covariance, which ``evaluate`` reads.
 ``gtsam_vio_node.py`` is the same on live topics. The first pose and velocity are given; the biases
 are known to within the turn-on values of the IMU preset, or from a rest before the start
 (``trajectory.lead_in.rest`` or ``rest_before``), without which a gyroscope's bias of degrees per
@@ -24,6 +26,7 @@ from pathlib import Path
 
 import gtsam
 import gtsam_noise
+import gtsam_start
 import numpy as np
 from gtsam.symbol_shorthand import B, L, V, X
 
@@ -40,6 +43,7 @@ LEAST_PARALLAX = np.radians(2.0)
 VAGUE = 3.0  # standard deviation of a landmark's prior, relative to its distance
 LARGEST_MISS = 10.0  # px, of a triangulated point in the frames that saw it
 LOST = 100.0  # m, standard deviation of a position
+LAG = 6.0  # s, key frames and landmarks that were last seen earlier are marginalised
 
 
 @dataclass
@@ -66,12 +70,18 @@ class Estimator:
         settings = gtsam.ISAM2Params()
         settings.setFactorization("QR")  # Cholesky stops with an indeterminate system
         settings.relinearizeSkip = 1
-        self.isam = gtsam.ISAM2(settings)
+        self.smoother = gtsam.IncrementalFixedLagSmoother(LAG, settings)
         self._parameters = parameters
         self._bias_sigma = gtsam_noise.bias_sigma(parameters)
         self._waiting: dict[int, Landmark] = {}
-        self._known: set[int] = set()
+        self._known: dict[int, int] = {}
+        """Number in the problem of each landmark; one that comes back after the lag has another."""
+        self._seen: dict[int, float] = {}
+        """When each of them was last seen [s]."""
+        self._landmarks = 0
         self._poses: list[gtsam.Pose3] = []
+        self._times: list[float] = []
+        """Of the key frames, from the first one on [s]."""
         self.state = gtsam.NavState()
         self.bias = gtsam.imuBias.ConstantBias()
         self.key = -1
@@ -97,9 +107,27 @@ class Estimator:
         values.insert(X(0), pose)
         values.insert(V(0), velocity)
         values.insert(B(0), self.bias)
-        self.isam.update(graph, values)
+        self.smoother.update(graph, values, {key(0): 0.0 for key in (X, V, B)})
         self.key, self.state = 0, gtsam.NavState(pose, velocity)
         self._poses.append(pose)
+        self._times.append(0.0)
+
+    def begin(self, started: gtsam_start.Started) -> None:
+        """Begin with what a window of key frames has shown, at the time of its last one."""
+        graph, values, times = gtsam.NonlinearFactorGraph(started.graph), gtsam.Values(), {}
+        known = started.values
+        for k, now in enumerate(started.times):
+            self._poses.append(known.atPose3(X(k)))
+            values.insert(X(k), self._poses[-1])
+            values.insert(V(k), known.atVector(V(k)))
+            values.insert(B(k), known.atConstantBias(B(k)))
+            times |= {key(k): now for key in (X, V, B)}
+        self._times, self.key = list(started.times), len(started.times) - 1
+        for identity, sights in started.sights.items():
+            point = known.atPoint3(L(identity))
+            self._insert(graph, values, times, identity, point, [(k, 0, uv) for k, uv in sights])
+        self.smoother.update(graph, values, times)
+        self._read()
 
     def integrate(self, accel: np.ndarray, gyro: np.ndarray, dt: float) -> None:
         """Take the mean of two neighbouring readings over the time between them [s]."""
@@ -108,24 +136,43 @@ class Estimator:
     def look(self, ids: np.ndarray, uv: np.ndarray, cameras: np.ndarray | None = None) -> None:
         """Close a key frame with its features: ids (n,), pixels (n, 2), numbers of cameras (n,)."""
         which = np.zeros(len(ids), dtype=int) if cameras is None else cameras
-        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        graph, values, times = gtsam.NonlinearFactorGraph(), gtsam.Values(), {}
         if self._preintegration.deltaTij() > 0.0:
-            self._advance(graph, values)
+            self._advance(graph, values, times)
+        now = self._times[-1]
         for identity, pixel, camera in zip(ids.tolist(), uv, which.tolist(), strict=True):
             if identity in self._known:
-                graph.push_back(self._cameras[camera].factor(pixel, self.key, identity))
+                number = self._known[identity]
+                graph.push_back(self._cameras[camera].factor(pixel, self.key, number))
+                times[L(number)] = self._seen[identity] = now
             else:
                 sights = self._waiting.setdefault(identity, Landmark()).sights
                 sights.append((self.key, camera, pixel))
-        self.isam.update(graph, values)
+        self.smoother.update(graph, values, times)
+        self._forget(now - LAG)
         self._read()
         self._admit(set(ids.tolist()))
 
+    def _forget(self, end: float) -> None:
+        """Forget what is marginalised: landmarks that were last seen by then, and sights."""
+        for identity in [k for k, seen in self._seen.items() if seen <= end]:
+            del self._known[identity], self._seen[identity]
+        for identity, landmark in list(self._waiting.items()):
+            landmark.sights = [each for each in landmark.sights if self._times[each[0]] > end]
+            if not landmark.sights:
+                del self._waiting[identity]
+
+    def place(self, identity: int) -> np.ndarray:
+        """Return the place (3,) of a known landmark."""
+        return self.smoother.calculateEstimatePoint3(L(self._known[identity]))
+
     def covariance(self) -> np.ndarray:
         """Return the covariance (6, 6) of the latest pose: rotation, then place, in the body."""
-        return self.isam.marginalCovariance(X(self.key))
+        return self.smoother.marginalCovariance(X(self.key))
 
-    def _advance(self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> None:
+    def _advance(
+        self, graph: gtsam.NonlinearFactorGraph, values: gtsam.Values, times: dict[int, float]
+    ) -> None:
         k, pre = self.key, self._preintegration
         keys = (X(k), V(k), X(k + 1), V(k + 1), B(k), B(k + 1))
         graph.push_back(gtsam.CombinedImuFactor(*keys, pre))
@@ -135,35 +182,51 @@ class Estimator:
         values.insert(B(k + 1), self.bias)
         self.key = k + 1
         self._poses.append(predicted.pose())
+        self._times.append(self._times[-1] + pre.deltaTij())
+        times |= {key(k + 1): self._times[-1] for key in (X, V, B)}
 
     def _read(self) -> None:
         k = self.key
-        pose = self.isam.calculateEstimatePose3(X(k))
+        pose = self.smoother.calculateEstimatePose3(X(k))
         self._poses[k] = pose
-        self.state = gtsam.NavState(pose, self.isam.calculateEstimateVector(V(k)))
-        self.bias = self.isam.calculateEstimateConstantBias(B(k))
+        self.state = gtsam.NavState(pose, self.smoother.calculateEstimateVector(V(k)))
+        self.bias = self.smoother.calculateEstimateConstantBias(B(k))
         self._preintegration.resetIntegrationAndSetBias(self.bias)
 
     def _admit(self, seen: set[int]) -> None:
         """Add landmarks to the problem that are seen now and can be triangulated."""
-        graph, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        graph, values, times = gtsam.NonlinearFactorGraph(), gtsam.Values(), {}
         for identity in sorted(seen & set(self._waiting)):
             sights = self._waiting[identity].sights
             point = self._triangulated(sights)
             if point is None:
                 continue
-            values.insert(L(identity), point)
-            # A factor says nothing while an iterate has its landmark behind the camera.
-            distance = np.linalg.norm(point - self._poses[sights[-1][0]].translation())
-            vague = gtsam.noiseModel.Isotropic.Sigma(3, VAGUE * float(distance))
-            graph.addPriorPoint3(L(identity), point, vague)
-            for key, camera, pixel in sights:
-                graph.push_back(self._cameras[camera].factor(pixel, key, identity))
-            self._known.add(identity)
+            self._insert(graph, values, times, identity, point, sights)
             del self._waiting[identity]
         if values.size():
-            self.isam.update(graph, values)
+            self.smoother.update(graph, values, times)
             self._read()
+
+    def _insert(
+        self,
+        graph: gtsam.NonlinearFactorGraph,
+        values: gtsam.Values,
+        times: dict[int, float],
+        identity: int,
+        point: np.ndarray,
+        sights: list[tuple[int, int, np.ndarray]],
+    ) -> None:
+        """Put a landmark into the problem, with all that is seen of it."""
+        number, self._landmarks = self._landmarks, self._landmarks + 1
+        values.insert(L(number), point)
+        # A factor says nothing while an iterate has its landmark behind the camera.
+        distance = np.linalg.norm(point - self._poses[sights[-1][0]].translation())
+        vague = gtsam.noiseModel.Isotropic.Sigma(3, VAGUE * float(distance))
+        graph.addPriorPoint3(L(number), point, vague)
+        for key, camera, pixel in sights:
+            graph.push_back(self._cameras[camera].factor(pixel, key, number))
+        self._known[identity] = number
+        times[L(number)] = self._seen[identity] = self._times[sights[-1][0]]
 
     def _triangulated(self, sights: list[tuple[int, int, np.ndarray]]) -> np.ndarray | None:
         """Return a landmark's place (3,), or None while it is not well determined."""
@@ -205,11 +268,9 @@ class CameraFactors:
         wrong = camera.outlier_probability + camera.mismatch_probability
         self._pixel = gtsam.noiseModel.Robust.Create(huber, pixel) if wrong else pixel
 
-    def factor(self, pixel: np.ndarray, key: int, identity: int) -> gtsam.NonlinearFactor:
+    def factor(self, pixel: np.ndarray, key: int, number: int) -> gtsam.NonlinearFactor:
         """Return the factor of one observation."""
-        return self._make(
-            pixel, self._pixel, X(key), L(identity), self.calibration, self.body_camera
-        )
+        return self._make(pixel, self._pixel, X(key), L(number), self.calibration, self.body_camera)
 
 
 def _calibration(camera: CameraParameters):
@@ -326,7 +387,7 @@ def stop_if_lost(covariance: np.ndarray, key: int) -> None:
     if not deviation < LOST:
         raise SystemExit(
             f"lost: at key frame {key} the position has a standard deviation of {deviation:.3g} m; "
-            "a rest before the flight gives biases and velocity (trajectory.lead_in.rest=2)"
+            "nothing that it sees has a known place"
         )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.commands import generate
+from imu_sim_ros.parameters import files
 from imu_sim_ros.poses import read_poses
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
@@ -92,3 +93,40 @@ def test_a_tour_in_dim_light_is_estimated_within_its_covariance(
     assert summary["corners_least"] > 15
     assert 0.2 <= summary["corner_noise_px"] < 1.5
     assert summary["lifetime_mean_frames"] > 4.0
+    assert summary["start_s"] == 0.0
+
+
+def test_a_flight_without_a_rest_starts_by_itself(example, tmp_path):
+    """Velocity, gravity, scale and biases from images and readings; the turn-on biases are large.
+
+    Of the first pose only position and heading are told. Until the body turns, the accelerometer's
+    bias, 0.2 m/s^2 on each axis, is a tilt of 20 mrad; three times that of two axes is allowed. The
+    NEES is that of a run with few independent values, which are less certain than above.
+    """
+    words = (
+        f"-o {tmp_path}/tour/mav0 --format euroc --imu adis16448 --trajectory tour --duration 7s "
+        "--set trajectory.place=corridor --scene corridor --camera euroc_cam0 "
+        "--set camera.body_axes=flu --set scene.texture=rich --seed 2 --with-configs --quiet"
+    )
+    assert generate.main(words.split()) == 0
+    configuration = tmp_path / "tour/mav0_configs/simulation.yaml"
+    truth = files.load(tmp_path / "tour/mav0_truth.yaml")
+    assert np.linalg.norm(truth["imu.gyroscope_bias"]) > 0.003
+    result, summary = example.run(tmp_path / "tour", configuration)
+    assert 2.0 <= summary["start_s"] <= 4.0
+    assert summary["keyframes"] >= 12
+    assert summary["position_rmse_m"] < 0.1
+    assert summary["orientation_rmse_rad"] < 0.085
+    assert np.linalg.norm(result.position_error[-1]) < 0.15
+    assert summary["nees_position_per_dof"] < 6.0
+    assert summary["nees_orientation_per_dof"] < 6.0
+
+
+def test_a_camera_that_never_moves_starts_nothing(example, tmp_path):
+    words = (
+        f"-o {tmp_path}/still/mav0 --format euroc --trajectory static --duration 2s "
+        "--scene room --camera euroc_cam0 --with-configs --quiet --set camera.rate=4"
+    )
+    assert generate.main(words.split()) == 0
+    with pytest.raises(SystemExit, match="^no start: in 8 images the camera never moved"):
+        example.run(tmp_path / "still", tmp_path / "still/mav0_configs/simulation.yaml")

@@ -37,7 +37,7 @@ def load_example():
 def flight(folder, seed, *more, imu="adis16448", duration="10s"):
     words = (
         f"-o {folder} --format tracks --imu {imu} --trajectory figure_eight --duration {duration} "
-        f"--camera euroc_cam0 --set camera.body_axes=flu --set camera.max_features=60 "
+        f"--camera euroc_cam0 --scene room --set camera.body_axes=flu --set camera.max_features=60 "
         f"--set scene.seed={seed} --seed {seed} --with-configs --quiet"
     )
     assert generate.main([*words.split(), *more]) == 0
@@ -70,6 +70,30 @@ def test_the_errors_are_as_large_as_the_covariance_says(results, quantity):
     """
     mean = np.mean([result[quantity] for result in results])
     assert 0.5 < mean < 2.0
+
+
+def test_what_is_older_than_the_lag_is_marginalised(example, tmp_path, monkeypatch):
+    """So a key frame takes as long at the end as at the beginning; the estimate stays consistent.
+
+    Two seconds at 4 Hz: 8 key frames, and the ends of both.
+    """
+    monkeypatch.setattr(example, "LAG", 2.0)
+    gtsam = pytest.importorskip("gtsam")
+    look, sizes, landmarks = example.Estimator.look, [], []
+
+    def watched(self, *features):
+        look(self, *features)
+        values = self.smoother.getLinearizationPoint()
+        sizes.append(sum(gtsam.Symbol(key).chr() == ord("x") for key in values.keys()))  # noqa: SIM118
+        landmarks.append((values.size() - 3 * sizes[-1], len(self._known), self._landmarks))
+
+    monkeypatch.setattr(example.Estimator, "look", watched)
+    summary = example.run(tmp_path / "flight", *flight(tmp_path / "flight", 3)).summary()
+    assert max(sizes) <= 10
+    assert max(inside for inside, _, _ in landmarks) < 0.7 * landmarks[-1][2]
+    assert all(known <= inside for inside, known, _ in landmarks)
+    assert summary["position_rmse_m"] < 0.15
+    assert summary["nees_position_per_dof"] < 3.8
 
 
 def test_noise_configured_ten_times_too_small_shows_in_the_nees(example, tmp_path):
