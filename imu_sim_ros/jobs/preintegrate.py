@@ -19,6 +19,7 @@ from imu_sim_ros.jobs.readings import Readings
 from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.preintegration import METHODS, Preintegration, between
 from imu_sim_ros.navigation.preintegration import preintegrate as over_intervals
+from imu_sim_ros.navigation.stepper import check_readings
 from imu_sim_ros.types import Array
 
 
@@ -30,6 +31,7 @@ def preintegrate(
     gyro_bias: ArrayLike = 0.0,
     accel_bias: ArrayLike = 0.0,
     method: str = "midpoint",
+    max_gap: float = 0.1,
 ) -> Preintegration:
     """Preintegrate the readings between neighbouring times, all intervals at once.
 
@@ -44,9 +46,10 @@ def preintegrate(
     :param gyro_bias: (B, 3), (3,) or one number [rad/s], subtracted from the readings.
     :param accel_bias: likewise [m/s^2].
     :param method: euler or midpoint.
+    :param max_gap: longest time between two readings that is integrated over [s].
     :returns: a :class:`Preintegration` of all intervals.
     :raises ConfigurationError: for an invalid argument.
-    :raises InputError: for times outside the stamps.
+    :raises InputError: for times outside the stamps, and for a gap between the first and the last.
 
     >>> import imu_sim_ros as ims
     >>> flight = ims.simulate(imu="adis16448", trajectory="figure_eight", duration=10)
@@ -55,6 +58,7 @@ def preintegrate(
     ((19, 3), (19, 15, 15))
     """
     arguments.one_of("method", method, METHODS)
+    number("max_gap", max_gap, "a number of seconds above 0", 0.0, above=True)
     noise = noise_of(readings.parameters.imu) if isinstance(readings, Flight) else None
     imu = readings_of("readings", readings)
     if (edges_ns is None) == (every is None):
@@ -63,7 +67,11 @@ def preintegrate(
         number("every", every, "a number of seconds from 1e-9 to 1e9", 1e-9, 1e9)
         step = round(every * 1e9)
         edges_ns = np.arange(imu.t_ns[0], imu.t_ns[-1] + 1, step)
-    pieces = between(imu.t_ns, imu.gyro, imu.accel, stamps("edges_ns", edges_ns))
+    edges = stamps("edges_ns", edges_ns)
+    pieces = between(imu.t_ns, imu.gyro, imu.accel, edges)
+    first, last = np.searchsorted(imu.t_ns, [edges[0], edges[-1]])
+    used = slice(max(first - 1, 0), last + 1)
+    check_readings(imu.t_ns[used], imu.gyro[used], imu.accel[used], max_gap)
     count = len(pieces.h)
     gyro_bias = _bias("gyro_bias", gyro_bias, count, gate.RATE)
     accel_bias = _bias("accel_bias", accel_bias, count, gate.FORCE)

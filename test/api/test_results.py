@@ -126,6 +126,20 @@ def test_preintegration_is_dead_reckoning_without_gravity():
         ims.preintegrate(flight, every=0.0)
 
 
+def test_a_gap_in_the_readings_is_not_preintegrated_over():
+    """3 s without readings were integrated with the mean of both ends, without a word."""
+    flight = ims.simulate(imu="perfect", trajectory="figure_eight", duration=10, rate=100)
+    own, keep = flight.readings, np.r_[0:300, 600:1000]
+    readings = ims.Readings(own.t_ns[keep], own.gyro[keep], own.accel[keep])
+    with pytest.raises(ims.InputError, match="1 gaps are longer than max_gap = 0.1 s"):
+        ims.preintegrate(readings, every=0.5)
+    after = ims.preintegrate(readings, own.t_ns[[700, 800, 900]])
+    np.testing.assert_array_equal(
+        after.alpha, ims.preintegrate(flight, own.t_ns[[700, 800, 900]]).alpha
+    )
+    assert len(ims.preintegrate(readings, every=0.5, max_gap=3.5).alpha) == 19
+
+
 def test_a_notebook_shows_a_figure_without_pyplot():
     flight = ims.simulate(imu="perfect", trajectory="circle", duration=1)
     for figure in (flight.plot(), ims.dead_reckon(flight).plot()):
