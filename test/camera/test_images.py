@@ -242,6 +242,70 @@ def test_edges_and_grazing_textures_are_those_of_many_rays(make_rig, shutter):
     assert rest < 0.8 * rest_before
 
 
+def lk_errors(imagers, number, window=15):
+    """Return errors (k, n) [px] of LK on points of the last camera's image, and where they are.
+
+    :returns: whether a step in depth is next to each, and how far the flow in its window is from
+        that of one plane [px].
+    """
+    import cv2
+
+    flow, depth = imagers[0].flow(number), imagers[0].depth(number)
+    step = np.zeros(depth.shape, np.uint8)
+    for axis in (0, 1):
+        near, far = np.roll(1 / depth, 1, axis), np.roll(1 / depth, -1, axis)
+        step |= (np.abs(near + far - 2 / depth) * depth > 0.05).astype(np.uint8)
+    images = [[each.image(number), each.image(number + 1)] for each in imagers]
+    points = cv2.goodFeaturesToTrack(images[-1][0], 300, 0.01, 4)[:, 0]
+    half, pixel = window // 2, np.rint(points).astype(int)
+    inside = ((pixel > half + 2) & (pixel < np.array(depth.shape)[::-1] - half - 3)).all(axis=1)
+    points, pixel = points[inside], pixel[inside]
+    columns, rows = pixel.T
+    # What is at a corner next to a step may be that on either side.
+    truth = np.stack([flow[rows + i, columns + j] for i in (-2, 0, 2) for j in (-2, 0, 2)])
+    errors = []
+    for before, after in images:
+        found, tracked, _ = cv2.calcOpticalFlowPyrLK(
+            before, after, points[:, None], None, winSize=(window, window), maxLevel=2
+        )
+        error = np.linalg.norm(found[:, 0] - points - truth, axis=2)
+        errors.append(np.where(np.isfinite(error), error, np.inf).min(axis=0))
+        errors[-1][tracked[:, 0] == 0] = np.inf
+    place = np.indices((window, window)).reshape(2, -1).T
+    plane = np.c_[np.ones(len(place)), place]
+    spread = []
+    for column, row in pixel:
+        part = np.s_[row - half : row + half + 1, column - half : column + half + 1]
+        own = flow[part].reshape(-1, 2)
+        fit = np.linalg.lstsq(plane, np.nan_to_num(own), rcond=None)[0]
+        spread.append(np.abs(own - plane @ fit).max())
+    return np.stack(errors), cv2.dilate(step, np.ones((5, 5)))[rows, columns] > 0, np.array(spread)
+
+
+def test_edges_are_tracked_as_in_images_of_many_rays(make_rig):
+    """LK on default images, against images of 8 x 8 rays: both have the errors of LK alone.
+
+    Where a window has two motions, LK finds neither, in any image; where it has one, edges are
+    tracked as surfaces are, within twice.
+    """
+    values = {"scene__boxes": 12, "scene__seed": 4}
+    _, points = make_imager(make_rig, **values, **POINTS)
+    _, areas = make_imager(make_rig, **values)
+    _, many = make_imager(make_rig, **values, **POINTS, camera__supersampling=8)
+    found = [lk_errors([areas, points, many], number) for number in (25, 45, 65, 85, 105)]
+    errors, edge, spread = (np.concatenate(each, axis=-1) for each in zip(*found, strict=True))
+    (at_edges, stepped, judge), one = errors[:, edge], edge & (spread < 0.1)
+    assert edge.sum() > 100
+    assert one.sum() > 50
+    for share in (50, 90):
+        of_rays = np.percentile(judge, share)
+        # The points are the same; only the images differ.
+        assert np.percentile(at_edges, share) < 1.25 * of_rays + 0.01
+        surfaces = np.percentile(errors[0, ~edge & (spread < 0.1)], share)
+        assert np.percentile(errors[0, one], share) < 2.0 * surfaces
+    assert np.median(stepped) > 1.5 * np.median(at_edges)
+
+
 def test_sixteen_rays_a_pixel_of_a_stereo_pair_fit_into_300_mb():
     """The rays of EuRoC's two cameras alone are 139 MB; all maps at once were 1.4 GB."""
     code = (
