@@ -5,6 +5,7 @@
 
 import os
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -634,3 +635,22 @@ def test_the_rays_of_lidars_are_their_own():
     azimuth = np.degrees(np.unwrap(np.arctan2(y, x)))
     assert np.allclose(np.diff(azimuth[:3]), -1.8)
     assert azimuth[0] == pytest.approx(180.0)
+
+
+def test_who_knows_of_lidars():
+    """One word in the list of sensors, files for others' stacks, a maker's message, an example."""
+    package = Path(ims.__file__).parent
+    found = {
+        path.relative_to(package).as_posix()
+        for path in package.rglob("*.py")
+        if "lidar" in path.read_text(encoding="utf-8").lower()
+    }
+    others = {name for name in found if not name.startswith("sensors/lidar/")}
+    assert {name for name in others if not name.startswith("datasets/consumers/")} == {
+        "bags/messages/definitions/livox.py",
+        "bags/messages/encode_cameras.py",
+        "jobs/recorded.py",
+        "sensors/__init__.py",
+    }
+    words = (package / "sensors/__init__.py").read_text(encoding="utf-8")
+    assert words.lower().count("lidar") == 1
