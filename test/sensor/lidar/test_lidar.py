@@ -14,6 +14,10 @@ from rosbags.typesys import Stores, get_typestore
 
 import imu_sim_ros as ims
 from imu_sim_ros import rotation
+from imu_sim_ros.bags.read import open_bag
+from imu_sim_ros.campaigns.plan import load_plan
+from imu_sim_ros.campaigns.run_files import write_dataset
+from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.commands import generate
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.lidar.layouts import LAYOUTS, custom_points
@@ -599,6 +603,20 @@ def test_a_bag_says_where_a_lidar_is(tmp_path):
     (one,) = (t for t in transforms if t.child_frame_id == "lidar")
     arm = one.transform.translation
     assert (one.header.frame_id, arm.x, arm.y, arm.z) == ("base_link", 0.1, -0.2, 0.3)
+
+
+def test_a_run_of_a_campaign_has_what_programs_read(tmp_path):
+    """Clouds and the mount, not the truth of every point, which is larger than both."""
+    path = tmp_path / "plan.yaml"
+    text = "name: a\nparameters: {rate: 50.0, duration: 0.2, scene: ground, lidar: perfect, "
+    path.write_text(
+        f"{text}lidar.firing_period: 0.01}}\nseeds: 1\nestimators: {{a: {{type: dead_reckon}}}}\n"
+    )
+    plan = load_plan(path)
+    cell = SimulatedCell(plan, next(iter(plan.cells())))
+    with open_bag(write_dataset(cell, "mcap", 0, tmp_path)) as bag:
+        found = {one.name: one.count for one in bag.topics}
+    assert found == {"/imu/data_raw": 10, "/ground_truth/odom": 10, "/points": 2, "/tf_static": 1}
 
 
 def test_a_scene_without_surfaces_is_told():
