@@ -21,6 +21,7 @@ from imu_sim_ros.names import shown
 from imu_sim_ros.parameters import included
 from imu_sim_ros.parameters.sections import listed
 from imu_sim_ros.sensors import NAMED
+from imu_sim_ros.simulation import named
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 Layer = dict[str, object]
@@ -65,14 +66,15 @@ def expanded(values: Mapping[str, object]) -> Layer:
         elif name == "trajectory":
             result.update(trajectory_layer(str(value)))
         elif name == "camera":
-            result.update({"cameras": ["cam0"], "cam0.camera.preset": value})
+            result.update(named.cameras(value if isinstance(value, list) else [value]))
         elif name == "scene":
             from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
 
             result.update(scene_layer(str(value)))
         elif name in NAMED:
-            result[f"{name}.preset"] = value
-            result["sensors"] = [*listed("sensors", result), name]
+            used, own = named.sensors(name, value if isinstance(value, list) else [value])
+            result.update(own)
+            result["sensors"] = [*listed("sensors", result), *used]
         else:
             result[name] = value
     return result

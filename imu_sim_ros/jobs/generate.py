@@ -66,6 +66,7 @@ from imu_sim_ros.sensors import NAMED
 from imu_sim_ros.sensors.declaration import Companion
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.signatures import Heading, Text
+from imu_sim_ros.simulation import named
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import (
     SimulationParameters,
@@ -329,15 +330,14 @@ def _put_sensors(given: dict[str, object], used: list[str]) -> None:
     :param used: others that are switched on.
     """
     for kind in NAMED:
-        named = given.pop(kind, ())
-        for k, preset in enumerate(named if isinstance(named, list | tuple) else [named]):
-            name = f"{kind}{k}" if k else kind
-            used.append(name)
-            if preset is not True:
-                allowed = "a name, the path of a file, or several"
-                given[f"{name}.preset"] = str(arguments.path(kind, preset, allowed))
-            if k:
-                given[f"{name}.type"] = kind
+        value = given.pop(kind, ())
+        presets = [
+            one is True or str(arguments.path(kind, one, "a name, the path of a file, or several"))
+            for one in (value if isinstance(value, list | tuple) else [value])
+        ]
+        names, own = named.sensors(kind, presets)
+        given |= own
+        used += names
     if used:
         given["sensors"] = list(dict.fromkeys([*listed("sensors", given), *used]))
 
@@ -368,11 +368,7 @@ def named_cameras(
     several = [cameras] if isinstance(cameras, str | Path) else cameras
     if not isinstance(several, list | tuple):
         arguments.refuse("cameras", cameras, "names or paths of files", wrong_type=True)
-    names = {
-        f"cam{k}": str(arguments.path("cameras", one, allowed)) for k, one in enumerate(several)
-    }
-    result: dict[str, object] = {"cameras": list(names)} if names else {}
-    result |= {f"{name}.camera.preset": preset for name, preset in names.items()}
+    result = named.cameras([str(arguments.path("cameras", one, allowed)) for one in several])
     if scene is not None:
         from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
 

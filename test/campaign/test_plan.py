@@ -257,3 +257,13 @@ def test_presets_of_sensors_of_the_body_add_up(plan_file):
         assert parameters.sensors == ("gnss", "wheels")
         assert parameters.wheels.radius == pytest.approx(radius, abs=0.02)
         assert parameters.gnss.horizontal_sigma[0] > 1.0
+
+
+def test_several_sensors_and_cameras_are_named_as_by_generate(plan_file):
+    named = {"gnss": ["phone", "zed_f9p"], "camera": ["euroc_cam0", "euroc_cam1"]}
+    plan = load_plan(plan_file(parameters={"duration": 1.0, "camera.images": "none", **named}))
+    (cell,) = plan.cells()
+    parameters = plan.simulation(cell)
+    assert parameters.sensors == ("gnss", "gnss1")
+    assert parameters.each_sensor["gnss1"].preset == "zed_f9p"
+    assert parameters.cameras == ("cam0", "cam1")
