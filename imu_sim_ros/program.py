@@ -471,11 +471,11 @@ def _remarks(program: str) -> Iterator[None]:
         warnings.simplefilter("always", Remark)
         usual = warnings.showwarning
 
-        def show(message: Any, category: type[Warning], *place: Any, **more: Any) -> None:
+        def show(message: Any, category: type[Warning], *rest: Any, **more: Any) -> None:
             if issubclass(category, Remark):
                 print(f"{program}: {message}", file=sys.stderr)
             else:
-                usual(message, category, *place, **more)
+                usual(message, category, *rest, **more)
 
         warnings.showwarning = show
         yield

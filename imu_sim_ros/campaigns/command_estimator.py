@@ -79,25 +79,25 @@ def run_command(
     :raises InputError: if there is no usable trajectory, with the reason.
     """
     # Absolute: the program works in its own folder, where a relative name would lead elsewhere.
-    place = folder.absolute() / "runs" / f"{cell.cell.number:06d}" / str(seed) / name
-    shutil.rmtree(place, ignore_errors=True)
+    run_folder = folder.absolute() / "runs" / f"{cell.cell.number:06d}" / str(seed) / name
+    shutil.rmtree(run_folder, ignore_errors=True)
     keep = cell.plan.options.keep
     failed = True
     metrics.update(dict.fromkeys(COVERED, 0.0))
     try:
-        place.mkdir(parents=True)
-        words = _words(cell, estimator, seed, place)
+        run_folder.mkdir(parents=True)
+        words = _words(cell, estimator, seed, run_folder)
         if not estimator.shell:
             variables = cell.plan.environment.get(name, {})
             words[0] = program(cell.plan, words[0], variables.get("PATH")) or words[0]
-        outcome = _run(words, estimator, cell.plan.environment.get(name, {}), place)
+        outcome = _run(words, estimator, cell.plan.environment.get(name, {}), run_folder)
         metrics["wall_s"] = outcome.wall_s
         metrics["peak_memory_mb"] = outcome.peak_memory_mb
         if outcome.reason or outcome.status != 0:
-            metrics.update(_left_behind(estimator, block, place))
-            raise InputError(outcome.reason or f"{_ended(outcome.status)}{_last_line(place)}")
-        _compare(cell, estimator, str(cell.plan.alignment(name)), block, place, metrics)
-        metrics.update(_own_metrics(cell.plan.own, place / METRICS))
+            metrics.update(_left_behind(estimator, block, run_folder))
+            raise InputError(outcome.reason or f"{_ended(outcome.status)}{_last_line(run_folder)}")
+        _compare(cell, estimator, str(cell.plan.alignment(name)), block, run_folder, metrics)
+        metrics.update(_own_metrics(cell.plan.own, run_folder / METRICS))
         metrics["real_time_factor"] = _duration(block) / max(outcome.wall_s, 1e-9)
         check(metrics, cell.plan.options.diverged_above, estimator)
         failed = False
@@ -105,33 +105,35 @@ def run_command(
         raise InputError(f"{error.strerror or error}") from None
     finally:
         if keep == "none" or (keep == "failed" and not failed):
-            shutil.rmtree(place, ignore_errors=True)
+            shutil.rmtree(run_folder, ignore_errors=True)
             with contextlib.suppress(OSError):
-                place.parent.rmdir()
+                run_folder.parent.rmdir()
 
 
 def _duration(block: Samples) -> float:
     return float(block.true_t_ns[-1] - block.true_t_ns[0]) * 1e-9
 
 
-def _words(cell: SimulatedCell, estimator: CommandEstimator, seed: int, place: Path) -> list[str]:
+def _words(
+    cell: SimulatedCell, estimator: CommandEstimator, seed: int, run_folder: Path
+) -> list[str]:
     """Write the files that the command refers to; return its words with all placeholders filled."""
 
     wanted = set(re.findall(r"{(\w+)}", estimator.command))
     values = {
-        "folder": str(place),
+        "folder": str(run_folder),
         "seed": str(seed),
         "python": sys.executable,
         "share": str(files.config_folder().parent),
         "plan": str(cell.plan.folder),
-        "estimate": str(place / _ESTIMATE[estimator.estimate]),
+        "estimate": str(run_folder / _ESTIMATE[estimator.estimate]),
         "dataset": "",
         "config": "",
     }
     if "dataset" in wanted:
-        values["dataset"] = str(write_dataset(cell, estimator.dataset, seed, place))
+        values["dataset"] = str(write_dataset(cell, estimator.dataset, seed, run_folder))
     if "config" in wanted:
-        values["config"] = str(write_config(cell, seed, place))
+        values["config"] = str(write_config(cell, seed, run_folder))
 
     def fill(word: str, quote: bool) -> str:
         return re.sub(
@@ -146,24 +148,24 @@ def _words(cell: SimulatedCell, estimator: CommandEstimator, seed: int, place: P
 
 
 def _run(
-    words: Sequence[str], estimator: CommandEstimator, variables: dict[str, str], place: Path
+    words: Sequence[str], estimator: CommandEstimator, variables: dict[str, str], run_folder: Path
 ) -> ProgramEnd:
     """Run a program to its end and remove everything that it leaves running."""
     with _ONE_AT_A_TIME:
-        return _run_alone(words, estimator, variables, place)
+        return _run_alone(words, estimator, variables, run_folder)
 
 
 def _run_alone(
-    words: Sequence[str], estimator: CommandEstimator, variables: dict[str, str], place: Path
+    words: Sequence[str], estimator: CommandEstimator, variables: dict[str, str], run_folder: Path
 ) -> ProgramEnd:
     others, worker = _children(), os.getpid()
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
     started, memory = time.monotonic(), _PeakMemory()
-    with (place / OUTPUT).open("wb") as output:
+    with (run_folder / OUTPUT).open("wb") as output:
         try:
             process = subprocess.Popen(
                 words,
-                cwd=place,
+                cwd=run_folder,
                 env=_environment(variables, words),
                 stdin=subprocess.DEVNULL,
                 stdout=output,
@@ -174,7 +176,7 @@ def _run_alone(
         except (OSError, ValueError, subprocess.SubprocessError) as error:
             raise InputError(f"{words[0] if words else ''}: cannot be started: {error}") from None
     try:
-        status, reason, peak = _wait(process, estimator, place, started, memory)
+        status, reason, peak = _wait(process, estimator, run_folder, started, memory)
     finally:
         _kill_all(process.pid, others)
     return ProgramEnd(status, reason, time.monotonic() - started, peak)
@@ -208,7 +210,7 @@ def _begin_program(estimator: CommandEstimator, worker: int) -> None:
 def _wait(
     process: "subprocess.Popen[bytes]",
     estimator: CommandEstimator,
-    place: Path,
+    run_folder: Path,
     started: float,
     memory: "_PeakMemory",
 ) -> tuple[int | None, str, float]:
@@ -222,7 +224,7 @@ def _wait(
             process.returncode = os.waitstatus_to_exitcode(status)
             # The limit of a single file's size ends a program before the folder is checked.
             full = process.returncode == -signal.SIGXFSZ or (
-                process.returncode != 0 and _size(place) >= estimator.disk_limit
+                process.returncode != 0 and _size(run_folder) >= estimator.disk_limit
             )
             reason = _too_much(estimator) if full else ""
             return process.returncode, reason, memory.at_end(usage)
@@ -231,7 +233,7 @@ def _wait(
             return None, f"did not finish within {estimator.timeout:g} s", _killed(process, memory)
         if now >= look:
             look = now + _POLL
-            if _size(place) > estimator.disk_limit:
+            if _size(run_folder) > estimator.disk_limit:
                 return None, _too_much(estimator), _killed(process, memory)
         time.sleep(min(pause, max(deadline - now, 0.0)))
         pause = min(pause * 1.5, 0.05)
@@ -355,10 +357,10 @@ def _ended(status: int | None) -> str:
     return f"exit status {status}"
 
 
-def _last_line(place: Path) -> str:
+def _last_line(run_folder: Path) -> str:
     """Return the last line that the program printed."""
     try:
-        with (place / OUTPUT).open("rb") as file:
+        with (run_folder / OUTPUT).open("rb") as file:
             file.seek(max(file.seek(0, os.SEEK_END) - 4096, 0))
             lines = file.read().decode("utf-8", "replace").split("\n")
     except OSError:
@@ -388,19 +390,21 @@ def _own_metrics(names: Collection[str], path: Path) -> Metrics:
     return metrics
 
 
-def _written(estimator: CommandEstimator, place: Path) -> Path | None:
+def _written(estimator: CommandEstimator, run_folder: Path) -> Path | None:
     """Return the trajectory that the program wrote; None: there is none."""
-    path = place / _ESTIMATE[estimator.estimate]
+    path = run_folder / _ESTIMATE[estimator.estimate]
     if estimator.estimate == "bag":
-        found = [p for p in place.glob("estimate*") if p.is_dir() or p.suffix in (".mcap", ".bag")]
+        found = [
+            p for p in run_folder.glob("estimate*") if p.is_dir() or p.suffix in (".mcap", ".bag")
+        ]
         path = found[0] if found else path
     return path if os.path.lexists(path) else None
 
 
-def _left_behind(estimator: CommandEstimator, block: Samples, place: Path) -> Metrics:
+def _left_behind(estimator: CommandEstimator, block: Samples, run_folder: Path) -> Metrics:
     """Return how long the trajectory of a program lasts that did not end well."""
     with contextlib.suppress(ImuSimError, OSError):
-        path = _written(estimator, place)
+        path = _written(estimator, run_folder)
         if path is not None:
             topic = estimator.estimate_topic or None
             poses = read_poses(path, topic, skip_bad_rows=True, recover=True)
@@ -413,11 +417,11 @@ def _compare(
     estimator: CommandEstimator,
     alignment: str,
     block: Samples,
-    place: Path,
+    run_folder: Path,
     metrics: Metrics,
 ) -> None:
     """Fill in the metrics of the trajectory that the program wrote."""
-    path = _written(estimator, place)
+    path = _written(estimator, run_folder)
     if path is None:
         raise InputError("no estimate was written")
     try:
@@ -427,5 +431,5 @@ def _compare(
         metrics.update(estimate_metrics(estimate, block, *how))
     except ImuSimError as error:
         # Without the run's own folder, so that the same failure of many runs reads the same.
-        words = error.problems[0].removeprefix(f"{path}: ").replace(f"{place}/", "")
+        words = error.problems[0].removeprefix(f"{path}: ").replace(f"{run_folder}/", "")
         raise InputError(f"estimate: {words}") from None

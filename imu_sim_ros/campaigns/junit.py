@@ -90,8 +90,10 @@ class _Suite:
     def case(self, name: str) -> ElementTree.Element:
         """Add a test case."""
         self._count("tests")
-        place = f"campaign.{self._name}"
-        return ElementTree.SubElement(self._element, "testcase", classname=place, name=_text(name))
+        classname = f"campaign.{self._name}"
+        return ElementTree.SubElement(
+            self._element, "testcase", classname=classname, name=_text(name)
+        )
 
     def failed(self, case: ElementTree.Element, kind: str, message: str) -> None:
         """Make a case a ``failure`` or an ``error``."""

@@ -256,12 +256,12 @@ def missing(plan: Plan) -> list[str]:
                 f"{plan.folder}"
             )
         # A shell's words may be anything; what lies next to the plan or in the package may not.
-        places = {"{plan}": plan.folder, "{share}": files.config_folder().parent}
+        folders = {"{plan}": plan.folder, "{share}": files.config_folder().parent}
         for word in words:
-            place, _, rest = word.partition("/")
-            if place in places and "{" not in rest and not (places[place] / rest).exists():
+            first, _, rest = word.partition("/")
+            if first in folders and "{" not in rest and not (folders[first] / rest).exists():
                 problems.append(
-                    f"estimators.{name}.command: {places[place] / rest}: does not exist"
+                    f"estimators.{name}.command: {folders[first] / rest}: does not exist"
                 )
     return problems
 
@@ -480,6 +480,6 @@ def _estimator(entry: object) -> tuple[Estimator, dict[str, str]]:
     if isinstance(estimator, CommandEstimator):
         unknown = [p for p in re.findall(r"{(\w*)}", estimator.command) if p not in PLACES]
         if unknown:
-            hint = suggestion(f"{{{unknown[0]}}}", (f"{{{place}}}" for place in PLACES))
+            hint = suggestion(f"{{{unknown[0]}}}", (f"{{{name}}}" for name in PLACES))
             raise ConfigurationError(f"command: {{{unknown[0]}}}: {hint}")
     return estimator, {key: str(value) for key, value in variables.items()}

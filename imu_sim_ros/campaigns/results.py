@@ -75,9 +75,9 @@ class Store:
         self._made: list[Path] = []
         try:
             _refuse(folder, resume, force)
-            for place in reversed([p for p in (folder, *folder.parents) if not p.exists()]):
-                place.mkdir()
-                self._made.append(place)
+            for parent in reversed([p for p in (folder, *folder.parents) if not p.exists()]):
+                parent.mkdir()
+                self._made.append(parent)
             is_present(folder / _LOCK)  # a pipe would be waited for
             self._lock = (folder / _LOCK).open("a")
         except OSError as error:

@@ -44,18 +44,18 @@ _BLOCK: Final = 512
 """Samples in a block if there are cameras: the images of a block lie in memory."""
 
 
-def write_dataset(cell: SimulatedCell, form: str, seed: int, place: Path) -> Path:
+def write_dataset(cell: SimulatedCell, form: str, seed: int, folder: Path) -> Path:
     """Write the readings, the truth, and what the cameras see, if there are any.
 
     :param form: euroc, tracks, rosbag2, ros1 or mcap.
-    :param place: folder of the run.
+    :param folder: of the run.
     :returns: the dataset.
     """
-    body, path = cell.simulation(seed), place / "dataset"
+    body, path = cell.simulation(seed), folder / "dataset"
     rig, sensors = _rig(cell, body), mounted(cell.parameters)
     windows = body.windows(cell.total if rig is None else _BLOCK)
     if form in _BAGS:
-        return _bag(place / _BAGS[form], sensors, rig, windows)
+        return _bag(folder / _BAGS[form], sensors, rig, windows)
     if form == "tracks":
         return _tracks(path, sensors, rig, windows)
     path.mkdir()
@@ -74,13 +74,13 @@ def write_dataset(cell: SimulatedCell, form: str, seed: int, place: Path) -> Pat
     return path
 
 
-def write_config(cell: SimulatedCell, seed: int, place: Path) -> Path:
+def write_config(cell: SimulatedCell, seed: int, folder: Path) -> Path:
     """Write ``simulation.yaml`` and every stack's files for the sensor of this seed.
 
     With cameras the files hold the whole rig, as those of ``generate --with-configs`` do.
     """
     parameters = dataclasses.replace(cell.parameters, seed=seed)
-    path = place / "config"
+    path = folder / "config"
     values = ImuValues(
         realised_imu(parameters.imu, parameters.seed),
         parameters.rate,

@@ -140,8 +140,8 @@ class Contest:
 
     def line(self, metric: str, tolerance: str) -> str:
         """Return the result in a line."""
-        place = f"{self.place}: " if self.where else ""
-        return f"{place}{self.outcome(tolerance)}; {self.told(metric)}"
+        where = f"{self.place}: " if self.where else ""
+        return f"{where}{self.outcome(tolerance)}; {self.told(metric)}"
 
 
 def headline(contests: Sequence[Contest], metric: str, tolerance: str) -> tuple[str, str]:
@@ -301,8 +301,8 @@ def _checked(plan: Plan, found: Sequence[Group]) -> list[Checked]:
         for group in found:
             if one.concerns(group.words):
                 value = group.value(one)
-                place = (group.cell, group.estimator)
-                result.append(Checked(one.text, *place, value, one.holds(value)))
+                key = (group.cell, group.estimator)
+                result.append(Checked(one.text, *key, value, one.holds(value)))
     return result
 
 

@@ -72,19 +72,19 @@ class TumVi:
         }
         self._images = ImageFolders(folder / "mav0", rig, "tum_vi", jobs, "")
         for camera in rig.views:
-            place = folder / "dso" / camera
-            place.mkdir()
-            (place / "images").symlink_to(f"../../mav0/{camera}/data")
+            target = folder / "dso" / camera
+            target.mkdir()
+            (target / "images").symlink_to(f"../../mav0/{camera}/data")
         self._describe_lenses()
 
     def _describe_lenses(self) -> None:
         for number, camera in enumerate(self._images.cameras):
-            place = self.path / "dso" / camera.name
+            target = self.path / "dso" / camera.name
             share = np.rint(self._images.vignette(number) * np.float32(0xFFFF))
-            write_png(place / "vignette.png", share.astype(np.uint16))
+            write_png(target / "vignette.png", share.astype(np.uint16))
             text = dso_lens(camera.view.parameters)
             if text:
-                write_bytes(place / "camera.txt", text.encode())
+                write_bytes(target / "camera.txt", text.encode())
 
     def _file(self, name: str, header: str) -> OutputFile:
         file = OutputFile(self.path / name)

@@ -66,10 +66,10 @@ def _is_present(path: Path, kind: int) -> bool:
     try:
         mode = os.stat(path).st_mode
     except FileNotFoundError:
-        for place in (path, *path.parents):
-            if os.path.lexists(place):
-                if not place.exists():
-                    raise InputError(f"{place}: a broken link to {os.readlink(place)}") from None
+        for part in (path, *path.parents):
+            if os.path.lexists(part):
+                if not part.exists():
+                    raise InputError(f"{part}: a broken link to {os.readlink(part)}") from None
                 break
         return False
     except OSError as error:

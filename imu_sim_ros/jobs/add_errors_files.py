@@ -158,23 +158,23 @@ def add_errors_to_file(
     topic = None if input_topic is None else arguments.text("input_topic", input_topic, "a topic")
     layers = layers_of(imu, seed, params_file, input, parameters, rate)
     read = [path, *parameter_files(params_file), *layers.values()]
-    place, written = outputs(output, force, discard_partial, read)
+    target, written = outputs(output, force, discard_partial, read)
     journal = Journal(path, arguments.switch("skip_bad_rows", skip_bad_rows))
     left_out = arguments.words("without", without)
     started = time.perf_counter()
-    if not place.name:  # the files next to it are named after it
-        raise InputError(f"{str(place)!r}: is not a file name")
-    dataset = dataset_form(place, form.dataset, form.of_bags_only())
+    if not target.name:  # the files next to it are named after it
+        raise InputError(f"{str(target)!r}: is not a file name")
+    dataset = dataset_form(target, form.dataset, form.of_bags_only())
     if dataset is None:
-        check_writer(place, form.storage, form.compression)
+        check_writer(target, form.storage, form.compression)
     elif dataset not in FORMATS:
-        raise InputError(f"{place}: {dataset} has no readings")
-    job = _Job(path, place, form, topic, left_out, layers, dataset, written, journal)
-    written.add(place, kept=True)
-    with written, tempfile.TemporaryDirectory(dir=written.where(place).parent) as folder:
+        raise InputError(f"{target}: {dataset} has no readings")
+    job = _Job(path, target, form, topic, left_out, layers, dataset, written, journal)
+    written.add(target, kept=True)
+    with written, tempfile.TemporaryDirectory(dir=written.where(target).parent) as folder:
         found, messages = job.run(Path(folder))
     wall_s = time.perf_counter() - started
-    return ErrorsAdded(place, messages, found, wall_s, tuple(journal.lines))
+    return ErrorsAdded(target, messages, found, wall_s, tuple(journal.lines))
 
 
 class _Job:
@@ -249,7 +249,7 @@ class _Job:
         form = Form(None if target.suffix == ".mcap" else self.dataset)
         convert.write(source, target, form, Outputs([source]), self.journal, shown=False)
 
-    def _bag(self, path: Path, place: Path) -> tuple[Counts, dict[str, int]]:
+    def _bag(self, path: Path, target: Path) -> tuple[Counts, dict[str, int]]:
         with open_bag(path) as bag:
             source = source_of(bag, self.input_topic if path == self.source else None)
             parameters = with_rate(self.layers, lambda: rate_in(bag, source))
@@ -265,7 +265,7 @@ class _Job:
             total = sum(topic.count for topic in {*copied, source})
             skipped, warned = self.journal.skipped, self.journal.passed_on or _say_nothing
             text = f"writing {self.path}"
-            with self._writer(place) as writer, progress(text, lambda: total) as advance:
+            with self._writer(target) as writer, progress(text, lambda: total) as advance:
                 errors.write(writer, copied, renamed, advance, skipped, warned)
             return errors.model.counts, {topic.name: topic.count for topic in writer.topics}
 
@@ -281,12 +281,12 @@ class _Job:
             )
         return left_out
 
-    def _writer(self, place: Path) -> Writer:
+    def _writer(self, target: Path) -> Writer:
         if self.dataset:
-            return open_writer(place)
+            return open_writer(target)
         form = self.form
         splits = (form.split_duration, form.split_size)
-        writer = open_writer(place, form.storage, form.compression, *splits)
+        writer = open_writer(target, form.storage, form.compression, *splits)
         self.written.describe(self.path, lambda: described(writer.topics))
         return writer
 
@@ -294,8 +294,8 @@ class _Job:
         """Convert a dataset with all that it has, and replace the readings."""
         self._convert(self.source, staged)
         model: ErrorModel | None = None
-        place = folder / ("noisy.csv" if staged.is_file() else "noisy")
-        with Dataset(place, form) as dataset:
+        target = folder / ("noisy.csv" if staged.is_file() else "noisy")
+        with Dataset(target, form) as dataset:
             for t_ns, gyro, accel in text_reader.imu_blocks(self.source, None, self._uncounted):
                 if model is None:
                     parameters = with_rate(self.layers, functools.partial(rate_of, t_ns))
@@ -307,9 +307,9 @@ class _Job:
         if model is None:
             raise InputError(f"{self.source}: contains no readings")
         if staged.is_file():
-            shutil.move(place, staged)
+            shutil.move(target, staged)
         else:
-            shutil.move(place / "imu0" / "data.csv", staged / "imu0" / "data.csv")
+            shutil.move(target / "imu0" / "data.csv", staged / "imu0" / "data.csv")
         return model.counts, {"/" + IMU_TOPIC: dataset.imu.rows if dataset.imu else 0}
 
 

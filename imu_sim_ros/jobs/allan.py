@@ -24,7 +24,7 @@ from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.output import SkipBadRows, checked_place, saved
+from imu_sim_ros.jobs.output import SkipBadRows, checked_output, saved
 from imu_sim_ros.jobs.readings import Readings
 from imu_sim_ros.progress import progress
 from imu_sim_ros.text_tables import TextTable
@@ -176,18 +176,18 @@ class Noise:
         :raises InputError: for a path that cannot be used or exists, and for kalibr's file if
             an axis is not analysed.
         """
-        path = checked_place(path, force)
+        path = checked_output(path, force)
         arguments.text("topic", topic, "the name of a topic")
-        with saved(path, force) as place:
+        with saved(path, force) as staged:
             if not path.suffix:
-                place.mkdir()
-                write_files(self, place, topic)
+                staged.mkdir()
+                write_files(self, staged, topic)
             elif path.suffix == ".csv":
-                noise_files.write_csv(self.result, place)
+                noise_files.write_csv(self.result, staged)
             elif path.suffix == ".png":
-                _draw(self, place)
+                _draw(self, staged)
             else:
-                noise_files.write_kalibr(self.result, place, topic)
+                noise_files.write_kalibr(self.result, staged, topic)
         return path
 
     @property

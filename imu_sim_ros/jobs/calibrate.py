@@ -160,13 +160,13 @@ class Calibration:
         :raises InputError: for a path that cannot be used or exists.
         """
         arguments.switch("for_simulator", for_simulator)
-        with saved(path, force) as place:
-            if place.suffix == ".png":
+        with saved(path, force) as staged:
+            if staged.suffix == ".png":
                 from imu_sim_ros.plots import style
 
-                style.save(self.plot(), place)
+                style.save(self.plot(), staged)
             else:
-                self._write(place, for_simulator)
+                self._write(staged, for_simulator)
         return Path(path)
 
     def _write(self, path: Path, for_simulator: bool) -> None:

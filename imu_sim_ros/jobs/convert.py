@@ -147,14 +147,14 @@ def convert(
     <Converted whole.bag: 400 /imu/data_raw, 400 /ground_truth/odom>
     """
     path = arguments.path("source", source)
-    place, written = outputs(output, force, discard_partial, [path])
+    target, written = outputs(output, force, discard_partial, [path])
     bag = (storage, compression, split_duration, split_size)
     form = checked_form(text_writer.FORMATS, format, *bag, topics, rename)
     if images is not None:
         arguments.one_of("images", images, IMAGES)
     arguments.switch("recover", recover)
     journal = Journal(path, arguments.switch("skip_bad_rows", skip_bad_rows))
-    found = write(path, place, form, written, journal, images=images, recover=recover)
+    found = write(path, target, form, written, journal, images=images, recover=recover)
     return dataclasses.replace(found, warnings=tuple(journal.lines))
 
 

@@ -148,9 +148,9 @@ class Track:
         :param force: replace what exists.
         :raises InputError: for a path that cannot be used or exists.
         """
-        with saved(path, force) as place:
+        with saved(path, force) as staged:
             states = NavigationStates(self.t_ns, self.position, self.velocity, self.q_wb)
-            tracks.write_states(place, states)
+            tracks.write_states(staged, states)
         return Path(path)
 
     def plot(self) -> Figure:
@@ -302,9 +302,9 @@ def _begun(
     known = {**world.parameters, **given}
     usual = all(isinstance(value, str) for value in known.values())
     settings = (_usual_settings if usual else _settings)(**known)
-    place = f"{readings}: " if isinstance(readings, str | PathLike) else ""
+    prefix = f"{readings}: " if isinstance(readings, str | PathLike) else ""
     for note in (*world.notes, *settings.warnings()):
-        warnings.warn(f"{place}{note}", Remark, stacklevel=3)
+        warnings.warn(f"{prefix}{note}", Remark, stacklevel=3)
     if isinstance(initial, NavigationState):
         return InitialCondition(recording, initial, correction_of(settings)), settings
     return initial_condition(settings, recording), settings

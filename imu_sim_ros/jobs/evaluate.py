@@ -224,8 +224,8 @@ class Evaluation:
         :param force: replace what exists.
         :raises InputError: for a path that cannot be used or exists.
         """
-        with saved(path, force) as place:
-            write_tum(place, self.estimate)
+        with saved(path, force) as staged:
+            write_tum(staged, self.estimate)
         return Path(path)
 
     def plot(self, title: str = "Estimate against the truth") -> Figure:
@@ -447,8 +447,8 @@ def _table(estimate: object, topic: str | None) -> Table | None:
     """Return the table of a path's topic; None: the estimate is a trajectory."""
     if not isinstance(estimate, str | Path) or topic is None:
         return None
-    place = checked_path("estimate", estimate, BAG_OR_FILE)
-    return sensor_of(place, checked_topic("estimate_topic", topic, True))
+    file = checked_path("estimate", estimate, BAG_OR_FILE)
+    return sensor_of(file, checked_topic("estimate_topic", topic, True))
 
 
 def _measured(
@@ -547,9 +547,9 @@ def _track(name: str, given: Any, topic: str | None, skip_bad_rows: bool) -> Rec
     of_a_file = isinstance(given, str | Path)
     topic = checked_topic(f"{name}_topic", topic, of_a_file)
     if of_a_file:
-        place = checked_path(name, given, BAG_OR_FILE)
-        chosen = truth_topic_of(place, topic) if name == "truth" else topic
-        return read_track(place, chosen, name == "estimate", skip_bad_rows)
+        file = checked_path(name, given, BAG_OR_FILE)
+        chosen = truth_topic_of(file, topic) if name == "truth" else topic
+        return read_track(file, chosen, name == "estimate", skip_bad_rows)
     poses = checked_poses(name, given)
     speed, stated = getattr(given, "velocity", None), getattr(given, "covariance", None)
     if speed is not None:

@@ -19,7 +19,7 @@ from imu_sim_ros.arguments import BAG_OR_FILE
 from imu_sim_ros.conventions import ERROR_TOPICS
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
-from imu_sim_ros.jobs.output import checked_place, renamed_topics, saved
+from imu_sim_ros.jobs.output import checked_output, renamed_topics, saved
 from imu_sim_ros.jobs.readings import (
     Odometry,
     Readings,
@@ -274,7 +274,7 @@ class Flight:
         from imu_sim_ros.datasets.topics import chosen_topics, usual_topics
         from imu_sim_ros.simulation.topics import offered, sensors_of
 
-        path = checked_place(path, force)
+        path = checked_output(path, force)
         wanted = arguments.words("topics", topics) or self._topics
         arguments.switch("imu_only", imu_only)
         if format is not None:
@@ -285,8 +285,8 @@ class Flight:
         names = chosen_topics(wanted, renamed_topics(rename), sensors, usual)
         for sensor in sensors_of(names, offered(sensors)):
             delivered_of(self._windows, sensor, sensors[sensor].sensor.readings)  # refused first
-        with saved(path, force, flatten(self.parameters).values()) as place:
-            self._write(place, format, names)
+        with saved(path, force, flatten(self.parameters).values()) as staged:
+            self._write(staged, format, names)
         return path
 
     def _write(self, path: Path, format: str | None, names: Mapping[str, str]) -> None:

@@ -589,11 +589,11 @@ class _Job:
         """Open the files that sensors have next to the output, by sensor."""
         opened = {}
         with ExitStack() as stack:
-            for name, places in self.companions.items():
+            for name, paths in self.companions.items():
                 one = self.sensors[name]
                 wanted = one.sensor.companions
                 assert wanted is not None
-                files = [written.where(place) for place in places]
+                files = [written.where(file) for file in paths]
                 made = wanted.open(one.own, one.environment, body.t0_ns, files)
                 opened[name] = stack.enter_context(closing(made))
             yield opened

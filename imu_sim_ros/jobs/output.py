@@ -19,7 +19,7 @@ SkipBadRows = Annotated[
 """Whether bad rows and messages are left out and counted, or errors."""
 
 
-def checked_place(path: str | Path, force: bool) -> Path:
+def checked_output(path: str | Path, force: bool) -> Path:
     """Return the path of an output.
 
     :raises ConfigurationError: for arguments of ``save`` that are no path and no switch.
@@ -40,11 +40,11 @@ def saved(path: str | Path, force: bool, inputs: Iterable[object] = ()) -> Itera
     """
     from imu_sim_ros.bags.outputs import Outputs
 
-    path = checked_place(path, force)
+    path = checked_output(path, force)
     outputs = Outputs([word for word in inputs if is_file(word)], force)
-    place = outputs.add(path)
+    staged = outputs.add(path)
     with outputs:
-        yield place
+        yield staged
 
 
 def is_file(word: object) -> TypeGuard[str | Path]:

@@ -115,9 +115,9 @@ def report(
         target = default_output(sources.inputs)
     else:
         target = arguments.path("output", output, "the path of a page")
-    with saved(target, force, sources.inputs) as place:
+    with saved(target, force, sources.inputs) as staged:
         name, text = _page(sources, words)
-        place.write_text(text, encoding="utf-8")
+        staged.write_text(text, encoding="utf-8")
     return Report(target, name, len(text.encode()))
 
 

@@ -274,8 +274,8 @@ class Twin:
         :param force: replace what exists.
         :raises InputError: for a path that cannot be used or exists.
         """
-        with saved(path, force) as place:
-            self.write(place)
+        with saved(path, force) as staged:
+            self.write(staged)
         return Path(path)
 
     def write(self, path: Path) -> None:

@@ -365,8 +365,8 @@ def _in_pieces(stamps: Array, readings: Array, name: str) -> Recording:
     filled = np.where(missing <= _FILLED, missing, 0)
     if filled.any():
         after = np.repeat(np.arange(len(steps)), filled)
-        place = np.arange(len(after)) - np.repeat(np.cumsum(filled) - filled, filled) + 1
-        extra = stamps[after] + steps[after] * place / (filled[after] + 1)
+        index = np.arange(len(after)) - np.repeat(np.cumsum(filled) - filled, filled) + 1
+        extra = stamps[after] + steps[after] * index / (filled[after] + 1)
         every = np.sort(np.concatenate([stamps, extra]))
         columns = [np.interp(every, stamps, readings[:, k]) for k in range(6)]
         stamps, readings = every, np.column_stack(columns)

@@ -13,7 +13,7 @@ from imu_sim_ros import arguments
 from imu_sim_ros.bags.outputs import Outputs
 from imu_sim_ros.bags.write import COMPRESSED, COMPRESSIONS, STORAGES
 from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
-from imu_sim_ros.jobs.output import checked_place, is_file, renamed_topics
+from imu_sim_ros.jobs.output import checked_output, is_file, renamed_topics
 from imu_sim_ros.progress import watcher
 from imu_sim_ros.signatures import Heading, Text, assignment
 
@@ -226,9 +226,9 @@ def outputs(
     :raises ConfigurationError: for arguments that are no path and no switch.
     """
     arguments.switch("discard_partial", discard_partial)
-    place = checked_place(path, force)
+    target = checked_output(path, force)
     read = [one for one in inputs if isinstance(one, Path) or is_file(one)]
-    return place, Outputs(read, force, discard_partial, watcher().undisturbed)
+    return target, Outputs(read, force, discard_partial, watcher().undisturbed)
 
 
 def counts(messages: Mapping[str, int]) -> str:

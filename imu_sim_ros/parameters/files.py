@@ -196,10 +196,10 @@ def text(values: Mapping[str, Value], node: str = "/**", comment: str = "") -> s
     tree: dict[str, Any] = {}
     for name, value in values.items():
         *parents, last = name.split(".")
-        place = tree
+        branch = tree
         for parent in parents:
-            place = place.setdefault(parent, {})
-        place[last] = list(value) if isinstance(value, tuple) else value
+            branch = branch.setdefault(parent, {})
+        branch[last] = list(value) if isinstance(value, tuple) else value
     header = "".join(f"# {line}\n" for line in comment.splitlines())
     content = {node: {_PARAMETERS: tree}}
     words, dumper = repr(content), yaml.SafeDumper

@@ -74,8 +74,8 @@ def _measured(unit: str, t_ns: Times, values: Array, variance: Array) -> Compare
     return Compared("", unit, _DIRECTIONS, t_ns, values, variance)
 
 
-def _track(name: str, colour: int | None, places: Array) -> Item:
-    x, y, z = places[extremes(places)].T
+def _track(name: str, colour: int | None, positions: Array) -> Item:
+    x, y, z = positions[extremes(positions)].T
     return {"name": name, "colour": colour, "x": x, "y": y, "z": z}
 
 

@@ -157,8 +157,8 @@ def _group(group: Group, metrics: Sequence[str], varying: Sequence[str]) -> Item
         if len(numbers):
             summary[name] = list(quantile(numbers, 0.5))
     named = {"cell": group.cell, "estimator": group.estimator}
-    place = short(group.words, [name for name in varying if name != "estimator"])
-    named |= {"label": short(group.words, varying), "place": place}
+    where = short(group.words, [name for name in varying if name != "estimator"])
+    named |= {"label": short(group.words, varying), "place": where}
     return {**named, "values": values, "metrics": summary}
 
 
@@ -211,8 +211,8 @@ def line_colours(found: Sequence[Group]) -> list[int]:
     result = []
     for k, group in enumerate(found):
         number = before[group.estimator] = before.get(group.estimator, -1) + 1
-        place = _colour(group, estimators)
-        result.append(k if place is None else place + SERIES_COLOURS * number)
+        column = _colour(group, estimators)
+        result.append(k if column is None else column + SERIES_COLOURS * number)
     return result
 
 

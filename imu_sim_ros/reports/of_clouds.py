@@ -51,9 +51,9 @@ def _items(path: Path, info: TopicInfo, topics: list[TopicInfo]) -> list[Item]:
     stamps, counts, shown = [], [], []
     histogram, edges = np.zeros(_BINS), np.linspace(0.0, 1.0, _BINS + 1)
     for k, (t_ns, points) in enumerate(read_clouds(path, info.name)):
-        places = np.stack([points[axis] for axis in "xyz"], axis=1)
-        finite = np.isfinite(places).all(axis=1)
-        ranges = np.sqrt((places[finite].astype(np.float64) ** 2).sum(axis=1))
+        positions = np.stack([points[axis] for axis in "xyz"], axis=1)
+        finite = np.isfinite(positions).all(axis=1)
+        ranges = np.sqrt((positions[finite].astype(np.float64) ** 2).sum(axis=1))
         stamps.append(t_ns)
         counts.append(len(ranges))
         while len(ranges) and ranges.max() > edges[-1]:  # bins of twice the width
@@ -61,7 +61,7 @@ def _items(path: Path, info: TopicInfo, topics: list[TopicInfo]) -> list[Item]:
             edges *= 2.0
         histogram += np.histogram(ranges, edges)[0]
         if k in wanted:
-            shown.append((t_ns, places[finite], points[finite]))
+            shown.append((t_ns, positions[finite], points[finite]))
     t_s = (np.array(stamps) - stamps[0]) * 1e-9
     number: Array = np.array(counts, dtype=np.float64)
     steps = np.diff(t_s)
@@ -148,14 +148,14 @@ def _pictures(name: str, shown: list[tuple[int, Array, NDArray[Any]]], first_ns:
     """Return scans seen from above, as bright as their intensity."""
     from imu_sim_ros.sensors.camera.images.files import png
 
-    flat = [np.abs(places[:, :2]).max(axis=1) for _, places, _ in shown]
+    flat = [np.abs(positions[:, :2]).max(axis=1) for _, positions, _ in shown]
     every = np.concatenate(flat)
     if not len(every):
         return []
     half = float(np.quantile(every, _WITHIN)) or 1.0
     frames = []
-    for t_ns, places, points in shown:
-        data = base64.b64encode(png(_from_above(places, points, half))).decode()
+    for t_ns, positions, points in shown:
+        data = base64.b64encode(png(_from_above(positions, points, half))).decode()
         frames.append({"t_s": (t_ns - first_ns) * 1e-9, "png": data})
     words = (
         f"{name}: scans from above, x to the right, y up, {2.0 * half:.3g} m wide with "
@@ -164,17 +164,17 @@ def _pictures(name: str, shown: list[tuple[int, Array, NDArray[Any]]], first_ns:
     return [{"kind": "strip", "title": words, "frames": frames}]
 
 
-def _from_above(places: Array, points: NDArray[Any], half: float) -> Bytes:
+def _from_above(positions: Array, points: NDArray[Any], half: float) -> Bytes:
     """Return a picture (_PIXELS, _PIXELS) of a scan; of points in one pixel the brightest."""
-    grey = np.full(len(places), 255.0)
-    if "intensity" in (points.dtype.names or ()) and len(places):
+    grey = np.full(len(positions), 255.0)
+    if "intensity" in (points.dtype.names or ()) and len(positions):
         intensity = np.nan_to_num(points["intensity"].astype(np.float64))
         brightest = float(np.quantile(intensity, 0.98))
         if brightest > 0.0:
             share = np.clip(intensity / brightest, 0.0, 1.0)
             grey = _DARKEST + (255.0 - _DARKEST) * share
-    column = np.floor((places[:, 0] / half + 1.0) * 0.5 * _PIXELS).astype(np.intp)
-    row = np.floor((1.0 - places[:, 1] / half) * 0.5 * _PIXELS).astype(np.intp)
+    column = np.floor((positions[:, 0] / half + 1.0) * 0.5 * _PIXELS).astype(np.intp)
+    row = np.floor((1.0 - positions[:, 1] / half) * 0.5 * _PIXELS).astype(np.intp)
     inside = (column >= 0) & (column < _PIXELS) & (row >= 0) & (row < _PIXELS)
     picture = np.full((_PIXELS, _PIXELS), _GROUND, np.float64)
     np.maximum.at(picture, (row[inside], column[inside]), grey[inside])

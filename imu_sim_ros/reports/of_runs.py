@@ -128,7 +128,7 @@ def _tracks(
 ) -> list[tuple[str, Array]] | None:
     """Return the true path of a run and the estimated one, aligned as in the comparison."""
     estimator = cell.plan.estimators[name]
-    places = [kept / one for one in _ESTIMATES if (kept / one).exists()]
+    files = [kept / one for one in _ESTIMATES if (kept / one).exists()]
     if cell.total is None or cell.total > _LONGEST:
         return None
     block = cell.block(seed)
@@ -139,8 +139,8 @@ def _tracks(
             return None
         states = reckoned(cell, estimator, block, readings, truth.at(0))
         estimate = PoseSequence(states.t_ns, states.position, states.q_wb)
-    elif isinstance(estimator, CommandEstimator) and places:
-        estimate = read_estimate(places[0], estimator.estimate_topic or None).poses
+    elif isinstance(estimator, CommandEstimator) and files:
+        estimate = read_estimate(files[0], estimator.estimate_topic or None).poses
     else:
         return None
     rows = common_rows(estimate.t_ns, poses.t_ns)

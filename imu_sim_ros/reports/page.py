@@ -102,8 +102,8 @@ def column(name: str, values: Iterable[Any]) -> Item:
         and len(words) * 2 < len(found)
         and all(isinstance(v, str) or v is None for v in found)
     ):
-        place = {word: k for k, word in enumerate(words)}
-        index = [None if value is None else place[value] for value in found]
+        order = {word: k for k, word in enumerate(words)}
+        index = [None if value is None else order[value] for value in found]
         return {"name": name, "words": words, "index": index}
     if len(found) > _PACKED and any(type(v) is float for v in found) and _are_many(found):
         packed = np.array([np.nan if v is None else v for v in found], dtype="<f4")

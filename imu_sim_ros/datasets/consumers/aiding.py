@@ -30,10 +30,10 @@ class Aiding:
     gnss: GnssParameters | None
     wheels: WheelsParameters | None
 
-    def in_imu(self, place: tuple[float, ...]) -> Array:
+    def in_imu(self, point: tuple[float, ...]) -> Array:
         """Return a point of the body (3,) in the IMU's frame [m]."""
         imu = self.values.imu
-        return self.rotation() @ (np.asarray(place) - np.asarray(imu.lever_arm))
+        return self.rotation() @ (np.asarray(point) - np.asarray(imu.lever_arm))
 
     def rotation(self) -> Array:
         """Return R_ib (3, 3), from the body's axes to the IMU's."""

@@ -79,8 +79,8 @@ def calibration(values: ImuValues, rig: RigValues | None = None) -> str:
 def _pose(matrix: Array) -> dict[str, float]:
     """Return a rigid motion (4, 4) in Basalt's terms."""
     w, x, y, z = rotation.from_matrix(matrix[:3, :3]).tolist()
-    place = zip(("px", "py", "pz"), matrix[:3, 3].tolist(), strict=True)
-    return {**dict(place), "qx": x, "qy": y, "qz": z, "qw": w}
+    position = zip(("px", "py", "pz"), matrix[:3, 3].tolist(), strict=True)
+    return {**dict(position), "qx": x, "qy": y, "qz": z, "qw": w}
 
 
 def _lens(camera: CameraParameters) -> dict[str, Any]:
@@ -113,11 +113,11 @@ def _model(name: str, intrinsics: dict[str, float]) -> dict[str, Any]:
     return {"camera_type": name, "intrinsics": intrinsics}
 
 
-def _static(values: ImuValues, triad: str, places: Any) -> list[float]:
+def _static(values: ImuValues, triad: str, indices: Any) -> list[float]:
     """Return the static calibration of a triad: b, and the entries of M at the places."""
     inverse = np.linalg.inv(values.response(triad))
     bias = inverse @ values.axes(f"{triad}_bias")
-    correction = (inverse - np.eye(3))[places[0], places[1]]
+    correction = (inverse - np.eye(3))[indices[0], indices[1]]
     return [*bias.tolist(), *correction.tolist()]
 
 
