@@ -28,7 +28,7 @@ from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.trajectory.parameters import TYPES, TrajectoryParameters
 
 _PARTS = (*TRIADS, *OF_IMUS)
-"""First words of the parameters of a board's sensors, below ``imu.``."""
+"""First words of the parameters of an IMU's sensors, below ``imu.``."""
 _INTRODUCTION = """\
 # Parameters
 

@@ -284,7 +284,7 @@ def _deltas(name: str, given: Any) -> tuple[tuple[float, str], ...]:
 
 
 class HasAttitude(Protocol):
-    """Anything with attitudes in time: orientations of a board, or an object with ``q_wb``."""
+    """Anything with attitudes in time: orientations, or an object with ``q_wb``."""
 
     @property
     def t_ns(self) -> Times:

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The recorded orientation, magnetic field or pressure of a board against its truth."""
+"""The recorded orientation, magnetic field or pressure against its truth."""
 
 from __future__ import annotations
 

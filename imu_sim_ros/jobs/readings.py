@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Readings and odometry as arrays, from a file or from the sensors of a simulated board."""
+"""Readings and odometry as arrays, from a file or from simulated sensors."""
 
 from __future__ import annotations
 

@@ -128,7 +128,7 @@ def increments_of(method: str, angles: Array, h: Array, rate: Array, force: Arra
     """Return the increments from the angles (n, 3) at the starts.
 
     What they are seen from, the yaw, does not matter; the other arguments are those of
-    :func:`~imu_sim_ros.navigation.increments.of_readings`.
+    :func:`~imu_sim_ros.navigation.increments.between`.
     """
     first, last = rate[:-1], rate[1:]
     mean = 0.5 * (first + last)

@@ -132,7 +132,7 @@ def _integrated(
         return _step_through(stepper, t_ns, gyro, accel)
     states = _States(t_ns, initial, gravity, earth_rate)
     between: Callable[[Array, Array, Array], Increments] = partial(
-        increments.of_readings, method, attitude
+        increments.between, method, attitude
     )
     if attitude == "euler_angles":
         between = angles.AngleIncrements(method, states.attitude)

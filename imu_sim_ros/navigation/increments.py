@@ -51,7 +51,7 @@ def first_order(v: Array) -> Array:
 _TURNS = {"quaternion": first_order, "so3": exp}
 
 
-def of_readings(method: str, attitude: str, h: Array, rate: Array, force: Array) -> Increments:
+def between(method: str, attitude: str, h: Array, rate: Array, force: Array) -> Increments:
     """Return the increments between readings.
 
     :param method: one of ``METHODS``.

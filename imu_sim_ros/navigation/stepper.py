@@ -202,9 +202,9 @@ class Stepper:
 
     def _increment(self, h: Array, rates: Array, forces: Array) -> Increments:
         if self._attitude != "euler_angles":
-            return increments.of_readings(self._method, self._attitude, h, rates, forces)
+            return increments.between(self._method, self._attitude, h, rates, forces)
         euler = rotation.to_euler(self.state.q_wb)[None]
         if angles.near_lock(euler[:, 1], h, rates[:1]).any():
             self.counts.gimbal_lock += 1
-            return increments.of_readings(self._method, "so3", h, rates, forces)
+            return increments.between(self._method, "so3", h, rates, forces)
         return angles.increments_of(self._method, euler, h, rates, forces)

@@ -196,7 +196,7 @@ def _fields(message: Any, before: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _orientation(path: Path, info: TopicInfo, topics: Sequence[TopicInfo]) -> list[Item]:
-    """Return the plots of a board's orientation, whose truth is that of the body."""
+    """Return the plots of an orientation, whose truth is that of the body."""
     table = known_tables()["orientation"]
     space = info.name.strip("/").rpartition("imu/")[0]
     truths = [f"{space}{TRUTH}odom", f"{TRUTH}odom"]
