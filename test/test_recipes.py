@@ -175,7 +175,7 @@ def renamed(text: str) -> str:
         *(("barometer", "altimeter"), ('"pressure"', '"air"'), ("imu/pressure", "imu/air")),
         *(("ground_truth/pressure", "ground_truth/air"), ("truth_pressure", "truth_air")),
         ("    pressure: bool", "    air: bool"),
-        ('"air": np', '"pressure": np'),  # what it returns has the same names
+        ('"air": reading', '"pressure": reading'),  # what it returns has the same names
     ):
         text = text.replace(old, new)
     return text

@@ -252,6 +252,12 @@ def _field(kind: str, default: Value, text: str, **details: Any) -> Any:
     return dataclasses.field(default=default, metadata={METADATA: parameter})
 
 
+def like(other: Parameter, **changed: Any) -> Any:
+    """Describe what another parameter describes, but for some fields of :class:`Parameter`."""
+    parameter = dataclasses.replace(other, **changed)
+    return dataclasses.field(default=parameter.default, metadata={METADATA: parameter})
+
+
 def number(default: float, text: str, **details: Any) -> Any:
     """Describe a float; details are fields of :class:`Parameter`."""
     return _field("number", default, text, **details)

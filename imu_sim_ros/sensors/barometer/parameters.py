@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from imu_sim_ros.parameters.kinds import flag, number, numbers, text
-from imu_sim_ros.sensors.imu.triads import TriadParameters
+from imu_sim_ros.sensors.imu.triads import TriadParameters, as_in_triads
 from imu_sim_ros.sensors.parameters import OwnRateParameters
 
 _AS_IN_TRIADS: Final = (
@@ -27,48 +27,28 @@ _AS_IN_TRIADS: Final = (
 )
 
 
+def _as_in_triads(name: str, **changed: str) -> Any:
+    words = {"triad": "barometer", "unit": "Pa", "change": "Pa/s"}
+    return as_in_triads(name, words, kind="number", default=0.0, **changed)
+
+
 @dataclass(frozen=True)
 class BarometerParameters(OwnRateParameters):
     """One barometer; every error is off at zero."""
 
     preset: str = text("", "file in config/barometers, or a path, to start from; empty: none")
-    noise_density: float = number(
-        0.0,
-        "white noise, continuous time, two-sided: the variance of a sample is density^2 * rate",
-        unit="Pa/sqrt(Hz)",
-        minimum=0.0,
-        live=True,
+    noise_density: float = _as_in_triads("noise_density")
+    random_walk: float = _as_in_triads("random_walk")
+    gauss_markov_sigma: float = _as_in_triads(
+        "gauss_markov_sigma",
+        text="stationary standard deviation of a first-order Gauss-Markov drift (weather)",
     )
-    random_walk: float = number(
-        0.0,
-        "random walk of the bias, continuous time",
-        unit="Pa/s/sqrt(Hz)",
-        minimum=0.0,
-        live=True,
-    )
-    gauss_markov_sigma: float = number(
-        0.0,
-        "stationary standard deviation of a first-order Gauss-Markov drift (weather)",
-        unit="Pa",
-        minimum=0.0,
-        live=True,
-    )
-    correlation_time: float = number(
-        0.0, "correlation time of the Gauss-Markov drift", unit="s", minimum=0.0
-    )
-    bias_instability: float = number(
-        0.0,
-        "bias instability B: 1/f noise of two-sided density B^2 / (2 pi f)",
-        unit="Pa",
-        minimum=0.0,
-        live=True,
-    )
-    bias: float = number(0.0, "constant offset", unit="Pa", live=True)
-    turn_on_bias_sigma: float = number(
-        0.0,
-        "standard deviation of the offset from unit to unit, drawn from the seed",
-        unit="Pa",
-        minimum=0.0,
+    correlation_time: float = _as_in_triads("correlation_time")
+    bias_instability: float = _as_in_triads("bias_instability")
+    bias: float = _as_in_triads("bias")
+    turn_on_bias_sigma: float = _as_in_triads(
+        "turn_on_bias_sigma",
+        text="standard deviation of the offset from unit to unit, drawn from the seed",
     )
     temperature_bias: tuple[float, ...] = numbers(
         (),
@@ -76,13 +56,7 @@ class BarometerParameters(OwnRateParameters):
         unit="Pa/K^(k+1)",
         live=True,
     )
-    temperature_bias_sigma: float = number(
-        0.0,
-        "standard deviation from unit to unit of the linear drift with temperature, drawn from the "
-        "seed",
-        unit="Pa/K",
-        minimum=0.0,
-    )
+    temperature_bias_sigma: float = _as_in_triads("temperature_bias_sigma")
     gust_rate: float = number(
         0.0,
         "mean rate of pressure steps at the port, caused by wind, doors or fans",
@@ -102,8 +76,8 @@ class BarometerParameters(OwnRateParameters):
     maximum: float = number(
         0.0, "highest pressure that can be read; 0: no limit", unit="Pa", minimum=0.0, live=True
     )
-    resolution: float = number(
-        0.0, "step of the digital output (1 LSB); 0: none", unit="Pa", minimum=0.0, live=True
+    resolution: float = _as_in_triads(
+        "resolution", text="step of the digital output (1 LSB); 0: none"
     )
 
     def as_triad(self) -> TriadParameters:

@@ -21,11 +21,12 @@ from imu_sim_ros.parameters.kinds import (
     ZERO_MATRIX,
     Matrix,
     Vector,
+    like,
     matrix,
     numbers,
     vector,
 )
-from imu_sim_ros.parameters.sections import section
+from imu_sim_ros.parameters.sections import parameters, section
 from imu_sim_ros.types import Array
 
 NO_CROSS_AXIS = (0.0,) * 6
@@ -368,3 +369,14 @@ class TriadsParameters:
     def triad(self, name: str) -> TriadParameters:
         """Return the errors of one triad."""
         return {"gyroscope": self.gyroscope, "accelerometer": self.accelerometer}[name]
+
+
+def as_in_triads(name: str, words: Mapping[str, str], **changed: Any) -> Any:
+    """Describe a parameter of another sensor that is one of the triads'.
+
+    :param words: what stands for ``{triad}``, ``{unit}``, ... in text and unit.
+    :param changed: fields of :class:`Parameter` that are others.
+    """
+    triads = parameters(TriadParameters)[name]
+    own = {"text": triads.text.format(**words), "unit": triads.unit.format(**words)}
+    return like(triads, **{**own, **changed})

@@ -23,10 +23,11 @@ from imu_sim_ros.parameters.kinds import (
     numbers,
     vector,
 )
-from imu_sim_ros.sensors.imu.triads import TriadParameters, invertible_problems
+from imu_sim_ros.sensors.imu.triads import TriadParameters, as_in_triads, invertible_problems
 from imu_sim_ros.sensors.parameters import OwnRateParameters
 from imu_sim_ros.types import Array
 
+_WORDS: Final = {"triad": "magnetometer", "unit": "T", "change": "T/s", "quantity": "field"}
 AS_IN_TRIADS: Final = (
     "noise_density",
     "random_walk",
@@ -95,59 +96,16 @@ class MagnetometerParameters(OwnRateParameters):
         unit="s, A",
         group=2,
     )
-    noise_density: Vector = vector(
-        0.0,
-        "white noise, continuous time, two-sided: the variance of a sample is density^2 * rate",
-        unit="T/sqrt(Hz)",
-        minimum=0.0,
-        live=True,
-    )
-    random_walk: Vector = vector(
-        0.0,
-        "random walk of the bias, continuous time",
-        unit="T/s/sqrt(Hz)",
-        minimum=0.0,
-        live=True,
-    )
-    bias_instability: Vector = vector(
-        0.0,
-        "bias instability B: 1/f noise of two-sided density B^2 / (2 pi f)",
-        unit="T",
-        minimum=0.0,
-        live=True,
-    )
-    bias: Vector = vector(0.0, "offset of the sensor itself, in its own axes", unit="T", live=True)
-    turn_on_bias_sigma: Vector = vector(
-        0.0,
-        "standard deviation of the offset from run to run, drawn from the seed",
-        unit="T",
-        minimum=0.0,
-    )
-    turn_on_scale_sigma: Vector = vector(
-        0.0,
-        "standard deviation of the scale error from run to run, drawn from the seed",
-        unit="1",
-        minimum=0.0,
-    )
-    temperature_bias: tuple[float, ...] = numbers(
-        (),
-        "bias polynomial: row k, x y z, is the coefficient of (T - T0)^(k+1)",
-        unit="T/K^(k+1)",
-        group=3,
-        live=True,
-    )
-    temperature_scale: tuple[float, ...] = numbers(
-        (),
-        "scale polynomial: row k, x y z, is the coefficient of (T - T0)^(k+1)",
-        unit="1/K^(k+1)",
-        group=3,
-        live=True,
-        turn_on_scale="divides",
-    )
-    range: Vector = vector(0.0, "largest field; 0: no limit", unit="T", minimum=0.0, live=True)
-    resolution: Vector = vector(
-        0.0, "step of the digital output (1 LSB); 0: none", unit="T", minimum=0.0, live=True
-    )
+    noise_density: Vector = as_in_triads("noise_density", _WORDS)
+    random_walk: Vector = as_in_triads("random_walk", _WORDS)
+    bias_instability: Vector = as_in_triads("bias_instability", _WORDS)
+    bias: Vector = as_in_triads("bias", _WORDS, text="offset of the sensor itself, in its own axes")
+    turn_on_bias_sigma: Vector = as_in_triads("turn_on_bias_sigma", _WORDS)
+    turn_on_scale_sigma: Vector = as_in_triads("turn_on_scale_sigma", _WORDS)
+    temperature_bias: tuple[float, ...] = as_in_triads("temperature_bias", _WORDS)
+    temperature_scale: tuple[float, ...] = as_in_triads("temperature_scale", _WORDS)
+    range: Vector = as_in_triads("range", _WORDS)
+    resolution: Vector = as_in_triads("resolution", _WORDS)
 
     def response_and_bias(self) -> tuple[Array, Array]:
         """Return M (3, 3) and b (3,) [T] of ``reading = M B + b``, both in the sensor's axes.
