@@ -9,9 +9,13 @@ thread, must not leave one taken.
 """
 
 import threading
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import contextmanager
 from queue import SimpleQueue
-from typing import Any, Final, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
+
+if TYPE_CHECKING:
+    from concurrent.futures import ThreadPoolExecutor
 
 _T = TypeVar("_T")
 _Made = TypeVar("_Made")
@@ -53,6 +57,18 @@ def prefetch(items: Iterable[_T]) -> Generator[_T, None, None]:
         stopped = True
         places.put(False)
         worker.join()
+
+
+@contextmanager
+def threads(count: int) -> "Iterator[ThreadPoolExecutor]":
+    """Offer threads; what has not begun when the block ends is not done."""
+    from concurrent.futures import ThreadPoolExecutor  # most runs have no work for them
+
+    pool = ThreadPoolExecutor(count, thread_name_prefix="jobs")
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)
 
 
 class Pipeline(Generic[_T, _Made]):

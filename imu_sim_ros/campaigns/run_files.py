@@ -6,11 +6,12 @@
 import dataclasses
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
 from imu_sim_ros.bags.text.writer import Dataset
+from imu_sim_ros.bags.threads import threads
 from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.conventions import IMU_TOPIC
@@ -29,19 +30,13 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.errors.realised import realised_imu
-from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.simulation.engine import Body
-from imu_sim_ros.simulation.parameters import values_of
+from imu_sim_ros.simulation.parameters import SimulationParameters, values_of
 from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.simulation.topics import offered
 
-if TYPE_CHECKING:
-    from imu_sim_ros.sensors.camera.rig import Rig
-    from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
-
 _BAGS: Final = {"rosbag2": "dataset", "ros1": "dataset.bag", "mcap": "dataset.mcap"}
-_BLOCK: Final = 512
-"""Samples in a block if there are cameras: the images of a block lie in memory."""
+Windows = Iterator[Read]
 
 
 def write_dataset(cell: SimulatedCell, form: str, seed: int, folder: Path) -> Path:
@@ -51,26 +46,30 @@ def write_dataset(cell: SimulatedCell, form: str, seed: int, folder: Path) -> Pa
     :param folder: of the run.
     :returns: the dataset.
     """
-    body, path = cell.simulation(seed), folder / "dataset"
-    rig, sensors = _rig(cell, body), mounted(cell.parameters)
-    windows = body.windows(cell.total if rig is None else _BLOCK)
+    with threads(1) as pool:
+        return _written(cell, cell.simulation(seed, pool), form, folder)
+
+
+def _written(cell: SimulatedCell, body: Body, form: str, folder: Path) -> Path:
+    path, sensors = folder / "dataset", mounted(cell.parameters)
+    windows = body.windows(cell.total)
     if form in _BAGS:
-        return _bag(folder / _BAGS[form], sensors, rig, windows)
+        return _bag(folder / _BAGS[form], sensors, windows)
     if form == "tracks":
-        return _tracks(path, sensors, rig, windows)
+        return _tracks(path, sensors, body, windows)
     path.mkdir()
     names = usual_topics(sensors, "euroc", path, imu_only=False)
     tables = in_tables(names, "euroc", sensors)
     with Dataset(path / "mav0", "euroc", True, tables=tables) as dataset:
-        target = DatasetTarget(dataset, sensors)
-        if rig is None:
-            _write(target, None, windows)
-        else:
-            from imu_sim_ros.datasets.images import ImageFolders
+        if not cell.parameters.cameras:
+            _write(DatasetTarget(dataset, sensors), windows)
+            return path
+        from imu_sim_ros.datasets.camera_outputs import CameraTarget
+        from imu_sim_ros.datasets.images import ImageFolders
 
-            comment = f"simulated by imu_sim_ros, seed {seed}"
-            with ImageFolders(path / "mav0", rig, "euroc", 1, comment) as images:
-                _write(target, images, windows)
+        comment = f"simulated by imu_sim_ros, seed {body.parameters.seed}"
+        with ImageFolders(path / "mav0", sensors, body.world, "euroc", 1, comment) as images:
+            _write(CameraTarget(dataset, images, sensors), windows)
     return path
 
 
@@ -88,53 +87,40 @@ def write_config(cell: SimulatedCell, seed: int, folder: Path) -> Path:
         resolved(IMU_TOPIC),
         cell.total / parameters.rate,
     )
-    rig = _rig_values(values, parameters.rig) if parameters.cameras else None
+    rig = _rig_values(values, parameters) if parameters.cameras else None
     write_all(path, values, rig, parameters)
     every = values_of(parameters)
     files.write(every, path / "simulation.yaml", comment="All parameters of this run.")
     return path
 
 
-def _rig_values(values: ImuValues, rig: "RigParameters") -> RigValues:
+def _rig_values(values: ImuValues, parameters: SimulationParameters) -> RigValues:
     """Return the cameras next to an IMU."""
-    from imu_sim_ros.datasets.features import camera_topics, image_topic
+    from imu_sim_ros.datasets.configurations import image_topic
 
-    names = {topic: topic for topic in camera_topics(rig)}
+    names = {topic: topic for topic in offered(mounted(parameters))}
+    rig = parameters.rig
     topics = {camera: image_topic(camera, names) for camera in rig.cameras}
     return RigValues(values, rig.each(), topics, rig.scene)
 
 
-def _rig(cell: SimulatedCell, body: Body) -> "Rig | None":
-    if not cell.parameters.cameras:
-        return None
-    from imu_sim_ros.simulation.cameras import rig_on
-
-    return rig_on(cell.parameters.rig, body, cell.total / cell.parameters.rate)
-
-
-def _write(target: Any, seen: Any, windows: Iterator[Read]) -> None:
-    """Write the rows of all windows, and the frames taken until the end of each."""
-    for read in windows:
-        target.write(read)
-        if seen is not None:
-            seen.until(int(read[POSE].true_t_ns[-1]) + 1)
-
-
-def _tracks(
-    path: Path, sensors: Mapping[str, Mounted], rig: "Rig | None", windows: Iterator[Read]
-) -> Path:
-    if rig is None:
+def _tracks(path: Path, sensors: Mapping[str, Mounted], body: Body, windows: Windows) -> Path:
+    if not body.parameters.cameras:
         raise ConfigurationError("dataset tracks: there is no camera")
+    from imu_sim_ros.datasets.camera_outputs import CameraTarget
     from imu_sim_ros.datasets.tracks import TrackFiles
 
-    with Dataset(path, "csv", True) as dataset, TrackFiles(path, rig) as tracks:
-        _write(DatasetTarget(dataset, sensors), tracks, windows)
+    with Dataset(path, "csv", True) as dataset, TrackFiles(path, sensors, body.world) as tracks:
+        _write(CameraTarget(dataset, tracks, sensors), windows)
     return path
 
 
-def _bag(
-    path: Path, sensors: Mapping[str, Mounted], rig: "Rig | None", windows: Iterator[Read]
-) -> Path:
+def _write(target: Any, windows: Windows) -> None:
+    for read in windows:
+        target.write(read)
+
+
+def _bag(path: Path, sensors: Mapping[str, Mounted], windows: Windows) -> Path:
     known = offered(sensors)
     # No program reads the truth of all that is seen, which is twice as large as what is seen.
     topics = {
@@ -142,15 +128,6 @@ def _bag(
         for name in usual_topics(sensors, None, path, imu_only=False)
         if not (known[name].topic.truth and known[name].mounted.sensor.sees)
     }
-    with open_writer(path) as writer:
-        target = BagTarget(writer, sensors, topics)
-        if rig is None:
-            _write(target, None, windows)
-            return path
-        from imu_sim_ros.datasets.camera_bag import CameraBag
-        from imu_sim_ros.datasets.features import camera_topics
-
-        names = {name: name for name in camera_topics(rig.parameters)}
-        with CameraBag(target, rig, names, 1) as bag:
-            _write(bag, None, windows)
+    with open_writer(path) as writer, BagTarget(writer, sensors, topics) as bag:
+        _write(bag, windows)
     return path

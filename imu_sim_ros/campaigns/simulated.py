@@ -3,7 +3,7 @@
 
 """One cell of a campaign as its estimators see it: samples of any seed, and the truth."""
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -17,9 +17,13 @@ from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.engine import Body
+from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.simulation.topics import delivered
 from imu_sim_ros.trajectory.motion import RememberedTrajectory
 from imu_sim_ros.types import Array, Integers
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
 
 
 class RunReadings(NamedTuple):
@@ -64,9 +68,13 @@ class SimulatedCell:
         block: Samples = self.simulation(seed).next(self.total)[IMU]
         return block
 
-    def simulation(self, seed: int) -> Body:
-        """Return the body of this cell at its first sample, with the plan's faults."""
-        simulation = self._base.with_seed(seed)
+    def simulation(self, seed: int, threads: "Executor | None" = None) -> Body:
+        """Return the body of this cell at its first sample, with the plan's faults.
+
+        :param threads: for what cameras see, which is read as well; None: it is not.
+        """
+        seen = [n for n, one in mounted(self.parameters).items() if one.sensor.datasets]
+        simulation = self._base.with_seed(seed, seen if threads else (), threads)
         for timed in self.plan.faults:
             simulation.inject(timed.fault, timed.at)
         return simulation

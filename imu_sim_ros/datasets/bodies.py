@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The poses of bodies that move before cameras: as a table, and as messages."""
+"""The poses of bodies that move before cameras, as tables."""
 
 import math
 from pathlib import Path
@@ -9,11 +9,9 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
-from imu_sim_ros.bags.messages.encode import OdometryEncoder
-from imu_sim_ros.conventions import BODIES_TOPIC
 from imu_sim_ros.datasets.columns import Tables
-from imu_sim_ros.sensors.camera.rig import Rig
+from imu_sim_ros.sensors.camera.scene import Scene
+from imu_sim_ros.sensors.camera.view import View
 
 HEADER: Final = "t_ns,body,name,x,y,z,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz"
 RATE: Final = 100
@@ -21,20 +19,20 @@ RATE: Final = 100
 _BLOCK: Final = 4096
 
 
-def add_tables(tables: Tables, folder: Path, rig: Rig) -> None:
-    """Write ``bodies.csv`` and ``body_landmarks.csv`` if something moves in a rig's scene.
+def add_tables(tables: Tables, folder: Path, view: View, scene: Scene) -> None:
+    """Write ``bodies.csv`` and ``body_landmarks.csv`` if something moves in a scene.
 
     The first has each body's pose in the world, its velocity there and its angular rate at true
     times, 100 times a second; the second the landmarks on it, in its own axes.
 
     :param folder: that exists.
+    :param view: of a camera that sees it: it knows the times of the simulation.
     """
-    crowd = rig.scene.crowd
+    crowd = scene.crowd
     if crowd is None:
         return
     table = tables.csv(folder / "bodies.csv", HEADER)
-    view = next(iter(rig.views.values()))
-    count, total = len(crowd.each), math.floor(rig.duration * RATE) + 1
+    count, total = len(crowd.each), math.floor(view.duration * RATE) + 1
     names = np.array([body.name.encode() for body in crowd.each])
     for first in range(0, total, _BLOCK):
         index = np.arange(first, min(first + _BLOCK, total))
@@ -49,32 +47,7 @@ def add_tables(tables: Tables, folder: Path, rig: Rig) -> None:
         rows = (number + 1, names[number], position, q_wb, velocity, zeros, rate)
         table.write(t_ns.repeat(count), *rows)
     points = tables.csv(folder / "body_landmarks.csv", "id,body,x,y,z")
-    first_id = len(rig.scene.landmarks)
+    first_id = len(scene.landmarks)
     for which, (own, _) in enumerate(crowd.landmarks, start=1):
         points.write(first_id + np.arange(len(own)), np.full(len(own), which), own)
         first_id += len(own)
-
-
-class BodyMessages:
-    """Where each body is at the frames of the first camera: nav_msgs/Odometry, a topic for each."""
-
-    def __init__(self, rig: Rig, world_frame: str, encoding: str = "cdr") -> None:
-        self.view = next(iter(rig.views.values()))
-        self._bodies = rig.scene.crowd.each if rig.scene.crowd else ()
-        self._encoders = [
-            OdometryEncoder(world_frame, body.name, encoding) for body in self._bodies
-        ]
-
-    def messages(self, number: int) -> dict[str, bytes]:
-        """Return the messages of a frame, by topic; their stamps are its true time."""
-        t_ns = int(self.view.frames(number, 1).true_t_ns[0])
-        t = self.view.seconds(np.array([t_ns]))
-        found = {}
-        for body, encoder in zip(self._bodies, self._encoders, strict=True):
-            state = body.state(t)
-            velocity = rotation.rotate_inverse(state.q_wb, state.velocity)[0]
-            rate = (0.0, 0.0, float(state.heading_rate[0]))
-            found[f"{BODIES_TOPIC}/{body.name}"] = encoder.message(
-                t_ns, state.position[0], state.q_wb[0], velocity, rate
-            )
-        return found

@@ -12,7 +12,7 @@ import numpy as np
 from imu_sim_ros import rotation
 from imu_sim_ros.bags.outputs import make_folder
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.conventions import IMAGE_TOPIC, IMU_TOPIC
+from imu_sim_ros.conventions import COMPRESSED_TOPIC, IMAGE_TOPIC, IMU_TOPIC
 from imu_sim_ros.datasets.consumers import kalibr
 from imu_sim_ros.datasets.consumers.folder import write_all
 from imu_sim_ros.datasets.consumers.rig import InitialMotion, RigValues, start_warnings
@@ -23,7 +23,7 @@ from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SimulationParameters, imus
-from imu_sim_ros.simulation.sensors import imus_in, mount
+from imu_sim_ros.simulation.sensors import imus_in
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
@@ -57,8 +57,6 @@ def write_configs(
         values = _values(parameters, resolved(names.get(own, own)), seconds)
         seen = None
         if rig is not None and rig.cameras:
-            from imu_sim_ros.datasets.features import image_topic
-
             topics = {camera: image_topic(camera, names) for camera in rig.cameras}
             lines = tuple(start_warnings(values, _start(body)))
             warnings += [f"{name}: {line}" if name else line for line in lines]
@@ -75,6 +73,16 @@ def _start(body: Body) -> InitialMotion:
     force = motion.acceleration - np.asarray(body.parameters.gravity)
     speed = np.linalg.norm(motion.velocity, axis=1)
     return InitialMotion(t, rotation.rotate_inverse(motion.q_wb, force), speed)
+
+
+def image_topic(camera: str, names: Mapping[str, str]) -> str:
+    """Return the name of a camera's image topic: the raw one's, unless only the other is there.
+
+    :param names: of the topics that are written, by their own names.
+    """
+    raw, compressed = (f"{camera}/{topic}" for topic in (IMAGE_TOPIC, COMPRESSED_TOPIC))
+    key = compressed if compressed in names and raw not in names else raw
+    return resolved(names.get(key, key))
 
 
 def bagcreater_topics(imus: Iterable[str]) -> dict[str, str]:
@@ -113,7 +121,7 @@ def describe(
     comments = {}
     for index, name in enumerate(imus_in(sensors)):
         one = sensors[name]
-        parameters, pose = one.environment, mount(one)
+        parameters, pose = one.environment, one.sensor.mount(one.own)
         comment = f"simulated by imu_sim_ros, preset {one.own.preset}, seed {parameters.seed}"
         comments[one.space] = comment
         text_writer.write_euroc_descriptions(
@@ -130,7 +138,7 @@ def describe(
         if (table, number) not in tables:
             continue
         own = getattr(one.own, one.name) if one.with_imu else one.own
-        rate, pose = own.rate or one.environment.rate, mount(one)
+        rate, pose = own.rate or one.environment.rate, one.sensor.mount(one.own)
         comment = comments.get(one.space, next(iter(comments.values())))
         text_writer.write_euroc_table(
             folder, table, number, rate, pose[:3, :3], pose[:3, 3], comment

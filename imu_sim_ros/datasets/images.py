@@ -11,10 +11,10 @@ images; OpenCV and NumPy let them run side by side.
 
 import io
 from collections import deque
-from collections.abc import Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Iterable, Mapping
+from concurrent.futures import Future
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,15 +25,18 @@ from imu_sim_ros.bags.writer import amount
 from imu_sim_ros.conventions import IMAGE_TOPIC
 from imu_sim_ros.datasets.bodies import add_tables
 from imu_sim_ros.datasets.columns import Tables
-from imu_sim_ros.datasets.tracks import CameraProgress
+from imu_sim_ros.datasets.topics import Read
 from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.sensors.camera.declaration import cameras_in
 from imu_sim_ros.sensors.camera.images.files import png
 from imu_sim_ros.sensors.camera.images.flow import kitti_flow
-from imu_sim_ros.sensors.camera.images.imager import imagers
 from imu_sim_ros.sensors.camera.images.renderer import opencv
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
-from imu_sim_ros.sensors.camera.rig import Rig
+from imu_sim_ros.sensors.camera.scene_parameters import check_surfaces
+from imu_sim_ros.sensors.camera.view import View, view_of
+from imu_sim_ros.sensors.declaration import Mounted
+from imu_sim_ros.sensors.world import World
 from imu_sim_ros.types import Array, Bytes, Single
 
 EUROC_HEADER: Final = "#timestamp [ns],filename"
@@ -47,116 +50,132 @@ _MILLIMETRES: Final = 1000.0
 _DISTORTIONS: Final = {"none": "none", "radtan": "radial-tangential", "equidistant": "equidistant"}
 
 
+class _Frame(NamedTuple):
+    """A frame of which an image is made."""
+
+    true_t_ns: int
+    camera: int
+    number: int
+    t_ns: int
+    row: int
+    """Among the samples that it came with."""
+
+
 class ImageFolders:
     """The images of all cameras in a folder; use as a context manager."""
 
-    def __init__(self, folder: Path, rig: Rig, form: str, jobs: int, comment: str) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        sensors: Mapping[str, Mounted],
+        world: World,
+        form: str,
+        jobs: int,
+        comment: str,
+    ) -> None:
         """Make the folders.
 
         :param folder: that exists.
+        :param sensors: of the body.
+        :param world: with threads.
         :param form: euroc; tum_vi, which has grey values of 16 bits and no descriptions of sensors;
             or csv.
-        :param jobs: threads.
+        :param jobs: number of threads.
         :param comment: for the sensors' descriptions.
         :raises ConfigurationError: for a scene without surfaces.
         :raises MissingDependencyError: if OpenCV is not installed.
         """
-        self._cv2 = opencv()
-        self._cv2.setNumThreads(1)  # the threads are ours
-        views = {n: view for n, view in rig.views.items() if view.parameters.images != "none"}
-        made = imagers(views, rig.scene, rig.parameters.scene, rig.trajectory)
-        self.cameras = [CameraProgress(rig, name) for name in views]
-        self._imagers = list(made.values())
-        self._frames: list[list[tuple[int, int]]] = [[] for _ in self.cameras]
+        opencv()
+        assert world.threads is not None
+        self._threads, self._most = world.threads, _AHEAD * jobs
+        cameras = {n: o for n, o in cameras_in(sensors).items() if o.own.images != "none"}
+        if cameras:
+            check_surfaces(next(iter(cameras.values())).environment.rig.scene)
+        self.views = [view_of(one, world) for one in cameras.values()]
+        self._frames: list[list[_Frame]] = [[] for _ in self.views]
+        self._exposures: list[list[tuple[int, float]]] = [[] for _ in self.views]
         self._folder, self._tables, self._deep = folder, form != "csv", form == "tum_vi"
-        self._further = (DEPTH_FOLDER, MASK_FOLDER) if rig.scene.crowd else (DEPTH_FOLDER,)
+        self._further = (DEPTH_FOLDER, MASK_FOLDER) if world.scene.crowd else (DEPTH_FOLDER,)
         """Folders of the truth of each pixel, if it is wanted."""
-        self._pool = ThreadPoolExecutor(jobs, thread_name_prefix="images")
         self._waiting: deque[Future[None]] = deque()
-        self._most = _AHEAD * jobs
-        for camera in self.cameras:
-            place = self._place(camera.name)
-            folders = [place]
-            if self._has_depth(camera):
-                folders += [place.parent / name for name in self._further]
-            if self._flow(camera) != "none":
-                folders.append(place.parent / FLOW_FOLDER)
+        for view in self.views:
+            target = self._target(view.name)
+            folders = [target]
+            if self._has_depth(view):
+                folders += [target.parent / name for name in self._further]
+            if self._flow(view) != "none":
+                folders.append(target.parent / FLOW_FOLDER)
             for made_folder in folders:
                 try:
                     made_folder.mkdir(parents=True)
                 except OSError as error:
                     raise system_error(made_folder, error) from None
             if form == "euroc":
-                text = _sensor_yaml(camera.view.parameters, comment)
-                (place.parent / "sensor.yaml").write_text(text, encoding="utf-8")
+                text = _sensor_yaml(view.parameters, comment)
+                (target.parent / "sensor.yaml").write_text(text, encoding="utf-8")
+        first = next(iter(cameras_in(sensors).values()))
         with Tables() as tables:
-            add_tables(tables, folder, rig)
+            add_tables(tables, folder, view_of(first, world), world.scene)
 
     @property
     def counts(self) -> dict[str, int]:
         """Images by camera."""
         return {
-            f"/{camera.name}/{IMAGE_TOPIC}": len(frames)
-            for camera, frames in zip(self.cameras, self._frames, strict=True)
+            f"/{view.name}/{IMAGE_TOPIC}": len(frames)
+            for view, frames in zip(self.views, self._frames, strict=True)
         }
 
-    def exposures(self, camera: int) -> Iterator[tuple[int, float]]:
-        """Yield stamp [ns] and exposure time [s] of each image of a camera, by its number."""
-        for number, t_ns in self._frames[camera]:
-            yield t_ns, self._imagers[camera].exposure(number)
+    def exposures(self, camera: int) -> list[tuple[int, float]]:
+        """Return stamp [ns] and exposure time [s] of each image of a camera, by its number."""
+        kept = {frame.t_ns for frame in self._frames[camera]}
+        return [each for each in self._exposures[camera] if each[0] in kept]
 
-    def vignette(self, camera: int) -> Single:
-        """Return the share of the light that each pixel of a camera gets (h, w)."""
-        return self._imagers[camera].vignette
+    def _has_depth(self, view: View) -> bool:
+        return self._tables and view.parameters.depth
 
-    def _has_depth(self, camera: CameraProgress) -> bool:
-        return self._tables and camera.view.parameters.depth
-
-    def _flow(self, camera: CameraProgress) -> str:
+    def _flow(self, view: View) -> str:
         """Return the form of the flow of a camera, as ``camera.flow`` names it."""
-        return camera.view.parameters.flow if self._tables else "none"
+        return view.parameters.flow if self._tables else "none"
 
-    def until(self, t_ns: int) -> None:
-        """Request all images taken before a time [ns], those of all cameras in order of time."""
-        end = -1
-        while end < t_ns:
-            end = min([t_ns, *(camera.block_end() for camera in self.cameras)])
-            due = []
-            for number, camera in enumerate(self.cameras):
-                frames = camera.view.frames(camera.position, camera.until(end))
-                camera.position += len(frames.number)
-                rows = np.stack([frames.true_t_ns, frames.number, frames.t_ns], axis=1)
-                due += [(t, number, *row) for t, *row in rows[frames.delivered].tolist()]
-            for _, number, *frame in sorted(due):
-                self._order(number, *frame)
+    def write(self, read: Read) -> None:
+        """Request the images of a window, those of all cameras in order of time."""
+        due = []
+        for camera, view in enumerate(self.views):
+            seen = read[view.name]
+            for row in seen.delivered.tolist():
+                true_t_ns, t_ns = int(seen.true_t_ns[row]), int(seen.t_ns[row])
+                due.append(_Frame(true_t_ns, camera, seen.first + row, t_ns, row))
+        for frame in sorted(due):
+            while len(self._waiting) >= self._most:
+                self._waiting.popleft().result()
+            path, seen = self._file(frame), read[self.views[frame.camera].name]
+            self._frames[frame.camera].append(frame)
+            if self._deep:
+                exposure = frame.t_ns, seen.exposure[frame.row]
+                self._exposures[frame.camera].append(exposure)
+            self._waiting.append(self._threads.submit(self._make, frame, seen, path))
 
-    def _order(self, camera: int, number: int, t_ns: int) -> None:
-        while len(self._waiting) >= self._most:
-            self._waiting.popleft().result()
-        path = self._place(self.cameras[camera].name) / image_name(t_ns)
-        self._frames[camera].append((number, t_ns))
-        self._waiting.append(self._pool.submit(self._make, camera, number, path))
-
-    def _make(self, camera: int, number: int, path: Path) -> None:
-        image: NDArray[Any] = self._imagers[camera].image(number)
+    def _make(self, frame: _Frame, seen: Any, path: Path) -> None:
+        view = self.views[frame.camera]
+        image: NDArray[Any] = seen.image[frame.row]
         write_png(path, in_16_bits(image) if self._deep and image.ndim == 2 else image)
-        if self._has_depth(self.cameras[camera]):
-            depth, mask = self._imagers[camera].depth_and_mask(number)
+        if self._has_depth(view):
+            depth, mask = seen.depth_and_mask[frame.row]
             for folder, each in ((DEPTH_FOLDER, millimetres(depth)), (MASK_FOLDER, mask)):
                 if each is not None:
                     write_png(path.parents[1] / folder / path.name, each)
-        form = self._flow(self.cameras[camera])
+        form = self._flow(view)
         if form != "none":
-            steps = self._imagers[camera].flow(number)
-            place = path.parents[1] / FLOW_FOLDER / path.name
+            steps = seen.flow[frame.row]
+            target = path.parents[1] / FLOW_FOLDER / path.name
             if form == "kitti":
-                write_png(place, kitti_flow(steps))
+                write_png(target, kitti_flow(steps))
             else:
                 content = io.BytesIO()
                 np.save(content, steps)
-                write_bytes(place.with_suffix(".npy"), content.getvalue())
+                write_bytes(target.with_suffix(".npy"), content.getvalue())
 
-    def _place(self, name: str) -> Path:
+    def _target(self, name: str) -> Path:
         return self._folder / name / "data" if self._tables else self._folder / name
 
     def __enter__(self) -> "ImageFolders":
@@ -166,30 +185,33 @@ class ImageFolders:
         failed = error is not None and isinstance(error, Exception)
         try:
             while self._waiting and not failed:
-                self._waiting.popleft().result()
+                future = self._waiting.popleft()
+                if error is None or not future.cancel():
+                    future.result()
         finally:
-            self._pool.shutdown(cancel_futures=True)
+            for future in self._waiting:
+                future.cancel()
         if error is not None and not failed:
             self._cut()
         if self._tables and not failed:
-            for camera, frames in zip(self.cameras, self._frames, strict=True):
-                write_table(self._folder / camera.name, [t_ns for _, t_ns in frames])
+            for view, frames in zip(self.views, self._frames, strict=True):
+                write_table(self._folder / view.name, [frame.t_ns for frame in frames])
 
     def _cut(self) -> None:
         """Drop what an interruption left some cameras with and others without."""
         ends = []
-        for camera, frames in zip(self.cameras, self._frames, strict=True):
-            there = [n for n, t_ns in frames if self._file(camera, t_ns).is_file()]
+        for view, frames in zip(self.views, self._frames, strict=True):
+            there = [frame.number for frame in frames if self._file(frame).is_file()]
             following = there[-1] + 1 if there else 0
-            if camera.view.total is None or following < camera.view.total:
-                ends.append(int(camera.view.frames(following, 1).true_t_ns[0]))
+            if view.total is None or following < view.total:
+                ends.append(int(view.frames(following, 1).true_t_ns[0]))
         end = min(ends, default=LATEST_NS)
-        for number, camera in enumerate(self.cameras):
+        for number, frames in enumerate(self._frames):
             kept = []
-            for n, t_ns in self._frames[number]:
-                path = self._file(camera, t_ns)
-                if path.is_file() and camera.view.frames(n, 1).true_t_ns[0] < end:
-                    kept.append((n, t_ns))
+            for frame in frames:
+                path = self._file(frame)
+                if path.is_file() and frame.true_t_ns < end:
+                    kept.append(frame)
                     continue
                 path.unlink(missing_ok=True)
                 for folder in (*self._further, FLOW_FOLDER):
@@ -198,14 +220,14 @@ class ImageFolders:
                         file.unlink(missing_ok=True)
             self._frames[number] = kept
 
-    def _file(self, camera: CameraProgress, t_ns: int) -> Path:
-        return self._place(camera.name) / image_name(t_ns)
+    def _file(self, frame: _Frame) -> Path:
+        return self._target(self.views[frame.camera].name) / image_name(frame.t_ns)
 
     def described(self) -> str:
         """Return how many images each camera has, and until when."""
         return ", ".join(
-            amount(len(frames), frames[-1][1] if frames else -1, f"images of {camera.name}")
-            for camera, frames in zip(self.cameras, self._frames, strict=True)
+            amount(len(frames), frames[-1].t_ns if frames else -1, f"images of {view.name}")
+            for view, frames in zip(self.views, self._frames, strict=True)
         )
 
 

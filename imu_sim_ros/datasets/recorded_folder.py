@@ -27,6 +27,7 @@ from imu_sim_ros.bags.messages.encode_cameras import (
     CompressedImageEncoder,
     ImageEncoder,
 )
+from imu_sim_ros.bags.messages.schemas import LATCHED
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE, TransformsEncoder
 from imu_sim_ros.bags.outputs import write_bytes
 from imu_sim_ros.bags.writer import BagTopic, Block, Writer
@@ -38,7 +39,6 @@ from imu_sim_ros.conventions import (
     IMAGE_TOPIC,
     TF_STATIC_TOPIC,
 )
-from imu_sim_ros.datasets.features import LATCHED
 from imu_sim_ros.datasets.images import DEPTH_FOLDER, image_name, write_table
 from imu_sim_ros.datasets.recorded import (
     FolderCamera,

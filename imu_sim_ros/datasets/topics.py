@@ -6,13 +6,14 @@
 One home for ``generate``, the public interface and campaigns.
 """
 
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.bags.messages.schemas import LATCHED
 from imu_sim_ros.bags.text.writer import WITH_TABLES, BodyStates, Dataset
 from imu_sim_ros.bags.writer import BagTopic, Block, Writer, amount, described
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
@@ -20,12 +21,14 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.names import unknown
 from imu_sim_ros.sensors.declaration import Mounted
+from imu_sim_ros.sensors.deferred import Results
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.simulation.sensors import imus_in
 from imu_sim_ros.simulation.topics import (
     MOUNTS,
     Encode,
+    Messages,
     Offered,
     delivered,
     delivered_rows,
@@ -44,8 +47,16 @@ class _Output(NamedTuple):
     encode: Encode
 
 
+class _Made(NamedTuple):
+    topic: BagTopic
+    messages: Messages
+
+
 class BagTarget:
-    """Samples into a bag."""
+    """Samples into a bag; use as a context manager.
+
+    What threads make of a window is written with the window after it, so that they never wait.
+    """
 
     def __init__(
         self, writer: Writer, sensors: Mapping[str, Mounted], names: Mapping[str, str]
@@ -62,9 +73,11 @@ class BagTarget:
         self._outputs = []
         for full, name in names.items():
             sensor, mounted, topic = known[full]
-            made = writer.add_topic(resolved(name), topic.type)
+            qos = [LATCHED] if topic.latched else None
+            made = writer.add_topic(resolved(name), topic.type, qos)
             encode = known[full].encoder(writer.encoding)
             self._outputs.append(_Output(made, sensor, mounted.valid, encode))
+        self._waiting: deque[list[_Made]] = deque()
 
     @property
     def counts(self) -> dict[str, int]:
@@ -83,12 +96,25 @@ class BagTarget:
 
     def write(self, read: Read) -> None:
         """Write the messages of a window of time, all topics in order."""
-        self.writer.write_blocks(self.messages(read))
+        made = [
+            _Made(topic, encode(read[name], valid)) for topic, name, valid, encode in self._outputs
+        ]
+        self._waiting.append([each for each in made if len(each.messages.t_ns)])
+        under_way = any(isinstance(each.messages.payloads, Results) for each in made)
+        while len(self._waiting) > under_way:
+            self._put()
 
-    def messages(self, read: Read) -> list[Block]:
-        """Return the messages of a window of time, by topic."""
-        made = [(topic, encode(read[name], valid)) for topic, name, valid, encode in self._outputs]
-        return [Block(topic, m.t_ns, m.payloads) for topic, m in made if len(m.t_ns)]
+    def _put(self) -> None:
+        """Write the messages of the first window that waits."""
+        made = self._waiting.popleft()
+        self.writer.write_blocks([Block(t, each.t_ns, each.made()) for t, each in made])
+
+    def __enter__(self) -> "BagTarget":
+        return self
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        while self._waiting and error is None:
+            self._put()
 
 
 class InTable(NamedTuple):
@@ -207,6 +233,8 @@ def usual_topics(
 
     def written(one: Offered) -> bool:
         sensor, own_files = one.mounted.sensor, one.mounted.sensor.companions
+        if form in sensor.datasets:
+            return False  # it has a place of its own there
         if in_text and sensor.table is None and own_files and own_files.suffixes(one.mounted.own):
             return False  # they hold what a dataset has no place for
         if in_text and sensor.table is not None and not (tables and one.topic is sensor.topics[0]):
@@ -215,8 +243,8 @@ def usual_topics(
 
     known = offered(sensors).items()
     found = [name for name, one in known if is_published(one.topic, usual) and written(one)]
-    if not in_text and any(one.sensor.sees for one in sensors.values()):
-        found.append(MOUNTS)  # who places its points in the world needs them
+    if not in_text and any(one.sensor.sees and not one.sensor.apart for one in sensors.values()):
+        found.append(MOUNTS)  # who places points in the world needs them; stacks of cameras do not
     return found
 
 
@@ -230,21 +258,19 @@ def chosen_topics(
     renamed: Mapping[str, str],
     sensors: Mapping[str, Mounted],
     usual: Iterable[str],
-    more: Iterable[str] = (),
 ) -> dict[str, str]:
     """Return the topics to write, each with its name in the bag.
 
     :param topics: one without its namespace selects the topic of every IMU; none: the usual ones.
-    :param more: topics that are not of the sensors: of cameras.
     :raises InputError: with a line for every name that is unknown or given twice.
     """
-    more, known = tuple(more), offered(sensors)
-    wanted = list(topics) or [*usual, *more]
+    known = offered(sensors)
+    wanted = list(topics) or list(usual)
     names: list[str] = []
     for name in (name.strip().lstrip("/") for name in wanted):
         of_all = [full for full, one in known.items() if one.topic.name == name]
         names += of_all if of_all and name not in known else [name]
-    problems = list(_topic_problems(names, renamed, tuple(dict.fromkeys((*known, *more)))))
+    problems = list(_topic_problems(names, renamed, tuple(known)))
     if problems:
         raise InputError(problems)
     return {name: renamed.get(name, name) for name in names}

@@ -3,6 +3,7 @@
 
 """A folder of feature tracks, written and read."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -10,15 +11,20 @@ import numpy as np
 
 from imu_sim_ros.datasets.bodies import add_tables
 from imu_sim_ros.datasets.columns import Column, Tables
+from imu_sim_ros.datasets.topics import Read
 from imu_sim_ros.errors import ImuSimError, InputError, system_error
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
+from imu_sim_ros.sensors.camera.declaration import cameras_in
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
-from imu_sim_ros.sensors.camera.rig import Blindness, Rig
+from imu_sim_ros.sensors.camera.rig import Blindness
 from imu_sim_ros.sensors.camera.rig_parameters import load_rig
 from imu_sim_ros.sensors.camera.scene import read_points
-from imu_sim_ros.sensors.camera.tracker import TrackedLines, Tracker, Tracks
+from imu_sim_ros.sensors.camera.tracker import TrackedLines, Tracks
+from imu_sim_ros.sensors.camera.view import view_of
+from imu_sim_ros.sensors.declaration import Mounted
+from imu_sim_ros.sensors.world import World
 from imu_sim_ros.types import Array, Integers, Mask
 
 TRACKS_HEADER: Final = "t_ns,camera,id,u,v,u_true,v_true,depth"
@@ -26,56 +32,35 @@ BODY_COLUMN: Final = ",body"
 """In scenes in which something moves; 0: at rest."""
 LINES_HEADER: Final = "t_ns,camera,id,u1,v1,u2,v2,u1_true,v1_true,u2_true,v2_true"
 LANDMARKS_HEADER: Final = "id,x,y,z"
-BLOCK: Final = 64
-"""Frames generated at once."""
-
-
-class CameraProgress:
-    """The next frame of one camera."""
-
-    def __init__(self, rig: Rig, name: str) -> None:
-        self.name = name
-        self.view = rig.views[name]
-        self.tracker: Tracker = rig.tracker(name)
-        self.blindness = Blindness(name)
-        self.position = 0
-
-    def until(self, t_ns: int) -> int:
-        """Return how many more frames are taken before a time [ns], at most a block."""
-        count = BLOCK
-        if self.view.total is not None:
-            count = min(count, self.view.total - self.position)
-        return int(np.searchsorted(self.view.frames(self.position, count).true_t_ns, t_ns))
-
-    def block_end(self) -> int:
-        """Return the time [ns] until which there are no more frames than a block."""
-        return int(self.view.frames(self.position + BLOCK, 1).true_t_ns[0])
 
 
 class TrackFiles:
     """The tracks of all cameras in a folder; use as a context manager."""
 
-    def __init__(self, folder: Path, rig: Rig) -> None:
+    def __init__(self, folder: Path, sensors: Mapping[str, Mounted], world: World) -> None:
         """Open the tables, and write landmarks and cameras.
 
         :param folder: that exists.
+        :param sensors: of the body.
         """
-        self.rig = rig
-        self.cameras = [CameraProgress(rig, name) for name in rig.views]
+        cameras, scene = cameras_in(sensors), world.scene
+        self._blindness = {name: Blindness(name) for name in cameras}
+        self._t0_ns = world.t0_ns
         self._tables = Tables()
-        self._moving = rig.scene.crowd is not None
+        self._moving = scene.crowd is not None
         header = TRACKS_HEADER + BODY_COLUMN * self._moving
         self.tracks = self._tables.csv(folder / "tracks.csv", header)
         self._arrays = self._tables.npz(folder / "tracks.npz")
         self.lines = None
-        if len(rig.scene.lines):
+        if len(scene.lines):
             self.lines = self._tables.csv(folder / "lines.csv", LINES_HEADER)
         landmarks = self._tables.csv(folder / "landmarks.csv", LANDMARKS_HEADER)
-        points = rig.scene.landmarks
+        points = scene.landmarks
         landmarks.write(np.arange(len(points)), points)
-        add_tables(self._tables, folder, rig)
+        first = next(iter(cameras.values()))
+        add_tables(self._tables, folder, view_of(first, world), scene)
         files.write(
-            flatten(rig.parameters),
+            flatten(first.environment.rig),
             folder / "cameras.yaml",
             comment="The cameras of tracks.csv; a parameter file for generate.",
         )
@@ -93,35 +78,23 @@ class TrackFiles:
         """Return how much was written; all cameras' frames end at the same time."""
         return f"{self.tracks.rows:,} tracks"
 
-    def until(self, t_ns: int) -> None:
-        """Write all frames taken before a time [ns], those of all cameras in order of time."""
-        while True:
-            end = min([t_ns, *(camera.block_end() for camera in self.cameras)])
-            counts = [camera.until(end) for camera in self.cameras]
-            self._write(counts)
-            for camera, count in zip(self.cameras, counts, strict=True):
-                camera.position += count
-            if end == t_ns:
-                return
-
     def warnings(self) -> list[str]:
         """Return notes for the user on the frames so far, a line each."""
-        return [line for camera in self.cameras for line in camera.blindness.warnings()]
+        return [line for one in self._blindness.values() for line in one.warnings()]
 
-    def _write(self, counts: list[int]) -> None:
-        """Write the given number of further frames of each camera."""
+    def write(self, read: Read) -> None:
+        """Write the frames of a window, those of all cameras in order of time."""
         tracks: list[dict[str, Column]] = []
         lines: list[dict[str, Column]] = []
-        for number, (camera, count) in enumerate(zip(self.cameras, counts, strict=True)):
-            found = camera.tracker.tracks(camera.position, count)
-            camera.blindness.look(found, camera.view.t0_ns)
+        for number, (name, blindness) in enumerate(self._blindness.items()):
+            found: Tracks = read[name].tracks
+            blindness.look(found, self._t0_ns)
             columns = _track_columns(found, number)
             tracks.append({**columns, "body": found.body} if self._moving else columns)
             if self.lines is not None:
-                seen = camera.tracker.lines(camera.position, count)
-                lines.append(_line_columns(found, seen, number))
+                lines.append(_line_columns(found, read[name].lines, number))
         rows = _in_order(tracks)
-        names = np.array([camera.name.encode() for camera in self.cameras])
+        names = np.array([name.encode() for name in self._blindness])
         self.tracks.write(
             rows["t_ns"],
             names[rows["camera"]],

@@ -11,6 +11,7 @@ same poses), and ``dso/camN`` with ``times.txt`` (name, seconds, exposure in ms)
 upper 8 are the simulated camera's.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
@@ -26,11 +27,14 @@ from imu_sim_ros.bags.writer import amount
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets.images import ImageFolders, image_name, write_png
 from imu_sim_ros.datasets.topics import Read
+from imu_sim_ros.sensors.camera.declaration import cameras_in
+from imu_sim_ros.sensors.camera.images.imager import vignette
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
-from imu_sim_ros.sensors.camera.rig import Rig
+from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.samples import Samples
+from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.topics import delivered
 from imu_sim_ros.types import Array, Times
 
@@ -46,16 +50,17 @@ _DSO_TIMES: Final = "# filename timestamp[s] exposure[ms]"
 class TumVi:
     """A sequence that is being written; use as a context manager."""
 
-    block_size: Final = 512
-    """Samples in a block at most: frames take far longer, and the progress bar should move."""
-
-    def __init__(self, folder: Path, rig: Rig, imu: ImuParameters, jobs: int) -> None:
+    def __init__(
+        self, folder: Path, sensors: Mapping[str, Mounted], world: World, jobs: int
+    ) -> None:
         """Make the folders.
 
-        :param imu: where it is on the body, whose motion is known.
-        :param jobs: threads that make images.
+        :param sensors: of the body, one IMU among them.
+        :param world: with threads that make images.
+        :param jobs: their number.
         """
         make_folder(folder)
+        imu: ImuParameters = sensors[IMU].own
         self.path = folder
         self.rows, self._last_ns = {"imu": 0, "poses": 0}, -1
         self._q_bi = rotation.from_matrix(np.reshape(imu.mounting, (3, 3)))
@@ -70,19 +75,19 @@ class TumVi:
                 ("dso/gt_imu.csv", _DSO_POSES),
             )
         }
-        self._images = ImageFolders(folder / "mav0", rig, "tum_vi", jobs, "")
-        for camera in rig.views:
+        self._images = ImageFolders(folder / "mav0", sensors, world, "tum_vi", jobs, "")
+        for camera in cameras_in(sensors):
             target = folder / "dso" / camera
             target.mkdir()
             (target / "images").symlink_to(f"../../mav0/{camera}/data")
         self._describe_lenses()
 
     def _describe_lenses(self) -> None:
-        for number, camera in enumerate(self._images.cameras):
-            target = self.path / "dso" / camera.name
-            share = np.rint(self._images.vignette(number) * np.float32(0xFFFF))
+        for view in self._images.views:
+            target = self.path / "dso" / view.name
+            share = np.rint(vignette(view.parameters) * np.float32(0xFFFF))
             write_png(target / "vignette.png", share.astype(np.uint16))
-            text = dso_lens(camera.view.parameters)
+            text = dso_lens(view.parameters)
             if text:
                 write_bytes(target / "camera.txt", text.encode())
 
@@ -108,7 +113,7 @@ class TumVi:
         return f"{readings}, {self._images.described()}"
 
     def write(self, read: Read) -> None:
-        """Write the samples of a window, and request the images taken until its end.
+        """Write the samples of a window, and request its images.
 
         :param read: of the only IMU, among others.
         """
@@ -124,9 +129,9 @@ class TumVi:
             self._open[name].write(poses)
         self.rows["imu"] += len(t_ns)
         self.rows["poses"] += len(block.true_t_ns)
+        self._images.write(read)
         if len(block.true_t_ns):
             self._last_ns = int(block.true_t_ns[-1])
-            self._images.until(self._last_ns + 1)
 
     def __enter__(self) -> "TumVi":
         return self
@@ -149,8 +154,8 @@ class TumVi:
                 self._write_dso_imu()
 
     def _write_times(self) -> None:
-        for number, camera in enumerate(self._images.cameras):
-            file = self._file(f"dso/{camera.name}/times.txt", _DSO_TIMES)
+        for number, view in enumerate(self._images.views):
+            file = self._file(f"dso/{view.name}/times.txt", _DSO_TIMES)
             found = sorted(self._images.exposures(number))
             t_ns = np.array([t for t, _ in found], dtype=np.int64)
             names = [Path(image_name(t)).stem.encode() for t, _ in found]
@@ -160,7 +165,7 @@ class TumVi:
 
     def _write_dso_imu(self) -> None:
         """Write the readings again, with interpolated ones between them at the images' times."""
-        found = [t for k in range(len(self._images.cameras)) for t, _ in self._images.exposures(k)]
+        found = [t for k in range(len(self._images.views)) for t, _ in self._images.exposures(k)]
         stamps = np.unique(np.array(found, dtype=np.int64))
         file = self._file("dso/imu.txt", _DSO_IMU)
         known = (np.empty(0, dtype=np.int64), np.empty((0, 6)))

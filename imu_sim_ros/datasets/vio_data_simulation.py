@@ -11,8 +11,9 @@ index; the original applies no noise and has no border, so its readers see a lan
 camera does not.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -20,13 +21,14 @@ from imu_sim_ros.bags.outputs import make_folder, write_bytes
 from imu_sim_ros.bags.text import decimals
 from imu_sim_ros.bags.writer import amount
 from imu_sim_ros.datasets.topics import Read
-from imu_sim_ros.datasets.tracks import CameraProgress
 from imu_sim_ros.errors import system_error
-from imu_sim_ros.sensors.camera.rig import Rig
-from imu_sim_ros.sensors.camera.view import View
+from imu_sim_ros.sensors.camera.declaration import cameras_in
+from imu_sim_ros.sensors.camera.rig import Blindness
+from imu_sim_ros.sensors.camera.view import View, view_of
+from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.samples import Samples
-from imu_sim_ros.trajectory.motion import Trajectory
+from imu_sim_ros.sensors.world import World
 from imu_sim_ros.types import Array
 
 _SECOND: Final = 1e-9
@@ -62,21 +64,21 @@ class _Rows:
 class VioDataSimulation:
     """A folder of that simulator's files; use as a context manager."""
 
-    def __init__(self, folder: Path, rig: Rig, trajectory: Trajectory) -> None:
+    def __init__(self, folder: Path, sensors: Mapping[str, Mounted], world: World) -> None:
         """Open the files.
 
-        :param rig: with one camera.
+        :param sensors: of the body, one camera among them.
         """
+        camera = next(iter(cameras_in(sensors).values()))
         make_folder(folder)
         self.path = folder
         (folder / "keyframe").mkdir()
-        self._rig, self._trajectory = rig, trajectory
-        self.camera = CameraProgress(rig, next(iter(rig.views)))
-        self._last_ns = -1
-        self._t0_ns = self.camera.view.t0_ns
+        self._world, self._view = world, view_of(camera, world)
+        self._blindness = Blindness(self._view.name)
+        self._frames, self._last_ns = 0, -1
         names = ("imu_pose", "imu_pose_noise", "cam_pose", "cam_pose_tum")
         self._files = {name: _Rows(folder / f"{name}.txt") for name in names}
-        self._put(folder / "all_points.txt", _homogeneous(rig.scene.landmarks))
+        self._put(folder / "all_points.txt", _homogeneous(world.scene.landmarks))
 
     @property
     def files(self) -> list[Path]:
@@ -86,20 +88,20 @@ class VioDataSimulation:
     @property
     def counts(self) -> dict[str, int]:
         """Rows of the IMU, and frames."""
-        return {"imu_pose": self._files["imu_pose"].rows, "keyframes": self.camera.position}
+        return {"imu_pose": self._files["imu_pose"].rows, "keyframes": self._frames}
 
     def described(self) -> str:
         """Return how much was written."""
         return amount(self._files["imu_pose"].rows, self._last_ns, "rows")
 
     def write(self, read: Read) -> None:
-        """Write the samples of a block, and the frames taken until its end.
+        """Write the samples of a window, and its frames.
 
         :param read: of the only IMU, among others.
         """
         block: Samples = read[IMU]
         m = block.motion
-        t = (block.true_t_ns - self._t0_ns)[:, None] * _SECOND
+        t = (block.true_t_ns - self._world.t0_ns)[:, None] * _SECOND
         pose = [t, m.q_wb, m.position]
         true = [block.ideal_gyro, block.ideal_accel]
         self._files["imu_pose"].write(np.concatenate([*pose, *true], axis=1))
@@ -108,25 +110,19 @@ class VioDataSimulation:
         )
         if len(block.true_t_ns):
             self._last_ns = int(block.true_t_ns[-1])
-            self.until(self._last_ns + 1)
-
-    def until(self, t_ns: int) -> None:
-        """Write all frames taken before a time [ns]."""
-        while count := self.camera.until(t_ns):
-            self._write_frames(count)
-            self.camera.position += count
+        self._write_frames(read[self._view.name])
 
     def warnings(self) -> list[str]:
         """Return notes for the user on the frames so far, a line each."""
-        return self.camera.blindness.warnings()
+        return self._blindness.warnings()
 
-    def _write_frames(self, count: int) -> None:
-        view, first = self.camera.view, self.camera.position
-        found = self.camera.tracker.tracks(first, count)
-        lines = self.camera.tracker.lines(first, count)
-        self.camera.blindness.look(found, self._t0_ns)
-        seconds = view.seconds(found.frames.true_t_ns)
-        poses = view.poses(self._trajectory, seconds)
+    def _write_frames(self, seen: Any) -> None:
+        view, world, count = self._view, self._world, len(seen.t_ns)
+        found, lines = seen.tracks, seen.lines
+        self._frames += count
+        self._blindness.look(found, world.t0_ns)
+        seconds = view.seconds(seen.true_t_ns)
+        poses = view.poses(world.trajectory, seconds)
         t = seconds[:, None]
         nothing = np.zeros((count, 6))
         self._files["cam_pose"].write(
@@ -135,12 +131,12 @@ class VioDataSimulation:
         q_xyzw = poses.q_wc[:, [1, 2, 3, 0]]
         self._files["cam_pose_tum"].write(np.concatenate([t, poses.position, q_xyzw], axis=1))
         points = np.concatenate(
-            [_homogeneous(self._rig.scene.landmarks[found.landmark]), _normalised(view, found.uv)],
+            [_homogeneous(world.scene.landmarks[found.landmark]), _normalised(view, found.uv)],
             axis=1,
         )
         ends = _normalised(view, lines.ends.reshape(-1, 2)).reshape(-1, 4)
         for k in range(count):
-            name = f"{first + k}.txt"
+            name = f"{seen.first + k}.txt"
             folder = self.path / "keyframe"
             self._put(folder / f"all_points_{name}", points[found.frame == k])
             self._put(folder / f"all_lines_{name}", ends[lines.frame == k])

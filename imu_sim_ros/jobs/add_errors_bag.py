@@ -202,7 +202,7 @@ class BagErrors:
                     messages = encode(read[sensor], self._parameters)
                     if len(messages.t_ns):
                         recorded = np.maximum(messages.t_ns + late_ns, 0)
-                        made.append(Block(topic, recorded, messages.payloads))
+                        made.append(Block(topic, recorded, messages.made()))
         return made
 
     def _passed(self, decoded: Decoded) -> Iterator[GivenReadings]:

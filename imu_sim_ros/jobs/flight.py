@@ -40,6 +40,7 @@ from imu_sim_ros.types import Array, Integers
 
 if TYPE_CHECKING:
     from imu_sim_ros.plots.style import Figure
+    from imu_sim_ros.sensors.declaration import Mounted
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
@@ -193,15 +194,21 @@ class Flight:
         :raises ConfigurationError: for one that was not simulated.
         """
         if not name.startswith("_"):
-            one = mounted(self.parameters).get(name)
+            one = self._sensors.get(name)
             if one is not None:
-                found = self.__dict__[name] = delivered_of(self._windows, name, one.sensor.readings)
+                found = self.__dict__[name] = delivered_of(self._windows, name, one.sensor)
                 return found
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def __dir__(self) -> list[str]:
         """Return all names, those of the other sensors too."""
-        return sorted({*super().__dir__(), *mounted(self.parameters)})
+        return sorted({*super().__dir__(), *self._sensors})
+
+    @property
+    def _sensors(self) -> dict[str, Mounted]:
+        """Those that a flight has; what is seen takes too much room."""
+        every = mounted(self.parameters)
+        return {name: one for name, one in every.items() if one.sensor.readings is not None}
 
     @cached_property
     def truth(self) -> Truth:
@@ -279,12 +286,12 @@ class Flight:
         arguments.switch("imu_only", imu_only)
         if format is not None:
             arguments.one_of("format", format, ("csv", "euroc"))
-        sensors = mounted(self.parameters)
+        sensors = self._sensors
         form = format or ("csv" if path.suffix == ".csv" else None)
         usual = usual_topics(sensors, form, path, imu_only)
         names = chosen_topics(wanted, renamed_topics(rename), sensors, usual)
         for sensor in sensors_of(names, offered(sensors)):
-            delivered_of(self._windows, sensor, sensors[sensor].sensor.readings)  # refused first
+            delivered_of(self._windows, sensor, sensors[sensor].sensor)  # refused first
         with saved(path, force, flatten(self.parameters).values()) as staged:
             self._write(staged, format, names)
         return path
@@ -296,13 +303,12 @@ class Flight:
         from imu_sim_ros.datasets.topics import BagTarget, DatasetTarget, in_tables
 
         if format is None and path.suffix != ".csv":
-            with open_writer(path) as writer:
-                bag = BagTarget(writer, mounted(self.parameters), names)
+            with open_writer(path) as writer, BagTarget(writer, self._sensors, names) as bag:
                 for read in self._windows:
                     bag.write(read)
             return
         form = format or "csv"
-        sensors = mounted(self.parameters)
+        sensors = self._sensors
         tables = in_tables(names, form, sensors)
         with text.Dataset(path, form, TRUTH_TOPIC in names, tables=tables) as dataset:
             rows = DatasetTarget(dataset, sensors)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 from imu_sim_ros import arguments
 from imu_sim_ros.bags.outputs import Outputs
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.bags.threads import prefetch
+from imu_sim_ros.bags.threads import prefetch, threads
 from imu_sim_ros.bags.write import (
     check_split,
     check_writer,
@@ -86,7 +86,7 @@ from imu_sim_ros.trajectory.common_parameters import PoseReader
 from imu_sim_ros.trajectory.motion import Trajectory
 
 if TYPE_CHECKING:
-    from imu_sim_ros.sensors.camera.rig import Rig
+    from concurrent.futures import Executor
 
 BLOCK_SIZE: Final = 16384
 _MAX_JOBS: Final = 1024
@@ -400,24 +400,14 @@ class _Job:
         self.companions: dict[str, list[Path]] = {}
         if self.dataset not in _WITHOUT_READINGS:
             self.companions = truth_files.companions(path, parameters)
+        camera_outputs.check_form(self.dataset, path, self.sensors)
         usual = usual_topics(self.sensors, self.dataset, path, imu_only)
-        self.names = chosen_topics(
-            form.topics, form.renamed, self.sensors, usual, self._camera_topics()
-        )
+        self.names = chosen_topics(form.topics, form.renamed, self.sensors, usual)
         fastest = max(one.environment.rate for one in self.sensors.values())
         check_split(form.split_duration, 1.0 / fastest, parameters.duration or 0.0)
-        if parameters.cameras:
-            arguments.whole("jobs", jobs, f"from 1 to {_MAX_JOBS}", 1, _MAX_JOBS)
+        arguments.whole("jobs", jobs, f"from 1 to {_MAX_JOBS}", 1, _MAX_JOBS)
         if self.dataset is None:
             check_writer(path, form.storage, form.compression)
-
-    def _camera_topics(self) -> list[str]:
-        """Return the topics that the cameras have in a bag; none in any other form."""
-        if not self.parameters.cameras or self.dataset is not None:
-            return []
-        from imu_sim_ros.datasets.features import camera_topics
-
-        return list(camera_topics(self.parameters.rig))
 
     def write(
         self,
@@ -448,7 +438,8 @@ class _Job:
         with written:
             for place, text in truths.items():
                 written.where(place).write_text(text, encoding="utf-8")
-            body, target, samples = self._simulate(written, pose_reader, trajectory)
+            with threads(self.jobs) as pool:
+                body, target, samples = self._simulate(written, pose_reader, trajectory, pool)
             if with_configs:
                 self._write_configs(written.where(truth_files.configs(path)), body)
             size = sum(file.stat().st_size for file in target.files if file.is_file())
@@ -456,13 +447,18 @@ class _Job:
         return Generated(path, target.counts, samples, size, wall_s)
 
     def _simulate(
-        self, written: Outputs, pose_reader: PoseReader, trajectory: Trajectory | None
+        self,
+        written: Outputs,
+        pose_reader: PoseReader,
+        trajectory: Trajectory | None,
+        threads: Executor,
     ) -> tuple[Body, Any, int]:
         """Write the output; return the body, what received it, and the number of IMU samples."""
         simulator = self.parameters
         wanted = sensors_of(self.names, offered(self.sensors)) | self.companions.keys() | {POSE}
+        wanted |= {n for n, one in self.sensors.items() if self.dataset in one.sensor.datasets}
         moving = build_trajectory(simulator.trajectory, pose_reader, trajectory)
-        body = Body(simulator, trajectory=moving, sensors=wanted)
+        body = Body(simulator, trajectory=moving, sensors=wanted, threads=threads)
         if body.total is None:
             raise ConfigurationError(
                 "duration = 0: this trajectory has no end; give a duration, for instance 20s"
@@ -470,12 +466,9 @@ class _Job:
         for warning in body.warnings():
             self.journal.warn(warning)
         output = written.where(self.path)
-        cameras = self._cameras(body)
-        camera_outputs.check_form(self.dataset, output, cameras, len(imus_in(self.sensors)))
-        self._say_of(cameras)
         for note in body.notes():
             self.journal.note(note)
-        with self._target(output, cameras) as target:
+        with self._target(output, body) as target:
             written.describe(self.path, target.described)
             with self._companions(body, written) as companions:
                 samples = self._write(body, target, companions)
@@ -484,25 +477,6 @@ class _Job:
 
             write_tum_vi_calibration(output / "dso", simulator, self.parameters.rig)
         return body, target, samples
-
-    def _cameras(self, body: Body) -> Rig | None:
-        """Return the cameras on the body, with their scene."""
-        if not self.parameters.cameras:
-            return None
-        from imu_sim_ros.simulation.cameras import rig_on
-
-        cameras = rig_on(self.parameters.rig, body)
-        body.scene = cameras.scene
-        return cameras
-
-    def _say_of(self, cameras: Rig | None) -> None:
-        if cameras is None:
-            return
-        for name in cameras.views:
-            for line in cameras.warnings(name):
-                self.journal.warn(f"{name}: {line}")
-            for line in cameras.notes(name):
-                self.journal.note(f"{name}: {line}")
 
     def _write_configs(self, folder: Path, body: Body) -> None:
         """Write each stack's configuration, and all parameters."""
@@ -513,7 +487,8 @@ class _Job:
             topics = bagcreater_topics(imus(body.parameters))
         for warning in write_configs(folder, body, topics, self.parameters.rig):
             self.journal.warn(warning)
-        fitted = f"\n{body.scene.note}" if body.scene is not None and body.scene.note else ""
+        note = body.note_of_scene()
+        fitted = f"\n{note}" if note else ""
         files.write(
             _values(self.parameters),
             folder / "simulation.yaml",
@@ -522,36 +497,29 @@ class _Job:
         )
 
     @contextmanager
-    def _bag(self, output: Path, cameras: Rig | None) -> Iterator[Any]:
+    def _bag(self, output: Path) -> Iterator[Any]:
         """Open a bag; it is complete when the block ends without an error."""
-        known, form = offered(self.sensors), self.form
-        with open_writer(
-            output, form.storage, form.compression, form.split_duration, form.split_size
-        ) as writer:
-            own = {name: new for name, new in self.names.items() if name in known}
-            bag = BagTarget(writer, self.sensors, own)
-            if cameras is None:
-                yield bag
-                return
-            of_cameras = {name: new for name, new in self.names.items() if name not in known}
-            from imu_sim_ros.datasets.camera_bag import CameraBag
-
-            with CameraBag(bag, cameras, of_cameras, self.jobs) as target:
-                yield target
+        form = self.form
+        with (
+            open_writer(
+                output, form.storage, form.compression, form.split_duration, form.split_size
+            ) as writer,
+            BagTarget(writer, self.sensors, self.names) as bag,
+        ):
+            yield bag
 
     @contextmanager
-    def _target(self, output: Path, cameras: Rig | None) -> Iterator[Any]:
+    def _target(self, output: Path, body: Body) -> Iterator[Any]:
         """Open the output; it is complete when the block ends without an error."""
         form = self.dataset
         if form is None:
-            with self._bag(output, cameras) as bag:
+            with self._bag(output) as bag:
                 yield bag
         elif form in camera_outputs.CAMERA_FORMATS:
-            assert cameras is not None
             with camera_outputs.opened(
                 form,
                 output,
-                cameras,
+                body,
                 self.names,
                 self.sensors,
                 self.jobs,
@@ -559,23 +527,24 @@ class _Job:
             ) as folder:
                 yield folder
         else:
-            with self._tables(form, output, cameras) as tables:
+            with self._tables(form, output, body) as tables:
                 yield tables
 
     @contextmanager
-    def _tables(self, form: str, output: Path, cameras: Rig | None) -> Iterator[Any]:
+    def _tables(self, form: str, output: Path, body: Body) -> Iterator[Any]:
         """Open tables of text, with images on request."""
         tables = in_tables(self.names, form, self.sensors)
         states, every = TRUTH_TOPIC in self.names, imus_in(self.sensors)
         with text_writer.Dataset(output, form, states, len(every), tables) as dataset:
             target = DatasetTarget(dataset, self.sensors)
-            if cameras is None:
+            if not self.parameters.cameras:
                 yield target
             else:
                 from imu_sim_ros.datasets.images import ImageFolders
 
                 comment = f"simulated by imu_sim_ros, seed {self.parameters.seed}"
-                with ImageFolders(output, cameras, form, self.jobs, comment) as images:
+                world, jobs = body.world, self.jobs
+                with ImageFolders(output, self.sensors, world, form, jobs, comment) as images:
                     target = camera_outputs.CameraTarget(dataset, images, self.sensors)
                     yield target
             if form == "euroc":
@@ -602,9 +571,7 @@ class _Job:
         """Write all samples, which a thread of its own makes; return how many those of IMUs are."""
         every, samples = imus_in(self.sensors), 0
         with progress(f"writing {self.path}", lambda: body.total or 0) as advance:
-            windows = prefetch(
-                body.windows(min(BLOCK_SIZE, getattr(target, "block_size", BLOCK_SIZE)))
-            )
+            windows = prefetch(body.windows(BLOCK_SIZE))
             try:
                 for read in windows:
                     target.write(read)

@@ -29,6 +29,7 @@ from imu_sim_ros.types import Array, Times
 if TYPE_CHECKING:
     from imu_sim_ros.bags.read import OdometryMessages
     from imu_sim_ros.plots.style import Figure
+    from imu_sim_ros.sensors.declaration import Sensor
 
 
 class HasPoses(Protocol):
@@ -298,11 +299,11 @@ def checked_sensors(names: Collection[str], given: Mapping[str, object]) -> froz
     return frozenset(chosen)
 
 
-def delivered_of(windows: Sequence[Mapping[str, Any]], name: str, readings: type) -> Any:
+def delivered_of(windows: Sequence[Mapping[str, Any]], name: str, sensor: Sensor) -> Any:
     """Return the delivered samples of a sensor from all windows.
 
     :param name: of the sensor on the body.
-    :param readings: its dataclass of arrays.
+    :param sensor: its declaration, with a dataclass of arrays.
     :raises ConfigurationError: if it was not simulated.
     """
     if any(name not in read for read in windows):
@@ -310,6 +311,8 @@ def delivered_of(windows: Sequence[Mapping[str, Any]], name: str, readings: type
             f"{name}: was not simulated; simulate(..., sensors=[{name!r}]) does"
         )
     parts = [read[name] for read in windows]
+    readings = sensor.readings
+    assert readings is not None
     return readings(
         **{
             field.name: np.concatenate([getattr(p, field.name)[p.delivered] for p in parts])

@@ -23,12 +23,11 @@ from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.timebase import span
-from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.types import Array, Mask, Times
 
 if TYPE_CHECKING:
     from imu_sim_ros.bags.messages.blocks import RowTemplate
-    from imu_sim_ros.sensors.imu.parameters import ImuParameters
+    from imu_sim_ros.sensors.deferred import Results
 
 
 class Model(Protocol):
@@ -47,7 +46,7 @@ class Model(Protocol):
         """Return the samples in a window, which begins where the last one ended."""
 
 
-Payloads = Callable[[Any, Any, Any], "RowTemplate | list[bytes]"]
+Payloads = Callable[[Any, Any, Any], "RowTemplate | list[bytes] | Results[bytes]"]
 """Turns samples and the rows of them that are sent into messages.
 
 The last argument are the parameters valid for the samples: those of a simulation, with ``imu`` and
@@ -106,6 +105,10 @@ class Topic:
     publishes it if it can."""
     sent: Callable[[Any], Mask] | None = None
     """Returns for which samples (n,) there is a message at all; None: for all."""
+    exists: Callable[[Mounted], bool] = lambda _: True
+    """Whether a sensor with these parameters has it."""
+    latched: bool = False
+    """Its last message is kept for later subscribers."""
 
 
 def topic(
@@ -141,6 +144,14 @@ def topic(
         return payloads
 
     return Topic(name, type_name, flags, make, truth, foreign, sent)
+
+
+def mount_of(own: Any) -> Array:
+    """Return the pose T_bs (4, 4) that ``lever_arm`` and ``mounting`` describe."""
+    pose_bs = np.eye(4)
+    pose_bs[:3, :3] = np.reshape(own.mounting, (3, 3))
+    pose_bs[:3, 3] = own.lever_arm
+    return pose_bs
 
 
 def on_demand(module: str, name: str) -> Callable[..., Any]:
@@ -196,16 +207,18 @@ class Sensor:
     quantity."""
     topics: tuple[Topic, ...]
     """The readings first."""
-    readings: "type[SensorReadings]"
-    """What Python returns of a flight: a frozen dataclass of arrays of the samples."""
+    readings: "type[SensorReadings] | None"
+    """What Python returns of a flight: a frozen dataclass of arrays of the samples. None: they are
+    too large."""
     table: Table | None = None
     """The readings in datasets of text; None: these have a form of their own, or none, for it."""
     values: Callable[[Any], Array] = np.asarray
     """The numbers (n, columns) of the table, of all n samples."""
     switches: type | None = None
     """Those of its flags that are parameters ``publish.*`` of its own: a frozen dataclass."""
-    needs: Callable[["ImuParameters"], tuple[str, ...]] = lambda imu: ()
-    """Quantities of other sensors without which it cannot read."""
+    needs: Callable[[Any], tuple[str, ...]] = lambda _: ()
+    """Returns of its section, or of its IMU, the sensors without which it cannot read: their
+    quantities, or their names."""
     realised: Callable[[Any, int, str], Any] = lambda parameters, seed, name: parameters
     """Its parameters for a seed and its name, with nothing left to draw but the noise."""
     sees: bool = False
@@ -215,8 +228,17 @@ class Sensor:
     """What faults name instead of the sensor itself."""
     text: str = ""
     """What it is, in a line of ``--help``."""
-    warnings: Callable[[Mounted, Trajectory, float], list[str]] = lambda *_: []
-    """Returns a line for each way in which a motion of this length [s] is not for this sensor."""
+    mount: Callable[[Any], Array] = mount_of
+    """Returns of its section the pose T_bs (4, 4), which maps its coordinates to the body."""
+    warnings: Callable[[Mounted, World, float], list[str]] = lambda *_: []
+    """Returns a line for each way in which a world, or a motion of this length [s], is not for
+    this sensor."""
+    notes: Callable[[Mounted], list[str]] = lambda _: []
+    """Returns a line for each thing that was decided for it, and that users may want to know."""
+    apart: bool = False
+    """A sample takes so long that a node makes it in a process of its own."""
+    datasets: tuple[str, ...] = ()
+    """Those with a place of its own for what it measures, in which it always is."""
     serial: Serial | None = None
     companions: Companions | None = None
     presets: str = ""

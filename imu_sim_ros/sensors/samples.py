@@ -81,7 +81,7 @@ class Samples(NamedTuple):
         return sorted({*object.__dir__(self), *self.values})
 
     def __repr__(self) -> str:
-        return shapes(self, self.values)
+        return shapes(self, getattr(self.values, "made", self.values))
 
 
 def joined(parts: Sequence[Samples]) -> Samples:

@@ -6,7 +6,7 @@
 from collections.abc import Callable
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.types import Array, Times
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from imu_sim_ros.sensors.camera.scene import Scene
 
 
@@ -37,13 +39,16 @@ class World:
         environment: EnvironmentParameters,
         t0_ns: int,
         scene: "Callable[[], Scene] | None" = None,
+        threads: "Executor | None" = None,
     ) -> None:
         """Start at a time.
 
         :param t0_ns: true time of the start [ns].
         :param scene: returns the scene when it is first asked for; None: there is none.
+        :param threads: make what takes long, such as images; None: whoever asks for it does.
         """
-        self._make_scene = scene
+        self._make_scene, self.threads = scene, threads
+        self._shared: dict[str, Any] = {}
         self.trajectory, self.environment, self.t0_ns = trajectory, environment, t0_ns
         self.temperature = TemperatureProfile(environment.temperature)
         self._known: tuple[Array, Motion] | None = None
@@ -57,6 +62,12 @@ class World:
         if self._make_scene is None:
             raise ConfigurationError("scene: no sensor of this simulation declares that it sees")
         return self._make_scene()
+
+    def shared(self, name: str, make: Callable[[], Any]) -> Any:
+        """Return what several sensors make of the world: the first one makes it."""
+        if name not in self._shared:
+            self._shared[name] = make()
+        return self._shared[name]
 
     def motion(self, t: Array) -> Motion:
         """Return the body's motion at times t (n,) [s], which increase.
@@ -119,6 +130,10 @@ class SampleTimes:
         if self._span:
             return max(after.numerator // after.denominator + 1, 0)
         return max(-(-after.numerator // after.denominator), 0)
+
+    def time(self, index: int) -> Fraction:
+        """Return the time of a sample since the start [s]."""
+        return self._offset + index / self._exact_rate
 
     def within(self, window: Window) -> Sampled:
         """Return the samples in a window."""

@@ -22,7 +22,6 @@ from imu_sim_ros.sensors.camera.build import (
 from imu_sim_ros.sensors.camera.rig import Rig
 from imu_sim_ros.sensors.camera.rig_parameters import (
     DEFAULT_SCENE,
-    RigParameters,
     axes,
     load_rig,
     of_rig,
@@ -48,6 +47,7 @@ from imu_sim_ros.sensors.camera.target import (
     sight,
 )
 from imu_sim_ros.sensors.camera.view import View
+from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import (
     SimulationParameters,
@@ -76,7 +76,7 @@ def build_rig(parameters: Mapping[str, object]) -> Rig:
     :raises InputError: for a file that cannot be used.
     """
     body = Body(load_simulation(fitted(parameters)))
-    return rig_on(body.parameters.rig, body)
+    return rig_of(body.parameters, body.trajectory, body.t0_ns)
 
 
 class Simulated(Protocol):
@@ -106,34 +106,37 @@ def on_simulation(given: Mapping[str, object], simulation: Simulated) -> Rig:
     problems = list(rig_problems(rig, simulation.parameters))
     if problems:
         raise ConfigurationError(problems)
-    return rig_on(rig, simulation)
+    seen = dataclasses.replace(simulation.parameters, cameras=rig.cameras, rig=rig)
+    return rig_of(seen, simulation.trajectory, simulation.t0_ns)
 
 
-def rig_on(rig: RigParameters, simulation: "Simulated", duration: float | None = None) -> Rig:
-    """Return cameras with their scene on a simulation's body.
-
-    :param duration: of the frames [s]; None: of the simulation.
-    """
-    own, trajectory = simulation.parameters, simulation.trajectory
-    if duration is None:
-        duration = own.duration or trajectory.duration
-    others = arms_of_seeing(mounted(own))
-    return Rig(rig, trajectory, simulation.t0_ns, duration, own.seed, others)
-
-
-def scene_around(simulation: "Simulated") -> Scene:
-    """Return the scene of a body's sensors that see, among them those cameras that it names.
+def rig_of(parameters: SimulationParameters, trajectory: Trajectory, t0_ns: int) -> Rig:
+    """Return the cameras of a simulation, with their scene.
 
     :raises ConfigurationError: for a scene that does not fit the path.
     :raises InputError: for a file that cannot be used.
     """
-    own, trajectory = simulation.parameters, simulation.trajectory
-    if own.cameras:
-        return rig_on(own.rig, simulation).scene
-    described: SceneParameters = own.rig.scene
-    arms, span = arms_of_seeing(mounted(own)), scene_span(described, trajectory.duration)
-    scene = build_scene(described, arms, [], trajectory, span)
-    check_path(described, arms, trajectory, own.duration or trajectory.duration, scene)
+    world = World(
+        trajectory, parameters, t0_ns, lambda: scene_around(parameters, trajectory, t0_ns)
+    )
+    return Rig(mounted(parameters), world)
+
+
+def scene_around(parameters: SimulationParameters, trajectory: Trajectory, t0_ns: int) -> Scene:
+    """Return the scene of a body's sensors that see.
+
+    :raises ConfigurationError: for a scene that does not fit the path.
+    :raises InputError: for a file that cannot be used.
+    """
+    described: SceneParameters = parameters.rig.scene
+    # A scene belongs to the trajectory, however much of it is flown.
+    arms, span = arms_of_seeing(mounted(parameters)), scene_span(described, trajectory.duration)
+    views = [
+        View(name, one, parameters.seed, t0_ns, span) for name, one in parameters.rig.each().items()
+    ]
+    scene = build_scene(described, arms, views, trajectory, span)
+    longest = min(parameters.duration or trajectory.duration, trajectory.duration)
+    check_path(described, arms, trajectory, longest, scene)
     return scene
 
 

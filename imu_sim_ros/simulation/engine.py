@@ -40,6 +40,8 @@ from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.trajectory.parameters import DriveParameters, PosesParameters
 
 if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
     from imu_sim_ros.sensors.camera.scene import Scene
     from imu_sim_ros.trajectory.recorded import RecordedMotion
 
@@ -60,6 +62,7 @@ class Body:
         t0_ns: int | None = None,
         trajectory: Trajectory | None = None,
         sensors: Collection[str] = (),
+        threads: "Executor | None" = None,
     ) -> None:
         """Set up trajectory and sensors.
 
@@ -69,10 +72,11 @@ class Body:
         :param trajectory: the one of these parameters, if it already exists.
         :param sensors: names of :func:`~imu_sim_ros.simulation.sensors.mounted` that are read in
             addition to all IMUs; no sample of another sensor depends on them.
+        :param threads: make what takes long, such as images; None: whoever asks for it does.
         :raises ConfigurationError: for inconsistent parameters.
         :raises InputError: for a file of poses that cannot be used.
         """
-        self.parameters, self._wanted = parameters, frozenset(sensors)
+        self.parameters, self._wanted, self._threads = parameters, frozenset(sensors), threads
         if trajectory is None:
             trajectory = build_trajectory(parameters.trajectory, pose_reader)
         self.trajectory = trajectory
@@ -86,8 +90,7 @@ class Body:
             raise ConfigurationError(
                 f"duration = {duration:g}: must be at most {longest:g} s, the trajectory's length"
             )
-        self.scene: Scene | None = None
-        """What cameras and other sensors see, once it is made."""
+        self._scene: Scene | None = None
         self.rate = max(one.rate for one in imus(parameters).values())
         """Of the fastest IMU [Hz]."""
         self.total: int | None = None
@@ -103,11 +106,13 @@ class Body:
         # A header's seconds are unsigned: poses before zero have no stamp there.
         return recorded.t0_ns if recorded and recorded.t0_ns >= 0 else DEFAULT_START_NS
 
-    def warnings(self) -> list[str]:
+    def warnings(self, elsewhere: bool = False) -> list[str]:
         """Return warnings on settings that are allowed but may be unintended, a line each.
 
         The parameters' own warnings, implausible recorded poses, a motion that contradicts itself,
         and one that a sensor's range does not cover.
+
+        :param elsewhere: without those of sensors that a node reads in processes of their own.
         """
         from imu_sim_ros.trajectory.build import implausible
         from imu_sim_ros.trajectory.given import suspicions
@@ -117,8 +122,9 @@ class Body:
         duration = self.parameters.duration or self.trajectory.duration
         every = imus(self.parameters).values()
         lines = [line for one in every for line in one.warnings()] + of_poses + self._of_place()
-        for one in mounted(self.parameters).values():
-            lines += one.sensor.warnings(one, self.trajectory, duration)
+        for name, one in mounted(self.parameters).items():
+            if name in self._models and not (elsewhere and one.sensor.apart):
+                lines += one.sensor.warnings(one, self.world, duration)
         for one in every:
             ranges = one.imu.gyroscope.range, one.imu.accelerometer.range
             lines += implausible(self.trajectory, *ranges, one.gravity, duration, one.rate)
@@ -144,14 +150,26 @@ class Body:
             f"latitude_deg={latitude:.7f} and longitude_deg={longitude:.7f}"
         ]
 
-    def notes(self) -> list[str]:
-        """Return what was made of recorded poses, and how large a place around the path is."""
+    def notes(self, elsewhere: bool = False) -> list[str]:
+        """Return what was made of recorded poses and for sensors, and how large a place is.
+
+        :param elsewhere: as in :meth:`warnings`.
+        """
         recorded = self._recorded()
         lines = recorded.repairs + recorded.report.lines() if recorded is not None else []
-        scene, sensors = self.scene, mounted(self.parameters)
-        if not self.parameters.cameras and any(sensors[n].sensor.sees for n in self._wanted):
-            scene = self._made_scene()
-        return [*lines, scene.note] if scene is not None and scene.note else lines
+        for one in mounted(self.parameters).values():
+            lines += one.sensor.notes(one)
+        note = self.note_of_scene(elsewhere)
+        return [*lines, note] if note else lines
+
+    def note_of_scene(self, elsewhere: bool = False) -> str:
+        """Return how large a place around the path is; nothing if no sensor that is read sees it.
+
+        :param elsewhere: as in :meth:`warnings`.
+        """
+        sensors = [mounted(self.parameters)[name].sensor for name in self._models]
+        seen = any(one.sees and not (elsewhere and one.apart) for one in sensors)
+        return self.world.scene.note if seen else ""
 
     def _recorded(self) -> "RecordedMotion | None":
         """Return the recorded motion, if there is one; only then the splines are imported."""
@@ -165,7 +183,7 @@ class Body:
         """Go back to the first sample: the same samples follow again."""
         self._now = Fraction(0)
         p = self.parameters
-        self._world = World(self.trajectory, p, self.t0_ns, self._made_scene)
+        self.world = World(self.trajectory, p, self.t0_ns, self._made_scene, self._threads)
         sensors = mounted(p)
         self._models = models(sensors, self._wanted, self.t0_ns)
         for model in self._models.values():
@@ -178,19 +196,25 @@ class Body:
         )
 
     def _made_scene(self) -> "Scene":
-        """Return the scene that cameras share, or one around the sensors that see."""
-        if self.scene is None:
+        """Return the scene around the sensors that see."""
+        if self._scene is None:
             from imu_sim_ros.simulation.cameras import scene_around  # most runs have none
 
-            self.scene = scene_around(self)
-        return self.scene
+            self._scene = scene_around(self.parameters, self.trajectory, self.t0_ns)
+        return self._scene
 
-    def with_seed(self, seed: int) -> "Body":
+    def with_seed(
+        self, seed: int, more: Collection[str] = (), threads: "Executor | None" = None
+    ) -> "Body":
         """Return the same body and sensors with another seed, at the start.
 
         The trajectory is shared: fitting a spline or checking parameters is not done again.
+
+        :param more: further sensors that are read.
+        :param threads: as of the body.
         """
         other = copy.copy(self)
+        other._wanted, other._threads = self._wanted.union(more), threads
         other.parameters = replace(self.parameters, seed=seed)
         other.reset()
         return other
@@ -269,7 +293,7 @@ class Body:
         stop = end if self._end is None else min(end, self._end)
         window = Window(self._now, max(stop, self._now))
         self._now = window.end
-        read = {name: model.read(window, self._world) for name, model in self._models.items()}
+        read = {name: model.read(window, self.world) for name, model in self._models.items()}
         return {name: read[name] for name in self._shown}
 
     def next(self, count: int) -> dict[str, Any]:

@@ -4,19 +4,20 @@
 """The sensors of a body by name, from the parameters that users give.
 
 The one place that knows what stands where: ``imu`` and ``imus`` with the sensors of each,
-the true pose, and the sensors that ``sensors`` names.
+the true pose, the sensors that ``sensors`` names, and ``cameras`` with what they see.
 """
 
 from collections.abc import Collection, Mapping
 
 import numpy as np
 
+from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.declaration import Model, Mounted
 from imu_sim_ros.sensors.imu import declaration as imu
 from imu_sim_ros.sensors.pose import declaration as pose
 from imu_sim_ros.sensors.registry import find_sensor
-from imu_sim_ros.simulation.parameters import SampledParameters, imus
+from imu_sim_ros.simulation.parameters import SampledParameters, SimulationParameters, imus
 from imu_sim_ros.types import Array
 
 
@@ -34,16 +35,30 @@ def mounted(parameters: SampledParameters) -> dict[str, Mounted]:
             found[space + sensor.quantity] = of_imu
     frame = parameters.body_frame
     found[pose.NAME] = Mounted(pose.NAME, pose.SENSOR, parameters, parameters, parameters, frame)
+    named, seen = dict[str, Mounted](), dict[str, Mounted]()
     for name, own in getattr(parameters, "each_sensor", {}).items():
         sensor = find_sensor(own.type or name)
         space = f"{name}/" if own.type else ""
-        found[name] = Mounted(name, sensor, own, parameters, own, own.own_frame(name, frame), space)
+        named[name] = Mounted(name, sensor, own, parameters, own, own.own_frame(name, frame), space)
+    if isinstance(parameters, SimulationParameters) and parameters.cameras:
+        from imu_sim_ros.sensors.camera.declaration import seeing  # most runs have none
+
+        seen = seeing(parameters.rig, parameters)
+    for listed, group in (("sensors", named), ("cameras", seen)):
+        taken = [
+            f"{listed}: {name!r}: is what another sensor measures"
+            for name in group
+            if name in found
+        ]
+        if taken:
+            raise ConfigurationError(taken)
+        found |= group
     return found
 
 
 def arms_of_seeing(sensors: Mapping[str, Mounted]) -> Array:
     """Return the positions (k, 3) in the body of all sensors that see or range [m]."""
-    arms = [one.own.lever_arm for one in sensors.values() if one.sensor.sees]
+    arms = [one.sensor.mount(one.own)[:3, 3] for one in sensors.values() if one.sensor.sees]
     return np.reshape(arms, (-1, 3))
 
 
@@ -71,14 +86,6 @@ def models(sensors: Mapping[str, Mounted], wanted: Collection[str], t0_ns: int) 
     return made
 
 
-def mount(one: Mounted) -> Array:
-    """Return the pose T_bs (4, 4) of a sensor, which maps its coordinates to the body."""
-    pose_bs = np.eye(4)
-    pose_bs[:3, :3] = np.reshape(getattr(one.own, "mounting", np.eye(3)), (3, 3))
-    pose_bs[:3, 3] = getattr(one.own, "lever_arm", 0.0)
-    return pose_bs
-
-
 def mounts(sensors: Mapping[str, Mounted]) -> dict[str, Array]:
     """Return the poses T_bf (4, 4) of frames on the body; one maps coordinates in f to the body.
 
@@ -86,6 +93,6 @@ def mounts(sensors: Mapping[str, Mounted]) -> dict[str, Array]:
     """
     placed: dict[str, Array] = {}
     for one in sensors.values():
-        placed.setdefault(one.frame, mount(one))
+        placed.setdefault(one.frame, one.sensor.mount(one.own))
     placed.pop(sensors[pose.NAME].frame)
     return placed

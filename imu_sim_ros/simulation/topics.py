@@ -24,6 +24,7 @@ from imu_sim_ros.conventions import (
 from imu_sim_ros.rotation import from_matrix
 from imu_sim_ros.sensors.barometer.declaration import SENSOR as BAROMETER
 from imu_sim_ros.sensors.declaration import Mounted, Payloads, Topic
+from imu_sim_ros.sensors.deferred import Results
 from imu_sim_ros.sensors.magnetometer.declaration import SENSOR as MAGNETOMETER
 from imu_sim_ros.sensors.orientation.declaration import TOPIC as ORIENTATION_TOPIC
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
@@ -46,22 +47,18 @@ MOUNTS: Final = TF_STATIC_TOPIC.strip("/")
 
 
 class Messages(NamedTuple):
-    """The m messages of one topic in a window of time."""
+    """The m messages of one topic, or of a serial line, in a window of time."""
 
     t_ns: Times
     """(m,) stamps; a bag takes them as record times."""
     due_t_ns: Times
     """(m,) when the driver would release them [ns]."""
-    payloads: RowTemplate | list[bytes]
-    """The messages."""
+    payloads: RowTemplate | list[bytes] | Results[bytes]
+    """The messages, or what threads make of them."""
 
-
-class TextMessages(NamedTuple):
-    """The m messages of a serial line in a window of time."""
-
-    due_t_ns: Times
-    """(m,) when the driver would release them [ns]."""
-    payloads: list[bytes]
+    def made(self) -> RowTemplate | list[bytes]:
+        """Return the messages; this waits for the threads."""
+        return list(self.payloads) if isinstance(self.payloads, Results) else self.payloads
 
 
 Encode = Callable[[Any, Any], Messages]
@@ -110,6 +107,7 @@ def offered(sensors: Mapping[str, Mounted]) -> dict[str, Offered]:
         f"{mounted.space}{topic.name}": Offered(name, mounted, topic)
         for name, mounted in sensors.items()
         for topic in mounted.sensor.topics
+        if topic.exists(mounted)
     }
 
     def placed(_: Mounted, encoding: str) -> Payloads:

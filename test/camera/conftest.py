@@ -3,10 +3,12 @@
 
 """What the tests of cameras share: rigs of parameters."""
 
+from dataclasses import replace
+
 import pytest
 
-from imu_sim_ros.sensors.camera.rig import Rig
 from imu_sim_ros.sensors.camera.rig_parameters import load_rig
+from imu_sim_ros.simulation.cameras import rig_of
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.parameters import trajectory_layer
@@ -24,7 +26,9 @@ def make_rig(trajectory="figure_eight", duration=10.0, seed=3, **values):
     path = {k: given.pop(k) for k in list(given) if k.startswith("trajectory.")}
     simulation = load_simulation({**trajectory_layer(trajectory), **path})
     motion = build_trajectory(simulation.trajectory)
-    return Rig(load_rig(given), motion, T0_NS, duration, seed)
+    rig = load_rig(given)
+    seen = replace(simulation, cameras=rig.cameras, rig=rig, duration=duration, seed=seed)
+    return rig_of(seen, motion, T0_NS)
 
 
 @pytest.fixture(name="make_rig")

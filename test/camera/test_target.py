@@ -8,9 +8,11 @@ import pytest
 
 from imu_sim_ros import rotation
 from imu_sim_ros.parameters import files
+from imu_sim_ros.sensors.camera.frames import warnings
 from imu_sim_ros.sensors.camera.images.imager import Imager
 from imu_sim_ros.sensors.camera.images.texture import atlas
-from imu_sim_ros.simulation.cameras import build_rig, fitted
+from imu_sim_ros.simulation.cameras import build_rig, fitted, rig_of
+from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
@@ -28,6 +30,10 @@ def given(*presets, **values):
         "duration": 60.0,
         **{key.replace("__", "."): value for key, value in values.items()},
     }
+
+
+def body_of(values):
+    return Body(load_simulation(fitted(values)), sensors=["cam0"])
 
 
 def seen(rig, name):
@@ -57,7 +63,7 @@ def test_corners_cover_the_images_of_every_camera_and_a_detector_finds_the_tags(
     assert ((high - low) / (model.width, model.height)).min() > 0.8
     assert edges.min() > 40.0
     assert counts.min() >= min(9, scene.rows * scene.columns)
-    assert rig.warnings("cam0") == []
+    assert warnings(rig.cameras["cam0"], rig.world, 60.0) == []
     imager = Imager(rig.views["cam0"], rig.scene, atlas(rig.scene.surfaces, scene), rig.trajectory)
     detector = aprilgrid.Detector("t36h11")
     for number in range(60, 1200, 285):
@@ -85,7 +91,7 @@ def test_what_is_given_stays_and_what_was_fitted_is_not_fitted_again():
     kept = fitted({**lens, **own})
     assert {name: kept[name] for name in own} == own
     assert kept["scene.position"] != values["scene.position"]
-    [warning] = build_rig({**lens, **own}).warnings("cam0")
+    [warning] = body_of({**lens, **own}).warnings()
     assert "a bit of the AprilGrid's tags has 1.0 px at the least (4 are wanted)" in warning
 
 
@@ -112,8 +118,8 @@ def test_only_the_motion_before_the_board_follows_the_lens(other):
 
 def test_a_board_out_of_view_is_said():
     """EuRoC's body has x up: in its own axes the camera looks past the board."""
-    rig = build_rig(given("euroc_cam0", camera__body_axes="preset"))
-    [line] = rig.warnings("cam0")
+    [line] = body_of(given("euroc_cam0", camera__body_axes="preset")).warnings()
+    assert line.startswith("cam0: ")
     assert "no tag of the AprilGrid comes into view" in line
     assert "camera.body_axes = preset" in line
 
@@ -132,7 +138,8 @@ def test_the_axes_of_the_body_are_those_of_the_trajectory(tmp_path):
     assert axes() == {"ours": "flu", "recorded": "preset"}
     assert axes(**{"cam0.camera.body_axes": "preset"})["ours"] == "preset"
     assert axes(**{"camera.mounting": [1.0, 0, 0, 0, 1, 0, 0, 0, 1]})["ours"] == "preset"
-    rig = build_rig({**ours, "scene.type": "house", "camera.images": "none", "duration": 1.0})
+    body = body_of({**ours, "scene.type": "house", "camera.images": "none", "duration": 1.0})
+    rig = rig_of(body.parameters, body.trajectory, body.t0_ns)
     forward = rotation.to_matrix(rig.views["cam0"].q_bc)[:, 2]
     assert forward[0] > 0.99
-    assert rig.notes("cam0") == ["the body is forward, left, up (camera.body_axes flu)"]
+    assert body.notes() == ["cam0: the body is forward, left, up (camera.body_axes flu)"]

@@ -346,6 +346,9 @@ class Qos(NamedTuple):
         )
 
 
+LATCHED: Final = Qos(durability="transient_local", depth=1)
+
+
 def qos_profiles(profiles: Sequence[Qos]) -> list[dict[str, Any]]:
     """Return quality-of-service profiles as rosbag2's metadata lists them."""
     return [

@@ -83,7 +83,7 @@ class ErrorModelOutputs:
                 continue
             read = samples[sensor]
             messages = encode(read, parameters)
-            payloads = as_list(messages.payloads)
+            payloads = as_list(messages.made())
             if topic not in _READINGS:
                 for payload in payloads:
                     counter.send(payload)

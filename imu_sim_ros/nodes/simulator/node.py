@@ -81,7 +81,7 @@ class Simulator(ConfiguredNode):
         super().__init__("simulator", SimulatorParameters, _layered, **arguments)
         self._counters: list[Any] = []
         self._terminals: list[PseudoTerminal] = []
-        self._cameras: Any = None
+        self._apart: Any = None
         self._lateness = Histogram()
         self._drawn_of: Any = None
         self._drawn_values: Mapping[str, str] = {}
@@ -100,18 +100,17 @@ class Simulator(ConfiguredNode):
             QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL),
         )
         self._diagnostics = create(self, DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
-        outputs = self._outputs(parameters)
+        self._apart = self._made_apart(parameters)
+        outputs = [*self._outputs(parameters), *(self._apart.outputs if self._apart else ())]
         body = Body(parameters, _read_poses, sensors={name for name, *_ in outputs})
-        self._remarks += body.warnings()
-        self._notes += body.notes()
+        self._remarks += body.warnings(elsewhere=True)
+        self._notes += body.notes(elsewhere=True)
         self._descriptions = self._described(parameters)
         streams = [BodyStream(body, outputs), *self._transform_streams(parameters, body.trajectory)]
-        self._cameras = self._made_cameras(parameters, body.trajectory.duration)
-        streams += self._cameras.streams if self._cameras else []
         streams += self._clock_streams(parameters.publish.clock_rate)
         if parameters.publish.tf_static:
             self._publish_mounts(parameters)
-        check_overrides(self, self._cameras.topics if self._cameras else ())
+        check_overrides(self, self._apart.topics if self._apart else ())
         self.engine = Engine(
             PublishQueue(streams, parameters.duration or body.trajectory.duration),
             self._pacer(parameters),
@@ -146,8 +145,8 @@ class Simulator(ConfiguredNode):
                 f"p99 {self._lateness.quantile_us(0.99):.0f} us, "
                 f"max {self._lateness.maximum_ns * 1e-3:.0f} us"
             )
-        if self._cameras is not None:
-            self._cameras.close()
+        if self._apart is not None:
+            self._apart.close()
         for terminal in self._terminals:
             terminal.close()
             lost = f", {terminal.lost} lost: the reader was too slow" if terminal.lost else ""
@@ -174,7 +173,7 @@ class Simulator(ConfiguredNode):
         sensors = mounted(parameters)
         for name, topic in topics.offered(sensors).items():
             chosen = topics.is_published(topic.topic, parameters.publish)
-            if chosen and self._can_publish(topic.topic):
+            if chosen and not topic.mounted.sensor.apart and self._can_publish(topic.topic):
                 found.append((topic.name, topic.encoder(), self._counted(name, topic.topic.type)))
         for name, one in sensors.items():
             serial = one.sensor.serial
@@ -204,16 +203,15 @@ class Simulator(ConfiguredNode):
             sensor_description.publish(found[name], simulated)
         return found
 
-    def _made_cameras(self, parameters: SimulatorParameters, longest: float) -> Any:
-        """Return the cameras; None, if there are none."""
-        if not parameters.cameras:
+    def _made_apart(self, parameters: SimulatorParameters) -> Any:
+        """Return the sensors with processes of their own; None, if there are none."""
+        if not any(one.sensor.apart for one in mounted(parameters).values()):
             return None
-        from imu_sim_ros.nodes.simulator.cameras import Cameras  # most runs have none
+        from imu_sim_ros.nodes.simulator.apart import SensorsApart  # most runs have none
 
-        duration = parameters.duration or longest
-        cameras = Cameras(self, parameters, duration, self.lifetime.fail)
-        self._counters += cameras.counters
-        return cameras
+        apart = SensorsApart(self, parameters, self.lifetime.fail)
+        self._counters += apart.counters
+        return apart
 
     def _transform_streams(
         self, parameters: SimulatorParameters, trajectory: Trajectory
@@ -234,7 +232,6 @@ class Simulator(ConfiguredNode):
 
     def _publish_mounts(self, parameters: SimulatorParameters) -> None:
         placed = [transforms.Mount(*one) for one in mounts(mounted(parameters)).items()]
-        placed += self._cameras.mounts if self._cameras else []
         t_ns = int(self.get_clock().now().nanoseconds)
         try:
             # Kept: later subscribers get it from the publisher.
@@ -301,7 +298,7 @@ class Simulator(ConfiguredNode):
         """Return whether all expected subscribers are there; called repeatedly."""
         if self._follows and self.get_clock().now().nanoseconds == 0:
             return False
-        if self._cameras is not None and not self._cameras.ready:
+        if self._apart is not None and not self._apart.ready:
             return False
         wanted = {
             conventions.IMU_TOPIC: self.parameters.wait_for_subscribers,
@@ -314,7 +311,7 @@ class Simulator(ConfiguredNode):
                     missing |= counter.publisher.get_subscription_count() < count
         if missing or not any(wanted.values()):
             return not missing
-        if self._cameras is not None and not self._cameras.connected(time.monotonic()):
+        if self._apart is not None and not self._apart.connected(time.monotonic()):
             return False
         counts = [counter.publisher.get_subscription_count() for counter in self._counters]
         return self._settling.settled(counts, time.monotonic())

@@ -16,12 +16,10 @@ from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SimulationParameters
 from imu_sim_ros.simulation.sensors import mounted
-from imu_sim_ros.simulation.topics import Encode, TextMessages
+from imu_sim_ros.simulation.topics import Encode
 from imu_sim_ros.types import Times
 
 Send = Callable[[Any], None]
-Say = Callable[[Any, Any], TextMessages]
-"""Turns samples into the messages of a serial line."""
 Group = tuple[int, Sequence[tuple[Send, Any]]]
 """Functions due at one time [ns], with the messages that they publish."""
 
@@ -48,7 +46,7 @@ class Stream(Protocol):
 class BodyStream:
     """The topics of the sensors of a body."""
 
-    def __init__(self, body: Body, outputs: Sequence[tuple[str, Encode | Say, Send]]) -> None:
+    def __init__(self, body: Body, outputs: Sequence[tuple[str, Encode, Send]]) -> None:
         """Connect sensors, by name, with their topics."""
         self.body, self._outputs = body, outputs
         self._sensors = mounted(body.parameters)
@@ -64,7 +62,7 @@ class BodyStream:
         for sensor, encode, send in self._outputs:
             messages = encode(read[sensor], self._sensors[sensor].valid)
             if len(messages.due_t_ns):
-                yield Piece(messages.due_t_ns, send, as_list(messages.payloads))
+                yield Piece(messages.due_t_ns, send, as_list(messages.made()))
 
     def update(self, parameters: SimulationParameters) -> None:
         """Take new values of live parameters."""

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.sensors.declaration import Sensor
-from imu_sim_ros.simulation.topics import TextMessages
+from imu_sim_ros.simulation.topics import Messages
 
 PLAIN: Final = "pty"
 """Value in place of a link if there is none."""
@@ -99,8 +99,8 @@ class SerialEncode:
         assert sensor.serial is not None
         self._lines = sensor.serial.lines
 
-    def __call__(self, read: Any, _: Any) -> TextMessages:
+    def __call__(self, read: Any, _: Any) -> Messages:
         """Return the messages of the delivered samples."""
         rows = read.delivered
         lines = [line.encode("ascii") for line in self._lines(read, rows)]
-        return TextMessages(read.release_t_ns[rows], lines)
+        return Messages(read.t_ns[rows], read.release_t_ns[rows], lines)

@@ -437,6 +437,12 @@ class TrackParameters:
     )
 
 
+_IN_MEMORY: Final = 1 << 23
+"""[bytes] of the images of one camera that are read at once."""
+_MOST_FRAMES: Final = 64
+"""That are read at once."""
+
+
 @dataclass(frozen=True)
 class CameraParameters(
     ImageParameters,
@@ -446,6 +452,12 @@ class CameraParameters(
     CameraModelParameters,
 ):
     """One camera."""
+
+    @property
+    def longest_window(self) -> float:
+        """How much is read at once [s]: the images of that time are in memory, about 8 MB."""
+        size = self.width * self.height * (3 if self.encoding == "rgb8" else 1)
+        return min(max(_IN_MEMORY // size, 1), _MOST_FRAMES) / self.rate
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield a line for each contradiction between parameters."""

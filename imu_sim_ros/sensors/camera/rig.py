@@ -4,24 +4,20 @@
 """All cameras of a body, and the scene that they see."""
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import arguments
-from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
-from imu_sim_ros.sensors.camera.build import build_scene, check_path, scene_span
-from imu_sim_ros.sensors.camera.mesh_scene import mesh_warnings
-from imu_sim_ros.sensors.camera.rig_parameters import (
-    RigParameters,
-)
-from imu_sim_ros.sensors.camera.target import target_warning
+from imu_sim_ros.sensors.camera.declaration import cameras_in
+from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
 from imu_sim_ros.sensors.camera.tracker import Tracker, Tracks
-from imu_sim_ros.sensors.camera.view import View
-from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.types import Array, Bytes, Single
+from imu_sim_ros.sensors.camera.view import view_of
+from imu_sim_ros.sensors.declaration import Mounted
+from imu_sim_ros.sensors.world import World
+from imu_sim_ros.types import Bytes, Single
 
 BLOCK: Final = 64
 """Frames generated at once."""
@@ -30,57 +26,17 @@ BLOCK: Final = 64
 class Rig:
     """The cameras of one simulation."""
 
-    def __init__(
-        self,
-        parameters: RigParameters,
-        trajectory: Trajectory,
-        t0_ns: int,
-        duration: float,
-        seed: int,
-        others: Array | None = None,
-    ) -> None:
+    def __init__(self, sensors: Mapping[str, Mounted], world: World) -> None:
         """Set up cameras and scene.
 
-        :param t0_ns: start of the simulation [ns].
-        :param duration: of the simulation [s]; may be infinite.
-        :param seed: of the simulation.
-        :param others: (k, 3) positions in the body of other sensors that see the scene [m].
+        :param sensors: of the body.
         :raises ConfigurationError: for a scene that does not fit the path.
         :raises InputError: for a file of points that cannot be used.
         """
-        self.parameters, self.trajectory = parameters, trajectory
-        self.duration = min(duration, trajectory.duration)
-        self.views = {
-            name: View(name, camera, seed, t0_ns, self.duration)
-            for name, camera in parameters.each().items()
-        }
-        # A scene belongs to the trajectory, however much of it is flown.
-        span = scene_span(parameters.scene, trajectory.duration)
-        seen_by = [
-            View(name, camera, seed, t0_ns, span) for name, camera in parameters.each().items()
-        ]
-        arms = np.array([view.p_bc for view in seen_by])
-        if others is not None:
-            arms = np.concatenate([arms, others])
-        self.scene = build_scene(parameters.scene, arms, seen_by, trajectory, span)
-        check_path(parameters.scene, arms, trajectory, self.duration, self.scene)
-
-    def warnings(self, name: str) -> list[str]:
-        """Return a line for whatever keeps a camera from seeing what it was put before."""
-        view = self.views[name]
-        return [
-            *target_warning(self.parameters.scene, view, self.trajectory),
-            *mesh_warnings(self.scene, view, self.trajectory, name == next(iter(self.views))),
-        ]
-
-    def notes(self, name: str) -> list[str]:
-        """Return which axes the body has, for a camera whose device has others."""
-        p = self.views[name].parameters
-        if p.rig_mounting == IDENTITY_MATRIX:
-            return []
-        if p.body_axes == "flu":
-            return ["the body is forward, left, up (camera.body_axes flu)"]
-        return [f"the body has the axes of {p.preset} (camera.body_axes preset)"]
+        self.cameras, self.world = cameras_in(sensors), world
+        self.parameters: RigParameters = next(iter(self.cameras.values())).environment.rig
+        self.trajectory, self.scene = world.trajectory, world.scene
+        self.views = {name: view_of(one, world) for name, one in self.cameras.items()}
 
     def tracker(self, name: str) -> Tracker:
         """Return the tracker of one camera."""

@@ -8,6 +8,7 @@ file that a camera's ``preset`` names, and below the scene's parameters the file
 """
 
 import dataclasses
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -71,6 +72,11 @@ class RigParameters:
         """Return where a parameter belongs whose section does not exist."""
         no_camera = "there is no camera; name them in cameras"
         return no_camera if name.startswith("camera.") else None
+
+    @property
+    def longest_window(self) -> float:
+        """How much is read at once [s]."""
+        return min((one.longest_window for one in self.each().values()), default=math.inf)
 
     def frame(self, name: str) -> str:
         """Return the frame of a camera's messages."""

@@ -409,6 +409,23 @@ def body_names(scene: SceneParameters) -> list[str]:
     return scene.bodies.names() if isinstance(scene, PlaceParameters) else []
 
 
+def has_surfaces(scene: SceneParameters) -> bool:
+    """Return whether a scene has anything but points and lines."""
+    return not isinstance(scene, HouseParameters | CloudParameters | PointFileParameters)
+
+
+def check_surfaces(scene: SceneParameters) -> None:
+    """Refuse images of a scene without surfaces.
+
+    :raises ConfigurationError: for such a scene.
+    """
+    if not has_surfaces(scene):
+        raise ConfigurationError(
+            f"scene.type = {scene.type!r}: has points and lines only, nothing to make images of; "
+            "room, planes, places, aprilgrid and checkerboard have surfaces"
+        )
+
+
 def known_scenes() -> list[str]:
     """Return all kinds of scenes, and the names of the others in config/scenes."""
     return [*TYPES, *(each for each in names("scenes") if each not in TYPES)]

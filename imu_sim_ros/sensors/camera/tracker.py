@@ -141,7 +141,7 @@ class Tracker:
         seen = self._look(frames, ends, np.zeros_like(ends))
         found = np.full((count, len(ends), 2), np.nan)
         found[seen.frame, seen.landmark] = seen.uv
-        both = found.reshape(count, -1, 2, 2)
+        both = found.reshape(count, len(self.scene.lines), 2, 2)
         frame, line = np.nonzero(np.isfinite(both).all(axis=(2, 3)))
         true = both[frame, line]
         measured = true.copy()

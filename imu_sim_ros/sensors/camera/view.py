@@ -12,6 +12,8 @@ from imu_sim_ros import rotation, timebase
 from imu_sim_ros.random_streams import generator_at
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
+from imu_sim_ros.sensors.declaration import Mounted
+from imu_sim_ros.sensors.world import World
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.types import Array, Integers, Mask, Times
 
@@ -109,6 +111,14 @@ class View:
         motion = trajectory.sample(np.clip(t, 0.0, trajectory.duration))
         position = motion.position + rotation.rotate(motion.q_wb, self.p_bc)
         return CameraPoses(position, rotation.multiply(motion.q_wb, self.q_bc))
+
+
+def view_of(mounted: Mounted, world: World) -> View:
+    """Return a camera on a simulation's body; its frames end with the simulation."""
+    longest = world.trajectory.duration
+    duration = min(mounted.environment.duration or longest, longest)
+    seed = mounted.environment.seed
+    return View(mounted.name, mounted.own, seed, world.t0_ns, duration)
 
 
 def in_camera(poses: CameraPoses, points: Array) -> Array:

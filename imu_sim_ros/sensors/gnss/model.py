@@ -19,7 +19,7 @@ from imu_sim_ros.sensors.gnss.sky import UNUSABLE, Geometry, Sky, constant
 from imu_sim_ros.sensors.gravity import CurvedEarth, geodetic
 from imu_sim_ros.sensors.model import SensorModel
 from imu_sim_ros.sensors.world import World
-from imu_sim_ros.trajectory.motion import Motion, Trajectory
+from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array, Integers, Mask
 
 NO_FIX: Final = -1
@@ -186,14 +186,14 @@ class Receiver(SensorModel):
         return out
 
 
-def nowhere(mounted: Mounted, trajectory: Trajectory, _: float) -> list[str]:
+def nowhere(mounted: Mounted, world: World, _: float) -> list[str]:
     """Return a line if nobody has said where on the Earth the world is."""
-    world = mounted.environment
-    if world.latitude_deg or world.longitude_deg:
+    place = mounted.environment
+    if place.latitude_deg or place.longitude_deg:
         return []
     from imu_sim_ros.trajectory.drive import route_in  # most motions are no drive
 
-    route = route_in(trajectory)
+    route = route_in(world.trajectory)
     if route is not None and route.origin is not None:
         return []
     return [

@@ -29,11 +29,7 @@ from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.places.rays import Traced
 from imu_sim_ros.random_streams import generator
-from imu_sim_ros.sensors.camera.scene_parameters import (
-    CloudParameters,
-    HouseParameters,
-    PointFileParameters,
-)
+from imu_sim_ros.sensors.camera.scene_parameters import has_surfaces
 from imu_sim_ros.sensors.declaration import Model, Mounted
 from imu_sim_ros.sensors.lidar.parameters import LidarParameters
 from imu_sim_ros.sensors.lidar.pattern import build_pattern
@@ -90,7 +86,7 @@ def realised_lidar(p: LidarParameters, seed: int, name: str) -> LidarParameters:
 def unseen(mounted: Mounted, *_: object) -> list[str]:
     """Return a line if the scene has nothing that rays meet."""
     scene = mounted.environment.rig.scene
-    if not isinstance(scene, HouseParameters | CloudParameters | PointFileParameters):
+    if has_surfaces(scene):
         return []
     return [f"{mounted.name}: scene.type = {scene.type!r} has no surfaces: no ray returns"]
 

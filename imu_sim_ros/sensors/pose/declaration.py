@@ -6,6 +6,8 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
 from imu_sim_ros.conventions import (
     TF_TOPIC,
     TRUTH_FIX_TOPIC,
@@ -96,6 +98,7 @@ SENSOR = Sensor(
         Topic(TRUTH_POSE_TOPIC, "geometry_msgs/msg/PoseStamped", None, _pose, truth=True),
     ),
     readings=Poses,
+    mount=lambda _: np.eye(4),
     faults=False,
     text="true pose and motion of the body",
 )

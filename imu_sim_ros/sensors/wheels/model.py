@@ -24,7 +24,7 @@ from imu_sim_ros.sensors.model import SensorModel
 from imu_sim_ros.sensors.wheels.parameters import WheelsParameters
 from imu_sim_ros.sensors.wheels.uncertainty import StatedCovariance, applied
 from imu_sim_ros.sensors.world import World
-from imu_sim_ros.trajectory.motion import Motion, Trajectory
+from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array
 
 _LONGEST_LOOK: Final = 600.0
@@ -300,9 +300,10 @@ class Odometer(SensorModel):
         return result
 
 
-def unseen(mounted: Mounted, trajectory: Trajectory, duration: float) -> list[str]:
+def unseen(mounted: Mounted, world: World, duration: float) -> list[str]:
     """Return a line if the motion is not that of such a vehicle, with the size of the rest."""
     p: WheelsParameters = mounted.own
+    trajectory = world.trajectory
     q_bs = rotation.from_matrix(np.reshape(p.mounting, (3, 3)))
     longest = min(duration, trajectory.duration, _LONGEST_LOOK)
     t = np.linspace(0.0, longest, 1 + math.ceil(10.0 * longest))[:-1]

@@ -18,9 +18,11 @@ from rosbags.typesys import Stores, get_typestore
 
 from imu_sim_ros import conventions
 from imu_sim_ros.commands import generate
-from imu_sim_ros.datasets.features import FeatureStream, camera_topics
-from imu_sim_ros.sensors.camera.rig_parameters import load_rig
+from imu_sim_ros.sensors.camera.features import FeatureStream
 from imu_sim_ros.simulation.cameras import build_rig
+from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.simulation.sensors import mounted
+from imu_sim_ros.simulation.topics import offered
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -188,6 +190,10 @@ def plain_features(rig):
         first = False
 
 
+def stream_of(rig, layout):
+    return FeatureStream([rig.tracker(name) for name in rig.views], layout)
+
+
 @pytest.mark.parametrize(("layout", "cameras"), [("mono", 1), ("mono", 2), ("fusion", 2)])
 def test_an_id_is_that_of_one_uninterrupted_track(layout, cameras):
     """VINS counts the frames of a feature from its first: after a gap it would take wrong ones."""
@@ -204,11 +210,10 @@ def test_an_id_is_that_of_one_uninterrupted_track(layout, cameras):
             "duration": 5.0,
         }
     )
-    stream = FeatureStream(rig, layout, "world")
+    stream = stream_of(rig, layout)
     total, frames, shared = len(rig.scene.landmarks), {}, 0
     for number, message in enumerate(stream.next(40) + stream.next(60)):
-        cloud = STORE.deserialize_cdr(message.payload, "sensor_msgs/msg/PointCloud")
-        ids = cloud.channels[0].values.astype(int)
+        ids = message.values[:, 3].astype(int)
         if layout == "mono":
             ids = ids // cameras
         places = [set(ids.tolist()), set((ids % total).tolist())]
@@ -222,16 +227,15 @@ def test_an_id_is_that_of_one_uninterrupted_track(layout, cameras):
 
 
 def test_mono_has_five_channels_and_an_id_for_each_camera(rig):
-    fusion, mono = (FeatureStream(rig, layout, "world") for layout in ("fusion", "mono"))
+    fusion, mono = (stream_of(rig, layout) for layout in ("fusion", "mono"))
     assert len(fusion.next(24)) == len(mono.next(24))
-    halves = FeatureStream(rig, "mono", "world")
-    again = FeatureStream(rig, "mono", "world").next(24)
-    assert halves.next(7) + halves.next(17) == again
+    halves, again = stream_of(rig, "mono"), stream_of(rig, "mono").next(24)
+    pairs = list(zip(halves.next(7) + halves.next(17), again, strict=True))
+    assert all(a.number == b.number and np.array_equal(a.values, b.values) for a, b in pairs)
     ids = set()
     for message in again:
-        cloud = STORE.deserialize_cdr(message.payload, "sensor_msgs/msg/PointCloud")
-        assert len(cloud.channels) == 5
-        ids |= {(int(v) // 2, int(v) % 2) for v in cloud.channels[0].values}
+        assert message.values.shape[1] == 3 + 5
+        ids |= {(int(v) // 2, int(v) % 2) for v in message.values[:, 3]}
     tracks = {camera: next(rig.tracks(f"cam{camera}")) for camera in (0, 1)}
     seen = {(int(i), camera) for camera, track in tracks.items() for i in track.landmark}
     total = len(rig.scene.landmarks)
@@ -324,9 +328,10 @@ def test_a_scene_without_surfaces_gives_tracks_alone(tmp_path, capsys):
 
 def test_the_topics_of_a_rig_follow_its_parameters():
     own = {"right.camera.images": "none", "features.layout": "none", "left.camera.frame": "eye"}
-    rig = load_rig({"cameras": ["left", "right"], **own})
-    assert set(camera_topics(rig)) == {
+    lens = {"right.camera.lever_arm": [0.0, 0.1, 0.0]}
+    sensors = mounted(load_simulation({"cameras": ["left", "right"], **own, **lens}))
+    assert [n for n, one in offered(sensors).items() if one.mounted.sensor.apart] == [
         *("left/image_raw", "left/camera_info", "right/camera_info"),
         conventions.LANDMARKS_TOPIC,
-    }
-    assert (rig.frame("left"), rig.frame("right")) == ("eye", "right_optical_frame")
+    ]
+    assert (sensors["left"].frame, sensors["right"].frame) == ("eye", "right_optical_frame")

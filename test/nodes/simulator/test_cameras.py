@@ -246,7 +246,7 @@ def test_a_camera_that_dies_ends_the_node_and_a_node_that_dies_its_cameras(start
     listener.wait_for("/cam0/image_raw", 2)
     os.kill(children(node.process.pid)[0], signal.SIGKILL)
     assert node.status() == 1
-    assert "the camera's process ended, status -9" in node.output
+    assert "the sensor's process ended, status -9" in node.output
     node = start("simulator", "--trajectory", "target", **endless)
     listener.wait_for("/cam0/image_raw", len(listener.raw["/cam0/image_raw"]) + 2)
     cameras = children(node.process.pid)

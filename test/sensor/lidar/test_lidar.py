@@ -113,7 +113,7 @@ def test_points_of_people_are_on_them_at_their_own_times():
     scans = flight.lidar
     body = Body(flight.parameters, sensors={"lidar"})
     body.next(1)
-    crowd = body.scene.crowd
+    crowd = body.world.scene.crowd
     t, place, q_ws = poses(flight, flight.parameters.lidar)
     points = place + rotation.rotate(q_ws, scans.points.reshape(-1, 3))
     seen = np.unique(scans.body[scans.body > 0])

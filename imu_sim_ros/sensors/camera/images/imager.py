@@ -19,6 +19,7 @@ from imu_sim_ros.sensors.camera.images.mesh_renderer import MeshRenderer
 from imu_sim_ros.sensors.camera.images.renderer import PictureMaker, Renderer, opencv
 from imu_sim_ros.sensors.camera.images.texture import Atlas, atlas
 from imu_sim_ros.sensors.camera.model import CameraModel
+from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.scene_parameters import MeshParameters, SceneParameters
 from imu_sim_ros.sensors.camera.view import CameraPoses, Eyes, View
@@ -48,7 +49,7 @@ class Imager:
         self._renderer = self._renderer_of(p.supersampling, trilinear, areas=p.antialiasing)
         self._colours = atlas.image.shape[2:]
         self._grey_values = grey_values(p.response)
-        self._vignette = _vignette(view, len(self._colours))
+        self._vignette = _vignette(view.parameters, len(self._colours))
 
     def _renderer_of(
         self,
@@ -186,14 +187,6 @@ class Imager:
         each = crowd.each if crowd else ()
         return Eyes(poses, [CameraPoses(*body.sees(t, *poses)) for body in each])
 
-    @property
-    def vignette(self) -> Single:
-        """(h, w) share of the light that each pixel gets."""
-        p = self.view.parameters
-        if self._vignette is None:
-            return np.ones((p.height, p.width), np.float32)
-        return self._vignette.reshape(p.height, p.width)
-
     def exposure(self, number: int) -> float:
         """Return how long the shutter was open for what a frame shows [s]."""
         p = self.view.parameters
@@ -256,14 +249,17 @@ def imagers(
     :raises MissingDependencyError: if OpenCV is not installed.
     """
     coloured = {name: view.parameters.encoding == "rgb8" for name, view in views.items()}
-    textures = {colour: _textures(scene, parameters, colour) for colour in set(coloured.values())}
+    looks = {colour: textures(scene, parameters, colour) for colour in set(coloured.values())}
     return {
-        name: Imager(view, scene, textures[coloured[name]], trajectory)
-        for name, view in views.items()
+        name: Imager(view, scene, looks[coloured[name]], trajectory) for name, view in views.items()
     }
 
 
-def _textures(scene: Scene, parameters: SceneParameters, colour: bool) -> Atlas | Look:
+def textures(scene: Scene, parameters: SceneParameters, colour: bool) -> Atlas | Look:
+    """Return what a scene looks like, in colour or in grey values.
+
+    :raises ConfigurationError: for a scene without surfaces.
+    """
     if scene.mesh is None or scene.caster is None or not isinstance(parameters, MeshParameters):
         return atlas(scene.surfaces, parameters, colour, scene.painter, scene.crowd)
     sun = parameters.light == "sun" or (parameters.light == "auto" and not scene.mesh.painted)
@@ -291,12 +287,18 @@ def normal_quantiles() -> Single:
     return np.concatenate([-upper[::-1], upper]).astype(np.float32)
 
 
-def _vignette(view: View, more: int) -> Single | None:
+def vignette(p: CameraParameters) -> Single:
+    """Return the share of the light that each pixel gets (h, w)."""
+    found = _vignette(p, 0)
+    return np.ones((p.height, p.width), np.float32) if found is None else found
+
+
+def _vignette(p: CameraParameters, more: int) -> Single | None:
     """Return ``1 - v (r / r_corner)^2`` (h, w) with r from the principal point; None: all 1.
 
     :param more: further dimensions, of length 1.
     """
-    p, model = view.parameters, view.model
+    model = CameraModel(p)
     if p.vignetting == 0.0:
         return None
     u, v = np.meshgrid(np.arange(p.width) - model.cx, np.arange(p.height) - model.cy)

@@ -9,7 +9,6 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.places.bodies import Crowd
 from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.places.gloss import Polish
@@ -21,6 +20,7 @@ from imu_sim_ros.sensors.camera.scene_parameters import (
     CheckerboardParameters,
     SceneParameters,
     TargetParameters,
+    check_surfaces,
 )
 from imu_sim_ros.types import Array, Bytes, Single
 
@@ -78,11 +78,7 @@ def atlas(
     :param crowd: bodies that move in it.
     :raises ConfigurationError: for a scene without surfaces.
     """
-    if not len(surfaces.origin):
-        raise ConfigurationError(
-            f"scene.type = {parameters.type!r}: has points and lines only, nothing to make images "
-            "of; room, planes, places, aprilgrid and checkerboard have surfaces"
-        )
+    check_surfaces(parameters)
     if painter is not None:
         return _of_place(surfaces, painter, colour, crowd)
     shapes = [_shape(surfaces, m, parameters) for m in range(len(surfaces.origin))]

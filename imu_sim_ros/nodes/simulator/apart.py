@@ -1,12 +1,13 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The cameras of the running simulator, each in a process of its own.
+"""Sensors of the running simulator that take long for a sample, each in a process of its own.
 
-Such a process (``camera_process``) renders frames ahead and publishes one on request. All that the
-publishing thread of the IMU does for a frame is to write 16 bytes to a pipe when the frame is due,
-so pauses, steps, resets and the real-time factor apply to frames as to samples, and neither
-rendering nor sending a large message ever delays a sample.
+Such a process (``apart_process``) makes the messages of samples ahead, such as images of frames,
+and publishes them on request. All that the publishing thread of the IMU does for a frame is to
+write 16 bytes to a pipe when the frame is due, so pauses, steps, resets and the real-time factor
+apply to frames as to samples, and neither rendering nor sending a large message ever delays a
+sample.
 """
 
 import json
@@ -15,29 +16,25 @@ import struct
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import IO, Any, Final
 
 import numpy as np
 
-from imu_sim_ros import timebase
-from imu_sim_ros.conventions import MARKERS_TOPIC
-from imu_sim_ros.datasets.features import camera_topics
+from imu_sim_ros.conventions import LANDMARKS_TOPIC, MARKERS_TOPIC
 from imu_sim_ros.errors import ConfigurationError, MachineError
 from imu_sim_ros.json_text import as_json
 from imu_sim_ros.nodes import fast_dds
 from imu_sim_ros.nodes.lifetime import Fail, SupervisedThread
-from imu_sim_ros.nodes.simulator.publish_queue import Piece
-from imu_sim_ros.nodes.simulator.transforms import Mount
 from imu_sim_ros.parameters.sections import flatten
-from imu_sim_ros.sensors.camera.parameters import CameraParameters
-from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
-from imu_sim_ros.sensors.camera.view import View
+from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.simulation.playback import SimulatorParameters
+from imu_sim_ros.simulation.sensors import mounted
+from imu_sim_ros.simulation.topics import Messages, delivered_rows, offered
 
 TOKEN: Final = struct.Struct("<qq")
-"""Number of a frame, and time zero [ns]."""
+"""Number of a sample, and its true time [ns]."""
 MARKERS: Final = "visualization_msgs/msg/MarkerArray"
 _OVERRIDES: Final = "qos_overrides"
 _LONGEST_FRAME: Final = 10.0
@@ -48,30 +45,32 @@ _LONGEST_END: Final = 5.0
 
 
 class RemoteCounter:
-    """A topic that a camera's process publishes; counts like a publisher."""
+    """A topic that a sensor's process publishes; counts like a publisher."""
 
-    def __init__(self, topic: str, camera: "CameraProcess", subscribers: Callable[[], int]) -> None:
-        self.topic, self._camera = topic, camera
+    def __init__(
+        self, topic: str, process: "SensorProcess", subscribers: Callable[[], int]
+    ) -> None:
+        self.topic, self._process = topic, process
         self.get_subscription_count = subscribers
         self.publisher = self
 
     @property
     def connected(self) -> bool:
-        """Whether the camera's process is connected to all subscribers that the node sees."""
-        return self._camera.connected.get(self.topic, 0) >= self.get_subscription_count()
+        """Whether the process is connected to all subscribers that the node sees."""
+        return self._process.connected.get(self.topic, 0) >= self.get_subscription_count()
 
     @property
     def count(self) -> int:
         """Messages so far."""
-        return self._camera.counts.get(self.topic, 0)
+        return self._process.counts.get(self.topic, 0)
 
     def wait_for_all_acked(self, timeout: Any) -> bool:
         """Wait until all frames that were due are published."""
-        return self._camera.wait_until_idle(timeout.nanoseconds * 1e-9)
+        return self._process.wait_until_idle(timeout.nanoseconds * 1e-9)
 
 
-class CameraProcess:
-    """One camera's process, seen from the node."""
+class SensorProcess:
+    """One sensor's process, seen from the node."""
 
     def __init__(
         self,
@@ -98,7 +97,7 @@ class CameraProcess:
         self._changed = threading.Condition()
         environment = {**fast_dds.without_own_profile(os.environ), "OMP_NUM_THREADS": "1"}
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "imu_sim_ros.nodes.simulator.camera_process"],
+            [sys.executable, "-m", "imu_sim_ros.nodes.simulator.apart_process"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env={**environment, "OPENBLAS_NUM_THREADS": "1"},
@@ -162,72 +161,66 @@ class CameraProcess:
                 self.ready |= "ready" in said
                 self._changed.notify_all()
             for warning in said.get("warnings", ()):
-                self._warn(f"{self.name}: {warning}")
+                self._warn(warning)
             for note in said.get("notes", ()):
-                self._note(f"{self.name}: {note}")
+                self._note(note)
             if "problems" in said:
                 ended = True
                 kind = ConfigurationError if said["status"] == 2 else MachineError
                 self._fail(kind(said["problems"]))
         if not (self._closing or ended):
             status = self._process.wait()
-            self._fail(MachineError(f"{self.name}: the camera's process ended, status {status}"))
+            self._fail(MachineError(f"{self.name}: the sensor's process ended, status {status}"))
 
 
-class CameraStream:
-    """The frames of one camera as tokens, each due when the camera's driver lets it go."""
+class TokenEncoder:
+    """Turns samples into the requests for what a process publishes of them."""
 
-    def __init__(self, view: View, send: Callable[[bytes], None]) -> None:
-        """Connect a camera with its publisher.
-
-        :param view: with the start at 0 ns.
-        """
-        self._view, self._send = view, send
-        self._position = self._t0_ns = 0
-
-    def restart(self, t0_ns: int) -> None:
-        """Go back to the first frame."""
-        self._position, self._t0_ns = 0, t0_ns
-
-    def advance(self, end: float) -> Iterator[Piece]:
-        """Yield the frames taken before ``end`` that are not lost."""
-        p = self._view.parameters
-        until = timebase.sample_count(max(end - p.phase, 0.0), p.rate)
-        if self._view.total is not None:
-            until = min(until, self._view.total)
-        if until <= self._position:
-            return
-        frames = self._view.frames(self._position, until - self._position)
-        self._position = until
-        rows = np.flatnonzero(frames.delivered)
-        tokens = [TOKEN.pack(k, self._t0_ns) for k in frames.number[rows].tolist()]
-        yield Piece(frames.release_t_ns[rows] + self._t0_ns, self._send, tokens)
+    def __call__(self, read: Any, _: Any) -> Messages:
+        """Return a token for each sample that is delivered, due when its driver lets it go."""
+        rows = delivered_rows(read)
+        numbers = read.first + np.arange(len(read.t_ns))[rows]
+        tokens = zip(numbers.tolist(), read.true_t_ns[rows].tolist(), strict=True)
+        packed = [TOKEN.pack(*token) for token in tokens]
+        return Messages(read.t_ns[rows], read.release_t_ns[rows], packed)
 
 
-class Cameras:
-    """All cameras of the node."""
+def groups_apart(sensors: Mapping[str, Mounted]) -> dict[str, list[str]]:
+    """Return which sensors have processes of their own, and those that share each.
 
-    def __init__(
-        self, node: Any, parameters: SimulatorParameters, duration: float, fail: Fail
-    ) -> None:
-        """Start a process for each camera.
+    One that cannot read without another one is in the process of that.
+    """
+    groups: dict[str, list[str]] = {}
+    for name, one in sensors.items():
+        if one.sensor.apart:
+            needed = [one.space + quantity for quantity in one.sensor.needs(one.own)]
+            groups.setdefault(next(iter(needed), name), []).append(name)
+    return groups
 
-        :param duration: of the run [s], perhaps infinite.
-        """
-        rig: RigParameters = parameters.rig
+
+class SensorsApart:
+    """All sensors of the node that have processes of their own."""
+
+    def __init__(self, node: Any, parameters: SimulatorParameters, fail: Fail) -> None:
+        """Start the processes."""
+        sensors = mounted(parameters)
+        known, groups = offered(sensors), groups_apart(sensors)
         log = node.get_logger()
         self.topics: list[str] = []
         """Full names of all topics that the processes publish."""
         self.counters: list[RemoteCounter] = []
-        self.streams: list[CameraStream] = []
-        self._processes: list[CameraProcess] = []
+        self.outputs: list[tuple[str, TokenEncoder, Callable[[bytes], None]]] = []
+        """The sensor at whose samples each process publishes, and what requests it."""
+        self._processes: list[SensorProcess] = []
         self._requested_at = 0.0
-        self.mounts = [_mount(rig.frame(n), c) for n, c in rig.each().items()]
-        for name, camera in rig.each().items():
-            topics = _topics_of(name, rig)
+        for name, members in groups.items():
+            topics = [topic for topic, one in known.items() if one.name in members]
+            if LANDMARKS_TOPIC in topics:
+                topics.append(MARKERS_TOPIC)
             names = {topic: node.resolve_topic_name(topic) for topic in topics}
             start = {
-                "camera": name,
+                "sensor": name,
+                "members": members,
                 "parameters": flatten(parameters),
                 "topics": names,
                 "node": f"{node.get_name()}_{name}",
@@ -237,19 +230,18 @@ class Cameras:
                     for key, parameter in node.get_parameters_by_prefix(_OVERRIDES).items()
                 },
             }
-            process = CameraProcess(name, start, fail, log.warning, log.info)
+            process = SensorProcess(name, start, fail, log.warning, log.info)
             self._processes.append(process)
             self.topics += names.values()
             self.counters += [
                 RemoteCounter(topic, process, partial(node.count_subscribers, full))
                 for topic, full in names.items()
             ]
-            view = View(name, camera, parameters.seed, 0, duration)
-            self.streams.append(CameraStream(view, process.send))
+            self.outputs.append((name, TokenEncoder(), process.send))
 
     @property
     def ready(self) -> bool:
-        """Whether all cameras have their first frames."""
+        """Whether all processes have their first samples."""
         return all(process.ready for process in self._processes)
 
     def connected(self, now: float) -> bool:
@@ -265,18 +257,3 @@ class Cameras:
         """End the processes."""
         for process in self._processes:
             process.close()
-
-
-def _topics_of(name: str, rig: RigParameters) -> list[str]:
-    """Return the topics of a camera's process; the first one also has the common topics."""
-    own = [topic for topic in camera_topics(rig) if topic.startswith(f"{name}/")]
-    if name != rig.cameras[0]:
-        return own
-    seen = tuple(f"{other}/" for other in rig.cameras)
-    return [*own, *(t for t in camera_topics(rig) if not t.startswith(seen)), MARKERS_TOPIC]
-
-
-def _mount(frame: str, camera: CameraParameters) -> Mount:
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = camera.pose()
-    return Mount(frame, pose)

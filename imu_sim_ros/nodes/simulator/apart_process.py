@@ -1,0 +1,319 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The process of one sensor: makes messages ahead and publishes each on the simulator's request.
+
+It reads one line of JSON, then tokens, from standard input, and ends when that is closed; it
+reports in lines of JSON on standard output. It runs below the priority of the node that started it,
+and the thread that makes them below that: a batch job that whoever wakes up may interrupt.
+"""
+
+import json
+import os
+import signal
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+import rclpy
+from rclpy.duration import Duration
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import serialize_message
+
+from imu_sim_ros.bags.messages.blocks import as_list
+from imu_sim_ros.bags.messages.encode_cameras import StampedMessages
+from imu_sim_ros.bags.read import read_poses
+from imu_sim_ros.conventions import MARKERS_TOPIC
+from imu_sim_ros.errors import explain
+from imu_sim_ros.json_text import as_json
+from imu_sim_ros.nodes import fast_dds
+from imu_sim_ros.nodes.publishing import Counter, create
+from imu_sim_ros.nodes.simulator.apart import MARKERS, TOKEN
+from imu_sim_ros.nodes.simulator.markers import markers
+from imu_sim_ros.parameters.sections import build
+from imu_sim_ros.sensors.camera.rig import Rig
+from imu_sim_ros.sensors.world import SampleTimes, Window, World
+from imu_sim_ros.simulation.cameras import scene_around
+from imu_sim_ros.simulation.playback import SimulatorParameters
+from imu_sim_ros.simulation.sensors import models, mounted
+from imu_sim_ros.simulation.topics import offered
+from imu_sim_ros.trajectory.build import build_trajectory
+
+ORIGIN_NS: Final = 10**12
+"""Time zero of samples that are made ahead: no stamp is negative, whatever the time offset."""
+AHEAD: Final = 8
+"""Samples that wait to be published: 3 MB of frames of 752 x 480."""
+_NICE: Final = 5
+_RENDERING_NICE: Final = 5
+"""TableRows that of the process."""
+_POLL: Final = 0.05
+"""[s] between two looks at the subscribers."""
+_BEHIND: Final = 20
+"""Number of samples due and not yet made from which this is reported."""
+_ACKNOWLEDGEMENT: Final = Duration(nanoseconds=2_000_000_000)
+_LATCHED: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Made(NamedTuple):
+    """What is published of a sample."""
+
+    true_t_ns: int
+    """If time zero were ORIGIN_NS."""
+    messages: list[tuple[str, bytes]]
+    """Topic and message."""
+
+
+class SampleQueue:
+    """The messages of a sensor's samples, made ahead in one thread and taken by another."""
+
+    def __init__(self, make: Callable[[int], Made | None]):
+        """Set up.
+
+        :param make: returns the messages of a sample, stamped as if time zero were ORIGIN_NS; None
+            for one that will never be requested.
+        """
+        self._make = make
+        self._made: dict[int, Made] = {}
+        self._next = self._wanted = 0
+        self._run = 0
+        self._changed = threading.Condition()
+
+    def work(self) -> None:
+        """Make messages endlessly."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: len(self._made) < AHEAD)
+                number, run_number = self._next, self._run
+            made = self._make(number)
+            with self._changed:
+                if run_number == self._run:  # else others are wanted
+                    self._next = number + 1
+                    if made is not None and number >= self._wanted:
+                        self._made[number] = made
+                    self._changed.notify_all()
+
+    def wait_for_first(self) -> None:
+        """Wait until half of those made ahead are ready, or the first 100 samples are lost."""
+        with self._changed:
+            self._changed.wait_for(lambda: len(self._made) >= AHEAD // 2 or self._next > 100)
+
+    def take(self, number: int) -> Made:
+        """Return the messages of a sample, and discard it and all before it."""
+        with self._changed:
+            if number < self._wanted or number > self._next + AHEAD:  # a reset, or a jump
+                self._made.clear()
+                self._next = number
+                self._run += 1
+            self._wanted = number
+            self._made = {k: made for k, made in self._made.items() if k >= number}
+            self._changed.notify_all()
+            self._changed.wait_for(lambda: number in self._made)
+            found = self._made.pop(number)
+            self._wanted = number + 1
+            self._changed.notify_all()
+        return found
+
+
+class SensorNode:
+    """What one process publishes."""
+
+    def __init__(self, start: dict[str, Any]) -> None:
+        """Make node, publishers, world and sensors.
+
+        :param start: what :class:`~imu_sim_ros.nodes.simulator.apart.SensorsApart` sends.
+        """
+        parameters: Any = build(SimulatorParameters, start["parameters"])
+        self.name: str = start["sensor"]
+        overrides = [Parameter(name, value=value) for name, value in start["overrides"].items()]
+        rclpy.init(args=[])
+        self.node = rclpy.create_node(
+            start["node"],
+            namespace=start["namespace"],
+            use_global_arguments=False,
+            enable_rosout=False,
+            start_parameter_services=False,
+            parameter_overrides=overrides,
+        )
+        self._parameters, self._sensors = parameters, mounted(parameters)
+        known = offered(self._sensors)
+        self._offered = {topic: known[topic] for topic in start["topics"] if topic in known}
+        self.counters = dict(self._publishers(start["topics"]))
+        self._encoders = {topic: one.encoder() for topic, one in self._offered.items()}
+        trajectory = build_trajectory(parameters.trajectory, read_poses)
+        self._duration = parameters.duration or trajectory.duration
+        self._world = World(
+            trajectory,
+            parameters,
+            ORIGIN_NS,
+            lambda: scene_around(parameters, trajectory, ORIGIN_NS),
+        )
+        self._models = models(self._sensors, {self.name, *start["members"]}, ORIGIN_NS)
+        self._members: list[str] = start["members"]
+        self.samples = SampleQueue(self._make)
+
+    def _publishers(self, names: dict[str, str]) -> Iterator[tuple[str, Counter]]:
+        """Yield a publisher for each topic of this process."""
+        depth = max(20, round(4 * self._sensors[self.name].own.rate))
+        for topic, full in names.items():
+            one = self._offered.get(topic)
+            kind = one.topic.type if one else MARKERS
+            latched = one is None or one.topic.latched
+            qos = _LATCHED if latched else QoSProfile(depth=depth)
+            yield topic, Counter(topic, create(self.node, kind, full, qos))
+
+    def publish_latched(self) -> None:
+        """Publish what is kept for later subscribers, before the first sample."""
+        start = Window(Fraction(0), self._times.time(1))
+        for topic, one in self._offered.items():
+            if one.topic.latched:
+                for payload in self._messages(topic, start, {}):
+                    self.counters[topic].send(StampedMessages.moved(payload, -ORIGIN_NS))
+        if MARKERS_TOPIC in self.counters:
+            shown = markers(Rig(self._sensors, self._world), self._parameters.world_frame)
+            self.counters[MARKERS_TOPIC].send(serialize_message(shown))
+
+    def warnings(self) -> list[str]:
+        """Return the warnings of its sensors."""
+        each = [self._sensors[name] for name in self._members]
+        return [w for one in each for w in one.sensor.warnings(one, self._world, self._duration)]
+
+    def notes(self) -> list[str]:
+        """Return what was made of the scene, if no other sensor before it sees one."""
+        first = next(name for name, one in self._sensors.items() if one.sensor.sees)
+        note = self._world.scene.note if first == self.name else ""
+        return [note] if note else []
+
+    def publish(self, number: int, true_t_ns: int) -> None:
+        """Publish what there is of a sample."""
+        made = self.samples.take(number)
+        for topic, payload in made.messages:
+            moved = StampedMessages.moved(payload, true_t_ns - made.true_t_ns)
+            self.counters[topic].send(moved)
+
+    @property
+    def _times(self) -> SampleTimes:
+        """When the sensor takes samples."""
+        model: Any = self._models[self.name]
+        times: SampleTimes = model.times
+        return times
+
+    def _make(self, number: int) -> Made | None:
+        window = Window(self._times.time(number), self._times.time(number + 1))
+        if window.begin >= self._duration:
+            return None
+        read = {self.name: self._models[self.name].read(window, self._world)}
+        if not len(read[self.name].delivered):
+            return None
+        messages = [
+            (topic, payload)
+            for topic, one in self._offered.items()
+            if not one.topic.latched
+            for payload in self._messages(topic, window, read)
+        ]
+        return Made(int(read[self.name].true_t_ns[0]), messages)
+
+    def _messages(self, topic: str, window: Window, read: dict[str, Any]) -> list[bytes]:
+        """Return the messages of a topic in a window.
+
+        :param read: the samples of it so far; those of further sensors are added.
+        """
+        name = self._offered[topic].name
+        if name not in read:
+            read[name] = self._models[name].read(window, self._world)
+        messages = self._encoders[topic](read[name], self._sensors[name].valid)
+        return as_list(messages.made())
+
+
+class Reports:
+    """The process's reports to the node."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._file = os.fdopen(descriptor, "wb", buffering=0)
+        self._lock = threading.Lock()
+
+    def say(self, **said: Any) -> None:
+        """Write a line."""
+        with self._lock:
+            self._file.write(as_json(said).encode() + b"\n")
+
+
+def main() -> int:
+    """Run the process until its standard input ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the node closes the pipe when it ends
+    os.nice(_NICE)
+    reports = Reports(os.dup(1))
+    os.dup2(2, 1)  # other output must not get between the reports
+    try:
+        line = sys.stdin.buffer.readline()
+        if not line:
+            return 0
+        with tempfile.TemporaryDirectory() as folder:
+            fast_dds.set_profile(Path(folder))
+            node = SensorNode(json.loads(line))
+        _run(node, reports)
+    except BrokenPipeError:
+        return 0  # the node has gone
+    except Exception as error:
+        lines, status = explain(error)
+        reports.say(problems=lines, status=status)
+        return status
+    return 0
+
+
+def _report_connected(node: SensorNode, reports: Reports, begun: threading.Event) -> None:
+    """Report until the run begins how many subscribers each publisher is connected to."""
+    said: dict[str, int] = {}
+    while not begun.wait(_POLL):
+        now = {t: c.publisher.get_subscription_count() for t, c in node.counters.items()}
+        if now != said:
+            reports.say(connected=now)
+            said = now
+
+
+def _run(node: SensorNode, reports: Reports) -> None:
+    def work() -> None:
+        os.nice(_RENDERING_NICE)  # of this thread alone on Linux; readings go first
+        try:
+            node.samples.work()
+        except BaseException as error:
+            lines, status = explain(error)
+            reports.say(problems=lines, status=status)
+            os._exit(status)  # the thread that takes frames waits for ever
+
+    threading.Thread(target=work, name="render", daemon=True).start()
+    node.publish_latched()
+    node.samples.wait_for_first()
+    reports.say(ready=True, warnings=node.warnings(), notes=node.notes())
+    begun = threading.Event()
+    threading.Thread(
+        target=_report_connected, args=(node, reports, begun), name="connected", daemon=True
+    ).start()
+    done, behind = 0, False
+    waiting = b""
+    while data := os.read(0, TOKEN.size * 4096):
+        begun.set()
+        waiting += data
+        whole = len(waiting) - len(waiting) % TOKEN.size
+        tokens, waiting = list(TOKEN.iter_unpack(waiting[:whole])), waiting[whole:]
+        if len(tokens) > _BEHIND and not behind:
+            behind = True
+            line = f"{node.name}: {len(tokens)} frames are due but not yet rendered"
+            reports.say(warnings=[line])
+        for number, true_t_ns in tokens:
+            node.publish(number, true_t_ns)
+            done += 1
+            reports.say(done=done, counts={t: c.count for t, c in node.counters.items()})
+    for counter in node.counters.values():
+        counter.publisher.wait_for_all_acked(_ACKNOWLEDGEMENT)
+    reports.say(done=done, counts={t: c.count for t, c in node.counters.items()})
+    node.node.destroy_node()
+    rclpy.try_shutdown()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,195 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A camera as the rest of the package sees it: topics of its frames, one message for each."""
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from imu_sim_ros.conventions import (
+    CAMERA_INFO_TOPIC,
+    COMPRESSED_TOPIC,
+    DEPTH_TOPIC,
+    FLOW_TOPIC,
+    IMAGE_TOPIC,
+    MASK_TOPIC,
+)
+from imu_sim_ros.sensors.camera.features import FEATURES
+from imu_sim_ros.sensors.camera.model import CameraModel
+from imu_sim_ros.sensors.camera.parameters import CameraParameters
+from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
+from imu_sim_ros.sensors.camera.scene_parameters import body_names, check_surfaces
+from imu_sim_ros.sensors.camera.truths import DATASETS, LANDMARKS, moving_body
+from imu_sim_ros.sensors.declaration import Mounted, Payloads, Sensor, Topic, on_demand
+
+if TYPE_CHECKING:
+    from imu_sim_ros.bags.messages.encode_cameras import CameraInfo
+    from imu_sim_ros.sensors.deferred import Results
+
+_MODULE: Final = "imu_sim_ros.sensors.camera.frames"
+_IMAGE: Final = "sensor_msgs/msg/Image"
+_DISTORTIONS: Final = {"none": "plumb_bob", "radtan": "plumb_bob", "equidistant": "equidistant"}
+"""The names in image_geometry and kalibr's converters."""
+
+Encode = Callable[[int, Any], bytes]
+"""Turns the stamp [ns] of a frame and what it shows into a message."""
+
+
+def _of_pixels(
+    name: str,
+    kind: str,
+    value: str,
+    exists: Callable[[CameraParameters], bool],
+    encoder: Callable[[Mounted, str], Encode],
+    moving: bool = False,
+) -> Topic:
+    """Return a topic of a value of each pixel.
+
+    :param value: name of the value in the samples.
+    :param exists: whether a camera has it.
+    :param encoder: takes how the camera is mounted, and the encoding.
+    :param moving: it exists only in scenes in which something moves.
+    """
+
+    def make(mounted: Mounted, encoding: str) -> Payloads:
+        from imu_sim_ros.sensors.camera.images.renderer import opencv
+
+        opencv()
+        check_surfaces(mounted.environment.rig.scene)
+        encode = encoder(mounted, encoding)
+
+        def payloads(read: Any, rows: Any, _: Any) -> "Results[bytes]":
+            def message(k: int, shown: Any) -> bytes:
+                return encode(int(read.t_ns[k]), shown)
+
+            return getattr(read, value).begin(_numbers(read, rows), message)
+
+        return payloads
+
+    def there(mounted: Mounted) -> bool:
+        still = moving and not body_names(mounted.environment.rig.scene)
+        return exists(mounted.own) and not still
+
+    return Topic(name, kind, (), make, exists=there)
+
+
+def _numbers(read: Any, rows: Any) -> Iterable[int]:
+    """Return the numbers of the rows of samples that are sent."""
+    return np.arange(len(read.t_ns))[rows].tolist()
+
+
+def _pixels(mounted: Mounted, pixels: str, encoding: str) -> Encode:
+    from imu_sim_ros.bags.messages.encode_cameras import ImageEncoder
+
+    p = mounted.own
+    return ImageEncoder(mounted.frame, p.height, p.width, pixels, encoding).encode
+
+
+def _raw(mounted: Mounted, encoding: str) -> Encode:
+    return _pixels(mounted, mounted.own.encoding, encoding)
+
+
+def _compressed(mounted: Mounted, encoding: str) -> Encode:
+    from imu_sim_ros.bags.messages.encode_cameras import CompressedImageEncoder
+    from imu_sim_ros.sensors.camera.images.files import png
+
+    messages = CompressedImageEncoder(mounted.frame, mounted.own.encoding, encoding)
+    return lambda t_ns, image: messages.encode(t_ns, png(image))
+
+
+def _depth(mounted: Mounted, encoding: str) -> Encode:
+    encode = _pixels(mounted, "32FC1", encoding)
+    return lambda t_ns, seen: encode(t_ns, seen[0])
+
+
+def _mask(mounted: Mounted, encoding: str) -> Encode:
+    encode = _pixels(mounted, "mono8", encoding)
+    return lambda t_ns, seen: encode(t_ns, seen[1])
+
+
+def _flow(mounted: Mounted, encoding: str) -> Encode:
+    return _pixels(mounted, "32FC2", encoding)
+
+
+def _info(mounted: Mounted, encoding: str) -> Payloads:
+    from imu_sim_ros.bags.messages.encode_cameras import CameraInfoEncoder
+
+    messages = CameraInfoEncoder(mounted.frame, info_of_camera(mounted.own), encoding)
+    return lambda read, rows, _: [messages.encode(t_ns) for t_ns in read.t_ns[rows].tolist()]
+
+
+def info_of_camera(camera: CameraParameters) -> "CameraInfo":
+    """Return a camera's model in the terms of sensor_msgs/CameraInfo.
+
+    D is xi and the distortion for a unified sphere, xi and alpha for a double one; ROS has no
+    names for the two, so they have ours.
+    """
+    from imu_sim_ros.bags.messages.encode_cameras import CameraInfo
+
+    model = CameraModel(camera)
+    k = np.array([[model.fx, 0.0, model.cx], [0.0, model.fy, model.cy], [0.0, 0.0, 1.0]])
+    p = np.column_stack([k, np.zeros(3)])
+    kind, d = _DISTORTIONS[camera.distortion_model], camera.distortion
+    if kind == "plumb_bob":
+        d = (*d, *[0.0] * (5 - len(d)))
+    if camera.model != "pinhole":
+        kind = camera.model
+        own = (camera.xi,) if camera.model == "unified" else (camera.xi, camera.alpha)
+        d = (*own, *camera.distortion)
+    return CameraInfo(camera.height, camera.width, kind, d, k, np.eye(3), p)
+
+
+SENSOR = Sensor(
+    name="camera",
+    quantity="camera",
+    section=CameraParameters,
+    model=on_demand(_MODULE, "Camera"),
+    topics=(
+        _of_pixels(IMAGE_TOPIC, _IMAGE, "image", lambda p: p.images in ("raw", "both"), _raw),
+        _of_pixels(
+            COMPRESSED_TOPIC,
+            "sensor_msgs/msg/CompressedImage",
+            "image",
+            lambda p: p.images in ("compressed", "both"),
+            _compressed,
+        ),
+        _of_pixels(DEPTH_TOPIC, _IMAGE, "depth_and_mask", lambda p: p.depth, _depth),
+        _of_pixels(MASK_TOPIC, _IMAGE, "depth_and_mask", lambda p: p.depth, _mask, moving=True),
+        _of_pixels(FLOW_TOPIC, _IMAGE, "flow", lambda p: p.flow != "none", _flow),
+        Topic(CAMERA_INFO_TOPIC, "sensor_msgs/msg/CameraInfo", (), _info),
+    ),
+    readings=None,
+    mount=on_demand(_MODULE, "mount"),
+    sees=True,
+    faults=False,
+    text="camera: its frames, with the errors of lens, shutter, exposure and pixels",
+    warnings=on_demand(_MODULE, "warnings"),
+    notes=on_demand(_MODULE, "notes"),
+    apart=True,
+    datasets=DATASETS,
+)
+
+
+def cameras_in(sensors: Mapping[str, Mounted]) -> dict[str, Mounted]:
+    """Return the cameras among sensors."""
+    return {name: one for name, one in sensors.items() if one.sensor is SENSOR}
+
+
+def seeing(rig: RigParameters, parameters: Any) -> dict[str, Mounted]:
+    """Return the cameras, what is tracked in their frames, and the truth of what they see.
+
+    :param parameters: of the simulation.
+    """
+    found = {
+        name: Mounted(name, SENSOR, own, parameters, own, rig.frame(name), f"{name}/")
+        for name, own in rig.each().items()
+    }
+    if not found:
+        return {}
+    tracked = [FEATURES] if rig.features.layout != "none" else []
+    for sensor in (*tracked, LANDMARKS, *map(moving_body, body_names(rig.scene))):
+        frame = parameters.body_frame
+        found[sensor.quantity] = Mounted(sensor.name, sensor, rig, parameters, rig, frame)
+    return found

@@ -1,0 +1,241 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What is tracked in the frames of all cameras, as VINS-Mono and VINS-Fusion take it."""
+
+from collections.abc import Iterator, Mapping
+from functools import partial
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from imu_sim_ros.conventions import FEATURES_TOPIC
+from imu_sim_ros.sensors.camera.parameters import CameraParameters
+from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
+from imu_sim_ros.sensors.camera.scene_parameters import body_names
+from imu_sim_ros.sensors.camera.tracker import Tracker, Tracks
+from imu_sim_ros.sensors.camera.truths import DATASETS, AtFrames
+from imu_sim_ros.sensors.declaration import Mounted, Payloads, Sensor, Topic
+from imu_sim_ros.sensors.deferred import Deferred
+from imu_sim_ros.sensors.samples import Samples
+from imu_sim_ros.sensors.world import Window, World
+from imu_sim_ros.types import Array, Integers, Mask
+
+CHANNELS: Final = {
+    "mono": ("id", "u", "v", "velocity_x", "velocity_y"),
+    "fusion": ("id", "camera_id", "u", "v", "velocity_x", "velocity_y", "gx", "gy", "gz"),
+}
+BODY_CHANNEL: Final = "body"
+"""The last one in scenes in which something moves: the id of the body; 0: at rest."""
+_EXACT_IDS: Final = 1 << 24
+
+
+class FeatureMessage(NamedTuple):
+    """The features of one frame."""
+
+    number: int
+    """Number of the first camera's frame."""
+    values: Array
+    """(n, 3 + m) points, and the channels of each."""
+
+
+class _Observed(NamedTuple):
+    """The features of one frame of one camera, by id."""
+
+    t_ns: int
+    id: Integers
+    uv: Array
+    place: Array
+    """(n, 2) normalised."""
+    landmark: Integers
+    body: Integers
+
+    def at(self, rows: Mask) -> "_Observed":
+        """Return some of the features."""
+        uv, place = self.uv[rows], self.place[rows]
+        return _Observed(self.t_ns, self.id[rows], uv, place, self.landmark[rows], self.body[rows])
+
+
+class _Ids:
+    """The ids of tracks: a new one for each run of messages that a landmark is in."""
+
+    def __init__(self, landmarks: int) -> None:
+        self._count = np.zeros(landmarks, dtype=np.int64)
+        """How many tracks each landmark has had."""
+        self._last = np.empty(0, dtype=np.int64)
+        """The features of the last message."""
+
+    def next(self, features: list[_Observed]) -> list[Integers]:
+        """Return the ids (n,) of what each camera sends in the next message."""
+        feature, at = np.unique(np.concatenate([seen.id for seen in features]), return_index=True)
+        landmark = np.concatenate([seen.landmark for seen in features])[at]
+        # A new life of a landmark (track_lifetime) is a new feature.
+        begun = ~np.isin(feature, self._last, assume_unique=True)
+        self._count[landmark[begun]] += 1
+        self._last = feature
+        size = len(self._count)
+        return [s.landmark + size * (self._count[s.landmark] - 1) for s in features]
+
+
+def together(cameras: Mapping[str, CameraParameters]) -> list[str]:
+    """Return the first camera and those with frames at the same times: of its rate and phase."""
+    times = {name: (one.rate, one.phase) for name, one in cameras.items()}
+    first = next(iter(times.values()))
+    return [name for name, own in times.items() if own == first]
+
+
+class FeatureStream:
+    """The messages of all frames, in order; one stream has one reader.
+
+    The first camera's frames make messages, with what the other cameras see at the same times.
+    """
+
+    def __init__(self, trackers: list[Tracker], layout: str) -> None:
+        """Set up the stream.
+
+        :param trackers: of the cameras :func:`together`.
+        :param layout: a key of CHANNELS.
+        """
+        self._trackers = trackers
+        self._layout, self._moving = layout, trackers[0].scene.crowd is not None
+        self._before: list[_Observed | None] = [None] * len(self._trackers)
+        self._ids = _Ids(self._trackers[0].landmarks)
+        self.position = 0
+
+    def next(self, count: int) -> list[FeatureMessage]:
+        """Return the messages of the next ``count`` frames."""
+        found = [tracker.tracks(self.position, count) for tracker in self._trackers]
+        self.position += count
+        return list(self._messages(found))
+
+    def _messages(self, found: list[Tracks]) -> Iterator[FeatureMessage]:
+        frames = found[0].frames
+        places = [_normalised(t, tracks) for t, tracks in zip(self._trackers, found, strict=True)]
+        for k in np.flatnonzero(frames.delivered).tolist():
+            withheld = self._before[0] is None
+            sending: list[tuple[int, _Observed, Array]] = []
+            sent = None
+            for camera, (tracks, place) in enumerate(zip(found, places, strict=True)):
+                if not tracks.frames.delivered[k]:
+                    continue
+                now = _frame(tracks, place, k)
+                speed, again = _speed(now, self._before[camera])
+                if camera and self._layout == "fusion" and sent is not None:
+                    # VINS-Fusion asserts that what its right camera sees the left one does.
+                    again &= np.isin(now.id, sent)
+                sent = now.id[again] if camera == 0 else sent
+                sending.append((camera, now.at(again), speed[again]))
+                self._before[camera] = now
+            if not withheld:
+                ids = self._ids.next([seen for _, seen, _ in sending])
+                true_t_ns = int(frames.true_t_ns[k])
+                rows = [
+                    self._rows(*part, i, true_t_ns) for part, i in zip(sending, ids, strict=True)
+                ]
+                yield FeatureMessage(int(frames.number[k]), np.concatenate(rows))
+
+    def _rows(
+        self, camera: int, seen: _Observed, speed: Array, ids: Integers, true_t_ns: int
+    ) -> Array:
+        """Return points and channels (n, 3 + m)."""
+        points = np.column_stack([seen.place, np.ones(len(ids))])
+        body = [seen.body] * self._moving
+        if self._layout == "mono":
+            cameras = len(self._trackers)
+            identity = (ids % (_EXACT_IDS // cameras)) * cameras + camera
+            return np.column_stack([points, identity, seen.uv, speed, *body])
+        truth = self._trackers[camera].places(seen.landmark, true_t_ns)
+        which = np.full(len(ids), float(camera))
+        return np.column_stack([points, ids % _EXACT_IDS, which, seen.uv, speed, truth, *body])
+
+
+def _normalised(tracker: Tracker, tracks: Tracks) -> Array:
+    """Return x / z and y / z (n, 2) of the measured pixels; NaN if there is no such place."""
+    rays = tracker.view.model.unproject(tracks.uv)
+    in_front = rays.valid & (rays.direction[:, 2] > 0.0)
+    z = np.where(in_front, rays.direction[:, 2], np.nan)
+    return rays.direction[:, :2] / z[:, None]
+
+
+def _frame(tracks: Tracks, place: Array, k: int) -> _Observed:
+    """Return the features of frame k that have a normalised place, by id."""
+    part = slice(*np.searchsorted(tracks.frame, [k, k + 1]))
+    rows = np.flatnonzero(np.isfinite(place[part, 0])) + part.start
+    rows = rows[np.argsort(tracks.id[rows], kind="stable")]
+    t_ns = int(tracks.frames.t_ns[k])
+    columns = (tracks.id, tracks.uv, place, tracks.landmark, tracks.body)
+    return _Observed(t_ns, *(column[rows] for column in columns))
+
+
+def _speed(now: _Observed, before: _Observed | None) -> tuple[Array, Mask]:
+    """Return the normalised velocities (n, 2) [1/s], and which features were there before."""
+    if before is None or not len(before.id):
+        return np.zeros_like(now.place), np.zeros(len(now.id), dtype=bool)
+    at = np.searchsorted(before.id, now.id).clip(0, len(before.id) - 1)
+    again = before.id[at] == now.id
+    speed = (now.place - before.place[at]) / ((now.t_ns - before.t_ns) * 1e-9)
+    return speed, again
+
+
+class Features(AtFrames):
+    """The tracked features, at the frames of the first camera."""
+
+    def __init__(self, mounted: Mounted, t0_ns: int, cameras: Mapping[str, Any]) -> None:
+        super().__init__(mounted, t0_ns, cameras)
+        self._stream: FeatureStream | None = None
+
+    def read(self, window: Window, world: World) -> Samples:
+        """Return the features in the frames of a window; those of any frame follow from all before.
+
+        The first frame has no message, as from a tracker, which sends what it has seen twice.
+        """
+        frames, *_ = [one.frames(window, world) for one in self.cameras]
+        first = 0
+        while len(frames.number) and not self.cameras[0].view.frames(first, 1).delivered[0]:
+            first += 1
+        kept = frames.delivered & (frames.number > first)
+        times = frames.true_t_ns[kept], frames.t_ns[kept], frames.release_t_ns[kept]
+        rows = partial(self._rows, frames.number)
+        return Samples(*times, np.arange(int(kept.sum())), Deferred(rows=rows))
+
+    def _rows(self, numbers: Integers) -> list[Array]:
+        """Return points and channels (n, 3 + m) of the messages of consecutive frames."""
+        if not len(numbers):
+            return []
+        first, count = int(numbers[0]), len(numbers)
+        if self._stream is None or self._stream.position > first:
+            trackers = [one.tracker for one in self.cameras]
+            self._stream = FeatureStream(trackers, self.mounted.own.features.layout)
+        self._stream.next(first - self._stream.position)
+        return [message.values for message in self._stream.next(count)]
+
+
+def _clouds(mounted: Mounted, encoding: str) -> Payloads:
+    from imu_sim_ros.bags.messages.encode_cameras import PointCloudEncoder
+
+    rig: RigParameters = mounted.own
+    channels = (*CHANNELS[rig.features.layout], *[BODY_CHANNEL] * bool(body_names(rig.scene)))
+    encoder = PointCloudEncoder(mounted.environment.world_frame, channels, encoding)
+
+    def payloads(read: Any, rows: Any, _: Any) -> list[bytes]:
+        chosen = np.arange(len(read.t_ns))[rows].tolist()
+        values = [(int(read.t_ns[k]), read.rows[k]) for k in chosen]
+        return [encoder.encode(t_ns, each[:, :3], each[:, 3:]) for t_ns, each in values]
+
+    return payloads
+
+
+FEATURES: Final = Sensor(
+    name="features",
+    quantity=FEATURES_TOPIC,
+    section=RigParameters,
+    model=Features,
+    topics=(Topic(FEATURES_TOPIC, "sensor_msgs/msg/PointCloud", (), _clouds),),
+    readings=None,
+    needs=lambda rig: tuple(together(rig.each())),
+    mount=lambda _: np.eye(4),
+    faults=False,
+    text="features that are tracked in the frames of the cameras",
+    apart=True,
+    datasets=DATASETS,
+)

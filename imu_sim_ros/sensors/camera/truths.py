@@ -1,0 +1,148 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The truth of what cameras see: landmarks at rest, and where bodies move."""
+
+from collections.abc import Mapping
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from imu_sim_ros import rotation
+from imu_sim_ros.conventions import BODIES_TOPIC, LANDMARKS_TOPIC
+from imu_sim_ros.places.bodies import State
+from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
+from imu_sim_ros.sensors.declaration import Mounted, Payloads, Sensor, Topic
+from imu_sim_ros.sensors.deferred import Deferred
+from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.samples import Samples
+from imu_sim_ros.sensors.world import Window, World
+
+if TYPE_CHECKING:
+    from imu_sim_ros.bags.messages.blocks import RowTemplate
+    from imu_sim_ros.sensors.camera.frames import Camera
+
+DATASETS: Final = ("euroc", "csv", "tracks", "tum_vi", "vio_data_simulation")
+"""Those that have what cameras see."""
+
+
+class AtFrames:
+    """What there is at the frames of cameras; it has neither faults nor live parameters."""
+
+    def __init__(self, mounted: Mounted, t0_ns: int, cameras: Mapping[str, Any]) -> None:
+        self.mounted = mounted
+        self.cameras: list[Camera] = [cameras[name] for name in mounted.sensor.needs(mounted.own)]
+        """Those that it needs."""
+
+    def configure(self, parameters: Any) -> None:
+        """Do nothing: nothing is live."""
+
+    def inject(self, fault: Fault, begin: Fraction) -> None:
+        """Do nothing: the truth has no faults."""
+
+
+class Landmarks(AtFrames):
+    """All landmarks at rest, once: at the start."""
+
+    def __init__(self, mounted: Mounted, t0_ns: int, cameras: Mapping[str, Any]) -> None:
+        super().__init__(mounted, t0_ns, cameras)
+        self._t0_ns = t0_ns
+
+    def read(self, window: Window, world: World) -> Samples:
+        """Return them if the start is in a window."""
+        count = int(window.begin <= 0 < window.end)
+        times = np.full(count, self._t0_ns)
+        values = Deferred(position=lambda: world.scene.landmarks)
+        return Samples(times, times, times, np.arange(count), values)
+
+
+class BodyTruth(AtFrames):
+    """The motion of a body of the scene, at the frames of the first camera."""
+
+    def read(self, window: Window, world: World) -> Samples:
+        """Return it at the true times of the frames that are not lost."""
+        (camera,) = self.cameras
+        frames = camera.frames(window, world)
+        t_ns, release_t_ns = (
+            times[frames.delivered] for times in (frames.true_t_ns, frames.release_t_ns)
+        )
+
+        def state() -> State:
+            crowd = world.scene.crowd
+            assert crowd is not None
+            body = next(each for each in crowd.each if each.name == self.mounted.name)
+            return body.state(camera.view.seconds(t_ns))
+
+        every = np.arange(len(t_ns))
+        return Samples(t_ns, t_ns, release_t_ns, every, Deferred(state=state))
+
+
+def _cloud(mounted: Mounted, encoding: str) -> Payloads:
+    from imu_sim_ros.bags.messages.encode_cameras import PointCloud2Encoder
+
+    encoder = PointCloud2Encoder(mounted.environment.world_frame, encoding)
+
+    def payloads(read: Any, rows: Any, _: Any) -> list[bytes]:
+        fields = [*((axis, "<f4") for axis in "xyz"), ("id", "<u4")]
+        found = []
+        for t_ns in read.t_ns[rows].tolist():
+            points = np.zeros(len(read.position), fields)
+            for axis, column in zip("xyz", read.position.T, strict=True):
+                points[axis] = column
+            points["id"] = np.arange(len(points))
+            found.append(encoder.encode(t_ns, points))
+        return found
+
+    return payloads
+
+
+def _odometry(mounted: Mounted, encoding: str) -> Payloads:
+    from imu_sim_ros.bags.messages.encode import OdometryEncoder
+
+    encoder = OdometryEncoder(mounted.environment.world_frame, mounted.name, encoding)
+
+    def payloads(read: Any, rows: Any, _: Any) -> "RowTemplate":
+        state: State = read.state
+        velocity_b = rotation.rotate_inverse(state.q_wb, state.velocity)
+        rate = np.zeros_like(velocity_b)
+        rate[:, 2] = state.heading_rate
+        values = (state.position, state.q_wb, velocity_b, rate)
+        return encoder.pattern(read.t_ns[rows], *(each[rows] for each in values))
+
+    return payloads
+
+
+LANDMARKS: Final = Sensor(
+    name="landmarks",
+    quantity=LANDMARKS_TOPIC,
+    section=RigParameters,
+    model=Landmarks,
+    needs=lambda rig: rig.cameras[:1],
+    topics=(Topic(LANDMARKS_TOPIC, "sensor_msgs/msg/PointCloud2", (), _cloud, latched=True),),
+    readings=None,
+    mount=lambda _: np.eye(4),
+    faults=False,
+    text="landmarks at rest that cameras see",
+    apart=True,
+    datasets=DATASETS,
+)
+
+
+def moving_body(name: str) -> Sensor:
+    """Return the true motion of a body of a scene as a sensor."""
+    topic = f"{BODIES_TOPIC}/{name}"
+    return Sensor(
+        name=name,
+        quantity=topic,
+        section=RigParameters,
+        model=BodyTruth,
+        topics=(Topic(topic, "nav_msgs/msg/Odometry", (), _odometry),),
+        readings=None,
+        needs=lambda rig: rig.cameras[:1],
+        mount=lambda _: np.eye(4),
+        faults=False,
+        text="true motion of a body that moves in the scene",
+        apart=True,
+        datasets=DATASETS,
+    )

@@ -1,0 +1,102 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Values of samples that take long to make, or much room: they are made when they are asked for."""
+
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+_T = TypeVar("_T")
+_Made = TypeVar("_Made")
+
+
+class Deferred(Mapping[str, Any]):
+    """Values by name, each made when it is first asked for."""
+
+    def __init__(self, **makers: Callable[[], Any]) -> None:
+        self._makers, self.made = makers, dict[str, Any]()
+        """Those that exist so far."""
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self.made:
+            self.made[name] = self._makers[name]()
+        return self.made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._makers)
+
+    def __len__(self) -> int:
+        return len(self._makers)
+
+
+class Results(Sequence[_Made]):
+    """What threads make, in order; reading waits for it."""
+
+    def __init__(self, results: list[Callable[[], _Made]]) -> None:
+        """Take what waits for each."""
+        self._results = results
+
+    @overload
+    def __getitem__(self, k: int) -> _Made: ...
+
+    @overload
+    def __getitem__(self, k: slice) -> "Results[_Made]": ...
+
+    def __getitem__(self, k: int | slice) -> "_Made | Results[_Made]":
+        if isinstance(k, slice):
+            return Results(self._results[k])
+        return self._results[k]()
+
+    def __len__(self) -> int:
+        return len(self._results)
+
+
+class Each(Generic[_T]):
+    """A large value of each of n samples, such as an image; several threads may ask for it."""
+
+    def __init__(
+        self,
+        make: Callable[[int], _T],
+        numbers: Sequence[int],
+        threads: "Executor | None",
+        kept: bool = False,
+    ) -> None:
+        """Make nothing yet.
+
+        :param make: returns the value of a sample by its number; for several threads at once.
+        :param numbers: (n,) of the samples.
+        :param threads: None: what is begun is made at once.
+        :param kept: several will ask for a value, which is made once; otherwise each time.
+        """
+        self._make, self._numbers, self._threads = make, numbers, threads
+        self._made: dict[int, _T] = {}
+        self._locks = [threading.Lock() for _ in numbers] if kept else None
+
+    def __getitem__(self, k: int) -> _T:
+        """Return the value of row k."""
+        if self._locks is None:
+            return self._make(self._numbers[k])
+        with self._locks[k]:
+            if k not in self._made:
+                self._made[k] = self._make(self._numbers[k])
+            return self._made[k]
+
+    def begin(self, rows: Iterable[int], use: Callable[[int, _T], _Made]) -> Results[_Made]:
+        """Begin to use the values of some rows in the threads.
+
+        :param use: takes a row and its value.
+        """
+        return Results([self._begun(use, k) for k in rows])
+
+    def _begun(self, use: Callable[[int, _T], _Made], k: int) -> Callable[[], _Made]:
+        if self._threads is not None:
+            return self._threads.submit(self._used, use, k).result
+        made = self._used(use, k)
+        return lambda: made
+
+    def _used(self, use: Callable[[int, _T], _Made], k: int) -> _Made:
+        return use(k, self[k])
