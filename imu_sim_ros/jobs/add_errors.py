@@ -674,9 +674,10 @@ def _delivered(sensor: GivenBoardSensor, given: GivenValues) -> Any:
     windows = [{sensor.quantity: block} for block in sensor.read(given)]
     if windows:
         return delivered_of(windows, sensor.quantity, sensor.readings)
-    none = given.at(slice(0))
-    values: dict[str, Any] = {one.name: none.values for one in dataclasses.fields(sensor.readings)}
-    return sensor.readings(**{**values, "t_ns": none.t_ns, "true_t_ns": none.t_ns})
+    none, readings = given.at(slice(0)), sensor.readings
+    assert readings is not None
+    values: dict[str, Any] = {one.name: none.values for one in dataclasses.fields(readings)}
+    return readings(**{**values, "t_ns": none.t_ns, "true_t_ns": none.t_ns})
 
 
 def _rows(name: str, value: Any, columns: int) -> Array:

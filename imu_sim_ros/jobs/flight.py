@@ -196,7 +196,7 @@ class Flight:
         if not name.startswith("_"):
             one = self._sensors.get(name)
             if one is not None:
-                found = self.__dict__[name] = delivered_of(self._windows, name, one.sensor)
+                found = self.__dict__[name] = delivered_of(self._windows, name, one.sensor.readings)
                 return found
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
@@ -291,7 +291,7 @@ class Flight:
         usual = usual_topics(sensors, form, path, imu_only)
         names = chosen_topics(wanted, renamed_topics(rename), sensors, usual)
         for sensor in sensors_of(names, offered(sensors)):
-            delivered_of(self._windows, sensor, sensors[sensor].sensor)  # refused first
+            delivered_of(self._windows, sensor, sensors[sensor].sensor.readings)  # refused first
         with saved(path, force, flatten(self.parameters).values()) as staged:
             self._write(staged, format, names)
         return path

@@ -29,7 +29,7 @@ from imu_sim_ros.types import Array, Times
 if TYPE_CHECKING:
     from imu_sim_ros.bags.read import OdometryMessages
     from imu_sim_ros.plots.style import Figure
-    from imu_sim_ros.sensors.declaration import Sensor
+    from imu_sim_ros.sensors.declaration import SensorReadings
 
 
 class HasPoses(Protocol):
@@ -299,11 +299,13 @@ def checked_sensors(names: Collection[str], given: Mapping[str, object]) -> froz
     return frozenset(chosen)
 
 
-def delivered_of(windows: Sequence[Mapping[str, Any]], name: str, sensor: Sensor) -> Any:
+def delivered_of(
+    windows: Sequence[Mapping[str, Any]], name: str, readings: type[SensorReadings] | None
+) -> Any:
     """Return the delivered samples of a sensor from all windows.
 
     :param name: of the sensor on the body.
-    :param sensor: its declaration, with a dataclass of arrays.
+    :param readings: its dataclass of arrays, which a flight has of it.
     :raises ConfigurationError: if it was not simulated.
     """
     if any(name not in read for read in windows):
@@ -311,7 +313,6 @@ def delivered_of(windows: Sequence[Mapping[str, Any]], name: str, sensor: Sensor
             f"{name}: was not simulated; simulate(..., sensors=[{name!r}]) does"
         )
     parts = [read[name] for read in windows]
-    readings = sensor.readings
     assert readings is not None
     return readings(
         **{
