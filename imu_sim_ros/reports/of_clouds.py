@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.bags.clouds import measured_clouds, read_clouds
 from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.read import open_bag
+from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.reports.of_bag import plot
 from imu_sim_ros.reports.of_sensors import truth_of
 from imu_sim_ros.reports.page import Item, Section
@@ -42,7 +43,11 @@ def cloud_sections(path: Path) -> list[Section]:
         topics = [info for info in bag.topics if info.count]
     for name in measured_clouds(path):
         info = next(one for one in topics if one.name == name)
-        sections.append(Section(f"{path.name}: {name}", _items(path, info, topics)))
+        try:
+            items = _items(path, info, topics)
+        except ImuSimError as error:  # of other people's bags: what cannot be read is said
+            items = [{"kind": "text", "text": f"{name}: {error}"}]
+        sections.append(Section(f"{path.name}: {name}", items))
     return sections
 
 
@@ -62,6 +67,8 @@ def _items(path: Path, info: TopicInfo, topics: list[TopicInfo]) -> list[Item]:
         histogram += np.histogram(ranges, edges)[0]
         if k in wanted:
             shown.append((t_ns, positions[finite], points[finite]))
+    if not stamps:
+        return [{"kind": "text", "text": f"{info.name}: no scans"}]
     t_s = (np.array(stamps) - stamps[0]) * 1e-9
     number: Array = np.array(counts, dtype=np.float64)
     steps = np.diff(t_s)

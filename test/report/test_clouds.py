@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
+from imu_sim_ros.bags.messages.encode_cameras import POINT_CLOUD2, PointCloud2Encoder
+from imu_sim_ros.bags.write import open_writer
 from imu_sim_ros.commands.report import main
 
 cv2 = pytest.importorskip("cv2")
@@ -94,3 +96,19 @@ def test_pictures_show_the_walls(page):
     assert width > 8.0
     assert np.isclose(np.abs(y), 4.0, atol=2.5 * width / len(picture)).sum() > 50
     assert np.abs(y).max() < 4.2
+
+
+def test_scans_without_a_point_and_clouds_that_are_none_are_told(tmp_path):
+    with pytest.warns(UserWarning, match="has no surfaces"):
+        flight = ims.simulate(
+            duration=0.3, sensors=["lidar"], lidar={"firing_period": 0.01}, scene={"type": "house"}
+        )
+    flight.save(tmp_path / "empty.mcap")
+    rows = np.zeros(3, [("x", "<f4"), ("y", "<f4"), ("power", "<f4")])
+    payload = PointCloud2Encoder("radar", "cdr").encode(1, rows)
+    with open_writer(tmp_path / "flat.mcap") as writer:
+        writer.write_raw(writer.add_topic("/radar", POINT_CLOUD2), 1, payload)
+    for name, says in (("empty", "3 scans, 10 Hz"), ("flat", "without x, y and z")):
+        words = [str(tmp_path / f"{name}.mcap"), "-o", str(tmp_path / f"{name}.html"), "--quiet"]
+        assert main(words) == 0
+        assert says in (tmp_path / f"{name}.html").read_text(encoding="utf-8")
