@@ -182,9 +182,13 @@ def _plain(name: str, value: Any, allowed: str) -> NDArray[Any]:
             f"{name}: {masked} of {np.size(value)} values are masked: leave these rows out"
         )
     try:
+        if hasattr(value, "__dlpack__") and not hasattr(value, "__array__"):
+            return np.from_dlpack(value)
         return np.asarray(value)
     except (ValueError, TypeError):
         refuse(name, value, allowed, wrong_type=True)
+    except (RuntimeError, BufferError) as error:  # on a device, or with a gradient
+        raise ArgumentTypeError(f"{name}: cannot be taken as a NumPy array: {error}") from None
 
 
 def stamps(name: str, value: Any) -> Integers:

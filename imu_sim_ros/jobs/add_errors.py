@@ -64,6 +64,8 @@ TOPICS: Final = (IMU_TOPIC, IDEAL_IMU_TOPIC, GYROSCOPE_BIAS_TOPIC, ACCELEROMETER
 """What a flight of given readings is saved as."""
 ROWS_AT_ONCE: Final = 8192
 MOST_ENVIRONMENTS: Final = 1_000_000
+_LARGEST_SEED: Final = 2**62
+"""Of a batch, whose units have the next ones, and further ones after each reset."""
 _TOLD: Final = 3
 """Environments that a warning names, and warnings of held readings."""
 
@@ -183,6 +185,7 @@ class ErrorModel:
         self,
         *,
         rate: float,
+        count: None = None,
         imu: str | Path | Mapping[str, Any] | None = None,
         seed: int | None = None,
         params_file: str | Path | None = None,
@@ -377,6 +380,8 @@ class ErrorModelBatch:
         declared = self.parameters.input
         if declared.place == "body" or declared.rate:
             refuse("input", input, "without place and rate in a batch: readings in the IMU's place")
+        if self.parameters.seed > _LARGEST_SEED:
+            refuse("seed", seed, f"at most {_LARGEST_SEED} in a batch: each unit has its own")
         self._conventions = Conventions(self.parameters)
         if not isinstance(spread, Mapping | None):
             refuse("spread", spread, "a dictionary of parameters by name", wrong_type=True)
@@ -422,7 +427,7 @@ class ErrorModelBatch:
         :param orientation: (count, 4) q_wb (w, x, y, z); needed if gravity is missing.
         :raises ConfigurationError: for arrays of another shape.
         """
-        shape, single = (self.count, 3), np.zeros(self.count, np.int64)
+        t_ns, shape, single = _time(t_ns), (self.count, 3), np.zeros(self.count, np.int64)
         rates = arguments.array("gyro", gyro, shape, finite=False)
         forces = arguments.array("accel", accel, shape, finite=False)
         q_wb = None
@@ -447,6 +452,7 @@ class ErrorModelBatch:
         :param field: (count, 3) ideal magnetic fields in the axes of the readings [T].
         :raises ConfigurationError: for an array of another shape, and rates that differ.
         """
+        t_ns = _time(t_ns)
         fields = arguments.array("field", field, (self.count, 3), finite=False)
         fields = np.array(fields, order="F")
         held = _impossible(fields, gate.FIELD)
@@ -471,7 +477,7 @@ class ErrorModelBatch:
         :param altitude: in its place, (count,) heights above sea level [m].
         :raises ConfigurationError: for an array of another shape, and rates that differ.
         """
-        name, given = _one_of(pressure=pressure, altitude=altitude)
+        t_ns, (name, given) = _time(t_ns), _one_of(pressure=pressure, altitude=altitude)
         values = arguments.array(name, given, (self.count,), finite=False).copy()
         held = _impossible(values[:, None], gate.POSITION if name == "altitude" else gate.PRESSURE)
         if name == "altitude":
@@ -522,6 +528,15 @@ class ErrorModelBatch:
         p = self.parameters
         name = Path(p.imu.preset).stem
         return f"<ErrorModelBatch {self.count} {name} at {p.rate:g} Hz, seeds from {p.seed}>"
+
+
+def _time(t_ns: Any) -> int:
+    """Return the time of a sample [ns].
+
+    :raises ConfigurationError: for anything but a whole number.
+    """
+    most = np.iinfo(np.int64).max
+    return arguments.whole("t_ns", t_ns, "whole nanoseconds, one number for all", -most, most)
 
 
 def _impossible(values: Array, quantity: gate.Quantity) -> Mask:

@@ -7,6 +7,7 @@ Everything is carried from one call to the next, so that the result does not dep
 readings come at a time.
 """
 
+import itertools
 import math
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Final, Generic, NamedTuple, Protocol, TypeVar
@@ -34,6 +35,8 @@ _RESTART_NS: Final = 1_000_000_000
 """Stamps that jump back by more are those of a simulator that was reset."""
 _LOOKED_BACK: Final = 4
 """Intervals in which a burst of readings may make up for a long one."""
+_FEW: Final = 4
+"""Readings for which calls of NumPy take longer than Python's numbers."""
 _IN_A_ROW: Final = 5
 """So many earlier stamps that increase are those of a simulator that was reset, too."""
 
@@ -153,7 +156,8 @@ class Order(Generic[Given]):
             return
         if self._first_ns is None:
             self._first_ns, self.last_ns = t_ns[0], t_ns[0] - 1
-        if t_ns[0] > self.last_ns and bool((given.t_ns[1:] > given.t_ns[:-1]).all()):
+        alone = len(t_ns) == 1
+        if t_ns[0] > self.last_ns and (alone or (given.t_ns[1:] > given.t_ns[:-1]).all()):
             self.last_ns = t_ns[-1]
             yield given, 0
             return
@@ -202,7 +206,7 @@ class Gaps:
         :param longest_ns: a longer gap is a pause, which leaves out nothing [ns].
         """
         self._nominal_ns, self._longest_ns = nominal_ns, longest_ns
-        self._recent_ns = np.empty(0, np.int64)
+        self._recent_ns: list[int] = []
         """The last stamps."""
 
     def parts(self, t_ns: Times) -> Iterator[tuple[slice | None, int, int]]:
@@ -211,10 +215,18 @@ class Gaps:
         :param t_ns: (n,) the next stamps, which increase [ns].
         """
         before, given = len(self._recent_ns), t_ns
-        t_ns = np.concatenate([self._recent_ns, t_ns])
-        self._recent_ns = t_ns[-_LOOKED_BACK:]
+        longest = 1.5 * self._nominal_ns
+        if len(t_ns) <= _FEW:  # live, nearly all of them: without arrays
+            times = [*self._recent_ns, *t_ns.tolist()]
+            steps = itertools.pairwise(times[max(before - 1, 0) :])
+            if all(after - one <= longest for one, after in steps):
+                self._recent_ns = times[-_LOOKED_BACK:]
+                yield None, 0, 0
+                return
+        t_ns = np.concatenate([np.array(self._recent_ns, np.int64), t_ns])
+        self._recent_ns = t_ns[-_LOOKED_BACK:].tolist()
         since = max(before, 1)
-        long = t_ns[since:] - t_ns[since - 1 : -1] > 1.5 * self._nominal_ns
+        long = t_ns[since:] - t_ns[since - 1 : -1] > longest
         begin = missing = pause = 0
         for k in (np.flatnonzero(long) + since).tolist() if long.any() else ():
             if k > before:

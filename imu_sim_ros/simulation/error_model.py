@@ -167,7 +167,7 @@ class ErrorModel(GivenSensor[GivenReadings, dict[str, Any]]):
         if self._resampler is not None:
             given, inside = self._resampler.apply(given)
         else:
-            self._hold(given)
+            self._held = given
         count = len(given.t_ns)
         if not count:
             return []

@@ -87,7 +87,7 @@ class GivenSensor(ABC, Generic[Given, Made]):
         """Samples since the last restart, missing ones too."""
         self._last_ns: int | None = None
         self._held: Given | None = None
-        """The last reading, which the sensor goes on with during a gap."""
+        """The last readings; with the last of them the sensor goes on during a gap."""
         self._gaps = Gaps(self._nominal_ns, self.parameters.input.longest_gap * 1e9)
         self._faults: list[tuple[Fault, int]] = []
         """Those that wait for the first reading, with the first sample that they hit."""
@@ -184,17 +184,14 @@ class GivenSensor(ABC, Generic[Given, Made]):
 
     def _skip(self, count: int) -> None:
         """Let the sensor take samples that nobody sees, where it was last."""
-        held = self._held
-        if held is None:
+        if self._held is None:
             return
+        held = self._held.at(slice(-1, None))
         while count:
             step = min(count, _SAMPLES_AT_ONCE)
             steps = np.arange(1, step + 1) * self._nominal_ns
             self._sampled(held.lasting(held.t_ns + np.rint(steps).astype(np.int64)))
             count -= step
-
-    def _hold(self, given: Given) -> None:
-        self._held = given if len(given.t_ns) == 1 else given.at(slice(-1, None))
 
     def _leave_out(self, step_ns: int) -> None:
         if step_ns:
@@ -291,7 +288,7 @@ class GivenBoardSensor(GivenSensor[GivenValues, Samples]):
         return given._replace(values=self._conventions.field(given.values))
 
     def _sampled(self, given: GivenValues) -> list[Samples]:
-        self._hold(given)
+        self._held = given
         if self._model is None:
             environment = dataclasses.replace(self.parameters, seed=self.seed)
             t0_ns = int(given.t_ns[0])

@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 import imu_sim_ros as ims
-from imu_sim_ros.sensors.imu.batch import AHEAD
+from imu_sim_ros.sensors.imu.units import AHEAD
 
 COUNT = 4096
 IMUS = ("perfect", "bmi088", "mpu6000")
@@ -50,6 +50,17 @@ def batch(imu: str) -> tuple[float, float]:
     return cost, (resident() - before) / COUNT * 1e-3
 
 
+def draws() -> float:
+    """Return the time of the normal numbers of bmi088 alone [us]: twelve, AHEAD at a time."""
+    rng, numbers = np.random.Generator(np.random.SFC64(1)), np.empty(AHEAD)
+
+    def steps() -> None:
+        for _ in range(12 * COUNT):
+            rng.standard_normal(out=numbers)
+
+    return best(steps, AHEAD)
+
+
 def white() -> float:
     """Return the time of six normal numbers, scaled and added [us]."""
     rng, readings = np.random.default_rng(1), np.zeros((COUNT, 6))
@@ -83,13 +94,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
-    found = {"white_us": white(), "cart_pole_us": cart_poles()}
+    found = {"draws_us": draws(), "white_us": white(), "cart_pole_us": cart_poles()}
     for imu in IMUS:
         found[f"{imu}_us"], found[f"{imu}_kb"] = batch(imu)
     if options.json:
         print(json.dumps(found))
         return
     print(f"{COUNT} environments, processor time of one and a step")
+    print(f"the random numbers of bmi088 alone: {found['draws_us']:.3f} us")
     print(f"white noise in NumPy: {found['white_us']:.3f} us")
     if found["cart_pole_us"] is not None:
         print(f"Gymnasium's vectorised CartPole: {found['cart_pole_us']:.3f} us")

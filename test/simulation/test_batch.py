@@ -3,6 +3,8 @@
 
 """Many sensors at once: each is the one of its seed, bit for bit; their statistics; bad input."""
 
+import gc
+import tracemalloc
 from typing import Any
 
 import numpy as np
@@ -403,3 +405,102 @@ def test_magnetometers_of_different_rates_are_refused_when_they_are_read() -> No
     model.read(0, GYRO[0], ACCEL[0])
     with pytest.raises(ConfigurationError, match="imu.magnetometer_rate: must be the same"):
         model.read_magnetic_field(0, FIELD[0])
+
+
+class OnlyDlpack:
+    """An array of another library, which knows NumPy only through DLPack."""
+
+    def __init__(self, values: np.ndarray) -> None:
+        self._values = values
+
+    def __dlpack__(self, **given: Any) -> Any:
+        return self._values.__dlpack__(**given)
+
+    def __dlpack_device__(self) -> tuple[int, int]:
+        return self._values.__dlpack_device__()
+
+
+class OnADevice:
+    """An array that cannot be taken to the host without being asked, as CuPy's and torch's say."""
+
+    def __array__(self, *_: Any, **__: Any) -> Any:
+        raise RuntimeError("use tensor.detach().cpu()")
+
+
+def test_arrays_of_other_libraries_are_taken_without_being_numpys() -> None:
+    model = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3, count=COUNT)
+    other = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3, count=COUNT)
+    found = other.read(0, OnlyDlpack(GYRO[0]), OnlyDlpack(ACCEL[0]))
+    np.testing.assert_array_equal(found.gyro, model.read(0, GYRO[0], ACCEL[0]).gyro)
+    # What comes back is taken by DLPack without a copy.
+    assert np.shares_memory(np.from_dlpack(found.gyro), found.gyro)
+    single = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3)
+    assert single.read([0], OnlyDlpack(GYRO[0, :1].copy()), ACCEL[0, :1]).gyro.shape == (1, 3)
+    with pytest.raises(ConfigurationError, match=r"gyro: cannot be taken as a NumPy array: use"):
+        model.read(0, OnADevice(), ACCEL[0])
+
+
+@pytest.mark.parametrize("t_ns", [1.5, "now", None, np.nan, [0, 1], 2**70])
+def test_a_time_that_is_none_is_refused(t_ns: Any) -> None:
+    model = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3, count=COUNT)
+    for call in (
+        lambda: model.read(t_ns, GYRO[0], ACCEL[0]),
+        lambda: model.read_magnetic_field(t_ns, FIELD[0]),
+        lambda: model.read_pressure(t_ns, PRESSURE[0]),
+    ):
+        with pytest.raises(ConfigurationError, match="t_ns = .*: must be whole nanoseconds"):
+            call()
+
+
+def test_times_that_go_back_change_nothing() -> None:
+    model = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3, count=COUNT)
+    other = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3, count=COUNT)
+    for k in range(3):
+        mine = model.read(-k * 10**9, GYRO[k], ACCEL[k])
+        np.testing.assert_array_equal(mine.gyro, other.read(k, GYRO[k], ACCEL[k]).gyro)
+        assert mine.t_ns == -k * 10**9
+
+
+def test_seeds_that_would_overflow_are_refused() -> None:
+    with pytest.raises(ConfigurationError, match=r"seed = .*: must be at most"):
+        ims.ErrorModel(imu="bmi088", rate=RATE, seed=2**63 - 1, count=COUNT)
+
+
+def test_memory_does_not_grow_with_steps_and_episodes() -> None:
+    """Every stream, chunk and process has been made anew after 200 steps."""
+    imu = {**BOARD, "gyroscope_noise_density": 1e-3, "accelerometer_bias_instability": 1e-3}
+    rng = np.random.default_rng(2)
+
+    def run(steps: int) -> int:
+        for k in range(steps):
+            model.read(k, GYRO[0], ACCEL[0])
+            model.read_magnetic_field(k, FIELD[0])
+            model.read_pressure(k, PRESSURE[0])
+            if k % 50 == 0:
+                model.reset(rng.random(COUNT) < 0.5)
+        gc.collect()
+        return tracemalloc.get_traced_memory()[0]
+
+    tracemalloc.start()
+    try:
+        model = ims.ErrorModel(imu=imu, rate=RATE, seed=3, count=COUNT)
+        before = run(200)
+        after = run(300)
+    finally:
+        tracemalloc.stop()
+    assert after - before < 300 * 16  # a single number a step would be more
+
+
+def test_memory_of_a_unit_is_below_20_kilobytes() -> None:
+    """All that a batch keeps, in steps that are done: bmi088, every term."""
+    count = 256
+    tracemalloc.start()
+    try:
+        before = tracemalloc.get_traced_memory()[0]
+        model = ims.ErrorModel(imu="bmi088", rate=RATE, seed=3, count=count)
+        still = np.zeros((count, 3))
+        model.read(0, still, np.full((count, 3), 5.0))
+        kept = tracemalloc.get_traced_memory()[0] - before
+    finally:
+        tracemalloc.stop()
+    assert 12e3 < kept / count < 20e3

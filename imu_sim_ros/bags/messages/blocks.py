@@ -5,13 +5,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.schemas import Qos, Schema
 from imu_sim_ros.types import Bytes, Times
+
+_FEW: Final = 4
+"""Messages of which each is put together alone in less time than an array of all."""
 
 
 class Column(NamedTuple):
@@ -108,6 +111,15 @@ class MessageBlock(NamedTuple):
     """(n, size) bytes of messages of equal size, or a list of n messages."""
 
 
+def _row(rows: RowTemplate, k: int) -> bytes:
+    """Return one row."""
+    found = bytearray(rows.template)
+    for offset, values in rows.columns:
+        own = values[k].tobytes()
+        found[offset : offset + len(own)] = own
+    return bytes(found)
+
+
 def as_list(payloads: Payloads | RowTemplate) -> list[bytes]:
     """Return messages as a list of bytes."""
     if isinstance(payloads, list):
@@ -116,6 +128,8 @@ def as_list(payloads: Payloads | RowTemplate) -> list[bytes]:
         return [b""] * len(payloads)
     if isinstance(payloads, RowTemplate) and not payloads.columns:
         return [payloads.template] * payloads.count
+    if isinstance(payloads, RowTemplate) and payloads.count <= _FEW:
+        return [_row(payloads, k) for k in range(payloads.count)]
     table = payloads.array() if isinstance(payloads, RowTemplate) else payloads
     rows = np.ascontiguousarray(table)
     return rows.view(f"V{rows.shape[1]}")[:, 0].tolist()

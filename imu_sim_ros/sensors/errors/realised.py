@@ -8,8 +8,8 @@ parameters say: a constant is a parameter NAME next to which there is a NAME_sig
 """
 
 import dataclasses
-from functools import lru_cache
-from typing import Any
+from functools import cache, lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,14 +24,25 @@ from imu_sim_ros.sensors.imu.triads import NO_CROSS_AXIS, TriadParameters
 from imu_sim_ros.types import Array
 
 
-def _constants(cls: type) -> dict[str, int]:
-    """Return the constants of a section that are drawn, and how many numbers for each axis."""
+class _Constant(NamedTuple):
+    """A constant of a section that is drawn."""
+
+    name: str
+    sigma: str
+    """Name of its standard deviation."""
+    each: int
+    """How many numbers for each axis."""
+
+
+@cache
+def _constants(cls: type) -> tuple[_Constant, ...]:
+    """Return the constants of a section."""
     known = declared(cls)
-    return {
-        name: 3 if parameter.kind == "matrix" else 1
+    return tuple(
+        _Constant(name, f"{name}_sigma", 3 if parameter.kind == "matrix" else 1)
         for name, parameter in known.items()
         if f"{name}_sigma" in known
-    }
+    )
 
 
 def with_constants(section: Any, sensor: str, seed: Seed) -> Any:
@@ -42,18 +53,19 @@ def with_constants(section: Any, sensor: str, seed: Seed) -> Any:
     :param sensor: as in the streams' names.
     """
     changed: dict[str, Any] = {}
-    constants = _constants(type(section)).items()
-    drawn = {name: n for name, n in constants if np.any(getattr(section, f"{name}_sigma"))}
+    kind: Any = type(section)
+    drawn = [one for one in _constants(kind) if np.any(getattr(section, one.sigma))]
     if not drawn:
         return section
-    numbers = Streams(seed, *(f"{sensor}.{name}" for name in drawn)).next(max(drawn.values()))
-    for k, (name, count) in enumerate(drawn.items()):
+    sources = [f"{sensor}.{one.name}" for one in drawn]
+    numbers = Streams(seed, *sources).next(max(one.each for one in drawn))
+    for k, (name, sigma, count) in enumerate(drawn):
         own = np.moveaxis(numbers[:count, ..., 3 * k : 3 * k + 3], 0, -1)
-        added = own * np.asarray(getattr(section, f"{name}_sigma"))[..., None]
+        added = own * np.asarray(getattr(section, sigma))[..., None]
         value = np.asarray(getattr(section, name))
         sums = np.array(value) if value.size else np.zeros((*np.shape(seed), 3))
         sums[..., : 3 * count] += added.reshape(*np.shape(seed), 3 * count)
-        changed |= _fields(seed, **{name: sums, f"{name}_sigma": np.zeros(3)})
+        changed |= _fields(seed, **{name: sums, sigma: np.zeros(3)})
     return dataclasses.replace(section, **changed)
 
 

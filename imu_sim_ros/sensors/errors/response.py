@@ -274,6 +274,7 @@ class Digitiser:
 
     def __init__(self) -> None:
         self._step, self._most = np.ones(3), np.full(3, np.inf)
+        self._least = -self._most
         self._rounded: Mask | bool = False
         self._limited = False
 
@@ -286,15 +287,20 @@ class Digitiser:
         self._limited = bool(limit.any())
         steps = np.where(rounded, np.floor(limit / self._step * _WHOLE), limit)
         self._most = np.where(limit > 0.0, steps, np.inf)
+        self._least = -self._most
 
     def apply(self, values: Array) -> None:
         """Saturate and round values (n, ..., 3) in place."""
         rounded = self._rounded
         if rounded is not False:
             values /= self._step
-            np.rint(values, out=values, where=rounded)
+            if rounded is True:
+                np.rint(values, out=values)
+            else:
+                np.rint(values, out=values, where=rounded)
         if self._limited:
-            np.minimum(np.maximum(values, -self._most, out=values), self._most, out=values)
+            np.maximum(values, self._least, out=values)
+            np.minimum(values, self._most, out=values)
         if rounded is not False:
             values *= self._step
 

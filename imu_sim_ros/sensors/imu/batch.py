@@ -8,7 +8,7 @@ more: unit k reads, bit for bit, what one IMU with its parameters and its seed r
 """
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -182,8 +182,9 @@ class MagnetometerBatch:
     def _iron(self, units: Units) -> Iron:
         """Return what is near the magnetometers of some units."""
         seeds = self._units.unit_seeds[units].tolist()
+        once = cache(iron)  # most presets have nothing near, or the same for all units
         each = [
-            iron(with_constants(own, MAGNETOMETER, seed))
+            once(with_constants(own, MAGNETOMETER, seed))
             for own, seed in zip(self._units.magnetometers(units), seeds, strict=True)
         ]
         return Iron(*(np.stack(parts) for parts in zip(*each, strict=True)))

@@ -5,7 +5,6 @@
 
 import math
 from fractions import Fraction
-from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -133,7 +132,6 @@ class Iron(NamedTuple):
     """(..., 3) field of one ampere [T/A]."""
 
 
-@lru_cache(maxsize=16)
 def iron(unit: MagnetometerParameters) -> Iron:
     """Return what is near one magnetometer, whose constants are drawn."""
     r_mi = rotation.to_matrix(rotation.exp(unit.misalignment)).T
