@@ -149,8 +149,8 @@ def test_the_folder_of_kalibr_bagcreater(tmp_path):
     ("words", "message"),
     [
         ("--format euroc --scene cloud", "nothing to make images of"),
-        ("--format euroc --jobs 0", "jobs = 0: must be from 1 to 1024"),
-        ("--format tum", "cameras: need a bag, or a folder and --format"),
+        ("--format euroc --jobs 0", "--jobs 0: must be from 1 to 1024"),
+        ("--format tum", "--camera: need a bag, or a folder and --format"),
     ],
 )
 def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, capsys, words, message):
