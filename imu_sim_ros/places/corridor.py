@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.places.furniture import LAMP, plant
+from imu_sim_ros.places.furniture import LAMP, fittings, plant
 from imu_sim_ros.places.light import Lighting
 from imu_sim_ros.places.place import Hinge, Place, PlaceBuilder, Site
 from imu_sim_ros.places.sheet import Print
@@ -30,10 +30,14 @@ def corridor(site: Site) -> Place:
     )
     length, height = float(high[along] - low[along]), float(high[2] - low[2])
     door = int(stream.integers(4))
+    _things(b, along, stream)
     walls = ("-y", "+y") if along == 0 else ("-x", "+x")
     for k, side in enumerate(walls):
         moving = (site.doors + 1 - k) // 2
-        b.add_prints(sides[side], _doors(b, length, height, door, moving))
+        doors, others = _doors(b, length, height, door, moving)
+        b.add_prints(sides[side], doors)
+        for each in others:
+            b.hang(sides[side], each)
         _hang(b, sides[side], moving, min(2.1, height - 0.2), door)
     for side in ("-x", "+x") if along == 0 else ("-y", "+y"):
         width = float(high[1 - along] - low[1 - along])
@@ -47,7 +51,7 @@ def corridor(site: Site) -> Place:
             ],
         )
     _lamps(b, along)
-    _things(b, along, stream)
+    fittings(b, sides["ceiling"], 1.2 if length * (high[1 - along] - low[1 - along]) < 120 else 2.4)
     middle = 0.5 * (low + high)
     stops = np.tile(middle, (4, 1))
     stops[:, along] = low[along] + np.array([0.03, 0.35, 0.7, 0.97]) * length
@@ -55,24 +59,33 @@ def corridor(site: Site) -> Place:
     return Place(tuple(b.faces), Lighting(tuple(b.lamps)), low, high, stops, tuple(b.hinges))
 
 
-def _doors(b: PlaceBuilder, length: float, height: float, door: int, moving: int) -> list[Print]:
-    """Return a wall's doors, the same each, their plates, and what hangs between a few.
+def _doors(
+    b: PlaceBuilder, length: float, height: float, door: int, moving: int
+) -> tuple[list[Print], list[Print]]:
+    """Return a wall's doors, the same each, with their plates, and what may hang between them.
 
     :param moving: how many of them move: every second one.
     """
-    prints = [Print("strip", 0, 0, length, 0.09)]
+    prints, others = [Print("strip", 0, 0, length, 0.09)], []
     prints.append(Print("band", 0, 0.95, length, 0.12))
     for k in range(int((length - 1.0) / _PITCH)):
         left = 1.2 + k * _PITCH
         kind = "opening" if k % 2 and k // 2 < moving else "door"
         prints.append(Print(kind, left, 0, _DOOR, min(2.1, height - 0.2), door))
         prints.append(Print("label", left + _DOOR + 0.12, 1.5, 0.2, 0.12, b.number()))
-        if b.decor.random() < b.rich(0.3):
+        if b.site.texture != "blank":
+            others.append(Print("switch", left + _DOOR + 0.14, 1.12, 0.09, 0.17))
+            others.append(Print("outlet", left + _DOOR + 0.5, 0.25, 0.16, 0.08))
+            if k % 3 == 1:
+                others.append(Print("plan", left - 0.75, 1.35, 0.5, 0.36, b.number()))
+            if kind == "door" and b.decor.random() < 0.6:
+                prints.append(Print("paper", left + 0.38, 1.15, 0.21, 0.297, b.number()))
+        if b.decor.random() < b.rich(0.7):
             kind, w, h = (("poster", 0.6, 0.85), ("notices", 1.0, 0.8))[int(b.decor.integers(2))]
-            prints.append(Print(kind, left + _DOOR + 0.7, 1.15, w, h, b.number()))
+            others.append(Print(kind, left + _DOOR + 0.7, 1.15, w, h, b.number()))
         elif b.decor.random() < 0.25:
-            prints.append(Print("outlet", left + _DOOR + 1.1, 0.3, 0.16, 0.08))
-    return prints
+            others.append(Print("outlet", left + _DOOR + 1.1, 0.3, 0.16, 0.08))
+    return prints, others
 
 
 def _hang(b: PlaceBuilder, wall: int, moving: int, height: float, door: int) -> None:

@@ -66,7 +66,12 @@ def desk(b: PlaceBuilder, origin: Place3, turn: float, stream: Stream) -> None:
                     b.number(),
                 )
             )
+        for at in ((1.28, 0.5), (0.08, 0.52)):
+            if b.decor.random() < 0.7:
+                papers.append(Print("book", *at, 0.17, 0.24, b.number()))
     papers.append(Print("keyboard", 0.58, 0.42, 0.44, 0.14, 0))
+    if b.site.texture != "blank":
+        papers.append(Print("strip", 0.1, 0.05, 1.3, 0.012))
     _part(b, origin, turn, (0, 0, 0.725), (1.6, 0.8, 0.03), top, prints={"top": papers}, leave="")
     for x in (-0.77, 0.77):
         _part(b, origin, turn, (x, 0, 0.355), (0.03, 0.7, 0.71), "paint:8c9094", leave="top,bottom")
@@ -169,6 +174,46 @@ def door_leaf(
             turn=angle,
             leave="bottom",
         )
+
+
+def fittings(b: PlaceBuilder, ceiling: int, pitch: float = 2.4) -> None:
+    """Put outlets for air, smoke detectors and sprinklers into a ceiling, between its lamps."""
+    if b.site.texture == "blank":
+        return
+    _, across, up = b.faces[ceiling].rectangle
+    width, depth = (float(np.sqrt(side @ side)) for side in (across, up))
+    for i, j in np.ndindex(max(1, int(width / pitch)), max(1, int(depth / pitch))):
+        kind, size = (("vent", 0.58), ("detector", 0.16), ("detector", 0.12))[(i + 2 * j) % 3]
+        left, bottom = pitch * (i + 0.08), pitch * (j + 0.08)
+        b.hang(ceiling, Print(kind, left, bottom, size, size))
+
+
+def signs(b: PlaceBuilder, wall: int, pitch: float, cables: float = 0.0) -> None:
+    """Put what walls of halls have on one: switches, plates, signs, and conduits along it.
+
+    :param pitch: distance between two of them, about [m].
+    :param cables: height of the conduits [m]; 0: none.
+    """
+    if b.site.texture == "blank":
+        return
+    _, across, up = b.faces[wall].rectangle
+    width, height = (float(np.sqrt(side @ side)) for side in (across, up))
+    if 0.0 < cables < height - 0.3:
+        b.add_prints(wall, [Print("cables", 0.0, cables, width, 0.16, b.number())])
+    kinds = (
+        ("switch", 0.09, 0.17, 1.05),
+        ("warning", 0.3, 0.3, 1.55),
+        ("plan", 0.5, 0.4, 1.4),
+        ("label", 0.32, 0.22, 1.5),
+        ("bolts", 0.7, 0.9, 0.9),
+        ("panel", 0.6, 0.8, 1.0),
+        ("notices", 1.0, 0.8, 1.15),
+    )
+    left = 0.5
+    while left < width - 1.2:
+        kind, w, h, bottom = kinds[int(b.decor.integers(len(kinds)))]
+        b.hang(wall, Print(kind, left, bottom, w, h, b.number()))
+        left += w + pitch * float(b.decor.uniform(0.4, 1.2))
 
 
 def plant(b: PlaceBuilder, origin: Place3, stream: Stream) -> None:

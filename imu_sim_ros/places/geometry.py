@@ -3,6 +3,7 @@
 
 """Rectangles in the world, and the rays that meet them."""
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Any, Final, NamedTuple
 
@@ -112,6 +113,17 @@ def hidden(surfaces: Surfaces, eye: Array, points: Array) -> Mask:
             place = at[0] * side[0] + at[1] * side[1] + at[2] * side[2]
             within &= (place >= 0.0) & (place <= float(side @ side))
         result[rows[within]] = True
+    return result
+
+
+def nearest(surfaces: Surfaces, points: Array) -> Array:
+    """Return the distance (m,) of each rectangle from the nearest of points (n, 3) [m]."""
+    result = np.empty(len(surfaces.origin))
+    for k, (o, a, b) in enumerate(zip(*surfaces[:3], strict=True)):
+        offset = points - o
+        s, r = ((offset @ side / (side @ side)).clip(0.0, 1.0)[:, None] for side in (a, b))
+        rest = offset - s * a - r * b
+        result[k] = math.sqrt(float((rest * rest).sum(axis=1).min()))
     return result
 
 

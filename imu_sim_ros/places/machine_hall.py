@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.places.furniture import LAMP, wall_decoration, windows
+from imu_sim_ros.places.furniture import LAMP, signs, wall_decoration, windows
 from imu_sim_ros.places.place import Place, PlaceBuilder, Site
 from imu_sim_ros.places.sheet import Print
 
@@ -57,6 +57,8 @@ def machine_hall(site: Site) -> Place:
         ]
         b.add_prints(sides["floor"], lanes)
     wall_decoration(b, sides["+y"])
+    for side in ("-x", "+x", "-y", "+y"):
+        signs(b, sides[side], 0.8, 0.4 * (z1 - z0))
     _lamps(b)
     height = z0 + min(1.8, 0.4 * (z1 - z0))
     u, v = x1 - x0, y1 - y0
@@ -205,9 +207,10 @@ def _machines(b: PlaceBuilder, stream: np.random.Generator) -> None:
         if not b.free((x, middle - 0.5 * d, z0), (x + w, middle + 0.5 * d, z0 + h + 0.6)):
             continue
         low, high = (x, middle - 0.5 * d, z0), (x + w, middle + 0.5 * d, z0 + h)
-        if not _standing(
-            b, low, high, colour, front=sign, back=[Print("grille", 0.2, 0.15, w - 0.4, 0.6 * h)]
-        ):
+        back = [Print("grille", 0.2, 0.15, w - 0.4, 0.6 * h)]
+        plate = [Print("bolts", 0.08, 0.08, d - 0.16, h - 0.16, b.number())]
+        plates = plate if b.site.texture != "blank" else []
+        if not _standing(b, low, high, colour, front=sign, back=back, left=plates, right=plates):
             continue
         b.prism(
             (x + 0.3 * w, middle, z0 + h),

@@ -309,7 +309,7 @@ def tile(material: str, texel: float, seed: int, contrast: float) -> Bytes:
     """
     kind = material.partition(":")[0]
     painter, _, period = _KINDS[kind]
-    count = max(4, round(period / texel))
+    count = max(8, 8 * round(period / texel / 8))  # halved three times without a seam
     canvas = Canvas(count, count, period / count, generator(seed, f"material.{material}"))
     colour = colour_of(material)
     values = painter(canvas, colour)
@@ -325,7 +325,7 @@ def wear(kind: str, period: float, texel: float, seed: int, contrast: float) -> 
     :param texel: edge of a texel, about [m].
     :param contrast: factor of the differences.
     """
-    count = max(4, round(period / texel))
+    count = max(8, 8 * round(period / texel / 8))
     canvas = Canvas(count, count, period / count, generator(seed, f"wear.{period}"))
     value = 0.3 * canvas.noise(0.12) + 0.8 * canvas.noise(0.04) + 0.9 * canvas.noise(0.016)
     return np.rint(np.float32(contrast * _WEAR[kind]) * value).astype(np.int8)

@@ -12,7 +12,9 @@ from imu_sim_ros.places.furniture import (
     ceiling_lamps,
     desk,
     door_leaf,
+    fittings,
     plant,
+    signs,
     table,
     wall_decoration,
     windows,
@@ -55,6 +57,7 @@ def office(site: Site) -> Place:
         stops = _closed_rooms(b, partition, stream)
     west, east = _desks(b, partition, stream)
     ceiling_lamps(b)
+    fittings(b, sides["ceiling"])
     for x in (x0 + 0.45, x1 - 0.45):
         if stream.random() < 0.8 and b.free((x - 0.3, y0 + 0.2, z0), (x + 0.3, y0 + 0.8, z0 + 1.4)):
             plant(b, (x, y0 + 0.5, z0), stream)
@@ -65,6 +68,7 @@ def office(site: Site) -> Place:
             b.box(low, high, "paint:f0f0ec", {"+y": [Print("grille", 0.02, 0.03, 0.96, 0.54, 0)]})
     for side in ("-x", "+x", "+y") if partition == y1 else ("-x", "+x"):
         wall_decoration(b, sides[side])
+        signs(b, sides[side], 2.0)
     return Place(
         tuple(b.faces),
         lit(b),

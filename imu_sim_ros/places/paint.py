@@ -3,6 +3,7 @@
 
 """The textures of a place: materials and prints under its light."""
 
+import math
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import Final, TypeVar
@@ -10,6 +11,7 @@ from typing import Final, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from imu_sim_ros.places.geometry import nearest
 from imu_sim_ros.places.gloss import Polish
 from imu_sim_ros.places.light import GAMMA, Baked, bake, factors, resampled
 from imu_sim_ros.places.materials import (
@@ -31,6 +33,14 @@ MIDDLE: Final = {"day": 0.55, "lamps": 0.5, "dim": 0.16}
 """Irradiance that half of a place's surfaces exceed, by its light; at 1 white is white."""
 _IN_LEAVES: Final = 0.7
 """Light in the shade of a crown, of its mean."""
+_TEXEL: Final = 0.0025
+"""Usual edge of a texel [m]."""
+_PIXEL: Final = 0.0022
+"""Angle of a pixel of EuRoC's cameras [rad]."""
+_SMALL: Final = 2.0
+"""Area below which a face with prints may have texels of half that edge [m^2]."""
+_STEPS: Final = 3.0
+"""How often they may be doubled."""
 _ROWS: Final = 256
 """Rows of a texture that are lit at once."""
 _WEIGHTS: Final = (77, 150, 29)
@@ -40,10 +50,16 @@ _WEIGHTS: Final = (77, 150, 29)
 class Painter:
     """Textures of the faces of a place, each for itself."""
 
-    def __init__(self, place: Place, site: Site) -> None:
-        """Take a place; its light is computed when the first texture is wanted."""
+    def __init__(self, place: Place, site: Site, path: Array | None = None) -> None:
+        """Take a place; its light is computed when the first texture is wanted.
+
+        :param path: (n, 3) from where it is seen [m]; None: not known.
+        """
         self.place, self._site = place, site
         self._surfaces = place.surfaces()
+        self._path = path
+        self._base: float | None = None
+        """Edge of the texels of tiles, from which those of other sizes are made [m]."""
         self._tiles: dict[tuple[str, float, bool], Bytes] = {}
         self._layers: dict[tuple[str, float, float], Differences] = {}
 
@@ -84,6 +100,34 @@ class Painter:
         found = Polish(self.place, self._exposed, self._albedo * lit, weights.astype(np.float32))
         return found if len(found.face) else None
 
+    def texels(self, most: float) -> Array:
+        """Return the edge of the texels of each face (m,), about [m]: a pixel where it is nearest.
+
+        In steps of two, so that few tiles serve all faces. Small faces with prints, such as desks
+        with papers, have finer ones. Floors and ceilings have larger ones: what is straight below
+        or above is not what a camera looks at.
+
+        :param most: texels in all; if there were more, all are larger, but those of the small
+            faces with prints only if they alone are a quarter of it.
+        """
+        detail, surfaces = self.place.detail, self._surfaces
+        areas, usual = surfaces.sides.prod(axis=1), _TEXEL / detail
+        if self._path is None:
+            return usual * _enlarged(usual, areas, most)
+        steps = np.log2(np.maximum(nearest(surfaces, self._path), 1e-3) * _PIXEL / _TEXEL)
+        printed = np.array([bool(face.prints) for face in self.place.faces])
+        small = areas < _SMALL
+        steps += ~small & (np.abs(surfaces.normal[:, 2]) > 0.9)
+        steps = np.clip(np.rint(steps), np.where(printed & small, -1.0, 0.0), _STEPS)
+        result = np.where(detail == 1.0, _TEXEL * 2.0**steps, usual)
+        fine = steps < 0
+        result[fine] *= _enlarged(result[fine], areas[fine], 0.25 * most)
+        left = most - float((areas[fine] / result[fine] ** 2).sum())
+        larger = _enlarged(result[~fine], areas[~fine], left)
+        result[~fine] *= larger
+        self._base = _TEXEL * larger
+        return result
+
     def _areas(self) -> Array:
         """Weights of the faces in the exposure: their areas, less where nobody looks closely."""
         areas: Array = self._surfaces.sides.prod(axis=1) * self.place.detail**2
@@ -98,10 +142,11 @@ class Painter:
         """
         face = self.place.faces[m]
         starts = generator_at(self._site.seed, "place.start", m)
-        pattern = self._tile(face.material, texel, colour)
+        base = self._base if face.detail == 1.0 else None
+        pattern = self._tile(face.material, texel, colour, base)
         result = _repeated(pattern, starts.integers(0, len(pattern), 2), rows, columns)
         if not (face.glows or face.sky):
-            self._put_wear(result, face.material, texel, starts)
+            self._put_wear(result, face.material, texel, starts, base)
         width, height = self._surfaces.sides[m].tolist()
         scale = rows / height, columns / width
         for glowing in (False, True):
@@ -119,18 +164,25 @@ class Painter:
                 self._lit(result, m)
         return result
 
-    def _tile(self, material: str, texel: float, colour: bool) -> Bytes:
+    def _tile(self, material: str, texel: float, colour: bool, base: float | None) -> Bytes:
         key = material, round(texel, 4), colour
-        if key not in self._tiles:
+        if key not in self._tiles and base is not None and round(base, 4) != key[1]:
+            self._tiles[key] = _resized(self._tile(material, base, colour, None), texel / base)
+        elif key not in self._tiles:
             values = tile(material, key[1], self._site.seed, CONTRASTS[self._site.texture])
             self._tiles[key] = values if colour else grey(values)
         return self._tiles[key]
 
     def _put_wear(
-        self, texture: Bytes, material: str, texel: float, starts: np.random.Generator
+        self,
+        texture: Bytes,
+        material: str,
+        texel: float,
+        starts: np.random.Generator,
+        base: float | None,
     ) -> None:
         """Add the layers of wear, each from a place of its own on."""
-        layers = [self._wear(material, period, texel) for period in WEAR_PERIODS]
+        layers = [self._wear(material, period, texel, base) for period in WEAR_PERIODS]
         first = [starts.integers(0, len(layer), 2) for layer in layers]
         for top in range(0, len(texture), _ROWS):
             part = texture[top : top + _ROWS]
@@ -140,9 +192,11 @@ class Painter:
                 value += worn if value.ndim == 2 else worn[..., None]
             part[:] = np.clip(value, 0, 255)
 
-    def _wear(self, material: str, period: float, texel: float) -> Differences:
+    def _wear(self, material: str, period: float, texel: float, base: float | None) -> Differences:
         key = material.partition(":")[0], period, round(texel, 4)
-        if key not in self._layers:
+        if key not in self._layers and base is not None and round(base, 4) != key[2]:
+            self._layers[key] = _resized(self._wear(material, period, base, None), texel / base)
+        elif key not in self._layers:
             contrast = CONTRASTS[self._site.texture]
             self._layers[key] = wear(*key, self._site.seed, contrast)
         return self._layers[key]
@@ -161,6 +215,24 @@ class Painter:
             value *= part
             value += np.float32(0.5)
             part[:] = np.minimum(value, np.float32(255.0)).astype(np.uint8)
+
+
+def _enlarged(texels: Array, areas: Array, most: float) -> float:
+    """Return by how much texels must be larger, so that there are not more than so many."""
+    return max(1.0, math.sqrt(float((areas / (texels * texels)).sum()) / most))
+
+
+def _resized(tile: NDArray[_Value], factor: float) -> NDArray[_Value]:
+    """Return a tile with texels that are larger by about a factor, which becomes a whole number."""
+    if factor < 1.0:
+        times = round(1.0 / factor)
+        return tile.repeat(times, axis=0).repeat(times, axis=1)
+    step = round(factor)
+    rows = len(tile) // step
+    part = tile[: rows * step, : rows * step]
+    shape = rows, step, rows, step, *tile.shape[2:]
+    result: NDArray[_Value] = np.rint(part.reshape(shape).mean(axis=(1, 3))).astype(tile.dtype)
+    return result
 
 
 def _repeated(

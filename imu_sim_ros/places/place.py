@@ -18,7 +18,7 @@ from imu_sim_ros.types import Array, Mask
 
 TEXTURES: Final = ("rich", "plain", "blank")
 LIGHTS: Final = ("day", "lamps", "dim")
-_LINES: Final = ("strip", "band", "plinth")
+_LINES: Final = ("strip", "band", "plinth", "cables")
 """Prints that run along walls behind everything."""
 _GAP: Final = 0.05
 """Distance of what hangs on a wall from what hangs or stands next to it [m]."""
@@ -222,7 +222,7 @@ class PlaceBuilder:
         )
         at = (offsets - origin) @ np.array(axes).T  # (faces, corners, 3)
         low, high = at.min(axis=1), at.max(axis=1)
-        near = (low[:, 2] > -1e-6) & (low[:, 2] < _BEFORE) & (high[:, 2] > 1e-6)
+        near = (low[:, 2] < _BEFORE) & (high[:, 2] > 1e-6)
         return low[near, :2], high[near, :2]
 
     def box(

@@ -289,6 +289,115 @@ def _grid(s: Sheet) -> None:
             s.fill(0.1 * j, 0.1 * i, 0.1 * (j + 1), 0.1 * (i + 1), (20, 20, 20))
 
 
+def _switch(s: Sheet) -> None:
+    """Draw two switches under each other, or a switch and a socket."""
+    s.all((240, 240, 236))
+    s.frame(0.004, (170, 170, 168))
+    half = 0.5 * s.height
+    s.fill(0.012, half + 0.012, s.width - 0.012, s.height - 0.012, (222, 222, 218))
+    s.fill(0.012, half + 0.012, s.width - 0.012, half + 0.016, (120, 120, 118))
+    s.disc(0.5 * s.width, 0.5 * half, 0.026, (206, 206, 202))
+    for x in (0.5 * s.width - 0.01, 0.5 * s.width + 0.01):
+        s.disc(x, 0.5 * half, 0.004, (20, 20, 22))
+
+
+def _vent(s: Sheet) -> None:
+    """Draw an outlet for air in a ceiling."""
+    s.all((214, 214, 210))
+    s.frame(0.02, (240, 240, 238))
+    for k in range(int((s.height - 0.08) / 0.04)):
+        s.fill(0.04, 0.05 + 0.04 * k, s.width - 0.04, 0.064 + 0.04 * k, (70, 72, 74))
+
+
+def _detector(s: Sheet) -> None:
+    """Draw a smoke detector, or a sprinkler, on a tile of a ceiling."""
+    s.all((232, 231, 226))
+    middle = 0.5 * s.width
+    s.disc(middle, middle, 0.46 * s.width, (246, 246, 244))
+    s.disc(middle, middle, 0.26 * s.width, (150, 150, 148))
+    s.disc(middle, middle, 0.12 * s.width, (190, 40, 36))
+
+
+def _plan(s: Sheet) -> None:
+    """Draw a plan of a floor in its frame, as it hangs at exits."""
+    s.all((250, 250, 248))
+    for _ in range(9):
+        x, y = s.stream.uniform(0.05, 0.7) * s.width, s.stream.uniform(0.2, 0.75) * s.height
+        w, h = s.stream.uniform(0.1, 0.25) * s.width, s.stream.uniform(0.08, 0.2) * s.height
+        s.fill(x, y, x + w, y + h, (40, 44, 48))
+        s.fill(x + 0.006, y + 0.006, x + w - 0.006, y + h - 0.006, s.colour(200, 256))
+    s.fill(0.1 * s.width, 0.12 * s.height, 0.9 * s.width, 0.16 * s.height, (30, 140, 70))
+    s.text(0.06 * s.width, 0.9 * s.height, 0.9 * s.width, 0.06 * s.height, (180, 30, 30))
+    s.frame(0.014, (120, 124, 128))
+
+
+def _book(s: Sheet) -> None:
+    """Draw a book or a folder that lies on a desk."""
+    cover = s.colour(40, 220)
+    s.all(cover)
+    ink = (240, 238, 228) if sum(cover) < 400 else (30, 30, 34)
+    s.text(0.1 * s.width, 0.7 * s.height, 0.9 * s.width, 0.12 * s.height, ink)
+    s.fill(0.2 * s.width, 0.2 * s.height, 0.8 * s.width, 0.55 * s.height, s.colour(60, 240))
+    s.fill(0, 0, 0.05 * s.width, s.height, ink)
+
+
+def _cables(s: Sheet) -> None:
+    """Draw conduits along a wall, with their clips and boxes."""
+    s.all((150, 152, 152))
+    tones = ((58, 60, 62), (206, 206, 200), (120, 122, 124), (190, 140, 40))
+    count = max(2, int(s.height / 0.035))
+    for k in range(count):
+        low = s.height * k / count
+        s.fill(0, low, s.width, low + 0.6 * s.height / count, tones[k % 4])
+    x = 0.3
+    while x < s.width - 0.3:
+        s.fill(x, 0, x + 0.03, s.height, (88, 90, 92))
+        if s.stream.random() < 0.3:
+            s.fill(x + 0.1, 0.05 * s.height, x + 0.24, 0.95 * s.height, (214, 214, 208))
+            s.disc(x + 0.17, 0.5 * s.height, 0.02, (60, 62, 62))
+        x += s.stream.uniform(0.5, 0.9)
+
+
+def _bolts(s: Sheet) -> None:
+    """Draw a plate of steel with bolts along its edges and a stamped sign."""
+    s.all((128, 132, 134))
+    s.frame(0.01, (70, 72, 74))
+    pitch = 0.12
+    for i in range(int(s.width / pitch) + 1):
+        for j in range(int(s.height / pitch) + 1):
+            x, y = 0.035 + pitch * i, 0.035 + pitch * j
+            inside = 0.1 < x < s.width - 0.1 and 0.1 < y < s.height - 0.1
+            if not inside and x < s.width - 0.02 and y < s.height - 0.02:
+                s.disc(x, y, 0.014, (44, 46, 48))
+                s.disc(x - 0.002, y + 0.002, 0.009, (196, 198, 198))
+    if s.width > 0.4 and s.height > 0.3:
+        s.fill(0.15, 0.5 * s.height, s.width - 0.15, 0.5 * s.height + 0.09, (226, 226, 220))
+        s.text(0.17, 0.5 * s.height + 0.02, s.width - 0.17, 0.05, INK)
+
+
+def _holes(s: Sheet) -> None:
+    """Draw the holes of a rack's upright, each 0.05 m."""
+    s.all((44, 76, 140))
+    for k in range(int(s.height / 0.05)):
+        for x in (0.28, 0.72):
+            y = 0.05 * k + 0.014
+            s.fill(x * s.width - 0.008, y, x * s.width + 0.008, y + 0.022, (14, 18, 26))
+
+
+def _places(s: Sheet) -> None:
+    """Draw the labels of a beam's places: a bar code and a number each 0.7 m."""
+    s.all((216, 112, 44))
+    for k in range(int(s.width / 0.7)):
+        x = 0.25 + 0.7 * k
+        s.fill(x, 0.15 * s.height, x + 0.24, 0.85 * s.height, (246, 246, 240))
+        at = x + 0.015
+        while at < x + 0.1:
+            step = s.stream.uniform(0.003, 0.009)
+            s.fill(at, 0.25 * s.height, at + step, 0.75 * s.height, INK)
+            at += 2.0 * step
+        s.text(x + 0.115, 0.3 * s.height, x + 0.235, 0.4 * s.height, INK)
+
+
 PRINTS: Final[dict[str, Callable[[Sheet], None]]] = {
     **outdoor_prints.PRINTS,
     "poster": _poster,
@@ -313,6 +422,15 @@ PRINTS: Final[dict[str, Callable[[Sheet], None]]] = {
     "opening": _opening,
     "keyboard": _keyboard,
     "grille": _grille,
+    "switch": _switch,
+    "vent": _vent,
+    "detector": _detector,
+    "plan": _plan,
+    "book": _book,
+    "cables": _cables,
+    "bolts": _bolts,
+    "holes": _holes,
+    "places": _places,
 }
 
 

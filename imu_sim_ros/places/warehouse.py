@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.places.furniture import DAYLIGHT, LAMP
+from imu_sim_ros.places.furniture import DAYLIGHT, LAMP, signs
 from imu_sim_ros.places.light import Lamp, Lighting
 from imu_sim_ros.places.place import Place, PlaceBuilder, Site
 from imu_sim_ros.places.sheet import Print
@@ -48,6 +48,7 @@ def warehouse(site: Site) -> Place:
     for side in ("-y", "+y"):
         band = [Print("strip", 0, 0, x1 - x0, 0.3)]
         b.add_prints(sides[side], [*band, Print("exit", 0.5 * (x1 - x0), 2.3, 0.6, 0.3)])
+        signs(b, sides[side], 0.9, 2.75)
     _roof(b)
     return Place(tuple(b.faces), Lighting(tuple(b.lamps)), site.low, site.high, np.array(stops))
 
@@ -60,6 +61,7 @@ def _row(b: PlaceBuilder, y: float, stream: np.random.Generator) -> None:
     start = 0.5 * (x0 + x1 - bays * _BAY)
     levels = max(1, int((z1 - z0 - 1.0) / _LEVEL))
     top = z0 + (levels - 1) * _LEVEL + 1.0
+    detailed = b.site.texture != "blank"
     for k in range(bays):
         left = start + k * _BAY
         for level in range(levels):
@@ -77,13 +79,16 @@ def _row(b: PlaceBuilder, y: float, stream: np.random.Generator) -> None:
         left = start + k * _BAY
         low, high = (left - 0.05, y, z0), (left + 0.05, y + _DEPTH, top)
         if b.free(low, high):
-            b.box(low, high, "paint:2c4c8c", leave="bottom")
+            holes = [Print("holes", 0.0, 0.0, 0.1, top - z0)] if detailed else []
+            b.box(low, high, "paint:2c4c8c", {"-y": holes, "+y": holes}, leave="bottom")
     for level in range(1, levels):
         for front in (y - 0.03, y + _DEPTH - 0.02):
             low = (start, front, z0 + level * _LEVEL)
             high = (start + bays * _BAY, front + 0.05, z0 + level * _LEVEL + 0.12)
             if b.free(low, high):
-                b.box(low, high, "paint:d8702c", leave="-x,+x")
+                names = [Print("places", 0.0, 0.0, bays * _BAY, 0.12, b.number())]
+                front_side = {"-y": names, "+y": names} if detailed else None
+                b.box(low, high, "paint:d8702c", front_side, leave="-x,+x")
 
 
 def _load(

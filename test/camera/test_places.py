@@ -120,7 +120,7 @@ def test_a_wide_hall_has_tanks_wherever_the_path_leaves_room():
 def test_the_same_parameters_give_the_same_bytes(make_rig):
     """On the oldest libraries and today's: this file runs on both."""
     values = {"scene__light": "lamps", "scene__texture": "rich", "camera__encoding": "rgb8"}
-    for antialiasing, expected in ((False, "95a93159d0956847"), (True, "d388993f1a866b4b")):
+    for antialiasing, expected in ((False, "b6dc911d1917ebb1"), (True, "f9d7031e5c3e5395")):
         total = hashlib.sha256()
         for _ in range(2):
             values["camera__antialiasing"] = antialiasing
@@ -192,6 +192,33 @@ def test_what_hangs_on_a_wall_hangs_before_nothing_else_and_behind_nothing(kind,
             assert (hits.surface == m).all()
             found += 1
     assert found >= {"office": 5, "corridor": 3, "machine_hall": 1}.get(kind, 0)
+
+
+def test_texels_suit_the_nearest_distance_and_all_of_them_are_bounded():
+    """A desk next to the path has texels of half the usual size, a wall out of reach larger ones.
+
+    A texel is a pixel of EuRoC's camera, 2.2 mrad, where the face is nearest, to within a factor of
+    sqrt(2) for the steps of two, and another of two on floors and ceilings.
+    """
+    low, high = usual("office", (0.0, 0.0, 0.0))
+    site = Site(low, high, np.zeros((0, 3)), 1)
+    place = build("office", site)
+    path = np.array([[-3.0, -2.0, 1.35], [-2.0, -2.0, 1.35]])
+    where = place.surfaces()
+    texels = Painter(place, site, path).texels(1e12)
+    away = np.array([clearance(where.some(np.arange(len(texels)) == m), path).min()
+                     for m in range(len(texels))])  # fmt: skip
+    wanted = 0.0022 * away
+    middle = (wanted > 0.0026) & (wanted < 0.019) & (np.abs(where.normal[:, 2]) < 0.9)
+    ratio = texels[middle] / wanted[middle]
+    assert len(ratio) > 100
+    assert 0.7 <= ratio.min() < ratio.max() <= 1.4143
+    assert texels.min() == 0.00125
+    assert texels.max() > 0.009
+    assert (Painter(place, site).texels(1e12) == 0.0025).all()
+    for most in (36e6, 5e6):
+        some = Painter(place, site, path).texels(most)
+        assert (where.sides.prod(axis=1) / some**2).sum() <= 1.0001 * most
 
 
 def test_no_part_of_a_crown_is_black():

@@ -45,6 +45,8 @@ from imu_sim_ros.types import Array
 
 _LOOKS: Final = 20_000
 """Positions along a path at which a scene is fitted to it."""
+_SIGHTS: Final = 500
+"""Positions from which it is looked how near everything is."""
 _LONGEST: Final = 600.0
 """How much of an endless path is looked at whether it leaves its room [s]."""
 _FRAMES: Final = 64
@@ -201,7 +203,7 @@ def _place(p: PlaceParameters, passage: Passage) -> Scene:
     extent = float(np.linalg.norm(high - low))
     lines = np.zeros((0, 2, 3))
     crowd = _crowd(p, place, site, passage)
-    painter = Painter(place, site)
+    painter = Painter(place, site, path[:: -(-len(path) // _SIGHTS)])
     return Scene(landmarks, normals, lines, everything, extent, painter, crowd=crowd, note=note)
 
 

@@ -91,10 +91,8 @@ def atlas(
 
 
 def _of_place(surfaces: Surfaces, painter: Painter, colour: bool, crowd: Crowd | None) -> Atlas:
-    """Return the textures of a place; all have texels of one size, but for a factor of each."""
-    detail = painter.place.detail
-    area = float((surfaces.sides.prod(axis=1) * detail * detail).sum())
-    texels = np.maximum(SMALLEST_TEXEL, math.sqrt(area / MOST_TEXELS_OF_PLACES)) / detail
+    """Return the textures of a place."""
+    texels = painter.texels(MOST_TEXELS_OF_PLACES)
     shapes = _in_texels(surfaces.sides, texels)
     count = len(shapes)
     bodies: list[tuple[int, int]] = []
