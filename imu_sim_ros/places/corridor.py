@@ -66,7 +66,8 @@ def _doors(
 
     :param moving: how many of them move: every second one.
     """
-    prints, others = [Print("strip", 0, 0, length, 0.09)], []
+    prints = [Print("strip", 0, 0, length, 0.09)]
+    others: list[Print] = []
     prints.append(Print("band", 0, 0.95, length, 0.12))
     for k in range(int((length - 1.0) / _PITCH)):
         left = 1.2 + k * _PITCH
