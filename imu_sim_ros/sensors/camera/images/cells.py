@@ -301,6 +301,9 @@ _FACTOR: Final = _HALF ** np.arange(LEVELS, dtype=np.float32)
 """Size of a level, of the first one's."""
 _NEAREST: Final = np.float32(2.0) ** np.arange(1, 2 * LEVELS - 1, 2, dtype=np.float32)
 """Squares of the steps between levels: those are sqrt(2) times 1, 2, 4, ..."""
+_NOT_COARSER: Final = np.float32(4.0) ** np.arange(1, LEVELS, dtype=np.float32)
+"""Squares of the steps between levels whose texels are half a pixel to a whole one: the nearest
+level, coarser by up to sqrt(2), blurs what a pixel's area still tells."""
 _NEXT: Final = np.float32(4.0) ** np.arange(1, LEVELS - 1, dtype=np.float32)
 """Squares of the steps of levels, of which a pixel looks at two."""
 
@@ -350,7 +353,7 @@ def levels(
         share = np.rint(np.clip(excess, 0.0, 1.0) * np.float32(SHARES)).astype(np.uint16)
         each = [level, level + 1]
     else:
-        each = [np.searchsorted(_NEAREST, square)]
+        each = [np.searchsorted(_NOT_COARSER if areas else _NEAREST, square)]
     # Texel k of a level covers k to k + 1 in its own units; a look-up at k is its centre.
     offset = [(atlas.place[number, level] - _HALF).T for level in each]
     result = Levels([size * _FACTOR[level] for level in each], offset, share)

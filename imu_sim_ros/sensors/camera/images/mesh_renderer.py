@@ -268,7 +268,7 @@ class MeshRenderer:
         places = np.stack([self._values(look.places, k, seen) for k in range(2)])
         texture = look.texture.take(seen.number)
         square, length, along = self._footprint(seen, pitch)
-        levels, share = _levels(square, self._trilinear)
+        levels, share = _levels(square, self._trilinear, self._areas)
         maps = self._look_up(places, texture, levels, share, seen.nothing)
         if along is None or length is None:
             return maps
@@ -385,14 +385,17 @@ def _pitch(rays: Single) -> Single:
     return result
 
 
-def _levels(square: Single, trilinear: bool) -> tuple[list[Integers], NDArray[np.uint16] | None]:
+def _levels(
+    square: Single, trilinear: bool, areas: bool
+) -> tuple[list[Integers], NDArray[np.uint16] | None]:
     """Return the nearest level (n,) of footprints (n,), or two and the share of the second.
 
-    As with rectangles: steps between levels are sqrt(2) times 1, 2, 4, ..., of two 1, 2, 4, ...
+    As with rectangles: steps between levels are sqrt(2) times 1, 2, 4, ..., of two, and for areas,
+    1, 2, 4, ...
     """
     exponent = np.frexp(np.maximum(square, np.float32(1e-6)))[1].astype(np.int64) - 1
     if not trilinear:
-        return [np.clip((exponent + 1) >> 1, 0, LEVELS - 1)], None
+        return [np.clip((exponent + (not areas)) >> 1, 0, LEVELS - 1)], None
     level = np.clip(exponent >> 1, 0, LEVELS - 2)
     excess = np.sqrt(square) * (np.float32(0.5) ** level.astype(np.float32)) - np.float32(1.0)
     share = np.rint(np.clip(excess, 0.0, 1.0) * np.float32(SHARES)).astype(np.uint16)
