@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.errors import ArgumentTypeError, ConfigurationError
-from imu_sim_ros.names import shown, suggestion
+from imu_sim_ros.names import printable, shown, suggestion
 from imu_sim_ros.types import Array, Integers
 
 BAG_OR_FILE: Final = "the path of a bag, a folder or a file"
@@ -209,4 +209,4 @@ def stamps(name: str, value: Any) -> Integers:
 
 def name_of(path: Path) -> str:
     """Return the name of a file or folder for titles, that of ``.`` too."""
-    return path.name or path.resolve().name or str(path)
+    return printable(path.name or path.resolve().name or str(path))

@@ -16,6 +16,14 @@ _LETTERS_LISTED: Final = 400
 """A line that lists names has about so many letters of them at the most."""
 
 
+def printable(text: str) -> str:
+    """Return a text that every file can hold: names of files and arguments need not be UTF-8.
+
+    A byte of such a name, which Python has as a surrogate, is shown by its number.
+    """
+    return text.encode("utf-8", "backslashreplace").decode("utf-8")
+
+
 def suggestion(name: object, known: Iterable[str], otherwise: str | None = None) -> str:
     """Return the end of a line about a name that does not exist: ``did you mean mpu6000?``.
 

@@ -652,13 +652,18 @@ def _given_values(name: str, t_ns: Any, values: Any) -> GivenValues:
     if name == "magnetic_field":
         found = _rows("field", values, 3)
     else:
-        found = arguments.array(name, np.atleast_1d(values), (None,), finite=False)
+        found = arguments.array(name, _several(values), (None,), finite=False)
     if len(found) != len(times):
         raise ConfigurationError(
             f"{name}: {len(times)} stamps, {len(found)} values: must be equally many"
         )
     gate.Verdict(times, [(_QUANTITIES[name], found)]).complain(name)
     return GivenValues(times, np.array(found))
+
+
+def _several(values: Any) -> Any:
+    """Return a single number as a list of it."""
+    return [values] if isinstance(values, int | float | np.number) else values
 
 
 def _pressures(parameters: ErrorModelParameters, pressure: Any, altitude: Any) -> Any:
@@ -669,7 +674,7 @@ def _pressures(parameters: ErrorModelParameters, pressure: Any, altitude: Any) -
     name, values = _one_of(pressure=pressure, altitude=altitude)
     if name == "pressure":
         return values
-    heights = arguments.array("altitude", np.atleast_1d(values), (None,))
+    heights = arguments.array("altitude", _several(values), (None,))
     return Atmosphere(parameters.atmosphere).pressure(heights)
 
 

@@ -13,6 +13,7 @@ from typing import Any, Final, TypeVar
 
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.inputs.rows import read_text
+from imu_sim_ros.names import printable
 from imu_sim_ros.parameters.included import config_folder as config_folder
 from imu_sim_ros.parameters.included import find as find
 from imu_sim_ros.parameters.included import names as names
@@ -186,7 +187,7 @@ def dump(instance: object, path: Path, comment: str = "") -> None:
 
 def write(values: Mapping[str, Value], path: Path, node: str = "/**", comment: str = "") -> None:
     """Write values by dotted name as a ROS 2 parameter file, nested."""
-    path.write_text(text(values, node, comment), encoding="utf-8")
+    path.write_text(printable(text(values, node, comment)), encoding="utf-8")
 
 
 def text(values: Mapping[str, Value], node: str = "/**", comment: str = "") -> str:

@@ -20,6 +20,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.json_text import as_json as to_json
+from imu_sim_ros.names import printable
 
 _SCRIPTS: Final = (
     *("base.js", "plot.js", "path.js", "table.js"),
@@ -61,7 +62,7 @@ def html(title: str, lines: Sequence[str], sections: Sequence[Section]) -> str:
         "img-src data:; base-uri 'none'; form-action 'none'"
     )
     below = "".join(f'<p class="faint">{markup.escape(line)}</p>\n' for line in lines)
-    return (
+    return printable(
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'

@@ -297,3 +297,17 @@ def test_the_working_folder_is_a_bag_like_any_other(flight, monkeypatch, capsys)
     assert capsys.readouterr().out == outside
     assert report.main([".", "--quiet"]) == 0
     assert (flight / "bag.html").is_file()
+
+
+def test_names_that_are_no_unicode_are_written_wherever_names_stand(tmp_path, capsys):
+    name = os.fsdecode(b"st\xe9")
+    bag, title = str(tmp_path / f"{name}.mcap"), f"--title={name}"
+    assert generate.main(["-o", bag, "--duration", "1s", "--quiet"]) == 0
+    folder = str(tmp_path / f"{name}_folder")
+    assert generate.main(["-o", folder, "--duration", "1s", "--with-configs", "--quiet"]) == 0
+    page, plot = tmp_path / "page.html", tmp_path / "track.png"
+    assert report.main([bag, "-o", str(page), title, "--quiet"]) == 0
+    assert "st\\udce9" in page.read_text(encoding="utf-8")
+    assert dead_reckon.main([bag, "--plot", str(plot), "--quiet"]) == 0
+    assert plot.is_file()
+    assert "unexpected" not in capsys.readouterr().err
