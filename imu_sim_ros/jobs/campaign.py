@@ -28,6 +28,7 @@ from imu_sim_ros.campaigns.summary import Group, groups, slopes
 from imu_sim_ros.campaigns.verdict import Judgement, counts, headline, judge
 from imu_sim_ros.errors import InputError, system_error
 from imu_sim_ros.jobs.report import write_campaign_page
+from imu_sim_ros.names import shown, suggestion
 from imu_sim_ros.navigation.evaluation import anees_band
 from imu_sim_ros.progress import progress, watcher
 from imu_sim_ros.signatures import Text
@@ -165,9 +166,9 @@ def campaign(
     if batch is not None:
         arguments.whole("batch", batch, "at least 1", 1, 1 << 31)
     loaded = load_plan(path)
-    if arguments.text("metric", metric, "the name of a metric", empty=True):
-        arguments.one_of("metric", metric, (*loaded.metrics, SUCCESS))
-    problems = []
+    problems, known = [], (*loaded.metrics, SUCCESS)
+    if arguments.text("metric", metric, "the name of a metric", empty=True) and metric not in known:
+        problems.append(f"metric = {shown(metric)}: {suggestion(metric, known)}")
     if dask and scheduler:
         problems.append("--dask and --scheduler: choose one")
     if resume and force:
@@ -190,8 +191,8 @@ def campaign(
         store.keep_plan(path)
         done = min(sum(1 for _ in store.rows()), loaded.run_count)
         tally = runs.Tally(loaded, done)
-        shown = progress("", lambda: loaded.run_count, done=done)
-        with _explaining_interruption(folder), shown as advance:
+        bar = progress("", lambda: loaded.run_count, done=done)
+        with _explaining_interruption(folder), bar as advance:
             advance(0, tally.add([]))
             outcome = runs.run(
                 loaded,

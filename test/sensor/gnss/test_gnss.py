@@ -198,7 +198,8 @@ def test_without_a_fix_nothing_of_the_motion_is_told(tmp_path: Path) -> None:
 def test_fixes_of_a_place_that_nobody_gave_are_told() -> None:
     def lines(**given: Any) -> list[str]:
         values = {"trajectory.type": "static", "duration": 1.0, "sensors": ["gnss"], **given}
-        return [w for w in Body(load_simulation(values)).warnings() if "latitude" in w]
+        body = Body(load_simulation(values), sensors=values["sensors"])
+        return [w for w in body.warnings() if "latitude" in w]
 
     (line,) = lines()
     assert line.startswith("latitude_deg = 0 and longitude_deg = 0: fixes and satellites are those")

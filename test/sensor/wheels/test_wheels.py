@@ -293,7 +293,8 @@ def test_the_truth_file_simulates_the_same_wheels(tmp_path: Path) -> None:
 
 def warnings(**given: Any) -> list[str]:
     values = {"sensors": ["wheels"], "imu.preset": "perfect", "duration": 10.0, **given}
-    return [w for w in Body(load_simulation(values)).warnings() if w.startswith("wheels")]
+    body = Body(load_simulation(values), sensors=values["sensors"])
+    return [w for w in body.warnings() if w.startswith("wheels")]
 
 
 def test_motion_that_wheels_cannot_do_is_told_in_a_line() -> None:
