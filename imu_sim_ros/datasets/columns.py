@@ -5,7 +5,6 @@
 
 import math
 import shutil
-import tempfile
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -76,6 +75,8 @@ class NpzTable:
 
     def __init__(self, path: Path) -> None:
         self._path = path
+        import tempfile  # most outputs need none
+
         self._folder = Path(tempfile.mkdtemp(prefix=".columns-", dir=path.parent))
         self._shapes: dict[str, tuple[np.dtype[Any], tuple[int, ...], int]] = {}
 

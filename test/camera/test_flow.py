@@ -96,7 +96,7 @@ def test_flow_is_that_of_depth_and_poses(hall):
 def test_the_next_image_warped_by_the_flow_is_the_image(make_rig):
     """Where there is flow: what light and gloss change of it aside, to a few grey values."""
     cv2 = pytest.importorskip("cv2")
-    _, imager = made(make_rig, camera__row_time=2e-4, scene__texture="plain")
+    _, imager = made(make_rig, camera__row_time=2e-4, scene__texture="plain", scene__type="office")
     rows, columns = np.mgrid[:120, :188].astype(np.float32)
     for number in (10, 70):
         steps = imager.flow(number)
@@ -110,7 +110,9 @@ def test_the_next_image_warped_by_the_flow_is_the_image(make_rig):
 
 
 def test_the_last_frame_has_none_and_what_leaves_the_image_has_none(make_rig):
-    rig, imager = made(make_rig, scene__bodies__people=0, scene__bodies__carts=0)
+    rig, imager = made(
+        make_rig, scene__type="office", scene__bodies__people=0, scene__bodies__carts=0
+    )
     assert np.isnan(imager.flow(rig.views["cam0"].total - 1)).all()
     steps = imager.flow(30)
     rows, columns = np.mgrid[:120, :188]

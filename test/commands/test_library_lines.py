@@ -3,6 +3,7 @@
 
 """What libraries write to standard error themselves never reaches a user."""
 
+import shutil
 import struct
 import subprocess
 import sys
@@ -83,7 +84,8 @@ def test_warnings_of_python(tmp_path, program):
     """They name lines of source; developers ask for them by PYTHONWARNINGS."""
     bag = tmp_path / "flight.mcap"
     assert generate.main(["-o", str(bag), "--duration", "1s", "--quiet"]) == 0
-    given = [bag, bag] if program == "evaluate" else [bag]
+    same = shutil.copy(bag, tmp_path / "same.mcap")
+    given = [bag, same] if program == "evaluate" else [bag]
     assert ran(program, *given, "--json", more=WARNING) == (0, [])
     loud = "import warnings; warnings.simplefilter('default'); sys.warnoptions[:] = ['default']; "
     _, lines = ran(program, *given, "--json", more=f"{WARNING}\n{loud}")

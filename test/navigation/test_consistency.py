@@ -49,7 +49,7 @@ def simulate(noise, trajectory="lecture", rate=200.0, duration=10.0, first_seed=
         first = blocks[0] if blocks else block
         # The motion is the same in all runs: one copy of it is enough.
         shared = {name: getattr(first, name) for name in ("motion", "ideal_gyro", "ideal_accel")}
-        blocks.append(block._replace(**shared))
+        blocks.append(block._replace(values={**block.values, **shared}))
     return parameters, blocks
 
 

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.schemas import definitions
+from imu_sim_ros.conventions import AXES
 from imu_sim_ros.types import Bytes
 
 ENCODINGS: Final = ("cdr", "ros1")
@@ -48,7 +49,7 @@ _CODES: Final = {
     **{f"uint{bits}": f"u{bits // 8}" for bits in (8, 16, 32, 64)},
     "bool": "u1",
 }
-_VECTORS: Final = (["x", "y", "z"], ["x", "y", "z", "w"])
+_VECTORS: Final = ([*AXES], [*AXES, "w"])
 
 
 @cache
