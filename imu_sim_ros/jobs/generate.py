@@ -9,7 +9,7 @@ import dataclasses
 import itertools
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -438,7 +438,8 @@ class _Job:
         with written:
             for place, text in truths.items():
                 written.where(place).write_text(text, encoding="utf-8")
-            with threads(self.jobs) as pool:
+            # Only what sees has work for them.
+            with threads(self.jobs) if self.parameters.cameras else nullcontext() as pool:
                 body, target, samples = self._simulate(written, pose_reader, trajectory, pool)
             if with_configs:
                 self._write_configs(written.where(truth_files.configs(path)), body)
@@ -451,7 +452,7 @@ class _Job:
         written: Outputs,
         pose_reader: PoseReader,
         trajectory: Trajectory | None,
-        threads: Executor,
+        threads: Executor | None,
     ) -> tuple[Body, Any, int]:
         """Write the output; return the body, what received it, and the number of IMU samples."""
         simulator = self.parameters
