@@ -239,7 +239,7 @@ def no_op(folder: Path) -> None:
                 place = folder / "alone"
                 place.mkdir()
                 cell = runs.simulated
-                write_dataset(cell, "euroc", seed, cell.block(seed), place)
+                write_dataset(cell, "euroc", seed, place)
                 shutil.rmtree(place)
             after = spent_so_far()
             times.append((after[0] - before[0], after[1] - before[1]))
