@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from imu_sim_ros.parameters import files
-from imu_sim_ros.sensors import NAMED, catalogue
+from imu_sim_ros.sensors import catalogue, named_sensors
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.types import Array
 
@@ -48,7 +48,7 @@ _FOLDERS = {
     "cameras": "Cameras",
     "scenes": "Scenes",
     "barometers": "Barometers",
-    **{name: f"Sensor {name}" for name in NAMED},
+    **{name: f"Sensor {name}" for name in named_sensors()},
 }
 
 

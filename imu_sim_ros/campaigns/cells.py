@@ -20,14 +20,19 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import shown
 from imu_sim_ros.parameters import included
 from imu_sim_ros.parameters.sections import listed
-from imu_sim_ros.sensors import NAMED
+from imu_sim_ros.sensors import named_sensors
 from imu_sim_ros.simulation import named
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 Layer = dict[str, object]
-SHORT: Final = ("imu", "trajectory", "camera", "scene", *NAMED)
+SHORT: Final = ("imu", "trajectory", "camera", "scene", *named_sensors())
 """Names of command-line arguments that stand for parameters."""
-_ALL: Final = {"imu": "imus", "camera": "cameras", "scene": "scenes", **{n: n for n in NAMED}}
+_ALL: Final = {
+    "imu": "imus",
+    "camera": "cameras",
+    "scene": "scenes",
+    **{name: name for name in named_sensors()},
+}
 """The folders in config/ whose files ``all`` stands for."""
 _LARGEST_AXIS: Final = 100_000
 
@@ -71,7 +76,7 @@ def expanded(values: Mapping[str, object]) -> Layer:
             from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
 
             result.update(scene_layer(str(value)))
-        elif name in NAMED:
+        elif name in named_sensors():
             used, own = named.sensors(name, value if isinstance(value, list) else [value])
             result.update(own)
             result["sensors"] = [*listed("sensors", result), *used]

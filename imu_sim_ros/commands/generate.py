@@ -13,7 +13,7 @@ from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.jobs.generate import OF_SENSORS
 from imu_sim_ros.jobs.generate import generate as job
 from imu_sim_ros.parameters import files
-from imu_sim_ros.sensors import NAMED, catalogue
+from imu_sim_ros.sensors import catalogue, named_sensors
 from imu_sim_ros.signatures import arguments_of, call
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.parameters import TourParameters
@@ -34,7 +34,7 @@ _SENSORS: Final = {
         f"repeatable, further ones are named {name}1, {name}2, ...",
         "group": str(OF_SENSORS),
     }
-    for name in NAMED
+    for name in named_sensors()
 }
 
 
@@ -114,7 +114,7 @@ _LISTS: Final = {
 
 def generate(arguments: argparse.Namespace) -> None:
     """Write the requested output."""
-    sensors = {name: presets for name in NAMED if (presets := getattr(arguments, name))}
+    sensors = {name: presets for name in named_sensors() if (presets := getattr(arguments, name))}
     program.show(arguments, call(job, arguments, below=sensors))
 
 

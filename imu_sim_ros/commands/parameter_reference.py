@@ -17,17 +17,16 @@ from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import Parameter, Value
 from imu_sim_ros.parameters.sections import parameters
-from imu_sim_ros.sensors import NAMED, OF_IMUS
+from imu_sim_ros.sensors import named_sensors, sensors_of_imus
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
 from imu_sim_ros.sensors.camera.scene_parameters import TYPES as SCENES
 from imu_sim_ros.sensors.camera.scene_parameters import SceneParameters
-from imu_sim_ros.sensors.registry import find_sensor
 from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.trajectory.parameters import TYPES, TrajectoryParameters
 
-_PARTS = (*TRIADS, *OF_IMUS)
+_PARTS = (*TRIADS, *(one.name for one in sensors_of_imus()))
 """First words of the parameters of an IMU's sensors, below ``imu.``."""
 _INTRODUCTION = """\
 # Parameters
@@ -89,8 +88,7 @@ def _lines() -> Iterator[str]:
     of_rig = {name: known[name] for name in ("cameras", "features.layout")}
     yield from _table({**of_rig, **_below("camera", CameraParameters)})
     yield from _kinds("scene", SceneParameters, SCENES)
-    for name in NAMED:
-        sensor = find_sensor(name)
+    for name, sensor in named_sensors().items():
         yield f"## Sensor {name}\n"
         yield f"Used if `sensors` contains `{sensor.name}`: {sensor.text}.\n"
         yield from _table(_below(name, sensor.section))

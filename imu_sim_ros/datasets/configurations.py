@@ -137,7 +137,7 @@ def describe(
     for table, number, _, one in all_tables(sensors):
         if (table, number) not in tables:
             continue
-        own = getattr(one.own, one.name) if one.with_imu else one.own
+        own = getattr(one.own, one.name) if one.sensor.with_imu else one.own
         rate, pose = own.rate or one.environment.rate, one.sensor.mount(one.own)
         comment = comments.get(one.space, next(iter(comments.values())))
         text_writer.write_euroc_table(

@@ -62,7 +62,7 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten, listed
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.progress import progress
-from imu_sim_ros.sensors import NAMED
+from imu_sim_ros.sensors import named_sensors
 from imu_sim_ros.sensors.declaration import Companion
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.signatures import Heading, Text
@@ -329,7 +329,7 @@ def _put_sensors(given: dict[str, object], used: list[str]) -> None:
 
     :param used: others that are switched on.
     """
-    for kind in NAMED:
+    for kind in named_sensors():
         value = given.pop(kind, ())
         presets = [
             one is True or str(arguments.path(kind, one, "a name, the path of a file, or several"))

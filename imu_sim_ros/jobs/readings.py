@@ -21,7 +21,7 @@ from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import from_euler, rotate
-from imu_sim_ros.sensors import NAMED, sensors_of_imus
+from imu_sim_ros.sensors import named_sensors, sensors_of_imus
 from imu_sim_ros.sensors.registry import find_sensor, registered
 from imu_sim_ros.timebase import span
 from imu_sim_ros.types import Array, Times
@@ -291,7 +291,7 @@ def checked_sensors(names: Collection[str], given: Mapping[str, object]) -> froz
             try:
                 find_sensor(str(given.get(f"{name}.type") or name))
             except ConfigurationError as error:
-                everything = [*known, *NAMED, *(sensor.name for sensor in registered())]
+                everything = [*known, *named_sensors(), *(sensor.name for sensor in registered())]
                 missing = f"sensors: {name!r}: {suggestion(name, everything)}"
                 unknown += error.problems if "loaded" in str(error) else [missing]
     if unknown:

@@ -21,7 +21,7 @@ from imu_sim_ros.nodes.help import of_other_nodes
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import EMPTY_LIST
 from imu_sim_ros.parameters.sections import OF_EVERY_NODE, bad_values, parameters, unknown
-from imu_sim_ros.sensors import NAMED
+from imu_sim_ros.sensors import named_sensors
 
 _RULE = re.compile(r"(?P<name>(?:[^\s:]+:)?[^\s:=]+):=(?P<value>.*)", re.DOTALL)
 _PARAMETERS = "ros__parameters"
@@ -101,7 +101,7 @@ def _plain(own: Sequence[str], section: type, problems: list[str]) -> list[str]:
             problems.append(f"{word}: not an argument (--help lists them)")
             continue
         short = SHORT.get(name, "")
-        name = short if short in known or short.partition(".")[0] in NAMED else name
+        name = short if short in known or short.partition(".")[0] in named_sensors() else name
         if of_other_nodes(section, [name]):
             problems.append(unknown(name, known))
         if not equals:

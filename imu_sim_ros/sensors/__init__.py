@@ -3,9 +3,9 @@
 
 """The sensors on a body: one folder for each, and what all of them share.
 
-The sensors are listed here, each with the declaration in its folder. Engine, node, ``generate``,
-datasets, reports and Python go through these lists and name none of them; other packages add theirs
-(:mod:`imu_sim_ros.sensors.registry`).
+They are listed here, each with the declaration in its folder, which says whether each IMU has it.
+Engine, node, ``generate``, datasets, reports and Python go through the list and name none of them;
+other packages add theirs (:mod:`imu_sim_ros.sensors.registry`).
 """
 
 from functools import cache
@@ -16,10 +16,15 @@ if TYPE_CHECKING:
     from imu_sim_ros.inputs.tables import Table
     from imu_sim_ros.sensors.declaration import Sensor
 
-OF_IMUS: Final = ("magnetometer", "orientation", "barometer")
-"""Each IMU has them with it: ``imu.NAME_...``. A sensor that another one needs comes before it."""
-NAMED: Final[tuple[str, ...]] = ("gnss", "wheels", "lidar")
-"""The parameter ``sensors`` switches them on: ``NAME.*``."""
+SENSORS: Final = (
+    "magnetometer",
+    "orientation",
+    "barometer",
+    "gnss",
+    "wheels",
+    "lidar",
+)
+"""The folder of each. A sensor that another one needs comes before it."""
 CAMERAS: Final = (
     "names of the cameras on the body, each the namespace of its topics and the prefix of its "
     "own parameters (cam0.camera.rate, ...); none: no camera"
@@ -28,19 +33,21 @@ CAMERAS: Final = (
 
 
 @cache
-def sensors_of_imus() -> "tuple[Sensor, ...]":
-    """Return the declarations of all sensors of IMUs; they are imported when first used."""
-    return tuple(
-        import_module(f"imu_sim_ros.sensors.{name}.declaration").SENSOR for name in OF_IMUS
-    )
+def declared() -> "dict[str, Sensor]":
+    """Return the declarations of all sensors in the list, by name, imported when first used."""
+    return {name: import_module(f"{__name__}.{name}.declaration").SENSOR for name in SENSORS}
 
 
 @cache
-def sections_of_imus() -> dict[str, type]:
-    """Return the parameters of all sensors of IMUs by name."""
-    return {
-        name: import_module(f"imu_sim_ros.sensors.{name}.parameters").SECTION for name in OF_IMUS
-    }
+def sensors_of_imus() -> "tuple[Sensor, ...]":
+    """Return the sensors that each IMU has with it."""
+    return tuple(one for one in declared().values() if one.with_imu)
+
+
+@cache
+def named_sensors() -> "dict[str, Sensor]":
+    """Return the sensors that the parameter ``sensors`` switches on, by name."""
+    return {name: one for name, one in declared().items() if not one.with_imu}
 
 
 def known_tables() -> "dict[str, Table]":
@@ -50,6 +57,5 @@ def known_tables() -> "dict[str, Table]":
     """
     from imu_sim_ros.sensors.registry import registered
 
-    named = [import_module(f"imu_sim_ros.sensors.{name}.declaration").SENSOR for name in NAMED]
-    tables = (one.table for one in (*sensors_of_imus(), *named, *registered()))
+    tables = (one.table for one in (*declared().values(), *registered()))
     return {table.name: table for table in tables if table is not None}

@@ -81,11 +81,6 @@ class Mounted(NamedTuple):
         """Return whether a fault hits it; one that names nothing hits what has parts."""
         return fault.triad in self.faulty or (not fault.triad and bool(self.sensor.parts))
 
-    @property
-    def with_imu(self) -> bool:
-        """Whether it is an IMU, or shares the clock and mount of one."""
-        return self.own is not self.valid
-
 
 @dataclass(frozen=True)
 class Topic:
@@ -210,6 +205,9 @@ class Sensor:
     readings: "type[SensorReadings] | None"
     """What Python returns of a flight: a frozen dataclass of arrays of the samples. None: they are
     too large."""
+    with_imu: bool = False
+    """Each IMU has it: its parameters are ``imu.NAME_...``, and it shares clock, transport and
+    mount of the IMU. Else ``sensors`` names it, and all these are its own."""
     table: Table | None = None
     """The readings in datasets of text; None: these have a form of their own, or none, for it."""
     values: Callable[[Any], Array] = np.asarray

@@ -10,14 +10,13 @@ points are looked up only for a name that is not known otherwise, and for ``--he
 
 import re
 from collections.abc import Iterable, Mapping
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros import arguments
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import shown, suggestion
 from imu_sim_ros.parameters.sections import listed
-from imu_sim_ros.sensors import NAMED, OF_IMUS, sensors_of_imus
+from imu_sim_ros.sensors import named_sensors, sensors_of_imus
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -64,14 +63,13 @@ def find_sensor(name: str) -> "Sensor":
     """
     if name in _REGISTERED:
         return _REGISTERED[name]
-    if name in NAMED:
-        found: Sensor = import_module(f"imu_sim_ros.sensors.{name}.declaration").SENSOR
-        return found
+    if name in named_sensors():
+        return named_sensors()[name]
     offered = _offered()
     if name not in offered:
-        known = [*NAMED, *_REGISTERED, *sorted(offered)]
+        known = [*named_sensors(), *_REGISTERED, *sorted(offered)]
         hint = suggestion(name, known, f"must be one of {', '.join(known) or 'none'}")
-        if name in OF_IMUS or name in [one.quantity for one in sensors_of_imus()]:
+        if any(name in (one.name, one.quantity) for one in sensors_of_imus()):
             hint = "each IMU has it: publish.* and --topics choose it"
         raise ConfigurationError(f"sensors: {name!r}: {hint}")
     _REGISTERED[name] = _loaded(name, offered[name])
@@ -85,7 +83,7 @@ def all_sensors() -> "tuple[list[Sensor], list[str]]":
     """
     found: list[Sensor] = []
     problems: list[str] = []
-    for name in dict.fromkeys([*NAMED, *_REGISTERED, *sorted(_offered())]):
+    for name in dict.fromkeys([*named_sensors(), *_REGISTERED, *sorted(_offered())]):
         try:
             found.append(find_sensor(name))
         except ConfigurationError as error:
@@ -95,7 +93,7 @@ def all_sensors() -> "tuple[list[Sensor], list[str]]":
 
 def is_known(name: str) -> bool:
     """Return whether there is a sensor of this name; entry points are looked up."""
-    return name in NAMED or name in _REGISTERED or name in _offered()
+    return name in named_sensors() or name in _REGISTERED or name in _offered()
 
 
 def kind_of(name: str, given: Mapping[str, object]) -> str:
@@ -151,11 +149,14 @@ def _checked(sensor: Any, what: str) -> "Sensor":
     if not isinstance(given, Sensor):
         raise ConfigurationError(f"{what}: {shown(sensor)} is not a Sensor")
     problems = []
-    if not _NAME.fullmatch(sensor.name) or sensor.name in OF_IMUS:
+    of_imus = [one.name for one in sensors_of_imus()]
+    if not _NAME.fullmatch(sensor.name) or sensor.name in of_imus:
         problems.append(
             f"{what}: name = {sensor.name!r}: must be lower-case letters, digits and underscores, "
             "and not that of a sensor of IMUs"
         )
+    if sensor.with_imu:
+        problems.append(f"{what}: with_imu = True: must be False; `sensors` names it")
     if sensor.quantity != sensor.name:
         problems.append(f"{what}: quantity = {sensor.quantity!r}: must be the name, {sensor.name}")
     if not (isinstance(sensor.section, type) and issubclass(sensor.section, SensorParameters)):

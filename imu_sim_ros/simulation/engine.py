@@ -265,7 +265,7 @@ class Body:
                 )
             # One that no IMU has with it is hit whichever IMU is meant.
             own = sensors[name]
-            of_imu = own.space.rstrip("/") if own.with_imu else imu or next(iter(every))
+            of_imu = own.space.rstrip("/") if own.sensor.with_imu else imu or next(iter(every))
             if imu in ("", of_imu):
                 sampled = sensors[name].environment.rate
                 first = self.taken(sampled) + timebase.sample_count(delay, sampled)

@@ -18,7 +18,7 @@ from imu_sim_ros.commands import control, start
 from imu_sim_ros.jobs.generate import described, load_body, named_cameras
 from imu_sim_ros.jobs.writing import Journal
 from imu_sim_ros.parameters import files
-from imu_sim_ros.sensors import NAMED
+from imu_sim_ros.sensors import named_sensors
 from imu_sim_ros.simulation.engine import Body
 
 WITH_PARSER = [*start.PROGRAMS, "demo"]
@@ -176,7 +176,7 @@ def body_of(given):
     """Return the body that a command line of generate describes."""
     usual = (given.imu, given.trajectory, given.duration, given.rate, given.seed)
     switches = (bool(given.robust), bool(given.rinex))
-    sensors = {name: found for name in NAMED if (found := getattr(given, name))}
+    sensors = {name: found for name in named_sensors() if (found := getattr(given, name))}
     more = {**sensors, "parameters": dict(given.parameters or ())}
     cameras = named_cameras(given.cameras or (), given.scene)
     return load_body(described(Journal(), given.params_file, usual, switches, cameras, more)[0])

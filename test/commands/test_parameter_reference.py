@@ -12,11 +12,10 @@ from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 from imu_sim_ros.commands.parameter_reference import reference
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.parameters.sections import parameters
-from imu_sim_ros.sensors import NAMED
+from imu_sim_ros.sensors import named_sensors
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
 from imu_sim_ros.sensors.camera.scene_parameters import TYPES as SCENES
-from imu_sim_ros.sensors.registry import find_sensor
 from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.trajectory.parameters import TYPES
@@ -51,8 +50,8 @@ def test_every_parameter_has_a_row_with_its_unit():
     for prefix, classes in sections.items():
         for one in classes:
             known.update({f"{prefix}.{name}": p for name, p in parameters(one).items()})
-    for name in NAMED:
-        own = parameters(find_sensor(name).section)
+    for name, sensor in named_sensors().items():
+        own = parameters(sensor.section)
         known.update({f"{name}.{key}": p for key, p in own.items()})
     assert set(rows) == set(known)
     # Names that several sections share have rows of their own; the last one is looked at.

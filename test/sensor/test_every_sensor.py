@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What holds for every sensor but the IMU: those in the lists, and the one of the example."""
+"""What holds for every sensor but the IMU: those in the list, and the one of the example."""
 
 import dataclasses
 import importlib.util
@@ -17,14 +17,14 @@ import imu_sim_ros as ims
 from imu_sim_ros.bags import sensor_tables
 from imu_sim_ros.jobs.flight import Flight
 from imu_sim_ros.parameters.sections import parameters
-from imu_sim_ros.sensors import NAMED, OF_IMUS, known_tables, registry, sensors_of_imus
+from imu_sim_ros.sensors import SENSORS, declared, known_tables, registry, sensors_of_imus
 from imu_sim_ros.sensors.declaration import Sensor
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
 ROOT = Path(__file__).parents[2]
-NAMES = (*OF_IMUS, *NAMED, "sonar")
+NAMES = (*SENSORS, "sonar")
 BOARD = {"imu.preset": "perfect", "trajectory.type": "figure_eight", "duration": 3.0, "seed": 3}
 
 
@@ -32,8 +32,8 @@ BOARD = {"imu.preset": "perfect", "trajectory.type": "figure_eight", "duration":
 def sensor(request: Any, monkeypatch: Any) -> Sensor:
     """Return each declaration in turn; the example's is registered for the test."""
     monkeypatch.setattr(registry, "_REGISTERED", {})
-    if request.param in OF_IMUS:
-        return sensors_of_imus()[OF_IMUS.index(request.param)]
+    if request.param in SENSORS:
+        return declared()[request.param]
     if request.param == "sonar":
         spec = importlib.util.spec_from_file_location("sonar", ROOT / "examples/own_sensor.py")
         assert spec is not None
@@ -46,7 +46,7 @@ def sensor(request: Any, monkeypatch: Any) -> Sensor:
 
 
 def prefix(sensor: Sensor) -> str:
-    return f"imu.{sensor.name}_" if sensor.name in OF_IMUS else f"{sensor.name}."
+    return f"imu.{sensor.name}_" if sensor.with_imu else f"{sensor.name}."
 
 
 def given(sensor: Sensor, **own: object) -> dict[str, Any]:
@@ -55,7 +55,7 @@ def given(sensor: Sensor, **own: object) -> dict[str, Any]:
     noisy = {
         name: 1e-3 for name in known if name.startswith("noise") and known[name].kind != "choice"
     }
-    named = {} if sensor.name in OF_IMUS else {"sensors": [sensor.name]}
+    named = {} if sensor.with_imu else {"sensors": [sensor.name]}
     values = {f"{prefix(sensor)}{name}": value for name, value in {**noisy, **own}.items()}
     return {**BOARD, **named, **values}
 
@@ -100,7 +100,7 @@ def test_no_sample_of_the_imu_depends_on_it(sensor: Sensor) -> None:
 def test_truth_is_complete_and_python_returns_it(sensor: Sensor) -> None:
     """Each array has a row for every sample; what is lost is in the truth, not in the readings."""
     lossy = {"dropout_probability": 0.5}
-    if sensor.name in OF_IMUS:
+    if sensor.with_imu:
         values = {**given(sensor), **{f"imu.{name}": value for name, value in lossy.items()}}
     else:
         values = given(sensor, **lossy)
@@ -199,7 +199,7 @@ def test_it_is_in_the_manual(sensor: Sensor) -> None:
     """Its parameters are in the reference, its topics on a page."""
     pages = [page.read_text(encoding="utf-8") for page in (ROOT / "docs").rglob("*.md")]
     assert all(any(topic.name in page for page in pages) for topic in sensor.topics)
-    if sensor.name in (*OF_IMUS, *NAMED):
+    if sensor.name in SENSORS:
         reference = (ROOT / "docs/reference/parameters.md").read_text(encoding="utf-8")
         for name in parameters(sensor.section):
             assert f"`{prefix(sensor)}{name}`" in reference, name

@@ -286,6 +286,7 @@ def test_mistakes_are_told(installed: Any, given: dict[str, Any], line: str) -> 
         ({"name": "Sonar!", "quantity": "Sonar!"}, "must be lower-case letters"),
         ({"quantity": "range"}, "must be the name, sonar"),
         ({"section": dict}, "must derive from SensorParameters"),
+        ({"with_imu": True}, "with_imu = True: must be False"),
         ({"topics": ()}, "must be one at least"),
     ],
 )

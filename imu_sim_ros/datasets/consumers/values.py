@@ -13,7 +13,7 @@ import numpy as np
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.parameters.sections import flatten
-from imu_sim_ros.sensors import OF_IMUS
+from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.types import Array
 
@@ -39,8 +39,6 @@ _NO_TERMS: Final = frozenset(
         *(f"{triad}_correlation_time" for triad in TRIADS),
     ]
 )
-_OTHER_SENSORS: Final = tuple(f"{name}_" for name in OF_IMUS)
-"""The stacks do not read them."""
 _VIBRATION: Final = ("vibration.line_amplitude", "vibration.band_density")
 """The strengths of the vehicle's vibration; the rest of it says where and when."""
 # Poses: consumers take the trajectory of the IMU from the truth, and its place from the user.
@@ -141,7 +139,8 @@ def _of_the_imu(name: str) -> bool:
     """Return whether a parameter is an error of the IMU's readings, whatever its value."""
     if name.startswith("vibration."):
         return name in _VIBRATION
-    return not name.startswith(_OTHER_SENSORS)
+    # The stacks do not read what other sensors are with an IMU.
+    return not name.startswith(tuple(f"{one.name}_" for one in sensors_of_imus()))
 
 
 def remarks(

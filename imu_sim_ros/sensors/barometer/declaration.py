@@ -85,6 +85,7 @@ SENSOR = Sensor(
     name="barometer",
     quantity="pressure",
     section=BarometerParameters,
+    with_imu=True,
     model=_model,
     topics=(
         topic(

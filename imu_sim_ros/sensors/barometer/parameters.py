@@ -114,7 +114,3 @@ class BarometerSwitches:
     ground_truth_pressure: bool = flag(
         False, "publish ground_truth/pressure, the pressure without errors"
     )
-
-
-SECTION: Final = BarometerParameters
-"""What ``imu.barometer_...`` are."""

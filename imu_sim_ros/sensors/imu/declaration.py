@@ -110,6 +110,7 @@ SENSOR = Sensor(
     name=NAME,
     quantity=NAME,
     section=ImuParameters,
+    with_imu=True,
     model=_model,
     topics=(
         Topic(IMU_TOPIC, TYPE, (), readings),

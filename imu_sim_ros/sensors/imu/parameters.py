@@ -27,7 +27,7 @@ from imu_sim_ros.parameters.kinds import (
     vector,
 )
 from imu_sim_ros.parameters.sections import section, shared
-from imu_sim_ros.sensors import sections_of_imus
+from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
 from imu_sim_ros.sensors.parameters import LONGEST, TimingParameters, rotation_problems
 from imu_sim_ros.types import Complex
@@ -368,7 +368,9 @@ class BareImuParameters(TimingParameters, BoardParameters, TriadsParameters):
 class ImuParameters(BareImuParameters):
     """One IMU, with a section for each other sensor with it."""
 
-    sensors: Mapping[str, Any] = shared(sections_of_imus, joint="_")
+    sensors: Mapping[str, Any] = shared(
+        lambda: {one.name: one.section for one in sensors_of_imus()}, joint="_"
+    )
     """``imu.magnetometer`` is ``imu.sensors["magnetometer"]``."""
 
     def __getattr__(self, name: str) -> Any:

@@ -86,6 +86,7 @@ SENSOR = Sensor(
     name="magnetometer",
     quantity="magnetic_field",
     section=MagnetometerParameters,
+    with_imu=True,
     model=_model,
     topics=(
         topic(

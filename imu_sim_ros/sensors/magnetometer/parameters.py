@@ -146,7 +146,3 @@ class MagnetometerSwitches:
     ground_truth_magnetic_field: bool = flag(
         False, "publish ground_truth/mag, the magnetic field without errors"
     )
-
-
-SECTION: Final = MagnetometerParameters
-"""What ``imu.magnetometer_...`` are."""

@@ -77,6 +77,7 @@ SENSOR = Sensor(
     name="orientation",
     quantity="orientation",
     section=OrientationParameters,
+    with_imu=True,
     model=_model,
     topics=(Topic(TOPIC, TYPE, ("orientation",), _readings),),
     switches=OrientationSwitches,

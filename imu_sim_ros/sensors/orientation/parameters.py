@@ -108,7 +108,3 @@ class OrientationSwitches:
     orientation: bool = flag(
         False, "publish imu/data, the readings of imu/data_raw with an orientation"
     )
-
-
-SECTION: Final = OrientationParameters
-"""What ``imu.orientation_...`` are."""
