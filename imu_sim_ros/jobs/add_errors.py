@@ -57,7 +57,7 @@ from imu_sim_ros.simulation.error_parameters import (
     ErrorModelParameters,
     load_error_model,
 )
-from imu_sim_ros.simulation.given_sensor import OTHERS, Counts, GivenBoardSensor
+from imu_sim_ros.simulation.given_sensor import OTHERS, Counts, GivenOther
 from imu_sim_ros.types import Array, Integers, Mask
 
 TOPICS: Final = (IMU_TOPIC, IDEAL_IMU_TOPIC, GYROSCOPE_BIAS_TOPIC, ACCELEROMETER_BIAS_TOPIC)
@@ -122,7 +122,7 @@ def add_errors(
         raise InputError("add_errors: no readings")
     layers = layers_of(imu, seed, params_file, input, parameters, rate)
     built = with_rate(layers, lambda: rate_of(given.t_ns))
-    model = error_model.ErrorModel(built, OTHERS.values(), _warn)
+    model = error_model.ErrorModel(built, OTHERS, _warn)
     windows: list[dict[str, Any]] = []
     for begin in range(0, len(given.t_ns), ROWS_AT_ONCE):
         windows += model.read(given.at(slice(begin, begin + ROWS_AT_ONCE)))
@@ -134,15 +134,13 @@ def add_errors(
     return Flight(Source(built, NOWHERE, int(given.t_ns[0])), windows, name, topics)
 
 
-def _add_other(
-    sensor: GivenBoardSensor, pair: Any, windows: Sequence[dict[str, Any]]
-) -> tuple[str, ...]:
+def _add_other(sensor: GivenOther, pair: Any, windows: Sequence[dict[str, Any]]) -> tuple[str, ...]:
     """Add what another sensor reads to the windows of its IMU; return its topics.
 
     :param pair: stamps and ideal values.
     :raises ConfigurationError: for anything else.
     """
-    quantity = sensor.quantity
+    quantity = sensor.declared.quantity
     if not isinstance(pair, tuple | list) or len(pair) != 2:
         refuse(quantity, pair, "a pair of stamps and values", wrong_type=True)
     given = _given_values(quantity, *pair)
@@ -156,7 +154,7 @@ def _add_other(
             last_ns = window[IMU].true_t_ns[-1]
             end = max(int(np.searchsorted(block.true_t_ns, last_ns, side="right")), begin)
         window[quantity], begin = block.at(begin, end), end
-    return tuple(one.name for one in sensor.topics if one.flags is not None)
+    return tuple(one.name for one in sensor.declared.topics if one.flags is not None)
 
 
 class ErrorModel:
@@ -194,7 +192,7 @@ class ErrorModel:
     ) -> None:
         """Set up the sensor."""
         layers = layers_of(imu, seed, params_file, input, parameters, rate)
-        self._model = error_model.ErrorModel(load_error_model(layers), OTHERS.values(), _warn)
+        self._model = error_model.ErrorModel(load_error_model(layers), OTHERS, _warn)
 
     @property
     def parameters(self) -> ErrorModelParameters:
@@ -305,7 +303,7 @@ class ErrorModel:
         """
         arguments.one_of("kind", kind, KINDS)
         if not isinstance(triad, str) or triad:
-            arguments.one_of("triad", triad, (*TRIADS, *OTHERS))
+            arguments.one_of("triad", triad, (*TRIADS, *(one.name for one in OTHERS.values())))
         if not (isinstance(duration, float) and duration == math.inf):
             arguments.number("duration", duration, "seconds, or math.inf", 0.0, above=True)
         arguments.number("delay", delay, "seconds", 0.0, LONGEST)
@@ -639,9 +637,6 @@ def _given(t_ns: Any, gyro: Any, accel: Any, orientation: Any, name: str) -> Giv
     return GivenReadings(times, np.array(rates, order="F"), np.array(forces, order="F"), q_wb)
 
 
-_QUANTITIES: Final = {"magnetic_field": gate.FIELD, "pressure": gate.PRESSURE}
-
-
 def _given_values(name: str, t_ns: Any, values: Any) -> GivenValues:
     """Return ideal values of another sensor as somebody gives them, checked.
 
@@ -657,7 +652,9 @@ def _given_values(name: str, t_ns: Any, values: Any) -> GivenValues:
         raise ConfigurationError(
             f"{name}: {len(times)} stamps, {len(found)} values: must be equally many"
         )
-    gate.Verdict(times, [(_QUANTITIES[name], found)]).complain(name)
+    table = OTHERS[name].table
+    assert table is not None
+    gate.Verdict(times, [(table.quantity, found)]).complain(name)
     return GivenValues(times, np.array(found))
 
 
@@ -689,12 +686,13 @@ def _one_of(**values: Any) -> tuple[str, Any]:
     return given[0]
 
 
-def _delivered(sensor: GivenBoardSensor, given: GivenValues) -> Any:
+def _delivered(sensor: GivenOther, given: GivenValues) -> Any:
     """Return the samples of ideal values that are delivered, as a flight has them."""
-    windows = [{sensor.quantity: block} for block in sensor.read(given)]
+    quantity, readings = sensor.declared.quantity, sensor.declared.readings
+    windows = [{quantity: block} for block in sensor.read(given)]
     if windows:
-        return delivered_of(windows, sensor.quantity, sensor.readings)
-    none, readings = given.at(slice(0)), sensor.readings
+        return delivered_of(windows, quantity, readings)
+    none = given.at(slice(0))
     assert readings is not None
     values: dict[str, Any] = {one.name: none.values for one in dataclasses.fields(readings)}
     return readings(**{**values, "t_ns": none.t_ns, "true_t_ns": none.t_ns})

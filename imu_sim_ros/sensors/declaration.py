@@ -208,6 +208,9 @@ class Sensor:
     with_imu: bool = False
     """Each IMU has it: its parameters are ``imu.NAME_...``, and it shares clock, transport and
     mount of the IMU. Else ``sensors`` names it, and all these are its own."""
+    given: Callable[[Array], str] | None = None
+    """It also takes ideal values that another simulator gives: its model has ``apply``. Returns a
+    line if the first value, () or (3,), looks like one in another unit, or else nothing."""
     table: Table | None = None
     """The readings in datasets of text; None: these have a form of their own, or none, for it."""
     values: Callable[[Any], Array] = np.asarray

@@ -32,7 +32,7 @@ from imu_sim_ros.simulation.error_input import (
     StartCheck,
 )
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
-from imu_sim_ros.simulation.given_sensor import OTHERS, GivenBoardSensor, GivenSensor
+from imu_sim_ros.simulation.given_sensor import OTHERS, GivenOther, GivenSensor
 from imu_sim_ros.simulation.sensors import models, mounted
 from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array
@@ -50,30 +50,32 @@ class ErrorModel(GivenSensor[GivenReadings, dict[str, Any]]):
         """Set up the sensor; its first sample is the first reading.
 
         :param sensors: ``orientation`` is one of them if the IMU states it next to the readings,
-            ``magnetic_field`` and ``pressure`` if it measures them.
+            those of :data:`OTHERS` that it measures.
         :param remark: receives a line for everything that looks like a mistake, and for the first
             irregularities of the stamps of each kind.
         """
-        self._sensors = frozenset(sensors) - {IMU, *OTHERS.values()}
+        self._sensors = frozenset(sensors) - {IMU, *OTHERS}
         self._measured = frozenset(sensors)
         self._resamples = bool(parameters.input.rate) and (
             parameters.input.rate != parameters.rate or parameters.imu.sampling != "instantaneous"
         )
         self._gravity_w = gravity_vector(parameters)
         self._check = StartCheck(parameters)
-        self._board: dict[str, GivenBoardSensor] = {}
+        self._given_others: dict[str, GivenOther] = {}
         super().__init__(parameters, parameters.rate, remark)
         for line in parameters.warnings():
             remark(line)
 
-    def other(self, quantity: str) -> GivenBoardSensor:
+    def other(self, quantity: str) -> GivenOther:
         """Return another sensor of the IMU, which has ideal readings of its own.
 
-        :param quantity: ``magnetic_field`` or ``pressure``.
+        :param quantity: one of :data:`OTHERS`.
         """
-        if quantity not in self._board:
-            self._board[quantity] = GivenBoardSensor(quantity, self.parameters, self._remark)
-        return self._board[quantity]
+        if quantity not in self._given_others:
+            self._given_others[quantity] = GivenOther(
+                OTHERS[quantity], self.parameters, self._remark
+            )
+        return self._given_others[quantity]
 
     @property
     def uses_orientation(self) -> bool:
@@ -90,7 +92,7 @@ class ErrorModel(GivenSensor[GivenReadings, dict[str, Any]]):
     def reset(self) -> None:
         """Begin again with the next reading, with the seed that input.restart gives."""
         super().reset()
-        for other in self._board.values():
+        for other in self._given_others.values():
             other.reset()
 
     def update(self, parameters: ErrorModelParameters) -> None:
@@ -110,7 +112,7 @@ class ErrorModel(GivenSensor[GivenReadings, dict[str, Any]]):
             raise ConfigurationError(problems)
         self.parameters = parameters
         self._pending = parameters
-        for other in self._board.values():
+        for other in self._given_others.values():
             other.configure(parameters)
 
     def hit_by(self, fault: Fault) -> "GivenSensor[Any, Any]":
@@ -118,9 +120,9 @@ class ErrorModel(GivenSensor[GivenReadings, dict[str, Any]]):
 
         :raises ConfigurationError: for one that is not there.
         """
-        quantity = OTHERS.get(fault.triad, "")
-        if quantity in self._measured:
-            return self.other(quantity)
+        for quantity in self._measured.intersection(OTHERS):
+            if OTHERS[quantity].name == fault.triad:
+                return self.other(quantity)
         if fault.triad not in ("", *TRIADS):
             raise ConfigurationError(
                 f"fault triad = {fault.triad}: an error model has no {fault.triad}"
@@ -134,7 +136,7 @@ class ErrorModel(GivenSensor[GivenReadings, dict[str, Any]]):
         :raises ConfigurationError: for another delay, and a sensor that is not there.
         """
         hit = self.hit_by(fault)
-        if isinstance(hit, GivenBoardSensor):
+        if isinstance(hit, GivenOther):
             return hit.inject(fault, delay)
         first = self.first_hit(delay)
         if self._imu is None:

@@ -13,26 +13,22 @@ import numpy as np
 
 from imu_sim_ros import timebase
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.sensors.barometer.declaration import SENSOR as BAROMETER
+from imu_sim_ros.sensors import sensors_of_imus
+from imu_sim_ros.sensors.declaration import Sensor
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.model import NOWHERE
-from imu_sim_ros.sensors.magnetometer.declaration import SENSOR as MAGNETOMETER
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.error_input import Conventions, Gaps, GivenValues, InOrder, Order
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
 from imu_sim_ros.simulation.sensors import models, mounted
 
-OTHERS: Final = {one.name: one.quantity for one in (MAGNETOMETER, BAROMETER)}
-"""What the other sensors of an IMU measure that take ideal values, by their names."""
+OTHERS: Final = {one.quantity: one for one in sensors_of_imus() if one.given is not None}
+"""The other sensors of an IMU that take ideal values, by what they measure."""
 _SAMPLES_AT_ONCE: Final = 65536
 """Most samples of a gap that are taken at once."""
 _REPORTED: Final = 3
 """Irregularities of a kind that are remarked on; all of them are counted."""
-_STRONGEST: Final = 0.01
-"""[T] Two hundred times the Earth's field, and a fiftieth of it in gauss."""
-_LOWEST: Final = 5000.0
-"""[Pa] Of the standard atmosphere in 20 km; in hPa, nowhere is more than 1100."""
 Given = TypeVar("Given", bound=InOrder)
 Made = TypeVar("Made")
 
@@ -224,45 +220,35 @@ class GivenSensor(ABC, Generic[Given, Made]):
         self._begin(seed)
 
 
-class GivenBoardSensor(GivenSensor[GivenValues, Samples]):
-    """The magnetometer or the barometer of an IMU: each ideal value is a sample at its rate."""
+class GivenOther(GivenSensor[GivenValues, Samples]):
+    """Another sensor of an IMU, one of ``OTHERS``: each ideal value is a sample at its rate."""
 
     def __init__(
-        self, quantity: str, parameters: ErrorModelParameters, remark: Callable[[str], object]
+        self, sensor: Sensor, parameters: ErrorModelParameters, remark: Callable[[str], object]
     ) -> None:
         """Start before the first value.
 
-        :param quantity: ``magnetic_field`` [T], in the axes of the readings, or ``pressure`` [Pa].
+        :param sensor: its values are (n,), or (n, 3) in the axes of the readings.
         """
-        declared = mounted(parameters)[quantity].sensor
-        self.quantity, self.name = quantity, declared.name
-        """The name is that of its parameters and faults."""
-        self.readings, self.topics = declared.readings, declared.topics
+        self.declared = sensor
         self._conventions = Conventions(parameters)
         self._looked = False
-        rate: float = getattr(parameters.imu, self.name).rate
-        super().__init__(parameters, rate, remark, quantity.replace("_", " "))
+        rate: float = getattr(parameters.imu, sensor.name).rate
+        super().__init__(parameters, rate, remark, sensor.quantity.replace("_", " "))
 
     def _begin(self, seed: int) -> None:
         super()._begin(seed)
         self._model: Any = None
 
     def _look(self, given: GivenValues) -> None:
-        """Say if the first values look like those of another unit."""
+        """Say if the first value looks like one of another unit."""
         if self._looked or not self.parameters.input.check:
             return
         self._looked = True
-        size = float(np.linalg.norm(given.values[:1]))
-        if self.quantity == "magnetic_field" and size > _STRONGEST:
-            self._remark(
-                f"magnetic field: the first one is {size:.3g} T long; are the values in "
-                "microtesla or gauss? They must be in tesla"
-            )
-        if self.quantity == "pressure" and size < _LOWEST:
-            self._remark(
-                f"pressure: the first one is {size:.5g} Pa; are the values in hectopascal, or "
-                "heights? They must be in pascal"
-            )
+        assert self.declared.given is not None
+        line = self.declared.given(given.values[0])
+        if line:
+            self._remark(f"{self._what}{line}")
 
     def configure(self, parameters: ErrorModelParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
@@ -283,7 +269,7 @@ class GivenBoardSensor(GivenSensor[GivenValues, Samples]):
         return first
 
     def _placed(self, given: GivenValues) -> GivenValues:
-        if self.quantity != "magnetic_field":
+        if given.values.ndim == 1:
             return given
         return given._replace(values=self._conventions.field(given.values))
 
@@ -293,7 +279,8 @@ class GivenBoardSensor(GivenSensor[GivenValues, Samples]):
             environment = dataclasses.replace(self.parameters, seed=self.seed)
             t0_ns = int(given.t_ns[0])
             self._world = World(NOWHERE, environment, t0_ns)
-            self._model = models(mounted(environment), [self.quantity], t0_ns)[self.quantity]
+            quantity = self.declared.quantity
+            self._model = models(mounted(environment), [quantity], t0_ns)[quantity]
             for fault, first in self._faults:
                 self._model.inject(fault, self.begin_of(first))
         self.position += len(given.t_ns)

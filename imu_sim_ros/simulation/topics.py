@@ -22,10 +22,9 @@ from imu_sim_ros.conventions import (
     TF_STATIC_TOPIC,
 )
 from imu_sim_ros.rotation import from_matrix
-from imu_sim_ros.sensors.barometer.declaration import SENSOR as BAROMETER
+from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.declaration import Mounted, Payloads, Topic
 from imu_sim_ros.sensors.deferred import Results
-from imu_sim_ros.sensors.magnetometer.declaration import SENSOR as MAGNETOMETER
 from imu_sim_ros.sensors.orientation.declaration import TOPIC as ORIENTATION_TOPIC
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.simulation.sensors import mounts
@@ -36,13 +35,13 @@ OF_THE_ERROR_MODEL: Final = (
     *ERROR_TOPICS,
 )
 """Topics that an error model has for the readings of somebody else."""
-OF_ITS_BOARD: Final = tuple(
+OF_GIVEN_OTHERS: Final = tuple(
     topic.name
-    for sensor in (MAGNETOMETER, BAROMETER)
+    for sensor in sensors_of_imus()
     for topic in sensor.topics
-    if topic.flags is not None
+    if sensor.given is not None and topic.flags is not None
 )
-"""Those for ideal fields and pressures that come with them."""
+"""Those for ideal values of other sensors that come with the readings."""
 MOUNTS: Final = TF_STATIC_TOPIC.strip("/")
 
 

@@ -30,8 +30,6 @@ from imu_sim_ros.nodes.error_model.output import DEPTH, ErrorModelOutputs, wante
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import check_overrides, create
 from imu_sim_ros.nodes.subscriptions import MatchedInputs, RawSubscriptions, Taken
-from imu_sim_ros.sensors.barometer.declaration import SENSOR as BAROMETER
-from imu_sim_ros.sensors.magnetometer.declaration import SENSOR as MAGNETOMETER
 from imu_sim_ros.simulation.error_input import Differentiator, GivenReadings, GivenValues
 from imu_sim_ros.simulation.error_model import ErrorModel
 from imu_sim_ros.simulation.error_parameters import (
@@ -40,6 +38,7 @@ from imu_sim_ros.simulation.error_parameters import (
     layer_error_model,
     sensor_rotation,
 )
+from imu_sim_ros.simulation.given_sensor import OTHERS
 
 Reading = tuple[decode.ImuReading, decode.Quaternion | None]
 """Reading of one message, and the orientation if it has one."""
@@ -67,7 +66,7 @@ class ErrorModelNode(ConfiguredNode):
         sensors = {one.name for one in wanted(parameters).values()}
         self._values = {  # what other sensors measure, and the type of its messages, by topic
             one.topics[0].name + conventions.IDEAL_SUFFIX: (one.quantity, one.topics[0].type)
-            for one in (MAGNETOMETER, BAROMETER)
+            for one in OTHERS.values()
             if one.quantity in sensors
         }
         self.model = ErrorModel(parameters, sensors, self._remark)

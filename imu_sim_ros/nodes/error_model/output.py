@@ -12,16 +12,12 @@ from typing import Any, Final, NamedTuple
 from rclpy.qos import QoSProfile
 
 from imu_sim_ros.bags.messages.blocks import as_list
-from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.nodes.lifetime import Fail, SupervisedThread
 from imu_sim_ros.nodes.publishing import Counter, create
-from imu_sim_ros.sensors.barometer.declaration import TOPIC as BAROMETER_TOPIC
-from imu_sim_ros.sensors.magnetometer.declaration import TOPIC as MAGNETOMETER_TOPIC
-from imu_sim_ros.sensors.orientation.declaration import TOPIC as ORIENTATION_TOPIC
 from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
 from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.simulation.topics import (
-    OF_ITS_BOARD,
+    OF_GIVEN_OTHERS,
     OF_THE_ERROR_MODEL,
     Encode,
     Offered,
@@ -31,20 +27,17 @@ from imu_sim_ros.simulation.topics import (
 
 DEPTH: Final = 4000
 """Messages kept for a reliable subscriber that has not acknowledged them: 4 s at 1 kHz."""
-_READINGS: Final = (IMU_TOPIC, ORIENTATION_TOPIC, MAGNETOMETER_TOPIC, BAROMETER_TOPIC)
-"""What the sensor's driver releases; the truth has no latency."""
 
 
 def wanted(parameters: ErrorNodeParameters) -> dict[str, Offered]:
     """Return the topics that are published."""
     known = offered(mounted(parameters))
-    every = {name: known[name] for name in (*OF_THE_ERROR_MODEL, *OF_ITS_BOARD)}
+    every = {name: known[name] for name in (*OF_THE_ERROR_MODEL, *OF_GIVEN_OTHERS)}
     return {n: one for n, one in every.items() if is_published(one.topic, parameters.publish)}
 
 
 class _Output(NamedTuple):
-    topic: str
-    sensor: str
+    offered: Offered
     encode: Encode
     counter: Counter
 
@@ -64,12 +57,7 @@ class ErrorModelOutputs:
         """Encode messages in the frame of parameters from now on."""
         known = wanted(parameters)
         self._outputs = [
-            _Output(
-                counter.topic,
-                known[counter.topic].name,
-                known[counter.topic].encoder(),
-                counter,
-            )
+            _Output(known[counter.topic], known[counter.topic].encoder(), counter)
             for counter in self.counters
         ]
 
@@ -78,13 +66,13 @@ class ErrorModelOutputs:
 
         A window has the IMU's, or those of another sensor.
         """
-        for topic, sensor, encode, counter in self._outputs:
-            if sensor not in samples:
+        for one, encode, counter in self._outputs:
+            if one.name not in samples:
                 continue
-            read = samples[sensor]
+            read = samples[one.name]
             messages = encode(read, parameters)
             payloads = as_list(messages.made())
-            if topic not in _READINGS:
+            if one.topic.truth:  # only what the sensor's driver releases has a latency
                 for payload in payloads:
                     counter.send(payload)
                 continue

@@ -23,6 +23,8 @@ _ENCODER: Final = "FluidPressureEncoder"
 TOPIC: Final = "imu/pressure"
 IDEAL_TOPIC: Final = "ground_truth/pressure"
 BIAS_TOPIC: Final = "ground_truth/barometer_bias"
+_LOWEST: Final = 5000.0
+"""[Pa] Of the standard atmosphere in 20 km; in hPa, nowhere is more than 1100."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -68,6 +70,15 @@ def _realised(own: BarometerParameters, seed: int, name: str) -> BarometerParame
     )
 
 
+def _of_another_unit(pressure: Array) -> str:
+    if pressure >= _LOWEST:
+        return ""
+    return (
+        f"the first one is {float(pressure):.5g} Pa; are the values in hectopascal, or heights? "
+        "They must be in pascal"
+    )
+
+
 TABLE: Final = Table(
     name="pressure",
     title="Barometer",
@@ -108,6 +119,7 @@ SENSOR = Sensor(
         ),
     ),
     switches=BarometerSwitches,
+    given=_of_another_unit,
     table=TABLE,
     values=lambda read: read.pressure[:, None],
     readings=PressureReadings,

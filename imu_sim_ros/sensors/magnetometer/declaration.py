@@ -24,6 +24,8 @@ BIAS_TYPE: Final = "geometry_msgs/msg/Vector3Stamped"
 TOPIC: Final = "imu/mag"
 IDEAL_TOPIC: Final = "ground_truth/mag"
 BIAS_TOPIC: Final = "ground_truth/magnetometer_bias"
+_STRONGEST: Final = 0.01
+"""[T] Two hundred times the Earth's field, and a fiftieth of it in gauss."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -64,6 +66,16 @@ def _realised(parameters: MagnetometerParameters, seed: int, _: str) -> Any:
     from imu_sim_ros.sensors.magnetometer.model import realised_magnetometer
 
     return realised_magnetometer(parameters, seed)
+
+
+def _of_another_unit(field: Array) -> str:
+    size = float(np.linalg.norm(field))
+    if size <= _STRONGEST:
+        return ""
+    return (
+        f"the first one is {size:.3g} T long; are the values in microtesla or gauss? They must be "
+        "in tesla"
+    )
 
 
 TABLE: Final = Table(
@@ -108,6 +120,7 @@ SENSOR = Sensor(
         ),
     ),
     switches=MagnetometerSwitches,
+    given=_of_another_unit,
     table=TABLE,
     values=lambda read: read.field,
     readings=MagneticReadings,
