@@ -3,23 +3,173 @@
 
 """What a camera on a simulated flight sees, in one call: pixels, tracks, images."""
 
+import dataclasses
+import itertools
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, Protocol
 
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros import arguments
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.sensors.camera.declaration import cameras_in
+from imu_sim_ros.sensors.camera.frames import Camera
 from imu_sim_ros.sensors.camera.model import Projection
 from imu_sim_ros.sensors.camera.model import reprojection_errors as reprojection_errors
-from imu_sim_ros.sensors.camera.rig import BLOCK, Rig
-from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
-from imu_sim_ros.sensors.camera.tracker import Tracks
-from imu_sim_ros.simulation.cameras import Simulated, build_rig, on_simulation
-from imu_sim_ros.simulation.parameters import SimulationParameters
+from imu_sim_ros.sensors.camera.rig_parameters import (
+    RigParameters,
+    axes,
+    load_rig,
+    rig_problems,
+    scene_layer,
+)
+from imu_sim_ros.sensors.camera.tracker import Tracker, Tracks
+from imu_sim_ros.sensors.declaration import Mounted
+from imu_sim_ros.sensors.world import World
+from imu_sim_ros.simulation.cameras import fitted, scene_around
+from imu_sim_ros.simulation.engine import Body
+from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
+from imu_sim_ros.simulation.sensors import mounted
+from imu_sim_ros.trajectory.motion import Trajectory
+from imu_sim_ros.trajectory.parameters import PosesParameters
 from imu_sim_ros.types import Bytes, Single
 
+BLOCK: Final = 64
+"""Frames generated at once."""
 _NAME = "cam0"
+
+
+class Rig:
+    """The cameras of one simulation, as its body has them, and the scene that they see."""
+
+    def __init__(self, sensors: Mapping[str, Mounted], world: World) -> None:
+        """Set up cameras and scene.
+
+        :param sensors: of the body.
+        :raises ConfigurationError: for a scene that does not fit the path.
+        :raises InputError: for a file of points that cannot be used.
+        """
+        self.cameras, self.world = cameras_in(sensors), world
+        self.parameters: RigParameters = next(iter(self.cameras.values())).environment.rig
+        self.trajectory, self.scene = world.trajectory, world.scene
+        self._models = {
+            name: Camera(one, world.t0_ns, {}).within(world) for name, one in self.cameras.items()
+        }
+        self.views = {name: model.view for name, model in self._models.items()}
+
+    def tracker(self, name: str) -> Tracker:
+        """Return the tracker of one camera."""
+        return self._models[name].tracker
+
+    def tracks(self, name: str, block: int = BLOCK) -> Iterator[Tracks]:
+        """Yield the tracks of all frames of a camera, in blocks of frames.
+
+        :raises ConfigurationError: for a size that is none, before the first block.
+        """
+        return self._tracks(name, arguments.block_size("block", block))
+
+    def _tracks(self, name: str, block: int) -> Iterator[Tracks]:
+        tracker = self.tracker(name)
+        total = self.views[name].total
+        first = 0
+        while total is None or first < total:
+            size = block if total is None else min(block, total - first)
+            yield tracker.tracks(first, size)
+            first += size
+
+    def images(self, name: str) -> Iterator[tuple[int, Bytes]]:
+        """Yield the stamp [ns] and the image (h, w), or (h, w, 3), of all frames of a camera.
+
+        Frames that are lost are left out.
+
+        :raises ConfigurationError: for a scene without surfaces.
+        :raises MissingDependencyError: if OpenCV is not installed.
+        """
+        return self._frames(name, "image")
+
+    def depths(self, name: str) -> Iterator[tuple[int, Single]]:
+        """Yield the stamp [ns] and the true depth (h, w) [m] of all frames of a camera.
+
+        0 if nothing is seen; frames that are lost are left out.
+
+        :raises ConfigurationError: for a scene without surfaces.
+        :raises MissingDependencyError: if OpenCV is not installed.
+        """
+        return self._frames(name, "depth")
+
+    def flows(self, name: str) -> Iterator[tuple[int, Single]]:
+        """Yield the stamp [ns] and the optical flow (h, w, 2) [px] of all frames of a camera.
+
+        The steps in u and v to the next frame; NaN if there is none, and for what is outside of
+        the next image or hidden there. Frames that are lost are left out.
+
+        :raises ConfigurationError: for a scene without surfaces.
+        :raises MissingDependencyError: if OpenCV is not installed.
+        """
+        return self._frames(name, "flow")
+
+    def _frames(self, name: str, what: str) -> Iterator[tuple[int, NDArray[Any]]]:
+        view, make = self.views[name], getattr(self._models[name].imager, what)
+        numbers = itertools.count() if view.total is None else range(view.total)
+        for number in numbers:
+            frames = view.frames(number, 1)
+            if frames.delivered[0]:
+                yield int(frames.t_ns[0]), make(number)
+
+
+def build_rig(parameters: Mapping[str, object]) -> Rig:
+    """Return the cameras that parameters by dotted name describe, on their trajectory.
+
+    The frames are those of ``generate`` with the same parameters.
+
+    :param parameters: for instance ``{"cameras": ["cam0"], "camera.preset": "euroc_cam0",
+        "trajectory.type": "figure_eight", "duration": 10.0, "seed": 1}``.
+    :raises ConfigurationError: with a line for each problem.
+    :raises InputError: for a file that cannot be used.
+    """
+    body = Body(load_simulation(fitted(parameters)))
+    return rig_of(body.parameters, body.trajectory, body.t0_ns)
+
+
+class Simulated(Protocol):
+    """What the cameras need from the simulation of their body."""
+
+    @property
+    def parameters(self) -> SimulationParameters:
+        """All parameters."""
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """The body's motion."""
+
+    @property
+    def t0_ns(self) -> int:
+        """True time of sample 0 [ns]."""
+
+
+def on_simulation(given: Mapping[str, object], simulation: Simulated) -> Rig:
+    """Return the cameras that parameters by dotted name describe, on a simulation's body.
+
+    :raises ConfigurationError: with a line for each problem.
+    :raises InputError: for a file that cannot be used.
+    """
+    recorded = isinstance(simulation.parameters.trajectory, PosesParameters)
+    rig = load_rig({**given, **axes(given, recorded)})
+    problems = list(rig_problems(rig, simulation.parameters))
+    if problems:
+        raise ConfigurationError(problems)
+    seen = dataclasses.replace(simulation.parameters, cameras=rig.cameras, rig=rig)
+    return rig_of(seen, simulation.trajectory, simulation.t0_ns)
+
+
+def rig_of(parameters: SimulationParameters, trajectory: Trajectory, t0_ns: int) -> Rig:
+    """Return the cameras of a simulation, with their scene.
+
+    :raises ConfigurationError: for a scene that does not fit the path.
+    :raises InputError: for a file that cannot be used.
+    """
+    return Rig(mounted(parameters), World(trajectory, parameters, t0_ns, scene_around))
 
 
 def project(points: ArrayLike, camera: str | Path | Mapping[str, Any] = "euroc_cam0") -> Projection:

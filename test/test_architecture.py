@@ -131,6 +131,14 @@ def test_imports_follow_the_arrows(path):
             assert not of_a_sensor or set(rest) & PARAMETERS, f"{room} imports {name}"
 
 
+@over(modules())
+def test_no_module_takes_what_is_private_to_another(path):
+    for node in ast.walk(parsed(path)):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("imu_sim_ros"):
+            private = [one.name for one in node.names if one.name[0] == "_" != one.name[1]]
+            assert not private, f"{node.module}: {private}"
+
+
 def rooms():
     return sorted(path.parent for path in PACKAGE.rglob("__init__.py") if path.parent != PACKAGE)
 

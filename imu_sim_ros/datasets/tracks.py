@@ -18,7 +18,6 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.camera.declaration import cameras_in
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
-from imu_sim_ros.sensors.camera.rig import Blindness
 from imu_sim_ros.sensors.camera.rig_parameters import load_rig
 from imu_sim_ros.sensors.camera.scene import read_points
 from imu_sim_ros.sensors.camera.tracker import TrackedLines, Tracks
@@ -32,6 +31,36 @@ BODY_COLUMN: Final = ",body"
 """In scenes in which something moves; 0: at rest."""
 LINES_HEADER: Final = "t_ns,camera,id,u1,v1,u2,v2,u1_true,v1_true,u2_true,v2_true"
 LANDMARKS_HEADER: Final = "id,x,y,z"
+
+
+class Blindness:
+    """Where a camera sees nothing: the time spans without any landmark."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.spans: list[list[float]] = []
+        self._open = False
+
+    def look(self, tracks: Tracks, t0_ns: int) -> None:
+        """Record a block of frames; blocks come in order."""
+        counts = np.bincount(tracks.frame, minlength=len(tracks.frames.number))
+        times = (tracks.frames.true_t_ns - t0_ns) * 1e-9
+        for t, count, there in zip(times, counts, tracks.frames.delivered, strict=True):
+            if count or not there:
+                self._open = self._open and not count
+            elif self._open:
+                self.spans[-1][1] = float(t)
+            else:
+                self.spans.append([float(t), float(t)])
+                self._open = True
+
+    def warnings(self) -> list[str]:
+        """Return a line for the spans without landmarks; nothing if there are none."""
+        if not self.spans:
+            return []
+        shown = ", ".join(f"{a:.2f} to {b:.2f} s" for a, b in self.spans[:5])
+        more = f" and {len(self.spans) - 5} more times" if len(self.spans) > 5 else ""
+        return [f"{self.name}: no landmark in view from {shown}{more}"]
 
 
 class TrackFiles:

@@ -21,9 +21,9 @@ from imu_sim_ros.bags.outputs import make_folder, write_bytes
 from imu_sim_ros.bags.text import decimals
 from imu_sim_ros.bags.writer import amount
 from imu_sim_ros.datasets.topics import Read
+from imu_sim_ros.datasets.tracks import Blindness
 from imu_sim_ros.errors import system_error
 from imu_sim_ros.sensors.camera.declaration import cameras_in
-from imu_sim_ros.sensors.camera.rig import Blindness
 from imu_sim_ros.sensors.camera.view import View, view_of
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU

@@ -38,13 +38,13 @@ class World:
         trajectory: Trajectory,
         environment: EnvironmentParameters,
         t0_ns: int,
-        scene: "Callable[[], Scene] | None" = None,
+        scene: "Callable[[World], Scene] | None" = None,
         threads: "Executor | None" = None,
     ) -> None:
         """Start at a time.
 
         :param t0_ns: true time of the start [ns].
-        :param scene: returns the scene when it is first asked for; None: there is none.
+        :param scene: returns the scene in it when it is first asked for; None: there is none.
         :param threads: make what takes long, such as images; None: whoever asks for it does.
         """
         self._make_scene, self.threads = scene, threads
@@ -61,7 +61,7 @@ class World:
         """
         if self._make_scene is None:
             raise ConfigurationError("scene: no sensor of this simulation declares that it sees")
-        return self._make_scene()
+        return self._make_scene(self)
 
     def shared(self, name: str, make: Callable[[], Any]) -> Any:
         """Return what several sensors make of the world: the first one makes it."""

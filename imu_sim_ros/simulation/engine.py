@@ -195,12 +195,12 @@ class Body:
             getattr(sensors[name].own, "longest_window", math.inf) for name in self._shown
         )
 
-    def _made_scene(self) -> "Scene":
-        """Return the scene around the sensors that see."""
+    def _made_scene(self, world: World) -> "Scene":
+        """Return the scene around the sensors that see; it stays the same for other seeds."""
         if self._scene is None:
             from imu_sim_ros.simulation.cameras import scene_around  # most runs have none
 
-            self._scene = scene_around(self.parameters, self.trajectory, self.t0_ns)
+            self._scene = scene_around(world)
         return self._scene
 
     def with_seed(

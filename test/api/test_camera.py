@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros.camera import reprojection_errors
+from imu_sim_ros.camera import on_simulation, reprojection_errors
 from imu_sim_ros.commands import generate
 from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
-from imu_sim_ros.simulation.cameras import on_simulation
 
 MOTION = ["--imu", "mpu6000", "--trajectory", "figure_eight", "--duration", "1s", "--seed", "4"]
 CAMERA = {"preset": "euroc_cam0", "pixel_noise": 0.5, "body_axes": "flu"}

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import pytest
 
+from imu_sim_ros.camera import rig_of
 from imu_sim_ros.sensors.camera.rig_parameters import load_rig
-from imu_sim_ros.simulation.cameras import rig_of
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.parameters import trajectory_layer

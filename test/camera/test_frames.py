@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
+from imu_sim_ros.camera import build_rig
 from imu_sim_ros.commands import generate
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensors.deferred import Deferred, Each
-from imu_sim_ros.simulation.cameras import build_rig
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.simulation.sensors import mounted

@@ -309,7 +309,7 @@ def test_edges_are_tracked_as_in_images_of_many_rays(make_rig):
 def test_sixteen_rays_a_pixel_of_a_stereo_pair_fit_into_300_mb():
     """The rays of EuRoC's two cameras alone are 139 MB; all maps at once were 1.4 GB."""
     code = (
-        "from pathlib import Path\nfrom imu_sim_ros.simulation.cameras import build_rig\n"
+        "from pathlib import Path\nfrom imu_sim_ros.camera import build_rig\n"
         "from imu_sim_ros.sensors.camera.images.imager import imagers\n"
         "rig = build_rig({'cameras': ['cam0', 'cam1'], 'cam0.camera.preset': 'euroc_cam0',\n"
         "  'cam1.camera.preset': 'euroc_cam1', 'camera.body_axes': 'flu', 'duration': 1.0,\n"

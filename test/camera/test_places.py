@@ -11,6 +11,7 @@ from corner_judge import WIDE_CAMERA, judged
 from small_camera import SMALL_CAMERA
 
 from imu_sim_ros import rotation
+from imu_sim_ros.camera import build_rig
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.places.catalogue import KINDS, build, usual
 from imu_sim_ros.places.geometry import Caster, hidden, surfaces
@@ -24,7 +25,6 @@ from imu_sim_ros.sensors.camera.images.renderer import Renderer
 from imu_sim_ros.sensors.camera.images.texture import atlas
 from imu_sim_ros.sensors.camera.scene_parameters import CorridorParameters
 from imu_sim_ros.sensors.camera.view import CameraPoses, Eyes, in_camera
-from imu_sim_ros.simulation.cameras import build_rig
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.kinds import Waypoints
 from imu_sim_ros.trajectory.parameters import TourParameters

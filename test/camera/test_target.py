@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
+from imu_sim_ros.camera import build_rig, rig_of
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.camera.frames import warnings
 from imu_sim_ros.sensors.camera.images.imager import Imager
 from imu_sim_ros.sensors.camera.images.texture import atlas
-from imu_sim_ros.simulation.cameras import build_rig, fitted, rig_of
+from imu_sim_ros.simulation.cameras import fitted
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.parameters import trajectory_layer

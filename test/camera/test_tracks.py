@@ -235,7 +235,7 @@ def test_lines_are_seen_where_both_ends_are(make_rig):
 
 @pytest.mark.parametrize("block", [1, 50])
 def test_the_span_without_landmarks_is_told(make_rig, block):
-    from imu_sim_ros.sensors.camera.rig import Blindness
+    from imu_sim_ros.datasets.tracks import Blindness
 
     points = "0, 0, 1000"  # straight up: never seen from a level body that looks along x
     import tempfile

@@ -24,7 +24,7 @@ NOT_NEEDED = {
     "rich",
     "imu_sim_ros.bags.read",
     "imu_sim_ros.sensors.camera.parameters",
-    "imu_sim_ros.sensors.camera.rig",
+    "imu_sim_ros.sensors.camera.frames",
     "imu_sim_ros.datasets.consumers.kalibr",
     "imu_sim_ros.trajectory.bspline",
 }

@@ -36,7 +36,6 @@ from imu_sim_ros.nodes.publishing import Counter, create
 from imu_sim_ros.nodes.simulator.apart import MARKERS, TOKEN
 from imu_sim_ros.nodes.simulator.markers import markers
 from imu_sim_ros.parameters.sections import build
-from imu_sim_ros.sensors.camera.rig import Rig
 from imu_sim_ros.sensors.world import SampleTimes, Window, World
 from imu_sim_ros.simulation.cameras import scene_around
 from imu_sim_ros.simulation.playback import SimulatorParameters
@@ -139,19 +138,14 @@ class SensorNode:
             start_parameter_services=False,
             parameter_overrides=overrides,
         )
-        self._parameters, self._sensors = parameters, mounted(parameters)
+        self._sensors = mounted(parameters)
         known = offered(self._sensors)
         self._offered = {topic: known[topic] for topic in start["topics"] if topic in known}
         self.counters = dict(self._publishers(start["topics"]))
         self._encoders = {topic: one.encoder() for topic, one in self._offered.items()}
         trajectory = build_trajectory(parameters.trajectory, read_poses)
         self._duration = parameters.duration or trajectory.duration
-        self._world = World(
-            trajectory,
-            parameters,
-            ORIGIN_NS,
-            lambda: scene_around(parameters, trajectory, ORIGIN_NS),
-        )
+        self._world = World(trajectory, parameters, ORIGIN_NS, scene_around)
         self._models = models(self._sensors, {self.name, *start["members"]}, ORIGIN_NS)
         self._members: list[str] = start["members"]
         self.samples = SampleQueue(self._make)
@@ -174,7 +168,7 @@ class SensorNode:
                 for payload in self._messages(topic, start, {}):
                     self.counters[topic].send(StampedMessages.moved(payload, -ORIGIN_NS))
         if MARKERS_TOPIC in self.counters:
-            shown = markers(Rig(self._sensors, self._world), self._parameters.world_frame)
+            shown = markers(self._sensors, self._world)
             self.counters[MARKERS_TOPIC].send(serialize_message(shown))
 
     def warnings(self) -> list[str]:

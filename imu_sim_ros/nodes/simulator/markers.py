@@ -3,7 +3,7 @@
 
 """A scene and its cameras for RViz and Foxglove: visualization_msgs/MarkerArray."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -12,8 +12,10 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from imu_sim_ros.places.geometry import Surfaces
-from imu_sim_ros.sensors.camera.rig import Rig
-from imu_sim_ros.sensors.camera.view import View
+from imu_sim_ros.sensors.camera.declaration import cameras_in
+from imu_sim_ros.sensors.camera.model import CameraModel
+from imu_sim_ros.sensors.declaration import Mounted
+from imu_sim_ros.sensors.world import World
 from imu_sim_ros.types import Array
 
 _SIZE: Final = 0.03
@@ -28,16 +30,17 @@ _COLORS: Final = {
 }
 
 
-def markers(rig: Rig, world_frame: str) -> MarkerArray:
+def markers(sensors: Mapping[str, Mounted], world: World) -> MarkerArray:
     """Return landmarks, lines and the edges of surfaces in the world, and each camera's view."""
-    scene = rig.scene
+    scene, world_frame = world.scene, world.environment.world_frame
     found = [
         _marker(Marker.POINTS, "landmarks", world_frame, scene.landmarks),
         _marker(Marker.LINE_LIST, "lines", world_frame, scene.lines.reshape(-1, 3)),
         _marker(Marker.LINE_LIST, "surfaces", world_frame, _edges(scene.surfaces)),
     ]
-    for k, (name, view) in enumerate(rig.views.items()):
-        shown = _marker(Marker.LINE_LIST, "cameras", rig.parameters.frame(name), _frustum(view))
+    for k, camera in enumerate(cameras_in(sensors).values()):
+        ends = _frustum(CameraModel(camera.own))
+        shown = _marker(Marker.LINE_LIST, "cameras", camera.frame, ends)
         shown.id = k
         found.append(shown)
     return MarkerArray(markers=[marker for marker in found if marker.points])
@@ -69,11 +72,11 @@ def _edges(surfaces: Surfaces) -> Array:
     return np.array(ends).reshape(-1, 3)
 
 
-def _frustum(view: View) -> Array:
+def _frustum(model: CameraModel) -> Array:
     """Return the four rays through the corners of the image, and the edges that join them."""
-    w, h = view.model.width - 1.0, view.model.height - 1.0
+    w, h = model.width - 1.0, model.height - 1.0
     corners = np.array([[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]])
-    found = view.model.unproject(corners).direction * _FRUSTUM
+    found = model.unproject(corners).direction * _FRUSTUM
     rays = list(found[np.isfinite(found).all(axis=1)])
     ends = [end for ray in rays for end in (np.zeros(3), ray)]
     return np.array([*ends, *(_pairs(rays) if rays else [])]).reshape(-1, 3)

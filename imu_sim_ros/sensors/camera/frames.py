@@ -51,9 +51,13 @@ class Camera:
 
     def frames(self, window: Window, world: World) -> Frames:
         """Return times and numbers of the frames in a window."""
-        self._world = world
         first, end = self.times.index(window.begin), self.times.index(window.end)
-        return self.view.frames(first, end - first)
+        return self.within(world).view.frames(first, end - first)
+
+    def within(self, world: World) -> "Camera":
+        """Put it in a world."""
+        self._world = world
+        return self
 
     def samples(self, frames: Frames) -> Samples:
         """Return frames with all that they show."""
@@ -81,7 +85,7 @@ class Camera:
     @property
     def world(self) -> World:
         """The world that it is in."""
-        assert self._world is not None, "a window is read first"
+        assert self._world is not None, "it is put in one first"
         return self._world
 
     @cached_property

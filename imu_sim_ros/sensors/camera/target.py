@@ -3,7 +3,9 @@
 
 """AprilGrids: how cameras see their tags, and the board and motion that suit a lens."""
 
-from typing import Final, NamedTuple
+import dataclasses
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -11,7 +13,9 @@ from imu_sim_ros import rotation
 from imu_sim_ros.sensors.camera.build import aprilgrid_corners
 from imu_sim_ros.sensors.camera.scene_parameters import AprilgridParameters, SceneParameters
 from imu_sim_ros.sensors.camera.view import View
+from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.motion import Trajectory
+from imu_sim_ros.trajectory.parameters import SeriesParameters, TrajectoryParameters
 from imu_sim_ros.types import Array
 
 COVERAGE: Final = 0.8
@@ -22,7 +26,7 @@ _TAG: Final = 10
 """Bits along the edge of a tag: six of data, two of border on either side."""
 _MARGIN: Final = 1.03
 """By how much a fitted board and motion exceed these limits."""
-_HORIZON: Final = 60.0
+HORIZON: Final = 60.0
 """How much of a motion is looked at [s]."""
 _LOOKS: Final = 300
 """Moments of it that are looked at."""
@@ -32,7 +36,7 @@ _DISTANCE: Final = 1.35
 """From there to the board along x [m]; the tags' size follows from the lens, not the distance."""
 _ALONG: Final = 0.9
 """Least cosine of the angle between a view and the body's x axis for which a board is fitted."""
-_TURNS: Final = {"yaw": 0, "pitch": 1}
+TURNS: Final = {"yaw": 0, "pitch": 1}
 """Angles whose amplitudes follow from the lens, and whether they cover its width or height."""
 _TURN: Final = 1.15
 """Step of their amplitudes, and how often it is taken at most."""
@@ -63,7 +67,7 @@ def sight(view: View, trajectory: Trajectory, corners: Array) -> Sight:
 
     :param corners: (4 n, 3) of all tags, in order around each [m].
     """
-    t = np.linspace(0.0, min(trajectory.duration, _HORIZON), _LOOKS)
+    t = np.linspace(0.0, min(trajectory.duration, HORIZON), _LOOKS)
     poses = view.poses(trajectory, t)
     local = rotation.rotate_inverse(poses.q_wc[:, None], corners - poses.position[:, None])
     uv, seen = view.model.project(local.reshape(-1, 3))
@@ -94,3 +98,104 @@ def target_warning(parameters: SceneParameters, view: View, trajectory: Trajecto
         f"their corners cover {width:.0%} of the image's width and {height:.0%} of its height "
         f"({COVERAGE:.0%} are wanted)"
     ]
+
+
+def suiting(
+    views: Sequence[View],
+    motion: TrajectoryParameters,
+    scene: SceneParameters,
+    told: Collection[str],
+    turns: Collection[str],
+) -> dict[str, object]:
+    """Return the parameters of the board and the motion that suit lenses, by dotted name.
+
+    Nothing for views in other directions than the body's x axis.
+
+    :param motion: that of config/trajectories/target.yaml, with what was told.
+    :param told: names of the board's parameters that stay as they are in the scene.
+    :param turns: the angles of the motion that may grow.
+    """
+    own = {name: getattr(scene, name) for name in _BOARD if name in told}
+    best, values = -1.0, dict[str, object]()
+    for board in _boards(views, motion, own):
+        turned, score = _turned(board, views, motion, turns)
+        if score > best:
+            best, values = score, _values(board, turned, turns)
+        if score >= _MARGIN:
+            break
+    return values
+
+
+def _boards(
+    views: Sequence[View], motion: TrajectoryParameters, own: Mapping[str, Any]
+) -> Iterator[AprilgridParameters]:
+    """Yield boards upright and square to the body's x axis, most and smallest tags first.
+
+    :param own: their parameters that are given.
+    """
+    centers = []
+    for view in views:
+        middle = 0.5 * np.array([[view.model.width - 1.0, view.model.height - 1.0]])
+        ray = rotation.rotate(view.q_bc, view.model.unproject(middle).direction[0])
+        centers.append(view.p_bc + ray / max(abs(ray[0]), 1e-9) * _DISTANCE)
+        if abs(ray[0]) < _ALONG or np.sign(ray[0]) != np.sign(centers[0][0]):
+            return
+    center, side = np.mean(centers, axis=0) + _BODY, float(np.sign(centers[0][0]))
+    r_wt = np.array([[0.0, 0.0, -side], [-side, 0.0, 0.0], [0.0, 1.0, 0.0]])
+
+    def board(tags: int, size: float) -> AprilgridParameters:
+        values = {"columns": tags, "rows": tags, "tag_size": size, **own}
+        there = AprilgridParameters(**values)
+        pitch = there.tag_size * (1.0 + there.tag_spacing)
+        extent = np.array([there.columns, there.rows]) * pitch - there.tag_size * there.tag_spacing
+        corner = np.round(center - 0.5 * r_wt[:, :2] @ extent, 4)
+        placed = {"position": tuple(corner.tolist()), "orientation": tuple(r_wt.ravel().tolist())}
+        return AprilgridParameters(**{**placed, **values})
+
+    sizes = _GROWTH
+    if "tag_size" not in own:
+        trajectory = build_trajectory(motion)
+        bits = min(sight(v, trajectory, aprilgrid_corners(board(1, _TINY)))[1] for v in views)
+        if bits == 0.0:
+            return
+        sizes = tuple(round(_TINY * BITS * _MARGIN / bits * growth, 3) for growth in _GROWTH)
+    yield from dict.fromkeys(board(tags, size) for tags in _TAGS for size in sizes)
+
+
+def _turned(
+    board: AprilgridParameters,
+    views: Sequence[View],
+    motion: TrajectoryParameters,
+    turns: Iterable[str],
+) -> tuple[TrajectoryParameters, float]:
+    """Return the motion with the least turns that cover the images, and how good it is.
+
+    1 is as good as the limits.
+
+    :param turns: the angles that may grow.
+    """
+    corners = aprilgrid_corners(board)
+    for _ in range(_TURN_STEPS):
+        trajectory = build_trajectory(motion)
+        sights = [sight(view, trajectory, corners) for view in views]
+        bits = min(one.bits for one in sights) / BITS
+        cover = np.min([one.coverage for one in sights], axis=0) / COVERAGE
+        score = min(bits, float(cover.min()))
+        short = [angle for angle in turns if cover[TURNS[angle]] < _MARGIN]
+        if not short or bits < _MARGIN:
+            break
+        more: dict[str, Any] = {angle: _more(getattr(motion, angle)) for angle in short}
+        motion = dataclasses.replace(motion, **more)
+    return motion, score
+
+
+def _more(series: SeriesParameters) -> SeriesParameters:
+    larger = tuple(round(_TURN * amplitude, 4) for amplitude in series.amplitude)
+    return dataclasses.replace(series, amplitude=larger)
+
+
+def _values(board: AprilgridParameters, motion: Any, turns: Iterable[str]) -> dict[str, object]:
+    values = {f"scene.{name}": getattr(board, name) for name in _BOARD}
+    for angle in turns:
+        values[f"trajectory.{angle}.amplitude"] = getattr(motion, angle).amplitude
+    return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}

@@ -113,10 +113,14 @@ class View:
         return CameraPoses(position, rotation.multiply(motion.q_wb, self.q_bc))
 
 
-def view_of(mounted: Mounted, world: World) -> View:
-    """Return a camera on a simulation's body; its frames end with the simulation."""
-    longest = world.trajectory.duration
-    duration = min(mounted.environment.duration or longest, longest)
+def view_of(mounted: Mounted, world: World, duration: float | None = None) -> View:
+    """Return a camera on a simulation's body.
+
+    :param duration: how long it takes frames [s]; None: until the simulation ends.
+    """
+    if duration is None:
+        longest = world.trajectory.duration
+        duration = min(mounted.environment.duration or longest, longest)
     seed = mounted.environment.seed
     return View(mounted.name, mounted.own, seed, world.t0_ns, duration)
 

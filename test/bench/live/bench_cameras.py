@@ -161,7 +161,7 @@ def live(label: str, images: str | None, recorder: list[str] | None, duration: f
 
 def made(trajectory: str, **more: object) -> Any:
     """Return EuRoC's first camera on a trajectory."""
-    from imu_sim_ros.simulation.cameras import build_rig
+    from imu_sim_ros.camera import build_rig
     from imu_sim_ros.trajectory.parameters import trajectory_layer
 
     given = {"cameras": ["cam0"], "cam0.camera.preset": "euroc_cam0", "duration": 60.0}

@@ -17,9 +17,9 @@ from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from imu_sim_ros import conventions
+from imu_sim_ros.camera import build_rig
 from imu_sim_ros.commands import generate
 from imu_sim_ros.sensors.camera.features import FeatureStream
-from imu_sim_ros.simulation.cameras import build_rig
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.simulation.topics import offered

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 import yaml
 
+from imu_sim_ros.camera import build_rig
 from imu_sim_ros.commands import generate
 from imu_sim_ros.datasets.images import millimetres
 from imu_sim_ros.jobs import generate as job
-from imu_sim_ros.simulation.cameras import build_rig
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 RIG = [
