@@ -45,10 +45,11 @@ def mounted(parameters: SampledParameters) -> dict[str, Mounted]:
 
         seen = seeing(parameters.rig, parameters)
     for listed, group in (("sensors", named), ("cameras", seen)):
+        known = {part for one in found.values() for part in (one.name, *one.sensor.parts)}
         taken = [
-            f"{listed}: {name!r}: is what another sensor measures"
+            f"{listed}: {name!r}: is another sensor, or what one measures"
             for name in group
-            if name in found
+            if name in known or name in found
         ]
         if taken:
             raise ConfigurationError(taken)

@@ -133,9 +133,9 @@ def test_a_topic_without_its_namespace_is_that_of_every_camera(tmp_path):
         assert set(reader.topics) == {"/cam0/camera_info", "/cam1/camera_info"}
 
 
-@pytest.mark.parametrize("name", ["pose", "magnetic_field"])
+@pytest.mark.parametrize("name", ["pose", "magnetic_field", "gyroscope"])
 def test_a_camera_has_a_name_of_its_own(name):
-    with pytest.raises(ConfigurationError, match=f"cameras: '{name}': is what another sensor"):
+    with pytest.raises(ConfigurationError, match=f"cameras: '{name}': is another sensor"):
         mounted(load_simulation({"cameras": [name]}))
 
 

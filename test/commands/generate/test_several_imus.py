@@ -201,6 +201,22 @@ def test_what_does_not_fit_is_one_line(tmp_path, monkeypatch, capsys, options, w
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("given", "line"),
+    [
+        (["imus=[gnss]", "sensors=[gnss]"], "sensors: 'gnss': is a name in imus"),
+        (["imus=[cam0]", "cameras=[cam0]"], "cameras: 'cam0': is a name in imus"),
+        (["sensors=[pose]", "pose.type=gnss"], "sensors: 'pose': is another sensor, or what"),
+        (["sensors=[gyroscope]", "gyroscope.type=gnss"], "sensors: 'gyroscope': is another"),
+    ],
+)
+def test_a_name_is_that_of_one_sensor(tmp_path, capsys, given, line):
+    options = [word for one in given for word in ("--set", one)]
+    assert generate.main(["-o", str(tmp_path / "x.mcap"), "--duration", "1s", *options]) == 2
+    (found,) = capsys.readouterr().err.splitlines()
+    assert found.startswith(f"generate: {line}")
+
+
 def test_a_topic_of_one_imu_and_new_names(place):
     path = place / "renamed.bag"
     options = ["--topics", "left/imu/data_raw,ground_truth/odom", "--topic",
