@@ -112,7 +112,7 @@ def offered(sensors: Mapping[str, Mounted]) -> dict[str, Offered]:
     def placed(_: Mounted, encoding: str) -> Payloads:
         return _mounts(sensors, encoding)
 
-    topic = Topic(MOUNTS, TF_MESSAGE, None, placed, truth=True)
+    topic = Topic(MOUNTS, TF_MESSAGE, None, placed, truth=True, latched=True)
     return {**found, MOUNTS: Offered(POSE, sensors[POSE], topic)}
 
 

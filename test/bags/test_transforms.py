@@ -43,6 +43,26 @@ def test_transforms_and_poses_are_the_truth(tmp_path, name):
     assert [shift.x, shift.y, shift.z] == [0.1, 0.2, 0.3]
 
 
+def _latched(connection):
+    """Return whether a player keeps the last message for later subscribers, as rosbags reads it."""
+    details = connection.ext
+    if hasattr(details, "latching"):
+        return bool(details.latching)
+    return [one.durability.name for one in details.offered_qos_profiles] == ["TRANSIENT_LOCAL"]
+
+
+@pytest.mark.parametrize("name", ["flight.bag", "flight", "flight.db", "flight.mcap"])
+def test_players_keep_static_transforms_for_later_subscribers(tmp_path, name):
+    """As tf2 expects; all else is sent once."""
+    path = tmp_path / name
+    storage = ["--storage", "sqlite3"] if name == "flight.db" else []
+    topics = ["--topics", "imu/data_raw,tf,tf_static"]
+    assert generate.main(["-o", str(path), *topics, *storage, *WORDS]) == 0
+    with AnyReader([path]) as reader:
+        found = {one.topic: _latched(one) for one in reader.connections}
+    assert found == {"/imu/data_raw": False, "/tf": False, "/tf_static": True}
+
+
 def test_several_imus_share_one_static_message(tmp_path):
     settings = ["--set", "imus=[left, right]", "--set", "left.imu.lever_arm=[0, 0.1, 0]"]
     path, topics = tmp_path / "two.mcap", "imu/data_raw,tf_static,tf"
