@@ -252,7 +252,8 @@ class LidarParameters(SensorParameters):
                 f"{prefix}channel_interval = {self.channel_interval:g}: {channels} channels do not "
                 f"fit into {prefix}firing_period, {self.firing_period:g} s"
             )
-        yield from self._too_many(prefix, channels * self.span / self.firing_period)
+        if channels:
+            yield from self._too_many(prefix, channels * self.span / self.firing_period)
 
     def _problems_of_rosette(self, prefix: str) -> Iterator[str]:
         if len(self.prism_rates) != len(self.prism_deflections_deg) or not self.prism_rates:

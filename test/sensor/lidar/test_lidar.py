@@ -420,8 +420,9 @@ def test_huge_tables_are_refused_at_once(tmp_path):
     ],
 )
 def test_bad_parameters_get_a_line(given, says):
-    with pytest.raises((ims.ConfigurationError, ims.InputError), match=re.escape(says)):
+    with pytest.raises((ims.ConfigurationError, ims.InputError), match=re.escape(says)) as refused:
         flown("ground", 0.2, **given)
+    assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize("layout", sorted(LAYOUTS))
