@@ -5,7 +5,7 @@
 
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -93,12 +93,12 @@ def bagcreater_topics(imus: Iterable[str]) -> dict[str, str]:
     return {f"{imu}/{IMU_TOPIC}".lstrip("/"): f"imu{k}" for k, imu in enumerate(imus)}
 
 
-def write_tum_vi_calibration(
-    folder: Path, parameters: SimulationParameters, rig: "RigParameters | None"
-) -> None:
-    """Write camchain.yaml and imu_config.yaml of a TUM VI sequence, in kalibr's form."""
-    if rig is None or not rig.cameras:
-        return
+def write_tum_vi_calibration(folder: Path, parameters: Any) -> None:
+    """Write camchain.yaml and imu_config.yaml of a TUM VI sequence, in kalibr's form.
+
+    :param parameters: of the simulation.
+    """
+    rig: RigParameters = parameters.rig
     values = _values(parameters, "/imu0")
     topics = {camera: f"/{camera}/{IMAGE_TOPIC}" for camera in rig.cameras}
     chain = kalibr.camchain(RigValues(values, rig.each(), topics, rig.scene))

@@ -71,7 +71,6 @@ class ImageFolders:
         world: World,
         form: str,
         jobs: int,
-        comment: str,
     ) -> None:
         """Make the folders.
 
@@ -81,7 +80,6 @@ class ImageFolders:
         :param form: euroc; tum_vi, which has grey values of 16 bits and no descriptions of sensors;
             or csv.
         :param jobs: number of threads.
-        :param comment: for the sensors' descriptions.
         :raises ConfigurationError: for a scene without surfaces.
         :raises MissingDependencyError: if OpenCV is not installed.
         """
@@ -111,6 +109,7 @@ class ImageFolders:
                 except OSError as error:
                     raise system_error(made_folder, error) from None
             if form == "euroc":
+                comment = f"simulated by imu_sim_ros, seed {world.environment.seed}"
                 text = _sensor_yaml(view.parameters, comment)
                 (target.parent / "sensor.yaml").write_text(text, encoding="utf-8")
         first = next(iter(cameras_in(sensors).values()))

@@ -142,12 +142,13 @@ def all_tables(sensors: Mapping[str, Mounted]) -> list[InTable]:
 class DatasetTarget:
     """Samples into text."""
 
-    def __init__(self, dataset: Dataset, sensors: Mapping[str, Mounted]) -> None:
+    def __init__(self, dataset: Dataset, sensors: Mapping[str, Mounted], seen: Any = None) -> None:
         """Join the sensors of a body with the files of a dataset.
 
         :param sensors: its IMUs are imu0, imu1, ... of the dataset.
+        :param seen: the files of what sensors see, tracks or images; None: it has none.
         """
-        self.dataset, self._sensors = dataset, sensors
+        self.dataset, self._sensors, self._seen = dataset, sensors, seen
         self.files: Sequence[Path] = ()
         self._imus = imus_in(sensors)
         self._tables = {(one.table.name, one.number): one for one in all_tables(sensors)}
@@ -155,12 +156,13 @@ class DatasetTarget:
         self._states = self._imus if dataset.form == "euroc" else [POSE]
 
     def described(self) -> str:
-        """Return how much was written."""
-        return amount(self.dataset.rows, self.dataset.last_ns, "rows")
+        """Return how much was written, and of what each camera saw."""
+        rows = amount(self.dataset.rows, self.dataset.last_ns, "rows")
+        return rows if self._seen is None else f"{rows}, {self._seen.described()}"
 
     @property
     def counts(self) -> dict[str, int]:
-        """Rows by topic."""
+        """Rows by topic, images by camera."""
         readings = zip(self._imus, self.dataset.imus, strict=False)  # a TUM file has none
         states = zip(self._states, self.dataset.truths, strict=False)
         tables = ((self._tables[key], file) for key, file in self.dataset.tables.items())
@@ -171,10 +173,11 @@ class DatasetTarget:
                 resolved(f"{one.mounted.space}{one.mounted.sensor.topics[0].name}"): file.rows
                 for one, file in tables
             },
+            **({} if self._seen is None else self._seen.counts),
         }
 
     def write(self, read: Read) -> None:
-        """Write the rows of a window of time."""
+        """Write the rows of a window of time, and what is seen in it."""
         for k, name in enumerate(self._imus[: len(self.dataset.imus)]):
             self.dataset.write_imu(*delivered(read[name]), k)
         for kind, k in self.dataset.tables:
@@ -185,6 +188,8 @@ class DatasetTarget:
             )
         for k, name in enumerate(self._states[: len(self.dataset.truths)]):
             self.dataset.write_states(_states(read[name]), k)
+        if self._seen is not None:
+            self._seen.write(read)
 
 
 def _states(read: Any) -> BodyStates:

@@ -3,7 +3,7 @@
 
 """A folder of feature tracks, written and read."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -66,12 +66,20 @@ class Blindness:
 class TrackFiles:
     """The tracks of all cameras in a folder; use as a context manager."""
 
-    def __init__(self, folder: Path, sensors: Mapping[str, Mounted], world: World) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        sensors: Mapping[str, Mounted],
+        world: World,
+        warn: Callable[[str], object],
+    ) -> None:
         """Open the tables, and write landmarks and cameras.
 
         :param folder: that exists.
         :param sensors: of the body.
+        :param warn: receives, in the end, when a camera saw nothing.
         """
+        self._warn = warn
         cameras, scene = cameras_in(sensors), world.scene
         self._blindness = {name: Blindness(name) for name in cameras}
         self._t0_ns = world.t0_ns
@@ -107,10 +115,6 @@ class TrackFiles:
         """Return how much was written; all cameras' frames end at the same time."""
         return f"{self.tracks.rows:,} tracks"
 
-    def warnings(self) -> list[str]:
-        """Return notes for the user on the frames so far, a line each."""
-        return [line for one in self._blindness.values() for line in one.warnings()]
-
     def write(self, read: Read) -> None:
         """Write the frames of a window, those of all cameras in order of time."""
         tracks: list[dict[str, Column]] = []
@@ -141,6 +145,9 @@ class TrackFiles:
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         self._tables.__exit__(kind, error, trace)
+        if error is None:
+            for line in (line for one in self._blindness.values() for line in one.warnings()):
+                self._warn(line)
 
 
 def _track_columns(found: Tracks, number: int) -> dict[str, Column]:

@@ -75,7 +75,7 @@ class TumVi:
                 ("dso/gt_imu.csv", _DSO_POSES),
             )
         }
-        self._images = ImageFolders(folder / "mav0", sensors, world, "tum_vi", jobs, "")
+        self._images = ImageFolders(folder / "mav0", sensors, world, "tum_vi", jobs)
         for camera in cameras_in(sensors):
             target = folder / "dso" / camera
             target.mkdir()

@@ -11,7 +11,7 @@ index; the original applies no noise and has no border, so its readers see a lan
 camera does not.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -64,11 +64,19 @@ class _Rows:
 class VioDataSimulation:
     """A folder of that simulator's files; use as a context manager."""
 
-    def __init__(self, folder: Path, sensors: Mapping[str, Mounted], world: World) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        sensors: Mapping[str, Mounted],
+        world: World,
+        warn: Callable[[str], object],
+    ) -> None:
         """Open the files.
 
         :param sensors: of the body, one camera among them.
+        :param warn: receives, in the end, when the camera saw nothing.
         """
+        self._warn = warn
         camera = next(iter(cameras_in(sensors).values()))
         make_folder(folder)
         self.path = folder
@@ -112,10 +120,6 @@ class VioDataSimulation:
             self._last_ns = int(block.true_t_ns[-1])
         self._write_frames(read[self._view.name])
 
-    def warnings(self) -> list[str]:
-        """Return notes for the user on the frames so far, a line each."""
-        return self._blindness.warnings()
-
     def _write_frames(self, seen: Any) -> None:
         view, world, count = self._view, self._world, len(seen.t_ns)
         found, lines = seen.tracks, seen.lines
@@ -148,9 +152,12 @@ class VioDataSimulation:
     def __enter__(self) -> "VioDataSimulation":
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         for file in self._files.values():
             file.close()
+        if error is None:
+            for line in self._blindness.warnings():
+                self._warn(line)
 
 
 def _homogeneous(points: Array) -> Array:

@@ -164,7 +164,7 @@ def add_errors_to_file(
     started = time.perf_counter()
     if not target.name:  # the files next to it are named after it
         raise InputError(f"{str(target)!r}: is not a file name")
-    dataset = dataset_form(target, form.dataset, form.of_bags_only())
+    dataset = dataset_form(target, form.dataset, form.of_bag())
     if dataset is None:
         check_writer(target, form.storage, form.compression)
     elif dataset not in FORMATS:
@@ -284,9 +284,7 @@ class _Job:
     def _writer(self, target: Path) -> Writer:
         if self.dataset:
             return open_writer(target)
-        form = self.form
-        splits = (form.split_duration, form.split_size)
-        writer = open_writer(target, form.storage, form.compression, *splits)
+        writer = open_writer(target, **self.form.of_bag())
         self.written.describe(self.path, lambda: described(writer.topics))
         return writer
 

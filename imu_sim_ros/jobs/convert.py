@@ -177,7 +177,7 @@ def write(
     """
     if not path.name:
         raise InputError(f"{str(path)!r}: is not a file name")
-    dataset = dataset_form(path, form.dataset, form.of_bags_only())
+    dataset = dataset_form(path, form.dataset, form.of_bag())
     if dataset is None:
         check_writer(path, form.storage, form.compression)
     written.add(path, kept=True)
@@ -283,13 +283,7 @@ class _Job:
         return progress(f"writing {self.path}", lambda: total)
 
     def _writer(self) -> Writer:
-        writer = open_writer(
-            self.staged,
-            self.form.storage,
-            self.form.compression,
-            self.form.split_duration,
-            self.form.split_size,
-        )
+        writer = open_writer(self.staged, **self.form.of_bag())
         self.written.describe(self.path, lambda: described(writer.topics))
         return writer
 

@@ -278,6 +278,7 @@ class Flight:
         >>> flight.save(folder / "flight.bag", rename={"imu/data_raw": "/imu0"}).name
         'flight.bag'
         """
+        from imu_sim_ros.datasets.forms import opened
         from imu_sim_ros.datasets.topics import chosen_topics, usual_topics
         from imu_sim_ros.simulation.topics import offered, sensors_of
 
@@ -292,25 +293,10 @@ class Flight:
         names = chosen_topics(wanted, renamed_topics(rename), sensors, usual)
         for sensor in sensors_of(names, offered(sensors)):
             delivered_of(self._windows, sensor, sensors[sensor].sensor.readings)  # refused first
-        with saved(path, force, flatten(self.parameters).values()) as staged:
-            self._write(staged, format, names)
-        return path
-
-    def _write(self, path: Path, format: str | None, names: Mapping[str, str]) -> None:
-        from imu_sim_ros.bags.text import writer as text
-        from imu_sim_ros.bags.write import open_writer
-        from imu_sim_ros.conventions import TRUTH_TOPIC
-        from imu_sim_ros.datasets.topics import BagTarget, DatasetTarget, in_tables
-
-        if format is None and path.suffix != ".csv":
-            with open_writer(path) as writer, BagTarget(writer, self._sensors, names) as bag:
-                for read in self._windows:
-                    bag.write(read)
-            return
-        form = format or "csv"
-        sensors = self._sensors
-        tables = in_tables(names, form, sensors)
-        with text.Dataset(path, form, TRUTH_TOPIC in names, tables=tables) as dataset:
-            rows = DatasetTarget(dataset, sensors)
+        with (
+            saved(path, force, flatten(self.parameters).values()) as staged,
+            opened(form, staged, names, sensors) as target,
+        ):
             for read in self._windows:
-                rows.write(read)
+                target.write(read)
+        return path

@@ -16,21 +16,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from imu_sim_ros import arguments
 from imu_sim_ros.bags.outputs import Outputs
-from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.bags.threads import prefetch, threads
 from imu_sim_ros.bags.write import (
     check_split,
     check_writer,
     dataset_form,
-    open_writer,
 )
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
-from imu_sim_ros.datasets import camera_outputs, truth_files
+from imu_sim_ros.datasets import truth_files
+from imu_sim_ros.datasets.forms import FORMATS, check_form, opened
 from imu_sim_ros.datasets.topics import (
-    BagTarget,
-    DatasetTarget,
     chosen_topics,
-    in_tables,
     usual_topics,
 )
 from imu_sim_ros.errors import ConfigurationError, InputError
@@ -200,7 +196,7 @@ def generate(
         _CAMERAS,
     ] = None,
     jobs: Annotated[int | None, "N", _CAMERAS] = None,
-    format: Annotated[Format, camera_outputs.FORMATS] = None,
+    format: Annotated[Format, FORMATS] = None,
     storage: Storage = None,
     compression: Compression = None,
     split_duration: SplitDuration = 0.0,
@@ -252,7 +248,7 @@ def generate(
     <Generated made.mcap: 400 /imu/data_raw, 400 /ground_truth/odom>
     """
     bag = (storage, compression, split_duration, split_size)
-    form = checked_form(camera_outputs.FORMATS, format, *bag, topics, rename)
+    form = checked_form(FORMATS, format, *bag, topics, rename)
     arguments.switch("imu_only", imu_only)
     arguments.switch("with_configs", with_configs)
     skip = arguments.switch("skip_bad_rows", skip_bad_rows)
@@ -396,11 +392,11 @@ class _Job:
         self.path, self.form, self.jobs = path, form, jobs
         self.parameters, self.journal = parameters, journal
         self.sensors = mounted(parameters)
-        self.dataset = dataset_form(path, form.dataset, form.of_bags_only())
+        self.dataset = dataset_form(path, form.dataset, form.of_bag())
         self.companions: dict[str, list[Path]] = {}
         if self.dataset not in _WITHOUT_READINGS:
             self.companions = truth_files.companions(path, parameters)
-        camera_outputs.check_form(self.dataset, path, self.sensors)
+        check_form(self.dataset, path, self.sensors)
         usual = usual_topics(self.sensors, self.dataset, path, imu_only)
         self.names = chosen_topics(form.topics, form.renamed, self.sensors, usual)
         fastest = max(one.environment.rate for one in self.sensors.values())
@@ -438,8 +434,8 @@ class _Job:
         with written:
             for place, text in truths.items():
                 written.where(place).write_text(text, encoding="utf-8")
-            # Only what sees has work for them.
-            with threads(self.jobs) if self.parameters.cameras else nullcontext() as pool:
+            long = any(one.sensor.apart for one in self.sensors.values())
+            with threads(self.jobs) if long else nullcontext() as pool:
                 body, target, samples = self._simulate(written, pose_reader, trajectory, pool)
             if with_configs:
                 self._write_configs(written.where(truth_files.configs(path)), body)
@@ -469,14 +465,19 @@ class _Job:
         output = written.where(self.path)
         for note in body.notes():
             self.journal.note(note)
-        with self._target(output, body) as target:
+        with opened(
+            self.dataset,
+            output,
+            self.names,
+            self.sensors,
+            body.world,
+            self.jobs,
+            self.journal.warn,
+            **self.form.of_bag(),
+        ) as target:
             written.describe(self.path, target.described)
             with self._companions(body, written) as companions:
                 samples = self._write(body, target, companions)
-        if self.dataset == "tum_vi":
-            from imu_sim_ros.datasets.configurations import write_tum_vi_calibration
-
-            write_tum_vi_calibration(output / "dso", simulator, self.parameters.rig)
         return body, target, samples
 
     def _write_configs(self, folder: Path, body: Body) -> None:
@@ -498,66 +499,9 @@ class _Job:
         )
 
     @contextmanager
-    def _bag(self, output: Path) -> Iterator[Any]:
-        """Open a bag; it is complete when the block ends without an error."""
-        form = self.form
-        with (
-            open_writer(
-                output, form.storage, form.compression, form.split_duration, form.split_size
-            ) as writer,
-            BagTarget(writer, self.sensors, self.names) as bag,
-        ):
-            yield bag
-
-    @contextmanager
-    def _target(self, output: Path, body: Body) -> Iterator[Any]:
-        """Open the output; it is complete when the block ends without an error."""
-        form = self.dataset
-        if form is None:
-            with self._bag(output) as bag:
-                yield bag
-        elif form in camera_outputs.CAMERA_FORMATS:
-            with camera_outputs.opened(
-                form,
-                output,
-                body,
-                self.names,
-                self.sensors,
-                self.jobs,
-                self.journal.warn,
-            ) as folder:
-                yield folder
-        else:
-            with self._tables(form, output, body) as tables:
-                yield tables
-
-    @contextmanager
-    def _tables(self, form: str, output: Path, body: Body) -> Iterator[Any]:
-        """Open tables of text, with images on request."""
-        tables = in_tables(self.names, form, self.sensors)
-        states, every = TRUTH_TOPIC in self.names, imus_in(self.sensors)
-        with text_writer.Dataset(output, form, states, len(every), tables) as dataset:
-            target = DatasetTarget(dataset, self.sensors)
-            if not self.parameters.cameras:
-                yield target
-            else:
-                from imu_sim_ros.datasets.images import ImageFolders
-
-                comment = f"simulated by imu_sim_ros, seed {self.parameters.seed}"
-                world, jobs = body.world, self.jobs
-                with ImageFolders(output, self.sensors, world, form, jobs, comment) as images:
-                    target = camera_outputs.CameraTarget(dataset, images, self.sensors)
-                    yield target
-            if form == "euroc":
-                from imu_sim_ros.datasets.configurations import describe
-
-                describe(output, states, tables, self.sensors)
-        target.files = dataset.files
-
-    @contextmanager
     def _companions(self, body: Body, written: Outputs) -> Iterator[dict[str, Companion]]:
         """Open the files that sensors have next to the output, by sensor."""
-        opened = {}
+        found = {}
         with ExitStack() as stack:
             for name, paths in self.companions.items():
                 one = self.sensors[name]
@@ -565,8 +509,8 @@ class _Job:
                 assert wanted is not None
                 files = [written.where(file) for file in paths]
                 made = wanted.open(one.own, one.environment, body.t0_ns, files)
-                opened[name] = stack.enter_context(closing(made))
-            yield opened
+                found[name] = stack.enter_context(closing(made))
+            yield found
 
     def _write(self, body: Body, target: Any, companions: Mapping[str, Companion]) -> int:
         """Write all samples, which a thread of its own makes; return how many those of IMUs are."""

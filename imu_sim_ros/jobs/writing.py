@@ -120,10 +120,10 @@ class Form:
     renamed: Mapping[str, str] = field(default_factory=dict)
     """Names in the bag by the topics' own."""
 
-    def of_bags_only(self) -> dict[str, object]:
-        """Return what applies to bags only, by the names of the options."""
+    def of_bag(self) -> dict[str, Any]:
+        """Return what applies to bags only: arguments of ``open_writer``."""
         names = ("storage", "compression", "split_duration", "split_size")
-        return {f"--{name.replace('_', '-')}": getattr(self, name) for name in names}
+        return {name: getattr(self, name) for name in names}
 
 
 def checked_form(
