@@ -19,7 +19,6 @@ import numpy as np
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import shown
 from imu_sim_ros.parameters import included
-from imu_sim_ros.parameters.sections import listed
 from imu_sim_ros.sensors import named_sensors
 from imu_sim_ros.simulation import named
 from imu_sim_ros.trajectory.parameters import trajectory_layer
@@ -70,25 +69,16 @@ def expanded(values: Mapping[str, object]) -> Layer:
             result["imu.preset"] = value
         elif name == "trajectory":
             result.update(trajectory_layer(str(value)))
-        elif name == "camera":
-            result.update(named.cameras(value if isinstance(value, list) else [value]))
         elif name == "scene":
             from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
 
             result.update(scene_layer(str(value)))
-        elif name in named_sensors():
-            used, own = named.sensors(name, value if isinstance(value, list) else [value])
-            result.update(own)
-            result["sensors"] = [*listed("sensors", result), *used]
+        elif name in ("camera", *named_sensors()):
+            presets = value if isinstance(value, list) else [value]
+            result = named.joined(result, named.layer(name, presets))
         else:
             result[name] = value
     return result
-
-
-def joined(below: Layer, above: Layer) -> Layer:
-    """Return parameters with others above them; the sensors of the body are those of both."""
-    sensors = dict.fromkeys([*listed("sensors", below), *listed("sensors", above)])
-    return {**below, **above, **({"sensors": list(sensors)} if sensors else {})}
 
 
 def word(value: object) -> str:

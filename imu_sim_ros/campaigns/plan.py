@@ -24,7 +24,6 @@ from imu_sim_ros.campaigns.cells import (
     cell_count,
     cells,
     expanded,
-    joined,
     read_axes,
 )
 from imu_sim_ros.campaigns.cells import word as in_words
@@ -56,10 +55,11 @@ from imu_sim_ros.names import shown, suggestion
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.places.neighbours import files_of
+from imu_sim_ros.simulation.named import joined
 from imu_sim_ros.simulation.parameters import (
     SimulationParameters,
-    has_scene,
     load_simulation,
+    suited,
 )
 
 Estimator = DeadReckonEstimator | CommandEstimator | CalibrationEstimator
@@ -146,11 +146,7 @@ class Plan:
         :raises ConfigurationError: with one line per problem, after the cell's name.
         """
         with _in_cell(cell):
-            given = joined(self.parameters, cell.layer())
-            if has_scene(given):
-                from imu_sim_ros.simulation.cameras import fitted
-
-                given = fitted(given)
+            given = suited(joined(self.parameters, cell.layer()))
             built = load_simulation(given, {"seed": self.seeds[0]})
             if built.imus:
                 raise ConfigurationError(

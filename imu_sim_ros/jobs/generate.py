@@ -55,7 +55,7 @@ from imu_sim_ros.jobs.writing import (
 )
 from imu_sim_ros.machine import cores
 from imu_sim_ros.parameters import files
-from imu_sim_ros.parameters.sections import flatten, listed
+from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.progress import progress
 from imu_sim_ros.sensors import named_sensors
@@ -66,8 +66,8 @@ from imu_sim_ros.simulation import named
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import (
     SimulationParameters,
-    has_scene,
     imus,
+    suited,
     values_of,
 )
 from imu_sim_ros.simulation.playback import (
@@ -86,18 +86,6 @@ if TYPE_CHECKING:
 
 BLOCK_SIZE: Final = 16384
 _MAX_JOBS: Final = 1024
-
-
-def load_body(given: Mapping[str, object]) -> SimulatorParameters:
-    """Return the body that parameters by dotted name describe, with what suits what sees.
-
-    :raises ConfigurationError: with a line for each problem.
-    """
-    if has_scene(given):
-        from imu_sim_ros.simulation.cameras import fitted
-
-        given = fitted(given)
-    return load_simulator(given)
 
 
 def _values(body: SimulatorParameters) -> dict[str, Any]:
@@ -261,7 +249,7 @@ def generate(
         named_cameras(cameras, scene),
         parameters,
     )
-    built = load_body(given)
+    built = load_simulator(suited(given))
     values = flatten(built)
     folders = [Path(str(one)) for name, one in values.items() if name.endswith(".file") and one]
     read = [*parameter_files(params_file), *values.values(), *folders]
@@ -301,41 +289,18 @@ def described(
     robust, rinex = switches
     own |= {"trajectory.robust": True} if robust else {}
     own |= {"gnss.raw.rinex": True} if rinex else {}
-    given = {**_without_other_cameras(in_files, cameras), **cameras, **own}
-    _put_sensors(given, ["gnss"] if rinex else [])
-    given |= last
-    for note in _notes(usual[0], in_files, of_the_node(given)):
-        journal.note(note)
-    return given, motion
-
-
-def _without_other_cameras(
-    in_files: Mapping[str, object], cameras: Mapping[str, object]
-) -> dict[str, object]:
-    """Return parameters of files without those of cameras that are not there, as others are."""
-    named, wanted = in_files.get("cameras"), cameras.get("cameras")
-    if not isinstance(wanted, list) or not isinstance(named, list):
-        return dict(in_files)
-    gone = set(map(str, named)) - set(wanted)
-    return {name: one for name, one in in_files.items() if name.partition(".")[0] not in gone}
-
-
-def _put_sensors(given: dict[str, object], used: list[str]) -> None:
-    """Put sensors of the body, named as a whole, among those of the files.
-
-    :param used: others that are switched on.
-    """
+    given = {**named.joined(in_files, cameras), **own}
     for kind in named_sensors():
         value = given.pop(kind, ())
         presets = [
             one is True or str(arguments.path(kind, one, "a name, the path of a file, or several"))
             for one in (value if isinstance(value, list | tuple) else [value])
         ]
-        names, own = named.sensors(kind, presets)
-        given |= own
-        used += names
-    if used:
-        given["sensors"] = list(dict.fromkeys([*listed("sensors", given), *used]))
+        given = named.joined(given, named.layer(kind, presets))
+    given = named.joined(given, named.layer("gnss", [True] * rinex)) | last
+    for note in _notes(usual[0], in_files, of_the_node(given)):
+        journal.note(note)
+    return given, motion
 
 
 def _notes(imu: object, in_files: Iterable[str], node: Iterable[str]) -> Iterator[str]:
@@ -364,7 +329,8 @@ def named_cameras(
     several = [cameras] if isinstance(cameras, str | Path) else cameras
     if not isinstance(several, list | tuple):
         arguments.refuse("cameras", cameras, "names or paths of files", wrong_type=True)
-    result = named.cameras([str(arguments.path("cameras", one, allowed)) for one in several])
+    presets = [str(arguments.path("cameras", one, allowed)) for one in several]
+    result = named.layer("camera", presets)
     if scene is not None:
         from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
 

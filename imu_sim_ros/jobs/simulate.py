@@ -30,7 +30,7 @@ from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.engine import BLOCK_SIZE, Body
-from imu_sim_ros.simulation.parameters import SimulationParameters, has_scene, load_simulation
+from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation, suited
 from imu_sim_ros.simulation.playback import SimulatorParameters, of_the_node
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.common_parameters import GIVEN, PoseReader
@@ -193,12 +193,7 @@ def _body(
     if sensors is not None:
         quantities = [sensor.quantity for sensor in sensors_of_imus()]
         own["sensors"] = sorted(name for name in wanted if name not in quantities)
-    given = {**below, **own}
-    if has_scene(given):
-        from imu_sim_ros.simulation.cameras import fitted
-
-        given = fitted(given)
-    built: SimulationParameters = load_simulation(given)
+    built: SimulationParameters = load_simulation(suited({**below, **own}))
     for listing, words in (("imus", "one IMU"), ("cameras", "no cameras: see camera.images")):
         if getattr(built, listing):
             names = list(getattr(built, listing))

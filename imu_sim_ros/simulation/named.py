@@ -1,27 +1,39 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The parameters of cameras and sensors of the body that are named by preset or file alone."""
+"""Parameters of cameras and sensors that are named by preset or file alone, and of two sources."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-
-def cameras(presets: Sequence[object]) -> dict[str, object]:
-    """Return the parameters of cameras cam0, cam1, ..., by dotted name; none without any."""
-    names = [f"cam{k}" for k in range(len(presets))]
-    layer: dict[str, object] = {"cameras": names} if names else {}
-    pairs = zip(names, presets, strict=True)
-    return layer | {f"{name}.camera.preset": preset for name, preset in pairs}
+from imu_sim_ros.parameters.sections import listed
 
 
-def sensors(kind: str, presets: Sequence[object]) -> tuple[list[str], dict[str, object]]:
-    """Return the names of sensors of a kind, KIND, KIND1, KIND2, ..., and their parameters.
+def layer(kind: str, presets: Sequence[object]) -> dict[str, object]:
+    """Return the parameters, by dotted name, of sensors of a kind: KIND, KIND1, KIND2, ...
 
-    :param presets: True: that of the kind's parameters.
+    :param kind: a name in ``sensors``, or ``camera``: cam0, cam1, ... in ``cameras``.
+    :param presets: of each; True: that of the kind's parameters.
     """
-    names = [f"{kind}{k}" if k else kind for k in range(len(presets))]
-    layer: dict[str, object] = {f"{name}.type": kind for name in names[1:]}
-    for name, preset in zip(names, presets, strict=True):
-        if preset is not True:
-            layer[f"{name}.preset"] = preset
-    return names, layer
+    if kind == "camera":
+        names, group, own = [f"cam{k}" for k in range(len(presets))], "cameras", "camera.preset"
+    else:
+        names, group, own = [f"{kind}{k or ''}" for k in range(len(presets))], "sensors", "preset"
+    result: dict[str, object] = {group: names} if names else {}
+    if group == "sensors":
+        result |= {f"{name}.type": kind for name in names[1:]}
+    pairs = zip(names, presets, strict=True)
+    return result | {f"{name}.{own}": preset for name, preset in pairs if preset is not True}
+
+
+def joined(below: Mapping[str, object], above: Mapping[str, object]) -> dict[str, object]:
+    """Return parameters by dotted name with others above them.
+
+    The sensors are those of both. Cameras that are named above are all there are: what those below
+    have of their own is left out with them.
+    """
+    gone = set(listed("cameras", below)) if listed("cameras", above) else set()
+    gone -= {*listed("cameras", above)}
+    kept = {name: one for name, one in below.items() if name.partition(".")[0] not in gone}
+    sensors = listed("sensors", below)
+    sensors += [name for name in listed("sensors", above) if name not in sensors]
+    return {**kept, **above, **({"sensors": sensors} if sensors else {})}

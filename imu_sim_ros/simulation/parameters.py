@@ -152,6 +152,15 @@ def has_scene(given: Mapping[str, object]) -> bool:
         return False
 
 
+def suited(given: Mapping[str, object]) -> dict[str, object]:
+    """Return parameters with a scene and a motion that suit each other and what sees."""
+    if not has_scene(given):
+        return dict(given)
+    from imu_sim_ros.simulation.cameras import fitted  # most runs have none
+
+    return fitted(given)
+
+
 @dataclass(frozen=True)
 class SimulationParameters(SampledParameters):
     """Everything that decides the samples and frames."""

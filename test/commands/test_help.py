@@ -15,11 +15,13 @@ from pathlib import Path
 import pytest
 
 from imu_sim_ros.commands import control, start
-from imu_sim_ros.jobs.generate import described, load_body, named_cameras
+from imu_sim_ros.jobs.generate import described, named_cameras
 from imu_sim_ros.jobs.writing import Journal
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors import named_sensors
 from imu_sim_ros.simulation.engine import Body
+from imu_sim_ros.simulation.parameters import suited
+from imu_sim_ros.simulation.playback import load_simulator
 
 WITH_PARSER = [*start.PROGRAMS, "demo"]
 ROOT = Path(__file__).parents[2]
@@ -179,7 +181,8 @@ def body_of(given):
     sensors = {name: found for name in named_sensors() if (found := getattr(given, name))}
     more = {**sensors, "parameters": dict(given.parameters or ())}
     cameras = named_cameras(given.cameras or (), given.scene)
-    return load_body(described(Journal(), given.params_file, usual, switches, cameras, more)[0])
+    found, _ = described(Journal(), given.params_file, usual, switches, cameras, more)
+    return load_simulator(suited(found))
 
 
 def test_every_dataset_of_the_manual_has_an_end_and_a_truth_of_its_own():

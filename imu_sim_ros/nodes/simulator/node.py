@@ -49,7 +49,7 @@ from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensors.declaration import Topic
 from imu_sim_ros.simulation import topics
 from imu_sim_ros.simulation.engine import Body
-from imu_sim_ros.simulation.parameters import DEFAULT_TRAJECTORY, has_scene, imus, layered
+from imu_sim_ros.simulation.parameters import DEFAULT_TRAJECTORY, imus, layered, suited
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.simulation.sensors import mounted, mounts
 from imu_sim_ros.trajectory.motion import Trajectory
@@ -67,11 +67,7 @@ _STALL_PERIOD: Final = 10.0
 
 def _layered(given: Mapping[str, object]) -> dict[str, object]:
     """Return what was given above the files that it names, with what suits what sees."""
-    if has_scene(given):
-        from imu_sim_ros.simulation.cameras import fitted
-
-        given = fitted(given)
-    return layered(given)
+    return layered(suited(given))
 
 
 class Simulator(ConfiguredNode):
