@@ -29,7 +29,6 @@ from imu_sim_ros.navigation.coverage import beyond
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA, TrueStates, attitude_errors, nees
 from imu_sim_ros.navigation.mount import mount_of
-from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.state import NavigationState, NavigationStates
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
@@ -141,9 +140,9 @@ class DeadReckoning:
             gyroscope_bias=imu.gyroscope.turn_on_bias_sigma,
             accelerometer_bias=imu.accelerometer.turn_on_bias_sigma,
         )
-        covariance = Covariance(noise_of(imu), initial)
+        covariance = Covariance(imu, initial)
         mount = mount_of(imu)
-        matrix = propagate(truth, block.ideal_accel, noise_of(imu), covariance, mount=mount)[0]
+        matrix = propagate(truth, block.ideal_accel, imu, covariance, mount=mount)[0]
         valid = covariance.largest_attitude_sigma <= LARGEST_SIGMA
         found: dict[str, Array | None] = {}
         for name, place in _NEES.items():

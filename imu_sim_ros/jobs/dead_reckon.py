@@ -34,7 +34,6 @@ from imu_sim_ros.navigation.coverage import truth_line
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon as integrate
 from imu_sim_ros.navigation.evaluation import Drift, TrueStates, distances, drift_from
 from imu_sim_ros.navigation.mount import ImuMount, mount_of
-from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.parameters import (
     ATTITUDE_UPDATES,
     INITIAL_STATES,
@@ -518,7 +517,7 @@ def _covariance(given: object, track: Track, start: InitialCondition, mount: Imu
     force = start.correction.apply(readings.gyro, readings.accel)[1]
     states = NavigationStates(track.t_ns, track.position, track.velocity, track.q_wb)
     rows = range(len(track))
-    found = propagate(states, force, noise_of(imu), initial, rows, mount)
+    found = propagate(states, force, imu, initial, rows, mount)
     return found[:, _POSE[:, None], _POSE]
 
 

@@ -18,7 +18,7 @@ section 14.2, for a world that does not turn), integrated to first order over ea
 noise of a reading counts once, for one step: midpoint's halves of it in two neighbouring steps add
 up to the same; rounding to steps of LSB is white noise of ``LSB^2 / 12`` per reading (Widrow 1956).
 The second order of the first three is in :mod:`imu_sim_ros.navigation.covariance_terms`, 1/f
-noise, Gauss-Markov biases and unknown scales are in :mod:`~.slow_errors`.
+noise, Gauss-Markov biases and unknown scales are there, too, as :class:`SlowErrors`.
 
 Not in it: temperature, range, bandwidth and losses, and what steps of the integration leave out.
 """
@@ -34,8 +34,8 @@ from numpy.typing import ArrayLike
 from imu_sim_ros import rotation
 from imu_sim_ros.navigation.covariance_terms import SecondOrder, SlowErrors
 from imu_sim_ros.navigation.mount import ALIGNED, ImuMount
-from imu_sim_ros.navigation.noise import ImuErrors
 from imu_sim_ros.navigation.state import NavigationStates
+from imu_sim_ros.sensors.imu.triads import TriadsParameters
 from imu_sim_ros.types import Array
 
 SIZE: Final = 15
@@ -96,28 +96,22 @@ class Covariance:
     """The covariance of the error state, step by step."""
 
     def __init__(
-        self, noise: ImuErrors, initial: Array | None = None, cross: Array | None = None
+        self, noise: TriadsParameters, initial: Array | None = None, cross: Array | None = None
     ) -> None:
         """Start with the covariance of the initial state's error (15, 15); None is no error.
 
+        :param noise: the IMU's errors.
         :param cross: (15, m) its covariance with the slow errors; None: there is none.
         """
         self.matrix = np.zeros((SIZE, SIZE)) if initial is None else np.array(initial)
         """(15, 15), to first order."""
-        self._gyro_white = np.square(noise.gyroscope.noise_density)
-        self._accel_white = np.square(noise.accelerometer.noise_density)
-        walks = (noise.gyroscope.random_walk, noise.accelerometer.random_walk)
-        self._walk = np.square(np.concatenate(walks))
-        self._gyro_rounding = np.square(noise.gyroscope.resolution) / 12.0
-        self._accel_rounding = np.square(noise.accelerometer.resolution) / 12.0
+        self._triads = triads = (noise.gyroscope, noise.accelerometer)
+        self._walk = np.square(np.concatenate([triad.random_walk for triad in triads]))
         # White noise of equal axes turns with the body and stays what it is: R w I R^T = w I.
-        self._equal_axes = all(
-            np.all(white == white[0])
-            for white in (
-                *(self._gyro_white, self._gyro_rounding),
-                *(self._accel_white, self._accel_rounding),
-            )
-        )
+        white = [white for triad in triads for white in (triad.noise_density, triad.resolution)]
+        self._equal_axes = all(one == sizes[0] for sizes in white for one in sizes)
+        self._gyro_white, self._accel_white = np.zeros(3), np.zeros(3)
+        """(3,) variance of a reading, of white noise and rounding."""
         self._added_h, self._added = 0.0, np.zeros((SIZE, SIZE))
         self._transition, self._half = np.eye(SIZE), np.empty((SIZE, SIZE))
         self._by_bias, self._jacobian = np.zeros((SIZE, SIZE)), np.empty((6, SIZE))
@@ -173,10 +167,11 @@ class Covariance:
         # F P F^T in its own place; half the call of the operator @
         transition.dot(p, self._half).dot(transition.T, p)
         if h != self._added_h:
+            self._gyro_white, self._accel_white = (t.white_variance(1.0 / h) for t in self._triads)
             self._added_h, self._added = h, np.diag(self._diagonal(h))
         p += self._added
         if not self._equal_axes:
-            self._add_white(p, h, transition[ATTITUDE, GYRO_BIAS])
+            self._add_white(p, transition[ATTITUDE, GYRO_BIAS])
         if self.slow:
             self._by_bias[:9, 9:] = transition[:9, 9:]
             half = self.slow.step(h, transition, self._by_bias, rate_b, force_b)
@@ -193,20 +188,18 @@ class Covariance:
         result = np.zeros(SIZE)
         result[GYRO_BIAS.start :] = self._walk * h
         if self._equal_axes:
-            result[ATTITUDE] = self._gyro_white * h + self._gyro_rounding * (h * h)
-            result[VELOCITY] = self._accel_white * h + self._accel_rounding * (h * h)
+            result[ATTITUDE] = self._gyro_white * (h * h)
+            result[VELOCITY] = self._accel_white * (h * h)
         return result
 
     def gyro_white(self, rate_hz: float) -> Array:
         """Return the variance (3,) of white noise and rounding of a gyroscope's reading."""
-        return self._gyro_white * rate_hz + self._gyro_rounding
+        return self._triads[0].white_variance(rate_hz)
 
-    def _add_white(self, p: Array, h: float, turned: Array) -> None:
+    def _add_white(self, p: Array, turned: Array) -> None:
         """Add (R h) diag(density^2 / h) (R h)^T: white noise of one sample of length h."""
-        white = self._gyro_white / h + self._gyro_rounding
-        p[ATTITUDE, ATTITUDE] += (turned * white) @ turned.T
-        white = self._accel_white / h + self._accel_rounding
-        p[VELOCITY, VELOCITY] += (turned * white) @ turned.T
+        p[ATTITUDE, ATTITUDE] += (turned * self._gyro_white) @ turned.T
+        p[VELOCITY, VELOCITY] += (turned * self._accel_white) @ turned.T
 
     def _update_second_order(self) -> None:
         slow, rates = self.slow, self.slow.of_rate
@@ -320,7 +313,7 @@ def _rows(h: float, r_wb: Array, force_b: Array) -> tuple[float, ...]:
 def propagate(
     states: NavigationStates,
     accel: Array,
-    noise: ImuErrors,
+    noise: TriadsParameters,
     initial: Array | Covariance | None = None,
     at: Sequence[int] = (-1,),
     mount: ImuMount = ALIGNED,

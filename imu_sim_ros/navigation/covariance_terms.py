@@ -10,23 +10,23 @@ import numpy as np
 
 from imu_sim_ros import rotation
 from imu_sim_ros.navigation.evaluation import attitude_sigma
-from imu_sim_ros.navigation.noise import ImuErrors
+from imu_sim_ros.sensors.imu.triads import TriadsParameters
 from imu_sim_ros.types import Array
 
-_LONGEST: Final = 1e4
-SHORTEST: Final = 0.1
-"""[s] correlation times of the Gauss-Markov processes whose sum is 1/f noise, a decade apart."""
+_SHORTEST: Final = 0.1
+"""[s] correlation time of the fastest process of the 1/f noise: short enough for what adds up."""
 
 
 class SlowErrors:
     """The vector a, its covariance C with the error of the state, and how it acts on readings."""
 
-    def __init__(self, noise: ImuErrors, size: int) -> None:
+    def __init__(self, noise: TriadsParameters, size: int) -> None:
         """Start with errors that are uncorrelated with the state.
 
+        :param noise: the IMU's errors.
         :param size: n, how many numbers the error of the state has; its last six are the biases.
         """
-        entries, scales = processes(noise), response_terms(noise)
+        entries, scales = noise.processes(_SHORTEST), noise.response_terms()
         axes = [axis for axis, _, _ in entries] + [axis for axis, _, _ in scales]
         self.count = len(axes)
         """m"""
@@ -119,65 +119,6 @@ def of_mean(u: Array) -> tuple[Array, Array]:
     short = small < 1e-5
     mean = np.where(short, 1.0 - small / 3.0, 2.0 * (u - gone) / u**2)
     return mean, np.where(short, 1.0 - 0.5 * small, gone / u)
-
-
-_Entry = tuple[int, float, float]
-"""Axis 0 to 5, gyroscope first; correlation time [s]; standard deviation."""
-
-
-def processes(noise: ImuErrors, shortest: float = SHORTEST) -> list[_Entry]:
-    """Return the Gauss-Markov biases and the processes of the 1/f noise.
-
-    :param shortest: correlation time of the latter [s]; 0.1 is short enough for what accumulates.
-    """
-    return [*_gauss_markov(noise), *_flicker(noise, shortest)]
-
-
-def _gauss_markov(noise: ImuErrors) -> list[_Entry]:
-    """Return the Gauss-Markov biases, in whichever of the two forms their strength is given."""
-    entries = []
-    for k, triad in enumerate(noise):
-        tau = triad.correlation_time
-        # The density b drives a stationary variance of b^2 tau / 2.
-        sigma = triad.gauss_markov_sigma + triad.gauss_markov_density * np.sqrt(0.5 * tau)
-        entries += [(3 * k + i, float(tau[i]), float(sigma[i])) for i in range(3) if sigma[i] > 0]
-    return entries
-
-
-def _flicker(noise: ImuErrors, shortest: float) -> list[_Entry]:
-    """Return the processes of the 1/f noise.
-
-    Processes of the variance ``B^2 ln(r) / pi``, their correlation times a ratio r of about ten
-    apart, have together the density ``B^2 / (2 pi f)`` of IEEE Std 952-1997.
-    """
-    times = np.geomspace(shortest, _LONGEST, max(2, round(np.log10(_LONGEST / shortest)) + 1))
-    share = float(np.sqrt(np.log(times[1] / times[0]) / np.pi))
-    return [
-        (3 * k + i, tau, float(b) * share)
-        for k, triad in enumerate(noise)
-        for i, b in enumerate(triad.bias_instability)
-        if b > 0
-        for tau in times.tolist()
-    ]
-
-
-def response_terms(noise: ImuErrors) -> list[tuple[int, int, float]]:
-    """Return the terms that scale with a reading: axis, its input, and the deviation of the factor.
-
-    The inputs are the readings 0 to 5, gyroscope first, and their squares 6 to 11: scale and
-    misalignment, g-sensitivity, and second-order non-linearity.
-    """
-    entries = []
-    for k, triad in enumerate(noise):
-        scale, cross = triad.turn_on_scale_sigma, triad.misalignment_sigma
-        for i in range(3):
-            axis = 3 * k + i
-            for j in range(3):
-                entries.append((axis, 3 * k + j, float(scale[i] if i == j else cross[i])))
-            entries.append((axis, 6 + axis, float(triad.quadratic_sigma[i])))
-    for i, sigma in enumerate(noise.gyroscope.g_sensitivity_sigma):
-        entries += [(i, 3 + j, float(sigma)) for j in range(3)]
-    return [entry for entry in entries if entry[2] > 0.0]
 
 
 _SIZE: Final = 9

@@ -23,9 +23,9 @@ from imu_sim_ros.navigation.covariance import (
     initial_covariance,
 )
 from imu_sim_ros.navigation.mount import ALIGNED, ImuMount, mount_of
-from imu_sim_ros.navigation.noise import ImuErrors, noise_of
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import Correction, NavigationState, correction_of
+from imu_sim_ros.sensors.imu.triads import TriadsParameters
 from imu_sim_ros.types import Array, Times
 
 _GRAVITY_TOLERANCE: Final = 0.05
@@ -120,9 +120,7 @@ def from_state(
         gyroscope_bias=parameters.imu.gyroscope.turn_on_bias_sigma,
         accelerometer_bias=parameters.imu.accelerometer.turn_on_bias_sigma,
     )
-    return Initial(
-        state, correction_of(parameters), Covariance(noise_of(parameters.imu), covariance), rate
-    )
+    return Initial(state, correction_of(parameters), Covariance(parameters.imu, covariance), rate)
 
 
 def is_gap(parameters: IntegratorParameters, before_ns: int, t_ns: int) -> bool:
@@ -204,7 +202,7 @@ def from_rest(
     state = NavigationState(np.array(place), np.zeros(3), found.q_wb)
     correction = dataclasses.replace(known, gyroscope_bias=(x, y, z))
     covariance = after_rest(
-        noise_of(parameters.imu),
+        parameters.imu,
         parameters.level_time,
         parameters.imu.accelerometer.turn_on_bias_sigma,
         rotation.to_matrix(found.q_wb),
@@ -216,7 +214,7 @@ def from_rest(
 
 
 def after_rest(
-    noise: ImuErrors,
+    noise: TriadsParameters,
     time: float,
     accelerometer_bias: ArrayLike,
     r_wb: Array,
@@ -250,16 +248,14 @@ def after_rest(
     gyro, accel = slow.effect[:3], slow.effect[3:]
     # A walk w of density K is off its mean over the rest by K^2 T / 3; E[mean(w) w] = K^2 T / 2.
     walk = np.square(noise.gyroscope.random_walk) * time
-    white = _mean_of_white(noise.gyroscope.noise_density, noise.gyroscope.resolution, time, rate_hz)
+    white = noise.gyroscope.white_variance(rate_hz) / (time * rate_hz)
     p[GYRO_BIAS, GYRO_BIAS] = np.diag(white + walk / 3.0) + (gyro * mean) @ gyro.T
     slow.cross[GYRO_BIAS] = -gyro * end
     walk = np.square(noise.accelerometer.random_walk) * time
     constant = np.diag(np.broadcast_to(np.square(accelerometer_bias), 3))
     p[ACCEL_BIAS, ACCEL_BIAS] = constant + np.diag(walk)
     tilt = _turn_by_bias(r_wb) @ r_wi / -gravity[2]
-    white = _mean_of_white(
-        noise.accelerometer.noise_density, noise.accelerometer.resolution, time, rate_hz
-    )
+    white = noise.accelerometer.white_variance(rate_hz) / (time * rate_hz)
     own = constant + np.diag(white + walk / 3.0) + (accel * mean) @ accel.T
     p[ATTITUDE, ATTITUDE] = tilt @ own @ tilt.T
     p[ATTITUDE, ATTITUDE][2, 2] += _coning(p[ATTITUDE, ATTITUDE][:2, :2], r_wb)
@@ -301,8 +297,3 @@ def _coning(tilt: Array, r_wb: Array) -> float:
     own = np.array([[cosine, sine], [-sine, cosine]])
     (a, c), (_, b) = own @ tilt @ own.T
     return float(0.25 * (a * b + 2.0 * c * c))
-
-
-def _mean_of_white(density: Array, step: Array, time: float, rate_hz: float) -> Array:
-    """Return the variance (3,) of the mean of white and rounded readings."""
-    return np.square(density) / time + np.square(step) / (12.0 * time * rate_hz)

@@ -6,7 +6,7 @@
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from imu_sim_ros.conventions import BODY_FRAME, TRIADS, WORLD_FRAME
 from imu_sim_ros.navigation import increments
@@ -21,6 +21,7 @@ from imu_sim_ros.parameters.kinds import (
     Vector,
     choice,
     flag,
+    like,
     matrix,
     number,
     text,
@@ -29,7 +30,12 @@ from imu_sim_ros.parameters.kinds import (
 from imu_sim_ros.parameters.sections import parameters, section
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.presets import sensor_layer
-from imu_sim_ros.sensors.imu.triads import TriadParameters, invertible_problems, triad
+from imu_sim_ros.sensors.imu.triads import (
+    TriadParameters,
+    TriadsParameters,
+    invertible_problems,
+    triad,
+)
 from imu_sim_ros.sensors.parameters import rotation_problems
 
 DEFAULT_IMU = "lecture"
@@ -41,58 +47,27 @@ _EARTH_GRAVITY_MAXIMUM = 30.0
 """[m/s^2] above any planet's that an IMU flies on; a larger value is a typing mistake."""
 
 
-def _of_the_imu(name: str, words: str = "") -> Any:
-    """Describe a parameter that the simulator has, too: its unit and range, by default its text."""
-    described = parameters(TriadParameters)[name]
-    return vector(
-        ZERO_VECTOR, words or described.text, unit=described.unit, minimum=described.minimum
-    )
+_OUTSIDE_COVARIANCE: Final = tuple(
+    name for name, one in parameters(TriadParameters).items() if not one.covariance
+)
 
 
 @dataclass(frozen=True)
-class TriadNoiseParameters:
-    """Errors of a triad as the covariance of the odometry takes them; each as in the simulator."""
-
-    noise_density: Vector = _of_the_imu("noise_density")
-    random_walk: Vector = _of_the_imu("random_walk")
-    gauss_markov_sigma: Vector = _of_the_imu("gauss_markov_sigma")
-    gauss_markov_density: Vector = _of_the_imu("gauss_markov_density")
-    correlation_time: Vector = _of_the_imu("correlation_time")
-    bias_instability: Vector = _of_the_imu("bias_instability")
-    turn_on_bias_sigma: Vector = _of_the_imu(
-        "turn_on_bias_sigma", "uncertainty of {triad}_bias at the start"
-    )
-    turn_on_scale_sigma: Vector = _of_the_imu(
-        "turn_on_scale_sigma", "uncertainty of the diagonal of {triad}_scale_misalignment"
-    )
-    misalignment_sigma: Vector = _of_the_imu(
-        "misalignment_sigma", "uncertainty of each off-diagonal term of the same"
-    )
-    quadratic_sigma: Vector = _of_the_imu(
-        "quadratic_sigma", "uncertainty of the {triad}'s second-order non-linearity"
-    )
-    g_sensitivity_sigma: Vector = _of_the_imu(
-        "g_sensitivity_sigma", "uncertainty of each term of the g-sensitivity"
-    )
-    resolution: Vector = _of_the_imu("resolution")
-
-
-@dataclass(frozen=True)
-class IntegratorImuParameters:
-    """The IMU's place in the body, and its errors as the covariance of the odometry takes them.
+class IntegratorImuParameters(TriadsParameters):
+    """The errors of an IMU that the covariance of the odometry takes, and its mount.
 
     Each is as in the simulator.
     """
 
+    gyroscope: TriadParameters = triad("gyroscope", _OUTSIDE_COVARIANCE, fixed=True)
+    accelerometer: TriadParameters = triad("accelerometer", _OUTSIDE_COVARIANCE, fixed=True)
     preset: str = text(
         DEFAULT_IMU,
         "file in config/imus, or a path, with the noise parameters; without any imu.*, the node "
         "uses those that the simulator publishes",
     )
-    lever_arm: Vector = vector(0.0, parameters(ImuParameters)["lever_arm"].text, unit="m")
-    mounting: Matrix = matrix(IDENTITY_MATRIX, parameters(ImuParameters)["mounting"].text)
-    gyroscope: TriadNoiseParameters = triad(TriadNoiseParameters, "gyroscope")
-    accelerometer: TriadNoiseParameters = triad(TriadNoiseParameters, "accelerometer")
+    lever_arm: Vector = like(parameters(ImuParameters)["lever_arm"])
+    mounting: Matrix = like(parameters(ImuParameters)["mounting"])
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield problems that involve several parameters."""

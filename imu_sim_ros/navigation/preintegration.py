@@ -12,8 +12,8 @@ from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.navigation.association import interpolate_vectors
-from imu_sim_ros.navigation.noise import ImuErrors
 from imu_sim_ros.navigation.preintegration_slow_errors import SlowErrorsOfIntervals
+from imu_sim_ros.sensors.imu.triads import TriadsParameters
 from imu_sim_ros.types import Array, Integers, shapes
 
 
@@ -94,7 +94,7 @@ class Preintegration(NamedTuple):
 
 def preintegrate(
     readings: StepReadings,
-    noise: ImuErrors | None = None,
+    noise: TriadsParameters | None = None,
     gyro_bias: ArrayLike = 0.0,
     accel_bias: ArrayLike = 0.0,
     method: str = "midpoint",
@@ -108,7 +108,7 @@ def preintegrate(
     half its variance. Euler uses each reading once, if both are the same.
 
     :param readings: B intervals.
-    :param noise: the IMU's noise; None leaves the covariance zero.
+    :param noise: the IMU's errors; None leaves the covariance zero.
     :param gyro_bias: (B, 3), (3,) or one number [rad/s].
     :param accel_bias: likewise [m/s^2].
     :param method: euler or midpoint.
@@ -257,20 +257,18 @@ def _move_rows(
 class _Errors:
     """Jacobian and covariance of B intervals, step by step."""
 
-    def __init__(self, batch: int, noise: ImuErrors | None, period: float, shared: bool) -> None:
+    def __init__(
+        self, batch: int, noise: TriadsParameters | None, period: float, shared: bool
+    ) -> None:
         self.jacobian = np.tile(np.eye(SIZE), (batch, 1, 1))
         self.covariance = np.zeros((batch, SIZE, SIZE))
-        self._noise = noise
+        self._known = noise is not None
         if noise is None:
             return
         triads = (noise.accelerometer, noise.gyroscope)
         self._slow = SlowErrorsOfIntervals(noise, batch, period)
-        # Rounding is white noise of LSB^2 / 12 per reading (Widrow 1956).
-        self._white = np.concatenate(
-            [t.noise_density**2 / period + t.resolution**2 / 12.0 for t in triads]
-        )
-        walks = (noise.accelerometer.random_walk, noise.gyroscope.random_walk)
-        self._walk = np.square(np.concatenate(walks))
+        self._white = np.concatenate([t.white_variance(1.0 / period) for t in triads])
+        self._walk = np.square(np.concatenate([t.random_walk for t in triads]))
         self._diagonal = np.arange(ACCEL_BIAS.start, SIZE)
         self._shared = shared
         # Covariance of the error with the noise of the reading that the next step begins with.
@@ -278,7 +276,7 @@ class _Errors:
 
     def total(self) -> Array:
         """Return the covariance (B, 15, 15), the slow errors included."""
-        if self._noise is None or not self._slow:
+        if not (self._known and self._slow):
             return self.covariance
         return self.covariance + self._slow.covariance(self.jacobian)
 
@@ -288,7 +286,7 @@ class _Errors:
         :param force: (m, B, 2, 3) at both ends of the steps.
         :param rate: likewise.
         """
-        if self._noise is None:
+        if not self._known:
             for transition in _joined(f)[0]:
                 self.jacobian = transition @ self.jacobian
             return

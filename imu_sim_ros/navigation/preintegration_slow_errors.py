@@ -3,11 +3,11 @@
 
 """What 1/f noise, Gauss-Markov biases and unknown scales add to a preintegration's covariance.
 
-:mod:`imu_sim_ros.navigation.covariance_terms` says what they are. A preintegration is given
-the biases at its start, so that what acts on it is their change since then. The interval is cut
-into pieces. With J_k the Jacobian of the nine numbers alpha, theta, beta at the end of piece k by
-those at the start, and B_k that by a constant bias, the biases' mean over piece k acts on the end
-by
+:class:`~imu_sim_ros.sensors.imu.triads.TriadsParameters` says what they are. A preintegration is
+given the biases at its start, so that what acts on it is their change since then. The interval is
+cut into pieces. With J_k the Jacobian of the nine numbers alpha, theta, beta at the end of piece k
+by those at the start, and B_k that by a constant bias, the biases' mean over piece k acts on the
+end by
 
     W_k = J (S_k - S_k-1),   S_k = J_k^-1 B_k,
 
@@ -29,8 +29,8 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.navigation.covariance_terms import of_mean, processes, response_terms
-from imu_sim_ros.navigation.noise import ImuErrors
+from imu_sim_ros.navigation.covariance_terms import of_mean
+from imu_sim_ros.sensors.imu.triads import TriadsParameters
 from imu_sim_ros.types import Array
 
 _MAX_PIECES: Final = 128
@@ -42,7 +42,7 @@ _AT_ONCE: Final = 1_000_000
 class SlowErrorsOfIntervals:
     """The share of the slow errors in the covariances of B intervals."""
 
-    def __init__(self, noise: ImuErrors, batch: int, period: float) -> None:
+    def __init__(self, noise: TriadsParameters, batch: int, period: float) -> None:
         """Start with nothing integrated; axes are in VINS' order, accelerometer first.
 
         :param period: the sensor's sampling interval [s]. The bias at the start is that of one
@@ -50,11 +50,11 @@ class SlowErrorsOfIntervals:
         """
         self._variances: dict[float, Array] = {}
         """(6,) of the processes by their correlation time."""
-        for axis, tau, sigma in processes(noise, period):
+        for axis, tau, sigma in noise.processes(period):
             self._variances.setdefault(tau, np.zeros(6))[(axis + 3) % 6] += sigma**2
         self._terms = np.zeros((6, 12))
         """Variances of the factors of the readings and of their squares, by axis and source."""
-        for axis, source, sigma in response_terms(noise):
+        for axis, source, sigma in noise.response_terms():
             place = (source + 3) % 6 + source // 6 * 6
             self._terms[(axis + 3) % 6, place] += sigma**2
         self._ends = [np.zeros((1, batch))]

@@ -5,7 +5,7 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeAlias
@@ -60,6 +60,7 @@ class Parameter:
     node takes a new value while it runs. ``turn_on_scale`` says what a sensor's turn-on scale s
     does to an error in the realised unit: ``multiplies`` each row of a coefficient of its response
     by 1 + s of the row's axis, ``divides`` a part of the scale by it, and nothing else.
+    ``covariance`` says that the covariance of dead reckoning has a term for it.
     """
 
     kind: str
@@ -73,6 +74,7 @@ class Parameter:
     group: int = 1
     live: bool = False
     turn_on_scale: str = ""
+    covariance: bool = False
 
     def parse(self, value: object) -> Value:
         """Return the value in the parameter's own type.
@@ -116,11 +118,6 @@ class Parameter:
         if self.maximum < math.inf:
             words.append(f"at most {self.maximum:g}")
         return " and ".join(words)
-
-    def worded(self, words: Mapping[str, str]) -> "Parameter":
-        """Return the same with words in the place of ``{word}`` in text and unit."""
-        text, unit = self.text.format_map(words), self.unit.format_map(words)
-        return dataclasses.replace(self, text=text, unit=unit)
 
     @cached_property
     def largest(self) -> float:

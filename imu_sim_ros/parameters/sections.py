@@ -39,6 +39,14 @@ class _Nested:
     joint: str = "."
     words: Mapping[str, str] | None = None
     without: Collection[str] = ()
+    fixed: bool = False
+
+    def described(self, parameter: Parameter) -> Parameter:
+        """Return a parameter of the section as it is described within the other."""
+        if self.words:
+            text, unit = (of.format_map(self.words) for of in (parameter.text, parameter.unit))
+            parameter = dataclasses.replace(parameter, text=text, unit=unit)
+        return dataclasses.replace(parameter, live=False) if self.fixed else parameter
 
 
 def section(
@@ -47,13 +55,15 @@ def section(
     joint: str = ".",
     words: Mapping[str, str] | None = None,
     without: Collection[str] = (),
+    fixed: bool = False,
 ) -> Any:
     """Describe a nested section; its parameters' names are the field's, the joint, and their own.
 
     :param words: replacements of ``{word}`` in the section's texts and units.
     :param without: fields of the section that are not parameters here and keep their default.
+    :param fixed: whether none of its parameters is live here.
     """
-    nested = _Nested(cls, joint, words, without)
+    nested = _Nested(cls, joint, words, without, fixed)
     return dataclasses.field(default_factory=cls, metadata={"section": nested})
 
 
@@ -175,7 +185,7 @@ def _walk_fields(
             absent = [below + other for other in nested.without]
             for dotted, parameter in _walk(nested.cls, values, below):
                 if dotted not in absent:
-                    yield dotted, parameter.worded(nested.words) if nested.words else parameter
+                    yield dotted, nested.described(parameter)
 
 
 def _inside(

@@ -59,8 +59,7 @@ def allan_deviation(triad: TriadParameters, tau: Array) -> Array:
             variance += (sizes[term.key][0] * term.deviation(tau)) ** 2
     time = triad.correlation_time[0]
     if time > 0.0:
-        sigma = triad.gauss_markov_sigma[0] + triad.gauss_markov_density[0] * np.sqrt(0.5 * time)
-        variance += (sigma * gauss_markov_deviation(tau, time)) ** 2
+        variance += (triad.gauss_markov()[0] * gauss_markov_deviation(tau, time)) ** 2
     return np.sqrt(variance)
 
 

@@ -37,7 +37,6 @@ from imu_sim_ros.campaigns.runs import CellRuns
 from imu_sim_ros.jobs.report import write_campaign_page
 from imu_sim_ros.navigation.covariance import POSITION, initial_covariance, propagate
 from imu_sim_ros.navigation.evaluation import nees
-from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.text_tables import print_table
@@ -121,7 +120,7 @@ def final_covariance() -> np.ndarray:
         gyroscope_bias=imu.gyroscope.turn_on_bias_sigma,
         accelerometer_bias=imu.accelerometer.turn_on_bias_sigma,
     )
-    found: np.ndarray = propagate(truth, block.ideal_accel, noise_of(imu), initial)[0]
+    found: np.ndarray = propagate(truth, block.ideal_accel, imu, initial)[0]
     return found[POSITION, POSITION]
 
 

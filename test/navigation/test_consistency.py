@@ -18,7 +18,6 @@ from imu_sim_ros import rotation
 from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, VELOCITY, propagate
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.evaluation import anees_band, nees
-from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.preintegration import StepReadings, preintegrate
 from imu_sim_ros.navigation.state import AT_REST, NavigationStates
 from imu_sim_ros.simulation.engine import Body
@@ -76,7 +75,7 @@ def test_dead_reckoning_is_consistent(runs):
     """Mean NEES of 500 runs of 10 s in its 95 % band, in the world, as a message has it."""
     parameters, blocks = runs
     truth = truth_of(blocks[0])
-    mean_square = propagate(truth, blocks[0].ideal_accel, noise_of(parameters.imu))[0]
+    mean_square = propagate(truth, blocks[0].ideal_accel, parameters.imu)[0]
     attitude, velocity, position = [], [], []
     for block in blocks:
         states = dead_reckon(block.t_ns, block.gyro, block.accel, truth.at(0))
@@ -109,7 +108,7 @@ def test_preintegration_is_consistent(runs):
     pre = preintegrate(readings, None, ends[0].gyro_bias, ends[0].accel_bias)
     residual = imu_residual(pre, ends[0], ends[1], parameters.gravity).residual
     ideal = StepReadings(h[None], blocks[0].ideal_gyro[None], blocks[0].ideal_accel[None])
-    exact = preintegrate(ideal, noise_of(parameters.imu))
+    exact = preintegrate(ideal, parameters.imu)
     to_end = rotation.to_matrix(exact.gamma[0]).T
     # 2 vec(q) is 2 sin(angle / 2); the vector itself is wanted here.
     vector = 0.5 * residual[:, 3:6]

@@ -18,17 +18,17 @@ from imu_sim_ros.navigation.covariance import (
 )
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.initialisation import after_rest
-from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors
 from imu_sim_ros.navigation.state import AT_REST, NavigationState
+from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
 
-SILENT = ImuErrors()
+SILENT = TriadsParameters()
 AXES = np.array([1.0, 2.0, 3.0])
 
 
-def of_sizes(**sizes: np.ndarray) -> ImuErrors:
+def of_sizes(**sizes: np.ndarray) -> TriadsParameters:
     """Errors of these sizes and no others, by the parameters' names."""
     triads = ({n.partition("_")[2]: v for n, v in sizes.items() if n.startswith(t)} for t in TRIADS)
-    return ImuErrors(*(TriadErrors(**triad) for triad in triads))
+    return TriadsParameters(*(TriadParameters(**triad) for triad in triads))
 
 
 def at_rest(noise, duration, rate, initial=None):
@@ -327,7 +327,9 @@ def test_pose_and_twist_blocks():
 @pytest.mark.parametrize("at", [(0,), (0, 100, -1), (400,)])
 def test_propagate_gives_the_rows_that_are_asked_for(record, at):
     motion = record("lecture", 200.0, 2.0)
-    noise = ImuErrors(*[TriadErrors(np.full(3, 1e-3), np.full(3, 1e-3))] * 2)
+    noise = TriadsParameters(
+        *[TriadParameters(noise_density=np.full(3, 1e-3), random_walk=np.full(3, 1e-3))] * 2
+    )
     states = dead_reckon(motion.t_ns, motion.gyro, motion.accel, motion.initial)
     found = propagate(states, motion.accel, noise, at=at)
     whole = propagate(states, motion.accel, noise, at=range(401))

@@ -10,15 +10,15 @@ from imu_sim_ros import rotation
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.navigation.covariance import Covariance, initial_covariance
 from imu_sim_ros.navigation.initialisation import after_rest
-from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors
+from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
 
 AXES = np.array([1.0, 2.0, 3.0])
 
 
-def of_sizes(**sizes: np.ndarray) -> ImuErrors:
+def of_sizes(**sizes: np.ndarray) -> TriadsParameters:
     """Errors of these sizes and no others, by the parameters' names."""
     triads = ({n.partition("_")[2]: v for n, v in sizes.items() if n.startswith(t)} for t in TRIADS)
-    return ImuErrors(*(TriadErrors(**triad) for triad in triads))
+    return TriadsParameters(*(TriadParameters(**triad) for triad in triads))
 
 
 @pytest.mark.parametrize("axes", [(1.0, 1.0, 1.0), (1.0, 2.0, 0.5)], ids=["equal", "different"])

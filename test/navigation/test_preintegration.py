@@ -1,13 +1,14 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
-from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors
 from imu_sim_ros.navigation.preintegration import (
     ACCEL_BIAS,
     GYRO_BIAS,
@@ -19,14 +20,19 @@ from imu_sim_ros.navigation.preintegration import (
     preintegrate,
 )
 from imu_sim_ros.navigation.state import AT_REST
+from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
 
-ADIS16448 = ImuErrors(
-    TriadErrors(np.full(3, 1.6968e-4), np.full(3, 1.9393e-5)),
-    TriadErrors(np.full(3, 2.0e-3), np.full(3, 3.0e-3)),
+ADIS16448 = TriadsParameters(
+    TriadParameters(noise_density=np.full(3, 1.6968e-4), random_walk=np.full(3, 1.9393e-5)),
+    TriadParameters(noise_density=np.full(3, 2.0e-3), random_walk=np.full(3, 3.0e-3)),
 )
-ANISOTROPIC = ImuErrors(
-    TriadErrors(np.array([1.0, 2.0, 3.0]) * 1e-3, np.array([3.0, 1.0, 2.0]) * 1e-4),
-    TriadErrors(np.array([2.0, 3.0, 1.0]) * 1e-2, np.array([1.0, 3.0, 2.0]) * 1e-3),
+ANISOTROPIC = TriadsParameters(
+    TriadParameters(
+        noise_density=np.array([1.0, 2.0, 3.0]) * 1e-3, random_walk=np.array([3.0, 1.0, 2.0]) * 1e-4
+    ),
+    TriadParameters(
+        noise_density=np.array([2.0, 3.0, 1.0]) * 1e-2, random_walk=np.array([1.0, 3.0, 2.0]) * 1e-3
+    ),
 )
 SECOND = 1_000_000_000
 
@@ -168,8 +174,8 @@ def test_the_correction_for_a_bias_is_of_first_order(readings):
 
 def test_noise_of_both_ends_taken_as_new_halves_the_white_noise(readings):
     """The form of VINS; over many steps the shared form has twice its variance."""
-    gyroscope = ADIS16448.gyroscope._replace(random_walk=np.zeros(3))
-    white = ADIS16448._replace(gyroscope=gyroscope)
+    gyroscope = dataclasses.replace(ADIS16448.gyroscope, random_walk=np.zeros(3))
+    white = dataclasses.replace(ADIS16448, gyroscope=gyroscope)
     shared = preintegrate(readings, white).covariance[:, THETA, THETA]
     separate = preintegrate(readings, white, shared_noise=False).covariance[:, THETA, THETA]
     # n steps: n - 1/2 readings' worth against n / 2.
@@ -278,7 +284,10 @@ def test_covariance_equals_gtsam(record, method):
     """Rotation, position, velocity; the walk of the biases is not in this one."""
     motion = record("excitation", 200.0, 2.0)
     measured = gtsam_measurements(MANIFOLD, motion.t_ns, motion.gyro, motion.accel)
-    no_walk = ImuErrors(*(triad._replace(random_walk=np.zeros(3)) for triad in ADIS16448))
+    triads = (ADIS16448.gyroscope, ADIS16448.accelerometer)
+    no_walk = TriadsParameters(
+        *(dataclasses.replace(triad, random_walk=np.zeros(3)) for triad in triads)
+    )
     readings = between(motion.t_ns, motion.gyro, motion.accel, motion.t_ns[[0, -1]])
     ours = as_gtsam(preintegrate(readings, no_walk, 0.01, 0.1, method))[:9, :9]
     assert_close_covariance(ours, measured.preintMeasCov(), 1e-9 if method == "euler" else 0.01)

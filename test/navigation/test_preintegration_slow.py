@@ -10,11 +10,10 @@ import pytest
 
 from imu_sim_ros import rotation
 from imu_sim_ros.navigation import preintegration as deltas
-from imu_sim_ros.navigation.covariance_terms import processes, response_terms
 from imu_sim_ros.navigation.evaluation import anees_band, nees
-from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors, noise_of
 from imu_sim_ros.navigation.preintegration import StepReadings, preintegrate
 from imu_sim_ros.parameters import files
+from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -27,17 +26,21 @@ def three(*values):
     return np.array(values)
 
 
-GAUSS_MARKOV = ImuErrors(
-    TriadErrors(gauss_markov_sigma=three(1e-3, 2e-3, 3e-3), correlation_time=three(0.3, 1.0, 20.0)),
-    TriadErrors(gauss_markov_sigma=three(3e-2, 1e-2, 2e-2), correlation_time=three(5.0, 0.5, 2.0)),
+GAUSS_MARKOV = TriadsParameters(
+    TriadParameters(
+        gauss_markov_sigma=three(1e-3, 2e-3, 3e-3), correlation_time=three(0.3, 1.0, 20.0)
+    ),
+    TriadParameters(
+        gauss_markov_sigma=three(3e-2, 1e-2, 2e-2), correlation_time=three(5.0, 0.5, 2.0)
+    ),
 )
-SCALES = ImuErrors(
-    TriadErrors(turn_on_scale_sigma=np.full(3, 0.01), g_sensitivity_sigma=np.full(3, 1e-4)),
-    TriadErrors(misalignment_sigma=np.full(3, 0.003), quadratic_sigma=three(1e-4, 2e-4, 3e-4)),
+SCALES = TriadsParameters(
+    TriadParameters(turn_on_scale_sigma=np.full(3, 0.01), g_sensitivity_sigma=np.full(3, 1e-4)),
+    TriadParameters(misalignment_sigma=np.full(3, 0.003), quadratic_sigma=three(1e-4, 2e-4, 3e-4)),
 )
-FLICKER = ImuErrors(
-    TriadErrors(bias_instability=three(1e-4, 2e-4, 3e-4)),
-    TriadErrors(bias_instability=three(1e-3, 3e-3, 2e-3)),
+FLICKER = TriadsParameters(
+    TriadParameters(bias_instability=three(1e-4, 2e-4, 3e-4)),
+    TriadParameters(bias_instability=three(1e-3, 3e-3, 2e-3)),
 )
 
 
@@ -55,7 +58,7 @@ def considered(gyro, accel, noise):
     the start is known: the state's error is there -H a, and the change of the biases (B a) is
     added to it at the end.
     """
-    entries, terms = processes(noise, H), response_terms(noise)
+    entries, terms = noise.processes(H), noise.response_terms()
     m = len(entries)
     tau = np.r_[[tau for _, tau, _ in entries], np.full(len(terms), np.inf)]
     effect = np.zeros((15, m + len(terms)))
@@ -103,8 +106,9 @@ def test_the_bias_block_is_the_change_over_the_interval():
         gyro, accel = lively(duration)
         h = np.full((1, len(gyro) - 1), H)
         found = preintegrate(StepReadings(h, gyro[None], accel[None]), GAUSS_MARKOV).covariance[0]
-        sigma = np.r_[GAUSS_MARKOV[1].gauss_markov_sigma, GAUSS_MARKOV[0].gauss_markov_sigma]
-        tau = np.r_[GAUSS_MARKOV[1].correlation_time, GAUSS_MARKOV[0].correlation_time]
+        triads = (GAUSS_MARKOV.accelerometer, GAUSS_MARKOV.gyroscope)
+        sigma = np.concatenate([triad.gauss_markov_sigma for triad in triads])
+        tau = np.concatenate([triad.correlation_time for triad in triads])
         expected = -2.0 * sigma**2 * np.expm1(-duration / tau)
         np.testing.assert_allclose(found[9:, 9:], np.diag(expected), rtol=1e-9, atol=1e-18)
 
@@ -115,9 +119,17 @@ def test_intervals_of_different_lengths_have_their_own():
     h[1, 77:] = 0.0
     gyros, accels = np.stack([gyro, gyro]), np.stack([accel, accel])
     gyros[1, 78:], accels[1, 78:] = gyro[77], accel[77]
-    noise = ImuErrors(
-        *(TriadErrors(*map(np.add, g, s)) for g, s in zip(GAUSS_MARKOV, SCALES, strict=True))
+    gyroscope = dataclasses.replace(
+        GAUSS_MARKOV.gyroscope,
+        turn_on_scale_sigma=SCALES.gyroscope.turn_on_scale_sigma,
+        g_sensitivity_sigma=SCALES.gyroscope.g_sensitivity_sigma,
     )
+    accelerometer = dataclasses.replace(
+        GAUSS_MARKOV.accelerometer,
+        misalignment_sigma=SCALES.accelerometer.misalignment_sigma,
+        quadratic_sigma=SCALES.accelerometer.quadratic_sigma,
+    )
+    noise = TriadsParameters(gyroscope, accelerometer)
     both = preintegrate(StepReadings(h, gyros, accels), noise).covariance
     for k, count in enumerate((200, 77)):
         one = StepReadings(h[k : k + 1, :count], gyros[k : k + 1, : count + 1], accels[k : k + 1])
@@ -133,9 +145,13 @@ def test_rounding_is_white_noise_of_a_twelfth_of_a_step_squared():
     gyro, accel = lively(1.0)
     readings = StepReadings(np.full((1, 200), H), gyro[None], accel[None])
     step = np.array([0.01, 0.02, 0.03])
-    rounded = ImuErrors(TriadErrors(resolution=step), TriadErrors(resolution=10.0 * step))
+    rounded = TriadsParameters(
+        TriadParameters(resolution=step), TriadParameters(resolution=10.0 * step)
+    )
     density = step * np.sqrt(H / 12.0)
-    white = ImuErrors(TriadErrors(noise_density=density), TriadErrors(noise_density=10.0 * density))
+    white = TriadsParameters(
+        TriadParameters(noise_density=density), TriadParameters(noise_density=10.0 * density)
+    )
     found, expected = (preintegrate(readings, noise).covariance for noise in (rounded, white))
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-25)
 
@@ -153,7 +169,7 @@ def mean_nees(preset, runs):
         block = simulation.next(BEFORE + 201)["imu"]
         blocks.append((block.gyro, block.accel, block.gyro_bias, block.accel_bias))
     gyro, accel, gyro_bias, accel_bias = (np.stack(x)[:, rows] for x in zip(*blocks, strict=True))
-    h, noise = np.full((runs, 200), H), noise_of(parameters.imu)
+    h, noise = np.full((runs, 200), H), parameters.imu
     found = preintegrate(StepReadings(h, gyro, accel), None, gyro_bias[:, 0], accel_bias[:, 0])
     ideal = StepReadings(h[:1], block.ideal_gyro[None, rows], block.ideal_accel[None, rows])
     exact = preintegrate(ideal, noise)

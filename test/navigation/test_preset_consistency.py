@@ -18,7 +18,6 @@ from imu_sim_ros.navigation import initialisation
 from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, VELOCITY, propagate
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.evaluation import anees_band, nees
-from imu_sim_ros.navigation.noise import noise_of
 from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.parameters import files
@@ -61,9 +60,7 @@ def mean_nees(given, trajectory, runs, duration):
         if not seed:  # what is expected of all runs: along the truth, from the true attitude on
             ideal = block.ideal_gyro[: rest + 1], block.ideal_accel[: rest + 1]
             covariance = initialisation.from_rest(integrator, *ideal, **known).covariance
-            predicted = propagate(
-                truth, block.ideal_accel[rest:], noise_of(integrator.imu), covariance
-            )[0]
+            predicted = propagate(truth, block.ideal_accel[rest:], integrator.imu, covariance)[0]
         states = dead_reckon(
             truth.t_ns, gyro[rest:], accel[rest:], start.state, correction=start.correction
         )

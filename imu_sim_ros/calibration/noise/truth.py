@@ -61,17 +61,14 @@ def true_noise(imu: ImuParameters, rate: float) -> dict[str, Array]:
 
 
 def _true_noise(triad: TriadParameters, rate: float) -> dict[str, Array]:
-    rounding = np.square(triad.resolution) / (12.0 * rate)
-    correlation_time = np.asarray(triad.correlation_time)
-    density = triad.gauss_markov_density * np.sqrt(0.5 * correlation_time)
     return {
         QUANTISATION.key: np.asarray(triad.increment_resolution) / np.sqrt(12.0),
-        "noise_density": np.sqrt(np.square(triad.noise_density) + rounding),
+        "noise_density": np.sqrt(triad.white_variance(rate) / rate),
         "random_walk": np.asarray(triad.random_walk),
         "bias_instability": np.asarray(triad.bias_instability),
         "rate_ramp": np.abs(triad.rate_ramp),
-        SIGMA: np.maximum(triad.gauss_markov_sigma, density),
-        CORRELATION_TIME: correlation_time,
+        SIGMA: triad.gauss_markov(),
+        CORRELATION_TIME: np.asarray(triad.correlation_time),
     }
 
 

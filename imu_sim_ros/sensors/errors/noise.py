@@ -196,9 +196,7 @@ class GaussMarkov:
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take the strength, in whichever of the two forms it is given."""
-        density = np.asarray(parameters.gauss_markov_density)
-        sigma = np.asarray(parameters.gauss_markov_sigma)
-        self._sigma = sigma + density * np.sqrt(0.5 * self._tau)
+        self._sigma = parameters.gauss_markov()
         self.active = bool(self._sigma.any())
 
     def begin(self, units: Units) -> None:

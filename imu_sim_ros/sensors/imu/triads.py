@@ -9,7 +9,7 @@ noise are kalibr's. ``live`` marks what may change between two blocks without a 
 else.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -31,6 +31,8 @@ from imu_sim_ros.types import Array
 
 NO_CROSS_AXIS = (0.0,) * 6
 _SMALLEST_DETERMINANT: Final = 1e-3
+_LONGEST_FLICKER: Final = 1e4
+"""[s] the longest correlation time of the processes whose sum is 1/f noise."""
 
 _WORDS: Final[Mapping[Triad, Mapping[str, str]]] = {
     "gyroscope": {
@@ -55,15 +57,6 @@ _OF_THE_GYROSCOPE: Final = ("g_sensitivity", "g_sensitivity_sigma", "g_squared_s
 """An accelerometer's response to specific force is its scale and its non-linearity."""
 
 
-def triad(cls: type, name: Triad) -> Any:
-    """Describe the section of one triad, whose parameters are ``gyroscope_...`` in ROS.
-
-    :param cls: with fields of :class:`TriadParameters`, all or some.
-    """
-    without = () if name == "gyroscope" else _OF_THE_GYROSCOPE
-    return section(cls, joint="_", words=_WORDS[name], without=without)
-
-
 @dataclass(frozen=True)
 class TriadParameters:
     """Errors of a gyroscope or an accelerometer."""
@@ -75,6 +68,7 @@ class TriadParameters:
         unit="{unit}/sqrt(Hz)",
         minimum=0.0,
         live=True,
+        covariance=True,
     )
     noise_correlation: Vector = vector(
         0.0,
@@ -97,6 +91,7 @@ class TriadParameters:
         unit="{change}/sqrt(Hz)",
         minimum=0.0,
         live=True,
+        covariance=True,
     )
     gauss_markov_sigma: Vector = vector(
         0.0,
@@ -104,6 +99,7 @@ class TriadParameters:
         unit="{unit}",
         minimum=0.0,
         live=True,
+        covariance=True,
     )
     gauss_markov_density: Vector = vector(
         0.0,
@@ -111,9 +107,14 @@ class TriadParameters:
         unit="{change}/sqrt(Hz)",
         minimum=0.0,
         live=True,
+        covariance=True,
     )
     correlation_time: Vector = vector(
-        0.0, "correlation time of the {triad}'s Gauss-Markov bias", unit="s", minimum=0.0
+        0.0,
+        "correlation time of the {triad}'s Gauss-Markov bias",
+        unit="s",
+        minimum=0.0,
+        covariance=True,
     )
     bias_instability: Vector = vector(
         0.0,
@@ -122,6 +123,7 @@ class TriadParameters:
         unit="{unit}",
         minimum=0.0,
         live=True,
+        covariance=True,
     )
     rate_ramp: Vector = vector(
         0.0, "steady drift of the {triad}'s bias", unit="{change}", live=True
@@ -129,15 +131,19 @@ class TriadParameters:
     bias: Vector = vector(0.0, "constant bias of the {triad}", unit="{unit}", live=True)
     turn_on_bias_sigma: Vector = vector(
         0.0,
-        "standard deviation of the {triad}'s bias from run to run, drawn from the seed",
+        "standard deviation of the {triad}'s bias from run to run; a simulation draws it from the "
+        "seed",
         unit="{unit}",
         minimum=0.0,
+        covariance=True,
     )
     turn_on_scale_sigma: Vector = vector(
         0.0,
-        "standard deviation of the {triad}'s scale from run to run, drawn from the seed",
+        "standard deviation of the {triad}'s scale from run to run; a simulation draws it from the "
+        "seed",
         unit="1",
         minimum=0.0,
+        covariance=True,
     )
     scale_misalignment: Matrix = matrix(
         IDENTITY_MATRIX,
@@ -239,24 +245,27 @@ class TriadParameters:
     )
     misalignment_sigma: Vector = vector(
         0.0,
-        "standard deviation from unit to unit of each cross-axis term of the {triad}'s axis, "
-        "drawn from the seed",
+        "standard deviation from unit to unit of each cross-axis term of the {triad}'s axis; a "
+        "simulation draws it from the seed",
         unit="1",
         minimum=0.0,
+        covariance=True,
     )
     quadratic_sigma: Vector = vector(
         0.0,
-        "standard deviation from unit to unit of the {triad}'s second-order non-linearity, "
-        "drawn from the seed",
+        "standard deviation from unit to unit of the {triad}'s second-order non-linearity; a "
+        "simulation draws it from the seed",
         unit="1/({unit})",
         minimum=0.0,
+        covariance=True,
     )
     g_sensitivity_sigma: Vector = vector(
         0.0,
         "standard deviation from unit to unit of each term of the g-sensitivity of the {triad}'s "
-        "axis, drawn from the seed",
+        "axis; a simulation draws it from the seed",
         unit="({unit})/(m/s^2)",
         minimum=0.0,
+        covariance=True,
     )
     bandwidth: Vector = vector(
         0.0,
@@ -274,6 +283,7 @@ class TriadParameters:
         unit="{unit}",
         minimum=0.0,
         live=True,
+        covariance=True,
     )
     increment_resolution: Vector = vector(
         0.0,
@@ -283,6 +293,23 @@ class TriadParameters:
         minimum=0.0,
         live=True,
     )
+
+    def white_variance(self, rate: float) -> Array:
+        """Return the variance (3,) of white noise and rounding in a reading without low-pass.
+
+        Rounding to steps of LSB is white noise of ``LSB^2 / 12`` (Widrow 1956).
+
+        :param rate: readings per second [Hz].
+        """
+        return np.square(self.noise_density) * rate + np.square(self.resolution) / 12.0
+
+    def gauss_markov(self) -> Array:
+        """Return the standard deviation (..., 3) of the Gauss-Markov bias, given in either form.
+
+        A density b that drives it gives a stationary variance of ``b^2 tau / 2``.
+        """
+        driven = self.gauss_markov_density * np.sqrt(np.multiply(0.5, self.correlation_time))
+        return np.asarray(self.gauss_markov_sigma + driven)
 
     def response(self) -> Array:
         """Return S (3, 3), whether given as a matrix or in percent (lecture eq. 7).
@@ -359,16 +386,70 @@ def _lost(m: Iterable[float]) -> bool:
     )
 
 
+def triad(name: Triad, without: Collection[str] = (), fixed: bool = False) -> Any:
+    """Describe the section of one triad, whose parameters are ``gyroscope_...`` in ROS.
+
+    :param without, fixed: as for :func:`section`.
+    """
+    absent = (*without, *(() if name == "gyroscope" else _OF_THE_GYROSCOPE))
+    return section(TriadParameters, joint="_", words=_WORDS[name], without=absent, fixed=fixed)
+
+
 @dataclass(frozen=True)
 class TriadsParameters:
     """Errors of both triads."""
 
-    gyroscope: TriadParameters = triad(TriadParameters, "gyroscope")
-    accelerometer: TriadParameters = triad(TriadParameters, "accelerometer")
+    gyroscope: TriadParameters = triad("gyroscope")
+    accelerometer: TriadParameters = triad("accelerometer")
 
     def triad(self, name: str) -> TriadParameters:
         """Return the errors of one triad."""
         return {"gyroscope": self.gyroscope, "accelerometer": self.accelerometer}[name]
+
+    def processes(self, shortest: float) -> list[tuple[int, float, float]]:
+        """Return the Gauss-Markov biases, and the processes whose sum is 1/f noise.
+
+        Processes of the variance ``B^2 ln(r) / pi``, their correlation times a ratio r of about ten
+        apart, have together the density ``B^2 / (2 pi f)`` of IEEE Std 952-1997.
+
+        :param shortest: correlation time of those of the 1/f noise [s].
+        :returns: of each, its axis 0 to 5, gyroscope first; its correlation time [s]; its standard
+            deviation.
+        """
+        triads = (self.gyroscope, self.accelerometer)
+        found = [
+            (3 * k + i, float(triad.correlation_time[i]), float(sigma))
+            for k, triad in enumerate(triads)
+            for i, sigma in enumerate(triad.gauss_markov())
+        ]
+        decades = round(np.log10(_LONGEST_FLICKER / shortest))
+        times = np.geomspace(shortest, _LONGEST_FLICKER, max(2, decades + 1))
+        share = float(np.sqrt(np.log(times[1] / times[0]) / np.pi))
+        found += [
+            (3 * k + i, tau, float(b) * share)
+            for k, triad in enumerate(triads)
+            for i, b in enumerate(triad.bias_instability)
+            for tau in times.tolist()
+        ]
+        return [one for one in found if one[2] > 0.0]
+
+    def response_terms(self) -> list[tuple[int, int, float]]:
+        """Return the errors that scale with a reading: scale and misalignment, g-sensitivity, ...
+
+        :returns: of each, its axis 0 to 5, gyroscope first; its input, the readings 0 to 5 and
+            their squares 6 to 11; the standard deviation of the factor.
+        """
+        found = []
+        for k, triad in enumerate((self.gyroscope, self.accelerometer)):
+            scale, cross = triad.turn_on_scale_sigma, triad.misalignment_sigma
+            for i in range(3):
+                axis = 3 * k + i
+                for j in range(3):
+                    found.append((axis, 3 * k + j, float(scale[i] if i == j else cross[i])))
+                found.append((axis, 6 + axis, float(triad.quadratic_sigma[i])))
+        for i, sigma in enumerate(self.gyroscope.g_sensitivity_sigma):
+            found += [(i, 3 + j, float(sigma)) for j in range(3)]
+        return [one for one in found if one[2] > 0.0]
 
 
 def as_in_triads(name: str, words: Mapping[str, str], **changed: Any) -> Any:

@@ -21,18 +21,18 @@ import numpy as np
 import imu_sim_ros as ims
 from imu_sim_ros.navigation.covariance import Covariance
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
-from imu_sim_ros.navigation.noise import ImuErrors, TriadErrors, noise_of
 from imu_sim_ros.navigation.preintegration import StepReadings, preintegrate
 from imu_sim_ros.navigation.state import AT_REST
+from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.text_tables import print_table
 
 FLIGHT = Path(__file__).parents[3].parent / "shared/data/euroc_V1_02_medium_groundtruth.csv"
 STATIC = ["--trajectory", "static", "--imu", "lecture", "--rate", "200", "--imu-only"]
 ALL_AXES = np.ones(3)
-NOISE = ImuErrors(
-    TriadErrors(1.7e-4 * ALL_AXES, 1.9e-5 * ALL_AXES),
-    TriadErrors(2e-3 * ALL_AXES, 3e-3 * ALL_AXES),
+NOISE = TriadsParameters(
+    TriadParameters(noise_density=1.7e-4 * ALL_AXES, random_walk=1.9e-5 * ALL_AXES),
+    TriadParameters(noise_density=2e-3 * ALL_AXES, random_walk=3e-3 * ALL_AXES),
 )
 SECOND = ["--duration", "1s", "-o"]
 
@@ -119,7 +119,7 @@ def of_calls(repeats: int) -> None:
     long = (many * 5_000_000, np.resize(gyro, (40_000, 3)), np.resize(accel, (40_000, 3)))
     force, rate, level = (0.1, 0.2, 9.81), (0.1, 0.2, 0.3), np.eye(3)
     simple = Covariance(NOISE)
-    every = Covariance(noise_of(load_simulation({"imu.preset": "mpu6000"}).imu))
+    every = Covariance(load_simulation({"imu.preset": "mpu6000"}).imu)
     work: dict[str, tuple[Callable[[], object], int, float]] = {
         "20 s at 200 Hz of mpu6000: parameters and samples, ms": (
             lambda: ims.simulate(**flight),
