@@ -94,10 +94,8 @@ def copy(tmp_path: Path) -> Copy:
 
 
 SWING = '''\
-class Swing:
+class Swing(ErrorTerm):
     """A bias of 1 Hz: ``b = A sin(2 pi t)``."""
-
-    active = False
 
     def __init__(self, shape: tuple[int, ...], dt: float) -> None:
         self._dt, self._samples = dt, np.zeros(shape, np.int64)
@@ -112,7 +110,7 @@ class Swing:
         """Let some units of a batch begin again."""
         self._samples[units] = 0
 
-    def add_to(self, values: Array, units: Units = ...) -> None:
+    def add_to(self, values: Array, around: Surroundings, units: Units = ...) -> None:
         """Add the next n samples of some units to values (n, ..., 3)."""
         t = next_numbers(self._samples, len(values), units) * self._dt
         values += self._amplitude[units] * np.sin(2.0 * np.pi * t)[..., None]
@@ -134,8 +132,8 @@ def test_an_error_term(copy: Copy) -> None:
     copy.change(
         "imu_sim_ros/sensors/errors/noise.py",
         (
-            "class RateRamp:",
-            f"{SWING}\n\nclass RateRamp:",
+            "class RateRamp(ErrorTerm):",
+            f"{SWING}\n\nclass RateRamp(ErrorTerm):",
         ),
         (
             "        RateRamp(np.shape(seed), dt),\n",

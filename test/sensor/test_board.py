@@ -14,7 +14,8 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.sensors.environment import TemperatureParameters
 from imu_sim_ros.sensors.errors.response import TemperatureProfile
-from imu_sim_ros.sensors.imu.board import ShockBias, Surroundings
+from imu_sim_ros.sensors.errors.terms import Surroundings
+from imu_sim_ros.sensors.imu.board import ShockBias
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.engine import Body
@@ -197,7 +198,7 @@ def test_a_shock_leaves_a_bias_that_decays(tau: float) -> None:
     every = np.zeros((n, 3))
     term = ShockBias(3, "gyroscope", imu, dt)
     for first, end in ((0, 301), (301, 1001), (1001, n)):
-        part = Surroundings(force[first:end], np.zeros(end - first))
+        part = Surroundings(np.zeros(end - first), force[first:end])
         term.add_to(every[first:end], part)
     bias = every.T
     assert not bias[2].any()
@@ -217,7 +218,7 @@ def test_sizes_of_shock_biases() -> None:
     force = np.zeros((4000, 3))
     force[::2, 1] = -60.0
     bias = np.zeros((4000, 3))
-    ShockBias(0, "accelerometer", imu, 0.01).add_to(bias, Surroundings(force, np.zeros(4000)))
+    ShockBias(0, "accelerometer", imu, 0.01).add_to(bias, Surroundings(np.zeros(4000), force))
     jumps = np.diff(bias[::2], axis=0)
     # 3 * 1999 numbers: relative error 1 / sqrt(2 n) = 0.9 %.
     assert abs(jumps.std() / 0.5 - 1.0) < 4 / math.sqrt(2 * jumps.size)

@@ -12,7 +12,7 @@ from scipy import signal
 from imu_sim_ros.conventions import ERRORS, TRIADS
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.sensors.environment import TemperatureParameters
-from imu_sim_ros.sensors.errors.noise import accel_variance_discrete, gyro_variance_discrete
+from imu_sim_ros.sensors.errors.noise import variance_discrete
 from imu_sim_ros.sensors.errors.realised import unit_of_seed
 from imu_sim_ros.sensors.errors.response import TemperatureProfile, noise_gain, polynomial
 from imu_sim_ros.sensors.samples import Samples
@@ -280,9 +280,9 @@ def test_covariance_is_the_variance_of_the_samples(rate: float) -> None:
     )
     block = run.next(n)["imu"]
     imu = run.parameters.imu
-    ratio = block.gyro.var(axis=0) / gyro_variance_discrete(imu, rate)
+    ratio = block.gyro.var(axis=0) / variance_discrete(imu, "gyroscope", rate)
     assert np.abs(ratio - 1.0).max() < 5.0 * np.sqrt(4.0 / n)
-    x, y, z = accel_variance_discrete(imu, rate)
+    x, y, z = variance_discrete(imu, "accelerometer", rate)
     assert (x, y) == (pytest.approx(0.02**2 * rate), 0.0)
     assert block.accel[:, 2].var() / z == pytest.approx(1.0, abs=5.0 * np.sqrt(2.0 / n))
 

@@ -19,14 +19,14 @@ from imu_sim_ros.sensors.errors.flicker import CHUNK as FLICKER_CHUNK
 from imu_sim_ros.sensors.errors.flicker import FlickerFilter, FlickerNoise
 from imu_sim_ros.sensors.errors.noise import (
     BiasInstability,
-    ErrorTerm,
     GaussMarkov,
     RandomWalk,
     RateRamp,
     WhiteNoise,
 )
 from imu_sim_ros.sensors.errors.processes import CHUNK, GaussMarkovBank
-from imu_sim_ros.sensors.errors.response import TurnOn
+from imu_sim_ros.sensors.errors.response import turn_on
+from imu_sim_ros.sensors.errors.terms import ErrorTerm, Surroundings
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 
@@ -45,7 +45,8 @@ def draw(term: ErrorTerm, parameters: TriadParameters, count: int = N) -> np.nda
     term.configure(parameters)
     values = np.zeros((count, 3), order="F")
     for first in range(0, count, 50_000):
-        term.add_to(values[first : first + 50_000])
+        block = values[first : first + 50_000]
+        term.add_to(block, Surroundings(np.zeros(len(block))))
     return values.T
 
 
@@ -256,9 +257,11 @@ def test_rate_ramp() -> None:
 def test_turn_on_bias_and_scale_over_many_runs() -> None:
     """1000 runs of three axes: deviation of the variance sqrt(2 / 3000) of it."""
     parameters = gyroscope(turn_on_bias_sigma=0.2, turn_on_scale_sigma=0.01)
-    runs = [TurnOn(seed, "accelerometer", parameters) for seed in range(1000)]
-    biases = np.array([run.bias for run in runs])
-    scales = np.array([run.scale for run in runs])
+    sigmas = {"bias": parameters.turn_on_bias_sigma, "scale": parameters.turn_on_scale_sigma}
+    biases, scales = (
+        np.array([turn_on(seed, f"accelerometer.turn_on_{name}", sigma) for seed in range(1000)])
+        for name, sigma in sigmas.items()
+    )
     limit = 5.0 * np.sqrt(2.0 / 3000)
     assert biases.var() / 0.2**2 == pytest.approx(1.0, abs=limit)
     assert scales.var() / 0.01**2 == pytest.approx(1.0, abs=limit)

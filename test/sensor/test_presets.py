@@ -15,7 +15,7 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors import catalogue
-from imu_sim_ros.sensors.errors.noise import accel_variance_discrete, gyro_variance_discrete
+from imu_sim_ros.sensors.errors.noise import variance_discrete
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -78,8 +78,8 @@ def test_every_preset_runs(preset: str, rate: float) -> None:
     block = Body(parameters).next(1000)["imu"]
     assert np.isfinite(block.gyro).all()
     assert np.isfinite(block.accel).all()
-    gyro = gyro_variance_discrete(parameters.imu, rate)
-    accel = accel_variance_discrete(parameters.imu, rate)
+    gyro = variance_discrete(parameters.imu, "gyroscope", rate)
+    accel = variance_discrete(parameters.imu, "accelerometer", rate)
     if preset == "perfect":
         assert gyro == accel == (0.0, 0.0, 0.0)
     else:

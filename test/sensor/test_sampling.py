@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.sensors.errors.noise import accel_variance_discrete
+from imu_sim_ros.sensors.errors.noise import variance_discrete
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -110,7 +110,7 @@ def test_noise_of_an_oversampled_sensor_has_the_stated_variance():
     given = {"imu__accelerometer_noise_density": 2e-3, **OVERSAMPLED}
     run = simulation(**given)
     block = run.next(20_000)["imu"]
-    stated = accel_variance_discrete(run.parameters.imu, RATE)
+    stated = variance_discrete(run.parameters.imu, "accelerometer", RATE)
     np.testing.assert_allclose((block.accel - [0, 0, 9.81]).var(axis=0), stated, rtol=0.045)
     # A second-order Butterworth passes pi / (2 sqrt 2) of its cut-off: 2 N^2 f pi / (2 sqrt 2).
     assert stated[0] == pytest.approx(4e-6 * 2 * 60.0 * 1.1107, rel=0.01)
@@ -168,7 +168,7 @@ def test_variance_of_counted_readings_is_stated():
     given = {**COUNTED, "imu__accelerometer_noise_density": 2e-2}
     run = simulation(**given)
     accel = run.next(40_000)["imu"].accel
-    stated = accel_variance_discrete(run.parameters.imu, RATE)
+    stated = variance_discrete(run.parameters.imu, "accelerometer", RATE)
     np.testing.assert_allclose(accel.var(axis=0), stated, rtol=4 * np.sqrt(2 / 40_000))
 
 

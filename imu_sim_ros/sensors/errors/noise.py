@@ -1,10 +1,10 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""White noise, random walks and bias instability of a triad; their variances a sample."""
+"""White noise, and what adds up to the bias of a triad; their variances a sample."""
 
-from functools import cached_property
-from typing import Protocol
+from collections.abc import Callable
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,30 +14,67 @@ from imu_sim_ros.random_streams import Seed, Streams, Units
 from imu_sim_ros.rotation import empty, transform
 from imu_sim_ros.sensors.errors.flicker import FlickerNoise
 from imu_sim_ros.sensors.errors.processes import GaussMarkovBank, next_numbers
-from imu_sim_ros.sensors.errors.response import ConstantBias, noise_gain
+from imu_sim_ros.sensors.errors.response import is_constant, noise_gain, polynomial, turn_on
+from imu_sim_ros.sensors.errors.terms import ErrorTerm, Surroundings
+from imu_sim_ros.sensors.imu.board import board_terms
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 from imu_sim_ros.types import Array, last_first
 
 
-class ErrorTerm(Protocol):
-    """One error of a triad, of one unit or of the units of a batch."""
-
-    active: bool
-    """Whether it adds anything with its present parameters."""
+class ThermalBias(ErrorTerm):
+    """The bias by temperature: ``sum_k c_k (T - T0)^(k+1)``."""
 
     def configure(self, parameters: TriadParameters) -> None:
-        """Take the strength that the parameters give, from the next sample on."""
+        """Take the coefficients (..., 3 k)."""
+        self._coefficients = np.asarray(parameters.temperature_bias)
+        self.active = bool(self._coefficients.any())
 
-    def add_to(self, values: Array, units: Units = ...) -> None:
-        """Add the next n samples of some units to values (n, ..., 3)."""
+    def add_to(self, values: Array, around: Surroundings, units: Units = ...) -> None:
+        """Add the bias of n samples of some units to values (n, ..., 3)."""
+        offset = around.temperature_offset
+        once = offset[:1] if is_constant(offset) else offset
+        values += polynomial(self._coefficients[units], once)
+
+
+class TurnOnBias(ErrorTerm):
+    """The bias that differs from run to run."""
+
+    def __init__(self, seed: Seed, triad: str, parameters: TriadParameters) -> None:
+        self._seed, self._source = seed, f"{triad}.turn_on_bias"
+        self.configure(parameters)
+        self._bias = turn_on(seed, self._source, self._sigma)
+
+    def configure(self, parameters: TriadParameters) -> None:
+        """Take the deviation for what is drawn from now on."""
+        self._sigma = np.asarray(parameters.turn_on_bias_sigma)
+        self.active = bool(self._sigma.any())
 
     def begin(self, units: Units) -> None:
         """Let some units of a batch begin again, from their present seeds."""
+        seeds = np.asarray(self._seed)[units]
+        self._bias[units] = turn_on(seeds, self._source, self._sigma[units])
+
+    def add_to(self, values: Array, around: Surroundings, units: Units = ...) -> None:
+        """Add the bias of some units to values (n, ..., 3)."""
+        values += self._bias[units]
+
+
+class ConstantBias(ErrorTerm):
+    """The constant bias."""
+
+    def configure(self, parameters: TriadParameters) -> None:
+        """Take the bias."""
+        self._bias = np.asarray(parameters.bias)
+        self.active = bool(self._bias.any())
+
+    def add_to(self, values: Array, around: Surroundings, units: Units = ...) -> None:
+        """Add the bias of some units to values (n, ..., 3)."""
+        values += self._bias[units]
 
 
 class _RandomStream:
-    """A term with a stream for each axis, and a strength for each."""
+    """A stream for each axis, and a strength for each."""
 
     active = False
 
@@ -128,7 +165,7 @@ def _square_root(correlation: Array) -> Array:
     return result
 
 
-class RandomWalk(_RandomStream):
+class RandomWalk(_RandomStream, ErrorTerm):
     """Random walk: ``b_k = b_(k-1) + sigma_b sqrt(dt) w`` (lecture eq. 20 and 21), ``b_0 = 0``."""
 
     def __init__(self, seed: Seed, triad: str, dt: float) -> None:
@@ -151,7 +188,7 @@ class RandomWalk(_RandomStream):
         super().begin(units)
         self._state[units] = 0.0
 
-    def add_to(self, values: Array, units: Units = ...) -> None:
+    def add_to(self, values: Array, around: Surroundings, units: Units = ...) -> None:
         """Add the next n samples of some units to values (n, ..., 3)."""
         state = self._state[units]
         if self._sigma.size:
@@ -172,7 +209,37 @@ class RandomWalk(_RandomStream):
             values[..., self._still] += state[..., self._still]
 
 
-class GaussMarkov:
+class _Process(ErrorTerm):
+    """A process of unit strength, begun when it is first needed, and a strength for each axis."""
+
+    active = False
+
+    def __init__(self, begun: Callable[[], GaussMarkovBank | FlickerNoise]) -> None:
+        """Take what begins the process."""
+        self._begun = begun
+        self._strength = np.zeros(3)
+
+    @cached_property
+    def _process(self) -> GaussMarkovBank | FlickerNoise:
+        return self._begun()
+
+    def _take(self, strength: Array) -> None:
+        """Take the strengths (..., 3)."""
+        self._strength, self.active = strength, bool(strength.any())
+
+    def begin(self, units: Units) -> None:
+        """Let some units of a batch begin again, from their present seeds."""
+        if "_process" in self.__dict__:
+            self._process.begin(units)
+
+    def add_to(self, values: Array, around: Surroundings, units: Units = ...) -> None:
+        """Add the next n samples of some units to values (n, ..., 3)."""
+        own = self._process.next_block(len(values), units)
+        own *= self._strength[units]
+        values += own
+
+
+class GaussMarkov(_Process):
     """First-order Gauss-Markov bias: ``db = -b / tau dt + sigma_b dW``.
 
     Exactly discretised: ``phi = exp(-dt / tau)``, step variance ``sigma_b^2 tau / 2 (1 - phi^2)``
@@ -181,38 +248,18 @@ class GaussMarkov:
     distribution.
     """
 
-    active = False
-
     def __init__(self, seed: Seed, triad: str, dt: float, parameters: TriadParameters) -> None:
-        self._seed, self._source, self._dt = seed, f"{triad}.gauss_markov", dt
         tau = np.asarray(parameters.correlation_time)
         # An axis without correlation time has no such bias (that is checked); any time will do.
-        self._tau = np.where(tau > 0.0, tau, 1.0)
-        self._sigma = np.zeros(3)
-
-    @cached_property
-    def _bank(self) -> GaussMarkovBank:
-        return GaussMarkovBank(self._seed, self._source, self._tau, self._dt)
+        tau = np.where(tau > 0.0, tau, 1.0)
+        super().__init__(partial(GaussMarkovBank, seed, f"{triad}.gauss_markov", tau, dt))
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take the strength, in whichever of the two forms it is given."""
-        self._sigma = parameters.gauss_markov()
-        self.active = bool(self._sigma.any())
-
-    def begin(self, units: Units) -> None:
-        """Let some units of a batch begin again, from their present seeds."""
-        if "_bank" in self.__dict__:
-            self._bank.begin(units)
-
-    def add_to(self, values: Array, units: Units = ...) -> None:
-        """Add the next n samples of some units to values (n, ..., 3)."""
-        if self.active:
-            own = self._bank.next_block(len(values), units)
-            own *= self._sigma[units]
-            values += own
+        self._take(parameters.gauss_markov())
 
 
-class BiasInstability:
+class BiasInstability(_Process):
     """Flicker noise with the power spectral density ``B^2 / (2 pi f)`` (IEEE Std 952-1997, C.1.3).
 
     White noise through a filter (:mod:`imu_sim_ros.sensors.errors.flicker`): the density is within
@@ -221,35 +268,15 @@ class BiasInstability:
     Below that band the density is flat. The noise is stationary from the first sample on.
     """
 
-    active = False
-
     def __init__(self, seed: Seed, triad: str, dt: float) -> None:
-        self._seed, self._source, self._dt = seed, f"{triad}.bias_instability", dt
-        self._scale = np.zeros(3)
-
-    @cached_property
-    def _noise(self) -> FlickerNoise:
-        return FlickerNoise(self._seed, self._source, self._dt)
+        super().__init__(partial(FlickerNoise, seed, f"{triad}.bias_instability", dt))
 
     def configure(self, parameters: TriadParameters) -> None:
         """Take B."""
-        self._scale = np.asarray(parameters.bias_instability)
-        self.active = bool(self._scale.any())
-
-    def begin(self, units: Units) -> None:
-        """Let some units of a batch begin again, from their present seeds."""
-        if "_noise" in self.__dict__:
-            self._noise.begin(units)
-
-    def add_to(self, values: Array, units: Units = ...) -> None:
-        """Add the next n samples of some units to values (n, ..., 3)."""
-        if self.active:
-            own = self._noise.next_block(len(values), units)
-            own *= self._scale[units]
-            values += own
+        self._take(np.asarray(parameters.bias_instability))
 
 
-class RateRamp:
+class RateRamp(ErrorTerm):
     """Steady drift: ``b = R t``; a new R takes over without a jump."""
 
     active = False
@@ -274,45 +301,39 @@ class RateRamp:
         """Let some units of a batch begin again, from their present seeds."""
         self._reached[units], self._samples[units] = 0.0, 0
 
-    def add_to(self, values: Array, units: Units = ...) -> None:
+    def add_to(self, values: Array, around: Surroundings, units: Units = ...) -> None:
         """Add the next n samples of some units to values (n, ..., 3)."""
-        if self.active:
-            t = next_numbers(self._samples, len(values), units) * self._dt
-            values += self._reached[units] + self._slope[units] * t[..., None]
+        t = next_numbers(self._samples, len(values), units) * self._dt
+        values += self._reached[units] + self._slope[units] * t[..., None]
 
 
-def bias_terms(seed: Seed, triad: str, own: TriadParameters, dt: float) -> tuple[ErrorTerm, ...]:
+def bias_terms(
+    seed: Seed, triad: str, imu: ImuParameters, own: TriadParameters, dt: float
+) -> list[ErrorTerm]:
     """Return what adds up to a triad's bias, in this order; a new term is one line more.
 
     :param triad: the first part of the names of their random streams.
+    :param own: parameters of the triad; what the board does to it is there only if it is on.
     :param dt: time between two readings [s].
     """
-    return (
+    return [
+        ThermalBias(),
+        TurnOnBias(seed, triad, own),
         ConstantBias(),
         RandomWalk(seed, triad, dt),
         GaussMarkov(seed, triad, dt, own),
         BiasInstability(seed, triad, dt),
         RateRamp(np.shape(seed), dt),
-    )
+        *board_terms(seed, triad, imu, own, dt),
+    ]
 
 
-def gyro_variance_discrete(imu: ImuParameters, rate: float) -> Vector:
-    """Return the variance of one sample of the gyroscope per axis [rad^2/s^2].
+def variance_discrete(imu: ImuParameters, name: str, rate: float) -> Vector:
+    """Return the variance of one sample of a triad per axis, in its unit squared.
 
+    :param name: of the triad.
     :param rate: samples per second [Hz].
     """
-    return _variance_discrete(imu, "gyroscope", rate)
-
-
-def accel_variance_discrete(imu: ImuParameters, rate: float) -> Vector:
-    """Return the variance of one sample of the accelerometer per axis [m^2/s^4].
-
-    :param rate: samples per second [Hz].
-    """
-    return _variance_discrete(imu, "accelerometer", rate)
-
-
-def _variance_discrete(imu: ImuParameters, name: str, rate: float) -> Vector:
     triad, internal = imu.triad(name), rate * float(imu.internal_ratio(rate))
     white = [
         d * d * internal * noise_gain(f, imu.bandwidth_order, internal)

@@ -18,7 +18,7 @@ from imu_sim_ros.parameters.kinds import ZERO_VECTOR
 from imu_sim_ros.parameters.sections import parameters as declared
 from imu_sim_ros.random_streams import Seed, Streams
 from imu_sim_ros.sensors import sensors_of_imus
-from imu_sim_ros.sensors.errors.response import TurnOn
+from imu_sim_ros.sensors.errors.response import turn_on
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import NO_CROSS_AXIS, TriadParameters
 from imu_sim_ros.types import Array
@@ -84,7 +84,7 @@ def of_each(value: Array, shape: tuple[int, ...]) -> Array:
 def unit_of_seed(parameters: TriadParameters, triad: str, seed: Seed) -> TriadParameters:
     """Return the triad with the drawn part of each constant added and nothing left to draw.
 
-    The turn-on bias and scale, which differ from run to run, are :class:`TurnOn`'s.
+    The turn-on bias and scale differ from run to run: :func:`with_turn_on`.
 
     :param triad: name of the triad, as in the streams' names.
     """
@@ -114,17 +114,19 @@ def _unit_of(parameters: TriadParameters, triad: str, seed: Seed) -> TriadParame
 _one = lru_cache(maxsize=16)(_unit_of)
 
 
-def with_turn_on(section: Any, turn_on: TurnOn, gain: Array | None = None) -> Any:
+def with_turn_on(section: Any, sensor: str, seed: int, axes: Array | None = None) -> Any:
     """Return a section of parameters with the turn-on bias and scale in it, and none left to draw.
 
     With parts c of the scale by temperature and age, ``(1 + s + c) (S x + ...)`` becomes
     ``(1 + c / (1 + s)) ((1 + s) S x + ...)``; readings differ by rounding only.
 
-    :param gain: (3, 3) what multiplies the response, in its axes; None: that of each axis.
+    :param sensor: as in the streams' names.
+    :param axes: (3, 3) from the sensor's axes to those of its response; None: they are the same.
     """
-    scale = 1.0 + turn_on.scale
-    gain = np.diag(scale) if gain is None else gain
-    changed: dict[str, Any] = {"bias": np.asarray(section.bias) + turn_on.bias}
+    bias = turn_on(seed, f"{sensor}.turn_on_bias", section.turn_on_bias_sigma)
+    scale = 1.0 + turn_on(seed, f"{sensor}.turn_on_scale", section.turn_on_scale_sigma)
+    gain = np.diag(scale) if axes is None else axes @ np.diag(scale) @ axes.T
+    changed: dict[str, Any] = {"bias": np.asarray(section.bias) + bias}
     for name, parameter in declared(type(section)).items():
         value = np.asarray(getattr(section, name)) if parameter.turn_on_scale else np.empty(0)
         if parameter.turn_on_scale == "multiplies":
@@ -140,7 +142,7 @@ def realised_triad(parameters: TriadParameters, triad: str, seed: int) -> TriadP
     """Return the triad of a seed with nothing left to draw but the noise."""
     p = unit_of_seed(parameters, triad, seed)
     p = dataclasses.replace(p, **as_matrix(p.response()))
-    return with_turn_on(p, TurnOn(seed, triad, p))
+    return with_turn_on(p, triad, seed)
 
 
 def realised_imu(imu: ImuParameters, seed: int) -> ImuParameters:

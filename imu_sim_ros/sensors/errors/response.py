@@ -24,16 +24,7 @@ class Response:
     ideal specific force.
     """
 
-    is_perfect = True
-    """Whether it returns its input."""
-
-    def __init__(self) -> None:
-        self._s = np.eye(3)
-        self._quadratic: Array | None = None
-        self._g: Array | None = None
-        self._h: Array | None = None
-
-    def configure(self, parameters: TriadParameters) -> None:
+    def __init__(self, parameters: TriadParameters) -> None:
         """Take the coefficients; those of a batch are (count, ...)."""
         self._s = _laid_out(parameters.response())
         quadratic = np.asfortranarray(parameters.quadratic)
@@ -42,6 +33,7 @@ class Response:
         self._h = _matrix(parameters.g_squared_sensitivity)
         linear = self._quadratic is None and self._g is None and self._h is None
         self.is_perfect = linear and bool((self._s == np.eye(3)).all())
+        """Whether it returns its input."""
 
     def apply(self, ideal: Array, force: Array) -> Array:
         """Return the response (n, ..., 3), a new array.
@@ -76,41 +68,15 @@ def _laid_out(matrices: Array) -> Array:
     return np.moveaxis(np.ascontiguousarray(np.moveaxis(matrices, 0, -1)), -1, 0)
 
 
-class ConstantBias:
-    """The constant bias."""
+def turn_on(seed: Seed, source: str, sigma: ArrayLike) -> Array:
+    """Return what differs from run to run (..., 3), drawn from the seed.
 
-    active = False
-
-    def __init__(self) -> None:
-        self._bias = np.zeros(3)
-
-    def configure(self, parameters: TriadParameters) -> None:
-        """Take the bias."""
-        self._bias = np.asarray(parameters.bias)
-        self.active = bool(self._bias.any())
-
-    def begin(self, units: Units) -> None:
-        """Do nothing: a constant has no beginning."""
-
-    def add_to(self, values: Array, units: Units = ...) -> None:
-        """Add n samples of some units to values (n, ..., 3)."""
-        if self.active:
-            values += self._bias[units]
-
-
-class TurnOn:
-    """Bias and scale that differ from run to run, drawn from the seed."""
-
-    def __init__(self, seed: Seed, triad: str, parameters: TriadParameters) -> None:
-        bias, scale = parameters.turn_on_bias_sigma, parameters.turn_on_scale_sigma
-        numbers = np.zeros((*np.shape(seed), 6))
-        if np.any(bias) or np.any(scale):
-            sources = (f"{triad}.turn_on_bias", f"{triad}.turn_on_scale")
-            numbers = Streams(seed, *sources).next(1)[0]
-        self.bias: Array = numbers[..., :3] * np.asarray(bias)
-        """(..., 3)"""
-        self.scale: Array = numbers[..., 3:] * np.asarray(scale)
-        """(..., 3) relative."""
+    :param source: of a triad, ``gyroscope.turn_on_bias`` or ``gyroscope.turn_on_scale``.
+    :param sigma: (..., 3) its standard deviation.
+    """
+    if not np.any(sigma):
+        return np.zeros((*np.shape(seed), 3))
+    return Streams(seed, source).next(1)[0] * np.asarray(sigma)
 
 
 class TemperatureProfile:
@@ -176,6 +142,11 @@ class TemperatureProfile:
         if self._tau:
             temperature += self._excess[piece] * np.exp(-since / self._tau)
         return temperature
+
+
+def is_constant(values: Array) -> bool:
+    """Return whether values (n, ...) are one that stands for all times."""
+    return len(values) > 1 and values.strides[0] == 0
 
 
 def polynomial(coefficients: Array, difference: Array) -> Array:
@@ -272,17 +243,13 @@ _WHOLE: Final = 1.0 + 1e-6
 class Digitiser:
     """Rounding to whole steps, and saturation: at the last whole step within the range."""
 
-    def __init__(self) -> None:
-        self._step, self._most = np.ones(3), np.full(3, np.inf)
-        self._least = -self._most
-        self._rounded: Mask | bool = False
-        self._limited = False
-
-    def configure(self, parameters: TriadParameters) -> None:
+    def __init__(self, parameters: TriadParameters) -> None:
         """Take range and resolution, (..., 3); 0 is none."""
         limit, step = _shared(parameters.range), _shared(parameters.resolution)
         rounded = step > 0.0
-        self._rounded = bool(rounded.any()) if rounded.all() or not rounded.any() else rounded
+        self._rounded: Mask | bool = rounded
+        if rounded.all() or not rounded.any():
+            self._rounded = bool(rounded.any())
         self._step = np.where(rounded, step, 1.0)
         self._limited = bool(limit.any())
         steps = np.where(rounded, np.floor(limit / self._step * _WHOLE), limit)

@@ -18,11 +18,13 @@ from imu_sim_ros.sensors.errors.response import (
     IncrementRounding,
     LowPass,
     Response,
-    TurnOn,
+    is_constant,
     polynomial,
+    turn_on,
 )
+from imu_sim_ros.sensors.errors.terms import Surroundings
 from imu_sim_ros.sensors.faults import FaultSchedule
-from imu_sim_ros.sensors.imu.board import ShockBias, Surroundings, aged, board_terms
+from imu_sim_ros.sensors.imu.board import aged
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 from imu_sim_ros.types import Array
@@ -47,13 +49,13 @@ class Additions(NamedTuple):
     """(n, ..., 3); None: 1."""
     bias: Array
     """(n, ..., 3) without faults."""
-    noise: Array
-    """(n, ..., 3) white noise."""
+    noise: Array | None
+    """(n, ..., 3) white noise; None: none."""
 
     def at(self, rows: slice) -> "Additions":
         """Return some consecutive ones."""
-        scale = None if self.scale is None else self.scale[rows]
-        return Additions(scale, self.bias[rows], self.noise[rows])
+        scale, noise = (None if one is None else one[rows] for one in (self.scale, self.noise))
+        return Additions(scale, self.bias[rows], noise)
 
 
 class Triad:
@@ -78,20 +80,16 @@ class Triad:
         dt, shape = 1.0 / internal, np.shape(seed)
         self._triad, self._seed = triad, seed
         own = imu.triad(triad) if own is None else own
-        turn_on = TurnOn(seed, triad, own)
-        self._turn_on_bias = turn_on.bias if np.any(own.turn_on_bias_sigma) else None
-        self._turn_on_scale = 1.0 + turn_on.scale if np.any(own.turn_on_scale_sigma) else None
-        self._response = Response()
-        self._bias_terms = bias_terms(seed, triad, own, dt)
-        self._board_terms = board_terms(seed, triad, imu, own, dt)
-        ages = np.any(own.ageing_scale)
-        self._ageing_scale = np.asarray(own.ageing_scale) if ages else None
+        self._turn_on_scale: Array | None = None
+        if np.any(own.turn_on_scale_sigma):
+            self._turn_on_scale = self._drawn_scale(seed, own.turn_on_scale_sigma)
+        self._terms = bias_terms(seed, triad, imu, own, dt)
+        self._ageing_scale = _unless_zero(own.ageing_scale)
         self._age_days, self._dt = imu.age_days, dt
         self._done = np.zeros(shape, np.int64)
         self._white = WhiteNoise(seed, triad, dt)
         cutoffs = np.asarray(imu.low_pass(triad, rate))
         self._low_pass = LowPass(cutoffs, imu.bandwidth_order, internal, shape)
-        self._digitiser = Digitiser()
         self._increments = IncrementRounding(1.0 / rate, shape)
         self._last: Array | None = None
         """The last reading, which a sensor that is stuck repeats."""
@@ -103,21 +101,18 @@ class Triad:
     def take(self, own: TriadParameters) -> None:
         """Take the parameters of units, whose constants are drawn."""
         self._parameters = own
-        self._response.configure(own)
-        for term in self._bias_terms:
+        self._response, self._digitiser = Response(own), Digitiser(own)
+        for term in self._terms:
             term.configure(own)
-        self._active_terms = [term for term in self._bias_terms if term.active]
+        self._active_terms = [term for term in self._terms if term.active]
         self._white.configure(own)
-        self._digitiser.configure(own)
         self._increments.configure(own)
         self._thermal_scale = _unless_zero(own.temperature_scale)
-        self._thermal_bias = _unless_zero(own.temperature_bias)
 
-    def begin(self, units: Units, own: TriadParameters, unit: TriadParameters | None) -> None:
+    def begin(self, units: Units, unit: TriadParameters | None) -> None:
         """Let some units of a batch begin again, from their present seeds.
 
-        :param own: parameters of these units.
-        :param unit: with their constants; None: they are the units that they were.
+        :param unit: parameters of new units with their constants; None: they are those they were.
         """
         if unit is not None:
             for name, value in vars(self._parameters).items():
@@ -126,19 +121,19 @@ class Triad:
                     value[units] = 0.0  # powers of the temperature that these units do not have
                     value[units, : own_value.shape[-1]] = own_value
             self.take(self._parameters)
-        turn_on = TurnOn(np.asarray(self._seed)[units], self._triad, own)
-        if self._turn_on_bias is not None:
-            self._turn_on_bias[units] = turn_on.bias
         if self._turn_on_scale is not None:
-            self._turn_on_scale[units] = 1.0 + turn_on.scale
-        for term in self._bias_terms:
+            sigma = np.asarray(self._parameters.turn_on_scale_sigma)[units]
+            self._turn_on_scale[units] = self._drawn_scale(np.asarray(self._seed)[units], sigma)
+        for term in self._terms:
             term.begin(units)
-        for board_term in self._board_terms:
-            board_term.begin(units)
         self._white.begin(units)
         self._low_pass.begin(units)
         self._increments.begin(units)
         self._done[units] = 0
+
+    def _drawn_scale(self, seed: Seed, sigma: ArrayLike) -> Array:
+        """Return the scale of this run (..., 3)."""
+        return 1.0 + turn_on(seed, f"{self._triad}.turn_on_scale", sigma)
 
     def read(
         self,
@@ -162,29 +157,21 @@ class Triad:
         :param vibration: (n, 3) what the vehicle adds to the filtered readings.
         :param additions: those that :meth:`precompute` has made for these samples.
         """
+        if additions is None:
+            additions = self.precompute(Surroundings(temperature_offset, force))
+        scale, bias, noise = additions
         reading = self._response.apply(ideal, force)
-        scale = self._scale(temperature_offset) if additions is None else additions.scale
         if scale is not None:
             reading *= scale
         perfect = scale is None and self._response.is_perfect
         response_error = _constant(0.0, reading.shape) if perfect else reading - ideal
-        if scale is None:
-            scale = _constant(1.0, reading.shape)
-        if additions is None:
-            bias = self._bias(Surroundings(force, temperature_offset))
-        else:
-            bias = additions.bias
         if faults is not None and faults.any:
             bias = self._with_jumps(first, bias, faults)
         reading += bias
-        if additions is None:
-            noise = self._white.next(len(reading), temperature_offset)
-        else:
-            noise = additions.noise
-        if noise is None:
-            noise = _constant(0.0, reading.shape)
-        else:
+        if noise is not None:
             reading += noise
+        scale = _constant(1.0, reading.shape) if scale is None else scale
+        noise = _constant(0.0, reading.shape) if noise is None else noise
         low_pass = self._filtered(reading)
         if self._ratio > 1:
             last = slice(self._ratio - 1, None, self._ratio)
@@ -218,19 +205,19 @@ class Triad:
     @property
     def follows_force(self) -> bool:
         """Whether a bias depends on the readings, so that nothing can be computed before them."""
-        return any(isinstance(term, ShockBias) for term in self._board_terms)
+        return any(term.follows_force for term in self._terms)
 
-    def precompute(self, temperature_offset: Array, units: Units = ...) -> Additions:
-        """Return what the next n samples of a sensor that is not oversampled get.
+    def precompute(self, around: Surroundings, units: Units = ...) -> Additions:
+        """Return what the next n readings get, whatever they are.
 
-        :param temperature_offset: (n, ...) temperature above the reference [K].
-        :param units: those of a batch whose samples these are.
+        :param units: those of a batch whose readings these are.
         """
-        shape = (*temperature_offset.shape, 3)
-        scale = self._scale(temperature_offset, units)
-        bias = self._bias(Surroundings(_constant(0.0, shape), temperature_offset), units)
-        noise = self._white.next(shape[0], temperature_offset, units)
-        return Additions(scale, bias, _constant(0.0, shape) if noise is None else noise)
+        offset = around.temperature_offset
+        scale = self._scale(offset, units)
+        bias = series(offset.shape)
+        for term in self._active_terms:
+            term.add_to(bias, around, units)
+        return Additions(scale, bias, self._white.next(len(bias), offset, units))
 
     def _scale(self, temperature_offset: Array, units: Units = ...) -> Array | None:
         """Return the scale by temperature, turn-on and age (n, ..., 3); None if it is 1."""
@@ -251,24 +238,6 @@ class Triad:
         thermal += 1.0 if drawn is None else drawn
         return thermal
 
-    def _bias(self, surroundings: Surroundings, units: Units = ...) -> Array:
-        """Return the sum of all biases (n, ..., 3) but for those of faults."""
-        offset = surroundings.temperature_offset
-        bias = series(offset.shape)
-        if self._thermal_bias is not None:
-            once = offset[:1] if is_constant(offset) else offset
-            thermal = polynomial(self._thermal_bias[units], once)
-            if self._turn_on_bias is not None:
-                thermal += self._turn_on_bias[units]
-            bias += thermal
-        elif self._turn_on_bias is not None:
-            bias += self._turn_on_bias[units]
-        for term in self._active_terms:
-            term.add_to(bias, units)
-        for board_term in self._board_terms:
-            board_term.add_to(bias, surroundings, units)
-        return bias
-
     def _with_jumps(self, first: int, bias: Array, faults: FaultSchedule) -> Array:
         """Return a bias (n, 3) with the jumps of faults in it."""
         if self._ratio == 1:
@@ -278,11 +247,6 @@ class Triad:
         jumps = np.zeros((len(bias) // self._ratio, 3))
         faults.add_bias(self._triad, first, jumps)
         return bias + np.repeat(jumps, self._ratio, axis=0)
-
-
-def is_constant(values: Array) -> bool:
-    """Return whether values (n, ...) are one that stands for all times."""
-    return len(values) > 1 and values.strides[0] == 0
 
 
 def _unless_zero(values: ArrayLike) -> Array | None:

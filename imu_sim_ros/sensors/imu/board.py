@@ -3,12 +3,12 @@
 
 """What time, heat and blows do to a board: biases that a data sheet leaves out.
 
-Each is off at zero and then costs nothing: it is not even made.
+Each is off at zero and then costs nothing: it is not even made. Their parameters are not live.
 """
 
 import math
 from collections.abc import Iterator
-from typing import Any, NamedTuple, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from imu_sim_ros.random_streams import (
     generator,
 )
 from imu_sim_ros.sensors.errors.processes import next_numbers
+from imu_sim_ros.sensors.errors.terms import ErrorTerm, Surroundings
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 from imu_sim_ros.types import Array
@@ -30,41 +31,15 @@ _TEMPERATURE_DIGITS = 6
 """Temperatures are compared in microkelvin, so that rounding does not look like cooling."""
 
 
-class Surroundings(NamedTuple):
-    """What acts on a triad during n readings."""
-
-    force: Array
-    """(n, 3) ideal specific force [m/s^2]."""
-    temperature_offset: Array
-    """(n,) temperature above the reference [K]."""
-
-
-class BoardTerm(Protocol):
-    """A bias that depends on what has happened to the board so far."""
-
-    def add_to(self, values: Array, surroundings: Surroundings, units: Units = ...) -> None:
-        """Add the bias of the next n readings of some units to values (n, ..., 3)."""
-
-    def begin(self, units: Units) -> None:
-        """Let some units of a batch begin again."""
-
-
-class _OfOneUnit:
-    """A term that a batch does not have."""
-
-    def begin(self, units: Units) -> None:
-        """Do nothing: there is no batch."""
-
-
 def board_terms(
     seed: Seed, triad: str, imu: ImuParameters, own: TriadParameters, dt: float
-) -> tuple[BoardTerm, ...]:
+) -> list[ErrorTerm]:
     """Return those of a triad's terms that are not off.
 
     :param own: parameters of the triad.
     :param dt: time between two readings [s].
     """
-    terms: list[BoardTerm] = []
+    terms: list[ErrorTerm] = []
     if np.any(own.temperature_hysteresis):
         width = np.asarray(own.temperature_hysteresis)
         terms.append(TemperatureHysteresis(width, imu.hysteresis_temperature))
@@ -76,7 +51,7 @@ def board_terms(
         terms.append(StressSteps(int(seed), triad, sigma, imu.stress_step_rate * dt))
     if np.any(own.shock_bias_sigma):
         terms.append(ShockBias(int(seed), triad, imu, dt))
-    return tuple(terms)
+    return terms
 
 
 def aged(age_days: float, seconds: NDArray[np.floating[Any]]) -> Array:
@@ -91,7 +66,7 @@ def aged(age_days: float, seconds: NDArray[np.floating[Any]]) -> Array:
     return np.log10(1.0 + age_days + np.divide(seconds, _DAY))
 
 
-class Ageing:
+class Ageing(ErrorTerm):
     """Drift with age: ``b = A log10(1 + days)``."""
 
     def __init__(self, strength: Array, age_days: float, dt: float, shape: tuple[int, ...]) -> None:
@@ -107,13 +82,13 @@ class Ageing:
         """Let some units of a batch begin again."""
         self._done[units] = 0
 
-    def add_to(self, values: Array, surroundings: Surroundings, units: Units = ...) -> None:
+    def add_to(self, values: Array, around: Surroundings, units: Units = ...) -> None:
         """Add the bias of the next n readings of some units to values (n, ..., 3)."""
         seconds = next_numbers(self._done, len(values), units) * self._dt
         values += self._strength[units] * aged(self._age_days, seconds)[..., None]
 
 
-class TemperatureHysteresis(_OfOneUnit):
+class TemperatureHysteresis(ErrorTerm):
     """Bias that depends on whether the sensor is heating or cooling.
 
     ``b = (W / 2) s`` with ``ds = (+1 - s) dT / D`` while heating and ``ds = (-1 - s) |dT| / D``
@@ -132,9 +107,9 @@ class TemperatureHysteresis(_OfOneUnit):
         self._last = math.nan
         self._turned_at = self._s_there = 0.0
 
-    def add_to(self, values: Array, surroundings: Surroundings, units: Units = ...) -> None:
+    def add_to(self, values: Array, around: Surroundings, units: Units = ...) -> None:
         """Add the next n readings' bias to values (n, 3)."""
-        temperature = np.round(surroundings.temperature_offset, _TEMPERATURE_DIGITS)
+        temperature = np.round(around.temperature_offset, _TEMPERATURE_DIGITS)
         if len(temperature) == 0:
             return
         if math.isnan(self._last):
@@ -166,7 +141,7 @@ class TemperatureHysteresis(_OfOneUnit):
             yield slice(begin, end), float(direction[begin])
 
 
-class StressSteps(_OfOneUnit):
+class StressSteps(ErrorTerm):
     """Jumps of the bias at random times, when stress in the board is relieved.
 
     A Poisson process for the whole board, so that both triads jump at the same times; each axis by
@@ -190,7 +165,7 @@ class StressSteps(_OfOneUnit):
         self._reached += self._times.exponential() / self._mean
         return math.ceil(self._reached)
 
-    def add_to(self, values: Array, surroundings: Surroundings, units: Units = ...) -> None:
+    def add_to(self, values: Array, around: Surroundings, units: Units = ...) -> None:
         """Add the next n readings' bias to values (n, 3)."""
         first, end = self._done, self._done + len(values)
         while first < end:
@@ -203,11 +178,13 @@ class StressSteps(_OfOneUnit):
         self._done = end
 
 
-class ShockBias(_OfOneUnit):
+class ShockBias(ErrorTerm):
     """A bias that each shock leaves, and that decays: ``b_k = exp(-dt / tau) b_(k-1) + jump``.
 
     A shock begins where the specific force rises above the threshold.
     """
+
+    follows_force = True
 
     def __init__(self, seed: int, triad: str, imu: ImuParameters, dt: float) -> None:
         from scipy import signal  # half a second of import that only this costs
@@ -221,11 +198,12 @@ class ShockBias(_OfOneUnit):
         self._state = np.zeros((1, 3))
         self._above = False
 
-    def add_to(self, values: Array, surroundings: Surroundings, units: Units = ...) -> None:
+    def add_to(self, values: Array, around: Surroundings, units: Units = ...) -> None:
         """Add the next n readings' bias to values (n, 3)."""
         if len(values) == 0:
             return
-        x, y, z = surroundings.force.T
+        assert around.force is not None
+        x, y, z = around.force.T
         above = x * x + y * y + z * z > self._limit
         begins = above & ~np.concatenate([[self._above], above[:-1]])
         self._above = bool(above[-1])

@@ -28,7 +28,7 @@ from imu_sim_ros.sensors.declaration import (
     Topic,
     topic,
 )
-from imu_sim_ros.sensors.errors.noise import accel_variance_discrete, gyro_variance_discrete
+from imu_sim_ros.sensors.errors.noise import variance_discrete
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.types import Array
 
@@ -69,9 +69,8 @@ def readings(mounted: Mounted, encoding: str, *orientation: str) -> Payloads:
     def payloads(read: Any, rows: Any, now: Any) -> "RowTemplate":
         nonlocal known, messages
         if now is not known:
-            gyro = gyro_variance_discrete(now.imu, now.rate)
-            accel = accel_variance_discrete(now.imu, now.rate)
-            known, messages = now, ImuEncoder(mounted.frame, encoding, gyro, accel)
+            variances = (variance_discrete(now.imu, triad, now.rate) for triad in TRIADS)
+            known, messages = now, ImuEncoder(mounted.frame, encoding, *variances)
         stated = (getattr(read, name)[rows] for name in orientation)
         return messages.pattern(read.t_ns[rows], read.gyro[rows], read.accel[rows], *stated)
 

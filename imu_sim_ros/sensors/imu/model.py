@@ -15,6 +15,7 @@ from imu_sim_ros import timebase
 from imu_sim_ros.conventions import ERRORS, TRIADS
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.response import TemperatureProfile
+from imu_sim_ros.sensors.errors.terms import Surroundings
 from imu_sim_ros.sensors.errors.triad import Additions, Reading, Triad
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.ideal import IdealImu, Quadrature, quadrature
@@ -188,8 +189,8 @@ class Imu:
         """Return what the samples up to the next multiple of a chunk get."""
         end = first + AHEAD - first % AHEAD
         temperature = self._temperature_of(first, end - first)
-        offset = temperature - self._reference_temperature
-        return _Ahead(first, end, temperature, [t.precompute(offset) for t in self._triads])
+        around = Surroundings(temperature - self._reference_temperature)
+        return _Ahead(first, end, temperature, [t.precompute(around) for t in self._triads])
 
     def _temperature_of(self, first: int, count: int) -> Array:
         """Return the temperature of samples by their index (count,) [degC]."""

@@ -19,8 +19,9 @@ from imu_sim_ros.random_streams import Streams, Units
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.flicker import CHUNK
 from imu_sim_ros.sensors.errors.realised import of_each, unit_of_seed
-from imu_sim_ros.sensors.errors.response import TemperatureProfile
-from imu_sim_ros.sensors.errors.triad import Additions, Triad, is_constant
+from imu_sim_ros.sensors.errors.response import TemperatureProfile, is_constant
+from imu_sim_ros.sensors.errors.terms import Surroundings
+from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.imu.parameters import ImuParameters, instantaneous
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 from imu_sim_ros.sensors.magnetometer.parameters import AS_IN_TRIADS, MagnetometerParameters
@@ -200,7 +201,7 @@ class Triads:
             one = units.triad(name, slice(None))
             self._triads[name] = Triad(name, imu, units.seeds, own.rate, one)
             self._triads[name].take(unit_of_seed(one, name, units.unit_seeds))
-        self._ahead = {name: Additions(None, _room(count), _room(count)) for name in names}
+        self._ahead = {name: Additions(None, _room(count), None) for name in names}
         self._make_others = dict(others or {})
         self._others = {name: np.empty((AHEAD, count)) for name in self._make_others}
         self._degrees = np.empty((1 if self._temperature.constant else AHEAD, count))
@@ -229,10 +230,10 @@ class Triads:
 
         :param renewed: they are new units.
         """
+        seeds = self._units.unit_seeds[units]
         for name, triad in self._triads.items():
-            own = self._units.triad(name, units)
-            seeds = self._units.unit_seeds[units]
-            triad.begin(units, own, unit_of_seed(own, name, seeds) if renewed else None)
+            new = unit_of_seed(self._units.triad(name, units), name, seeds) if renewed else None
+            triad.begin(units, new)
         self._index[units] = 0
         places = self._index % AHEAD
         self._in_phase = bool((places == places[0]).all())
@@ -255,7 +256,9 @@ class Triads:
         self._index += 1
         additions = {
             name: Additions(
-                None if scale is None else _at(rows, scale), _at(rows, bias), _at(rows, noise)
+                None if scale is None else _at(rows, scale),
+                _at(rows, bias),
+                None if noise is None else _at(rows, noise),
             )
             for name, (scale, bias, noise) in self._ahead.items()
         }
@@ -273,20 +276,26 @@ class Triads:
             self._degrees[:, units] = temperature
             offset = temperature - self._reference
         for name, triad in self._triads.items():
-            made = triad.precompute(offset, units)
-            kept = self._ahead[name]
-            if made.scale is not None:
-                # A scale that never changes is kept once.
-                own = made.scale[:1] if is_constant(made.scale) else made.scale
-                scale = kept.scale
-                if scale is None:
-                    scale = _room(self._units.count, len(own))
-                    scale[...] = 1.0
-                    self._ahead[name] = kept._replace(scale=scale)
-                scale[:, units] = own
-            kept.bias[:, units], kept.noise[:, units] = made.bias, made.noise
+            made, kept = triad.precompute(Surroundings(offset), units), self._ahead[name]
+            kept.bias[:, units] = made.bias
+            scale = self._kept(kept.scale, made.scale, 1.0, units)
+            noise = self._kept(kept.noise, made.noise, 0.0, units)
+            self._ahead[name] = Additions(scale, kept.bias, noise)
         for name, make in self._make_others.items():
             self._others[name][:, units] = make(units, first)
+
+    def _kept(
+        self, kept: Array | None, made: Array | None, usual: float, units: Units
+    ) -> Array | None:
+        """Return what is kept of all units, with what was made of some; None: the usual value."""
+        if made is None:
+            return kept
+        own = made[:1] if is_constant(made) else made  # what never changes is kept once
+        if kept is None:
+            kept = _room(self._units.count, len(own))
+            kept[...] = usual
+        kept[:, units] = own
+        return kept
 
 
 def _room(count: int, rows: int = AHEAD) -> Array:

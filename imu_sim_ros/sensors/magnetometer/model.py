@@ -14,7 +14,6 @@ from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
 from imu_sim_ros.rotation import empty, rotate, rotate_inverse, transform
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.realised import with_constants, with_turn_on
-from imu_sim_ros.sensors.errors.response import TurnOn
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.faults import Fault, FaultSchedule
 from imu_sim_ros.sensors.imu.parameters import ImuParameters, instantaneous
@@ -115,10 +114,7 @@ def realised_magnetometer(parameters: MagnetometerParameters, seed: int) -> Magn
     A turn-on scale s multiplies all that the sensor's axes see: iron and currents take it.
     """
     p = with_constants(parameters, NAME, seed)
-    drawn = TurnOn(seed, NAME, p.as_triad())
-    r_im = rotation.to_matrix(rotation.exp(p.misalignment))
-    gain = r_im @ np.diag(1.0 + drawn.scale) @ r_im.T
-    return with_turn_on(p, drawn, gain)
+    return with_turn_on(p, NAME, seed, rotation.to_matrix(rotation.exp(p.misalignment)))
 
 
 class Iron(NamedTuple):

@@ -20,7 +20,7 @@ from imu_sim_ros.bags.read import open_bag, read_imu, read_odometry, read_poses
 from imu_sim_ros.commands.generate import main
 from imu_sim_ros.parameters import files
 from imu_sim_ros.rotation import rotate
-from imu_sim_ros.sensors.errors.noise import gyro_variance_discrete
+from imu_sim_ros.sensors.errors.noise import variance_discrete
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -81,7 +81,7 @@ def test_covariances_and_absent_orientation(tmp_path):
     assert message.orientation_covariance[0] == -1.0
     np.testing.assert_array_equal(
         message.angular_velocity_covariance[[0, 4, 8]],
-        gyro_variance_discrete(parameters.imu, parameters.rate),
+        variance_discrete(parameters.imu, "gyroscope", parameters.rate),
     )
 
 
