@@ -15,6 +15,7 @@ from imu_sim_ros.sensors.barometer.parameters import BarometerParameters, Barome
 from imu_sim_ros.sensors.declaration import Model, Mounted, Sensor, SensorReadings, topic
 from imu_sim_ros.sensors.errors.realised import realised_triad
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.imu.triads import as_triad
 from imu_sim_ros.sensors.recorded import RecordedSamples, read_samples
 from imu_sim_ros.types import Array
 
@@ -60,7 +61,7 @@ def _model(mounted: Mounted, t0_ns: int, _: Mapping[str, Model]) -> Model:
 
 def _realised(own: BarometerParameters, seed: int, name: str) -> BarometerParameters:
     """Return the barometer of a seed, whose errors are those of a triad's first axis."""
-    p = realised_triad(own.as_triad(), name, seed)
+    p = realised_triad(as_triad(own), name, seed)
     return dataclasses.replace(
         own,
         bias=p.bias[0],

@@ -10,26 +10,16 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
-from imu_sim_ros.parameters.kinds import flag, number, numbers, text
-from imu_sim_ros.sensors.imu.triads import TriadParameters, as_in_triads
+from imu_sim_ros.parameters.kinds import flag, number, text
+from imu_sim_ros.sensors.imu.triads import as_in_triads
 from imu_sim_ros.sensors.parameters import OwnRateParameters
 
-_AS_IN_TRIADS: Final = (
-    "noise_density",
-    "random_walk",
-    "gauss_markov_sigma",
-    "correlation_time",
-    "bias_instability",
-    "bias",
-    "turn_on_bias_sigma",
-    "temperature_bias_sigma",
-    "resolution",
-)
+_WORDS: Final = {"triad": "barometer", "unit": "Pa", "change": "Pa/s"}
 
 
-def _as_in_triads(name: str, **changed: str) -> Any:
-    words = {"triad": "barometer", "unit": "Pa", "change": "Pa/s"}
-    return as_in_triads(name, words, kind="number", default=0.0, **changed)
+def _as_in_triads(name: str, **changed: Any) -> Any:
+    """Describe a parameter that is a triad's, of a single axis."""
+    return as_in_triads(name, _WORDS, **{"kind": "number", "default": 0.0, **changed})
 
 
 @dataclass(frozen=True)
@@ -50,11 +40,12 @@ class BarometerParameters(OwnRateParameters):
         "turn_on_bias_sigma",
         text="standard deviation of the offset from unit to unit, drawn from the seed",
     )
-    temperature_bias: tuple[float, ...] = numbers(
-        (),
-        "bias polynomial: entry k is the coefficient of (T - T0)^(k+1)",
-        unit="Pa/K^(k+1)",
-        live=True,
+    temperature_bias: tuple[float, ...] = _as_in_triads(
+        "temperature_bias",
+        kind="numbers",
+        default=(),
+        group=1,
+        text="bias polynomial: entry k is the coefficient of (T - T0)^(k+1)",
     )
     temperature_bias_sigma: float = _as_in_triads("temperature_bias_sigma")
     gust_rate: float = number(
@@ -79,12 +70,6 @@ class BarometerParameters(OwnRateParameters):
     resolution: float = _as_in_triads(
         "resolution", text="step of the digital output (1 LSB); 0: none"
     )
-
-    def as_triad(self) -> TriadParameters:
-        """Return the errors as those of a triad's first axis."""
-        values: dict[str, Any] = {name: (getattr(self, name), 0.0, 0.0) for name in _AS_IN_TRIADS}
-        rows = [entry for c in self.temperature_bias for entry in (c, 0.0, 0.0)]
-        return TriadParameters(**values, temperature_bias=tuple(rows))
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield a line for each contradiction between parameters."""

@@ -28,7 +28,7 @@ from imu_sim_ros.parameters.kinds import (
 )
 from imu_sim_ros.parameters.sections import section, shared
 from imu_sim_ros.sensors import sensors_of_imus
-from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
+from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters, as_triad
 from imu_sim_ros.sensors.parameters import LONGEST, TimingParameters, rotation_problems
 from imu_sim_ros.types import Complex
 
@@ -384,8 +384,7 @@ class ImuParameters(BareImuParameters):
         """Return the errors of one triad, or of another sensor as if it were one."""
         if name in TRIADS:
             return super().triad(name)
-        errors: TriadParameters = getattr(self, name).as_triad()
-        return errors
+        return as_triad(getattr(self, name))
 
 
 def instantaneous(imu: ImuParameters) -> ImuParameters:

@@ -9,6 +9,7 @@ noise are kalibr's. ``live`` marks what may change between two blocks without a 
 else.
 """
 
+import dataclasses
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -30,6 +31,8 @@ from imu_sim_ros.parameters.sections import parameters, section
 from imu_sim_ros.types import Array
 
 NO_CROSS_AXIS = (0.0,) * 6
+_OF_A_TRIAD: Final = "of a triad"
+"""Key of a field of another sensor that is one of the triads'."""
 _SMALLEST_DETERMINANT: Final = 1e-3
 _LONGEST_FLICKER: Final = 1e4
 """[s] the longest correlation time of the processes whose sum is 1/f noise."""
@@ -460,4 +463,25 @@ def as_in_triads(name: str, words: Mapping[str, str], **changed: Any) -> Any:
     """
     triads = parameters(TriadParameters)[name]
     own = {"text": triads.text.format(**words), "unit": triads.unit.format(**words)}
-    return like(triads, **{**own, **changed})
+    described = like(triads, **{**own, **changed})
+    metadata = {**described.metadata, _OF_A_TRIAD: True}
+    return dataclasses.field(default=described.default, metadata=metadata)
+
+
+def names_as_in_triads(cls: type) -> list[str]:
+    """Return the parameters of another sensor that are those of a triad."""
+    return [field.name for field in dataclasses.fields(cls) if _OF_A_TRIAD in field.metadata]
+
+
+def as_triad(sensor: Any) -> TriadParameters:
+    """Return the errors of another sensor that are those of a triad.
+
+    Those of a sensor that measures a single number are those of the first axis.
+    """
+    known, values = parameters(type(sensor)), {}
+    for name in names_as_in_triads(type(sensor)):
+        value, kind = getattr(sensor, name), known[name].kind
+        if kind == "number" or (kind == "numbers" and known[name].group == 1):
+            value = tuple(entry for x in np.ravel(value).tolist() for entry in (x, 0.0, 0.0))
+        values[name] = value
+    return TriadParameters(**values)

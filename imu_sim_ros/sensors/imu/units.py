@@ -23,8 +23,8 @@ from imu_sim_ros.sensors.errors.response import TemperatureProfile, is_constant
 from imu_sim_ros.sensors.errors.terms import Surroundings
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.imu.parameters import ImuParameters, instantaneous
-from imu_sim_ros.sensors.imu.triads import TriadParameters
-from imu_sim_ros.sensors.magnetometer.parameters import AS_IN_TRIADS, MagnetometerParameters
+from imu_sim_ros.sensors.imu.triads import TriadParameters, names_as_in_triads
+from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
 from imu_sim_ros.sensors.parameters import OwnRateParameters
 from imu_sim_ros.sensors.world import SampleTimes
 from imu_sim_ros.types import Array, Integers
@@ -93,7 +93,7 @@ class UnitsOfBatch:
         for field in dataclasses.fields(own[0]):
             if field.name not in _COMMON:
                 rows = [np.asarray(getattr(one, field.name), np.float64) for one in own]
-                spread = name in TRIADS or field.name in AS_IN_TRIADS
+                spread = name in TRIADS or field.name in names_as_in_triads(MagnetometerParameters)
                 full = f"{name}_{field.name}" if spread else ""
                 values[field.name] = self._of_units(rows, full, units)
         return dataclasses.replace(own[0], **values)

@@ -23,24 +23,11 @@ from imu_sim_ros.parameters.kinds import (
     numbers,
     vector,
 )
-from imu_sim_ros.sensors.imu.triads import TriadParameters, as_in_triads, invertible_problems
+from imu_sim_ros.sensors.imu.triads import as_in_triads, invertible_problems
 from imu_sim_ros.sensors.parameters import OwnRateParameters
 from imu_sim_ros.types import Array
 
 _WORDS: Final = {"triad": "magnetometer", "unit": "T", "change": "T/s", "quantity": "field"}
-AS_IN_TRIADS: Final = (
-    "noise_density",
-    "random_walk",
-    "bias_instability",
-    "bias",
-    "turn_on_bias_sigma",
-    "turn_on_scale_sigma",
-    "temperature_bias",
-    "temperature_scale",
-    "range",
-    "resolution",
-)
-"""Errors that are those of a triad."""
 
 
 @dataclass(frozen=True)
@@ -115,10 +102,6 @@ class MagnetometerParameters(OwnRateParameters):
         r_mi = rotation.to_matrix(rotation.exp(self.misalignment)).T
         return r_mi @ np.reshape(self.soft_iron, (3, 3)), r_mi @ self.hard_iron + self.bias
 
-    def as_triad(self) -> TriadParameters:
-        """Return the errors of the sensor itself; iron, axes and currents are not among them."""
-        return TriadParameters(**{name: getattr(self, name) for name in AS_IN_TRIADS})
-
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield a line for each contradiction between parameters."""
         yield from super().problems(prefix)
@@ -133,9 +116,6 @@ class MagnetometerParameters(OwnRateParameters):
                     f"{prefix}current_profile: time {after:g} s after {before:g} s: "
                     "times must increase"
                 )
-
-
-"""Errors that are those of a triad."""
 
 
 @dataclass(frozen=True)
