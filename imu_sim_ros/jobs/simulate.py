@@ -314,10 +314,7 @@ def imu_parameters(imu: object) -> dict[str, object]:
 def keyword_parameters(
     parameters: Mapping[str, Any],
 ) -> tuple[dict[str, object], dict[str, object]]:
-    """Return keyword arguments by dotted name, and those in ``parameters={...}``, which win.
-
-    :raises ConfigurationError: for a name that is none.
-    """
+    """Return keyword arguments by dotted name, and those in ``parameters={...}``, which win."""
     last = parameters.get("parameters", {})
     if not isinstance(last, Mapping):
         refuse("parameters", last, "parameters by name", wrong_type=True)
@@ -330,17 +327,10 @@ def flat_parameters(
 ) -> dict[str, object]:
     """Return nested sections by dotted name; arrays become lists.
 
-    :raises ConfigurationError: for a name that is none.
+    :raises ConfigurationError: for a name that is given twice.
     """
-    result: dict[str, object] = {}
-    for name, value in values.items():
-        if not isinstance(name, str):
-            refuse(argument, values, "parameters by name", wrong_type=True)
-        if isinstance(value, Mapping):
-            result.update(flat_parameters(argument, value, f"{prefix}{name}."))
-        else:
-            result[prefix + name] = value.tolist() if hasattr(value, "tolist") else value
-    return result
+    flat = files.dotted(values, argument, prefix)
+    return {n: value.tolist() if hasattr(value, "tolist") else value for n, value in flat.items()}
 
 
 def _seconds(duration: float | str) -> float:

@@ -29,7 +29,7 @@ from imu_sim_ros.parameters.kinds import (
 )
 from imu_sim_ros.parameters.sections import parameters, section
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.imu.presets import sensor_layer
+from imu_sim_ros.sensors.imu.presets import DEFAULT_IMU, sensor_layer
 from imu_sim_ros.sensors.imu.triads import (
     TriadParameters,
     TriadsParameters,
@@ -38,7 +38,6 @@ from imu_sim_ros.sensors.imu.triads import (
 )
 from imu_sim_ros.sensors.parameters import rotation_problems
 
-DEFAULT_IMU = "lecture"
 METHODS = tuple(increments.METHODS)
 ATTITUDE_UPDATES = ("quaternion", "so3", "euler_angles")
 INITIAL_STATES = ("parameters", "truth", "level")

@@ -139,12 +139,12 @@ def dotted(tree: object, where: str, prefix: str = "") -> dict[str, object]:
 
     :raises ConfigurationError: for anything but names and values.
     """
-    if not isinstance(tree, dict):
+    if not isinstance(tree, Mapping):
         raise ConfigurationError(f"{where}: must hold names and values")
     result: dict[str, object] = {}
     for key, value in tree.items():
         name = f"{prefix}{key}"
-        values = dotted(value, where, name + ".") if isinstance(value, dict) else {name: value}
+        values = dotted(value, where, name + ".") if isinstance(value, Mapping) else {name: value}
         for twice in result.keys() & values:
             raise ConfigurationError(f"{where}: {twice} is given twice, dotted and nested")
         result.update(values)

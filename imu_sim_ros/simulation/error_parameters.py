@@ -23,9 +23,9 @@ from imu_sim_ros.parameters.kinds import (
 )
 from imu_sim_ros.parameters.sections import parameters, section
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.imu.presets import barometer_layer, sensor_layer
+from imu_sim_ros.sensors.imu.presets import layer_imu
 from imu_sim_ros.sensors.parameters import LONGEST, rotation_problems
-from imu_sim_ros.simulation.parameters import DEFAULT_IMU, SampledParameters
+from imu_sim_ros.simulation.parameters import SampledParameters
 from imu_sim_ros.simulation.playback import PARTS, InjectParameters, SimulatorParameters
 from imu_sim_ros.timebase import exact_rate
 
@@ -210,10 +210,7 @@ _OF_THE_SIMULATOR: Final = {
 
 def layer_error_model(given: Mapping[str, object]) -> dict[str, object]:
     """Return what was given above the preset that it names; what concerns motion is left out."""
-    above = {"imu.preset": DEFAULT_IMU, **given}
-    sensor = sensor_layer(str(above["imu.preset"]), NODE)
-    above["imu.preset"] = sensor.pop("imu.preset", above["imu.preset"])
-    layers = {**sensor, **barometer_layer(above, NODE), **above}
+    layers = layer_imu(given, NODE)
     return {name: value for name, value in layers.items() if not name.startswith("trajectory.")}
 
 

@@ -29,7 +29,7 @@ from imu_sim_ros.parameters.sections import (
 from imu_sim_ros.sensors import CAMERAS
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.imu.presets import barometer_layer, sensor_layer
+from imu_sim_ros.sensors.imu.presets import layer_imu, sensor_layer
 from imu_sim_ros.sensors.orientation.parameters import MODEL_ERRORS
 from imu_sim_ros.sensors.parameters import LARGEST_JITTER_SIGMA
 from imu_sim_ros.sensors.registry import find_sensor, is_known, kind_of, sees, sensor_kinds
@@ -43,7 +43,6 @@ from imu_sim_ros.trajectory.parameters import (
     trajectory_layer,
 )
 
-DEFAULT_IMU = "lecture"
 DEFAULT_TRAJECTORY = "lecture"
 
 NODE: Final = "simulator"
@@ -306,12 +305,9 @@ def _of_imu(given: Mapping[str, object], node: str) -> dict[str, object]:
     What an included preset says, and the choices of a user leave no place for, is left out; a
     file of one's own is taken at its word.
     """
-    above = {"imu.preset": DEFAULT_IMU, **given}
-    preset = sensor_layer(str(above["imu.preset"]), node)
-    above["imu.preset"] = preset.pop("imu.preset", above["imu.preset"])
-    result = {**preset, **barometer_layer(above, node), **above}
+    result = layer_imu(given, node)
     # A filter has none of the errors of a modelled orientation.
-    if result.get("imu.orientation_source") == "filter" and above["imu.preset"] in names("imus"):
+    if result.get("imu.orientation_source") == "filter" and result["imu.preset"] in names("imus"):
         for name in MODEL_ERRORS:
             if f"imu.orientation_{name}" not in given:
                 result.pop(f"imu.orientation_{name}", None)

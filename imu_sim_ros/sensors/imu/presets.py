@@ -10,15 +10,10 @@ from typing import Final
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.parameters.files import find, load
 
-BAROMETER_PRESET: Final = "imu.barometer_preset"
-
-
+DEFAULT_IMU: Final = "lecture"
+_BAROMETER: Final = "imu.barometer_preset"
 _OF_MODELS: Final = (".sdf", ".world", ".urdf", ".xacro", ".xml", ".jinja")
-
-
-def is_model(path: str) -> bool:
-    """Return whether a file is a model of Gazebo, by its name; ``FILE#SENSOR`` is one, too."""
-    return Path(path.partition("#")[0]).suffix.lower() in _OF_MODELS
+"""Ends of the names of Gazebo's models; ``FILE#SENSOR`` is one, too."""
 
 
 def sensor_layer(name_or_file: str, node: str = "simulator") -> dict[str, object]:
@@ -30,7 +25,7 @@ def sensor_layer(name_or_file: str, node: str = "simulator") -> dict[str, object
         ``model.sdf`` or ``model.sdf#SENSOR``.
     :raises ConfigurationError: for a preset that cannot be read, or that leads back to itself.
     """
-    if is_model(name_or_file):
+    if Path(name_or_file.partition("#")[0]).suffix.lower() in _OF_MODELS:
         from imu_sim_ros.sensors.imu import sdf  # few sensors come from a model
 
         try:
@@ -48,11 +43,21 @@ def sensor_layer(name_or_file: str, node: str = "simulator") -> dict[str, object
         below = values.pop("imu.preset", None)
         result = {**values, **result}
         if below is None:
-            return {**barometer_layer(result, node), **result}
+            return result
         name_or_file = str(below)
 
 
-def barometer_layer(given: Mapping[str, object], node: str) -> dict[str, object]:
-    """Return what ``imu.barometer_preset`` stands for; nothing if it names no file."""
-    preset = given.get(BAROMETER_PRESET)
-    return load(find("barometers", str(preset)), node) if preset else {}
+def layer_imu(given: Mapping[str, object], node: str) -> dict[str, object]:
+    """Return what was given above the preset of an IMU, and above that of its barometer.
+
+    :param given: parameters of all kinds, as a preset may have, by dotted name.
+    :raises ConfigurationError: for a preset that cannot be read.
+    """
+    above = {"imu.preset": DEFAULT_IMU, **given}
+    preset = sensor_layer(str(above["imu.preset"]), node)
+    above["imu.preset"] = preset.pop("imu.preset", above["imu.preset"])
+    barometer = {**preset, **given}.get(_BAROMETER)
+    file = load(find("barometers", str(barometer)), node) if barometer else {}
+    # A barometer that the IMU's preset names may be changed there; another one is what it is.
+    own = {**preset, **file} if _BAROMETER in given else {**file, **preset}
+    return {**own, **above}
