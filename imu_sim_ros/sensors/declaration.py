@@ -65,12 +65,15 @@ class Mounted(NamedTuple):
     """The parameters that its model is made with: those of its IMU, or its own section."""
     environment: Any
     """The world, with the rate and seed of its IMU."""
-    valid: Any
-    """The parameters that its messages depend on."""
     frame: str
     """Of its messages."""
     space: str = ""
     """Namespace of its topics, with a slash, if there are several of a kind."""
+
+    @property
+    def valid(self) -> Any:
+        """The parameters that its messages depend on: those of the simulation, if an IMU has it."""
+        return self.environment if self.sensor.with_imu else self.own
 
     @property
     def faulty(self) -> tuple[str, ...]:

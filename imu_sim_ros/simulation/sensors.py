@@ -31,15 +31,15 @@ def mounted(parameters: SampledParameters) -> dict[str, Mounted]:
     for name, one in imus(parameters).items():
         space = f"{name}/" if name else ""
         for sensor in (imu.SENSOR, *sensors_of_imus()):
-            of_imu = Mounted(sensor.name, sensor, one.imu, one, one, one.imu_frame, space)
+            of_imu = Mounted(sensor.name, sensor, one.imu, one, one.imu_frame, space)
             found[space + sensor.quantity] = of_imu
     frame = parameters.body_frame
-    found[pose.NAME] = Mounted(pose.NAME, pose.SENSOR, parameters, parameters, parameters, frame)
+    found[pose.NAME] = Mounted(pose.NAME, pose.SENSOR, parameters, parameters, frame)
     named, seen = dict[str, Mounted](), dict[str, Mounted]()
     for name, own in getattr(parameters, "each_sensor", {}).items():
         sensor = find_sensor(own.type or name)
         space = f"{name}/" if own.type else ""
-        named[name] = Mounted(name, sensor, own, parameters, own, own.own_frame(name, frame), space)
+        named[name] = Mounted(name, sensor, own, parameters, own.own_frame(name, frame), space)
     if isinstance(parameters, SimulationParameters) and parameters.cameras:
         from imu_sim_ros.sensors.camera.declaration import seeing  # most runs have none
 

@@ -183,7 +183,7 @@ def seeing(rig: RigParameters, parameters: Any) -> dict[str, Mounted]:
     :param parameters: of the simulation.
     """
     found = {
-        name: Mounted(name, SENSOR, own, parameters, own, rig.frame(name), f"{name}/")
+        name: Mounted(name, SENSOR, own, parameters, rig.frame(name), f"{name}/")
         for name, own in rig.each().items()
     }
     if not found:
@@ -191,5 +191,5 @@ def seeing(rig: RigParameters, parameters: Any) -> dict[str, Mounted]:
     tracked = [FEATURES] if rig.features.layout != "none" else []
     for sensor in (*tracked, LANDMARKS, *map(moving_body, body_names(rig.scene))):
         frame = parameters.body_frame
-        found[sensor.quantity] = Mounted(sensor.name, sensor, rig, parameters, rig, frame)
+        found[sensor.quantity] = Mounted(sensor.name, sensor, rig, parameters, frame)
     return found
