@@ -273,7 +273,7 @@ def test_a_message_type(copy: Copy) -> None:
         from pathlib import Path
         from rosbags.highlevel import AnyReader
         from imu_sim_ros.bags.messages.encode import RelativeHumidityEncoder
-        from imu_sim_ros.bags.write import open_writer
+        from imu_sim_ros.bags.writer import open_writer
         found = []
         for name in ("a.mcap", "a.bag", "folder"):
             with open_writer(Path(name)) as writer:

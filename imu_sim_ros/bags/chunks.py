@@ -1,22 +1,23 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Chunked containers: blocks of messages become chunks of records, built by NumPy, and back."""
+"""Chunked containers: blocks of messages become chunks of records by time, built by NumPy."""
 
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
-from typing import Any, Final, NamedTuple, TypeVar
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.bags.merging import Indexed, Records, merged, parts
 from imu_sim_ros.bags.messages.blocks import (
     Payloads,
     RowTemplate,
     as_list,
     as_row_template,
+    side_by_side,
 )
 from imu_sim_ros.bags.messages.schemas import Schema
 from imu_sim_ros.bags.outputs import OutputFile
@@ -24,97 +25,28 @@ from imu_sim_ros.bags.threads import Pipeline
 from imu_sim_ros.bags.writer import BagTopic, Block, Writer, time_order
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.machine import cores
-from imu_sim_ros.types import Bytes, Times
-
-_Data = TypeVar("_Data", bytes, memoryview)
-
-LARGEST_CHUNK: Final = 1 << 30
-"""[bytes] A larger chunk is refused; those of rosbag2 and roscpp have about 1 MB."""
-_ALWAYS_ALLOWED: Final = 64 << 20
-_LARGEST_RATIO: Final = 40
-"""Largest ratio of compression of larger chunks: a file of 10 MB must not fill the memory."""
-_STEP: Final = 1 << 20
-
-
-def allowed(compressed: int) -> int:
-    """Return how many bytes a chunk of a given compressed size may hold."""
-    return min(LARGEST_CHUNK, max(_ALWAYS_ALLOWED, _LARGEST_RATIO * compressed))
-
-
-def decompress(data: _Data, compression: str, size: int, torn: bool = False) -> bytes | _Data:
-    """Return the content of a chunk; the data themselves if they are not compressed.
-
-    :param compression: none or empty, lz4, zstd or bz2.
-    :param size: stated size of the content [bytes].
-    :param torn: the end is missing; what precedes it is returned.
-    :raises ValueError: for data in another format or of another size.
-    """
-    if size > allowed(len(data)):
-        raise ValueError(f"{size} bytes in {len(data)} compressed ones exceed the limit")
-    content = data if compression in ("", "none") else _decompressed(data, compression, size, torn)
-    if not torn and len(content) != size:
-        raise ValueError("it does not have the expected size")
-    return content
-
-
-def _decompressed(data: bytes | memoryview, compression: str, size: int, torn: bool) -> bytes:
-    """Return the content, or a little more than its size if it is larger than stated."""
-    content = bytearray()
-    try:
-        for part in _stepwise(data, compression):
-            content += part
-            if len(content) > size:
-                break
-    except (RuntimeError, OSError, EOFError, ValueError) as error:
-        if not torn:
-            raise ValueError(str(error)) from None
-    return bytes(content)
-
-
-def _stepwise(data: bytes | memoryview, compression: str) -> Iterator[bytes]:
-    """Yield the content in steps of a bounded size, of one stream."""
-    if compression == "zstd":
-        yield from _zstd_steps(data)
-        return
-    stream = _stream(compression)
-    position = 0
-    while not stream.eof:
-        part: bytes | memoryview = b""
-        if stream.needs_input:
-            part = data[position : position + _STEP]
-            position += len(part)
-            if not part:
-                return
-        yield stream.decompress(part, _STEP)
-
-
-def _zstd_steps(data: bytes | memoryview) -> Iterator[bytes]:
-    import zstandard
-
-    stream = zstandard.ZstdDecompressor().stream_reader(data)
-    try:
-        while part := stream.read(_STEP):
-            yield part
-    except zstandard.ZstdError as error:
-        raise ValueError(str(error)) from None
-
-
-def _stream(compression: str) -> Any:
-    """Return an object that decompresses in steps of a bounded size."""
-    if compression == "lz4":
-        import lz4.frame
-
-        return lz4.frame.LZ4FrameDecompressor()
-    if compression == "bz2":
-        import bz2
-
-        return bz2.BZ2Decompressor()
-    raise ValueError(f"chunks are compressed by {compression[:20]!r}, which is not supported")
-
+from imu_sim_ros.types import Bytes, Integers, Times
 
 CHUNK_BYTES: Final = 1 << 20
 _MAX_WORKERS: Final = 4
 """More than this the thread that writes cannot follow; each has a few chunks in memory."""
+
+
+class Records(NamedTuple):
+    """n messages of one topic as records of equal size, in the order of time."""
+
+    topic: BagTopic
+    t_ns: Times
+    rows: RowTemplate
+
+
+class Indexed(NamedTuple):
+    """The messages of one topic in a chunk."""
+
+    topic: BagTopic
+    t_ns: Times
+    offsets: Integers
+    """Offsets of the records in the chunk."""
 
 
 _Counts = list[tuple[int, int, int]]
@@ -406,3 +338,66 @@ def _mergeable(blocks: Sequence[Block]) -> bool:
         and not any(isinstance(block.payloads, list) for block in blocks)
         and all(bool(np.all(block.t_ns[1:] >= block.t_ns[:-1])) for block in blocks)
     )
+
+
+def parts(records: Sequence[Records], size: int) -> Iterator[list[Records]]:
+    """Yield records in pieces of time of about equal size [bytes]."""
+    longest = max((one.t_ns for one in records), key=len)
+    count = min(max(1, round(sum(one.rows.size for one in records) / size)), len(longest))
+    inner = np.linspace(0, len(longest), count + 1).astype(int)[1:-1]
+    edges = [np.searchsorted(one.t_ns, longest[inner]).tolist() for one in records]
+    cuts = [pairwise([0, *own, len(one.t_ns)]) for own, one in zip(edges, records, strict=True)]
+    for spans in zip(*cuts, strict=True):
+        yield [
+            Records(topic, t_ns[start:stop], rows[start:stop])
+            for (topic, t_ns, rows), (start, stop) in zip(records, spans, strict=True)
+            if stop > start
+        ]
+
+
+def merged(records: Sequence[Records]) -> tuple[Bytes, list[Indexed]]:
+    """Return records by time, and where they are; of equal times those of the first topic first.
+
+    Topics with the same times, as the readings and the truth of an IMU, are one table with rows
+    side by side. Between tables, what follows each other from one of them is copied at once.
+    """
+    tables = _tables(records)
+    rows = [side_by_side([one.rows for one in table]).array() for table in tables]
+    counts = [len(one) for one in rows]
+    order = time_order([table[0].t_ns for table in tables])
+    owner = np.repeat(np.arange(len(tables)), counts)[order]
+    row = order - np.cumsum([0, *counts[:-1]])[owner]
+    widths = np.array([one.shape[1] for one in rows])
+    ends = np.cumsum(widths[owner])
+    begins = ends - widths[owner]
+    index = []
+    for k, table in enumerate(tables):
+        offsets = begins[owner == k]
+        for topic, t_ns, own in table:
+            index.append(Indexed(topic, t_ns, offsets))
+            offsets = offsets + own.shape[1]
+    if len(tables) == 1:
+        return rows[0].reshape(-1), index
+    starts = np.flatnonzero(np.concatenate([[True], owner[1:] != owner[:-1]]))
+    sources = owner[starts]
+    first = (row[starts] * widths[sources]).tolist()
+    last = ((row[np.append(starts[1:], len(owner)) - 1] + 1) * widths[sources]).tolist()
+    content = [memoryview(one.reshape(-1).data) for one in rows]
+    pieces = zip(sources.tolist(), first, last, strict=True)
+    joined = b"".join([content[k][begin:end] for k, begin, end in pieces])
+    return np.frombuffer(joined, np.uint8), index
+
+
+def _tables(records: Sequence[Records]) -> list[list[Records]]:
+    """Return neighbours with the same times together.
+
+    Not if two times are equal: rows of equal times would mix.
+    """
+    tables: list[list[Records]] = []
+    for one in records:
+        increases = bool(np.all(one.t_ns[1:] > one.t_ns[:-1]))
+        if tables and increases and np.array_equal(tables[-1][0].t_ns, one.t_ns):
+            tables[-1].append(one)
+        else:
+            tables.append([one])
+    return tables

@@ -12,7 +12,7 @@ from typing import IO, Any, BinaryIO, NamedTuple, cast
 
 import numpy as np
 
-from imu_sim_ros.bags.chunks import decompress
+from imu_sim_ros.bags.compression import decompress
 from imu_sim_ros.bags.mcap_writer import (
     CHUNK,
     INDEX_ENTRY,

@@ -15,8 +15,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.bags.chunks import ChunkWriter
-from imu_sim_ros.bags.merging import Indexed
+from imu_sim_ros.bags.chunks import ChunkWriter, Indexed
 from imu_sim_ros.bags.messages.blocks import Column, RowTemplate, side_by_side
 from imu_sim_ros.bags.messages.schemas import qos_text
 from imu_sim_ros.bags.writer import BagTopic

@@ -6,11 +6,10 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from imu_sim_ros.bags.writer import COMPRESSED, STORAGES
 from imu_sim_ros.parameters.kinds import choice, flag, number, text, texts
 
-STORAGES = ("auto", "mcap", "sqlite3", "ros1")
 RECORD_TIMES = ("stamp", "reception")
-COMPRESSIONS = ("none", "lz4", "zstd", "bz2")
 
 
 @dataclass(frozen=True)
@@ -27,10 +26,12 @@ class RecorderParameters:
         ("/rosout", "/parameter_events"), "topics to leave out when all topics are recorded"
     )
     storage: str = choice(
-        "auto", STORAGES, "format of the bag; auto: from the extension of output, mcap for a folder"
+        "auto",
+        ("auto", *STORAGES),
+        "format of the bag; auto: from the extension of output, mcap for a folder",
     )
     compression: str = choice(
-        "none", COMPRESSIONS, "compression of chunks: lz4 or zstd in mcap, lz4 or bz2 in ROS 1"
+        "none", COMPRESSED, "compression of chunks: lz4 or zstd in mcap, lz4 or bz2 in ROS 1"
     )
     record_time: str = choice(
         "stamp",

@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.chunks import decompress
+from imu_sim_ros.bags.compression import decompress
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
 from imu_sim_ros.bags.messages.schemas import Qos, Schema, ros2_name
 from imu_sim_ros.bags.reader import DAMAGE, ChunkedBag, ContradictionError, gather, in_order

@@ -241,3 +241,19 @@ class Rosbag2Writer(PartsWriter):
             shutil.rmtree(self.path, ignore_errors=True)
             return []
         return [self.path]
+
+
+def check_split(split_duration: float, period: float, duration: float) -> None:
+    """Refuse parts that are shorter than the time between two messages, or very many.
+
+    :param split_duration: of one part [s]; 0: no parts.
+    :param period: between two messages [s].
+    :param duration: of all [s].
+    :raises InputError: with what is allowed.
+    """
+    shortest = max(period, duration / MAX_PARTS)
+    if 0.0 < split_duration < shortest:
+        raise InputError(
+            f"--split-duration {split_duration:g}s: must be at least {shortest:g} s, which gives "
+            f"every message a part of its own, or {MAX_PARTS} parts"
+        )

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from imu_sim_ros.bags.text import writer
-from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.bags.writer import open_writer
 from imu_sim_ros.conventions import TRUTH_TOPIC
 from imu_sim_ros.datasets.topics import BagTarget, DatasetTarget, in_tables
 from imu_sim_ros.errors import InputError
@@ -62,7 +62,7 @@ def opened(
     :param sensors: of the body.
     :param world: that sensors see, with threads that make images; None: none sees.
     :param jobs: number of these threads.
-    :param of_bag: arguments of :func:`~imu_sim_ros.bags.write.open_writer`.
+    :param of_bag: arguments of :func:`~imu_sim_ros.bags.writer.open_writer`.
     """
     if form is None:
         with open_writer(output, **of_bag) as bag, BagTarget(bag, sensors, names) as messages:

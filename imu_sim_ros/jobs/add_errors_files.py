@@ -19,9 +19,8 @@ from imu_sim_ros.bags.outputs import Outputs
 from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.bags.reader import Bag
 from imu_sim_ros.bags.text import reader as text_reader
-from imu_sim_ros.bags.text.writer import Dataset
-from imu_sim_ros.bags.write import check_writer, dataset_form, open_writer
-from imu_sim_ros.bags.writer import Writer, described
+from imu_sim_ros.bags.text.writer import Dataset, dataset_form
+from imu_sim_ros.bags.writer import Writer, check_writer, described, open_writer
 from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.jobs import convert

@@ -27,9 +27,8 @@ from imu_sim_ros.bags.read import open_bag, read_poses
 from imu_sim_ros.bags.reader import Bag
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.bags.text.writer import Dataset
-from imu_sim_ros.bags.write import check_writer, dataset_form, open_writer
-from imu_sim_ros.bags.writer import Writer, amount, described
+from imu_sim_ros.bags.text.writer import Dataset, dataset_form
+from imu_sim_ros.bags.writer import Writer, amount, check_writer, described, open_writer
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.output import SkipBadRows

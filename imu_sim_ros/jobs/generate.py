@@ -16,12 +16,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from imu_sim_ros import arguments
 from imu_sim_ros.bags.outputs import Outputs
+from imu_sim_ros.bags.split import check_split
+from imu_sim_ros.bags.text.writer import dataset_form
 from imu_sim_ros.bags.threads import prefetch, threads
-from imu_sim_ros.bags.write import (
-    check_split,
-    check_writer,
-    dataset_form,
-)
+from imu_sim_ros.bags.writer import check_writer
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets import truth_files
 from imu_sim_ros.datasets.forms import FORMATS, check_form, opened

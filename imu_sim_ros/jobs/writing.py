@@ -11,7 +11,7 @@ from typing import Annotated, Any, Final
 
 from imu_sim_ros import arguments
 from imu_sim_ros.bags.outputs import Outputs
-from imu_sim_ros.bags.write import COMPRESSED, COMPRESSIONS, STORAGES
+from imu_sim_ros.bags.writer import COMPRESSED, COMPRESSIONS, STORAGES
 from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
 from imu_sim_ros.jobs.output import checked_output, is_file, renamed_topics
 from imu_sim_ros.progress import watcher

@@ -18,8 +18,7 @@ from imu_sim_ros.bags.messages.encode import (
     TemperatureEncoder,
     Vector3StampedEncoder,
 )
-from imu_sim_ros.bags.write import open_writer
-from imu_sim_ros.bags.writer import Block
+from imu_sim_ros.bags.writer import Block, open_writer
 
 COUNT = 9000
 FORMS = {

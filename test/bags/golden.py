@@ -10,8 +10,7 @@ import numpy as np
 
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
 from imu_sim_ros.bags.text.writer import BodyStates, Dataset
-from imu_sim_ros.bags.write import open_writer
-from imu_sim_ros.bags.writer import Block
+from imu_sim_ros.bags.writer import Block, open_writer
 
 COUNT = 12
 K = np.arange(COUNT)

@@ -23,8 +23,7 @@ from imu_sim_ros.bags.messages.encode import (
 )
 from imu_sim_ros.bags.messages.schemas import Qos
 from imu_sim_ros.bags.read import open_bag, read_imu
-from imu_sim_ros.bags.write import open_writer
-from imu_sim_ros.bags.writer import Block
+from imu_sim_ros.bags.writer import Block, open_writer
 from imu_sim_ros.errors import InputError
 
 ROS1_PYTHON = Path("/usr/bin/python3")

@@ -12,7 +12,7 @@ import pytest
 import imu_sim_ros as ims
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
 from imu_sim_ros.bags.read import read_imu, read_odometry, read_poses
-from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.bags.writer import open_writer
 from imu_sim_ros.commands import convert_bag, dead_reckon, evaluate, report
 from imu_sim_ros.errors import InputError
 

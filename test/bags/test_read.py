@@ -16,7 +16,7 @@ from imu_sim_ros.bags.read import (
     read_poses,
     read_temperature,
 )
-from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.bags.writer import open_writer
 from imu_sim_ros.errors import InputError
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import imu_blocks, open_bag
-from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.bags.writer import open_writer
 from imu_sim_ros.errors import InputError
 
 CUTS = (0.3, 0.52, 0.77, 0.999)
@@ -121,7 +121,7 @@ WRITE_FOREVER = """
 import sys
 import numpy as np
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
-from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.bags.writer import open_writer
 writer = open_writer(sys.argv[1], sys.argv[2])
 encoder = ImuEncoder("imu_link", writer.encoding)
 topic = writer.add_topic("/imu/data_raw", IMU)

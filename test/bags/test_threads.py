@@ -11,7 +11,7 @@ import pytest
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import read_imu
 from imu_sim_ros.bags.threads import Pipeline
-from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.bags.writer import open_writer
 
 COUNT = 12_000  # four chunks
 

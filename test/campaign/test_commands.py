@@ -112,7 +112,7 @@ import sys
 import numpy as np
 from imu_sim_ros.bags.read import read_odometry
 from imu_sim_ros.bags.messages.encode import ODOMETRY, OdometryEncoder
-from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.bags.writer import open_writer
 truth = read_odometry(sys.argv[1], "/ground_truth/odom")
 position, velocity = truth.position + [0.2, 0, 0], truth.velocity_b + [0, 0.6, 0]
 pose, twist = np.diag([0.01] * 3 + [1e-4] * 3), np.diag([0.09] * 3 + [1e-4] * 3)

@@ -15,8 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from imu_sim_ros.bags.messages.encode import IMU
 from imu_sim_ros.bags.read import imu_blocks, open_bag
-from imu_sim_ros.bags.write import open_writer
-from imu_sim_ros.bags.writer import Block
+from imu_sim_ros.bags.writer import Block, open_writer
 from imu_sim_ros.commands import convert_bag, generate
 
 SETTINGS = {

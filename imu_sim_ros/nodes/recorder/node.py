@@ -15,8 +15,7 @@ from rclpy.exceptions import NameValidationException
 
 from imu_sim_ros import program
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
-from imu_sim_ros.bags.write import open_writer
-from imu_sim_ros.bags.writer import Writer
+from imu_sim_ros.bags.writer import Writer, open_writer
 from imu_sim_ros.errors import ConfigurationError, InputError, MissingDependencyError
 from imu_sim_ros.json_text import as_json
 from imu_sim_ros.nodes import run, signals

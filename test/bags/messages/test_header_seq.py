@@ -9,8 +9,7 @@ from rosbags.rosbag1 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from imu_sim_ros.bags.messages.encode import CLOCK, IMU, ClockEncoder, ImuEncoder
-from imu_sim_ros.bags.write import open_writer
-from imu_sim_ros.bags.writer import Block
+from imu_sim_ros.bags.writer import Block, open_writer
 from imu_sim_ros.commands import convert_bag
 
 TYPES = get_typestore(Stores.ROS1_NOETIC)

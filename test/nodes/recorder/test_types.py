@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from imu_sim_ros.bags.messages.encode import ImuEncoder
 from imu_sim_ros.bags.messages.schemas import recorded_type
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
-from imu_sim_ros.bags.write import open_writer
+from imu_sim_ros.bags.writer import open_writer
 from imu_sim_ros.errors import ConfigurationError, InputError, MissingDependencyError
 from imu_sim_ros.nodes import messages as message_types
 from imu_sim_ros.nodes.arguments import ros_arguments
