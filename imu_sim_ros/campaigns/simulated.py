@@ -3,6 +3,7 @@
 
 """One cell of a campaign as its estimators see it: samples of any seed, and the truth."""
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -51,8 +52,7 @@ class SimulatedCell:
         """
         self.plan, self.cell = plan, cell
         self.parameters = plan.simulation(cell)
-        sensors = (POSE, *self.parameters.sensors)
-        self._base = Body(self.parameters, pose_reader=read_poses, sensors=sensors)
+        self._base = Body(self.parameters, pose_reader=read_poses)
         if self._base.total is None:
             raise ConfigurationError(
                 f"cell {cell.name}: duration = 0: this trajectory has no end; give a duration in "
@@ -64,8 +64,8 @@ class SimulatedCell:
         self._truth: TrueMotion | None = None
 
     def block(self, seed: int) -> Samples:
-        """Return all samples of the IMU of a seed."""
-        block: Samples = self.simulation(seed).next(self.total)[IMU]
+        """Return all samples of the IMU of a seed; no other sensor is read."""
+        block: Samples = self._begun(seed).next(self.total)[IMU]
         return block
 
     def simulation(self, seed: int, threads: "Executor | None" = None) -> Body:
@@ -74,10 +74,17 @@ class SimulatedCell:
         :param threads: for what cameras see, which is read as well; None: it is not.
         """
         seen = [n for n, one in mounted(self.parameters).items() if one.sensor.datasets]
-        simulation = self._base.with_seed(seed, seen if threads else (), threads)
+        more = (POSE, *self.parameters.sensors, *(seen if threads else ()))
+        return self._begun(seed, more, threads)
+
+    def _begun(
+        self, seed: int, sensors: Collection[str] = (), threads: "Executor | None" = None
+    ) -> Body:
+        """Return the body at its first sample; sensors are read in addition to the IMU."""
+        body = self._base.with_seed(seed, sensors, threads)
         for timed in self.plan.faults:
-            simulation.inject(timed.fault, timed.at)
-        return simulation
+            body.inject(timed.fault, timed.at)
+        return body
 
     def truth(self, block: Samples) -> TrueMotion:
         """Return the true states at the true times; they are the same for all seeds.

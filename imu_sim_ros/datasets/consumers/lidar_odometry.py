@@ -147,8 +147,9 @@ def _fast_lio(one: Ranging) -> str:
     rotation, position = one.in_imu()
     head = comment(
         [
-            "FAST-LIO2, a config for ROS 1; with ROS 2, under /**: ros__parameters. Written "
-            "against its sources; it has not been run here. The simulation has to begin at rest.",
+            "FAST-LIO2, a config for ROS 1, in place of that of its launch file; with ROS 2, under "
+            "/**: ros__parameters. Run by hand with ROS 1. The simulation has to begin at rest "
+            "(trajectory.rest_before). Estimates are of the IMU.",
             *(
                 [f"It reads {CUSTOM_TOPIC} of Livox: write it with --topics, or publish it."]
                 if livox
@@ -197,9 +198,10 @@ def _lio_sam(one: Ranging, parameters: SimulationParameters) -> str:
     head = comment(
         [
             "LIO-SAM for ROS 1 (params.yaml); with ROS 2, the same keys under /**: "
-            "ros__parameters. What is missing keeps its default there. Written against its "
-            "sources; it has not been run here.",
-            f"It needs an orientation: {nine} (publish.orientation or --topics), not {raw}.",
+            "ros__parameters. What is missing keeps its default there. Run by hand with ROS 1. "
+            "Estimates are of the LiDAR.",
+            f"It needs an orientation: {nine} (publish.orientation or --topics), not {raw}. Its tf "
+            "needs that of the mount, /tf_static, from its start on.",
             "imuAccNoise and the others are densities, as gtsam takes them.",
             *remarks(values, ()),
         ]

@@ -5,6 +5,8 @@
 
 import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -618,6 +620,33 @@ def test_a_run_of_a_campaign_has_what_programs_read(tmp_path):
     with open_bag(write_dataset(cell, "mcap", 0, tmp_path)) as bag:
         found = {one.name: one.count for one in bag.topics}
     assert found == {"/imu/data_raw": 10, "/ground_truth/odom": 10, "/points": 2, "/tf_static": 1}
+
+
+READINGS_OF_A_RUN = """
+import sys
+from pathlib import Path
+from imu_sim_ros.campaigns.plan import load_plan
+from imu_sim_ros.campaigns.simulated import SimulatedCell
+
+plan = load_plan(Path(sys.argv[1]))
+cell = SimulatedCell(plan, next(iter(plan.cells())))
+assert len(cell.block(0).t_ns) == 10
+print("imu_sim_ros.sensors.lidar.model" in sys.modules)
+cell.simulation(0)
+print("imu_sim_ros.sensors.lidar.model" in sys.modules)
+"""
+
+
+def test_the_truth_of_a_run_needs_no_scans(tmp_path):
+    """An estimate is compared, and a page drawn, without casting rays once more."""
+    path = tmp_path / "plan.yaml"
+    path.write_text(
+        "name: a\nparameters: {rate: 50.0, duration: 0.2, scene: warehouse, lidar: vlp16}\n"
+        "seeds: 1\nestimators: {a: {type: dead_reckon}}\n"
+    )
+    command = [sys.executable, "-c", READINGS_OF_A_RUN, path]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "True"]
 
 
 def test_a_scene_without_surfaces_is_told():
