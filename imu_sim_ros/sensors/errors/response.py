@@ -211,19 +211,17 @@ class LowPass:
                 axes = np.flatnonzero(cutoffs == cutoff)
                 self._groups.append(_Group(axes, sections, signal.sosfilt_zi(sections)))
 
-    @property
-    def active(self) -> bool:
-        """Whether any axis is filtered."""
-        return bool(self._groups)
-
     def begin(self, units: Units) -> None:
         """Let the filters of some units of a batch start with their next samples."""
         self._fresh[units] = True
 
-    def apply(self, values: Array) -> None:
-        """Filter the next n samples (n, ..., 3) in place."""
+    def apply(self, values: Array) -> Array | None:
+        """Filter the next n samples (n, ..., 3) in place; return what that adds; None: nothing."""
+        if not self._groups:
+            return None
+        before = np.copy(values)
         if len(values) == 0:
-            return
+            return before
         for group in self._groups:
             x = values[..., group.columns]
             if group.state is None:
@@ -234,6 +232,7 @@ class LowPass:
                 group.sections, x, axis=0, zi=group.state
             )
         self._fresh[...] = False
+        return np.subtract(values, before, out=before)
 
 
 _WHOLE: Final = 1.0 + 1e-6

@@ -164,24 +164,21 @@ class Triad:
         if scale is not None:
             reading *= scale
         perfect = scale is None and self._response.is_perfect
-        response_error = _constant(0.0, reading.shape) if perfect else reading - ideal
+        response_error = None if perfect else reading - ideal
         if faults is not None and faults.any:
             bias = self._with_jumps(first, bias, faults)
         reading += bias
         if noise is not None:
             reading += noise
-        scale = _constant(1.0, reading.shape) if scale is None else scale
-        noise = _constant(0.0, reading.shape) if noise is None else noise
-        low_pass = self._filtered(reading)
+        low_pass = self._low_pass.apply(reading)
         if self._ratio > 1:
             last = slice(self._ratio - 1, None, self._ratio)
-            reading, bias, scale, noise, response_error, low_pass = (
-                np.copy(values[last])
-                for values in (reading, bias, scale, noise, response_error, low_pass)
+            reading, bias = np.copy(reading[last]), np.copy(bias[last])
+            scale, noise, response_error, low_pass = (
+                None if values is None else np.copy(values[last])
+                for values in (scale, noise, response_error, low_pass)
             )
-        if vibration is None:
-            vibration = _constant(0.0, reading.shape)
-        else:
+        if vibration is not None:
             reading += vibration
         if faults is not None and faults.any:
             faults.saturate(self._triad, first, reading)
@@ -192,15 +189,12 @@ class Triad:
                 faults.hold(self._triad, first, reading, self._last)
             if len(reading):
                 self._last = reading[-1].copy()
-        return Reading(reading, bias, scale, noise, response_error, low_pass, vibration)
-
-    def _filtered(self, reading: Array) -> Array:
-        """Apply the low-pass to readings (n, 3) in place; return what it adds."""
-        if not self._low_pass.active:
-            return _constant(0.0, reading.shape)
-        before = np.copy(reading)
-        self._low_pass.apply(reading)
-        return np.subtract(reading, before, out=before)
+        scale = _constant(1.0, reading.shape) if scale is None else scale
+        others = (
+            _constant(0.0, reading.shape) if values is None else values
+            for values in (noise, response_error, low_pass, vibration)
+        )
+        return Reading(reading, bias, scale, *others)
 
     @property
     def follows_force(self) -> bool:
