@@ -5,10 +5,11 @@
 
 import dataclasses
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Any, Final, TypeVar, cast
+from typing import Any, ClassVar, Final, TypeVar, cast
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import shown, suggestion
@@ -31,18 +32,52 @@ OF_EVERY_NODE: Final = {
 _QOS: Final = "qos_overrides."
 
 
+_SECTIONS: Final = "sections"
+"""Key of what describes the sections in a field of a dataclass."""
+
+
+class _Kind(ABC):
+    """How the sections in a field stand among the parameters around them."""
+
+    several: ClassVar[bool] = False
+    """Whether the field is a dictionary of sections by name."""
+    without: Collection[str] = ()
+    """Fields of a section that are not parameters."""
+
+    @abstractmethod
+    def classes(self, name: str, values: Mapping[str, object]) -> Mapping[str, type]:
+        """Return the classes by their names; that of a single section has none.
+
+        :param name: of the field, with what stands before it.
+        :param values: all that are given.
+        """
+
+    @abstractmethod
+    def below(self, prefix: str, field: str, name: str) -> str:
+        """Return what stands before the names of a section's parameters."""
+
+    def described(self, parameter: Parameter) -> Parameter:
+        """Return a parameter of a section as it is described here."""
+        return parameter
+
+
 @dataclass(frozen=True)
-class _Nested:
+class _Section(_Kind):
     """A section within another, see :func:`section`."""
 
     cls: type
-    joint: str = "."
+    joint: str
     words: Mapping[str, str] | None = None
     without: Collection[str] = ()
     fixed: bool = False
 
+    def classes(self, name: str, values: Mapping[str, object]) -> Mapping[str, type]:
+        return {"": self.cls}
+
+    def below(self, prefix: str, field: str, name: str) -> str:
+        return f"{prefix}{field}{self.joint}"
+
     def described(self, parameter: Parameter) -> Parameter:
-        """Return a parameter of the section as it is described within the other."""
         if self.words:
             text, unit = (of.format_map(self.words) for of in (parameter.text, parameter.unit))
             parameter = dataclasses.replace(parameter, text=text, unit=unit)
@@ -63,8 +98,24 @@ def section(
     :param without: fields of the section that are not parameters here and keep their default.
     :param fixed: whether none of its parameters is live here.
     """
-    nested = _Nested(cls, joint, words, without, fixed)
-    return dataclasses.field(default_factory=cls, metadata={"section": nested})
+    kind = _Section(cls, joint, words, without, fixed)
+    return dataclasses.field(default_factory=cls, metadata={_SECTIONS: kind})
+
+
+@dataclass(frozen=True)
+class _Variant(_Kind):
+    """A section whose class depends on a parameter in it, see :func:`variant`."""
+
+    key: str
+    default: str
+    find: Callable[[str], type]
+    kinds: Mapping[str, type]
+
+    def classes(self, name: str, values: Mapping[str, object]) -> Mapping[str, type]:
+        return {"": self.find(str(values.get(f"{name}.{self.key}", self.default)))}
+
+    def below(self, prefix: str, field: str, name: str) -> str:
+        return f"{prefix}{field}."
 
 
 def variant(key: str, default: str, find: Callable[[str], type], kinds: Mapping[str, type]) -> Any:
@@ -73,19 +124,24 @@ def variant(key: str, default: str, find: Callable[[str], type], kinds: Mapping[
     :param find: returns the class for a string, or raises ConfigurationError with one line.
     :param kinds: classes that :func:`build` names if a parameter of theirs is given to another.
     """
-    return dataclasses.field(
-        default_factory=lambda: find(default)(),
-        metadata={"variant": (key, default, find), "kinds": kinds},
-    )
+    kind = _Variant(key, default, find, kinds)
+    return dataclasses.field(default_factory=lambda: find(default)(), metadata={_SECTIONS: kind})
 
 
 @dataclass(frozen=True)
-class _Each:
+class _Each(_Kind):
     """Sections of names that a parameter lists, see :func:`each`."""
 
     listed: str
     find: Callable[[str, Mapping[str, object]], type]
     taken: Collection[str]
+    several = True
+
+    def classes(self, name: str, values: Mapping[str, object]) -> Mapping[str, type]:
+        return {one: self.find(one, values) for one in listed(self.listed, values)}
+
+    def below(self, prefix: str, field: str, name: str) -> str:
+        return f"{name}."
 
 
 def each(
@@ -98,17 +154,22 @@ def each(
         line.
     :param taken: names that cannot be used, next to those of parameters.
     """
-    return dataclasses.field(default_factory=dict, metadata={"each": _Each(listed, find, taken)})
+    kind = _Each(listed, find, taken)
+    return dataclasses.field(default_factory=dict, metadata={_SECTIONS: kind})
 
 
 @dataclass(frozen=True)
-class _Shared:
+class _Shared(_Kind):
     """Sections that are always there, see :func:`shared`."""
 
     sections: Callable[[], Mapping[str, type]]
     joint: str | None
+    several = True
 
-    def below(self, prefix: str, name: str) -> str:
+    def classes(self, name: str, values: Mapping[str, object]) -> Mapping[str, type]:
+        return self.sections()
+
+    def below(self, prefix: str, field: str, name: str) -> str:
         return prefix if self.joint is None else f"{prefix}{name}{self.joint}"
 
 
@@ -119,16 +180,22 @@ def shared(sections: Callable[[], Mapping[str, type]], joint: str | None) -> Any
     """
     return dataclasses.field(
         default_factory=lambda: {name: cls() for name, cls in sections().items()},
-        metadata={"shared": _Shared(sections, joint)},
+        metadata={_SECTIONS: _Shared(sections, joint)},
     )
 
 
 @dataclass(frozen=True)
-class _Optional:
+class _Optional(_Kind):
     """A section that is there or not, see :func:`optional`."""
 
     cls: Callable[[], type]
     there: Callable[[Mapping[str, object]], bool]
+
+    def classes(self, name: str, values: Mapping[str, object]) -> Mapping[str, type]:
+        return {"": self.cls()} if self.there(values) else {}
+
+    def below(self, prefix: str, field: str, name: str) -> str:
+        return prefix
 
 
 def optional(cls: Callable[[], type], there: Callable[[Mapping[str, object]], bool]) -> Any:
@@ -137,7 +204,7 @@ def optional(cls: Callable[[], type], there: Callable[[Mapping[str, object]], bo
     :param cls: returns it; called only if it is there, so that it may be imported then.
     :param there: tells from all values whether it is.
     """
-    return dataclasses.field(default=None, metadata={"optional": _Optional(cls, there)})
+    return dataclasses.field(default=None, metadata={_SECTIONS: _Optional(cls, there)})
 
 
 def parameters(cls: type, values: Mapping[str, object] | None = None) -> dict[str, Parameter]:
@@ -162,13 +229,10 @@ def _fixed(cls: type) -> tuple[tuple[str, Parameter], ...] | None:
     for field in dataclasses.fields(cls):
         if METADATA in field.metadata:
             continue
-        if "section" in field.metadata:
-            within = [field.metadata["section"].cls]
-        elif "shared" in field.metadata:
-            within = [*field.metadata["shared"].sections().values()]
-        else:
+        kind = field.metadata[_SECTIONS]
+        if not isinstance(kind, _Section | _Shared):
             return None
-        if any(_fixed(one) is None for one in within):
+        if any(_fixed(one) is None for one in kind.classes("", {}).values()):
             return None
     return tuple(_walk_fields(cls, {}, ""))
 
@@ -177,37 +241,16 @@ def _walk_fields(
     cls: type, values: Mapping[str, object], prefix: str
 ) -> Iterator[tuple[str, Parameter]]:
     for field in dataclasses.fields(cls):
-        name = prefix + field.name
         if METADATA in field.metadata:
-            yield name, field.metadata[METADATA]
+            yield prefix + field.name, field.metadata[METADATA]
             continue
-        for _, nested, below in _inside(field, values, prefix):
-            absent = [below + other for other in nested.without]
-            for dotted, parameter in _walk(nested.cls, values, below):
+        kind: _Kind = field.metadata[_SECTIONS]
+        for name, one in kind.classes(prefix + field.name, values).items():
+            below = kind.below(prefix, field.name, name)
+            absent = [below + other for other in kind.without]
+            for dotted, parameter in _walk(one, values, below):
                 if dotted not in absent:
-                    yield dotted, nested.described(parameter)
-
-
-def _inside(
-    field: Any, values: Mapping[str, object], prefix: str
-) -> Iterator[tuple[str, _Nested, str]]:
-    """Yield the sections within a field: key in its dictionary, class, prefix of their names."""
-    if "each" in field.metadata:
-        found: _Each = field.metadata["each"]
-        for name in listed(found.listed, values):
-            yield name, _Nested(found.find(name, values)), f"{name}."
-    elif "shared" in field.metadata:
-        always: _Shared = field.metadata["shared"]
-        for name, cls in always.sections().items():
-            yield name, _Nested(cls), always.below(prefix, name)
-    elif "optional" in field.metadata:
-        maybe: _Optional = field.metadata["optional"]
-        if maybe.there(values):
-            yield "", _Nested(maybe.cls()), prefix
-    else:
-        name = prefix + field.name
-        nested = _nested(field, values, name)
-        yield "", nested, name + nested.joint
+                    yield dotted, kind.described(parameter)
 
 
 def listed(parameter: str, values: Mapping[str, object]) -> list[str]:
@@ -217,14 +260,6 @@ def listed(parameter: str, values: Mapping[str, object]) -> list[str]:
     except ValueError:
         return []
     return [str(name) for name in value] if isinstance(value, list | tuple) else []
-
-
-def _nested(field: Any, values: Mapping[str, object], name: str) -> _Nested:
-    if "section" in field.metadata:
-        return cast(_Nested, field.metadata["section"])
-    key, default, find = field.metadata["variant"]
-    chosen = values.get(f"{name}.{key}", default)
-    return _Nested(find(str(chosen)))
 
 
 def is_of_ros(name: str) -> bool:
@@ -310,23 +345,22 @@ def _usable(
     problems: list[str] = []
     known = {} if known is None else known
     for field in dataclasses.fields(cls):
-        gone: list[str] = []
-        if "variant" in field.metadata:
+        kind, gone = field.metadata.get(_SECTIONS), list[str]()
+        if isinstance(kind, _Variant):
             try:
-                _nested(field, values, field.name)
+                kind.classes(field.name, values)
             except ConfigurationError as error:
                 problems += error.problems
                 gone = [field.name]
-        elif "optional" in field.metadata and field.metadata["optional"].there(values):
-            values, found = _usable(field.metadata["optional"].cls(), values, known)
+        elif isinstance(kind, _Optional) and kind.there(values):
+            values, found = _usable(kind.cls(), values, known)
             problems += found
-        elif "each" in field.metadata:
-            found, gone = _unusable_names(cls, field.metadata["each"], values, known)
+        elif isinstance(kind, _Each):
+            found, gone = _unusable_names(cls, kind, values, known)
             problems += found
             if gone:
-                listing = field.metadata["each"].listed
-                rest = [name for name in listed(listing, values) if name not in gone]
-                values = {**values, listing: tuple(rest)}
+                rest = [name for name in listed(kind.listed, values) if name not in gone]
+                values = {**values, kind.listed: tuple(rest)}
         if gone:
             below = tuple(f"{name}." for name in gone)
             values = {key: v for key, v in values.items() if not key.startswith(below)}
@@ -367,21 +401,19 @@ def _unusable_names(
 def _of_other_variants(cls: type, values: Mapping[str, object], name: str) -> str | None:
     """Return the line for a parameter that only other classes of its variant have; else None."""
     for field in dataclasses.fields(cls):
-        below = f"{field.name}."
-        if "optional" in field.metadata and field.metadata["optional"].there(values):
-            line = _of_other_variants(field.metadata["optional"].cls(), values, name)
+        kind, below = field.metadata.get(_SECTIONS), f"{field.name}."
+        if isinstance(kind, _Optional) and kind.there(values):
+            line = _of_other_variants(kind.cls(), values, name)
             if line is not None:
                 return line
-        if "variant" not in field.metadata or not name.startswith(below):
+        if not isinstance(kind, _Variant) or not name.startswith(below):
             continue
-        key, default, _ = field.metadata["variant"]
-        kinds: Mapping[str, type] = field.metadata["kinds"]
         own = name.removeprefix(below)
-        having = [kind for kind, each in kinds.items() if own in parameters(each)]
-        chosen = values.get(below + key, default)
+        having = [word for word, each in kind.kinds.items() if own in parameters(each)]
+        chosen = values.get(below + kind.key, kind.default)
         if having:
             verb = "has" if len(having) == 1 else "have"
-            of = f"{below}{key} {chosen}"
+            of = f"{below}{kind.key} {chosen}"
             return f"{name}: unknown parameter of {of}; {', '.join(having)} {verb} it"
     return None
 
@@ -396,12 +428,12 @@ def _construct(
             if name in parsed:
                 arguments[field.name] = parsed[name]
             continue
+        kind: _Kind = field.metadata[_SECTIONS]
         made: dict[str, Any] = {
-            key: _construct(nested.cls, parsed, values, below)
-            for key, nested, below in _inside(field, values, prefix)
+            key: _construct(one, parsed, values, kind.below(prefix, field.name, key))
+            for key, one in kind.classes(name, values).items()
         }
-        several = "each" in field.metadata or "shared" in field.metadata
-        arguments[field.name] = made if several else made.get("")
+        arguments[field.name] = made if kind.several else made.get("")
     return cls(**arguments)
 
 
@@ -433,17 +465,10 @@ def flatten(instance: object, prefix: str = "") -> dict[str, Value]:
 
 def _built(field: Any, value: Any, prefix: str) -> Iterator[tuple[object, str, Collection[str]]]:
     """Yield the sections in a field, with the prefix of their names, and what they lack."""
-    if "each" in field.metadata:
-        yield from ((one, f"{name}.", ()) for name, one in value.items())
-    elif "shared" in field.metadata:
-        always: _Shared = field.metadata["shared"]
-        yield from ((one, always.below(prefix, name), ()) for name, one in value.items())
-    elif "optional" in field.metadata:
-        if value is not None:
-            yield value, prefix, ()
-    else:
-        nested: _Nested = field.metadata.get("section", _Nested(object))
-        yield value, f"{prefix}{field.name}{nested.joint}", nested.without
+    kind: _Kind = field.metadata[_SECTIONS]
+    found = value if kind.several else {} if value is None else {"": value}
+    for name, one in found.items():
+        yield one, kind.below(prefix, field.name, name), kind.without
 
 
 def unknown(
