@@ -146,7 +146,7 @@ class Streams:
         """
         self._seed, self._sources = seed, sources
         states = initial_states(seed, *sources)
-        self._places = np.arange(states.size // 4).reshape(states.shape[:-1])
+        self._indices = np.arange(states.size // 4).reshape(states.shape[:-1])
         """(*units, 3 m) of the streams in the list of states."""
         self._states = _as_bytes(states)
         bits = SFC64(0)
@@ -156,21 +156,21 @@ class Streams:
     def begin(self, units: Units) -> None:
         """Begin the streams of some units of a batch again, from their present seeds."""
         states = initial_states(np.asarray(self._seed)[units], *self._sources)
-        for place, state in zip(
-            self._places[units].ravel().tolist(), _as_bytes(states), strict=True
+        for index, state in zip(
+            self._indices[units].ravel().tolist(), _as_bytes(states), strict=True
         ):
-            self._states[place] = state
+            self._states[index] = state
 
     def next(self, count: int, units: Units = ..., axes: Any = slice(None)) -> Array:
         """Return the next numbers (count, *units, axes) of some units and axes, by source."""
-        places = self._places[units][..., axes]
-        numbers = np.empty((*places.shape, count))
+        indices = self._indices[units][..., axes]
+        numbers = np.empty((*indices.shape, count))
         generator, states, draw = self._state, self._states, self._draw
-        rows = numbers.reshape(places.size, count)
-        for place, own in zip(places.ravel().tolist(), rows, strict=True):
-            generator.raw = states[place]
+        rows = numbers.reshape(indices.size, count)
+        for index, own in zip(indices.ravel().tolist(), rows, strict=True):
+            generator.raw = states[index]
             draw(out=own)
-            states[place] = generator.raw
+            states[index] = generator.raw
         return last_first(numbers)
 
 

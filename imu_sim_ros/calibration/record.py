@@ -273,9 +273,9 @@ def _with_gaps(y: Array, missing: Integers) -> Array:
     """Return readings with rows of NaN for those missing before each."""
     if not missing.any():
         return y
-    places = np.cumsum(missing + 1) - 1
-    result = np.full((int(places[-1]) + 1, y.shape[1]), np.nan)
-    result[places] = y
+    there = np.cumsum(missing + 1) - 1
+    result = np.full((int(there[-1]) + 1, y.shape[1]), np.nan)
+    result[there] = y
     return result
 
 

@@ -175,9 +175,9 @@ def collect(plan: Plan, store: Store, digests_of: Digests | None = None) -> list
             continue
         begun.remove(cell.name)
         digests = digests_of(cell)
-        for place, seed in enumerate(plan.seeds):
+        for position, seed in enumerate(plan.seeds):
             for k, name in enumerate(plan.estimators):
-                number = (cell.number * len(plan.seeds) + place) * len(plan.estimators) + k
+                number = (cell.number * len(plan.seeds) + position) * len(plan.estimators) + k
                 wanted[digests[name], seed, name, cell.name] = number
     found: dict[Key, Row] = {}
     for row in store.rows():

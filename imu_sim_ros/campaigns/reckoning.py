@@ -145,8 +145,8 @@ class DeadReckoning:
         matrix = propagate(truth, block.ideal_accel, imu, covariance, mount=mount)[0]
         valid = covariance.largest_attitude_sigma <= LARGEST_SIGMA
         found: dict[str, Array | None] = {}
-        for name, place in _NEES.items():
-            part = matrix[place, place]
+        for name, rows in _NEES.items():
+            part = matrix[rows, rows]
             regular = valid and np.linalg.matrix_rank(part, hermitian=True) == 3
             found[name] = part if regular else None
         return found, covariance.largest_attitude_sigma

@@ -84,9 +84,9 @@ def means(samples: Sequence[Array]) -> list[ConfidenceInterval]:
             else:
                 of_size.setdefault(n, []).append(k)
         result.append(ConfidenceInterval(found, *ends))
-    for places in of_size.values():
-        ends_of = _bootstrap(np.stack([samples[k] for k in places]))
-        for k, low, high in zip(places, *ends_of, strict=True):
+    for numbers in of_size.values():
+        ends_of = _bootstrap(np.stack([samples[k] for k in numbers]))
+        for k, low, high in zip(numbers, *ends_of, strict=True):
             result[k] = ConfidenceInterval(result[k].value, float(low), float(high))
     return result
 
@@ -219,9 +219,9 @@ def shift(differences: Array, margin: float = 0.0, comparisons: int = 1) -> Shif
         rank = signed_rank_limit(n, 0.5 * level)
         if rank is None:
             return ConfidenceInterval(_known(middle), None, None)
-        # The average of rank + 1; a drawn part has a proportional place.
-        place = rank if n <= _MAX_PAIRS else rank * len(averages) // (n * (n + 1) // 2)
-        ends = averages[place], averages[-1 - place]
+        # The average of rank + 1; a drawn part has a proportional position.
+        position = rank if n <= _MAX_PAIRS else rank * len(averages) // (n * (n + 1) // 2)
+        ends = averages[position], averages[-1 - position]
         return ConfidenceInterval(_known(middle), *(_known(float(end)) for end in ends))
 
     centre = interval(1.0 - CONFIDENCE)
@@ -270,8 +270,8 @@ def _tails(d: Array) -> tuple[float, float]:
         z = (found - 0.5 * ranks.sum()) / math.sqrt(0.25 * np.sum(ranks**2))
         return float(ndtr(z)), float(ndtr(-z))
     chance = _rank_sums(tuple((2.0 * np.sort(ranks)).astype(int)))
-    place = round(2.0 * found)
-    return float(chance[: place + 1].sum()), float(chance[place:].sum())
+    count = round(2.0 * found)
+    return float(chance[: count + 1].sum()), float(chance[count:].sum())
 
 
 @functools.lru_cache(maxsize=256)
@@ -346,8 +346,8 @@ def holm(p_values: Sequence[float | None]) -> list[float | None]:
     known = [(p, k) for k, p in enumerate(p_values) if p is not None]
     result: list[float | None] = [None] * len(p_values)
     largest = 0.0
-    for place, (p, k) in enumerate(sorted(known)):
-        largest = max(largest, min(1.0, p * (len(known) - place)))
+    for before, (p, k) in enumerate(sorted(known)):
+        largest = max(largest, min(1.0, p * (len(known) - before)))
         result[k] = largest
     return result
 

@@ -340,32 +340,32 @@ def _lines(result: AllanResult, comparisons: Sequence[Comparison]) -> Iterator[s
     yield f"{result.record}, stamp jitter {timing.jitter * 1e3:.3g} ms, {timing.lost} samples lost"
     for warning in result.warnings:
         yield f"note: {warning}"
-    by_place = {(c.axis, c.key): c for c in comparisons}
+    by_axis = {(c.axis, c.key): c for c in comparisons}
     for triad in range(len(TRIADS)):
-        yield from _triad_tables(result, triad, by_place)
+        yield from _triad_tables(result, triad, by_axis)
     if comparisons:
         covered = sum(c.covered for c in comparisons)
         yield f"{covered} of {len(comparisons)} intervals contain the truth"
 
 
 def _triad_tables(
-    result: AllanResult, triad: int, by_place: Mapping[tuple[int, str], Comparison]
+    result: AllanResult, triad: int, by_axis: Mapping[tuple[int, str], Comparison]
 ) -> Iterator[TextTable]:
     """Yield the terms of one sensor, each axis with its interval, then in data sheets' units."""
-    header = ["", "axis", "value", "95 % interval", *(["truth", "covered"] if by_place else [])]
+    header = ["", "axis", "value", "95 % interval", *(["truth", "covered"] if by_axis else [])]
     rows, names, field_rows = [], [], []
     for key in result.keys:
         axes = range(3 * triad, 3 * triad + 3)
         found = [result.estimate(axis, key) for axis in axes]
-        known = any((axis, key) in by_place for axis in axes)
+        known = any((axis, key) in by_axis for axis in axes)
         if key in _OPTIONAL and all(each.value is None for each in found) and not known:
             continue
         q = quantity(TRIADS[triad], key)
         names.append(f"{q.symbol} {q.text}")
         for axis, each in zip(axes, found, strict=True):
             row = [f"{q.symbol} [{q.unit}]", "xyz"[axis % 3], *_value_and_interval(each)]
-            if by_place:
-                row += _truth_columns(by_place.get((axis, key)))
+            if by_axis:
+                row += _truth_columns(by_axis.get((axis, key)))
             rows.append(row)
         values = [_value_and_interval(each, q.field_factor)[0] for each in found]
         field_rows.append([f"{q.symbol} [{q.field_unit}]", *values])

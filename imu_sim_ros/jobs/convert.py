@@ -234,7 +234,7 @@ class _Job:
                 counts, last_ns = self._bag_to_tum(bag, topics)
             else:
                 counts, last_ns = self._bag_to_dataset(bag, topics)
-        self.not_converted = self._without_place(topics, counts) if self.dataset else []
+        self.not_converted = self._without_table(topics, counts) if self.dataset else []
         if not self.recover:
             return self._result((counts, last_ns))
         if not sum(counts.values()):
@@ -254,7 +254,7 @@ class _Job:
         last = last_ns if last_ns >= 0 else None
         return Converted(self.path, messages, False, last, not_converted=tuple(self.not_converted))
 
-    def _without_place(self, topics: Sequence[TopicInfo], counts: Mapping[str, int]) -> list[str]:
+    def _without_table(self, topics: Sequence[TopicInfo], counts: Mapping[str, int]) -> list[str]:
         """Return the topics with messages for which a dataset has no place."""
         placed = set(counts)
         if streams.TRUTH in placed and self.dataset == "euroc":
@@ -456,8 +456,8 @@ class _Job:
 
     def _folder_images(self) -> AbstractContextManager[FolderImages | None]:
         """Return the images of a folder; None if it has none, or they are not wanted."""
-        places = text_reader.places(self.source) if self.source.is_dir() else ()
-        cameras = [name for place in places for name in text_reader.sensor_folders(place, "cam")]
+        folders = text_reader.places(self.source) if self.source.is_dir() else ()
+        cameras = [name for folder in folders for name in text_reader.sensor_folders(folder, "cam")]
         if self.images == "none" or not cameras:
             return contextlib.nullcontext()
         from imu_sim_ros.datasets.recorded_folder import FolderImages  # with the cameras' modules

@@ -22,7 +22,7 @@ def interpolate_vectors(t_ns: Times, values: Array, at_ns: Times) -> Array:
     :param values: (n, k).
     :param at_ns: (m,) times within the stamps [ns].
     """
-    before, part = _places(t_ns, at_ns)
+    before, part = _intervals(t_ns, at_ns)
     start = values[before]
     return start + part[:, None] * (values[before + 1] - start)
 
@@ -41,7 +41,7 @@ def poses_at(poses: PoseSequence, at_ns: Times) -> PosesAt:
 
     :param at_ns: (m,) times within the stamps [ns], in any order.
     """
-    before, part = _places(poses.t_ns, at_ns)
+    before, part = _intervals(poses.t_ns, at_ns)
     start = poses.q_wb[before]
     turn = rotation.log(rotation.multiply(rotation.conjugate(start), poses.q_wb[before + 1]))
     q_wb = rotation.multiply(start, rotation.exp(part[:, None] * turn))
@@ -53,7 +53,7 @@ def interpolate_poses(poses: PoseSequence, at_ns: Times) -> PoseSequence:
     return PoseSequence(at_ns, *poses_at(poses, at_ns))
 
 
-def _places(t_ns: Times, at_ns: Times) -> tuple[NDArray[np.intp], Array]:
+def _intervals(t_ns: Times, at_ns: Times) -> tuple[NDArray[np.intp], Array]:
     """Return for each time the row before it and its fraction of the way to the next, 0..1."""
     before = np.clip(np.searchsorted(t_ns, at_ns, side="right") - 1, 0, len(t_ns) - 2)
     part = (at_ns - t_ns[before]) / (t_ns[before + 1] - t_ns[before])
@@ -71,7 +71,7 @@ def common_rows(estimate_ns: Times, truth_ns: Times, max_gap: float = 0.5) -> ND
     if len(truth_ns) < 2:
         raise InputError(f"{len(truth_ns)} poses of the truth: at least two are needed")
     inside = (estimate_ns >= truth_ns[0]) & (estimate_ns <= truth_ns[-1])
-    before, part = _places(truth_ns, estimate_ns)
+    before, part = _intervals(truth_ns, estimate_ns)
     long = np.diff(truth_ns)[before] * 1e-9 > max_gap
     on_stamp = (part == 0.0) | (part == 1.0)
     rows = np.flatnonzero(inside & (~long | on_stamp))

@@ -337,15 +337,15 @@ def propagate(
     rates = turns / np.reshape(steps, (-1, 1))
     matrices = rotation.to_matrix(q_wi)
     wanted = [row % len(states.t_ns) for row in at]
-    result, place = np.empty((len(wanted), SIZE, SIZE)), 0
+    result, done = np.empty((len(wanted), SIZE, SIZE)), 0
     for k in range(wanted[-1] + 1):
-        while place < len(wanted) and wanted[place] == k:
-            result[place] = covariance.mean_square()
+        while done < len(wanted) and wanted[done] == k:
+            result[done] = covariance.mean_square()
             if any(mount.lever_arm):
                 last = min(k, len(steps) - 1)
                 own = (matrices[k], rates[last], covariance.gyro_white(1.0 / steps[last]))
-                result[place] = mount.state_covariance(result[place], *own)
-            place += 1
+                result[done] = mount.state_covariance(result[done], *own)
+            done += 1
         if k < wanted[-1]:
             covariance.step(steps[k], matrices[k], accel[k], rates[k])
     return result

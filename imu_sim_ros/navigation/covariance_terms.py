@@ -41,7 +41,7 @@ class SlowErrors:
         sigmas = [sigma for _, _, sigma in entries]
         self.effect[axes[: len(entries)], np.arange(len(entries))] = sigmas
         columns = np.arange(len(entries), self.count, dtype=np.intp)
-        self._scale_places = (
+        self._scale_entries = (
             np.array([axis for axis, _, _ in scales], np.intp) * self.count + columns
         )
         self._scale_inputs = np.array([source for _, source, _ in scales], dtype=np.intp)
@@ -95,10 +95,10 @@ class SlowErrors:
 
     def act_on(self, rate_b: Array | Sequence[float], force_b: Array | Sequence[float]) -> None:
         """Let the scales act on a reading."""
-        if len(self._scale_places):
+        if len(self._scale_entries):
             inputs = np.array([*rate_b, *force_b] * 2)
             inputs[6:] *= inputs[6:]
-            self.effect.reshape(-1)[self._scale_places] = (
+            self.effect.reshape(-1)[self._scale_entries] = (
                 inputs.take(self._scale_inputs) * self._scale_sigmas
             )
 

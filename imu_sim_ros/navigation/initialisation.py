@@ -198,8 +198,8 @@ def from_rest(
     scale = np.reshape(parameters.gyroscope_scale_misalignment, (3, 3))
     bias = np.asarray(parameters.gyroscope_bias) + scale @ (found.gyroscope_bias - turning)
     x, y, z = bias.tolist()
-    place = parameters.initial_position if position is None else position
-    state = NavigationState(np.array(place), np.zeros(3), found.q_wb)
+    start = parameters.initial_position if position is None else position
+    state = NavigationState(np.array(start), np.zeros(3), found.q_wb)
     correction = dataclasses.replace(known, gyroscope_bias=(x, y, z))
     covariance = after_rest(
         parameters.imu,

@@ -190,27 +190,27 @@ def layer_integrator(
     return {**result, **given}
 
 
-PLACE: Final = ("imu.lever_arm", "imu.mounting")
-"""The IMU's place in the body, which its description states unless it is given."""
+MOUNT: Final = ("imu.lever_arm", "imu.mounting")
+"""The IMU's mount in the body, which its description states unless it is given."""
 
 
 def has_own_noise(given: Mapping[str, object]) -> bool:
     """Return whether given parameters state the IMU's errors."""
-    return any(name.startswith("imu.") and name not in PLACE for name in given)
+    return any(name.startswith("imu.") and name not in MOUNT for name in given)
 
 
 def of_the_description(
     given: Mapping[str, object], described: Mapping[str, object]
 ) -> Mapping[str, object]:
-    """Return what a description of the sensor adds to given parameters: all, or only its place.
+    """Return what a description of the sensor adds to given parameters: all, or only its mount.
 
     :param given, described: by dotted name.
     :raises ConfigurationError: for a preset that cannot be read.
     """
     if not has_own_noise(given):
         return described
-    place = {name: described[name] for name in PLACE if name in described}
-    return {**sensor_layer(str(given.get("imu.preset", DEFAULT_IMU))), **place}
+    mount = {name: described[name] for name in MOUNT if name in described}
+    return {**sensor_layer(str(given.get("imu.preset", DEFAULT_IMU))), **mount}
 
 
 def outside_covariance(

@@ -245,10 +245,10 @@ def _move_rows(
     :param by_noise: accelerometer and gyroscope at the start, then at the end.
     """
     f[:, ALPHA, BETA] = h * _EYE
-    places = (THETA, ACCEL_BIAS, GYRO_BIAS)
-    for place, derivative in zip(places, by_state, strict=True):
-        f[:, BETA, place] = derivative * h
-        f[:, ALPHA, place] = derivative * (0.5 * h * h)
+    columns = (THETA, ACCEL_BIAS, GYRO_BIAS)
+    for column, derivative in zip(columns, by_state, strict=True):
+        f[:, BETA, column] = derivative * h
+        f[:, ALPHA, column] = derivative * (0.5 * h * h)
     for k, derivative in enumerate(by_noise):
         g[:, BETA, 3 * k : 3 * k + 3] = derivative * h
         g[:, ALPHA, 3 * k : 3 * k + 3] = derivative * (0.5 * h * h)

@@ -55,8 +55,8 @@ class SlowErrorsOfIntervals:
         self._terms = np.zeros((6, 12))
         """Variances of the factors of the readings and of their squares, by axis and source."""
         for axis, source, sigma in noise.response_terms():
-            place = (source + 3) % 6 + source // 6 * 6
-            self._terms[(axis + 3) % 6, place] += sigma**2
+            column = (source + 3) % 6 + source // 6 * 6
+            self._terms[(axis + 3) % 6, column] += sigma**2
         self._ends = [np.zeros((1, batch))]
         self._sums = [np.zeros((1, batch, 9, 6))]
         """S at the ends of the pieces."""

@@ -17,7 +17,7 @@ from std_msgs.msg import String
 from imu_sim_ros.conventions import IMU_TOPIC, SENSOR_SUFFIX
 from imu_sim_ros.errors import ImuSimError, InputError
 from imu_sim_ros.json_text import as_json
-from imu_sim_ros.navigation.parameters import PLACE, has_own_noise
+from imu_sim_ros.navigation.parameters import MOUNT, has_own_noise
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import create
 from imu_sim_ros.nodes.subscriptions import Taken
@@ -98,7 +98,7 @@ class SensorDescription:
         self._first = 0.0
         self.noise_known = has_own_noise(node.given) or not node.parameters.covariance
         """Whether the noise is given, or not needed."""
-        self.settled = self.noise_known and all(name in node.given for name in PLACE)
+        self.settled = self.noise_known and all(name in node.given for name in MOUNT)
         """Whether nothing waits any more."""
         self.described = False
         """Whether the source of the readings has described its sensor."""
@@ -158,7 +158,7 @@ class SensorDescription:
                 f"{unknown}the covariance uses the noise of imu.preset "
                 f"{node.parameters.imu.preset}; --imu NAME|FILE chooses another"
             )
-        if not any(name in node.given for name in PLACE):
+        if not any(name in node.given for name in MOUNT):
             logger.info(
                 f"{unknown}the IMU is taken to be in the body's origin, with its axes "
                 "(imu.lever_arm, imu.mounting)"

@@ -91,17 +91,17 @@ def _residuals(
     before: tuple[str, Array],
     after: tuple[str, Array],
     sigma: Array,
-    places: tuple[NDArray[np.intp], Sequence[str]],
+    poses: tuple[NDArray[np.intp], Sequence[str]],
     names: tuple[str, str],
 ) -> Figure:
-    """Draw errors (n, 3) in two panels, a column for each place and in it each axis by itself.
+    """Draw errors (n, 3) in two panels, a column for each pose and in it each axis by itself.
 
     :param before: title and errors; ``after`` likewise.
     :param sigma: (n, 3) standard errors.
-    :param places: (n,) place of each piece, and the names of the places.
+    :param poses: (n,) pose of each piece, and the names of the poses.
     :param names: of the axes; the errors are shown in thousandths.
     """
-    groups, labels = places
+    groups, labels = poses
     figure, panels = style.panels(2, 1, 11.0, 7.6, sharex=True)
     for axes, (title, values) in zip(panels, (before, after), strict=True):
         for k, name in enumerate(_AXES):
@@ -280,13 +280,13 @@ def _series(
     axes: Axes, real: Series, simulated: Series, rate: float, axis: int, label: str
 ) -> None:
     count = round(_SECONDS * rate)
-    for place, (series, colour) in enumerate(
+    for panel, (series, colour) in enumerate(
         ((real, style.TRUTH_COLOUR), (simulated, style.PALETTE[1]))
     ):
         values = series[1]
         middle = max(len(values) // 2 - count // 2, 0)
         rows = values[middle : middle + count, axis]
-        t = np.arange(len(rows)) / rate + place * 1.1 * _SECONDS
+        t = np.arange(len(rows)) / rate + panel * 1.1 * _SECONDS
         axes.plot(t, rows, color=colour, lw=0.8)
     axes.set_title(f"{label}: real, then twin")
     axes.set_xlabel("time [s]")

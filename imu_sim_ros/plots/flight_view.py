@@ -109,28 +109,28 @@ class FlightView:
         self,
         name: str,
         scans: Iterable[tuple[int, NDArray[Any]]],
-        place: tuple[str, Array] | None = None,
+        frame: tuple[str, Array] | None = None,
     ) -> None:
         """Add the scans of a sensor; structured arrays with x, y, z [m], grey by their intensity.
 
-        :param place: below which part of the world they are, such as ``truth/body/NAME``, and the
+        :param frame: below which part of the world they are, such as ``truth/body/NAME``, and the
             pose (4, 4) of their frame in it; None: they are in a space of their own.
         """
         rr = self._rr
-        if place is not None:
-            above, pose = place
+        if frame is not None:
+            above, pose = frame
             of_frame = rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3])
             self._recording.log(f"{WORLD_FRAME}/{above}", of_frame, static=True)
             name = f"{WORLD_FRAME}/{above}/{name}"
         for t_ns, points in scans:
             self._recording.set_time(_TIME, timestamp=np.datetime64(t_ns, "ns"))
-            places = np.stack([points[axis] for axis in "xyz"], axis=1)
+            positions = np.stack([points[axis] for axis in "xyz"], axis=1)
             colours = None
             if "intensity" in (points.dtype.names or ()):
                 grey = np.clip(2.55 * np.nan_to_num(points["intensity"]), 0.0, 255.0) ** _BRIGHTER
                 grey = (grey * 255.0 ** (1.0 - _BRIGHTER)).astype(np.uint8)
                 colours = np.repeat(grey[:, None], 3, axis=1)
-            self._recording.log(name, rr.Points3D(places, colors=colours, radii=[_RADIUS]))
+            self._recording.log(name, rr.Points3D(positions, colors=colours, radii=[_RADIUS]))
 
     def _columns(self, name: str, t_ns: Times, columns: Any) -> None:
         stamps = self._rr.TimeColumn(_TIME, timestamp=t_ns.astype("datetime64[ns]"))

@@ -82,13 +82,13 @@ def log_values(axes: Axes) -> None:
     axes.set_yscale("log")
     of_powers = axes.yaxis.get_major_formatter()
 
-    def label(value: float, place: float) -> str:
+    def label(value: float, position: float) -> str:
         low, high = axes.yaxis.get_view_interval()
         is_power = bool(np.isclose(value, 10.0 ** np.round(np.log10(value))))
         if high < 100.0 * low:
             first = round(value / 10.0 ** np.floor(np.log10(value) + 1e-9))
             return f"{value:g}" if first in (1, 2, 5) else ""
-        return of_powers(value, int(place or 0)) if is_power else ""
+        return of_powers(value, int(position or 0)) if is_power else ""
 
     axes.yaxis.set_major_formatter(label)
     axes.yaxis.set_minor_formatter(label)
@@ -106,16 +106,20 @@ def small_ticks(axes: Axes) -> None:
         if high <= 10.0 * low:
             axis.grid(True, which="minor", color=_FAINT, linewidth=_THIN)
             continue
-        places = np.asarray(axis.get_minor_locator().tick_values(low, high))
-        places = places[(places >= low) & (places <= high)]
+        positions = np.asarray(axis.get_minor_locator().tick_values(low, high))
+        positions = positions[(positions >= low) & (positions <= high)]
         axis.set_minor_locator(NullLocator())
-        along, ends = np.repeat(places, 3), np.tile([0.0, 1.0, np.nan], len(places))
+        along, ends = np.repeat(positions, 3), np.tile([0.0, 1.0, np.nan], len(positions))
         if axis is axes.xaxis:
             lines = Line2D(along, ends, transform=vertical)
-            ticks = Line2D(places, 0.0 * places, transform=vertical, marker=MarkerStyle(TICKDOWN))
+            ticks = Line2D(
+                positions, 0.0 * positions, transform=vertical, marker=MarkerStyle(TICKDOWN)
+            )
         else:
             lines = Line2D(ends, along, transform=across)
-            ticks = Line2D(0.0 * places, places, transform=across, marker=MarkerStyle(TICKLEFT))
+            ticks = Line2D(
+                0.0 * positions, positions, transform=across, marker=MarkerStyle(TICKLEFT)
+            )
         lines.set(color=_FAINT, linewidth=_THIN, zorder=_BELOW)
         ticks.set(color="black", markersize=2.0, markeredgewidth=0.6, linestyle="none")
         ticks.set(zorder=_BELOW, clip_on=False)

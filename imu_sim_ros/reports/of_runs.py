@@ -54,8 +54,8 @@ def opened(
                 break
             if (log := _tail(kept / _OUTPUT)) != "":
                 result[str(k)]["log"] = log
-    places = {id(row): k for k, row in enumerate(rows)}
-    shown = [places[id(row)] for row in _typical(found, metric)[:_MAX_PATHS]]
+    indices = {id(row): k for k, row in enumerate(rows)}
+    shown = [indices[id(row)] for row in _typical(found, metric)[:_MAX_PATHS]]
     for k, path in _paths(plan, rows, shown, folder).items():
         result.setdefault(str(k), {})["path"] = path
     return result

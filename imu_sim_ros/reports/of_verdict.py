@@ -144,9 +144,9 @@ def _table(contest: Contest, judged: Judgement) -> Item | None:
         if all(one.values[name] == word for name, word in contest.where.items())
     }
     rows: list[list[Any]] = []
-    for place, name in enumerate(contest.ranking, 1):
+    for rank, name in enumerate(contest.ranking, 1):
         standing, effect = standings[name], effects.get(name)
-        row: list[Any] = [None if name in contest.unranked else place, name]
+        row: list[Any] = [None if name in contest.unranked else rank, name]
         row += [f"{standing.done} of {standing.runs}", standing.coverage, standing.median.value]
         if effect is None:
             row += [""] * 3 + [None, ""]

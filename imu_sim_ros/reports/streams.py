@@ -47,8 +47,8 @@ class _Passed:
         self.images: list[tuple[int, bytes]] = []
         self._waiting: list[Integers] = []
         wanted = topic.type in _IMAGE_TYPES and topic.count
-        places = np.linspace(0, topic.count - 1, _IMAGES) if wanted else np.empty(0)
-        self._wanted = sorted(set(places.round().astype(int).tolist()))
+        numbers = np.linspace(0, topic.count - 1, _IMAGES) if wanted else np.empty(0)
+        self._wanted = sorted(set(numbers.round().astype(int).tolist()))
 
     def add(self, block: MessageBlock) -> None:
         payloads, count = block.payloads, len(block.t_ns)
@@ -56,8 +56,8 @@ class _Passed:
             return
         listed = isinstance(payloads, list)
         self.size += sum(map(len, payloads)) if listed else int(payloads.size)  # type: ignore[union-attr]
-        for place in [one for one in self._wanted if self.count <= one < self.count + count]:
-            k = place - self.count
+        for number in [one for one in self._wanted if self.count <= one < self.count + count]:
+            k = number - self.count
             self.images.append((int(block.t_ns[k]), as_list(payloads[k : k + 1])[0]))
         self.count += count
         first = self.ends[0] if self.ends else int(block.t_ns[0])

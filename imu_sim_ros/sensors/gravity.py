@@ -105,8 +105,8 @@ class CurvedEarth:
         self._east = (float(vertical[0]) + height) * math.cos(latitude)
         self._earth_rate = EARTH_RATE if environment.earth_rotation else 0.0
 
-    def place(self, position: Array) -> GeodeticPosition:
-        """Return the places of positions (n, 3) in the world."""
+    def geodetic(self, position: Array) -> GeodeticPosition:
+        """Return latitude, longitude and height of positions (n, 3) in the world."""
         x, y, z = position.T
         return GeodeticPosition(
             self._latitude + y / self._north, self._longitude + x / self._east, self._height + z
@@ -123,7 +123,7 @@ class CurvedEarth:
 
         and their derivatives, with ``d((N + h) cos phi) / dphi = -(M + h) sin phi``.
         """
-        phi, _, h = self.place(motion.position)
+        phi, _, h = self.geodetic(motion.position)
         sine, cosine = np.sin(phi), np.cos(phi)
         meridian, vertical = radii_of_curvature(phi)
         north, east = meridian + h, (vertical + h) * cosine
@@ -192,7 +192,7 @@ def geodetic(environment: EnvironmentParameters, position: Array) -> tuple[Array
     world is Cartesian, with east, north and up of its origin; the ellipsoid curves below it.
     """
     if environment.curved_earth:
-        latitude, longitude, height = CurvedEarth(environment).place(position)
+        latitude, longitude, height = CurvedEarth(environment).geodetic(position)
     else:
         latitude, longitude, height = _from_tangent_plane(environment, position)
     turned = np.remainder(np.degrees(longitude) + 180.0, 360.0) - 180.0

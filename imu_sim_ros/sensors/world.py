@@ -89,8 +89,8 @@ def _evenly_spaced(t: Array, times: Array) -> slice | None:
     count = len(t)
     if not 0 < count <= len(times):
         return None
-    places = np.searchsorted(times, t[[0, min(1, count - 1)]], side="right") - 1
-    first, step = int(places[0]), max(int(places[1] - places[0]), 1)
+    indices = np.searchsorted(times, t[[0, min(1, count - 1)]], side="right") - 1
+    first, step = int(indices[0]), max(int(indices[1] - indices[0]), 1)
     if first < 0:
         return None
     rows = slice(first, first + step * (count - 1) + 1, step)

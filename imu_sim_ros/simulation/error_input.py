@@ -23,7 +23,7 @@ from imu_sim_ros.sensors.imu.ideal import size_effect
 from imu_sim_ros.simulation.error_parameters import (
     AXES_TO_FLU,
     ErrorModelParameters,
-    has_place,
+    has_mount,
     sensor_rotation,
 )
 from imu_sim_ros.types import Array, Mask, Times
@@ -257,12 +257,12 @@ class Conventions:
         self._gravity_w = gravity_vector(parameters)
         self._q_input = None if declared.axes == "flu" else _flu_in(declared.axes)
         self._world = _enu_of_ned() if declared.axes == "frd" else None
-        self._place = _Place(parameters) if declared.place == "body" and has_place(imu) else None
+        self._mount = _Mount(parameters) if declared.place == "body" and has_mount(imu) else None
         turned = np.eye(3) if self._turn is None else self._turn
         if declared.place == "body":
             turned = np.reshape(imu.mounting, (3, 3)).T @ turned
         self._turn_field = None if np.array_equal(turned, np.eye(3)) else turned
-        self.nothing = self._turn is None and self._place is None and not self._adds_gravity
+        self.nothing = self._turn is None and self._mount is None and not self._adds_gravity
         """Whether readings stay as they are."""
 
     def field(self, values: Array) -> Array:
@@ -295,8 +295,8 @@ class Conventions:
         gyro = given.gyro
         if self._turn is not None:
             gyro, accel = transform(self._turn, gyro), transform(self._turn, accel)
-        if self._place is not None:
-            gyro, accel = self._place.apply(given.t_ns, gyro, accel)
+        if self._mount is not None:
+            gyro, accel = self._mount.apply(given.t_ns, gyro, accel)
         return GivenReadings(given.t_ns, gyro, accel, q_wb)
 
 
@@ -310,7 +310,7 @@ def _enu_of_ned() -> Array:
     return rotation.from_matrix([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
-class _Place:
+class _Mount:
     """Lever arm, mounting and size of an IMU, from the readings in the body's origin.
 
     ``f_i = R_ib (f_b + alpha x r + omega x (omega x r))`` with alpha the derivative of the parabola

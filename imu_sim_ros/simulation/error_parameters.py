@@ -233,7 +233,7 @@ def orientation_problems(imu: ImuParameters, prefix: str = "") -> Iterator[str]:
         )
 
 
-def has_place(imu: ImuParameters) -> bool:
+def has_mount(imu: ImuParameters) -> bool:
     """Return whether an IMU sits anywhere but in the body's origin and axes."""
     mounted = imu.mounting != IDENTITY_MATRIX
     return bool(mounted or any(imu.lever_arm) or any(imu.accelerometer_positions))

@@ -78,24 +78,24 @@ def _even_interval(t: Array, guess: float) -> float:
         count = min(4 * count, len(t))
 
 
-def _grid_index(place: Array) -> Integers:
-    """Return the place (n,) of each pose on the grid, from its stamp in intervals.
+def _grid_index(intervals: Array) -> Integers:
+    """Return the index (n,) of each pose on the grid, from its stamp in intervals.
 
-    The stamps' phase, a running mean, may drift. A place is the whole number below a stamp, counted
-    from the phase that the fewest have, so that late poses stay with their own. What is left of it
-    over the row rises by one with each loss and is an interval off if a pose is later still:
-    a median of five takes those out and leaves the rise where it is.
+    The stamps' phase, a running mean, may drift. An index is the whole number below a stamp,
+    counted from the phase that the fewest have, so that late poses stay with their own. What is
+    left of it over the row rises by one with each loss and is an interval off if a pose is later
+    still: a median of five takes those out and leaves the rise where it is.
     """
     from scipy.ndimage import median_filter, uniform_filter1d
 
-    turn = np.exp(2j * np.pi * place)
-    width = min(2 * _WINDOW + 1, len(place))
+    turn = np.exp(2j * np.pi * intervals)
+    width = min(2 * _WINDOW + 1, len(intervals))
     mean = [uniform_filter1d(part, width, mode="nearest") for part in (turn.real, turn.imag)]
-    over = place - np.unwrap(np.arctan2(mean[1], mean[0])) / (2.0 * np.pi)
+    over = intervals - np.unwrap(np.arctan2(mean[1], mean[0])) / (2.0 * np.pi)
     counts = np.histogram(over % 1.0, bins=_PHASES, range=(0.0, 1.0))[0]
     around = counts + np.roll(counts, 1) + np.roll(counts, -1)
     first = (float(np.argmin(around)) + 0.5) / _PHASES
-    rows = np.arange(len(place))
+    rows = np.arange(len(intervals))
     lost = median_filter(np.floor(over - first).astype(np.int64) - rows, 5, mode="nearest")
     return np.asarray(rows + np.maximum.accumulate(lost) - lost[0], dtype=np.int64)
 

@@ -37,9 +37,9 @@ def dense_poses(
     rate = np.concatenate([np.zeros((count + 1, 1)), motion.angular_velocity], axis=1)
     turning = 0.5 * rotation.multiply(q, rate)  # Sola eq. 199
     h = (end - start) / count
-    place = (t - start) / h if h > 0.0 else np.zeros(len(t))
-    k = np.clip(place.astype(np.int64), 0, count - 1)
-    u = place - k
+    steps = (t - start) / h if h > 0.0 else np.zeros(len(t))
+    k = np.clip(steps.astype(np.int64), 0, count - 1)
+    u = steps - k
     # A polynomial a + b u + c u^2 + d u^3 for each interval and component.
     values = np.concatenate([motion.position, q], axis=1)
     slopes = h * np.concatenate([motion.velocity, turning], axis=1)

@@ -51,7 +51,9 @@ class Drive:
         p = parameters
         self.route, visits = _waypoints(p)
         backward = np.array(p.speeds) < 0.0 if p.speeds else None
-        self.path = find_path(self.route.places, p.turning_radius, p.deviation, _PREFIX, backward)
+        self.path = find_path(
+            self.route.waypoints, p.turning_radius, p.deviation, _PREFIX, backward
+        )
         self.schedule = find_schedule(self.path, p, visits, _PREFIX)
         self._ground = _ground(p, self.path, self.route.heights)
         self._suspension = _suspension(self.path, self.schedule, p)
@@ -70,13 +72,13 @@ class Drive:
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
         (u,), (rate,), (change,) = self.schedule.sample(t, 2)
-        place, first, second, third = self.path.sample(u, 3)
+        position, first, second, third = self.path.sample(u, 3)
         ground = self._ground.sample(u, 3)
         height, rise, curve, kink = (values[0] for values in ground)
         facing = self.path.facing(u)
         p, v, a = np.empty((3, len(t), 3))
         for column, value, slope, bend in (
-            *zip((0, 1), place, first, second, strict=True),
+            *zip((0, 1), position, first, second, strict=True),
             (2, height, rise, curve),
         ):
             p[:, column], v[:, column] = value, slope * rate
@@ -131,7 +133,7 @@ def route_in(trajectory: object) -> Route | None:
 
 
 def _waypoints(p: DriveParameters) -> tuple[Route, Visits | None]:
-    """Return the route without places twice in a row, and when each is visited."""
+    """Return the route without waypoints twice in a row, and when each is visited."""
     if p.file:
         route = read_route(FilePath(p.file), p.origin)
         times = route.times if p.use_times else None
@@ -142,21 +144,21 @@ def _waypoints(p: DriveParameters) -> tuple[Route, Visits | None]:
         heights = np.array(p.elevations) if p.elevations else np.full(count, np.nan)
         route = Route(np.reshape(p.positions, (-1, 2)), None, None, heights)
         times = np.array(p.times) if p.times else None
-    places, heights = route.places, _elevations(p, route)
-    if p.laps * len(places) > MOST_POINTS:
+    waypoints, heights = route.waypoints, _elevations(p, route)
+    if p.laps * len(waypoints) > MOST_POINTS:
         raise ConfigurationError(
-            f"{_PREFIX}laps = {p.laps}: {p.laps * len(places)} waypoints; at most {MOST_POINTS}"
+            f"{_PREFIX}laps = {p.laps}: {p.laps * len(waypoints)} waypoints; at most {MOST_POINTS}"
         )
     if p.laps:
-        places = np.vstack([*[places] * p.laps, places[:1]])
+        waypoints = np.vstack([*[waypoints] * p.laps, waypoints[:1]])
         heights = np.concatenate([*[heights] * p.laps, heights[:1]])
-    moves = np.linalg.norm(np.diff(places, axis=0), axis=1) > _SAME
-    _check(p, places, moves, times)
+    moves = np.linalg.norm(np.diff(waypoints, axis=0), axis=1) > _SAME
+    _check(p, waypoints, moves, times)
     starts = np.flatnonzero(np.concatenate([[True], moves]))
-    route = route._replace(places=places[starts], heights=heights[starts])
+    route = route._replace(waypoints=waypoints[starts], heights=heights[starts])
     if times is None:
         return route, None
-    ends = np.append(starts[1:], len(places)) - 1
+    ends = np.append(starts[1:], len(waypoints)) - 1
     visits = Visits(times[starts], times[ends])
     # At the ends there is rest before and after the drive, by other parameters.
     visits.arrivals[0], visits.departures[-1] = visits.departures[0], visits.arrivals[-1]
@@ -172,7 +174,7 @@ def _elevations(p: DriveParameters, route: Route) -> Array:
     if p.elevations:
         return route.heights
     if not p.use_elevations:
-        return np.full(len(route.places), np.nan)
+        return np.full(len(route.waypoints), np.nan)
     missing = np.flatnonzero(np.isnan(route.heights))
     if len(missing):
         raise ConfigurationError(
@@ -191,7 +193,7 @@ def _ground(p: DriveParameters, path: Path, heights: Array) -> Ground:
     return PlaneProfile(p.slope, path)
 
 
-def _check(p: DriveParameters, places: Array, moves: Array, times: Array | None) -> None:
+def _check(p: DriveParameters, waypoints: Array, moves: Array, times: Array | None) -> None:
     """Refuse waypoints that are one, times that do not increase, and numbers of no waypoint."""
     problems = []
     if not moves.any():

@@ -35,16 +35,16 @@ class HeightMap:
         self._path, self._heights = path, heights
         self._corner, self.spacing = np.array([x, y]), cell
 
-    def height(self, places: Array) -> Array:
-        """Return heights (n,) at places (n, 2) [m].
+    def height(self, points: Array) -> Array:
+        """Return heights (n,) at points (n, 2) [m].
 
-        :raises InputError: for a place outside the map, or in a cell without height.
+        :raises InputError: for a point outside the map, or in a cell without height.
         """
         rows, columns = self._heights.shape
-        scaled = (places - self._corner) / self.spacing
+        scaled = (points - self._corner) / self.spacing
         outside = ((scaled < 0.0) | (scaled > [columns - 1, rows - 1])).any(axis=1)
         if outside.any():
-            x, y = places[np.argmax(outside)]
+            x, y = points[np.argmax(outside)]
             east, north = self._corner + self.spacing * np.array([columns - 1, rows - 1])
             raise InputError(
                 f"{self._path}: the drive leaves the map at x {x:.1f}, y {y:.1f} m; it reaches "
@@ -57,7 +57,7 @@ class HeightMap:
             (1.0 - east) * h[j + 1, k] + east * h[j + 1, k + 1]
         )
         if np.isnan(found).any():
-            x, y = places[np.argmax(np.isnan(found))]
+            x, y = points[np.argmax(np.isnan(found))]
             raise InputError(f"{self._path}: has no height at x {x:.1f}, y {y:.1f} m, on the drive")
         return found
 
@@ -222,13 +222,13 @@ def map_profile(ground: HeightMap, path: UniformSpline, track: float) -> Uniform
     segments = min(max(_LEAST_SEGMENTS, round(path.length / ground.spacing)), _MOST_SEGMENTS)
     spacing = path.length / segments
     u: Array = np.arange(segments + 1, dtype=np.float64) * spacing
-    place = path.sample(np.minimum(u, path.length), 0)[0].T
+    points = path.sample(np.minimum(u, path.length), 0)[0].T
     half = 0.5 * track
     slopes = [
-        (ground.height(place + half * axis) - ground.height(place - half * axis)) / track
+        (ground.height(points + half * axis) - ground.height(points - half * axis)) / track
         for axis in np.eye(2)
     ]
-    values = np.column_stack([ground.height(place), *slopes])
+    values = np.column_stack([ground.height(points), *slopes])
     # Point-symmetric beyond both ends, three nodes far; a spline of values v is too smooth by
     # spacing^2 / 4 times their second derivative.
     before, after = 2.0 * values[0] - values[3:0:-1], 2.0 * values[-1] - values[-2:-5:-1]

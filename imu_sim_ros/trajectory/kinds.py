@@ -151,9 +151,9 @@ class Waypoints:
     """
 
     def __init__(self, parameters: WaypointsParameters) -> None:
-        places = np.array(parameters.positions).reshape(-1, 3)
-        headings = np.array(parameters.headings or (0.0,) * len(places))
-        coordinates = np.column_stack([places, headings])
+        positions = np.array(parameters.positions).reshape(-1, 3)
+        headings = np.array(parameters.headings or (0.0,) * len(positions))
+        coordinates = np.column_stack([positions, headings])
         if parameters.times:
             times = np.array(parameters.times)
         else:
@@ -195,8 +195,8 @@ def _times_within_limits(coordinates: Array, parameters: WaypointsParameters) ->
     ways = np.linalg.norm(steps[:, :3], axis=-1) / parameters.speed_limit
     turns = np.abs(steps[:, 3]) / parameters.heading_rate_limit
     times = np.concatenate([[0.0], np.cumsum(np.maximum(ways, turns))])
-    places = np.arange(0.0, len(times) - 1.0, 1.0 / _PEAK_SAMPLES)
-    dense = np.interp(places, np.arange(len(times)), times)
+    indices = np.arange(0.0, len(times) - 1.0, 1.0 / _PEAK_SAMPLES)
+    dense = np.interp(indices, np.arange(len(times)), times)
     _, first, second = (spline(dense) for spline in _splines(times, coordinates))
     speed = np.max(np.linalg.norm(first[:, :3], axis=-1)) / parameters.speed_limit
     force = np.max(np.linalg.norm(second[:, :3], axis=-1)) / parameters.acceleration_limit

@@ -153,7 +153,7 @@ def joined_samples(
 
 
 def find_path(
-    places: Array,
+    waypoints: Array,
     radius: float,
     deviation: float,
     prefix: str,
@@ -161,7 +161,7 @@ def find_path(
 ) -> Path:
     """Return a path that turns no tighter than a radius, with corners as short as that allows.
 
-    :param places: (n, 2) waypoints [m]; none twice in a row.
+    :param waypoints: (n, 2) [m]; none twice in a row.
     :param deviation: from a waypoint [m]; 0: the path goes through each.
     :param prefix: of the parameters, for messages.
     :param backward: (n - 1,) whether the vehicle backs up on the way to the next waypoint; None:
@@ -169,14 +169,14 @@ def find_path(
     :raises ConfigurationError: if there is none, with the waypoint that is in the way.
     """
     if backward is None:
-        backward = np.zeros(len(places) - 1, dtype=bool)
-    _check_length(places, radius, prefix)
+        backward = np.zeros(len(waypoints) - 1, dtype=bool)
+    _check_length(waypoints, radius, prefix)
     turns = (1 + np.flatnonzero(np.diff(backward))).tolist()
-    places = _straight_at_turns(places, turns, prefix)
-    ends = zip([0, *turns], [*turns, len(places) - 1], strict=True)
+    waypoints = _straight_at_turns(waypoints, turns, prefix)
+    ends = zip([0, *turns], [*turns, len(waypoints) - 1], strict=True)
     parts = [
         _find_part(
-            *_guarded(places[a : b + 1], a in turns, b in turns), radius, deviation, prefix, a
+            *_guarded(waypoints[a : b + 1], a in turns, b in turns), radius, deviation, prefix, a
         )
         for a, b in ends
     ]
@@ -195,9 +195,9 @@ def find_path(
     return path
 
 
-def _check_length(places: Array, radius: float, prefix: str) -> None:
+def _check_length(waypoints: Array, radius: float, prefix: str) -> None:
     """Refuse what would take minutes, with the leg that a wrong waypoint makes long."""
-    legs = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    legs = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
     least = float(legs.sum()) / (_WIDTHS[0] * _MOST_SEGMENTS)
     if radius < least:
         k = int(np.argmax(legs))
@@ -208,9 +208,9 @@ def _check_length(places: Array, radius: float, prefix: str) -> None:
         )
 
 
-def _straight_at_turns(places: Array, turns: list[int], prefix: str) -> Array:
-    """Return places, those after a turn moved by the little that they are off the line there."""
-    moved = places.copy()
+def _straight_at_turns(waypoints: Array, turns: list[int], prefix: str) -> Array:
+    """Return waypoints, those after a turn moved by the little that they are off the line there."""
+    moved = waypoints.copy()
     for k in turns:
         come, go = moved[k] - moved[k - 1], moved[k + 1] - moved[k]
         along = come / np.linalg.norm(come)
@@ -218,7 +218,7 @@ def _straight_at_turns(places: Array, turns: list[int], prefix: str) -> Array:
         off = np.linalg.norm(go + back * along)
         if back <= 0.0 or off > _OFF_LINE * back:
             angle = math.degrees(math.atan2(off, back))
-            x, y = places[k] - 0.5 * np.linalg.norm(go) * along
+            x, y = waypoints[k] - 0.5 * np.linalg.norm(go) * along
             raise ConfigurationError(
                 f"{prefix}speeds: at waypoint {k + 1} the vehicle turns back, and the next one is "
                 f"{angle:.3g} deg off the line on which it came: it must first go straight, for "
@@ -229,23 +229,29 @@ def _straight_at_turns(places: Array, turns: list[int], prefix: str) -> Array:
     return moved
 
 
-def _guarded(places: Array, first: bool, last: bool) -> tuple[Array, Mask]:
-    """Return places with one more in the middle of the first or last leg, and which were there.
+def _guarded(waypoints: Array, first: bool, last: bool) -> tuple[Array, Mask]:
+    """Return waypoints with one more in the middle of the first or last leg, and which were there.
 
     From there to the end a path is straight, however its corners are moved.
     """
-    if len(places) == 2:
+    if len(waypoints) == 2:
         first = last = False
-    middle = 0.5 * (places[1:] + places[:-1])
-    parts = [places[:1], *[middle[:1]] * first, places[1:-1], *[middle[-1:]] * last, places[-1:]]
-    waypoint = np.ones(len(places) + first + last, dtype=bool)
+    middle = 0.5 * (waypoints[1:] + waypoints[:-1])
+    parts = [
+        waypoints[:1],
+        *[middle[:1]] * first,
+        waypoints[1:-1],
+        *[middle[-1:]] * last,
+        waypoints[-1:],
+    ]
+    waypoint = np.ones(len(waypoints) + first + last, dtype=bool)
     waypoint[1] = not first
     waypoint[-2] &= not last
     return np.concatenate(parts), waypoint
 
 
 def _find_part(
-    places: Array,
+    waypoints: Array,
     waypoint: Mask,
     radius: float,
     deviation: float,
@@ -253,14 +259,14 @@ def _find_part(
     before: int,
 ) -> Path:
     """Return a path without turning back; ``before`` waypoints are before it, for messages."""
-    steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    steps = np.linalg.norm(np.diff(waypoints, axis=0), axis=1)
     at = np.concatenate([[0.0], np.cumsum(steps)])
     longest = 1.5 * np.diff(at[waypoint]).min()
     best: tuple[float, str] = (0.0, "")
     for width in _WIDTHS * radius:
         if not deviation and width > longest:
             break
-        path, miss = _rounded(places, at, waypoint, width, deviation)
+        path, miss = _rounded(waypoints, at, waypoint, width, deviation)
         if miss.max() > max(deviation, _MISS):
             far = int(np.argmax(miss))
             reason = f"the path would pass {miss[far]:.2f} m from waypoint {before + far + 1}"
@@ -284,16 +290,16 @@ def _find_part(
 
 
 def _rounded(
-    places: Array, at: Array, waypoint: Mask, width: float, deviation: float
+    waypoints: Array, at: Array, waypoint: Mask, width: float, deviation: float
 ) -> tuple[Path, Array]:
     """Return the path with segments of a length, and its distance from each waypoint (n,)."""
     segments = max(1, round(at[-1] / width))
     spacing = at[-1] / segments
     nodes = (np.arange(segments + DEGREE) - 2) * spacing
-    corners = places
+    corners = waypoints
     for _ in range(_CORRECTIONS):
         spline = UniformSpline(_on_polygon(nodes, at, corners), spacing)
-        error = np.where(waypoint[:, None], places - spline.sample(at, 0)[0].T, 0.0)
+        error = np.where(waypoint[:, None], waypoints - spline.sample(at, 0)[0].T, 0.0)
         miss = np.linalg.norm(error, axis=1)
         if deviation or miss.max() <= _MISS or not np.isfinite(miss.max()) or miss.max() > 1e6:
             break
@@ -306,6 +312,6 @@ def _on_polygon(nodes: Array, at: Array, corners: Array) -> Array:
     reach = 3.0 * at[-1]
     before = corners[0] - (corners[1] - corners[0]) / (at[1] - at[0]) * reach
     after = corners[-1] + (corners[-1] - corners[-2]) / (at[-1] - at[-2]) * reach
-    places = np.vstack([before, corners, after])
+    waypoints = np.vstack([before, corners, after])
     u = np.concatenate([[-reach], at, [at[-1] + reach]])
-    return np.column_stack([np.interp(nodes, u, places[:, k]) for k in (0, 1)])
+    return np.column_stack([np.interp(nodes, u, waypoints[:, k]) for k in (0, 1)])

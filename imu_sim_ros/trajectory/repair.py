@@ -200,8 +200,8 @@ def _join(p: Array, q: Array, jump: Jump) -> None:
     """Move all poses from the jump on, in place, so that the motion continues."""
     rows = slice(jump.row, None)
     back = rotation.exp(-jump.turn)
-    place = p[jump.row] - jump.shift
-    p[rows] = place + rotation.rotate(back, p[rows] - jump.shift - place)
+    joint = p[jump.row] - jump.shift
+    p[rows] = joint + rotation.rotate(back, p[rows] - jump.shift - joint)
     q[rows] = rotation.continuous(rotation.multiply(back, q[rows]))
 
 
@@ -240,7 +240,7 @@ def suspicions(
 def _lines(
     findings: Findings, file: str, poses: PoseSequence, t: Array, robust: bool
 ) -> Iterator[str]:
-    def place(row: int) -> str:
+    def where(row: int) -> str:
         name = f"pose {row + 1}" if poses.lines is None else f"line {poses.lines[row]}"
         return f"{name} ({t[row]:.3f} s)"
 
@@ -250,7 +250,7 @@ def _lines(
     count = len(findings.single)
     if count:
         found = [
-            f"{place(int(row))} by {distance:.3g} m and {np.degrees(angle):.3g} deg"
+            f"{where(int(row))} by {distance:.3g} m and {np.degrees(angle):.3g} deg"
             for row, distance, angle in zip(
                 findings.single, findings.distance, findings.angle, strict=True
             )
@@ -263,7 +263,7 @@ def _lines(
     if findings.jumps:
         sizes = [float(np.linalg.norm(jump.shift)) for jump in findings.jumps]
         found = [
-            f"{place(jump.row)} by {size:.3g} m and {np.degrees(np.linalg.norm(jump.turn)):.3g} deg"
+            f"{where(jump.row)} by {size:.3g} m and {np.degrees(np.linalg.norm(jump.turn)):.3g} deg"
             for jump, size in zip(findings.jumps, sizes, strict=True)
         ]
         yield (

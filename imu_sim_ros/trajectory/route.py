@@ -43,7 +43,7 @@ _STEPS: Final = 4
 class Route(NamedTuple):
     """The n points of a file."""
 
-    places: Array
+    waypoints: Array
     """(n, 2) x, y in the world [m]."""
     times: Array | None
     """(n,) since the first point [s]; None: the file has none."""
@@ -95,20 +95,20 @@ def read_route(path: str | Path, origin: Sequence[float] = ()) -> Route:
     if not points.is_geographic:
         return Route(values[:, :2], times, None, values[:, 3])
     where = (float(origin[0]), float(origin[1])) if origin else (values[0, 0], values[0, 1])
-    places = east_north(values[:, 0], values[:, 1], *where)
-    far = np.linalg.norm(places, axis=1)
+    waypoints = east_north(values[:, 0], values[:, 1], *where)
+    far = np.linalg.norm(waypoints, axis=1)
     if not far.max() <= _FARTHEST:
         raise InputError(
             f"{path}: point {np.argmax(far) + 1} is {far.max() * 1e-3:.0f} km from the origin "
             f"({where[0]:g}, {where[1]:g}); a flat world reaches {_FARTHEST * 1e-3:.0f} km"
         )
-    return Route(places, times, where, values[:, 3])
+    return Route(waypoints, times, where, values[:, 3])
 
 
 def east_north(latitude: Array, longitude: Array, origin: float, meridian: float) -> Array:
     """Return x, y (n, 2) [m] in the plane that touches WGS84 at an origin, east and north of it.
 
-    The places are those of the plane with these latitudes and longitudes, so that a receiver on the
+    The points are those of the plane with these latitudes and longitudes, so that a receiver on the
     plane, z = 0, reports them.
 
     :param latitude: (n,) geodetic [deg].
@@ -195,16 +195,16 @@ def _csv(path: Path, bad: BadRows) -> _Points:
 
 
 def _columns(path: Path, header: list[str]) -> tuple[tuple[int, int, int, int], bool]:
-    """Return the places of coordinates, height and time, -1 for none; whether on the Earth."""
+    """Return the columns of coordinates, height and time, -1 for none; whether on the Earth."""
 
-    def place(names: Sequence[str]) -> int:
+    def column(names: Sequence[str]) -> int:
         return next((k for k, word in enumerate(header) if word in names), -1)
 
-    up, time = place(_HEIGHTS), place(_TIMES)
-    latitude, longitude = place(_LATITUDES), place(_LONGITUDES)
+    up, time = column(_HEIGHTS), column(_TIMES)
+    latitude, longitude = column(_LATITUDES), column(_LONGITUDES)
     if latitude >= 0 and longitude >= 0:
         return (latitude, longitude, up, time), True
-    x, y = place(("x", "x_m", "east")), place(("y", "y_m", "north"))
+    x, y = column(("x", "x_m", "east")), column(("y", "y_m", "north"))
     if x >= 0 and y >= 0:
         return (x, y, up, time), False
     raise InputError(
@@ -243,11 +243,11 @@ def _kml(path: str | Path, bad: BadRows) -> Iterator[_Row]:
     elements = list(parsed(path, LARGEST_TEXT).every())
     track = next((one for one in elements if _local(one) == "Track"), None)
     if track is not None:
-        places = [one.text for one in track.children if _local(one) == "coord"]
+        coordinates = [one.text for one in track.children if _local(one) == "coord"]
         stamps = [one.text for one in track.children if _local(one) == "when"]
-        for number, text in enumerate(places, start=1):
+        for number, text in enumerate(coordinates, start=1):
             longitude, latitude, height, *_ = (*text.split(), "", "", "")
-            stamp = stamps[number - 1] if len(stamps) == len(places) else ""
+            stamp = stamps[number - 1] if len(stamps) == len(coordinates) else ""
             yield _Row(number, latitude, longitude, height, _seconds(stamp, number, bad))
         return
     texts = _coordinates(elements, "LineString")[:1] or _coordinates(elements, "Point")

@@ -152,9 +152,9 @@ def _noise(parameters: VibrationParameters, rms: Sequence[float], seed: SeedSequ
     """Return the lines of the noise."""
     random = Generator(PCG64(seed))
     lines = parameters.noise_lines
-    place = (np.arange(lines) + random.random((_AXES, lines))) / lines
+    share = (np.arange(lines) + random.random((_AXES, lines))) / lines
     low, high = parameters.noise_low, parameters.noise_high
-    w = 2.0 * np.pi * (low + (high - low) * place)
+    w = 2.0 * np.pi * (low + (high - low) * share)
     amplitude = np.sqrt(2.0 / lines) * np.array(rms)
     phase = 2.0 * np.pi * random.random((_AXES, lines))
     return np.broadcast_to(amplitude[:, None], w.shape), w, phase

@@ -70,7 +70,7 @@ def test_places_are_those_of_the_plane(origin):
 def test_each_form_gives_the_same_route(tmp_path, name, text, timed):
     route = read_route(written(tmp_path, name, text))
     expected = east_north(*np.array(PLACES).T, *PLACES[0])
-    np.testing.assert_allclose(route.places, expected, atol=1e-9)
+    np.testing.assert_allclose(route.waypoints, expected, atol=1e-9)
     assert route.origin == pytest.approx(PLACES[0])
     if timed:
         np.testing.assert_allclose(route.times, [0.0, 70.0, 140.0, 210.0])
@@ -84,7 +84,7 @@ def test_metres_stay_as_they_are(tmp_path):
     path = written(tmp_path, "route.csv", "t,x,y,z\n# a comment\n0,1.5,2,3\n30,100.0,2.5,\n")
     route = read_route(path)
     np.testing.assert_array_equal(route.heights, [3.0, np.nan])
-    np.testing.assert_array_equal(route.places, [[1.5, 2.0], [100.0, 2.5]])
+    np.testing.assert_array_equal(route.waypoints, [[1.5, 2.0], [100.0, 2.5]])
     np.testing.assert_array_equal(route.times, [0.0, 30.0])
     assert route.origin is None
 
@@ -174,7 +174,7 @@ def test_xml_is_read_as_utf_8_whatever_it_declares(tmp_path, encoding):
     points = "".join(f'<wpt lat="48" lon="11.00{k}"><name>\u00e9</name></wpt>' for k in (0, 1))
     text = f'<?xml version="1.0" encoding="{encoding}"?><gpx>{points}</gpx>'
     path.write_text(text, encoding="utf-8")
-    assert len(read_route(path).places) == 2
+    assert len(read_route(path).waypoints) == 2
     path.write_text(text, encoding="latin-1")
     with pytest.raises(InputError, match="not a text file in UTF-8"):
         read_route(path)

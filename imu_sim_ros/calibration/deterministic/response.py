@@ -144,9 +144,9 @@ def _exact(found: AxisResponse) -> AxisResponse:
     sigma = np.maximum(found.sigma, np.finfo(np.float64).tiny)
     digits = -np.floor(np.log10(10.0 * sigma)).astype(int)
 
-    def cut(values: Array, places: Integers) -> Array:
-        pairs = zip(values.tolist(), places.tolist(), strict=True)
-        return np.array([round(value, place) + 0.0 for value, place in pairs])
+    def cut(values: Array, decimals: Integers) -> Array:
+        pairs = zip(values.tolist(), decimals.tolist(), strict=True)
+        return np.array([round(value, count) + 0.0 for value, count in pairs])
 
     p, b = len(found.gain), len(found.bias)
     return found._replace(

@@ -65,14 +65,14 @@ class LossFiller:
         if not lost.any():
             return y
         self.samples += int(np.count_nonzero(lost))
-        places = np.flatnonzero(lost)
+        missing = np.flatnonzero(lost)
         filled = _interpolated(y, lost)
         moving = np.ptp(filled, axis=0) > 0.0
         own = _Spectrum(self._squares, self._counts, self._logs)
         for _ in range(1 if self._counts.any() else _ROUNDS):
             power = own if self._counts.any() else own.plus(filled)
-            draws = self._drawn(filled, places, power.at(len(y)))
-            filled[places] = np.where(moving, draws, filled[places])
+            draws = self._drawn(filled, missing, power.at(len(y)))
+            filled[missing] = np.where(moving, draws, filled[missing])
         added = own.plus(filled)
         self._squares, self._counts, self._logs = added.squares, added.counts, added.logs
         return filled
@@ -84,7 +84,7 @@ class LossFiller:
         else:
             self._level = self._level + (mean - self._level) * count / self.seen
 
-    def _drawn(self, y: Array, places: Integers, variance: Array) -> Array:
+    def _drawn(self, y: Array, missing: Integers, variance: Array) -> Array:
         """Return draws (m, axes) for the lost samples.
 
         :param variance: (axes, n) of the coefficients.
@@ -93,17 +93,17 @@ class LossFiller:
 
         assert self._level is not None
         observed = (y - self._level).T.copy()
-        observed[:, places] = 0.0
+        observed[:, missing] = 0.0
 
         def precision(x: Array) -> Array:
             spread = np.zeros_like(observed)
-            spread[:, places] = x
+            spread[:, missing] = x
             weighted = dct(spread, norm="ortho", axis=1, overwrite_x=True) / variance
-            return idct(weighted, norm="ortho", axis=1, overwrite_x=True)[:, places]
+            return idct(weighted, norm="ortho", axis=1, overwrite_x=True)[:, missing]
 
         unit = self._random.standard_normal(observed.shape)
         right = unit / np.sqrt(variance) - dct(observed, norm="ortho", axis=1) / variance
-        right = idct(right, norm="ortho", axis=1, overwrite_x=True)[:, places]
+        right = idct(right, norm="ortho", axis=1, overwrite_x=True)[:, missing]
         return self._level + _solution(precision, right).T
 
 

@@ -289,15 +289,15 @@ class _Search:
         level = rest - line * (line @ rest) / (line @ line)
         power = np.abs(np.fft.rfft(np.hanning(self._n) * level))[:last] ** 2
         count = int(np.log(last / slowest) / np.log(_STEP)) + 2
-        places = np.unique((slowest * _STEP ** np.arange(count)).astype(np.int64))
+        centres = np.unique((slowest * _STEP ** np.arange(count)).astype(np.int64))
         # The median of exponentially distributed powers is ln 2 of their mean.
         usual = [
             np.median(power[int(k / _AROUND) - 4 : int(k * _AROUND) + 5]) / np.log(2.0)
-            for k in places[places < last]
+            for k in centres[centres < last]
         ]
         orders = np.arange(slowest, last)
         levels = np.log(np.maximum(usual, 1e-300))
-        surroundings = np.exp(np.interp(np.log(orders), np.log(places[places < last]), levels))
+        surroundings = np.exp(np.interp(np.log(orders), np.log(centres[centres < last]), levels))
         ratio = power[slowest:] / surroundings
         k = int(np.argmax(ratio))
         return [float(k + slowest)] if ratio[k] > _PEAK else []

@@ -163,8 +163,8 @@ def _freedom(count: int) -> float:
 @cache
 def _shared() -> Array:
     """Return what all pairs of tapers share at frequencies 0, 1, ... apart; in a long record."""
-    place = np.arange(1, 4097) * np.pi / 4097
-    tapers = np.sqrt(2.0 / 4097) * np.sin(np.arange(1, _TAPERS + 1)[:, None] * place)
+    angle = np.arange(1, 4097) * np.pi / 4097
+    tapers = np.sqrt(2.0 / 4097) * np.sin(np.arange(1, _TAPERS + 1)[:, None] * angle)
     products = np.fft.fft(tapers[:, None] * tapers, axis=-1)
     return np.asarray(np.sum(np.abs(products) ** 2, axis=(0, 1)))
 
@@ -172,11 +172,11 @@ def _shared() -> Array:
 def _tapered(values: Array, rate: float) -> Complex:
     """Return spectra (tapers, frequencies, 6) whose squares are densities."""
     n = len(values)
-    place = np.arange(1, n + 1) * np.pi / (n + 1)
+    angle = np.arange(1, n + 1) * np.pi / (n + 1)
     centred = values - values.mean(axis=0)
     result = np.empty((_TAPERS, n // 2 + 1, values.shape[1]), dtype=np.complex128)
     for k in range(_TAPERS):
-        taper = np.sqrt(2.0 / (n + 1) / rate) * np.sin((k + 1) * place)
+        taper = np.sqrt(2.0 / (n + 1) / rate) * np.sin((k + 1) * angle)
         result[k] = np.fft.rfft(taper[:, None] * centred, axis=0)
     return result
 

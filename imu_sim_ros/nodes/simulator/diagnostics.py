@@ -34,8 +34,8 @@ class Histogram:
 
     def quantile_us(self, fraction: float) -> float:
         """Return the lateness that a fraction of the samples do not exceed [us]."""
-        place = np.searchsorted(np.cumsum(self._counts), fraction * self._counts.sum())
-        return float(self._edges[min(place, len(self._edges) - 1)]) * 1e-3
+        index = np.searchsorted(np.cumsum(self._counts), fraction * self._counts.sum())
+        return float(self._edges[min(index, len(self._edges) - 1)]) * 1e-3
 
 
 class StreamReport:

@@ -122,9 +122,9 @@ class GnssReadings(SensorReadings):
 
 
 def _fix(read: Any, rows: Any, _: Any) -> tuple[Array, ...]:
-    place, status = read.geodetic[rows], read.status[rows]
+    geodetic, status = read.geodetic[rows], read.status[rows]
     variance = np.where(status[:, None] < 0, 0.0, read.variance[rows])  # 0: unknown, in ROS
-    return (*place.T, status, variance)
+    return (*geodetic.T, status, variance)
 
 
 _EXTENDED_STATUS: Final = np.array([0, 18, 20, 19, -1])

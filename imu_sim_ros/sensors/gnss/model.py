@@ -110,10 +110,10 @@ class Receiver(SensorModel):
             "pdop": np.minimum(np.linalg.norm(diluted[:, :3], axis=1), UNUSABLE),
         }
 
-    def _last_known(self, places: Array, fixed: Mask) -> Array:
-        """Return rows (n, 6) of places; one without a fix is that of the last fix before it."""
+    def _last_known(self, positions: Array, fixed: Mask) -> Array:
+        """Return rows (n, 6) of positions; one without a fix is that of the last fix before it."""
         rows = np.maximum.accumulate(np.where(fixed, np.arange(1, len(fixed) + 1), 0))
-        result: Array = np.concatenate([self._known[None], places])[rows]
+        result: Array = np.concatenate([self._known[None], positions])[rows]
         if len(result):
             self._known = result[-1]
         return result
@@ -175,21 +175,21 @@ class Receiver(SensorModel):
             v = self._earth.over_ground(motion).velocity
         return v + rotation.rotate(motion.q_wb, np.cross(motion.angular_velocity, self.lever_arm_b))
 
-    def _is_out(self, t: Array, place: Array) -> Mask:
-        """Return whether there is no fix, by time, by place, or by chance."""
+    def _is_out(self, t: Array, position: Array) -> Mask:
+        """Return whether there is no fix, by time, by position, or by chance."""
         p = self._own_parameters
         out = self._random.next(len(t)) > 0
         for start, length in np.reshape(p.outages, (-1, 2)):
             out |= (t >= start) & (t < start + length)
         for box in np.reshape(p.outage_boxes, (-1, 6)):
-            out |= ((place >= box[:3]) & (place <= box[3:])).all(axis=1)
+            out |= ((position >= box[:3]) & (position <= box[3:])).all(axis=1)
         return out
 
 
 def nowhere(mounted: Mounted, world: World, _: float) -> list[str]:
     """Return a line if nobody has said where on the Earth the world is."""
-    place = mounted.environment
-    if place.latitude_deg or place.longitude_deg:
+    origin = mounted.environment
+    if origin.latitude_deg or origin.longitude_deg:
         return []
     from imu_sim_ros.trajectory.drive import route_in  # most motions are no drive
 

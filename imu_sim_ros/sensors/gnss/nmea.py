@@ -59,21 +59,21 @@ def _lines(
     east, north, _ = velocity
     when = datetime.fromtimestamp(round(t_ns * 1e-7) / 100.0, timezone.utc)
     time = f"{when:%H%M%S}.{when.microsecond // 10000:02d}"
-    place, above, course, knots, kilometres = ",,,", ",M,,M", "", "", ""
+    position, above, course, knots, kilometres = ",,,", ",M,,M", "", "", ""
     valid, kind = ("A", "D" if mode else "A") if mode >= 0 else ("V", "N")
     if mode >= 0:
-        place = f"{_angle(latitude, 2, 'NS')},{_angle(longitude, 3, 'EW')}"
+        position = f"{_angle(latitude, 2, 'NS')},{_angle(longitude, 3, 'EW')}"
         above = f"{height:.4f},M,0.0,M"
         course = f"{math.degrees(math.atan2(east, north)) % 360.0:.2f}"
         speed = math.hypot(east, north)
         knots, kilometres = f"{speed * _KNOTS:.3f}", f"{speed * 3.6:.3f}"
     quality = f"{_QUALITY[mode]},{satellites:02d},{dops[1]:.2f}"
-    yield f"GNGGA,{time},{place},{quality},{above},,"
+    yield f"GNGGA,{time},{position},{quality},{above},,"
     numbers = [f"{prn + 1:02d}" for prn in range(used.bit_length()) if used >> prn & 1]
     for first in range(0, max(len(numbers), 1), _IN_GSA):
         shown = ",".join((numbers[first:] + [""] * _IN_GSA)[:_IN_GSA])
         yield f"GNGSA,A,{3 if mode >= 0 else 1},{shown},{','.join(f'{d:.2f}' for d in dops)}"
-    yield f"GNRMC,{time},{valid},{place},{knots},{course},{when:%d%m%y},,,{kind}"
+    yield f"GNRMC,{time},{valid},{position},{knots},{course},{when:%d%m%y},,,{kind}"
     yield f"GNVTG,{course},T,,M,{knots},N,{kilometres},K,{kind}"
 
 

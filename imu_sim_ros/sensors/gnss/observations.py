@@ -53,18 +53,18 @@ _AMBIGUITY: Final = 1_000_000
 
 
 def klobuchar(
-    at: GpsTime, seconds: Array, place: tuple[Array, Array], look: tuple[Array, Array], ion: Array
+    at: GpsTime, seconds: Array, angles: tuple[Array, Array], look: tuple[Array, Array], ion: Array
 ) -> Array:
     """Return ionospheric delays on L1 (n, k) [m] (IS-GPS-200, 20.3.3.5.2.5).
 
     :param at: time zero; only the second of the week counts.
     :param seconds: (n,) since then.
-    :param place: latitude and longitude (n,) [rad].
+    :param angles: latitude and longitude (n,) [rad].
     :param look: azimuth and elevation (n, k) [rad].
     :param ion: (8,) alpha 0 to 3 and beta 0 to 3.
     """
     azimuth, elevation = look[0], look[1] / np.pi
-    latitude, longitude = (one[:, None] / np.pi for one in place)
+    latitude, longitude = (one[:, None] / np.pi for one in angles)
     psi = 0.0137 / (elevation + 0.11) - 0.022
     phi = np.clip(latitude + psi * np.cos(azimuth), -0.416, 0.416)
     lam = longitude + psi * np.sin(azimuth) / np.cos(phi * np.pi)
@@ -112,9 +112,9 @@ class Antenna(NamedTuple):
     """(n, 3, 3) directions of east, north and up."""
 
 
-def antenna(environment: EnvironmentParameters, place: Array, velocity: Array) -> Antenna:
-    """Return places and velocities (n, 3) in the world as Earth-fixed ones."""
-    latitude, longitude, height = geodetic(environment, place)
+def antenna(environment: EnvironmentParameters, position: Array, velocity: Array) -> Antenna:
+    """Return positions and velocities (n, 3) in the world as Earth-fixed ones."""
+    latitude, longitude, height = geodetic(environment, position)
     axes = east_north_up(latitude, longitude)
     turn = axes
     if not environment.curved_earth:  # there the world's axes are those of its origin everywhere
@@ -150,19 +150,21 @@ class Ranges(NamedTuple):
 def ranges(known: Ephemerides, week: int, second: Array, at: Antenna) -> Ranges:
     """Return distances and so on of satellites at reception times (n,) [s of the week]."""
     flight = np.full((len(second), len(known.prn)), _FLIGHT_TIME)
-    place, distance = np.empty(0), np.empty(0)
+    satellite, distance = np.empty(0), np.empty(0)
     for _ in range(_FLIGHT_STEPS):
-        place = _turned(orbits(known, week, second[:, None] - flight).position, flight)
-        distance = np.linalg.norm(place - at.position[:, None], axis=-1)
+        satellite = _turned(orbits(known, week, second[:, None] - flight).position, flight)
+        distance = np.linalg.norm(satellite - at.position[:, None], axis=-1)
         flight = distance / LIGHT
     emitted = second[:, None] - flight
     before, after = (orbits(known, week, emitted + s * _STEP) for s in (-0.5, 0.5))
     clock, drift = 0.5 * (before.clock + after.clock), (after.clock - before.clock) / _STEP
     velocity = _turned((after.position - before.position) / _STEP, flight)
-    away = (place - at.position[:, None]) / distance[..., None]
+    away = (satellite - at.position[:, None]) / distance[..., None]
     approach = np.sum(away * velocity, axis=-1)
     # The turn on the way changes with the distance: d(R r)/dt = R v + w x R r, tau' = rho' / c.
-    swing = -EARTH_RATE * (away[..., 1] * place[..., 0] - away[..., 0] * place[..., 1]) / LIGHT
+    swing = (
+        -EARTH_RATE * (away[..., 1] * satellite[..., 0] - away[..., 0] * satellite[..., 1]) / LIGHT
+    )
     own = np.einsum("nkj,nj->nk", away, at.velocity)
     rate = (approach - own) / (1.0 + approach / LIGHT - swing)
     local = away @ np.swapaxes(at.axes, -1, -2)
@@ -170,11 +172,11 @@ def ranges(known: Ephemerides, week: int, second: Array, at: Antenna) -> Ranges:
     return Ranges(distance, rate, clock, drift, azimuth, np.arcsin(local[..., 2]))
 
 
-def _turned(place: Array, flight: Array) -> Array:
-    """Return places (..., 3) at emission in the Earth-fixed axes of reception."""
+def _turned(satellite: Array, flight: Array) -> Array:
+    """Return positions (..., 3) at emission in the Earth-fixed axes of reception."""
     angle = EARTH_RATE * flight
     sine, cosine = np.sin(angle), np.cos(angle)
-    x, y, z = np.moveaxis(place, -1, 0)
+    x, y, z = np.moveaxis(satellite, -1, 0)
     return np.stack([cosine * x + sine * y, cosine * y - sine * x, z], axis=-1)
 
 
@@ -209,13 +211,15 @@ class Observer:
         ion = broadcast.ionosphere
         self._ion = np.array(parameters.klobuchar) if ion is None else ion
 
-    def measure(self, t: Array, place: Array, velocity: Array, used: Integers) -> Mapping[str, Any]:
+    def measure(
+        self, t: Array, position: Array, velocity: Array, used: Integers
+    ) -> Mapping[str, Any]:
         """Return the measurements of the next n times, and the truth of them.
 
         The receiver measures when its clock shows the times, in ticks of RINEX.
 
         :param t: (n,) since time zero [s].
-        :param place: (n, 3) of the antenna in the world [m].
+        :param position: (n, 3) of the antenna in the world [m].
         :param velocity: (n, 3) [m/s]
         :param used: (n,) bit ``prn - 1`` is set for each satellite that is measured.
         """
@@ -223,7 +227,7 @@ class Observer:
         true_ns = round(self._start.second * 1e9) + np.round(t * 1e9).astype(np.int64)
         tag_ns = (true_ns + _TICK_NS // 2) // _TICK_NS * _TICK_NS
         off = (tag_ns - true_ns) * 1e-9 - clock
-        here = antenna(self._environment, place + off[:, None] * velocity, velocity)
+        here = antenna(self._environment, position + off[:, None] * velocity, velocity)
         shape = (len(t), SATELLITES)
         truth = {name: np.full(shape, np.nan) for name in Ranges._fields}
         delay = np.zeros(SATELLITES)
@@ -288,8 +292,8 @@ class Observer:
         nothing = np.zeros_like(seen.elevation)
         above, below = nothing, nothing
         if p.ionosphere:
-            place = (here.latitude, here.longitude)
-            above = klobuchar(self._start, t, place, look, self._ion)
+            angles = (here.latitude, here.longitude)
+            above = klobuchar(self._start, t, angles, look, self._ion)
         if p.troposphere:
             below = saastamoinen(here.latitude, here.height, seen.elevation)
         return above, below

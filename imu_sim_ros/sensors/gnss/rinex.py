@@ -195,8 +195,8 @@ def _records(lines: Sequence[str], old: bool) -> Iterator[list[str]]:
 
 
 def _read_record(lines: Sequence[str], old: bool) -> dict[str, float]:
-    place = 22 if old else 23
-    head = lines[0][:place].removeprefix("G").split()
+    column = 22 if old else 23
+    head = lines[0][:column].removeprefix("G").split()
     prn, year, month, day, hour, minute = (int(float(word)) for word in head[:6])
     if old:
         year += 1900 if year >= 80 else 2000
@@ -205,7 +205,7 @@ def _read_record(lines: Sequence[str], old: bool) -> dict[str, float]:
     found: dict[str, float] = {"prn": prn}
     for number, names in enumerate(_RECORD):
         line = lines[number] if number < len(lines) else ""
-        first = place if number == 0 else place - 19
+        first = column if number == 0 else column - 19
         for k, name in enumerate(names):
             word = line[first + 19 * k : first + 19 * (k + 1)].replace("D", "E").rstrip()
             if (word and len(word) < 19) or not (word or name in _MAY_BE_BLANK):
@@ -224,9 +224,9 @@ def _read_ionosphere(head: Sequence[str]) -> Array | None:
     for line in head:
         label = line[60:].strip()
         for name, old in (("GPSA", "ION ALPHA"), ("GPSB", "ION BETA")):
-            place = 2 if label == old else 5 if line.startswith(name) else 0
-            if place:
-                words = [line[place + 12 * k : place + 12 * (k + 1)] for k in range(4)]
+            column = 2 if label == old else 5 if line.startswith(name) else 0
+            if column:
+                words = [line[column + 12 * k : column + 12 * (k + 1)] for k in range(4)]
                 rows[name] = [float(word.replace("D", "E")) for word in words]
     return np.array(rows["GPSA"] + rows["GPSB"]) if len(rows) == 2 else None
 

@@ -59,10 +59,10 @@ class RinexFiles:
         self._lock = reached[-1]
         if not self._begun:
             self._begun = True
-            place = earth_fixed(*read.ideal_geodetic[:1].T)[0]
+            position = earth_fixed(*read.ideal_geodetic[:1].T)[0]
             self._observations.write(
                 rinex.observation_header(
-                    place,
+                    position,
                     self._own.raw.frequencies,
                     int(read.tag_ns[0]),
                     1.0 / self._own.rate,

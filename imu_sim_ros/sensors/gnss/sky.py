@@ -93,22 +93,22 @@ class Sky:
         self._interval = -1
         self._last: tuple[Used, Array] | None = None
 
-    def over(self, t: Array, place: Array) -> Geometry:
+    def over(self, t: Array, position: Array) -> Geometry:
         """Return what the next n fixes are made of.
 
         :param t: (n,) since time zero [s].
-        :param place: (n, 3) true place in the world [m].
+        :param position: (n, 3) true position in the world [m].
         """
         intervals = np.floor(t / RENEWED).astype(np.int64)
         new, first, rows = np.unique(intervals, return_index=True, return_inverse=True)
-        used, found = self._of_intervals(new, t[first], place[first])
-        level = self._level(place)
+        used, found = self._of_intervals(new, t[first], position[first])
+        level = self._level(position)
         bits = used[rows, level]
         return Geometry(
             bits @ (1 << np.arange(bits.shape[1])), bits.sum(axis=1), found[rows, level]
         )
 
-    def _of_intervals(self, new: Integers, t: Array, place: Array) -> tuple[Used, Array]:
+    def _of_intervals(self, new: Integers, t: Array, position: Array) -> tuple[Used, Array]:
         """Return satellites in use (m, levels, 32) and dilutions (m, levels, 4) of intervals.
 
         The interval that the last block ended in keeps the geometry of its first fix.
@@ -116,17 +116,17 @@ class Sky:
         kept = self._last if len(new) and new[0] == self._interval else None
         skipped = int(kept is not None)
         parts = [kept] if kept is not None else []
-        parts.append(self._seen(t[skipped:], place[skipped:]))
+        parts.append(self._seen(t[skipped:], position[skipped:]))
         used, found = (np.concatenate(both) for both in zip(*parts, strict=True))
         if len(new):
             self._interval, self._last = int(new[-1]), (used[-1:], found[-1:])
         return used, found
 
-    def _seen(self, t: Array, place: Array) -> tuple[Used, Array]:
+    def _seen(self, t: Array, position: Array) -> tuple[Used, Array]:
         used = np.zeros((len(t), len(self._masks), SATELLITES), np.int64)
         if not len(t):
             return used, np.zeros((0, len(self._masks), 4))
-        latitude, longitude, height = geodetic(self._environment, place)
+        latitude, longitude, height = geodetic(self._environment, position)
         origin = earth_fixed(latitude, longitude, height)
         axes = east_north_up(latitude, longitude)
         found = np.full((*used.shape[:2], 4), np.inf)
@@ -140,9 +140,9 @@ class Sky:
             found[rows] = dilution(directions[:, None], above)
         return used, found
 
-    def _level(self, place: Array) -> Integers:
-        """Return the number of the mask (n,) that hides satellites at places (n, 3)."""
-        level = np.zeros(len(place), np.int64)
+    def _level(self, position: Array) -> Integers:
+        """Return the number of the mask (n,) that hides satellites at positions (n, 3)."""
+        level = np.zeros(len(position), np.int64)
         for k, box in enumerate(self._boxes):
-            level[((place >= box[:3]) & (place <= box[3:])).all(axis=1)] = k + 1
+            level[((position >= box[:3]) & (position <= box[3:])).all(axis=1)] = k + 1
         return level

@@ -235,8 +235,8 @@ class Triads:
             new = unit_of_seed(self._units.triad(name, units), name, seeds) if renewed else None
             triad.begin(units, new)
         self._index[units] = 0
-        places = self._index % AHEAD
-        self._in_phase = bool((places == places[0]).all())
+        within = self._index % AHEAD
+        self._in_phase = bool((within == within[0]).all())
 
     def next(self) -> Next:
         """Return what the next sample of each unit gets."""
@@ -246,9 +246,9 @@ class Triads:
             rows = int(self._index[0]) % AHEAD
             due = range(0 if rows else self._units.count)
         else:
-            places = self._index % AHEAD
-            rows = (places, np.arange(self._units.count))
-            due = np.flatnonzero(places == 0)
+            within = self._index % AHEAD
+            rows = (within, np.arange(self._units.count))
+            due = np.flatnonzero(within == 0)
         for begin in range(0, len(due), _AT_ONCE):
             units = due[begin : begin + _AT_ONCE]
             together = units[-1] - units[0] + 1 == len(units)  # a slice needs no copies
@@ -309,10 +309,10 @@ def _at(rows: Any, values: Array) -> Array:
         return np.copy(values)
     if isinstance(rows, int):
         return np.copy(values[rows : rows + 1])
-    place, unit = rows
+    row, unit = rows
     memory = values.swapaxes(1, 2).reshape(-1)
     count = len(unit)
-    begin = place * (3 * count) + unit
+    begin = row * (3 * count) + unit
     found = memory.take(begin + count * np.arange(3)[:, None])
     return found.T[None]
 

@@ -64,13 +64,13 @@ class ScanFiles:
     """``000000.bin``, ..., and ``times.txt`` with the stamps of the scans [s]."""
 
     def __init__(
-        self, own: LidarParameters, _: EnvironmentParameters, __: int, places: Sequence[Path]
+        self, own: LidarParameters, _: EnvironmentParameters, __: int, folders: Sequence[Path]
     ) -> None:
         """Make the folder.
 
-        :param places: the folder alone.
+        :param folders: the folder alone.
         """
-        (self._folder,) = places
+        (self._folder,) = folders
         make_folder(self._folder)
         self._suffix, self._content = _FORMS[own.files]
         self._times = (self._folder / "times.txt").open("w", encoding="ascii", newline="\n")

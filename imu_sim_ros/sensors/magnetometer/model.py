@@ -58,8 +58,8 @@ class MagneticField:
         """
         field = empty((len(t),))
         field[:] = self.earth_w
-        for place, moment in self._dipoles:
-            field += self._dipole(position - place, moment)
+        for centre, moment in self._dipoles:
+            field += self._dipole(position - centre, moment)
         if self._alternating.any():
             field += self._alternating * np.sin(self._angular_frequency * t)[:, None]
         return field
@@ -213,8 +213,8 @@ class Magnetometer:
         """Return the samples in a window, which begins where the last one ended."""
         samples = self._timing.times.within(window)
         motion = world.motion(samples.t)
-        place = motion.position + rotate(motion.q_wb, self._lever_arm_b)
-        field_w = self._field.at(samples.t, place)
+        position = motion.position + rotate(motion.q_wb, self._lever_arm_b)
+        field_w = self._field.at(samples.t, position)
         ideal = transform(self._r_ib, rotate_inverse(motion.q_wb, field_w))
         return self._read(samples, ideal, world)
 

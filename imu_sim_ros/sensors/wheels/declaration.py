@@ -63,7 +63,7 @@ class WheelsReadings(SensorReadings):
     true_twist: Array
     """(n, 6) of the vehicle at the instant, in the child frame: linear, angular."""
     true_pose: Array
-    """(n, 7) place and q (w, x, y, z), relative to the first reading."""
+    """(n, 7) position and q (w, x, y, z), relative to the first reading."""
     ideal_angle: Array
     """(n, m) true angles of the joints [rad]."""
     ideal_speed: Array
@@ -104,12 +104,12 @@ def _odometry(name: str, truth: bool = False) -> Topic:
                 pose, twist = read.true_pose[rows], read.true_twist[rows]
                 ideal = pose[:, :3], pose[:, 3:], twist[:, :3], twist[:, 3:]
                 return encoder.pattern(read.true_t_ns[rows], *ideal)
-            place, q, velocity, rate = _as_read(read, rows)
+            position, q, velocity, rate = _as_read(read, rows)
             covariances = (
                 _planar(read.pose_covariance[rows]),
                 _planar(read.covariance[rows]),
             )
-            return encoder.pattern(read.t_ns[rows], place, q, velocity, rate, *covariances)
+            return encoder.pattern(read.t_ns[rows], position, q, velocity, rate, *covariances)
 
         return payloads
 

@@ -45,14 +45,14 @@ def rim_speeds(model: str, track: float, wheelbase: float) -> Array:
     return np.array([[1.0, 0.0, -0.5 * track], [1.0, 0.0, 0.5 * track]])
 
 
-def wheel_places(model: str, track: float, wheelbase: float) -> Array:
+def wheel_positions(model: str, track: float, wheelbase: float) -> Array:
     """Return where each wheel touches the ground (m, 3), from the point of the twist [m]."""
     ends = (0.5, -0.5) if model == "omnidirectional" else (0.0,)
     return np.array([[end * wheelbase, side * track, 0.0] for end in ends for side in (0.5, -0.5)])
 
 
 def realised_wheels(p: WheelsParameters, seed: int, name: str) -> WheelsParameters:
-    """Return the wheels of a seed, with the true radii, distances and offset in their places.
+    """Return the wheels of a seed, with the true radii, distances and offset in their positions.
 
     :param name: of the wheels among the sensors.
     """
@@ -110,8 +110,8 @@ class Odometer(SensorModel):
         self._steering = generator(seed, f"{name}.steering")
         self._patches = Events(seed, f"{name}.patch", p.patch_rate, p.patch_duration, self._dt)
         self._patched, self._patch = 0, np.zeros(p.wheels)
-        touching = wheel_places(p.model, *self._unit.true_base)
-        self._places = self.lever_arm_b + rotation.rotate(self.q_bs[None], touching)
+        touching = wheel_positions(p.model, *self._unit.true_base)
+        self._wheels = self.lever_arm_b + rotation.rotate(self.q_bs[None], touching)
         ambient = dataclasses.replace(
             environment.temperature, power=0.0, time_constant=p.temperature_time_constant
         )
@@ -208,11 +208,11 @@ class Odometer(SensorModel):
     def _box_ratios(self, motion: Motion) -> Array:
         """Return how much faster each wheel is where it touches the ground (count, m)."""
         boxes = self._own_parameters.patch_boxes
-        ratio = np.zeros((len(motion.position), len(self._places)))
+        ratio = np.zeros((len(motion.position), len(self._wheels)))
         if not boxes:
             return ratio
-        for k, place in enumerate(self._places):
-            at = motion.position + rotation.rotate(motion.q_wb, place[None])
+        for k, wheel in enumerate(self._wheels):
+            at = motion.position + rotation.rotate(motion.q_wb, wheel[None])
             for box in np.reshape(boxes, (-1, 7)):
                 inside = ((at >= box[:3]) & (at <= box[3:6])).all(axis=1)
                 ratio[:, k] = np.maximum(ratio[:, k], box[6] * inside)
@@ -270,7 +270,7 @@ class Odometer(SensorModel):
         return true_pair, read_pair
 
     def _relative(self, motion: Motion) -> Array:
-        """Return true poses (n, 7), place and q (w, x, y, z), in the frame of the first reading."""
+        """Return true poses (n, 7), x, y, z and q (w, x, y, z), relative to the first reading."""
         position, q_ws = self.position(motion), self.attitude(motion)
         if not len(position):
             return np.zeros((0, 7))
@@ -294,8 +294,8 @@ class Odometer(SensorModel):
         forward, left = chord * way[:, 0], chord * way[:, 1]
         cosine, sine = np.cos(middle), np.sin(middle)
         steps = np.column_stack([cosine * forward - sine * left, sine * forward + cosine * left])
-        places = np.cumsum(np.concatenate([self._pose[None, :2], steps]), axis=0)
-        result = np.column_stack([places, yaw])[1:]
+        positions = np.cumsum(np.concatenate([self._pose[None, :2], steps]), axis=0)
+        result = np.column_stack([positions, yaw])[1:]
         self._pose = result[-1]
         return result
 

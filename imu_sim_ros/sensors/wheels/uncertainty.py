@@ -173,8 +173,8 @@ class StatedCovariance:
         middle = 0.5 * (yaw[1:] + yaw[:-1])
         cosine, sine = dt[:, None] * np.cos(middle), dt[:, None] * np.sin(middle)
         ways = np.stack([cosine * forward - sine * left, sine * forward + cosine * left], axis=1)
-        places = np.cumsum(np.concatenate([start[None, :2], ways]), axis=0)
-        every = np.concatenate([places, yaw[:, None]], axis=1)[1:]
+        positions = np.cumsum(np.concatenate([start[None, :2], ways]), axis=0)
+        every = np.concatenate([positions, yaw[:, None]], axis=1)[1:]
         self._vehicles = every[-1].copy()
         error = every[:, :, 1:] - every[:, :, :1]
         mean: Array = np.matmul(error, error.transpose(0, 2, 1)) / error.shape[2]

@@ -160,7 +160,7 @@ def navigated_by_pyins(rate: float, seconds: float) -> np.ndarray:
     parameters = load_simulation(values)
     block = Body(parameters).next(round(seconds * rate) + 1)["imu"]
     earth = CurvedEarth(parameters)
-    place, ground = earth.place(block.motion.position), earth.over_ground(block.motion)
+    place, ground = earth.geodetic(block.motion.position), earth.over_ground(block.motion)
     to_ned = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
     frd = np.diag([1.0, -1.0, -1.0])
     attitude = to_ned @ to_matrix(block.motion.q_wb[[0, -1]]) @ frd
