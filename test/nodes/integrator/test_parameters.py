@@ -13,6 +13,7 @@ from imu_sim_ros.navigation.parameters import (
     outside_covariance,
 )
 from imu_sim_ros.parameters.sections import build
+from imu_sim_ros.parameters.sections import parameters as described
 
 
 def integrator(**values: object) -> IntegratorParameters:
@@ -23,6 +24,16 @@ def test_the_noise_is_that_of_the_preset_below_what_is_given():
     parameters = integrator(**{"imu.accelerometer_random_walk": 0.5})
     assert parameters.imu.gyroscope.noise_density == (0.015,) * 3
     assert parameters.imu.accelerometer.random_walk == (0.5,) * 3
+
+
+def test_errors_that_contradict_each_other_are_refused():
+    with pytest.raises(ConfigurationError, match="imu.gyroscope_correlation_time"):
+        integrator(**{"imu.gyroscope_gauss_markov_sigma": 1e-3})
+
+
+def test_noise_is_taken_at_the_start():
+    known = described(IntegratorParameters)
+    assert not any(one.live for name, one in known.items() if name.startswith("imu."))
 
 
 def test_a_calibration_corrects_and_given_values_stand_above_it(tmp_path):

@@ -204,6 +204,12 @@ def test_a_board_s_file_may_name_its_barometer(tmp_path: Any) -> None:
     assert found.imu.gyroscope.noise_density == pytest.approx([0.00012341] * 3)
     other = load_simulation({"imu.preset": str(board), "imu.barometer_preset": "bmp388"})
     assert other.imu.barometer.turn_on_bias_sigma == 50.0
+    given = tmp_path / "barometer.yaml"
+    given.write_text("/**: {ros__parameters: {imu: {barometer_noise_density: 0.5}}}\n")
+    for name, density in ((str(given), 0.5), ("", 0.0)):
+        own = load_simulation({"imu.preset": str(board), "imu.barometer_preset": name})
+        assert own.imu.barometer.noise_density == density
+        assert own.imu.barometer.turn_on_bias_sigma == 0.0
 
 
 @pytest.mark.parametrize(
