@@ -24,7 +24,7 @@ def corridor(site: Site) -> Place:
     stream = site.stream("corridor")
     low, high = site.low, site.high
     along = 0 if high[0] - low[0] >= high[1] - low[1] else 1
-    floor = ("tiles:b4b0a6", "carpet:5a6470", "tiles:8c9296")[int(stream.integers(3))]
+    floor = ("tiles:b4b0a6", "flecked:5a6470", "tiles:8c9296")[int(stream.integers(3))]
     sides = b.room(
         low.tolist(), high.tolist(), {"floor": floor, "ceiling": "ceiling", "walls": "plaster"}
     )

@@ -188,10 +188,39 @@ def fittings(b: PlaceBuilder, ceiling: int, pitch: float = 2.4) -> None:
         b.hang(ceiling, Print(kind, left, bottom, size, size))
 
 
-def signs(b: PlaceBuilder, wall: int, pitch: float, cables: float = 0.0) -> None:
-    """Put what walls of halls have on one: switches, plates, signs, and conduits along it.
+HALL_SIGNS: Final = (
+    ("switch", 0.09, 0.17, 1.05),
+    ("warning", 0.3, 0.3, 1.55),
+    ("plan", 0.5, 0.4, 1.4),
+    ("label", 0.32, 0.22, 1.5),
+    ("bolts", 0.7, 0.9, 0.9),
+    ("panel", 0.6, 0.8, 1.0),
+    ("notices", 1.0, 0.8, 1.15),
+)
+"""What hangs on walls of halls: kind, width, height and height of its lower edge [m]."""
+OFFICE_SIGNS: Final = (
+    ("switch", 0.09, 0.17, 1.05),
+    ("outlet", 0.16, 0.08, 0.3),
+    ("plan", 0.5, 0.4, 1.4),
+    ("paper", 0.21, 0.297, 1.3),
+    ("paper", 0.297, 0.42, 1.25),
+    ("poster", 0.5, 0.7, 1.2),
+    ("notices", 0.8, 0.6, 1.2),
+)
+"""What hangs on walls of offices."""
+
+
+def signs(
+    b: PlaceBuilder,
+    wall: int,
+    pitch: float,
+    kinds: Sequence[tuple[str, float, float, float]] = HALL_SIGNS,
+    cables: float = 0.0,
+) -> None:
+    """Put what walls have on one: switches, plates, signs, and conduits along it.
 
     :param pitch: distance between two of them, about [m].
+    :param kinds: from which each is chosen, with its width, height and lower edge [m].
     :param cables: height of the conduits [m]; 0: none.
     """
     if b.site.texture == "blank":
@@ -200,17 +229,8 @@ def signs(b: PlaceBuilder, wall: int, pitch: float, cables: float = 0.0) -> None
     width, height = (float(np.sqrt(side @ side)) for side in (across, up))
     if 0.0 < cables < height - 0.3:
         b.add_prints(wall, [Print("cables", 0.0, cables, width, 0.16, b.number())])
-    kinds = (
-        ("switch", 0.09, 0.17, 1.05),
-        ("warning", 0.3, 0.3, 1.55),
-        ("plan", 0.5, 0.4, 1.4),
-        ("label", 0.32, 0.22, 1.5),
-        ("bolts", 0.7, 0.9, 0.9),
-        ("panel", 0.6, 0.8, 1.0),
-        ("notices", 1.0, 0.8, 1.15),
-    )
-    left = 0.5
-    while left < width - 1.2:
+    left = 0.3
+    while left < width - 0.3:
         kind, w, h, bottom = kinds[int(b.decor.integers(len(kinds)))]
         b.hang(wall, Print(kind, left, bottom, w, h, b.number()))
         left += w + pitch * float(b.decor.uniform(0.4, 1.2))

@@ -58,7 +58,7 @@ def machine_hall(site: Site) -> Place:
         b.add_prints(sides["floor"], lanes)
     wall_decoration(b, sides["+y"])
     for side in ("-x", "+x", "-y", "+y"):
-        signs(b, sides[side], 0.8, 0.4 * (z1 - z0))
+        signs(b, sides[side], 0.8, cables=0.4 * (z1 - z0))
     _lamps(b)
     height = z0 + min(1.8, 0.4 * (z1 - z0))
     u, v = x1 - x0, y1 - y0

@@ -113,8 +113,9 @@ def _plaster(c: Canvas, colour: Array) -> Array:
 
 
 def _concrete(c: Canvas, colour: Array) -> Array:
-    value = 9 * c.noise(0.7) + 7 * c.noise(0.2) + 5 * c.noise(0.03) + 4 * c.grain()
-    pores = c.noise(0.012)
+    value = 9 * c.noise(0.7) + 7 * c.noise(0.2) + 8 * c.noise(0.03) + 4 * c.grain()
+    pores, spots = c.noise(0.012), c.noise(0.05)
+    value += 18 * (spots > 0.75) - 22 * (spots < -0.75)  # splashes and stains
     return _plain(colour, value - 45 * (pores > 0.93))
 
 
@@ -134,7 +135,7 @@ def _board(c: Canvas, colour: Array) -> Array:
 
 def _brick(c: Canvas, colour: Array) -> Array:
     bricks = c.cells(0.25, 0.0833, 0.5)
-    tone = c.stream.integers(-26, 27, bricks.cells).astype(np.float32)[bricks.number]
+    tone = c.stream.integers(-34, 35, bricks.cells).astype(np.float32)[bricks.number]
     hue = c.stream.integers(-10, 11, bricks.cells).astype(np.float32)[bricks.number]
     value = tone + 8 * c.noise(0.03) + 6 * c.grain()
     face = _plain(colour, value, np.stack([hue, -0.3 * hue, -0.5 * hue], axis=-1))
@@ -145,7 +146,8 @@ def _brick(c: Canvas, colour: Array) -> Array:
 def _tiles(c: Canvas, colour: Array, edge: float = 0.333, joint: float = 0.003) -> Array:
     tiles = c.cells(edge, edge)
     tone = c.stream.integers(-6, 7, tiles.cells).astype(np.float32)[tiles.number]
-    value = tone + 3 * c.noise(0.1) + 4 * c.noise(0.02) + 2 * c.grain()
+    chips = c.noise(0.022)
+    value = tone + 3 * c.noise(0.1) + 2 * c.grain() + 24 * (chips > 0.62) - 34 * (chips < -0.62)
     return _plain(colour, value - 55 * (tiles.edge < joint))
 
 
@@ -154,11 +156,12 @@ def _slabs(c: Canvas, colour: Array) -> Array:
 
 
 def _ceiling(c: Canvas, colour: Array) -> Array:
-    """Mineral fibre in a grid of 0.6 m."""
+    """Draw mineral fibre with fissures, in bars and their shadows each 0.6 m."""
     tiles = c.cells(0.6, 0.6)
-    holes = c.noise(0.009) > 0.82
-    value = 2 * c.noise(0.4) - 34 * holes + 2 * c.grain()
-    value = np.where(tiles.edge < 0.014, 6.0 - 30 * (tiles.edge > 0.012), value)
+    tone = c.stream.integers(-5, 6, tiles.cells).astype(np.float32)[tiles.number]
+    holes, fissures = c.noise(0.009) > 0.82, c.noise(0.035, 0.015) > 0.66
+    value = tone + 2 * c.noise(0.4) - 34 * holes - 48 * fissures + 2 * c.grain()
+    value = np.where(tiles.edge < 0.018, 6.0 - 76 * (tiles.edge > 0.012), value)
     return _plain(colour, value.astype(np.float32))
 
 
@@ -168,6 +171,16 @@ def _carpet(c: Canvas, colour: Array) -> Array:
     value = (
         tone + 16 * c.grain() + 9 * c.noise(0.015) + 4 * c.noise(0.3) - 10 * (tiles.edge < 0.002)
     )
+    return _plain(colour, value)
+
+
+def _flecked(c: Canvas, colour: Array) -> Array:
+    """Draw carpet in tiles of 0.5 m with flecks of lighter and darker yarn."""
+    tiles = c.cells(0.5, 0.5)
+    tone = c.stream.integers(-9, 10, tiles.cells).astype(np.float32)[tiles.number]
+    yarn = c.noise(0.06, 0.018)
+    value = tone + 16 * c.grain() + 9 * c.noise(0.015) + 4 * c.noise(0.3)
+    value += 46 * (yarn > 0.6) - 40 * (yarn < -0.6) - 16 * (tiles.edge < 0.003)
     return _plain(colour, value)
 
 
@@ -224,6 +237,7 @@ _WEAR: Final = {
     "slabs": 8.0,
     "ceiling": 4.0,
     "carpet": 9.0,
+    "flecked": 9.0,
     "metal": 4.0,
     "ribbed": 4.0,
     "paint": 3.0,
@@ -248,6 +262,7 @@ _KINDS: Final[dict[str, tuple[Callable[..., Array], str, float]]] = {
     "slabs": (_slabs, "a8a49c", 2.0),
     "ceiling": (_ceiling, "ecebe6", 2.4),
     "carpet": (_carpet, "6a7078", 2.0),
+    "flecked": (_flecked, "6a7078", 2.0),
     "metal": (_metal, "9aa0a4", 2.0),
     "ribbed": (_ribbed, "c2c8ca", 2.0),
     "paint": (_paint, "e0e0dc", 1.2),
@@ -293,7 +308,7 @@ def reflectance(material: str) -> float:
     Paint and cloth are taken to be as bright there as they are to the eye.
     """
     kind = material.partition(":")[0]
-    if kind in ("paint", "carpet"):
+    if kind in ("paint", "carpet", "flecked"):
         linear = (colour_of(material) / 255.0) ** 2.2
         return float(np.clip(linear @ [0.2126, 0.7152, 0.0722], 0.05, 0.9))
     return _REFLECTANCES.get(kind, math.nan)

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.places.furniture import (
+    OFFICE_SIGNS,
     bookcase,
     ceiling_lamps,
     desk,
@@ -40,7 +41,7 @@ def office(site: Site) -> Place:
     """Return an office; windows are on the side of -y, closed rooms on that of +y."""
     b = PlaceBuilder(site)
     stream = site.stream("office")
-    carpet = ("carpet:66707c", "carpet:7a7468", "carpet:5c6c66")[int(stream.integers(3))]
+    carpet = ("flecked:66707c", "flecked:7a7468", "flecked:5c6c66")[int(stream.integers(3))]
     sides = b.room(
         site.low.tolist(),
         site.high.tolist(),
@@ -66,9 +67,9 @@ def office(site: Site) -> Place:
         low, high = (x - 0.5, y0 + 0.01, z0), (x + 0.5, y0 + 0.13, z0 + 0.6)
         if b.free(low, high):
             b.box(low, high, "paint:f0f0ec", {"+y": [Print("grille", 0.02, 0.03, 0.96, 0.54, 0)]})
-    for side in ("-x", "+x", "+y") if partition == y1 else ("-x", "+x"):
+    for side in ("-x", "+x", "+y"):
         wall_decoration(b, sides[side])
-        signs(b, sides[side], 2.0)
+        signs(b, sides[side], 0.5, OFFICE_SIGNS)
     return Place(
         tuple(b.faces),
         lit(b),
@@ -86,17 +87,18 @@ def _closed_rooms(b: PlaceBuilder, y: float, stream: np.random.Generator) -> lis
     count = max(1, round((x1 - x0) / 4.4))
     width = (x1 - x0) / count
     stops: list[list[float]] = []
-    walls: list[int] = []
+    sides: list[int] = []
+    fronts: list[int] = []
     for k in range(count):
         left, right = x0 + k * width, x0 + (k + 1) * width
         opening = left + (0.25 if k % 2 else 0.65) * (width - _DOOR)
-        _front(b, (left, right), y, opening)
+        fronts += _front(b, (left, right), y, opening)
         if k and b.free((left - 0.05, y, z0), (left + 0.05, y1, z1)):
             strip = [Print("strip", 0, 0, y1 - y, 0.07)]
             low, high = (left - 0.05, y + _WALL, z0), (left + 0.05, y1, z1)
             made = b.box(low, high, "plaster", dict.fromkeys(("-x", "+x"), strip),
                          leave="top,bottom,-y,+y")  # fmt: skip
-            walls += made.values()
+            sides += made.values()
         middle = 0.5 * (left + right)
         if k % 2 == 0:
             table(b, (middle, y1 - 1.35, z0), (2.0, 1.0), stream, chairs=True)
@@ -106,18 +108,23 @@ def _closed_rooms(b: PlaceBuilder, y: float, stream: np.random.Generator) -> lis
         if b.free(low, high):
             bookcase(b, low, high, "-x")
         stops.append([opening + 0.5 * _DOOR, y + 0.75, z0 + _HEIGHT])
-    for wall in walls:
+    for wall in sides:
         if b.decor.random() < b.rich(0.6):
             number, places = b.number(), (0.5, 0.8, 0.2, 1.1)
             any(b.hang(wall, Print("whiteboard", at, 1.0, 2.0, 1.1, number)) for at in places)
+    for wall in (*sides, *fronts):
+        signs(b, wall, 0.35, OFFICE_SIGNS)
     return stops
 
 
-def _front(b: PlaceBuilder, ends: tuple[float, float], y: float, opening: float) -> None:
-    """Build one room's part of the wall between it and the open office, with its door."""
+def _front(b: PlaceBuilder, ends: tuple[float, float], y: float, opening: float) -> list[int]:
+    """Build one room's part of the wall between it and the open office, with its door.
+
+    :returns: the places of its sides among the faces.
+    """
     left, right = ends
     z0, z1 = float(b.site.low[2]), float(b.site.high[2])
-    strip = 0.07
+    strip, walls = 0.07, []
     for a, c in ((left, opening), (opening + _DOOR, right)):
         decoration = [Print("strip", 0, 0, c - a, strip)]
         if c - a > 1.2 and b.decor.random() < b.rich(0.6):
@@ -127,17 +134,19 @@ def _front(b: PlaceBuilder, ends: tuple[float, float], y: float, opening: float)
         low, high = (a, y, z0), (c, y + _WALL, z1)
         leave = ["top", "bottom"]
         leave += ["-x"] if a == left else ["+x"]
-        b.box(
+        made = b.box(
             low,
             high,
             "plaster",
             {"-y": decoration, "+y": [Print("strip", 0, 0, c - a, strip)]},
             leave=",".join(leave),
         )
+        walls += [made["-y"], made["+y"]]
     low, high = (opening, y, z0 + _LINTEL), (opening + _DOOR, y + _WALL, z1)
     sign = [Print("label", 0.35, 0.06, 0.3, 0.16, b.number())] if z1 - z0 - _LINTEL > 0.3 else []
     b.box(low, high, "plaster", {"-y": sign}, leave="top,-x,+x")
     door_leaf(b, (opening, y + _WALL, z0), _DOOR - 0.06, _LINTEL - 0.03, _OPEN, b.number())
+    return walls
 
 
 def _desks(

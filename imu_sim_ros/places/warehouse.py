@@ -48,7 +48,7 @@ def warehouse(site: Site) -> Place:
     for side in ("-y", "+y"):
         band = [Print("strip", 0, 0, x1 - x0, 0.3)]
         b.add_prints(sides[side], [*band, Print("exit", 0.5 * (x1 - x0), 2.3, 0.6, 0.3)])
-        signs(b, sides[side], 0.9, 2.75)
+        signs(b, sides[side], 0.9, cables=2.75)
     _roof(b)
     return Place(tuple(b.faces), Lighting(tuple(b.lamps)), site.low, site.high, np.array(stops))
 
