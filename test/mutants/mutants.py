@@ -51,9 +51,9 @@ MUTANTS = (
     ),
     # A driven Gauss-Markov bias is sqrt(2) too strong.
     Mutant(
-        "sensors/errors/noise.py",
-        "self._sigma = sigma + density * np.sqrt(0.5 * self._tau)",
-        "self._sigma = sigma + density * np.sqrt(self._tau)",
+        "sensors/imu/triads.py",
+        "driven = self.gauss_markov_density * np.sqrt(np.multiply(0.5, self.correlation_time))",
+        "driven = self.gauss_markov_density * np.sqrt(self.correlation_time)",
         ("sensor/test_noise.py", "-k", "gauss_markov"),
     ),
     # The lever arm's tangential acceleration has the wrong sign.
