@@ -7,19 +7,15 @@ import dataclasses
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-
 from imu_sim_ros.bags.threads import threads
 from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.conventions import IMU_TOPIC
+from imu_sim_ros.datasets.configurations import imu_values, rig_values
 from imu_sim_ros.datasets.consumers.folder import write_all
-from imu_sim_ros.datasets.consumers.rig import RigValues
-from imu_sim_ros.datasets.consumers.values import ImuValues
 from imu_sim_ros.datasets.forms import opened
 from imu_sim_ros.datasets.topics import resolved, usual_topics
 from imu_sim_ros.parameters import files
-from imu_sim_ros.sensors.errors.realised import realised_imu
-from imu_sim_ros.simulation.parameters import SimulationParameters, values_of
+from imu_sim_ros.simulation.parameters import values_of
 from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.simulation.topics import offered
 
@@ -56,25 +52,9 @@ def write_config(cell: SimulatedCell, seed: int, folder: Path) -> Path:
     """
     parameters = dataclasses.replace(cell.parameters, seed=seed)
     path = folder / "config"
-    values = ImuValues(
-        realised_imu(parameters.imu, parameters.seed),
-        parameters.rate,
-        float(np.linalg.norm(parameters.gravity)),
-        resolved(IMU_TOPIC),
-        cell.total / parameters.rate,
-    )
-    rig = _rig_values(values, parameters) if parameters.cameras else None
-    write_all(path, values, rig, parameters)
+    values = imu_values(parameters, resolved(IMU_TOPIC), cell.total / parameters.rate)
+    names = {topic: topic for topic in offered(mounted(parameters))}
+    write_all(path, values, rig_values(values, parameters, names), parameters)
     every = values_of(parameters)
     files.write(every, path / "simulation.yaml", comment="All parameters of this run.")
     return path
-
-
-def _rig_values(values: ImuValues, parameters: SimulationParameters) -> RigValues:
-    """Return the cameras next to an IMU."""
-    from imu_sim_ros.datasets.configurations import image_topic
-
-    names = {topic: topic for topic in offered(mounted(parameters))}
-    rig = parameters.rig
-    topics = {camera: image_topic(camera, names) for camera in rig.cameras}
-    return RigValues(values, rig.each(), topics, rig.scene)

@@ -38,14 +38,12 @@ def write_configs(
     folder: Path,
     body: Body,
     names: Mapping[str, str],
-    rig: "RigParameters | None",
 ) -> list[str]:
     """Write the files of all stacks; several IMUs have a folder each, of their names.
 
     Returns why stacks will initialise badly from these cameras and IMUs, a line each.
 
     :param names: of the topics that are written, by their own names.
-    :param rig: the cameras, if there are some.
     """
     warnings = []
     every = imus(body.parameters)
@@ -54,15 +52,48 @@ def write_configs(
     for name, parameters in every.items():
         own = f"{name}/{IMU_TOPIC}".lstrip("/")
         seconds = body.taken(parameters.rate) / parameters.rate
-        values = _values(parameters, resolved(names.get(own, own)), seconds)
-        seen = None
-        if rig is not None and rig.cameras:
-            topics = {camera: image_topic(camera, names) for camera in rig.cameras}
+        values = imu_values(parameters, resolved(names.get(own, own)), seconds)
+        lines: tuple[str, ...] = ()
+        if body.parameters.cameras:
             lines = tuple(start_warnings(values, _start(body)))
-            warnings += [f"{name}: {line}" if name else line for line in lines]
-            seen = RigValues(values, rig.each(), topics, rig.scene, lines)
-        write_all(folder / name, values, seen, parameters)
+        warnings += [f"{name}: {line}" if name else line for line in lines]
+        write_all(
+            folder / name, values, rig_values(values, body.parameters, names, lines), parameters
+        )
     return warnings
+
+
+def imu_values(parameters: SimulationParameters, topic: str, duration: float = 0.0) -> ImuValues:
+    """Return an IMU as its consumers see it.
+
+    :param topic: of its readings.
+    :param duration: of these [s].
+    """
+    return ImuValues(
+        realised_imu(parameters.imu, parameters.seed),
+        parameters.rate,
+        float(np.linalg.norm(parameters.gravity)),
+        topic,
+        duration,
+    )
+
+
+def rig_values(
+    values: ImuValues,
+    parameters: SimulationParameters,
+    names: Mapping[str, str],
+    warnings: tuple[str, ...] = (),
+) -> RigValues | None:
+    """Return an IMU with the cameras next to it as their consumers see them; None without any.
+
+    :param names: of the topics that are written, by their own names.
+    :param warnings: of :func:`~imu_sim_ros.datasets.consumers.rig.start_warnings`.
+    """
+    if not parameters.cameras:
+        return None
+    rig: RigParameters = parameters.rig
+    topics = {camera: _image_topic(camera, names) for camera in rig.cameras}
+    return RigValues(values, rig.each(), topics, rig.scene, warnings)
 
 
 def _start(body: Body) -> InitialMotion:
@@ -75,7 +106,7 @@ def _start(body: Body) -> InitialMotion:
     return InitialMotion(t, rotation.rotate_inverse(motion.q_wb, force), speed)
 
 
-def image_topic(camera: str, names: Mapping[str, str]) -> str:
+def _image_topic(camera: str, names: Mapping[str, str]) -> str:
     """Return the name of a camera's image topic: the raw one's, unless only the other is there.
 
     :param names: of the topics that are written, by their own names.
@@ -98,11 +129,10 @@ def write_tum_vi_calibration(folder: Path, parameters: Any) -> None:
 
     :param parameters: of the simulation.
     """
-    rig: RigParameters = parameters.rig
-    values = _values(parameters, "/imu0")
-    topics = {camera: f"/{camera}/{IMAGE_TOPIC}" for camera in rig.cameras}
-    chain = kalibr.camchain(RigValues(values, rig.each(), topics, rig.scene))
-    (folder / "camchain.yaml").write_text(chain, encoding="utf-8")
+    values = imu_values(parameters, "/imu0")
+    rig = rig_values(values, parameters, {})
+    assert rig is not None
+    (folder / "camchain.yaml").write_text(kalibr.camchain(rig), encoding="utf-8")
     (folder / "imu_config.yaml").write_text(kalibr.imu_yaml(values), encoding="utf-8")
 
 
@@ -127,7 +157,7 @@ def describe(
         text_writer.write_euroc_descriptions(
             folder,
             parameters.rate,
-            _values(parameters, f"/imu{index}").densities(),
+            imu_values(parameters, f"/imu{index}").densities(),
             pose[:3, :3],
             pose[:3, 3],
             comment,
@@ -143,13 +173,3 @@ def describe(
         text_writer.write_euroc_table(
             folder, table, number, rate, pose[:3, :3], pose[:3, 3], comment
         )
-
-
-def _values(parameters: SimulationParameters, topic: str, duration: float = 0.0) -> ImuValues:
-    return ImuValues(
-        realised_imu(parameters.imu, parameters.seed),
-        parameters.rate,
-        float(np.linalg.norm(parameters.gravity)),
-        topic,
-        duration,
-    )

@@ -451,7 +451,7 @@ class _Job:
         topics = self.names
         if self.form.dataset == "csv":
             topics = bagcreater_topics(imus(body.parameters))
-        for warning in write_configs(folder, body, topics, self.parameters.rig):
+        for warning in write_configs(folder, body, topics):
             self.journal.warn(warning)
         note = body.note_of_scene()
         fitted = f"\n{note}" if note else ""

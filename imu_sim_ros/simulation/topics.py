@@ -22,7 +22,6 @@ from imu_sim_ros.conventions import (
     TF_STATIC_TOPIC,
 )
 from imu_sim_ros.rotation import from_matrix
-from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.declaration import Mounted, Payloads, Topic
 from imu_sim_ros.sensors.deferred import Results
 from imu_sim_ros.sensors.orientation.declaration import TOPIC as ORIENTATION_TOPIC
@@ -35,13 +34,6 @@ OF_THE_ERROR_MODEL: Final = (
     *ERROR_TOPICS,
 )
 """Topics that an error model has for the readings of somebody else."""
-OF_GIVEN_OTHERS: Final = tuple(
-    topic.name
-    for sensor in sensors_of_imus()
-    for topic in sensor.topics
-    if sensor.given is not None and topic.flags is not None
-)
-"""Those for ideal values of other sensors that come with the readings."""
 MOUNTS: Final = TF_STATIC_TOPIC.strip("/")
 
 
@@ -140,9 +132,9 @@ def _mounts(sensors: Mapping[str, Mounted], encoding: str) -> Payloads:
 def is_published(topic: Topic, publish: Any) -> bool:
     """Return whether a node publishes a topic.
 
-    :param publish: the section ``publish``.
+    :param publish: the section ``publish``; a switch that it does not have is off.
     """
-    return topic.flags is not None and all(getattr(publish, flag) for flag in topic.flags)
+    return topic.flags is not None and all(getattr(publish, flag, False) for flag in topic.flags)
 
 
 def sensors_of(topics: Iterable[str], known: Mapping[str, Offered]) -> frozenset[str]:

@@ -17,8 +17,6 @@ from imu_sim_ros.nodes.publishing import Counter, create
 from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
 from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.simulation.topics import (
-    OF_GIVEN_OTHERS,
-    OF_THE_ERROR_MODEL,
     Encode,
     Offered,
     is_published,
@@ -31,9 +29,8 @@ DEPTH: Final = 4000
 
 def wanted(parameters: ErrorNodeParameters) -> dict[str, Offered]:
     """Return the topics that are published."""
-    known = offered(mounted(parameters))
-    every = {name: known[name] for name in (*OF_THE_ERROR_MODEL, *OF_GIVEN_OTHERS)}
-    return {n: one for n, one in every.items() if is_published(one.topic, parameters.publish)}
+    known = offered(mounted(parameters)).items()
+    return {name: one for name, one in known if is_published(one.topic, parameters.publish)}
 
 
 class _Output(NamedTuple):
