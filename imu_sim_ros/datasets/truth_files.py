@@ -5,7 +5,7 @@
 
 import dataclasses
 import glob
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,13 +14,14 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import is_present
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
+from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.errors.realised import realised_imu
-from imu_sim_ros.sensors.registry import find_sensor
 from imu_sim_ros.simulation.parameters import (
     SimulationParameters,
     imus,
     load_simulation,
 )
+from imu_sim_ros.simulation.sensors import mounted
 
 _SUFFIXES: Final = (".bag", ".mcap", ".csv")
 """Endings that are not part of the name of the truth; folders have none."""
@@ -31,17 +32,14 @@ def configs(output: Path) -> Path:
     return output.parent / f"{output.name}_configs"
 
 
-def companions(output: Path, body: SimulationParameters) -> dict[str, list[Path]]:
-    """Return the files that sensors have next to an output, by sensor.
-
-    :param body: the parameters of the body.
-    """
+def companions(output: Path, sensors: Mapping[str, Mounted]) -> dict[str, list[Path]]:
+    """Return the files that the sensors of a body have next to an output, by sensor."""
     found = {}
-    for name, own in body.each_sensor.items():
-        wanted = find_sensor(own.type or name).companions
-        suffixes = wanted.suffixes(own) if wanted else ()
+    for name, one in sensors.items():
+        wanted = one.sensor.companions
+        suffixes = wanted.suffixes(one.own) if wanted else ()
         if suffixes:
-            stem = f"{_stem(output)}_{name}" if own.type else _stem(output)
+            stem = f"{_stem(output)}_{name}" if one.space else _stem(output)
             found[name] = [output.parent / f"{stem}{suffix}" for suffix in suffixes]
     return found
 
@@ -95,7 +93,8 @@ def new_truths(output: Path, parameters: SimulationParameters) -> dict[Path, str
     """
     result, problems = {}, []
     texts = {name: _truth_text(one) for name, one in imus(parameters).items()}
-    texts |= {name: _sensor_text(parameters, name) for name in parameters.each_sensor}
+    sensors = mounted(parameters)
+    texts |= {name: _sensor_text(parameters, sensors[name]) for name in parameters.each_sensor}
     for name, text in texts.items():
         path = _truth(output, name)
         there = _read(path)
@@ -151,10 +150,9 @@ def _world(parameters: SimulationParameters) -> dict[str, Any]:
     }
 
 
-def _sensor_text(parameters: SimulationParameters, name: str) -> str:
+def _sensor_text(parameters: SimulationParameters, one: Mounted) -> str:
     """Return a sensor of this run, as ``--params-file`` takes it."""
-    given = parameters.each_sensor[name]
-    own = find_sensor(given.type or name).realised(given, parameters.seed, name)
+    name, own = one.name, one.sensor.realised(one.own, parameters.seed, one.name)
     values = {f"{name}.{key}": value for key, value in flatten(own).items()}
     return files.text(
         {**_world(parameters), "sensors": (name,), **values},

@@ -359,7 +359,7 @@ class _Job:
         self.dataset = dataset_form(path, form.dataset, form.of_bag())
         self.companions: dict[str, list[Path]] = {}
         if self.dataset not in _WITHOUT_READINGS:
-            self.companions = truth_files.companions(path, parameters)
+            self.companions = truth_files.companions(path, self.sensors)
         check_form(self.dataset, path, self.sensors)
         usual = usual_topics(self.sensors, self.dataset, path, imu_only)
         self.names = chosen_topics(form.topics, form.renamed, self.sensors, usual)

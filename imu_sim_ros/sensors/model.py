@@ -1,10 +1,11 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What sensors with a mount of their own share: times, stamps, transport, faults, samples."""
+"""What models of sensors share: times, stamps, transport, faults, samples."""
 
 from collections.abc import Mapping
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
@@ -19,6 +20,16 @@ from imu_sim_ros.sensors.timing import SampleTiming
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array, Mask
+
+
+class FixedModel:
+    """A sensor without faults, of whose parameters none is live."""
+
+    def configure(self, parameters: Any) -> None:
+        """Do nothing."""
+
+    def inject(self, fault: Fault, begin: Fraction) -> None:
+        """Do nothing."""
 
 
 class SensorModel:

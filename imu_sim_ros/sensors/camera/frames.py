@@ -7,7 +7,6 @@ A frame depends on nothing but the seed and its number, and is made when somebod
 """
 
 from collections.abc import Callable, Mapping
-from fractions import Fraction
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +21,7 @@ from imu_sim_ros.sensors.camera.tracker import Tracker
 from imu_sim_ros.sensors.camera.view import Frames, View, view_of
 from imu_sim_ros.sensors.declaration import Model, Mounted
 from imu_sim_ros.sensors.deferred import Deferred, Each
-from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.model import FixedModel
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import SampleTimes, Window, World
 from imu_sim_ros.types import Array
@@ -31,19 +30,13 @@ if TYPE_CHECKING:
     from imu_sim_ros.sensors.camera.images.imager import Imager
 
 
-class Camera:
+class Camera(FixedModel):
     """The frames of a camera; any window may be read at any time."""
 
     def __init__(self, mounted: Mounted, t0_ns: int, _: Mapping[str, Model]) -> None:
         self.mounted = mounted
         self.times = SampleTimes(mounted.own.rate, t0_ns, mounted.own.phase)
         self._world: World | None = None
-
-    def configure(self, parameters: CameraParameters) -> None:
-        """Do nothing: no parameter of a camera is live."""
-
-    def inject(self, fault: Fault, begin: Fraction) -> None:
-        """Do nothing: a camera has no faults."""
 
     def read(self, window: Window, world: World) -> Samples:
         """Return the frames in a window."""

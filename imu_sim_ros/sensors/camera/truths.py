@@ -4,7 +4,6 @@
 """The truth of what cameras see: landmarks at rest, and where bodies move."""
 
 from collections.abc import Mapping
-from fractions import Fraction
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -15,7 +14,7 @@ from imu_sim_ros.places.bodies import State
 from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
 from imu_sim_ros.sensors.declaration import Mounted, Payloads, Sensor, Topic
 from imu_sim_ros.sensors.deferred import Deferred
-from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.model import FixedModel
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import Window, World
 
@@ -27,19 +26,13 @@ DATASETS: Final = ("euroc", "csv", "tracks", "tum_vi", "vio_data_simulation")
 """Those that have what cameras see."""
 
 
-class AtFrames:
-    """What there is at the frames of cameras; it has neither faults nor live parameters."""
+class AtFrames(FixedModel):
+    """What there is at the frames of cameras."""
 
     def __init__(self, mounted: Mounted, t0_ns: int, cameras: Mapping[str, Any]) -> None:
         self.mounted = mounted
         self.cameras: list[Camera] = [cameras[name] for name in mounted.sensor.needs(mounted.own)]
         """Those that it needs."""
-
-    def configure(self, parameters: Any) -> None:
-        """Do nothing: nothing is live."""
-
-    def inject(self, fault: Fault, begin: Fraction) -> None:
-        """Do nothing: the truth has no faults."""
 
 
 class Landmarks(AtFrames):

@@ -3,13 +3,12 @@
 
 """The body's motion as samples, without any error."""
 
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from imu_sim_ros.sensors.declaration import Mounted
-from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.model import FixedModel
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import SampleTimes, Window, World
 from imu_sim_ros.trajectory.motion import Motion
@@ -22,17 +21,11 @@ def pose_samples(true_t_ns: Times, motion: Motion) -> Samples:
     return Samples(true_t_ns, true_t_ns, true_t_ns, every, motion._asdict())
 
 
-class Pose:
+class Pose(FixedModel):
     """The body's motion at the rate of the simulation."""
 
     def __init__(self, mounted: Mounted, t0_ns: int, _: Any) -> None:
         self._times = SampleTimes(mounted.environment.rate, t0_ns)
-
-    def configure(self, parameters: Any) -> None:
-        """Do nothing: the truth has no parameters."""
-
-    def inject(self, fault: Fault, begin: Fraction) -> None:
-        """Do nothing: the truth has no faults."""
 
     def read(self, window: Window, world: World) -> Samples:
         """Return the samples in a window."""
