@@ -228,7 +228,7 @@ def frames(
 
     Images are grey values (h, w), or red, green and blue (h, w, 3) with ``camera.encoding`` rgb8.
     They are those of ``generate`` with the same parameters and seed, without lost frames. Needs
-    OpenCV.
+    OpenCV and numba.
 
     :param flight: what :func:`imu_sim_ros.simulate` returns.
     :param camera: as in :func:`tracks`.
@@ -236,7 +236,7 @@ def frames(
     :returns: an iterator over stamps [ns] and images.
     :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be used.
-    :raises MissingDependencyError: if OpenCV is not installed.
+    :raises MissingDependencyError: if OpenCV or numba is not installed.
 
     >>> import imu_sim_ros as ims
     >>> flight = ims.simulate(imu="perfect", trajectory="figure_eight", duration=0.1, seed=1)
@@ -255,7 +255,7 @@ def depths(
     """Yield the stamp [ns] and the depth along the view (h, w) [m] of each frame of a camera.
 
     Depths have no errors and are those in the middle of the exposure; 0 means that the pixel sees
-    nothing. Needs OpenCV.
+    nothing. Needs OpenCV and numba.
 
     :param flight: what :func:`imu_sim_ros.simulate` returns.
     :param camera: as in :func:`tracks`.
@@ -263,7 +263,7 @@ def depths(
     :returns: an iterator over stamps [ns] and depths (h, w) [m].
     :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be used.
-    :raises MissingDependencyError: if OpenCV is not installed.
+    :raises MissingDependencyError: if OpenCV or numba is not installed.
 
     >>> import imu_sim_ros as ims
     >>> flight = ims.simulate(imu="perfect", trajectory="figure_eight", duration=0.1, seed=1)
@@ -283,7 +283,7 @@ def flows(
 
     The steps in u and v from each pixel's centre, in the middle of the exposure, to where what it
     sees is in the next frame, without errors; NaN for what is outside of that frame or hidden in
-    it, and in the last frame. Needs OpenCV.
+    it, and in the last frame. Needs OpenCV and numba.
 
     :param flight: what :func:`imu_sim_ros.simulate` returns.
     :param camera: as in :func:`tracks`.
@@ -291,7 +291,7 @@ def flows(
     :returns: an iterator over stamps [ns] and flow (h, w, 2) [px].
     :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be used.
-    :raises MissingDependencyError: if OpenCV is not installed.
+    :raises MissingDependencyError: if OpenCV or numba is not installed.
     """
     return _rig(flight, camera, scene).flows(_NAME)
 

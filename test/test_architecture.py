@@ -62,6 +62,7 @@ ONLY_IN = {
     "mcap": {"bags"},
     "matplotlib": {"plots"},
     "cv2": {"sensors"},
+    "numba": {"sensors"},
     "trimesh": {"places"},
     "embreex": {"places"},
     "distributed": {"campaigns"},
@@ -69,7 +70,8 @@ ONLY_IN = {
 }
 PARAMETERS = {"parameters", "presets", "triads"}
 # Reading a file of poses must not cost what only some commands need.
-HEAVY = {"cv2", "distributed", "pyarrow", "scipy", "matplotlib", "rosbags", "mcap", "rich", "yaml"}
+HEAVY = {"cv2", "numba", "distributed", "pyarrow", "scipy", "matplotlib", "rosbags", "mcap", "rich"}
+HEAVY |= {"yaml"}
 
 
 def modules():

@@ -30,7 +30,7 @@ from imu_sim_ros.errors import InputError, system_error
 from imu_sim_ros.sensors.camera.declaration import cameras_in
 from imu_sim_ros.sensors.camera.images.files import png
 from imu_sim_ros.sensors.camera.images.flow import kitti_flow
-from imu_sim_ros.sensors.camera.images.renderer import opencv
+from imu_sim_ros.sensors.camera.images.libraries import numba, opencv
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.scene_parameters import check_surfaces
@@ -81,9 +81,10 @@ class ImageFolders:
             or csv.
         :param jobs: number of threads.
         :raises ConfigurationError: for a scene without surfaces.
-        :raises MissingDependencyError: if OpenCV is not installed.
+        :raises MissingDependencyError: if OpenCV or numba is not installed.
         """
         opencv()
+        numba()
         assert world.threads is not None
         self._threads, self._most = world.threads, _AHEAD * jobs
         cameras = {n: o for n, o in cameras_in(sensors).items() if o.own.images != "none"}

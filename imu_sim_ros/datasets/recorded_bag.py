@@ -41,7 +41,7 @@ from imu_sim_ros.datasets.recorded import Description, OneSize, as_png, image_si
 from imu_sim_ros.errors import InputError, naming, system_error
 from imu_sim_ros.machine import cores
 from imu_sim_ros.sensors.camera.images.files import Size, png
-from imu_sim_ros.sensors.camera.images.renderer import opencv
+from imu_sim_ros.sensors.camera.images.libraries import opencv
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.types import Array
 

@@ -28,7 +28,7 @@ from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets.images import ImageFolders, image_name, write_png
 from imu_sim_ros.datasets.topics import Read
 from imu_sim_ros.sensors.camera.declaration import cameras_in
-from imu_sim_ros.sensors.camera.images.imager import vignette
+from imu_sim_ros.sensors.camera.images.vignetting import vignette
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU

@@ -27,6 +27,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imu_sim_ros.places.light import GAMMA, Baked
 from imu_sim_ros.places.place import Face, Place
@@ -41,8 +42,6 @@ _FAINT: Final = 0.02
 """Light by which a highlight is lowered, so that it ends somewhere."""
 _NARROW: Final = 0.15
 """Faces with a shorter side show none [m]."""
-_SLANT: Final = np.float32(2.0)
-"""By which a lobe that meets a lamp at a slant is wider at most."""
 _WIDEST: Final = 2.0 * 2.0**0.5
 """Angle from the mirrored direction at which a lobe ends, in half-widths of its blur: at the
 largest slant, along the diagonal of a lamp."""
@@ -69,11 +68,15 @@ def reflectance(cosine: Single, normal: Single | float) -> Single:
     """
     x = _ONE - cosine
     square = x * x
-    square *= square
-    square *= x
-    square *= 1 - normal
-    square += normal
-    return square
+    return square * square * x * (_ONE - normal) + normal
+
+
+def mirrored(light: Single, near: Single) -> Single:
+    """Return what is seen of a lobe: of a lamp, not more than the lamp itself.
+
+    :param near: 1 for a lamp, 0 for the sun.
+    """
+    return light / (_ONE + near * light)
 
 
 class Gloss(NamedTuple):
@@ -186,16 +189,76 @@ class Sights(NamedTuple):
         return Sights(*(each.take(rows, axis=0) for each in self))
 
 
-class Added(NamedTuple):
-    """What becomes of the square of a grey value v: ``keep v^2 + add``.
+_REGION: Final = np.dtype(
+    [
+        ("face", np.int64),
+        ("bounds", np.float32, 4),  # s and r of the lower left corner, and of the upper right one
+        ("normal", np.float32),  # share that is mirrored square on
+        ("base", np.float32),  # share that is in the colour of the surface already
+        ("smooth", np.float32),  # share of the environment that is mirrored at all
+        ("doublings", np.int64),  # the exponent of the lobe is 2 to the power of them
+        ("gain", np.float32),  # of the middle of the lobe
+        ("blur", np.float32),  # half-width of a smooth step that is as wide [rad]
+    ],
+    align=True,
+)
+_FACE: Final = np.dtype(
+    [
+        ("sides", np.float32, 2),  # their lengths [m]
+        ("upwards", np.float32, 3),  # upward part of the directions of sides and normal
+        ("first", np.int64),  # where its light begins
+        ("shape", np.int64, 2),  # rows and columns of its light
+    ],
+    align=True,
+)
+_SOURCE: Final = np.dtype(
+    [
+        ("near", np.float32),  # 1 for a lamp, 0 for the sun
+        ("halves", np.float32, 2),  # of a lamp's sides [m]
+        ("colour", np.float32, 3),  # in each of the image's colours, times 255^2
+    ],
+    align=True,
+)
+_SIGHT: Final = np.dtype(
+    [
+        # Middle of a lamp, direction of the sun, along the face's sides and normal [m].
+        ("place", np.float32, 3),
+        ("axes", np.float32, (3, 3)),  # unit vectors of a lamp's sides and normal, likewise
+    ],
+    align=True,
+)
 
-    A square instead of the power 2.2, since a root is exact everywhere.
-    """
 
-    keep: Single
-    """(n,)."""
-    add: Single
-    """(colours, n)."""
+class Sheen(NamedTuple):
+    """What decides how k glossy regions look: records, and arrays."""
+
+    regions: NDArray[np.void]
+    """(k,)."""
+    floor: Single
+    """(k, sources) by which the power of a lobe is lowered."""
+    faces: NDArray[np.void]
+    """(m,)."""
+    sources: NDArray[np.void]
+    """(sources,)."""
+    sights: NDArray[np.void]
+    """(m, sources) of each source from each face."""
+    light: Single
+    """(all,) irradiance on points of faces, source by source, without its colour."""
+    mirrored: Single
+    """(3, colours) what is seen in a mirror that looks down, level and up, squared."""
+
+    @classmethod
+    def empty(cls, regions: int, faces: int, sources: int, colours: int) -> "Sheen":
+        """Return that of some regions of which nothing is known yet."""
+        return cls(
+            np.zeros(regions, _REGION),
+            np.zeros((regions, sources), np.float32),
+            np.zeros(faces, _FACE),
+            np.zeros(sources, _SOURCE),
+            np.zeros((faces, sources), _SIGHT),
+            np.zeros(0, np.float32),
+            np.zeros((3, colours), np.float32),
+        )
 
 
 class Polish:
@@ -214,27 +277,46 @@ class Polish:
         self.count = np.bincount(self.face, minlength=len(place.faces))
         """(m,) number of regions of each face."""
         self._first = np.cumsum(self.count) - self.count
-        self._bounds = np.array([[*each.low, *each.high] for each in found], np.float32).T
         glosses = [each.gloss for each in found]
-        self._normal, self._smooth = (
-            np.array([gloss[k] for gloss in glosses], np.float32) for k in (0, 1)
-        )
-        at_60 = reflectance(np.full(len(found), 0.5, np.float32), self._normal)
-        self._base = np.where([g.clear for g in glosses], np.float32(0.0), at_60)
-        self._doublings = np.array([gloss.doublings for gloss in glosses], np.int64)
-        self._sides = where.sides.T.astype(np.float32)
+        normal, smooth = (np.array([gloss[k] for gloss in glosses], np.float32) for k in (0, 1))
+        at_60 = reflectance(np.full(len(found), 0.5, np.float32), normal)
+        doublings = np.array([gloss.doublings for gloss in glosses], np.int64)
         units = np.stack(
             [where.across / where.sides[:, :1], where.up / where.sides[:, 1:], where.normal]
         )
-        self._upwards = units[..., 2].astype(np.float32)
-        self._mirrored = _environment(place, radiance, where.normal[:, 2], weights)
-        self._sources = _Sources.of(place, units, where.origin, light, weights)
-        power = np.float32(2.0) ** self._doublings.astype(np.float32)
-        self._gain = np.float32(0.5) * (power + np.float32(2.0))
-        peak = self._sources.mirrored(self._sources.most[self.face] * self._gain[:, None])
-        peak *= self._sources.brightest * at_60[:, None]
-        self._blur = np.sqrt(np.float32(5.0) / power)
-        self._floor, self._lobe, self._sine = _lobes(peak, power, self._blur, self._sources.near)
+        sources = _Sources.of(place, units, where.origin, light, weights)
+        power = np.float32(2.0) ** doublings.astype(np.float32)
+        gain = np.float32(0.5) * (power + np.float32(2.0))
+        peak = mirrored(sources.most[self.face] * gain[:, None], sources.near)
+        peak *= sources.brightest * at_60[:, None]
+        blur = np.sqrt(np.float32(5.0) / power)
+        floor, self._lobe, self._sine = _lobes(peak, power, blur, sources.near)
+        bounds = [[*each.low, *each.high] for each in found]
+        self._bounds = np.array(bounds, np.float32).reshape(-1, 4).T
+        self._normal, self._smooth = normal, smooth
+        self._base = np.where([g.clear for g in glosses], np.float32(0.0), at_60)
+        self._sources = sources
+        environment = _environment(place, radiance, where.normal[:, 2], weights)
+        sheen = Sheen.empty(len(found), len(units[0]), len(sources.near), len(weights))
+        self.sheen = sheen._replace(floor=floor, light=sources.light, mirrored=environment)
+        for name, values in (
+            ("face", self.face),
+            ("bounds", self._bounds.T),
+            ("normal", normal),
+            ("base", self._base),
+            ("smooth", smooth),
+            ("doublings", doublings),
+            ("gain", gain),
+            ("blur", blur),
+        ):
+            sheen.regions[name] = values
+        sheen.faces["sides"] = sources.sides.T
+        sheen.faces["upwards"] = units[..., 2].T
+        sheen.faces["first"], sheen.faces["shape"] = sources.first, sources.shapes
+        sheen.sources["near"], sheen.sources["halves"] = sources.near, sources.halves.T
+        sheen.sources["colour"][:, : len(weights)] = sources.colour.T
+        sheen.sights["place"] = sources.place.transpose(1, 2, 0)
+        sheen.sights["axes"] = sources.axes.transpose(2, 3, 0, 1)
 
     def active(self, face: Integers, sights: Sights, steps: Single, angle: float) -> "Active":
         """Return the regions of some faces (p,) that may be seen in a cell, and their sources.
@@ -257,7 +339,7 @@ class Polish:
         there = sights.some(pair)
         cosine = there.height / there.away - np.float32(angle)
         faint = self._share(region, np.maximum(cosine, 0))[:, 0] < np.float32(_LEAST)
-        sides = self._sides[:, self.face[region]]
+        sides = self._sources.sides[:, self.face[region]]
         size = np.sqrt(((_PIXELS * steps[:, pair] * sides) ** 2).sum(axis=0))
         lit = self._sources.near_lobe(
             self.face[region], there, (self._lobe[region], self._sine[region]), size, angle
@@ -270,45 +352,7 @@ class Polish:
 
         :param start: (2, p, k) or (2, p, 1) s and r of the eye's foot.
         """
-        return Sights.of(places, start, height, self._sides[:, face, None])
-
-    def within(self, region: Integers, places: Single) -> Mask:
-        """Tell which places s and r (2, p, k) lie in their region (p,)."""
-        low, high = self._bounds[:2, region, None], self._bounds[2:, region, None]
-        inside = places >= low
-        inside &= places <= high
-        inside[0] &= inside[1]
-        return np.asarray(inside[0])
-
-    def added(self, region: Integers, lit: Mask, sights: Sights) -> Added:
-        """Return what gloss adds at places (p, k) of regions (p,): keep (p, k), add (c, p, k).
-
-        :param lit: (p, sources) whose highlight may be there.
-        """
-        cosine = sights.height / sights.away
-        share = self._share(region, cosine)
-        upwards = self._upwards[:, self.face[region], None]
-        z = sights.across * upwards[0] + sights.up * upwards[1] + sights.height * upwards[2]
-        z /= sights.away
-        down, level, up = self._mirrored[:, :, None, None]
-        rise, fall = np.maximum(z, 0), np.maximum(-z, 0)
-        add = level + rise * (up - level) + fall * (down - level)
-        add *= share
-        share = _ONE - share
-        rows, sources = np.nonzero(lit)
-        if len(rows):
-            rank = np.arange(len(rows)) - np.searchsorted(rows, rows)
-            mirrored = reflectance(cosine, self._normal[region, None])
-            for k in range(int(rank.max()) + 1):
-                some, source = rows[rank == k], sources[rank == k]
-                here = sights.some(some)
-                own = region[some]
-                ends = self._floor[own, source]
-                lobe = Lobe(self._doublings[own], ends, self._gain[own], self._blur[own])
-                value = self._sources.seen(self.face[own], source, here, lobe)
-                value *= mirrored[some]
-                add[:, some] += self._sources.colour[:, source, None] * value
-        return Added(share, add)
+        return Sights.of(places, start, height, self._sources.sides[:, face, None])
 
     def _share(self, region: Integers, cosine: Single) -> Single:
         """Return the share (p, k) of the environment that regions (p,) mirror."""
@@ -328,19 +372,6 @@ class Active(NamedTuple):
     """(q,)."""
     lit: Mask
     """(q, sources) whose highlight may be there."""
-
-
-class Lobe(NamedTuple):
-    """How p surfaces spread what they mirror."""
-
-    doublings: Integers
-    """(p,) The exponent is 2 to the power of them."""
-    floor: Single
-    """(p,) by which the power is lowered."""
-    gain: Single
-    """(p,) of the middle."""
-    blur: Single
-    """(p,) half-width of a smooth step that is as wide [rad]."""
 
 
 def _lobes(
@@ -448,10 +479,6 @@ class _Sources(NamedTuple):
             colours.max(axis=1),
         )
 
-    def mirrored(self, light: Single, source: Integers | slice = slice(None)) -> Single:
-        """Return what is seen of a lobe: of a lamp, not more than the lamp itself."""
-        return light / (_ONE + self.near[source] * light)
-
     def near_lobe(
         self,
         face: Integers,
@@ -475,123 +502,3 @@ class _Sources(NamedTuple):
         wide = np.float32(angle) + near / np.maximum(away, np.float32(1e-3))
         seen: Mask = dot > (cosine - sine * wide) * away * sights.away
         return seen | (near > away) & np.isfinite(cosine)
-
-    def seen(self, face: Integers, source: Integers, sights: Sights, lobe: Lobe) -> Single:
-        """Return the light that is seen of sources in the mirrored direction (p, k).
-
-        :param source: (p,) one for each.
-        """
-        middle = self.place[:, face, source, None]
-        near = self.near[source, None] * self.sides[:, face, None]
-        x, y, z = middle[0] - near[0] * sights.s, middle[1] - near[1] * sights.r, middle[2]
-        share = np.empty_like(x)
-        lamp = self.near[source] > 0
-        for rows in (np.flatnonzero(lamp), np.flatnonzero(~lamp)):
-            if len(rows):
-                some, to = sights.some(rows), (x[rows], y[rows], z[rows])
-                if lamp[rows[0]]:
-                    blur = lobe.blur[rows]
-                    share[rows] = self._of_lamp(face[rows], source[rows], some, to, blur)
-                else:
-                    share[rows] = _of_sun(some, to, lobe.doublings[rows], lobe.floor[rows])
-        rows = np.flatnonzero(share.any(axis=1))
-        result = np.zeros_like(share)
-        if len(rows):
-            here = sights.some(rows)
-            x, y, z = x[rows], y[rows], z[rows]
-            away = np.maximum(np.sqrt(x * x + y * y + z * z), np.float32(1e-6))
-            value = self.light_at(face[rows], source[rows], here)
-            value *= lobe.gain[rows, None]
-            value /= np.maximum(here.height / here.away, z / away)
-            value = self.mirrored(value, source[rows, None])
-            value *= share[rows]
-            result[rows] = value
-        return result
-
-    def _of_lamp(
-        self,
-        face: Integers,
-        source: Integers,
-        sights: Sights,
-        to: tuple[Single, Single, Single],
-        blur: Single,
-    ) -> Single:
-        """Return the share (p, k) of a highlight's middle that lamps (p,) have.
-
-        :param to: the lamp's middle from the place that mirrors, along each direction of the face.
-        """
-        ray = sights.across, sights.up, sights.height
-
-        def along(axis: Single, vector: tuple[Single, Single, Single]) -> Single:
-            result: Single = axis[0] * vector[0] + axis[1] * vector[1] + axis[2] * vector[2]
-            return result
-
-        axes = self.axes[:, :, face, source, None]
-        steepness, height = along(axes[2], ray), along(axes[2], to)
-        ahead = height * steepness > 0  # the others never meet the lamp's plane
-        steepness = np.where(ahead, steepness, _ONE)
-        far = np.where(ahead, height, 0) / steepness
-        wide = far * sights.away * blur[:, None]
-        result: Single = ahead.astype(np.float32)
-        for axis, half in zip(axes, self.halves[:, source, None], strict=False):
-            side = along(axis, ray)
-            place = far * side - along(axis, to)
-            side /= steepness
-            side *= side
-            side += _ONE
-            inverse = _ONE / np.maximum(
-                wide * np.minimum(np.sqrt(side, out=side), _SLANT), np.float32(1e-6)
-            )
-            result *= _step((half - place) * inverse) + _step((half + place) * inverse)
-            result /= 2 * _step(half * inverse)
-        return result
-
-    def light_at(self, face: Integers, source: Integers, sights: Sights) -> Single:
-        """Return the light of sources (p,) at places (p, k), interpolated between its points."""
-        rows, columns = self.shapes[face].T[..., None]
-        first = (self.first[face] + source * self.shapes[face].prod(axis=1))[:, None]
-        (low, down), (left, across) = (
-            _between(place, count) for place, count in ((sights.r, rows), (sights.s, columns))
-        )
-        above, right = np.minimum(low + 1, rows - 1), np.minimum(left + 1, columns - 1)
-        value: Single = np.zeros_like(sights.s)
-        for row, part in ((low, _ONE - down), (above, down)):
-            start = first + row * columns
-            line = self.light.take(start + left) * (_ONE - across)
-            line += self.light.take(start + right) * across
-            value += part * line
-        return value
-
-
-def _between(place: Single, count: Integers) -> tuple[Integers, Single]:
-    """Return the part before places from 0 to 1 among even parts, and how far the next one is."""
-    at = np.clip(
-        place * count.astype(np.float32) - np.float32(0.5), 0, (count - 1).astype(np.float32)
-    )
-    whole = at.astype(np.int64)
-    return whole, at - whole.astype(np.float32)
-
-
-def _step(place: Single) -> Single:
-    """Return a smooth step from -1/2 to 1/2 between -1 and 1, whose slope has the variance 1/5."""
-    x = np.clip(place, -_ONE, _ONE)
-    result: Single = x * (np.float32(0.75) - np.float32(0.25) * x * x)
-    return result
-
-
-def _of_sun(
-    sights: Sights, to: tuple[Single, Single, Single], doublings: Integers, floor: Single
-) -> Single:
-    """Return the share (p, k) of a highlight's middle that the sun has.
-
-    :param to: direction of the sun along each direction of the face.
-    :param doublings: (p,) and ``floor`` (p,): as those of :class:`Lobe`.
-    """
-    x, y, z = to
-    dot = sights.across * x + sights.up * y + sights.height * z
-    dot /= sights.away * np.sqrt(x * x + y * y + z * z)
-    np.maximum(dot, 0, out=dot)
-    for k in range(int(doublings.max())):
-        np.multiply(dot, dot, out=dot, where=(doublings > k)[:, None])
-    dot -= floor[:, None]
-    return np.maximum(dot, 0, out=dot)

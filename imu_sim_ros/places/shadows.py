@@ -14,7 +14,7 @@ import numpy as np
 
 from imu_sim_ros.places.geometry import Surfaces, surfaces
 from imu_sim_ros.places.light import Lighting
-from imu_sim_ros.types import Array, Mask, Single
+from imu_sim_ros.types import Array, Mask
 
 _BELOW: Final = 0.55
 """Share of the light that is missing below a body."""
@@ -49,16 +49,6 @@ class ShadowLine(NamedTuple):
         x, y = self.radius * np.append(ahead, 0.0), self.radius * np.array([-ahead[1], ahead[0], 0])
         corner = np.append(self.start, 0.0) - x - y
         return surfaces([(corner, x * (2.0 + self.length / self.radius), 2.0 * y)], hides=True)
-
-    def kept(self, places: Single) -> Single:
-        """Return the share of the light that is left at places s and r (2, ...) of its floor."""
-        length, radius = np.float32(self.length), np.float32(self.radius)
-        along = places[0] * (length + 2 * radius) - radius
-        along -= np.clip(along, 0, length)
-        across = (2 * places[1] - 1) * radius
-        rest = 1 - np.minimum((along * along + across * across) / (radius * radius), 1)
-        left: Single = 1 - np.float32(self.depth) * rest * rest
-        return left
 
 
 class Shadow(NamedTuple):

@@ -183,7 +183,7 @@ def test_the_first_simulation_loads_what_it_needs():
         "scipy",
         "rosbags",
     }
-    assert not loaded & {"mcap", "rich", "matplotlib", "cv2", "pandas"}
+    assert not loaded & {"mcap", "rich", "matplotlib", "cv2", "numba", "pandas"}
 
 
 def test_names_of_functions_stay_theirs_after_any_import():

@@ -11,6 +11,7 @@ from imu_sim_ros.places.light import Lamp, Lighting
 from imu_sim_ros.places.paint import Painter
 from imu_sim_ros.places.place import Place, PlaceBuilder, Site
 from imu_sim_ros.places.sheet import Print
+from imu_sim_ros.sensors.camera.images.loops import light_at, shine
 
 SITE = Site(np.zeros(3), np.array([4.0, 4.0, 3.0]), np.zeros((0, 3)))
 
@@ -43,20 +44,21 @@ def test_the_reflectance_is_that_of_fresnels_equations(index):
     assert error.max() < 0.06
 
 
-def sights(polish, eye, places):
-    """Return the sights of places s and r (2, n) of the wall from one place."""
-    start = np.array([(4.0 - eye[1]) / 4.0, eye[2] / 3.0], np.float32).reshape(2, 1, 1)
-    height = np.full((1, 1), 4.0 - eye[0], np.float32)
-    return polish.sights(np.zeros(1, np.int64), places[:, None].astype(np.float32), start, height)
+def added(polish, eye, place, lit=(False,)):
+    """Return what gloss keeps of a square at s and r of the wall, and adds to it."""
+    foot = np.array([(4.0 - eye[1]) / 4.0, eye[2] / 3.0], np.float32)
+    height, result = np.float32(4.0 - eye[0]), np.zeros(1, np.float32)
+    at = tuple(np.array(place, np.float32))
+    keep = shine(result, polish.sheen, 0, np.array(lit), at, tuple(foot), height)
+    return keep, float(result[0])
 
 
 def test_glass_seen_square_on_mirrors_what_fresnel_says_of_its_surroundings():
     polish = wall("plaster", [Print("glass", 1.0, 0.5, 2.0, 2.0)])
-    there = sights(polish, (2.0, 2.0, 1.5), np.array([[0.5], [0.5]]))
-    added = polish.added(np.zeros(1, np.int64), np.zeros((1, 1), np.bool_), there)
+    keep, found = added(polish, (2.0, 2.0, 1.5), (0.5, 0.5))
     share = (0.52 / 2.52) ** 2
-    assert added.keep == pytest.approx(1.0 - share, rel=1e-6)
-    around = added.add[0, 0, 0] / share  # the wall itself, plaster of e6e4de
+    assert keep == pytest.approx(1.0 - share, rel=1e-6)
+    around = found / share  # the wall itself, plaster of e6e4de
     level = 228.0**2 * 0.55 ** (2.0 / 2.2)  # in the light that half of it exceeds
     assert around == pytest.approx(level, rel=0.1)
 
@@ -65,9 +67,8 @@ def test_only_what_is_glossy_is_polished():
     assert wall("plaster") is None
     assert wall("concrete", [Print("poster", 1.0, 0.5, 1.0, 1.0)]) is None
     panes = wall("brick", [Print("glass", 1.0, 0.5, 2.0, 2.0)])
-    where = np.array([[0.26, 0.28, 0.5, 0.74, 0.1], [0.5, 0.5, 0.5, 0.5, 0.5]], np.float32)
-    inside = panes.within(np.zeros(1, np.int64), where[:, None])
-    assert inside[0].tolist() == [False, True, True, False, False]  # within a frame of 7 cm
+    (bounds,) = panes.sheen.regions["bounds"]  # within a frame of 6 or 7 cm
+    assert bounds == pytest.approx([1.07 / 4.0, 0.56 / 3.0, 2.93 / 4.0, 2.43 / 3.0])
 
 
 def test_the_lobe_of_a_lamp_keeps_its_power_at_any_angle():
@@ -79,15 +80,13 @@ def test_the_lobe_of_a_lamp_keeps_its_power_at_any_angle():
     for y in (1.0, 0.2):  # the mirrored lamp is as far behind the wall as the camera is before it
         eye = np.array([0.01, y, 1.5])
         middle = 0.5 * (3.0 + y)
-        there = sights(polish, eye, np.array([[(4.0 - middle) / 4.0], [0.5]]))
-        lit, dark = (
-            polish.added(np.zeros(1, np.int64), np.full((1, 2), on) & [True, False], there)
-            for on in (True, False)
-        )
+        place = (4.0 - middle) / 4.0, 0.5
+        lit, dark = (added(polish, eye, place, (on, False))[1] for on in (True, False))
         cosine = 3.99 / np.hypot(3.99, middle - y)
-        light = polish._sources.light_at(np.zeros(1, np.int64), np.zeros(1, np.int64), there)
+        at = np.array(place, np.float32)
+        light = light_at(polish.sheen.light, polish.sheen.faces[0], 0, *at)
         power = 1025.0 * light / cosine
         expected = reflectance(np.float32(cosine), 0.04) * power / (1.0 + power)
-        assert light[0, 0] > 0.0
-        found = (lit.add - dark.add)[0] / (polish._sources.brightest[0] * 255.0**2)
+        assert light > 0.0
+        found = (lit - dark) / polish.sheen.sources["colour"][0, 0]
         assert found == pytest.approx(expected, rel=1e-3)

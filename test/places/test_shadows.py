@@ -9,6 +9,7 @@ import pytest
 from imu_sim_ros.places.geometry import surfaces
 from imu_sim_ros.places.light import Lighting
 from imu_sim_ros.places.shadows import Shadow, sunlight
+from imu_sim_ros.sensors.camera.images.loops import light_left
 
 
 def box(x, y, height):
@@ -30,7 +31,9 @@ def test_a_shadow_begins_at_the_foot_and_ends_below_the_sun():
     for place, left in ((thrown.start, 0.3), (thrown.end, 0.3), (2 * thrown.end, 1.0)):
         offset = np.append(place, 0.0) - floor.origin[0]
         at = [offset @ side[0] / (side[0] @ side[0]) for side in (floor.across, floor.up)]
-        assert float(thrown.kept(np.array(at, np.float32))) == pytest.approx(left, abs=1e-5)
+        line = (thrown.length, thrown.radius, thrown.depth)
+        found = light_left(*np.array([*at, *line], np.float32))
+        assert found == pytest.approx(left, abs=1e-5)
 
 
 def test_the_sun_throws_shadows_under_the_open_sky_only():

@@ -54,9 +54,10 @@ def _of_pixels(
     """
 
     def make(mounted: Mounted, encoding: str) -> Payloads:
-        from imu_sim_ros.sensors.camera.images.renderer import opencv
+        from imu_sim_ros.sensors.camera.images.libraries import numba, opencv
 
         opencv()
+        numba()
         check_surfaces(mounted.environment.rig.scene)
         encode = encoder(mounted, encoding)
 

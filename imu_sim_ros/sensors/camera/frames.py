@@ -96,10 +96,10 @@ class Camera(FixedModel):
         """Its images.
 
         :raises ConfigurationError: for a scene without surfaces.
-        :raises MissingDependencyError: if OpenCV is not installed.
+        :raises MissingDependencyError: if OpenCV or numba is not installed.
         """
-        from imu_sim_ros.sensors.camera.images.imager import Imager, textures  # needs OpenCV
-        from imu_sim_ros.sensors.camera.images.renderer import opencv
+        from imu_sim_ros.sensors.camera.images.imager import Imager, textures  # needs numba
+        from imu_sim_ros.sensors.camera.images.libraries import opencv
 
         world, colour = self.world, self.view.parameters.encoding == "rgb8"
         if world.threads is not None:

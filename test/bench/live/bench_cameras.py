@@ -181,7 +181,7 @@ def speeds(trajectory: str) -> list[list[str]]:
     """Return what one core makes: images, PNG, tracks."""
     from imu_sim_ros.sensors.camera.images.files import png
     from imu_sim_ros.sensors.camera.images.imager import imagers
-    from imu_sim_ros.sensors.camera.images.renderer import opencv
+    from imu_sim_ros.sensors.camera.images.libraries import opencv
 
     opencv().setNumThreads(1)
     rows, frames = [], range(100, 700, 12)

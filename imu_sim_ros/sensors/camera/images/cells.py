@@ -8,23 +8,19 @@ once: what an image costs follows from its pixels, hardly from the number of its
 """
 
 import math
-from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.places.geometry import Surfaces
+from imu_sim_ros.sensors.camera.images.loops import IN_FRONT, LEVELS, LOOKS, SHARES
 from imu_sim_ros.sensors.camera.images.rays import Corners
-from imu_sim_ros.sensors.camera.images.texture import LEVELS, Atlas
-from imu_sim_ros.types import Array, Bytes, Integers, Mask, Single
-
-Shares = NDArray[np.uint16]
+from imu_sim_ros.sensors.camera.images.texture import Atlas
+from imu_sim_ros.types import Array, Integers, Mask, Single
 
 _ONE = np.float32(1.0)
 _FIRST: Final = np.zeros(1, np.int64)
-_IN_FRONT = np.float32(1e-6)
-"""Least 1 / t of what is in front of the camera."""
 
 
 class Planes(NamedTuple):
@@ -55,6 +51,10 @@ class Planes(NamedTuple):
         every = [self, *others]
         return Planes(*(np.concatenate(parts) for parts in zip(*every, strict=True)))
 
+    def none(self) -> "Planes":
+        """Return none of them, for the same poses."""
+        return Planes(self.vectors[:0], self.start[:0])
+
     def seen(self, which: Integers | slice, rows: Integers) -> tuple[Single, Single]:
         """Return vectors (3, 3, p, k) and start (2, p, k) of some rectangles (p,).
 
@@ -78,7 +78,7 @@ class Planes(NamedTuple):
         vectors, start = self.seen(which, rows)
         dots = _dots(vectors, rays)
         inverse, places = dots[0], dots[1:]
-        in_front = inverse > _IN_FRONT
+        in_front = inverse > IN_FRONT
         places *= _ONE / np.where(in_front, inverse, _ONE)
         places += start
         return in_front, inverse, places
@@ -111,8 +111,6 @@ _TILE: Final = 4
 """Cells along the edge of a tile, the first step of the search."""
 _CORNERS: Final = 15_000
 """Corners of tiles, times rectangles, that are looked at once."""
-_PAIRS: Final = 1000
-"""Pairs that are dealt with at once: the arrays of their rays stay in a processor's cache."""
 _APART: Final = np.float32(1e-5)
 """Share of 1 / t by which a surface is at least nearer than what it hides."""
 _BENT: Final = 0.03
@@ -124,35 +122,12 @@ class Pairs(NamedTuple):
 
     cell: Integers
     """(p,) number of the cell, row by row."""
+    first: Integers
+    """(cells + 1,) first pair of each cell; the last is p."""
     which: Integers
     """(p,) number of the rectangle; in a cell they ascend."""
     fills: Mask
     """(p,) it fills its cell."""
-
-    def chunks(self, start: int, stop: int) -> Iterator[tuple[Integers, list[int]]]:
-        """Yield the pairs of some cells, a few at a time, in ranks: the first of each cell, ...
-
-        Those with the most pairs are first in each rank, so that all of a rank but the first belong
-        to the cells that are at the same places in the rank before. Cells that one pair fills are
-        last.
-
-        :returns: numbers of the pairs (q,), and how many of them are of each rank.
-        """
-        begin, end = np.searchsorted(self.cell, [start, stop]).tolist()
-        first, counts = _runs(self.cell[begin:end])
-        first += begin
-        alone = (counts == 1) & self.fills.take(first)
-        order = np.argsort(-2 * counts + alone, kind="stable")
-        first, counts = first[order], counts[order]
-        sums, k = np.cumsum(counts), 0
-        while k < len(first):
-            most = _PAIRS + (int(sums[k - 1]) if k else 0)
-            stop = max(k + 1, int(np.searchsorted(sums, most, side="right")))
-            some, fewest = first[k:stop], -counts[k:stop]
-            sizes = np.searchsorted(fewest, -np.arange(-int(fewest[0])), side="left").tolist()
-            ranks = [some[:size] + rank for rank, size in enumerate(sizes)]
-            yield np.concatenate(ranks), sizes
-            k = stop
 
 
 def _runs(cell: Integers) -> tuple[Integers, Integers]:
@@ -205,7 +180,7 @@ class CellGrid:
         step = max(1, _CORNERS // self._coarse[0].size)
         parts = [self._possible(planes, m, min(m + step, count)) for m in range(0, count, step)]
         if not parts:
-            return Pairs(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.bool_))
+            return self._sorted(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.bool_))
         cell, which, nearest, hiding, corners = (
             np.concatenate([part[k] for part in parts], axis=-1) for k in range(5)
         )
@@ -218,7 +193,11 @@ class CellGrid:
         hides = (hiding == hidden) & (hiding > 0.0)
         seen = nearest > hidden
         seen &= ~self._behind(corners.take(order, axis=1), hides, cell)
-        return Pairs(cell[seen], which[order][seen], hiding[seen] > 0.0)
+        return self._sorted(cell[seen], which[order][seen], hiding[seen] > 0.0)
+
+    def _sorted(self, cell: Integers, which: Integers, fills: Mask) -> Pairs:
+        first = np.searchsorted(cell, np.arange(self.rows * self.columns + 1))
+        return Pairs(cell, first, which, fills)
 
     def _behind(self, corners: Single, hides: Mask, cell: Integers) -> Mask:
         """Tell which pairs (p,) are behind another that fills their cell.
@@ -265,7 +244,7 @@ class CellGrid:
         possible = (most >= 0.0).all(axis=0)
         possible &= cell >= 0
         hides = (least[1:] > 0.0).all(axis=0)
-        hides &= least[0] > 2.0 * _IN_FRONT
+        hides &= least[0] > 2.0 * IN_FRONT
         hiding = np.where(hides, least[0], np.float32(-1.0))
         which = np.broadcast_to(which[:, None, None] + start, cell.shape)
         ends = (slice(None, -1), slice(1, None))
@@ -294,8 +273,6 @@ def _over_cells(values: Single, reduce: np.ufunc) -> Single:
     return result
 
 
-SHARES: Final = 256
-"""Steps of the share of the coarser of two levels."""
 _HALF: Final = np.float32(0.5)
 _FACTOR: Final = _HALF ** np.arange(LEVELS, dtype=np.float32)
 """Size of a level, of the first one's."""
@@ -308,40 +285,49 @@ _NEXT: Final = np.float32(4.0) ** np.arange(1, LEVELS - 1, dtype=np.float32)
 """Squares of the steps of levels, of which a pixel looks at two."""
 
 
-class Levels(NamedTuple):
-    """Where places s and r of p pairs lie in the atlas: ``scale s + offset`` [texels].
+PATCH: Final = np.dtype(
+    [
+        # Where places s and r lie in the atlas, scale s + offset [texels], in one level or in two.
+        ("scale", np.float32, (2, 2)),
+        ("offset", np.float32, (2, 2)),
+        ("share", np.int64),  # of the second, in 1 / SHARES
+        ("along", np.float32, 2),  # the longer axis of a pixel's footprint in s and r
+        ("doublings", np.int64),  # 1, 2, 4 or 8 places along it are looked at: 2 to this power
+        # How 1 / t, s / t and r / t differ from a pixel to that on its right, and below.
+        ("steps", np.float32, (2, 3)),
+        # 1 / what s / t or (1 - s) / t, r / t or (1 - r) / t change in half a pixel at most.
+        ("inside", np.float32, 2),
+        ("depth", np.float32),  # what 1 / t changes in half a pixel at most
+    ],
+    align=True,
+)
+"""How a rectangle is seen in a cell."""
 
-    In one level or in two, the finer first.
-    """
 
-    scale: list[Single]
-    """(2, p) each."""
-    offset: list[Single]
-    """(2, p) each."""
-    share: Shares | None
-    """(p,) of the coarser of two."""
-    along: Single | None = None
-    """(2, p) the longer axis of a pixel's footprint in s and r; None: it is as long as wide."""
-    looks: Bytes | None = None
-    """(p,) how many places along it are looked at: 1, 2, 4 or 8."""
-
-
-def levels(
-    places: Single, atlas: Atlas, number: Integers, trilinear: bool, areas: bool = False
-) -> Levels:
-    """Return the levels of p pairs.
+def patches(
+    places: Single,
+    linear: Single,
+    atlas: Atlas,
+    number: Integers,
+    trilinear: bool,
+    areas: bool = False,
+) -> NDArray[np.void]:
+    """Return how p pairs are seen.
 
     :param places: (3, 2, p) of each of the probes s and r.
+    :param linear: (3, 3, p) of each of the probes 1 / t, s / t and r / t.
     :param number: (p,) of the rectangles' textures in the atlas.
-    :param areas: those that suit the width of a pixel's footprint, with looks along its length;
-        else those that suit its length.
+    :param areas: levels suit the width of a pixel's footprint, with looks along its length; else
+        they suit its length.
     """
+    result = np.zeros(len(number), PATCH)
     size = atlas.size[number].T
     texels = places * size
     steps = texels[1:] - texels[:1]
-    along = length = share = None
     if areas:
         square, length, along = _footprint(steps)
+        result["along"] = (along / size).T
+        _put_slopes(result, linear)
     else:
         steps *= steps
         squares = steps[:, 0] + steps[:, 1]
@@ -350,40 +336,28 @@ def levels(
         level = np.searchsorted(_NEXT, square, side="right")
         # Between 2^k and 2^(k + 1) the share goes from 0 to 1; a square root is exact everywhere.
         excess = np.sqrt(square) * _FACTOR[level] - _ONE
-        share = np.rint(np.clip(excess, 0.0, 1.0) * np.float32(SHARES)).astype(np.uint16)
-        each = [level, level + 1]
+        result["share"] = np.rint(np.clip(excess, 0.0, 1.0) * np.float32(SHARES))
     else:
-        each = [np.searchsorted(_NOT_COARSER if areas else _NEAREST, square)]
-    # Texel k of a level covers k to k + 1 in its own units; a look-up at k is its centre.
-    offset = [(atlas.place[number, level] - _HALF).T for level in each]
-    result = Levels([size * _FACTOR[level] for level in each], offset, share)
-    if along is None or length is None:
-        return result
-    return result._replace(along=along / size, looks=looks(length * _FACTOR[each[0]]))
-
-
-def looks(length: Single) -> Bytes:
-    """Return at how many places along footprints of some lengths (p,) [texels] pixels look."""
-    result = np.ones(len(length), np.uint8)
-    for least, more in _LOOKS:
-        result[length > least] = more
+        level = np.searchsorted(_NOT_COARSER if areas else _NEAREST, square)
+    for k, each in enumerate((level, level + 1)[: 1 + trilinear]):
+        result["scale"][:, k] = (size * _FACTOR[each]).T
+        # Texel k of a level covers k to k + 1 in its own units; a look-up at k is its centre.
+        result["offset"][:, k] = atlas.place[number, each] - _HALF
+    if areas:
+        result["doublings"] = np.searchsorted(LOOKS, length * _FACTOR[level])
     return result
 
 
-def steps_along(count: int) -> Single:
-    """Return where on a footprint (count,) these places are, from its middle, in its length.
+def _put_slopes(patches: NDArray[np.void], linear: Single) -> None:
+    steps = linear[1:] - linear[:1]
+    patches["steps"] = steps.transpose(2, 0, 1)
+    n, s, r = steps.transpose(1, 0, 2)
+    most = [_HALF * np.abs(each).sum(axis=0) for each in (s, n - s, r, n - r, n)]
+    for k in range(2):
+        side = np.maximum(most[2 * k], most[2 * k + 1])
+        patches["inside"][:, k] = _ONE / np.maximum(side, _SHORTEST)
+    patches["depth"] = most[4]
 
-    >>> steps_along(4).tolist()
-    [-0.375, -0.125, 0.125, 0.375]
-    """
-    steps: Single = (np.arange(count, dtype=np.float32) + _HALF) / np.float32(count) - _HALF
-    return steps
-
-
-_MOST_LOOKS: Final = 8
-_LOOKS: Final = ((1.5, 2), (3.0, 4), (6.0, _MOST_LOOKS))
-"""Lengths [texels] from which on a footprint is looked at so often: steps of 0.75 to 1.5."""
-COUNTS: Final = tuple(count for _, count in _LOOKS)
 
 _SHORTEST: Final = np.float32(1e-12)
 _LONGEST: Final = np.float32(1e12)
@@ -403,7 +377,7 @@ def _footprint(steps: Single) -> tuple[Single, Single, Single]:
     root = np.sqrt(half * half + xy * xy)
     long = np.maximum(_HALF * (xx + yy) + root, _SHORTEST)
     determinant = a * d - b * c
-    least = long * np.float32(1.0 / _MOST_LOOKS**2)
+    least = long * np.float32(1.0 / 4.0 ** len(LOOKS))
     width = np.maximum(determinant * determinant / long, least)
     # Of the two ways to write the axis the one without a difference of equal numbers.
     wide = half > 0.0

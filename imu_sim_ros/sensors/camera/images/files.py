@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.sensors.camera.images.renderer import opencv
+from imu_sim_ros.sensors.camera.images.libraries import opencv
 from imu_sim_ros.types import Bytes
 
 _DEEP: Final = 1

@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from imu_sim_ros.sensors.camera.images.exposure import AutoExposure, exposed, meter_model
 from imu_sim_ros.sensors.camera.images.flow import flow
 from imu_sim_ros.sensors.camera.images.grey_values import grey_values
+from imu_sim_ros.sensors.camera.images.libraries import opencv
 from imu_sim_ros.sensors.camera.images.mesh_look import Look
 from imu_sim_ros.sensors.camera.images.mesh_renderer import MeshRenderer
-from imu_sim_ros.sensors.camera.images.renderer import PictureMaker, Renderer, opencv
+from imu_sim_ros.sensors.camera.images.renderer import PictureMaker, Renderer
 from imu_sim_ros.sensors.camera.images.texture import Atlas, atlas
+from imu_sim_ros.sensors.camera.images.vignetting import shares
 from imu_sim_ros.sensors.camera.model import CameraModel
-from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.scene import Scene
 from imu_sim_ros.sensors.camera.scene_parameters import MeshParameters, SceneParameters
 from imu_sim_ros.sensors.camera.view import CameraPoses, Eyes, View
@@ -39,7 +40,7 @@ class Imager:
     ) -> None:
         """Set up the camera.
 
-        :raises MissingDependencyError: if OpenCV is not installed.
+        :raises MissingDependencyError: if OpenCV or numba is not installed.
         """
         opencv()
         self.view, self.atlas, self._trajectory = view, atlas, trajectory
@@ -49,7 +50,7 @@ class Imager:
         self._renderer = self._renderer_of(p.supersampling, trilinear, areas=p.antialiasing)
         self._colours = atlas.image.shape[2:]
         self._grey_values = grey_values(p.response)
-        self._vignette = _vignette(view.parameters, len(self._colours))
+        self._vignette = shares(view.parameters, len(self._colours))
 
     def _renderer_of(
         self,
@@ -246,7 +247,7 @@ def imagers(
     """Return the imager of each camera; those of one encoding share the scene's textures.
 
     :raises ConfigurationError: for a scene without surfaces.
-    :raises MissingDependencyError: if OpenCV is not installed.
+    :raises MissingDependencyError: if OpenCV or numba is not installed.
     """
     coloured = {name: view.parameters.encoding == "rgb8" for name, view in views.items()}
     looks = {colour: textures(scene, parameters, colour) for colour in set(coloured.values())}
@@ -285,24 +286,3 @@ def normal_quantiles() -> Single:
     upper = np.array([inverse((k + 0.5) / 65536.0) for k in range(32768, 65536)])
     upper = np.round(upper * 65536.0) / 65536.0
     return np.concatenate([-upper[::-1], upper]).astype(np.float32)
-
-
-def vignette(p: CameraParameters) -> Single:
-    """Return the share of the light that each pixel gets (h, w)."""
-    found = _vignette(p, 0)
-    return np.ones((p.height, p.width), np.float32) if found is None else found
-
-
-def _vignette(p: CameraParameters, more: int) -> Single | None:
-    """Return ``1 - v (r / r_corner)^2`` (h, w) with r from the principal point; None: all 1.
-
-    :param more: further dimensions, of length 1.
-    """
-    model = CameraModel(p)
-    if p.vignetting == 0.0:
-        return None
-    u, v = np.meshgrid(np.arange(p.width) - model.cx, np.arange(p.height) - model.cy)
-    square = u * u + v * v
-    factor: Array = 1.0 - p.vignetting * square / square.max()
-    result: Single = factor.astype(np.float32).reshape(*square.shape, *(1,) * more)
-    return result

@@ -4,7 +4,7 @@
 """What the triangles of a mesh look like: functions of the place on each, and its textures."""
 
 from collections.abc import Iterator
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,21 @@ _GROUND: Final = 0.25
 """Light of a face that looks down."""
 
 
+class Triangles(NamedTuple):
+    """What m triangles look like."""
+
+    texture: Numbers
+    """(m,) number of each triangle's texture in the atlas."""
+    places: Single
+    """(8, m) coefficients of u and v; (0, 0): nothing has a texture."""
+    density: Single
+    """(m,) square of the texels along a metre where they are densest."""
+    tints: Single
+    """(4 c, m) coefficients of the colours, 0 to 255; (0, 0): textures are all that there is."""
+    shades: Single
+    """(2, m) by what colours are multiplied: seen from the front, and from behind; or (0, 0)."""
+
+
 class Look:
     """The textures of a mesh, and per triangle where on them, and in what colour, a place is.
 
@@ -37,29 +52,25 @@ class Look:
         :param sun: shade it by the angle to a sun; else its colours are as they are.
         """
         self.atlas = _atlas(mesh, colour)
-        self.texture: Numbers = mesh.texture + np.int32(1)
-        """(m,) number of each triangle's texture in the atlas."""
         self.textured = bool(mesh.textures)
         colours = mesh.colours if colour else grey(mesh.colours)[..., None]
-        self.tinted = not self.textured or bool((colours != 255).any())
-        """Colours matter; else textures are all that there is."""
-        channels = colours.shape[2]
-        count = len(mesh.faces)
-        self.places: Single = np.zeros((8, count) if self.textured else (0, 0), np.float32)
-        """(8, m) coefficients of u and v."""
-        self.density: Single = np.zeros(count if self.textured else 0, np.float32)
-        """(m,) square of the texels along a metre where they are densest."""
-        self.tints: Single = np.zeros((4 * channels, count) if self.tinted else (0, 0), np.float32)
-        """(4 c, m) coefficients of the colours, 0 to 255."""
-        self.shades: Single | None = _shades(mesh) if sun else None
-        """(2, m) by what colours are multiplied: seen from the front, and from behind."""
+        tinted = not self.textured or bool((colours != 255).any())
+        count, none = len(mesh.faces), np.zeros((0, 0), np.float32)
+        self.triangles = Triangles(
+            mesh.texture + np.int32(1),
+            np.zeros((8, count), np.float32) if self.textured else none,
+            np.zeros(count if self.textured else 0, np.float32),
+            np.zeros((4 * colours.shape[2], count), np.float32) if tinted else none,
+            _shades(mesh) if sun else none,
+        )
         for part, gradient in _gradients(mesh, middle):
             if self.textured:
-                self.places[:, part] = gradient(mesh.places[part])
-                size = self.atlas.size[self.texture[part]].T.astype(np.float64)
-                self.density[part] = _density(self.places[:, part], size)
-            if self.tinted:
-                self.tints[:, part] = gradient(colours[part])
+                self.triangles.places[:, part] = gradient(mesh.places[part])
+                size = self.atlas.size[self.triangles.texture[part]].T.astype(np.float64)
+                places = self.triangles.places[:, part]
+                self.triangles.density[part] = _density(places, size)
+            if tinted:
+                self.triangles.tints[:, part] = gradient(colours[part])
 
     @property
     def image(self) -> Bytes:

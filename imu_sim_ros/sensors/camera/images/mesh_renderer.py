@@ -11,13 +11,10 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.places.geometry import Floats
 from imu_sim_ros.places.mesh import MeshCaster
-from imu_sim_ros.places.mesh_file import Numbers
-from imu_sim_ros.sensors.camera.images.cells import COUNTS, SHARES, looks, steps_along
-from imu_sim_ros.sensors.camera.images.edges import PLACES
+from imu_sim_ros.sensors.camera.images.loops import PLACES, paint_mesh, space
 from imu_sim_ros.sensors.camera.images.mesh_look import Look
 from imu_sim_ros.sensors.camera.images.rays import PixelRays
-from imu_sim_ros.sensors.camera.images.renderer import Maps, Stretch, in_rows, look_up, rounded
-from imu_sim_ros.sensors.camera.images.texture import BACKGROUND, BLANK, LEVELS
+from imu_sim_ros.sensors.camera.images.renderer import rounded
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.sensors.camera.view import Eyes
 from imu_sim_ros.types import Array, Bytes, Integers, Mask, Single
@@ -30,11 +27,9 @@ _FLAT: Final = 0.9
 """Cosine between their normals below which they are."""
 _RAYS_OF_EDGES: Final = 65_536
 """Rays that are cast at once."""
-_GRAZING: Final = 1e-6
-"""Least cosine between a ray and a normal that counts in a pixel's footprint."""
 
 
-class _Seen(NamedTuple):
+class Met(NamedTuple):
     """What n rays see."""
 
     number: Integers
@@ -50,9 +45,9 @@ class _Seen(NamedTuple):
     way: Single
     """(n, 3) unit vectors along the rays in the world."""
 
-    def some(self, which: Integers) -> "_Seen":
+    def some(self, which: Integers) -> "Met":
         """Return what some of the rays see."""
-        return _Seen(
+        return Met(
             self.number.take(which),
             self.nothing.take(which),
             self.distance.take(which),
@@ -108,7 +103,7 @@ class MeshRenderer:
     def _put_edges(
         self,
         picture: Bytes,
-        seen: _Seen,
+        seen: Met,
         pitch: Single,
         rays: Single,
         at: tuple[tuple[Array, Array], slice],
@@ -128,12 +123,12 @@ class MeshRenderer:
         own = row + rows.start if len(position) > 1 else np.zeros(len(row), np.int64)
         turn, eye = r_wc[own].astype(np.float32), position[own]
         total = np.zeros((len(pixel), *picture.shape[2:]), np.uint16)
-        part = _RAYS_OF_EDGES // len(PLACES[0])
+        part = _RAYS_OF_EDGES // len(PLACES)
         for first in range(0, len(pixel), part):
             some = slice(first, first + part)
             middle = rays[:, row[some], column[some]]
             x, y = (each[:, some, None] for each in steps)
-            ray = middle[..., None] + x * PLACES[0].T + y * PLACES[1].T
+            ray = middle[..., None] + x * PLACES[:, 0] + y * PLACES[:, 1]
             way = np.stack(
                 [sum(turn[some, k, j, None] * ray[j] for j in range(3)) for k in range(3)]
             )
@@ -143,10 +138,10 @@ class MeshRenderer:
             values = self._painted(met, pitch.take(pixel[some]).repeat(count))
             values = values.reshape(-1, count, *picture.shape[2:])
             total[some] = values.sum(axis=1, dtype=np.uint16)
-        total += len(PLACES[0]) // 2
-        picture.reshape(-1, *picture.shape[2:])[pixel] = total // len(PLACES[0])
+        total += len(PLACES) // 2
+        picture.reshape(-1, *picture.shape[2:])[pixel] = total // len(PLACES)
 
-    def _at_edges(self, picture: Bytes, seen: _Seen, eyes: Array) -> Mask:
+    def _at_edges(self, picture: Bytes, seen: Met, eyes: Array) -> Mask:
         """Tell which pixels (h w,) differ from a neighbour that sees another surface.
 
         Triangles of one surface are those whose planes go on in each other, at a small angle.
@@ -167,7 +162,7 @@ class MeshRenderer:
             result[first] = result[first + step] = True
         return result
 
-    def _another(self, seen: _Seen, eyes: Array, one: Integers, other: Integers) -> Mask:
+    def _another(self, seen: Met, eyes: Array, one: Integers, other: Integers) -> Mask:
         """Tell which of n pairs of pixels see two surfaces."""
         first, second = seen.some(one), seen.some(other)
         planes = [self._caster.planes.take(each.number, axis=0) for each in (first, second)]
@@ -178,7 +173,7 @@ class MeshRenderer:
         missed = np.abs(away - second.distance * along) > _STEP * np.abs(away)
         cosine = (planes[0][:, :3] * planes[1][:, :3]).sum(axis=1)
         cosine *= np.sign(first.along * second.along)
-        look = self._look.texture
+        look = self._look.triangles.texture
         return np.asarray(
             missed
             | (cosine < _FLAT)
@@ -198,7 +193,7 @@ class MeshRenderer:
         """Return :meth:`depth`, and 0 for each pixel: nothing moves in a mesh."""
         return self.depth(eyes), np.zeros(self._rays.shape, np.uint8)
 
-    def _seen(self, poses: tuple[Array, Array]) -> Iterator[tuple[int, slice, Single, _Seen]]:
+    def _seen(self, poses: tuple[Array, Array]) -> Iterator[tuple[int, slice, Single, Met]]:
         """Yield each band's number, rows and rays (3, h, w), and what they meet first."""
         position, r_wc = poses
         for number, band in enumerate(self._rays.bands):
@@ -213,7 +208,7 @@ class MeshRenderer:
                 eye = eye.repeat(rays.shape[2], axis=0)
             yield number, rows, rays, self._met(eye, ways.reshape(-1, 3))
 
-    def _met(self, eye: Array, ways: Single) -> _Seen:
+    def _met(self, eye: Array, ways: Single) -> Met:
         hits, along = self._caster.meet(eye, ways)
         nothing = hits.surface < 0
         start = eye - self._caster.middle
@@ -222,139 +217,16 @@ class MeshRenderer:
         for k in range(3):
             place[k] = start[:, k] + distance * ways[:, k]
         number = np.where(nothing, 0, hits.surface)
-        return _Seen(number, nothing, hits.distance, along, place, ways)
+        return Met(number, nothing, hits.distance, along, place, ways)
 
-    def _painted(self, seen: _Seen, pitch: Single) -> Bytes:
+    def _painted(self, seen: Met, pitch: Single) -> Bytes:
         """Return the values (n,) or (n, 3) of rays."""
-        look = self._look
-        picture: Bytes | None = None
-        if look.textured:
-            picture = look_up(look.image, self._maps(seen, pitch))
-            picture = picture.reshape(-1, *look.image.shape[2:])[: len(seen.number)]
-            if not look.tinted and look.shades is None:
-                return picture
-        channels = 3 if look.image.ndim == 3 else 1
-        values = np.empty((len(seen.number), channels), np.float32)
-        shade: Single | None = None
-        if look.shades is not None:
-            behind = (seen.along > 0.0).astype(np.int64)
-            shade = look.shades[behind, seen.number]
-        for k in range(channels):
-            value = self._values(look.tints, k, seen) if look.tinted else np.float32(255.0)
-            if picture is not None:
-                value = value * picture.reshape(-1, channels)[:, k] * np.float32(1.0 / 255.0)
-            if shade is not None:
-                value = value * shade
-            values[:, k] = value
-        values += np.float32(0.5)
-        np.clip(values, 0.0, 255.0, out=values)
-        result = values.astype(np.uint8)
-        result[seen.nothing] = BACKGROUND
-        return result.reshape(-1, *look.image.shape[2:])
-
-    @staticmethod
-    def _values(coefficients: Single, k: int, seen: _Seen) -> Single:
-        """Return one of the functions on the triangles at the places of the rays (n,)."""
-        value: Single = coefficients[4 * k + 3].take(seen.number)
-        for j in range(3):
-            term = coefficients[4 * k + j].take(seen.number)
-            term *= seen.place[j]
-            value += term
-        return value
-
-    def _maps(self, seen: _Seen, pitch: Single) -> Maps:
-        """Return where in the atlas the rays look."""
-        look = self._look
-        places = np.stack([self._values(look.places, k, seen) for k in range(2)])
-        texture = look.texture.take(seen.number)
-        square, length, along = self._footprint(seen, pitch)
-        levels, share = _levels(square, self._trilinear, self._areas)
-        maps = self._look_up(places, texture, levels, share, seen.nothing)
-        if along is None or length is None:
-            return maps
-        longest = length * (np.float32(0.5) ** np.arange(LEVELS, dtype=np.float32)).take(levels[0])
-        counts = looks(longest)
-        counts[seen.nothing] = 1
-        stretches = []
-        for count in COUNTS:
-            some = np.flatnonzero(counts == count)
-            if not len(some):
-                continue
-            at = places[:, None].take(some, axis=2) + steps_along(count)[:, None] * along.take(
-                some, axis=1
-            ).reshape(2, 1, -1)
-            every = np.tile(some, count)
-            own = [each.take(every) for each in levels]
-            of_coarse = share.take(every) if share is not None else None
-            looked = self._look_up(
-                at.reshape(2, -1),
-                texture.take(every),
-                own,
-                of_coarse,
-                np.zeros(len(every), np.bool_),
-            )
-            stretches.append(Stretch(some, count, looked))
-        return maps._replace(stretches=stretches)
-
-    def _look_up(
-        self,
-        places: Single,
-        texture: Numbers,
-        levels: list[Integers],
-        share: NDArray[np.uint16] | None,
-        nothing: Mask,
-    ) -> Maps:
-        """Return where in the atlas n places (2, n) of textures (n,) are; places repeat."""
-        atlas = self._look.atlas
-        places -= np.floor(places)
-        found = []
-        for level in levels:
-            row = texture * LEVELS + level
-            factor = (np.float32(0.5) ** np.arange(LEVELS, dtype=np.float32)).take(level)
-            at = []
-            for k in range(2):
-                texel = atlas.size[:, k].take(texture)
-                texel *= places[k]
-                texel *= factor
-                texel += (atlas.place[..., k].reshape(-1) - np.float32(0.5)).take(row)
-                texel[nothing] = BLANK
-                at.append(texel)
-            found.append(at)
-        return in_rows(found, share)
-
-    def _footprint(self, seen: _Seen, pitch: Single) -> tuple[Single, Single | None, Single | None]:
-        """Return what decides the levels of rays, and for areas length and long axis of footprints.
-
-        That is the square of the texels (n,) along which a ray's pixel extends at most,
-        ``(density pitch t / cos)^2`` with the cosine between the ray and the triangle's normal; for
-        areas that of its width, ``(density pitch t)^2``, or of an eighth of its length. The axis is
-        (2, n) in u and v, the ray's projection onto the triangle.
-        """
-        size = np.where(seen.nothing, 0.0, seen.distance) * pitch
-        cosine = np.maximum(np.abs(seen.along), _GRAZING)
-        density = self._look.density.take(seen.number)
-        if not self._areas:
-            size /= cosine
-            size *= size
-            return (size * density).astype(np.float32), None, None
-        look = self._look
-        sine = np.sqrt(np.maximum(1.0 - cosine * cosine, _GRAZING))
-        factor = (size / (cosine * sine)).astype(np.float32)
-        axis = np.empty((2, len(factor)), np.float32)
-        length = np.zeros(len(factor), np.float32)
-        texture = look.texture.take(seen.number)
-        for k in range(2):
-            slope = look.places[4 * k].take(seen.number) * seen.way[:, 0]
-            for j in (1, 2):
-                slope += look.places[4 * k + j].take(seen.number) * seen.way[:, j]
-            axis[k] = slope * factor
-            texels = axis[k] * look.atlas.size[:, k].take(texture)
-            length += texels * texels
-        size *= size
-        width = np.maximum(
-            (size * density).astype(np.float32), length / np.float32(COUNTS[-1] ** 2)
-        )
-        return width, np.sqrt(length), axis
+        atlas, image = self._look.atlas, self._look.image
+        textures = image.reshape(*image.shape[:2], -1), atlas.size, atlas.place
+        values = np.empty((len(seen.number), textures[0].shape[2]), np.uint8)
+        modes, triangles = (self._trilinear, self._areas), self._look.triangles
+        paint_mesh(values, seen, pitch, triangles, textures, modes, space())
+        return values.reshape(-1, *image.shape[2:])
 
 
 def _step(rays: Single, axis: int, row: Integers, column: Integers) -> Single:
@@ -383,20 +255,3 @@ def _pitch(rays: Single) -> Single:
     usual = float(np.median(result[result > 0.0])) if (result > 0.0).any() else 1.0
     result[result > 8.0 * usual] = usual
     return result
-
-
-def _levels(
-    square: Single, trilinear: bool, areas: bool
-) -> tuple[list[Integers], NDArray[np.uint16] | None]:
-    """Return the nearest level (n,) of footprints (n,), or two and the share of the second.
-
-    As with rectangles: steps between levels are sqrt(2) times 1, 2, 4, ..., of two, and for areas,
-    1, 2, 4, ...
-    """
-    exponent = np.frexp(np.maximum(square, np.float32(1e-6)))[1].astype(np.int64) - 1
-    if not trilinear:
-        return [np.clip((exponent + (not areas)) >> 1, 0, LEVELS - 1)], None
-    level = np.clip(exponent >> 1, 0, LEVELS - 2)
-    excess = np.sqrt(square) * (np.float32(0.5) ** level.astype(np.float32)) - np.float32(1.0)
-    share = np.rint(np.clip(excess, 0.0, 1.0) * np.float32(SHARES)).astype(np.uint16)
-    return [level, level + 1], share

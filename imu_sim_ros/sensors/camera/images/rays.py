@@ -5,18 +5,14 @@
 
 import math
 from functools import cached_property
-from typing import Final, NamedTuple, TypeVar
+from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imu_sim_ros.sensors.camera.images.loops import CELL
 from imu_sim_ros.sensors.camera.model import CameraModel
 from imu_sim_ros.types import Array, Integers, Single
 
-_Value = TypeVar("_Value", bound=np.generic)
-
-CELL: Final = 8
-"""Pixels along which the mip level is constant, in both directions."""
 _BAND: Final = 190_000
 """Rays that are processed at once, about: half of those of 752x480 pixels."""
 _AT_ONCE: Final = 4096
@@ -31,13 +27,12 @@ class PixelRays:
     A pixel without a direction has (0, 0, 0): it looks through nothing.
     """
 
-    def __init__(self, model: CameraModel, scale: int, by_cells: bool = False) -> None:
+    def __init__(self, model: CameraModel, scale: int) -> None:
         """Set up the rays of an image.
 
         :param scale: rays along each side of a pixel.
-        :param by_cells: those of a band come cell by cell, not row by row.
         """
-        self._model, self.scale, self._by_cells = model, scale, by_cells
+        self._model, self.scale = model, scale
         self.shape = self.height, self.width = model.height * scale, model.width * scale
         self.row_places = (np.arange(self.height) + 0.5) / scale - 0.5
         """Row of the image of each row of rays."""
@@ -55,10 +50,7 @@ class PixelRays:
         return in_cells(cells, self.height)
 
     def of_band(self, number: int) -> Single:
-        """Return the rays of a band: (3, rows, width), or (3, cells, CELL^2) by cells.
-
-        Of cells at the right and at the bottom, what lies beyond the image has (0, 0, 0).
-        """
+        """Return the rays of a band (3, rows, width)."""
         return self._kept[number] if self._kept is not None else self._found(number)
 
     def at(self, *places: tuple[Integers, Integers]) -> list[Single]:
@@ -66,8 +58,6 @@ class PixelRays:
         parts: list[list[Single]] = [[] for _ in places]
         for number, band in enumerate(self.bands):
             rays, span = self.of_band(number), self.rows(band)
-            if self._by_cells:
-                rays = row_by_row(rays, self.width)
             for (rows, columns), found in zip(places, parts, strict=True):
                 inside = rows[(rows >= span.start) & (rows < span.stop)] - span.start
                 found.append(rays[:, inside[:, None], columns])
@@ -96,26 +86,7 @@ class PixelRays:
     def _found(self, number: int) -> Single:
         rows = self.row_places[self.rows(self.bands[number])]
         grid = np.stack(np.meshgrid(self._columns, rows), axis=-1).reshape(-1, 2)
-        found = self._through(grid, len(rows))
-        return cell_by_cell(found) if self._by_cells else found
-
-
-def cell_by_cell(values: Single) -> Single:
-    """Return the values of cells (..., cells, CELL^2) from those of pixels (..., h, w)."""
-    *more, height, width = values.shape
-    down, right = -height % CELL, -width % CELL
-    if down or right:
-        values = np.pad(values, [(0, 0)] * len(more) + [(0, down), (0, right)])
-    parts = values.reshape(*more, (height + down) // CELL, CELL, (width + right) // CELL, CELL)
-    return np.ascontiguousarray(parts.swapaxes(-3, -2)).reshape(*more, -1, CELL * CELL)
-
-
-def row_by_row(values: NDArray[_Value], width: int, height: int | None = None) -> NDArray[_Value]:
-    """Return the values of pixels (..., h, w) from those of cells (..., cells, CELL^2)."""
-    *more, count, _ = values.shape
-    across = -(-width // CELL)
-    parts = values.reshape(*more, count // across, across, CELL, CELL).swapaxes(-3, -2)
-    return parts.reshape(*more, -1, across * CELL)[..., :height, :width]
+        return self._through(grid, len(rows))
 
 
 class Corners(NamedTuple):

@@ -14,6 +14,7 @@ from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.places.gloss import Polish
 from imu_sim_ros.places.paint import Painter
 from imu_sim_ros.random_streams import generator_at
+from imu_sim_ros.sensors.camera.images.loops import BACKGROUND, LEVELS
 from imu_sim_ros.sensors.camera.images.tag36h11 import tag
 from imu_sim_ros.sensors.camera.scene_parameters import (
     AprilgridParameters,
@@ -30,9 +31,6 @@ SMALLEST_TEXEL: Final = 0.0025
 """Smallest size of a texel of a wall [m]."""
 _TEXEL_OF_BODIES: Final = 0.004
 """Size of a texel of a body [m]."""
-LEVELS: Final = 8
-BACKGROUND: Final = 110
-"""Grey value of the background."""
 _WIDTH: Final = 8192
 _EDGE: Final = 1
 """Texels around each texture that repeat its edge, for interpolation."""
@@ -168,7 +166,7 @@ def _places(shapes: Sequence[tuple[int, int]]) -> tuple[list[tuple[int, int]], i
 
 _BLANK_EDGE: Final = 4
 """Edge of the corner that holds the background."""
-BLANK: Final = np.float32(1.0)
+
 """Column and row of the background in the atlas."""
 
 

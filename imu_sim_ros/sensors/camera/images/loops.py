@@ -1,0 +1,766 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""What is done for each pixel of an image, compiled.
+
+For each pixel, of the rectangles that may be in its cell the nearest one; its texture along the
+pixel's footprint, in the shadows of bodies, with its gloss. Where an edge, or the line in which two
+planes meet, may cross a pixel, what is seen at eight places of it. ``1 / t``, ``s / t`` and
+``r / t`` are linear in the ray, so a pixel's steps to its neighbours give them at each place.
+
+Real numbers have 32 bits, and no product and sum become one step: the bits of a picture are the
+same on every processor. All functions that call each other are in this file (:func:`compiled`).
+Rays that meet the triangles of a mesh look in the same way, each at a level of its own.
+"""
+
+import math
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.places.gloss import mirrored, reflectance
+from imu_sim_ros.sensors.camera.images.libraries import compiled, part
+from imu_sim_ros.types import Bytes, Integers, Mask, Single
+
+if TYPE_CHECKING:
+    from imu_sim_ros.places.gloss import Sheen
+    from imu_sim_ros.sensors.camera.images.cells import Pairs, Planes
+    from imu_sim_ros.sensors.camera.images.finish import Glossy, Shades
+    from imu_sim_ros.sensors.camera.images.mesh_look import Triangles
+    from imu_sim_ros.sensors.camera.images.mesh_renderer import Met
+    from imu_sim_ros.sensors.camera.images.renderer import Visible
+
+    Ray = tuple[np.float32, np.float32, np.float32]
+
+LEVELS: Final = 8
+"""Mip levels of a texture."""
+CELL: Final = 8
+"""Pixels along which the mip level is constant, in both directions."""
+BACKGROUND: Final = 110
+"""Grey value of the background."""
+SHARES: Final = 256
+"""Steps of the share of the coarser of two levels."""
+IN_FRONT: Final = np.float32(1e-6)
+"""Least 1 / t of what is in front of the camera."""
+PLACES: Final = np.array(
+    [(1, -3), (-1, 3), (5, 1), (-3, -5), (-5, 5), (-7, -1), (3, 7), (7, -7)], np.float32
+) / np.float32(16)
+"""Columns and rows (8, 2) [px]: one in each eighth of both, their mean in the middle."""
+LOOKS: Final = np.array([1.5, 3.0, 6.0], np.float32)
+"""Lengths [texels] above which a footprint is looked at 2, 4, 8 times: steps of 0.75 to 1.5."""
+_OF_PARTS: Final = 2
+"""Doublings of the places that a part of a pixel looks at, whatever its footprint."""
+_MOST_SQUARED: Final = np.float32(4.0 ** len(LOOKS))
+_GRAZING: Final = 1e-6
+"""Least cosine between a ray and a normal that counts in a pixel's footprint."""
+_ON_FLOOR: Final = np.float32(0.03)
+"""Height up to which something is floor [m]."""
+_SLANT: Final = np.float32(2.0)
+"""By which a lobe that meets a lamp at a slant is wider at most."""
+_NARROWEST: Final = np.float32(1e-6)
+_STEPS: Final = np.float32(32.0)
+"""Steps of a texel in which places are told."""
+_WHITE: Final = np.float32(255.0)
+_ONE_OF_WHITE: Final = np.float32(1.0 / 255.0)
+_ZERO: Final = np.float32(0.0)
+_QUARTER: Final = np.float32(0.25)
+_HALF: Final = np.float32(0.5)
+_THREE_QUARTERS: Final = np.float32(0.75)
+_ONE: Final = np.float32(1.0)
+_TWO: Final = np.float32(2.0)
+
+
+def space() -> tuple[Integers, Single]:
+    """Return arrays for one call of a function that works on pixels."""
+    return np.empty((4, 8), np.int64), np.empty((2, 8), np.float32)
+
+
+@compiled
+def paint(
+    picture: Bytes,
+    rays: Single,
+    at: tuple[int, int],
+    seen: "Visible",
+    atlas: Bytes,
+    areas: bool,
+    space: tuple[Integers, Single],
+) -> None:
+    """Put into a picture (h, w, colours) what the rays (3, h, w) of a band see.
+
+    :param at: row of its first rays in the whole image, and the whole image's last row.
+    :param atlas: (height, width, colours) textures.
+    :param areas: pixels see what is in their areas; else what is at their centres.
+    :param space: of this call alone.
+    """
+    height, width, colours = picture.shape
+    vectors, start = seen.planes
+    _, first, which, fills = seen.pairs
+    patches, shades, gloss = seen.patches, seen.shades, seen.gloss
+    value, other, total = space[0][0, :colours], space[0][1, :colours], space[0][2, :colours]
+    found, front, added = space[0][3], space[1][0], space[1][1, :colours]
+    for row in range(height):
+        k = min(at[0] + row, at[1]) if start.shape[1] > 1 else 0
+        for column in range(width):
+            cell = _cell(at[0] + row, column, width)
+            begin, end = first[cell], first[cell + 1]
+            ray = (rays[0, row, column], rays[1, row, column], rays[2, row, column])
+            inverse, own, s, r = nearest(vectors, start, which, fills, begin, end, k, ray)
+            if own < 0:
+                value[:] = BACKGROUND
+            else:
+                look_up(value, atlas, patches[own], s, r, patches[own].doublings)
+                _shade(value, shades, cell, k, ray, inverse)
+                _polish(value, added, gloss, vectors, start, which[own], own, k, s, r)
+            if (
+                not areas
+                or (end - begin == 1 and fills[begin])
+                or not _at_edge(vectors, start, which, patches, begin, end, k, ray, inverse, own)
+            ):
+                for c in range(colours):
+                    picture[row, column, c] = value[c]
+                continue
+            found[:] = -1
+            front[:] = _ZERO
+            for p in range(begin, end):
+                _see_at_places(found, front, vectors, start, which[p], patches[p], p, k, ray)
+            total[:] = len(PLACES) // 2
+            for place in range(len(PLACES)):
+                p = found[place]
+                count = _count(found, place, p)
+                if p == own:
+                    _add(total, value, 1)
+                elif p < 0:
+                    other[:] = BACKGROUND
+                    _add(total, other, 1)
+                elif count > 0:
+                    inverse, s, r = _meet(vectors, start, which[p], k, ray)
+                    s, r = min(max(s, _ZERO), _ONE), min(max(r, _ZERO), _ONE)
+                    look_up(other, atlas, patches[p], s, r, _OF_PARTS)
+                    _shade(other, shades, cell, k, ray, inverse)
+                    _polish(other, added, gloss, vectors, start, which[p], p, k, s, r)
+                    _add(total, other, count)
+            for c in range(colours):
+                picture[row, column, c] = total[c] // len(PLACES)
+
+
+@part
+def _count(found: Integers, place: int, p: int) -> int:
+    """Return how many places see a pair; 0: one before this has counted them."""
+    count = 0
+    for j in range(len(found)):
+        if found[j] == p:
+            if j < place:
+                return 0
+            count += 1
+    return count
+
+
+@part
+def _add(total: Integers, value: Integers, count: int) -> None:
+    for c in range(len(total)):
+        total[c] += value[c] * count
+
+
+@compiled
+def measure(
+    depth: Single,
+    body: Bytes,
+    rays: Single,
+    at: tuple[int, int],
+    planes: "Planes",
+    pairs: "Pairs",
+    bodies: Bytes,
+) -> None:
+    """Put the distance along the axis (h, w) [m] of what rays see, and its body (h, w); 0: nothing.
+
+    :param at: as of :func:`paint`.
+    :param bodies: (m,) of each rectangle.
+    """
+    height, width = depth.shape
+    vectors, start = planes
+    _, first, which, fills = pairs
+    for row in range(height):
+        k = min(at[0] + row, at[1]) if start.shape[1] > 1 else 0
+        for column in range(width):
+            cell = _cell(at[0] + row, column, width)
+            begin, end = first[cell], first[cell + 1]
+            ray = (rays[0, row, column], rays[1, row, column], rays[2, row, column])
+            inverse, own, _, _ = nearest(vectors, start, which, fills, begin, end, k, ray)
+            depth[row, column] = ray[2] / inverse if own >= 0 else _ZERO
+            body[row, column] = bodies[which[own]] if own >= 0 else 0
+
+
+@part
+def _cell(row: int, column: int, width: int) -> int:
+    return row // CELL * ((width + CELL - 1) // CELL) + column // CELL
+
+
+@part
+def nearest(
+    vectors: Single,
+    start: Single,
+    which: Integers,
+    fills: Mask,
+    begin: int,
+    end: int,
+    k: int,
+    ray: "Ray",
+) -> tuple[np.float32, int, np.float32, np.float32]:
+    """Return 1 / t of the nearest rectangle that a ray meets, its pair (-1: none), s and r.
+
+    Of equals the first.
+
+    :param which: (p,) rectangles of the pairs; ``fills``: whether they fill their cells.
+    :param begin: first pair of the ray's cell; ``end``: that after its last.
+    :param k: row of the planes.
+    """
+    inverse, own, s, r = _ZERO, -1, _ZERO, _ZERO
+    filled = end - begin == 1 and fills[begin]
+    for p in range(begin, end):
+        m = which[p]
+        if _dot(vectors, m, k, 0, ray) > inverse:
+            n, across, up = _meet(vectors, start, m, k, ray)
+            inside = across >= _ZERO and across <= _ONE and up >= _ZERO and up <= _ONE
+            if n > _ZERO and (inside or filled):
+                inverse, own, s, r = n, p, across, up
+    return inverse, own, s, r
+
+
+@part
+def _dot(vectors: Single, m: int, k: int, j: int, ray: "Ray") -> np.float32:
+    x, y, z = ray
+    return vectors[m, k, j, 0] * x + vectors[m, k, j, 1] * y + vectors[m, k, j, 2] * z
+
+
+@part
+def _meet(
+    vectors: Single, start: Single, m: int, k: int, ray: "Ray"
+) -> tuple[np.float32, np.float32, np.float32]:
+    """Return 1 / t, s and r where a ray meets a plane; 0, 0, 0: it is not before it."""
+    n = _dot(vectors, m, k, 0, ray)
+    if n <= IN_FRONT:
+        return _ZERO, _ZERO, _ZERO
+    t = _ONE / n
+    s = _dot(vectors, m, k, 1, ray) * t + start[m, k, 0]
+    r = _dot(vectors, m, k, 2, ray) * t + start[m, k, 1]
+    return n, s, r
+
+
+@part
+def _inside(patch: Any, n: np.float32, s: np.float32, r: np.float32) -> np.float32:
+    """Return how far inside a rectangle a place on its plane is, in halves of a pixel about."""
+    across, up = min(_ONE - s, s) * patch.inside[0], min(_ONE - r, r) * patch.inside[1]
+    return min(across, up) * n
+
+
+@part
+def _at_edge(
+    vectors: Single,
+    start: Single,
+    which: Integers,
+    patches: NDArray[np.void],
+    begin: int,
+    end: int,
+    k: int,
+    ray: "Ray",
+    inverse: np.float32,
+    own: int,
+) -> bool:
+    """Tell whether a pixel may see more than its centre does: pair ``own`` at 1 / t."""
+    least = inverse - patches[own].depth if own >= 0 else _ZERO
+    for p in range(begin, end):
+        patch = patches[p]
+        if _dot(vectors, which[p], k, 0, ray) + patch.depth >= least:
+            n, s, r = _meet(vectors, start, which[p], k, ray)
+            inside = _inside(patch, n, s, r)
+            if n > _ZERO and inside > -_ONE and (inside < _ONE or p != own):
+                return True
+    return False
+
+
+@part
+def _see_at_places(
+    found: Integers,
+    front: Single,
+    vectors: Single,
+    start: Single,
+    m: int,
+    patch: Any,
+    p: int,
+    k: int,
+    ray: "Ray",
+) -> None:
+    """Put the number of a pair where it is the nearest at the places of a pixel (8,).
+
+    Of equals the first.
+
+    :param front: (8,) 1 / t of the nearest one so far.
+    """
+    n, s, r = _meet(vectors, start, m, k, ray)
+    if n > _ZERO and _inside(patch, n, s, r) > -_ONE:
+        s *= n
+        r *= n
+        steps = patch.steps
+        for place in range(len(PLACES)):
+            x, y = PLACES[place, 0], PLACES[place, 1]
+            away = n + (x * steps[0, 0] + y * steps[1, 0])
+            across = s + (x * steps[0, 1] + y * steps[1, 1])
+            up = r + (x * steps[0, 2] + y * steps[1, 2])
+            inside = across >= _ZERO and across <= away and up >= _ZERO and up <= away
+            if inside and away > front[place]:
+                front[place], found[place] = away, p
+
+
+@part
+def look_up(
+    value: Integers, atlas: Bytes, patch: Any, s: np.float32, r: np.float32, doublings: int
+) -> None:
+    """Put the mean (colours,) of 1, 2, 4, ... places along a pixel's footprint on a texture."""
+    count = 1 << doublings
+    value[:] = count >> 1
+    for j in range(count):
+        step = _step_along(j, count)
+        x, y = _texel(patch, 0, s, r, step)
+        for c in range(len(value)):
+            seen = bilinear(atlas, x, y, c)
+            if patch.share > 0:
+                coarse_x, coarse_y = _texel(patch, 1, s, r, step)
+                seen = mixed(seen, bilinear(atlas, coarse_x, coarse_y, c), patch.share)
+            value[c] += seen
+    for c in range(len(value)):
+        value[c] >>= doublings
+
+
+@part
+def _step_along(j: int, count: int) -> np.float32:
+    """Return where on a footprint the j-th of some places is, from its middle, in its length."""
+    return (np.float32(j) + _HALF) / np.float32(count) - _HALF
+
+
+@part
+def _texel(
+    patch: Any, level: int, s: np.float32, r: np.float32, step: np.float32
+) -> tuple[int, int]:
+    """Return column and row in the atlas [1/32 texel] of a place along a footprint.
+
+    :param step: from its middle, in its length. No look leaves the rectangle.
+    """
+    width, left = patch.scale[level, 0], patch.offset[level, 0]
+    x = step * (patch.along[0] * width) + (s * width + left)
+    height, top = patch.scale[level, 1], patch.offset[level, 1]
+    y = step * (patch.along[1] * height) + (r * height + top)
+    return in_steps(min(max(x, left), left + width)), in_steps(min(max(y, top), top + height))
+
+
+@part
+def in_steps(place: np.float32) -> int:
+    """Return the nearest steps of 1/32 texel, of two the even one."""
+    return np.int64(np.rint(place * _STEPS))
+
+
+@part
+def bilinear(atlas: Bytes, x: int, y: int, colour: int) -> int:
+    """Return a value between four texels, in integers, from a place in 1/32 texel."""
+    column, row, right, down = x >> 5, y >> 5, x & 31, y & 31
+    column = min(max(column, 0), atlas.shape[1] - 1)
+    row = min(max(row, 0), atlas.shape[0] - 1)
+    next_column = min(column + 1, atlas.shape[1] - 1)
+    next_row = min(row + 1, atlas.shape[0] - 1)
+    above = (32 - right) * np.int64(atlas[row, column, colour])
+    above += right * np.int64(atlas[row, next_column, colour])
+    below = (32 - right) * np.int64(atlas[next_row, column, colour])
+    below += right * np.int64(atlas[next_row, next_column, colour])
+    return ((32 - down) * above + down * below + 512) >> 10
+
+
+@part
+def mixed(fine: int, coarse: int, share: int) -> int:
+    """Return a value of two levels."""
+    return (fine * (SHARES - share) + coarse * share + SHARES // 2) // SHARES
+
+
+@part
+def _shade(
+    value: Integers, shades: "Shades", cell: int, k: int, ray: "Ray", inverse: np.float32
+) -> None:
+    """Darken a value (colours,) that a ray sees at 1 / t by the shadows of its cell."""
+    vectors, start = shades.planes
+    for j in range(shades.first[cell], shades.first[cell + 1]):
+        m = shades.which[j]
+        away, s, r = _meet(vectors, start, m, k, ray)
+        above = _height(vectors, m, k) * (_ONE - away / inverse)
+        inside = s >= _ZERO and s <= _ONE and r >= _ZERO and r <= _ONE
+        if away > _ZERO and inside and abs(above) < _ON_FLOOR:
+            left = light_left(s, r, shades.lines[m, 0], shades.lines[m, 1], shades.lines[m, 2])
+            if left < _ONE:
+                for c in range(len(value)):
+                    value[c] = _changed(value[c], left, _ZERO)
+
+
+@part
+def light_left(
+    s: np.float32, r: np.float32, length: np.float32, radius: np.float32, depth: np.float32
+) -> np.float32:
+    """Return the share of the light that is left at a place of a shadow's floor.
+
+    ``1 - depth (1 - (d / radius)^2)^2`` at a distance d from a line.
+    """
+    along = s * (length + _TWO * radius) - radius
+    along -= min(max(along, _ZERO), length)
+    across = (_TWO * r - _ONE) * radius
+    rest = _ONE - min((along * along + across * across) / (radius * radius), _ONE)
+    return _ONE - depth * rest * rest
+
+
+@part
+def _changed(value: int, keep: np.float32, add: np.float32) -> int:
+    """Return the root of ``keep value^2 + add``.
+
+    A square instead of the power 2.2 of a screen, since a root is exact everywhere.
+    """
+    square = np.float32(value)
+    square = square * square * keep + add
+    return np.int64(min(np.sqrt(square) + _HALF, _WHITE))
+
+
+@part
+def _height(vectors: Single, m: int, k: int) -> np.float32:
+    """Return the height of the eye above a plane [m]."""
+    x, y, z = vectors[m, k, 0, 0], vectors[m, k, 0, 1], vectors[m, k, 0, 2]
+    return _ONE / np.sqrt(x * x + y * y + z * z)
+
+
+@part
+def _polish(
+    value: Integers,
+    added: Single,
+    gloss: "Glossy",
+    vectors: Single,
+    start: Single,
+    m: int,
+    p: int,
+    k: int,
+    s: np.float32,
+    r: np.float32,
+) -> None:
+    """Change a value (colours,) by the gloss of the region that a place of a pair lies in.
+
+    Of several the last counts: what lies on another comes after it.
+
+    :param added: (colours,) space.
+    """
+    for j in range(gloss.first[p + 1] - 1, gloss.first[p] - 1, -1):
+        region = gloss.sheen.regions[gloss.region[j]]
+        low, high = region.bounds[:2], region.bounds[2:]
+        if s >= low[0] and r >= low[1] and s <= high[0] and r <= high[1]:
+            foot, height = (start[m, k, 0], start[m, k, 1]), _height(vectors, m, k)
+            keep = shine(added, gloss.sheen, gloss.region[j], gloss.lit[j], (s, r), foot, height)
+            for c in range(len(value)):
+                value[c] = _changed(value[c], keep, added[c])
+            break
+
+
+_reflectance: Final = part(reflectance)
+_mirrored: Final = part(mirrored)
+
+
+@part
+def shine(
+    added: Single,
+    sheen: "Sheen",
+    m: int,
+    lit: Mask,
+    place: tuple[np.float32, np.float32],
+    foot: tuple[np.float32, np.float32],
+    height: np.float32,
+) -> np.float32:
+    """Put what gloss adds to the square of a value (colours,); return what it keeps of it.
+
+    As in :mod:`~imu_sim_ros.places.gloss`.
+
+    :param m: number of the glossy region.
+    :param lit: (sources,) whose highlight may be there.
+    :param place: s and r of what is seen.
+    :param foot: those of the eye's foot on the plane; ``height`` above it [m].
+    """
+    region = sheen.regions[m]
+    face = sheen.faces[region.face]
+    across, up = (place[0] - foot[0]) * face.sides[0], (place[1] - foot[1]) * face.sides[1]
+    away = np.sqrt(across * across + up * up + height * height)
+    specular = _reflectance(height / away, region.normal)
+    share = max(specular - region.base, _ZERO) * region.smooth
+    z = across * face.upwards[0] + up * face.upwards[1] + height * face.upwards[2]
+    z /= away
+    rise, fall = max(z, _ZERO), max(-z, _ZERO)
+    for c in range(len(added)):
+        down, level, above = sheen.mirrored[0, c], sheen.mirrored[1, c], sheen.mirrored[2, c]
+        added[c] = (level + rise * (above - level) + fall * (down - level)) * share
+    for j in range(len(lit)):
+        if lit[j]:
+            source, sight = sheen.sources[j], sheen.sights[region.face, j]
+            near = source.near
+            x = sight.place[0] - near * face.sides[0] * place[0]
+            y = sight.place[1] - near * face.sides[1] * place[1]
+            to = (x, y, sight.place[2])
+            distance = np.sqrt(to[0] * to[0] + to[1] * to[1] + to[2] * to[2])
+            ray = (across, up, height)
+            if near > _ZERO:
+                light = _of_lamp(source, sight, ray, away, to, region.blur)
+            else:
+                floor = sheen.floor[m, j]
+                light = _of_sun(ray, away, to, distance, region.doublings, floor)
+            if light > _ZERO:
+                power = light_at(sheen.light, face, j, place[0], place[1]) * region.gain
+                power /= max(height / away, to[2] / max(distance, _NARROWEST))
+                bright = _mirrored(power, near) * light * specular
+                for c in range(len(added)):
+                    added[c] += source.colour[c] * bright
+    return _ONE - share
+
+
+@part
+def _of_lamp(
+    source: Any,
+    sight: Any,
+    ray: "Ray",
+    away: np.float32,
+    to: "Ray",
+    blur: np.float32,
+) -> np.float32:
+    """Return the share of a highlight's middle that a lamp has.
+
+    :param ray: from the eye to what mirrors, along each direction of the face.
+    :param to: from there to the lamp's middle.
+    """
+    steepness, height = _along(sight.axes[2], ray), _along(sight.axes[2], to)
+    if not height * steepness > _ZERO:
+        return _ZERO  # it never meets the lamp's plane
+    far = height / steepness
+    wide = far * away * blur
+    share = _ONE
+    for k in range(2):
+        half = source.halves[k]
+        side = _along(sight.axes[k], ray)
+        place = far * side - _along(sight.axes[k], to)
+        slant = side / steepness
+        slant = min(np.sqrt(slant * slant + _ONE), _SLANT)
+        width = _ONE / max(wide * slant, _NARROWEST)
+        share *= _step((half - place) * width) + _step((half + place) * width)
+        share /= _TWO * _step(half * width)
+    return share
+
+
+@part
+def _along(axis: Single, vector: "Ray") -> np.float32:
+    return axis[0] * vector[0] + axis[1] * vector[1] + axis[2] * vector[2]
+
+
+@part
+def _step(place: np.float32) -> np.float32:
+    """Return a smooth step from -1/2 to 1/2 between -1 and 1, whose slope has the variance 1/5."""
+    x = min(max(place, -_ONE), _ONE)
+    return x * (_THREE_QUARTERS - _QUARTER * x * x)
+
+
+@part
+def _of_sun(
+    ray: "Ray",
+    away: np.float32,
+    to: "Ray",
+    distance: np.float32,
+    doublings: int,
+    floor: np.float32,
+) -> np.float32:
+    """Return the share of a highlight's middle that the sun has.
+
+    :param ray: as of a lamp; ``to``: direction of the sun.
+    :param doublings: the exponent of the lobe is 2 to the power of them.
+    :param floor: by which the power is lowered.
+    """
+    cosine = ray[0] * to[0] + ray[1] * to[1] + ray[2] * to[2]
+    power = max(cosine / (away * distance), _ZERO)
+    for _ in range(doublings):
+        power *= power
+    return max(power - floor, _ZERO)
+
+
+@part
+def light_at(light: Single, face: Any, source: int, s: np.float32, r: np.float32) -> np.float32:
+    """Return the light of a source at a place of a face, interpolated between its points."""
+    rows, columns = face.shape[0], face.shape[1]
+    low, down = _between(r, rows)
+    left, across = _between(s, columns)
+    above, right = min(low + 1, rows - 1), min(left + 1, columns - 1)
+    first = face.first + source * rows * columns
+    value = _ZERO
+    for row, share in ((low, _ONE - down), (above, down)):
+        line = light[first + row * columns + left] * (_ONE - across)
+        line += light[first + row * columns + right] * across
+        value += share * line
+    return value
+
+
+@part
+def _between(place: np.float32, count: int) -> tuple[int, np.float32]:
+    """Return the part before a place from 0 to 1 among even parts, and how far the next one is."""
+    at = min(max(place * np.float32(count) - _HALF, _ZERO), np.float32(count - 1))
+    whole = np.int64(at)
+    return whole, at - np.float32(whole)
+
+
+@compiled
+def paint_mesh(
+    values: Bytes,
+    seen: "Met",
+    pitch: Single,
+    triangles: "Triangles",
+    textures: tuple[Bytes, Single, Single],
+    modes: tuple[bool, bool],
+    space: tuple[Integers, Single],
+) -> None:
+    """Put what n rays see of a mesh into values (n, colours).
+
+    :param pitch: (n,) angles between the rays [rad].
+    :param textures: as those of :class:`~.texture.Atlas`.
+    :param modes: look at two mip levels; see what is in the pixels' areas.
+    :param space: of this call alone.
+    """
+    image, size, corner = textures
+    texel = space[0][0, : image.shape[2]]
+    place, along = space[1][0, :2], space[1][1, :2]
+    textured, tinted = len(triangles.places) > 0, len(triangles.tints) > 0
+    shaded = len(triangles.shades) > 0
+    for n in range(len(values)):
+        if seen.nothing[n]:
+            values[n, :] = BACKGROUND
+            continue
+        m = seen.number[n]
+        if textured:
+            texture = triangles.texture[m]
+            for k in range(2):
+                place[k] = _on_triangle(triangles.places, k, m, seen.place, n)
+            square, length = _footprint(along, seen, n, pitch[n], triangles, size[texture], modes)
+            level, share = _level(square, modes)
+            doublings = 0
+            for least in LOOKS:
+                doublings += length * _halved(level) > least
+            _repeat(texel, image, size[texture], corner[texture], place, along, doublings,
+                    level, share)  # fmt: skip
+        for c in range(len(texel)):
+            if not tinted and not shaded:
+                values[n, c] = texel[c]
+                continue
+            value = _on_triangle(triangles.tints, c, m, seen.place, n) if tinted else _WHITE
+            if textured:
+                value *= np.float32(texel[c])
+                value *= _ONE_OF_WHITE
+            if shaded:
+                value *= triangles.shades[1 if seen.along[n] > 0.0 else 0, m]
+            values[n, c] = np.uint8(min(max(value + _HALF, _ZERO), _WHITE))
+
+
+@part
+def _on_triangle(coefficients: Single, k: int, m: int, place: Single, n: int) -> np.float32:
+    """Return one of the functions on a triangle where a ray meets it."""
+    value = coefficients[4 * k + 3, m]
+    for j in range(3):
+        value += coefficients[4 * k + j, m] * place[j, n]
+    return value
+
+
+@part
+def _footprint(
+    along: Single,
+    seen: "Met",
+    n: int,
+    pitch: np.float32,
+    triangles: "Triangles",
+    size: Single,
+    modes: tuple[bool, bool],
+) -> tuple[np.float32, np.float32]:
+    """Return what decides the level of a ray's pixel, and how long its footprint is [texels].
+
+    That is the square of the texels along which the pixel extends at most, ``(density pitch t /
+    cos)^2`` with the cosine between the ray and the triangle's normal; for areas that of its width,
+    ``(density pitch t)^2``, or of an eighth of its length. The axis in u and v, put into ``along``,
+    is the ray's projection onto the triangle.
+    """
+    m, width = seen.number[n], seen.distance[n] * pitch
+    cosine = max(abs(seen.along[n]), _GRAZING)
+    density = triangles.density[m]
+    if not modes[1]:
+        along[:] = _ZERO
+        width /= cosine
+        return np.float32(width * width * density), _ZERO
+    sine = math.sqrt(max(1.0 - cosine * cosine, _GRAZING))
+    factor = np.float32(width / (cosine * sine))
+    square = _ZERO
+    for k in range(2):
+        slope = _ZERO
+        for j in range(3):
+            slope += triangles.places[4 * k + j, m] * seen.way[n, j]
+        along[k] = slope * factor
+        texels = along[k] * size[k]
+        square += texels * texels
+    return max(np.float32(width * width * density), square / _MOST_SQUARED), np.sqrt(square)
+
+
+@part
+def _level(square: np.float32, modes: tuple[bool, bool]) -> tuple[int, int]:
+    """Return the nearest level of a footprint, or of two the finer, and the share of the coarser.
+
+    As with rectangles: steps between levels are sqrt(2) times 1, 2, 4, ..., of two, and for areas,
+    1, 2, 4, ...
+    """
+    trilinear, areas = modes
+    exponent = math.frexp(max(square, _NARROWEST))[1] - 1
+    if not trilinear:
+        return min(max((exponent + (0 if areas else 1)) >> 1, 0), LEVELS - 1), 0
+    level = min(max(exponent >> 1, 0), LEVELS - 2)
+    excess = np.sqrt(square) * _halved(level) - _ONE
+    return level, np.int64(np.rint(min(max(excess, _ZERO), _ONE) * np.float32(SHARES)))
+
+
+@part
+def _halved(level: int) -> np.float32:
+    return _ONE / np.float32(1 << level)
+
+
+@part
+def _repeat(
+    value: Integers,
+    image: Bytes,
+    size: Single,
+    corner: Single,
+    place: Single,
+    along: Single,
+    doublings: int,
+    level: int,
+    share: int,
+) -> None:
+    """Put the mean (colours,) of 1, 2, 4, ... places along a footprint on a texture that repeats.
+
+    :param corner: (LEVELS, 2) of the levels of the texture.
+    """
+    count = 1 << doublings
+    value[:] = count >> 1
+    for j in range(count):
+        step = _step_along(j, count)
+        s, r = place[0] + step * along[0], place[1] + step * along[1]
+        s, r = s - np.floor(s), r - np.floor(r)
+        x, y = _repeated(s, size, corner, 0, level), _repeated(r, size, corner, 1, level)
+        for c in range(len(value)):
+            seen = bilinear(image, x, y, c)
+            if share > 0:
+                coarse_x = _repeated(s, size, corner, 0, level + 1)
+                coarse_y = _repeated(r, size, corner, 1, level + 1)
+                seen = mixed(seen, bilinear(image, coarse_x, coarse_y, c), share)
+            value[c] += seen
+    for c in range(len(value)):
+        value[c] >>= doublings
+
+
+@part
+def _repeated(place: np.float32, size: Single, corner: Single, axis: int, level: int) -> int:
+    return in_steps(size[axis] * place * _halved(level) + (corner[level, axis] - _HALF))
