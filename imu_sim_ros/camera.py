@@ -84,7 +84,7 @@ class Rig:
         Frames that are lost are left out.
 
         :raises ConfigurationError: for a scene without surfaces.
-        :raises MissingDependencyError: if OpenCV is not installed.
+        :raises MissingDependencyError: if OpenCV or numba is not installed.
         """
         return self._frames(name, "image")
 
@@ -94,7 +94,7 @@ class Rig:
         0 if nothing is seen; frames that are lost are left out.
 
         :raises ConfigurationError: for a scene without surfaces.
-        :raises MissingDependencyError: if OpenCV is not installed.
+        :raises MissingDependencyError: if OpenCV or numba is not installed.
         """
         return self._frames(name, "depth")
 
@@ -105,7 +105,7 @@ class Rig:
         the next image or hidden there. Frames that are lost are left out.
 
         :raises ConfigurationError: for a scene without surfaces.
-        :raises MissingDependencyError: if OpenCV is not installed.
+        :raises MissingDependencyError: if OpenCV or numba is not installed.
         """
         return self._frames(name, "flow")
 
