@@ -196,6 +196,7 @@ def test_a_sensor_of_each_imu(copy: Copy) -> None:
         import json, numpy as np, imu_sim_ros as ims
         from pathlib import Path
         from imu_sim_ros.commands import generate, parameter_reference
+        from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
         from imu_sim_ros.simulation.playback import SimulatorParameters
         from imu_sim_ros.parameters.sections import parameters
         sensors, imu = ["air", "pressure"], {"altimeter_noise_density": 1.0, "altimeter_rate": 20}
@@ -209,6 +210,7 @@ def test_a_sensor_of_each_imu(copy: Copy) -> None:
                                          flight.pressure.ideal_pressure[::10])),
             "status": status, "rows": Path("folder/air0.csv").read_text().count("\\n"),
             "switches": [n for n in known if n.startswith("publish.") and n.endswith("air")],
+            "given": "publish.air" in parameters(ErrorNodeParameters),
             "reference": "`imu.altimeter_gust_rate`" in parameter_reference.reference(),
             "truth": "altimeter_rate: 100.0" in Path("folder_truth.yaml").read_text(),
         }))
@@ -220,6 +222,7 @@ def test_a_sensor_of_each_imu(copy: Copy) -> None:
         "status": 0,
         "rows": 201,
         "switches": ["publish.air", "publish.ground_truth_air"],
+        "given": True,
         "reference": True,
         "truth": True,
     }

@@ -60,7 +60,9 @@ no use for, is ignored, so that both can be given the same file.
     "Error model": """\
 Node and Python's `ErrorModel`, command `add_errors`. `imu.*`, `inject.*`, `temperature.*` and the
 general parameters are those of the simulation; what concerns a trajectory is passed over, so that
-both can be given the same file.
+both can be given the same file. A sensor of the IMU of which a topic is published subscribes to its
+ideal values, on the topic of its readings and `/ideal` (`imu/mag/ideal`, `imu/pressure/ideal`); for
+an orientation, the readings must come with one.
 """,
     "Recorder": """\
 Node `recorder`. Arguments without `--` are topics, `-o` stands for `--output`, and durations may

@@ -21,12 +21,19 @@ from imu_sim_ros.parameters.kinds import (
     matrix,
     number,
 )
-from imu_sim_ros.parameters.sections import parameters, section
+from imu_sim_ros.parameters.sections import parameters, section, shared
+from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.presets import layer_imu
 from imu_sim_ros.sensors.parameters import LONGEST, rotation_problems
 from imu_sim_ros.simulation.parameters import SampledParameters
-from imu_sim_ros.simulation.playback import PARTS, InjectParameters, SimulatorParameters
+from imu_sim_ros.simulation.playback import (
+    PARTS,
+    ImuPublishParameters,
+    InjectParameters,
+    SimulatorParameters,
+    switches,
+)
 from imu_sim_ros.timebase import exact_rate
 
 NODE: Final = "error_model"
@@ -147,38 +154,19 @@ class ErrorModelParameters(SampledParameters):
 
 
 @dataclass(frozen=True)
-class ErrorPublishParameters:
-    """Which topics are published in addition to ``imu/data_raw``."""
+class ErrorPublishParameters(ImuPublishParameters):
+    """Which topics are published in addition to ``imu/data_raw``.
 
-    ground_truth_imu: bool = flag(False, "publish ground_truth/imu, the readings without errors")
-    biases: bool = flag(
-        False,
-        "publish ground_truth/gyroscope_bias and ground_truth/accelerometer_bias, and those of "
-        "magnetometer and barometer if their readings are",
-    )
-    errors: bool = flag(
-        False,
-        "publish the other true errors of the readings: ground_truth/gyroscope_scale, _noise, "
-        "_response_error, _low_pass and _vibration, and those of the accelerometer",
-    )
-    temperature: bool = flag(False, "publish imu/temperature")
-    magnetic_field: bool = flag(
-        False, "subscribe to imu/mag/ideal, and publish imu/mag, the readings of the magnetometer"
-    )
-    ground_truth_magnetic_field: bool = flag(
-        False,
-        "subscribe to imu/mag/ideal, and publish ground_truth/mag, the same in the IMU's axes",
-    )
-    pressure: bool = flag(
-        False,
-        "subscribe to imu/pressure/ideal, and publish imu/pressure, the readings of the barometer",
-    )
-    ground_truth_pressure: bool = flag(
-        False, "subscribe to imu/pressure/ideal, and publish ground_truth/pressure, the same"
-    )
-    orientation: bool = flag(
-        False,
-        "publish imu/data, the readings with an orientation; the input must have one",
+    Those of the sensors whose ideal values can be given, and of what is stated with the readings.
+    """
+
+    sensors: Mapping[str, Any] = shared(
+        lambda: switches(
+            one
+            for one in sensors_of_imus()
+            if one.given is not None or (one.table is not None and one.table.of_readings)
+        ),
+        joint=None,
     )
 
 

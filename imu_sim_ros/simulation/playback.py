@@ -4,7 +4,7 @@
 """Parameters of the simulator node: those of a simulation, and how it is played."""
 
 import dataclasses
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -24,6 +24,7 @@ from imu_sim_ros.parameters.kinds import (
 )
 from imu_sim_ros.parameters.sections import section, shared
 from imu_sim_ros.sensors import sensors_of_imus
+from imu_sim_ros.sensors.declaration import Sensor
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.parameters import LARGEST_LATENCY, LONGEST
 from imu_sim_ros.sensors.registry import find_sensor
@@ -40,19 +41,15 @@ def _biases() -> str:
     return " and ".join(names)
 
 
-def _switches() -> dict[str, type]:
-    """Return the switches of all sensors of IMUs, by name."""
-    return {one.name: one.switches for one in sensors_of_imus() if one.switches is not None}
+def switches(sensors: Iterable[Sensor]) -> dict[str, type]:
+    """Return the switches of sensors of IMUs that have some, by name."""
+    return {one.name: one.switches for one in sensors if one.switches is not None}
 
 
 @dataclass(frozen=True)
-class PublishParameters:
-    """Which topics are published in addition to ``imu/data_raw``."""
+class ImuPublishParameters:
+    """Which topics of an IMU are published in addition to its readings, whoever makes these."""
 
-    ground_truth: bool = flag(True, "publish ground_truth/odom")
-    ground_truth_fix: bool = flag(
-        False, "publish ground_truth/fix, latitude, longitude and height of the body"
-    )
     ground_truth_imu: bool = flag(False, "publish ground_truth/imu, the readings without errors")
     biases: bool = flag(
         False,
@@ -65,6 +62,23 @@ class PublishParameters:
         "_response_error, _low_pass and _vibration, and those of the accelerometer",
     )
     temperature: bool = flag(False, "publish imu/temperature")
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a switch of a sensor of IMUs."""
+        for own in self.__dict__.get("sensors", {}).values():
+            if hasattr(own, name):
+                return getattr(own, name)
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+
+@dataclass(frozen=True)
+class PublishParameters(ImuPublishParameters):
+    """Which topics are published in addition to ``imu/data_raw``."""
+
+    ground_truth: bool = flag(True, "publish ground_truth/odom")
+    ground_truth_fix: bool = flag(
+        False, "publish ground_truth/fix, latitude, longitude and height of the body"
+    )
     increments: bool = flag(
         False, "publish imu/delta_angle and imu/delta_velocity; imu.sampling must be averaged"
     )
@@ -86,14 +100,7 @@ class PublishParameters:
     tf_static: bool = flag(
         True, "publish the IMUs' lever arms and mountings in body_frame on /tf_static"
     )
-    sensors: Mapping[str, Any] = shared(_switches, joint=None)
-
-    def __getattr__(self, name: str) -> Any:
-        """Return a switch of a sensor of IMUs."""
-        for switches in self.__dict__.get("sensors", {}).values():
-            if hasattr(switches, name):
-                return getattr(switches, name)
-        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+    sensors: Mapping[str, Any] = shared(lambda: switches(sensors_of_imus()), joint=None)
 
 
 @dataclass(frozen=True)
