@@ -33,7 +33,7 @@ def refuse(name: str, value: object, allowed: str, wrong_type: bool = False) -> 
     raise kind(f"{name} = {shown(value)}: must be {allowed}")
 
 
-def path(name: str, value: Any, allowed: str = "the path of a file") -> Path:
+def path(name: str, value: object, allowed: str = "the path of a file") -> Path:
     """Return a path that a system can have.
 
     :raises ConfigurationError: for anything else.
@@ -47,7 +47,7 @@ def path(name: str, value: Any, allowed: str = "the path of a file") -> Path:
     return Path(value)
 
 
-def text(name: str, value: Any, allowed: str, empty: bool = False) -> str:
+def text(name: str, value: object, allowed: str, empty: bool = False) -> str:
     """Return a string that is not empty.
 
     :param empty: it may be.
@@ -60,7 +60,7 @@ def text(name: str, value: Any, allowed: str, empty: bool = False) -> str:
     return value
 
 
-def one_of(name: str, value: Any, known: Collection[str]) -> str:
+def one_of(name: str, value: object, known: Collection[str]) -> str:
     """Return one of some words.
 
     :raises ConfigurationError: for anything else, with the nearest right one.
@@ -72,7 +72,7 @@ def one_of(name: str, value: Any, known: Collection[str]) -> str:
     return value
 
 
-def words(name: str, value: Any) -> tuple[str, ...]:
+def words(name: str, value: object) -> tuple[str, ...]:
     """Return a list of strings, from a list or a single string.
 
     :raises ConfigurationError: for anything else.
@@ -83,7 +83,7 @@ def words(name: str, value: Any) -> tuple[str, ...]:
     return tuple(text(name, each, "names") for each in given)
 
 
-def topic(name: str, value: Any, of_a_file: bool = True) -> str | None:
+def topic(name: str, value: object, of_a_file: bool = True) -> str | None:
     """Return the topic of a bag, or None.
 
     :param of_a_file: the topics are those of a file.
@@ -97,7 +97,7 @@ def topic(name: str, value: Any, of_a_file: bool = True) -> str | None:
     return found
 
 
-def switch(name: str, value: Any) -> bool:
+def switch(name: str, value: object) -> bool:
     """Return True or False.
 
     :raises ConfigurationError: for anything else.
@@ -109,7 +109,7 @@ def switch(name: str, value: Any) -> bool:
 
 def number(
     name: str,
-    value: Any,
+    value: object,
     allowed: str,
     low: float = -math.inf,
     high: float = sys.float_info.max,
@@ -127,7 +127,7 @@ def number(
     return float(value)
 
 
-def whole(name: str, value: Any, allowed: str, low: int, high: int) -> int:
+def whole(name: str, value: object, allowed: str, low: int, high: int) -> int:
     """Return an integer in a range.
 
     :raises ConfigurationError: for another value.
@@ -143,7 +143,7 @@ LARGEST_BLOCK: Final = 1 << 24
 """Samples; 6 GB of an IMU's."""
 
 
-def block_size(name: str, value: Any) -> int:
+def block_size(name: str, value: object) -> int:
     """Return how many samples, or frames, a block has.
 
     :raises ConfigurationError: for anything but an integer from 1 to ``LARGEST_BLOCK``.
@@ -151,7 +151,7 @@ def block_size(name: str, value: Any) -> int:
     return whole(name, value, f"an integer from 1 to {LARGEST_BLOCK}", 1, LARGEST_BLOCK)
 
 
-def array(name: str, value: Any, shape: tuple[int | None, ...], finite: bool = True) -> Array:
+def array(name: str, value: object, shape: tuple[int | None, ...], finite: bool = True) -> Array:
     """Return finite numbers of a shape, in which None allows any length.
 
     :param finite: False if a gate finds values that are not finite later.
@@ -191,7 +191,7 @@ def _plain(name: str, value: Any, allowed: str) -> NDArray[Any]:
         raise ArgumentTypeError(f"{name}: cannot be taken as a NumPy array: {error}") from None
 
 
-def stamps(name: str, value: Any) -> Integers:
+def stamps(name: str, value: object) -> Integers:
     """Return stamps [ns], (n,) integers.
 
     :raises ConfigurationError: for anything else.

@@ -24,6 +24,7 @@ Seed: TypeAlias = "int | Integers"
 Units: TypeAlias = Any
 """Which units of a batch, as an index of their arrays; ``...`` for all of them, or for one unit."""
 Words: TypeAlias = NDArray[np.uint64]
+_Words32: TypeAlias = NDArray[np.uint32]
 
 _WORD: Final = 0xFFFFFFFF
 
@@ -104,18 +105,18 @@ def initial_states(seed: Seed, *sources: str) -> Words:
     return np.stack([a, b, c, counter], axis=-1)
 
 
-def _mixed(words: list[Any]) -> list[Any]:
+def _mixed(words: list[_Words32]) -> list[_Words32]:
     """Return SeedSequence's pool of four words from the words of entropy."""
     constant = _INIT_A
 
-    def hashed(value: Any) -> Any:
+    def hashed(value: _Words32) -> _Words32:
         nonlocal constant
         value = value ^ np.uint32(constant)
         constant = constant * _MULT_A & _WORD
         value = value * np.uint32(constant)
         return value ^ (value >> np.uint32(_XSHIFT))
 
-    def mixed(x: Any, y: Any) -> Any:
+    def mixed(x: _Words32, y: _Words32) -> _Words32:
         result = np.uint32(_MIX_L) * x - np.uint32(_MIX_R) * y
         return result ^ (result >> np.uint32(_XSHIFT))
 

@@ -123,7 +123,7 @@ def add_errors(
     layers = layers_of(imu, seed, params_file, input, parameters, rate)
     built = with_rate(layers, lambda: rate_of(given.t_ns))
     model = error_model.ErrorModel(built, OTHERS, _warn)
-    windows: list[dict[str, Any]] = []
+    windows: list[dict[str, Samples]] = []
     for begin in range(0, len(given.t_ns), ROWS_AT_ONCE):
         windows += model.read(given.at(slice(begin, begin + ROWS_AT_ONCE)))
     topics: tuple[str, ...] = TOPICS
@@ -134,7 +134,9 @@ def add_errors(
     return Flight(Source(built, NOWHERE, int(given.t_ns[0])), windows, name, topics)
 
 
-def _add_other(sensor: GivenOther, pair: Any, windows: Sequence[dict[str, Any]]) -> tuple[str, ...]:
+def _add_other(
+    sensor: GivenOther, pair: object, windows: Sequence[dict[str, Samples]]
+) -> tuple[str, ...]:
     """Add what another sensor reads to the windows of its IMU; return its topics.
 
     :param pair: stamps and ideal values.
@@ -528,7 +530,7 @@ class ErrorModelBatch:
         return f"<ErrorModelBatch {self.count} {name} at {p.rate:g} Hz, seeds from {p.seed}>"
 
 
-def _time(t_ns: Any) -> int:
+def _time(t_ns: object) -> int:
     """Return the time of a sample [ns].
 
     :raises ConfigurationError: for anything but a whole number.
@@ -544,7 +546,7 @@ def _impossible(values: Array, quantity: gate.Quantity) -> Mask:
     return ~np.asarray((np.abs(values) <= quantity.largest).all(axis=1))
 
 
-def _spread(name: str, value: Any) -> Spread:
+def _spread(name: str, value: object) -> Spread:
     allowed = "('uniform', low, high) or ('gaussian', sigma), numbers or three of them"
     ways = {"uniform": 2, "gaussian": 1}
     if not isinstance(value, list | tuple) or not value or ways.get(value[0]) != len(value) - 1:
@@ -610,7 +612,9 @@ def _warn(line: str) -> None:
     warnings.warn(line, stacklevel=6)
 
 
-def _given(t_ns: Any, gyro: Any, accel: Any, orientation: Any, name: str) -> GivenReadings:
+def _given(
+    t_ns: object, gyro: object, accel: object, orientation: object, name: str
+) -> GivenReadings:
     """Return what somebody gives as arrays, checked.
 
     :raises InputError: for what is not a reading.
@@ -637,7 +641,7 @@ def _given(t_ns: Any, gyro: Any, accel: Any, orientation: Any, name: str) -> Giv
     return GivenReadings(times, np.array(rates, order="F"), np.array(forces, order="F"), q_wb)
 
 
-def _given_values(name: str, t_ns: Any, values: Any) -> GivenValues:
+def _given_values(name: str, t_ns: object, values: object) -> GivenValues:
     """Return ideal values of another sensor as somebody gives them, checked.
 
     :param name: what they are.

@@ -261,7 +261,7 @@ _UNITS: Final = {
 }
 
 
-def _deltas(name: str, given: Any) -> tuple[tuple[float, str], ...]:
+def _deltas(name: str, given: object) -> tuple[tuple[float, str], ...]:
     """Return what relative errors are over.
 
     :raises ConfigurationError: for anything but words and pairs.

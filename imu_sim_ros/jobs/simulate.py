@@ -140,13 +140,13 @@ def _warn(body: Body) -> None:
         warnings.warn(line, stacklevel=3)
 
 
-def _block(read: dict[str, Any]) -> Samples:
+def _block(read: dict[str, Samples]) -> Samples:
     """Return the samples of the IMU, with those of the other sensors."""
-    block: Samples = read.pop(IMU)
+    block = read.pop(IMU)
     return block._replace(values={**block.values, "sensors": read})
 
 
-def _all_samples(body: Body) -> list[dict[str, Any]]:
+def _all_samples(body: Body) -> list[dict[str, Samples]]:
     """Return all samples.
 
     :raises ConfigurationError: if they would not fit into memory.
@@ -162,7 +162,7 @@ def _all_samples(body: Body) -> list[dict[str, Any]]:
     return [first, *body.windows()]
 
 
-def _bytes(block: Any) -> int:
+def _bytes(block: object) -> int:
     """Return the size of a block's arrays, those of the other sensors' blocks within it too."""
     if isinstance(block, Mapping):
         block = tuple(block.values())

@@ -122,11 +122,11 @@ def read_tree(
     return tree
 
 
-def _is_kalibr(tree: Mapping[Any, Any]) -> bool:
+def _is_kalibr(tree: Mapping[object, object]) -> bool:
     return any(name in tree for name in _KALIBR_NOISE)
 
 
-def _from_kalibr(tree: Mapping[Any, Any]) -> dict[str, object]:
+def _from_kalibr(tree: Mapping[object, object]) -> dict[str, object]:
     """Translate a kalibr imu.yaml: the four noise values and the rate; the topic is not ours."""
     result = {f"imu.{name}": tree[name] for name in _KALIBR_NOISE if name in tree}
     if "update_rate" in tree:

@@ -3,7 +3,7 @@
 
 """Comparison of recovered and true parameters."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,7 +28,7 @@ class Comparison(NamedTuple):
     estimate: Estimate
     covered: bool
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, object]:
         """Return it in plain types, as ``--json`` prints it."""
         return {
             "triad": TRIADS[self.axis // 3],

@@ -9,7 +9,7 @@ parameters say: a constant is a parameter NAME next to which there is a NAME_sig
 
 import dataclasses
 from functools import cache, lru_cache
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -22,6 +22,11 @@ from imu_sim_ros.sensors.errors.response import turn_on
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import NO_CROSS_AXIS, TriadParameters
 from imu_sim_ros.types import Array
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+_Section = TypeVar("_Section", bound="DataclassInstance")
 
 
 class _Constant(NamedTuple):
@@ -45,7 +50,7 @@ def _constants(cls: type) -> tuple[_Constant, ...]:
     )
 
 
-def with_constants(section: Any, sensor: str, seed: Seed) -> Any:
+def with_constants(section: _Section, sensor: str, seed: Seed) -> _Section:
     """Return a section of parameters with the drawn part of each constant added.
 
     Each constant has a stream of its own per axis, so that adding one changes no other.
@@ -53,8 +58,7 @@ def with_constants(section: Any, sensor: str, seed: Seed) -> Any:
     :param sensor: as in the streams' names.
     """
     changed: dict[str, Any] = {}
-    kind: Any = type(section)
-    drawn = [one for one in _constants(kind) if np.any(getattr(section, one.sigma))]
+    drawn = [one for one in _constants(type(section)) if np.any(getattr(section, one.sigma))]
     if not drawn:
         return section
     sources = [f"{sensor}.{one.name}" for one in drawn]
@@ -94,7 +98,7 @@ def unit_of_seed(parameters: TriadParameters, triad: str, seed: Seed) -> TriadPa
 
 
 def _unit_of(parameters: TriadParameters, triad: str, seed: Seed) -> TriadParameters:
-    p: TriadParameters = with_constants(parameters, triad, seed)
+    p = with_constants(parameters, triad, seed)
     if not (np.ndim(seed) or np.any(p.misalignment_sigma)):
         return p
     matrix = p.response()

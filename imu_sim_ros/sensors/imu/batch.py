@@ -9,7 +9,7 @@ more: unit k reads, bit for bit, what one IMU with its parameters and its seed r
 
 from collections.abc import Mapping, Sequence
 from functools import cache, cached_property
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -133,7 +133,7 @@ class ImuBatch:
             self._triads[name].read(0, ideal[None], accel[None], _NONE, None, None, additions[name])
             for name, ideal in zip(TRIADS, (gyro, accel), strict=True)
         ]
-        errors: dict[str, Any] = {
+        errors: dict[str, Array] = {
             f"{name}_{error}": values[0]
             for name, reading in zip(("gyro", "accel"), made, strict=True)
             for error, values in zip(ERRORS, reading[1:], strict=True)

@@ -473,7 +473,7 @@ def names_as_in_triads(cls: type) -> list[str]:
     return [field.name for field in dataclasses.fields(cls) if _OF_A_TRIAD in field.metadata]
 
 
-def as_triad(sensor: Any) -> TriadParameters:
+def as_triad(sensor: object) -> TriadParameters:
     """Return the errors of another sensor that are those of a triad.
 
     Those of a sensor that measures a single number are those of the first axis.

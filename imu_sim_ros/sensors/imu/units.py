@@ -240,7 +240,7 @@ class Triads:
 
     def next(self) -> Next:
         """Return what the next sample of each unit gets."""
-        rows: Any
+        rows: int | tuple[Integers, Integers]
         due: range | Integers
         if self._in_phase:
             rows = int(self._index[0]) % AHEAD
@@ -303,7 +303,7 @@ def _room(count: int, rows: int = AHEAD) -> Array:
     return np.empty((rows, 3, count)).swapaxes(1, 2)
 
 
-def _at(rows: Any, values: Array) -> Array:
+def _at(rows: int | tuple[Integers, Integers], values: Array) -> Array:
     """Return the values (1, count, 3) of each unit's next sample, a copy."""
     if len(values) == 1:
         return np.copy(values)
@@ -375,7 +375,7 @@ def _problems(imus: Sequence[ImuParameters]) -> Iterator[str]:
         )
 
 
-def check_alike(sections: Sequence[Any], prefix: str, names: Sequence[str]) -> None:
+def check_alike(sections: Sequence[object], prefix: str, names: Sequence[str]) -> None:
     """Make sure that what all units of a batch share is the same in all sections.
 
     :raises ConfigurationError: with a line for each parameter that is not.
@@ -385,7 +385,7 @@ def check_alike(sections: Sequence[Any], prefix: str, names: Sequence[str]) -> N
         raise ConfigurationError(problems)
 
 
-def _unlike(first: Any, other: Any, prefix: str, names: Sequence[str]) -> Iterator[str]:
+def _unlike(first: object, other: object, prefix: str, names: Sequence[str]) -> Iterator[str]:
     for name in names:
         if getattr(first, name) != getattr(other, name):
             yield f"{prefix}{name}: must be the same for all units of a batch"
