@@ -39,7 +39,7 @@ PICTURES = {
 
 
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?")
-SPEED = re.compile(r"in [\d.]+ s \([\d.]+ (k )?messages/s\)")
+SPEED = re.compile(r"in [\d.,]+ s \([\d.,]+ (k )?messages/s\)")
 
 
 def blocks(page: Path) -> list[tuple[str, str, str]]:

@@ -18,6 +18,7 @@ import signal
 import socket
 import sys
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor
@@ -25,7 +26,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, Final
 
 import imu_sim_ros
@@ -148,20 +149,38 @@ def local(workers: int) -> Engine:
     return start
 
 
-def dask(client: "Client") -> Engine:
-    """Return the engine of a cluster."""
+def dask(client: "Client", worker_timeout: float = 60.0) -> Engine:
+    """Return the engine of a cluster.
+
+    :param worker_timeout: how long a cluster that has lost all its workers is waited for [s].
+    """
 
     def start(plan: Plan, todo: Iterable[Task], folder: Path) -> Generator[list[Row], None, None]:
         from distributed.scheduler import KilledWorker
 
+        last_seen = time.monotonic()
+
         def width() -> int:
+            nonlocal last_seen
+            last_seen = time.monotonic()  # a result has come
             return _AT_HAND * (sum(client.nthreads().values()) or 1)
+
+        def check() -> None:
+            """Notice that no worker is left: the scheduler would keep the tasks for ever."""
+            nonlocal last_seen
+            if client.nthreads():
+                last_seen = time.monotonic()
+            elif time.monotonic() - last_seen > worker_timeout:
+                since = f"the cluster has had no worker for {worker_timeout:g} s"
+                raise MachineError(f"{since}; continue with --resume")
 
         executor = client.get_executor(pure=False, retries=plan.options.retries)
         try:
             # The scheduler blames all tasks that the worker had; alone, one has its attempts.
             restarts = max(plan.options.retries, 1)
-            yield from _run(plan, todo, folder, executor, width, KilledWorker, restarts, True)
+            yield from _run(
+                plan, todo, folder, executor, width, KilledWorker, restarts, True, check
+            )
         except (OSError, CancelledError):  # of the connection: a worker's errors are in its rows
             raise MachineError(
                 "the connection to the scheduler was lost; continue with --resume"
@@ -179,6 +198,7 @@ def _run(
     death: type[Exception],
     restarts: int,
     suspects_alone: bool = False,
+    check: Callable[[], None] = lambda: None,
 ) -> Generator[list[Row], None, None]:
     """Yield the rows of each task as they come.
 
@@ -187,6 +207,7 @@ def _run(
     :param restarts: how many times a run is restarted after its worker died.
     :param suspects_alone: the tasks of a worker that died run again while no other does: the
         executor does not tell which of several killed it.
+    :param check: is called every second without a result; raises if none can come any more.
     """
     # A plan goes with each task: one that lies on the workers is lost with them.
     small = replace(plan, seeds=plan.seeds[:1])
@@ -209,7 +230,12 @@ def _run(
             upcoming = next(remaining, None)
         if not running:
             return
-        future = done.get()
+        future = None
+        while future is None:
+            try:
+                future = done.get(timeout=1.0)
+            except Empty:
+                check()
         task = running.pop(future)
         try:
             rows = future.result()
@@ -343,6 +369,7 @@ def client(scheduler: str | None, workers: int, worker_timeout: float = 60.0) ->
     :raises InputError: if no scheduler answers, or no worker joins it.
     """
     try:
+        from dask import config as dask_settings
         from distributed import Client, LocalCluster, TimeoutError
     except ImportError:
         raise MissingDependencyError(
@@ -355,6 +382,8 @@ def client(scheduler: str | None, workers: int, worker_timeout: float = 60.0) ->
     if scheduler is None:
         os.environ.update(_ENVIRONMENT)
         with (
+            # A busy machine takes its time to start a worker; one that is late is given up.
+            dask_settings.set({"distributed.comm.timeouts.connect": f"{worker_timeout}s"}),
             LocalCluster(
                 n_workers=workers, threads_per_worker=1, dashboard_address=_dashboard()
             ) as cluster,

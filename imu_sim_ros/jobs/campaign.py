@@ -123,7 +123,7 @@ def campaign(
     :param workers: number of processes on this machine; with 1, no further process is started.
     :param scheduler: run on a Dask cluster, tcp://host:8786
     :param dask: run on a local Dask cluster with its dashboard
-    :param worker_timeout: time to wait for the first worker of a scheduler [s]
+    :param worker_timeout: time to wait for a worker of a cluster that has none [s]
     :param resume: continue with the results in the folder
     :param force: start over, discarding the results in the folder
     :param retry_failed: with --resume: repeat failed runs
@@ -244,7 +244,7 @@ def _engine(
         engines.check_workers(client, plan)
         if address := engines.dashboard(client):
             watcher().note(f"dashboard: {address}")
-        yield engines.dask(client)
+        yield engines.dask(client, timeout)
 
 
 @contextlib.contextmanager

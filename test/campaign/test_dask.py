@@ -118,6 +118,23 @@ def test_killed_workers_and_schedulers_lose_nothing(plan_file, start, campaign, 
     assert (folder / "results.csv").read_bytes() == (embedded / "results.csv").read_bytes()
 
 
+def test_a_cluster_that_has_lost_all_its_workers_is_not_waited_for(
+    plan_file, start, cluster, tmp_path
+):
+    """The scheduler keeps the tasks; what is done is kept, too."""
+    path = plan_file(seeds=1000, parameters={"rate": 200.0, "duration": 4.0, "imu": "mpu6000"})
+    log = tmp_path / "out" / "runs.jsonl"
+    address, _, workers = cluster(1)
+    options = ("--scheduler", address, "--worker-timeout", 2, "--batch", 5, "--quiet")
+    process = start(path, "-o", tmp_path / "out", *options, "--no-report")
+    wait_for(log, 5)
+    os.killpg(workers[0].pid, signal.SIGKILL)
+    _, stderr = process.communicate(timeout=500)
+    assert process.returncode == 1
+    assert stderr == ("campaign: the cluster has had no worker for 2 s; continue with --resume\n")
+    assert log.read_bytes().count(b"\n") >= 5
+
+
 def test_one_seed_that_kills_its_worker_costs_no_other(plan_file, start, tmp_path):
     """Three seeds in one task: the scheduler blames them all."""
     pytest.importorskip("distributed")
