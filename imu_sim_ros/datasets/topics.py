@@ -47,11 +47,6 @@ class _Output(NamedTuple):
     encode: Encode
 
 
-class _Made(NamedTuple):
-    topic: BagTopic
-    messages: Messages
-
-
 class BagTarget:
     """Samples into a bag; use as a context manager.
 
@@ -77,7 +72,7 @@ class BagTarget:
             made = writer.add_topic(resolved(name), topic.type, qos)
             encode = known[full].encoder(writer.encoding)
             self._outputs.append(_Output(made, sensor, mounted.valid, encode))
-        self._waiting: deque[list[_Made]] = deque()
+        self._waiting: deque[list[tuple[BagTopic, Messages]]] = deque()
 
     @property
     def counts(self) -> dict[str, int]:
@@ -96,11 +91,9 @@ class BagTarget:
 
     def write(self, read: Read) -> None:
         """Write the messages of a window of time, all topics in order."""
-        made = [
-            _Made(topic, encode(read[name], valid)) for topic, name, valid, encode in self._outputs
-        ]
-        self._waiting.append([each for each in made if len(each.messages.t_ns)])
-        under_way = any(isinstance(each.messages.payloads, Results) for each in made)
+        made = [(topic, encode(read[name], valid)) for topic, name, valid, encode in self._outputs]
+        self._waiting.append([(topic, each) for topic, each in made if len(each.t_ns)])
+        under_way = any(isinstance(each.payloads, Results) for _, each in made)
         while len(self._waiting) > under_way:
             self._put()
 

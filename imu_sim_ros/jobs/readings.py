@@ -22,7 +22,7 @@ from imu_sim_ros.names import suggestion
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import from_euler, rotate
 from imu_sim_ros.sensors import named_sensors, sensors_of_imus
-from imu_sim_ros.sensors.registry import find_sensor, registered
+from imu_sim_ros.sensors.registry import find_sensor, kind_of, registered
 from imu_sim_ros.timebase import span
 from imu_sim_ros.types import Array, Times
 
@@ -289,7 +289,7 @@ def checked_sensors(names: Collection[str], given: Mapping[str, object]) -> froz
     for name in dict.fromkeys(chosen):
         if name not in known:
             try:
-                find_sensor(str(given.get(f"{name}.type") or name))
+                find_sensor(kind_of(name, given))
             except ConfigurationError as error:
                 everything = [*known, *named_sensors(), *(sensor.name for sensor in registered())]
                 missing = f"sensors: {name!r}: {suggestion(name, everything)}"

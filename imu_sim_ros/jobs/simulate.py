@@ -190,7 +190,6 @@ def _body(
     own, motion = given_layers(imu, trajectory, duration, rate, seed, parameters)
     if sensors is not None:
         wanted = checked_sensors(sensors, {**below, **own})
-    if sensors is not None:
         quantities = [sensor.quantity for sensor in sensors_of_imus()]
         own["sensors"] = sorted(name for name in wanted if name not in quantities)
     built: SimulationParameters = load_simulation(suited({**below, **own}))
