@@ -167,11 +167,12 @@ def plainly_bilinear(atlas, x, y):
     """Bilinear in plain NumPy integers: (sum w a + 512) >> 10 with weights of 1/32."""
     (x, fx), (y, fy) = np.divmod(x, 32), np.divmod(y, 32)
     right, below = np.minimum(x + 1, atlas.shape[1] - 1), np.minimum(y + 1, atlas.shape[0] - 1)
+    four = atlas[[y, y, below, below], [x, right, x, right]].astype(int)
     total = (
-        (32 - fx) * (32 - fy) * atlas[y, x].astype(int)
-        + fx * (32 - fy) * atlas[y, right]
-        + (32 - fx) * fy * atlas[below, x]
-        + fx * fy * atlas[below, right]
+        (32 - fx) * (32 - fy) * four[0]
+        + fx * (32 - fy) * four[1]
+        + (32 - fx) * fy * four[2]
+        + fx * fy * four[3]
     )
     return (total + 512) >> 10
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.sensors.camera.images.cells import Planes, within
+from imu_sim_ros.sensors.camera.images.cells import Planes
 from imu_sim_ros.sensors.camera.images.rays import PixelRays
 from imu_sim_ros.sensors.camera.images.renderer import Renderer
 from imu_sim_ros.sensors.camera.images.texture import LEVELS, Atlas
@@ -90,7 +90,8 @@ def test_no_rectangle_is_missed_however_thin(make_rig, lens):
         for m in range(40):
             met = planes.meet(np.array([m]), rays.reshape(3, 1, -1), np.zeros((1, 1), np.int64))
             ahead, inverse, places = (part.reshape(*part.shape[:-2], 120, 188) for part in met)
-            shown = ahead & within(places) & (inverse > nearest)
+            inside = ((places >= 0.0) & (places <= 1.0)).all(axis=0)
+            shown = ahead & inside & (inverse > nearest)
             nearest[shown] = inverse[shown]
             seen |= {m} if shown.any() else set()
         depth = rays[2] / np.where(nearest > 0.0, nearest, np.inf)

@@ -14,7 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.places.geometry import Surfaces
-from imu_sim_ros.sensors.camera.images.loops import IN_FRONT, LEVELS, LOOKS, SHARES
+from imu_sim_ros.sensors.camera.images.loops import (
+    IN_FRONT,
+    LEVELS,
+    LOOKS,
+    SHARES,
+    TILE,
+    arrange,
+    candidates,
+)
 from imu_sim_ros.sensors.camera.images.rays import Corners
 from imu_sim_ros.sensors.camera.images.texture import Atlas
 from imu_sim_ros.types import Array, Integers, Mask, Single
@@ -55,18 +63,13 @@ class Planes(NamedTuple):
         """Return none of them, for the same poses."""
         return Planes(self.vectors[:0], self.start[:0])
 
-    def seen(self, which: Integers | slice, rows: Integers) -> tuple[Single, Single]:
+    def seen(self, which: Integers, rows: Integers) -> tuple[Single, Single]:
         """Return vectors (3, 3, p, k) and start (2, p, k) of some rectangles (p,).
 
-        :param rows: (p, k) or (k,) of the rays; k is 1 for one pose.
+        :param rows: (p, k) of the rays; k is 1 for one pose.
         """
-        if self.start.shape[1] > 1 and not isinstance(which, slice):
-            which = which.reshape(-1, *(1,) * (rows.ndim - 1))
-        rows = rows if self.start.shape[1] > 1 else _FIRST
-        if self.start.shape[1] == 1 and not isinstance(which, slice):
-            vectors, start = self.vectors.take(which, axis=0), self.start.take(which, axis=0)
-        else:
-            vectors, start = self.vectors[which, rows], self.start[which, rows]
+        own = rows if self.start.shape[1] > 1 else _FIRST
+        vectors, start = self.vectors[which[:, None], own], self.start[which[:, None], own]
         return vectors.transpose(2, 3, 0, 1), start.transpose(2, 0, 1)
 
     def meet(self, which: Integers, rays: Single, rows: Integers) -> tuple[Mask, Single, Single]:
@@ -99,18 +102,6 @@ def _dots(vectors: Single, rays: Single) -> Single:
     return dots
 
 
-def within(places: Single) -> Mask:
-    """Tell which places (2, ...) lie on a rectangle."""
-    inside = places >= 0.0
-    inside &= places <= 1.0
-    inside[0] &= inside[1]
-    return np.asarray(inside[0])
-
-
-_TILE: Final = 4
-"""Cells along the edge of a tile, the first step of the search."""
-_CORNERS: Final = 15_000
-"""Corners of tiles, times rectangles, that are looked at once."""
 _APART: Final = np.float32(1e-5)
 """Share of 1 / t by which a surface is at least nearer than what it hides."""
 _BENT: Final = 0.03
@@ -130,18 +121,16 @@ class Pairs(NamedTuple):
     """(p,) it fills its cell."""
 
 
-def _runs(cell: Integers) -> tuple[Integers, Integers]:
-    """Return the first pair of each cell (c,), and their number.
-
-    :param cell: (p,) of each pair, ascending.
-    """
-    starts = np.ones(len(cell), np.bool_)
-    np.not_equal(cell[1:], cell[:-1], out=starts[1:])
-    first = np.flatnonzero(starts)
-    counts = np.empty(len(first), np.int64)
-    np.subtract(first[1:], first[:-1], out=counts[:-1])
-    counts[-1:] = len(cell) - first[-1:]
-    return first, counts
+_CANDIDATE: Final = np.dtype(
+    [
+        ("cell", np.int64),
+        ("which", np.int64),  # number of the rectangle
+        ("nearest", np.float32),  # largest 1 / t
+        ("hiding", np.float32),  # 1 / t beyond which it hides all of the cell; -1: it does not
+        ("corners", np.float32, 4),  # 1 / t at the corners of the cell
+    ],
+    align=True,
+)
 
 
 class CellGrid:
@@ -155,122 +144,26 @@ class CellGrid:
         """
         self._slack = np.float32(1.0 - math.cos(angle))
         self._bent = np.float32(max(_BENT, 0.25 * angle))
-        self._bent_in_tile = np.float32(_TILE) * self._bent
         self.rows, self.columns = (length - 1 for length in corners.rays.shape[1:])
-        edges = [np.arange(0, n + _TILE, _TILE).clip(max=n) for n in (self.rows, self.columns)]
-        self._coarse = corners.rays[:, edges[0][:, None], edges[1]]
-        self._coarse_rows = corners.rows[edges[0]]
-        inside = np.arange(_TILE + 1)
-        down, across = (
-            (edge[:-1, None] + inside).clip(max=n)
-            for edge, n in zip(edges, (self.rows, self.columns), strict=True)
-        )
-        count = (len(down), len(across), _TILE + 1, _TILE + 1)
-        rays = corners.rays[:, down[:, None, :, None], across[None, :, None, :]]
-        self._fine = np.ascontiguousarray(rays.reshape(3, -1, *count[2:]))
-        self._fine_rows = corners.rows[down].repeat(len(across), axis=0)
-        number = (edges[0][:-1, None] + inside[:-1])[:, None, :, None] * self.columns
-        column = (edges[1][:-1, None] + inside[:-1])[None, :, None, :]
-        beyond = (number >= self.rows * self.columns) | (column >= self.columns)
-        self._cells = np.where(beyond, -1, number + column).reshape(-1, _TILE, _TILE)
+        self._corners = corners
+        self._tiles = -(-self.rows // TILE) + 1, -(-self.columns // TILE) + 1
 
     def pairs(self, planes: Planes) -> Pairs:
         """Return which rectangles may be seen in which cells, but for those behind another."""
-        count = len(planes.start)
-        step = max(1, _CORNERS // self._coarse[0].size)
-        parts = [self._possible(planes, m, min(m + step, count)) for m in range(0, count, step)]
-        if not parts:
-            return self._sorted(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.bool_))
-        cell, which, nearest, hiding, corners = (
-            np.concatenate([part[k] for part in parts], axis=-1) for k in range(5)
-        )
-        short = self.rows * self.columns <= 1 << 16  # integers of 16 bits are sorted by radix
-        order = np.argsort(cell.astype(np.uint16) if short else cell, kind="stable")
-        cell, nearest, hiding = cell[order], nearest[order], hiding[order]
-        first, counts = _runs(cell)
-        hidden = np.maximum.reduceat(hiding, first) if len(cell) else hiding
-        hidden = hidden.repeat(counts)
-        hides = (hiding == hidden) & (hiding > 0.0)
-        seen = nearest > hidden
-        seen &= ~self._behind(corners.take(order, axis=1), hides, cell)
-        return self._sorted(cell[seen], which[order][seen], hiding[seen] > 0.0)
-
-    def _sorted(self, cell: Integers, which: Integers, fills: Mask) -> Pairs:
-        first = np.searchsorted(cell, np.arange(self.rows * self.columns + 1))
-        return Pairs(cell, first, which, fills)
-
-    def _behind(self, corners: Single, hides: Mask, cell: Integers) -> Mask:
-        """Tell which pairs (p,) are behind another that fills their cell.
-
-        Between the corners of a cell 1 / t of two planes differs linearly, but for the bend.
-
-        :param corners: (4, p) 1 / t.
-        :param hides: (p,) pairs that hide the most in their cell.
-        """
-        front = np.full(self.rows * self.columns, -1)
-        which = np.flatnonzero(hides)
-        front[cell[which]] = which
-        other = front[cell]
-        some = np.flatnonzero(other >= 0)
-        nearer = corners.take(other[some], axis=1)
-        before = nearer - corners.take(some, axis=1)
-        least, most = before.min(axis=0), before.max(axis=0)
-        behind = np.zeros(len(cell), np.bool_)
-        behind[some] = least - self._bent * (most - least) > _APART * nearer.max(axis=0)
-        return behind
-
-    def _possible(
-        self, planes: Planes, start: int, stop: int
-    ) -> tuple[Integers, Integers, Single, Single, Single]:
-        """Return the cells in which some rectangles may be, and the rectangles' numbers (p,).
-
-        And the largest 1 / t of each there, the one beyond which it hides everything, and those at
-        the corners (4, p).
-        """
-        vectors, places = planes.seen(slice(start, stop), self._coarse_rows)
-        edges = _edges(vectors[..., None], places[..., None], self._coarse[:, None])
-        least, most = _over_cells(edges, np.minimum), _over_cells(edges, np.maximum)
-        tiles = (most + self._bent_in_tile * (most - least) >= 0.0).all(axis=0)
-        which, tile = np.nonzero(tiles.reshape(stop - start, -1))
-        vectors, places = planes.seen(which + start, self._fine_rows[tile])
-        edges = _edges(vectors[..., None], places[..., None], self._fine.take(tile, axis=1))
-        least, most = _over_cells(edges, np.minimum), _over_cells(edges, np.maximum)
-        bend = most - least
-        bend *= self._bent
-        bend[0] += self._slack * most[0]
-        most += bend
-        least -= bend
-        cell = self._cells.take(tile, axis=0)
-        possible = (most >= 0.0).all(axis=0)
-        possible &= cell >= 0
-        hides = (least[1:] > 0.0).all(axis=0)
-        hides &= least[0] > 2.0 * IN_FRONT
-        hiding = np.where(hides, least[0], np.float32(-1.0))
-        which = np.broadcast_to(which[:, None, None] + start, cell.shape)
-        ends = (slice(None, -1), slice(1, None))
-        corners = np.stack(
-            [edges[0][:, down, across][possible] for down in ends for across in ends]
-        )
-        return cell[possible], which[possible], most[0][possible], hiding[possible], corners
-
-
-def _edges(vectors: Single, start: Single, rays: Single) -> Single:
-    """Return what is above 0 for rays that meet a rectangle (5, ...): 1 / t, and of each edge."""
-    n, s, r = _dots(vectors, rays)
-    result = np.empty((5, *n.shape), np.float32)
-    result[0] = n
-    for k, value in ((1, s), (3, r)):
-        value += start[k // 2] * n
-        result[k] = value
-        np.subtract(n, value, out=result[k + 1])
-    return result
-
-
-def _over_cells(values: Single, reduce: np.ufunc) -> Single:
-    """Return the least or the largest of the four corners (..., a + 1, b + 1) of cells."""
-    rows = reduce(values[..., :-1, :], values[..., 1:, :])
-    result: Single = reduce(rows[..., :-1], rows[..., 1:])
-    return result
+        cells = self.rows * self.columns
+        room, edges = 4 * cells, np.empty((5, *self._tiles), np.float32)
+        while True:
+            found = np.empty(room, _CANDIDATE)
+            at = self._corners.rays, self._corners.rows
+            count = candidates(found, planes, *at, edges, self._bent, self._slack)
+            if count <= room:
+                break
+            room = count
+        cell, which = np.empty((2, count), np.int64)
+        pairs = Pairs(cell, np.empty(cells + 1, np.int64), which, np.empty(count, np.bool_))
+        space = np.empty(cells, np.float32), np.empty(cells, np.int64)
+        count = arrange(pairs, found[:count], *space, self._bent, _APART)
+        return Pairs(cell[:count], pairs.first, which[:count], pairs.fills[:count])
 
 
 _HALF: Final = np.float32(0.5)

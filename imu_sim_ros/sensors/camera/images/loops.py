@@ -37,6 +37,8 @@ LEVELS: Final = 8
 """Mip levels of a texture."""
 CELL: Final = 8
 """Pixels along which the mip level is constant, in both directions."""
+TILE: Final = 4
+"""Cells along the edge of a tile, the first step of the search for rectangles."""
 BACKGROUND: Final = 110
 """Grey value of the background."""
 SHARES: Final = 256
@@ -74,6 +76,170 @@ _TWO: Final = np.float32(2.0)
 def space() -> tuple[Integers, Single]:
     """Return arrays for one call of a function that works on pixels."""
     return np.empty((4, 8), np.int64), np.empty((2, 8), np.float32)
+
+
+@compiled
+def candidates(
+    found: NDArray[np.void],
+    planes: "Planes",
+    rays: Single,
+    rows: Integers,
+    edges: Single,
+    bent: np.float32,
+    slack: np.float32,
+) -> int:
+    """Put in which cells rectangles may be, by rectangle; return how many there are.
+
+    Of more than there is room for (len(found),) the first. A rectangle is looked for in tiles of
+    cells, and in the cells of those in which it may be.
+
+    :param rays: (3, a + 1, b + 1) through the corners of all cells; ``rows`` (a + 1,) theirs.
+    :param edges: (5, tiles + 1, tiles + 1) space.
+    :param bent: share of a cell that the image of a straight line bends within it at most.
+    :param slack: share by which a ray is longer within a cell than at its corners.
+    """
+    vectors, start = planes
+    height, width = rays.shape[1] - 1, rays.shape[2] - 1
+    in_tile, count = np.float32(TILE) * bent, 0
+    for m in range(len(start)):
+        for i in range(edges.shape[1]):
+            row = min(i * TILE, height)
+            k = rows[row] if start.shape[1] > 1 else 0
+            for j in range(edges.shape[2]):
+                values = _edges(vectors, start, m, k, rays, row, min(j * TILE, width))
+                for e in range(len(values)):
+                    edges[e, i, j] = values[e]
+        for i in range(edges.shape[1] - 1):
+            for j in range(edges.shape[2] - 1):
+                possible = True
+                for e in range(len(edges)):
+                    least, most = _range(edges[e, i, j], edges[e, i, j + 1],
+                                         edges[e, i + 1, j], edges[e, i + 1, j + 1])  # fmt: skip
+                    possible &= most + in_tile * (most - least) >= _ZERO
+                if possible:
+                    for row in range(i * TILE, min((i + 1) * TILE, height)):
+                        for column in range(j * TILE, min((j + 1) * TILE, width)):
+                            place = found[min(count, len(found) - 1)]
+                            if _candidate(
+                                place, vectors, start, m, rays, rows, row, column, bent, slack
+                            ):
+                                count += 1
+    return count
+
+
+@part
+def _edges(
+    vectors: Single, start: Single, m: int, k: int, rays: Single, row: int, column: int
+) -> tuple[np.float32, np.float32, np.float32, np.float32, np.float32]:
+    """Return what is above 0 for a ray that meets a rectangle: 1 / t, and of each edge."""
+    ray = (rays[0, row, column], rays[1, row, column], rays[2, row, column])
+    n = _dot(vectors, m, k, 0, ray)
+    s = _dot(vectors, m, k, 1, ray) + start[m, k, 0] * n
+    r = _dot(vectors, m, k, 2, ray) + start[m, k, 1] * n
+    return n, s, n - s, r, n - r
+
+
+@part
+def _range(
+    a: np.float32, b: np.float32, c: np.float32, d: np.float32
+) -> tuple[np.float32, np.float32]:
+    return min(min(a, b), min(c, d)), max(max(a, b), max(c, d))
+
+
+@part
+def _candidate(
+    place: Any,
+    vectors: Single,
+    start: Single,
+    m: int,
+    rays: Single,
+    rows: Integers,
+    row: int,
+    column: int,
+    bent: np.float32,
+    slack: np.float32,
+) -> bool:
+    """Tell whether a rectangle may be in a cell, and put how near it is there."""
+    above = rows[row] if start.shape[1] > 1 else 0
+    below = rows[row + 1] if start.shape[1] > 1 else 0
+    a = _edges(vectors, start, m, above, rays, row, column)
+    b = _edges(vectors, start, m, above, rays, row, column + 1)
+    c = _edges(vectors, start, m, below, rays, row + 1, column)
+    d = _edges(vectors, start, m, below, rays, row + 1, column + 1)
+    hides, nearest, hiding = True, _ZERO, -_ONE
+    for e in range(len(a)):
+        least, most = _range(a[e], b[e], c[e], d[e])
+        bend = (most - least) * bent
+        if e == 0:
+            bend += slack * most
+        most += bend
+        least -= bend
+        if not most >= _ZERO:
+            return False
+        if e == 0:
+            nearest, hiding = most, least
+            hides = least > _TWO * IN_FRONT
+        else:
+            hides = hides and least > _ZERO
+    place.cell, place.which = row * (rays.shape[2] - 1) + column, m
+    place.nearest, place.hiding = nearest, hiding if hides else -_ONE
+    corners = place.corners
+    corners[0], corners[1], corners[2], corners[3] = a[0], b[0], c[0], d[0]
+    return True
+
+
+@compiled
+def arrange(
+    pairs: "Pairs",
+    found: NDArray[np.void],
+    hiding: Single,
+    front: Integers,
+    bent: np.float32,
+    apart: np.float32,
+) -> int:
+    """Put the candidates that are not behind another one by cell; return how many they are.
+
+    Between the corners of a cell 1 / t of two planes differs linearly, but for the bend.
+
+    :param hiding: (cells,) space, and ``front`` (cells,).
+    :param apart: share of 1 / t by which a surface is at least nearer than what it hides.
+    """
+    hiding[:] = -_ONE
+    front[:] = -1
+    pairs.first[:] = 0
+    for j in range(len(found)):
+        cell = found[j].cell
+        hiding[cell] = max(hiding[cell], found[j].hiding)
+    for j in range(len(found)):
+        cell = found[j].cell
+        if found[j].hiding > _ZERO and found[j].hiding == hiding[cell]:
+            front[cell] = j
+    for j in range(len(found)):
+        cell = found[j].cell
+        seen = found[j].nearest > hiding[cell]
+        if seen and front[cell] >= 0:
+            near, own = found[front[cell]].corners, found[j].corners
+            least, most = _range(
+                near[0] - own[0], near[1] - own[1], near[2] - own[2], near[3] - own[3]
+            )
+            _, nearest = _range(near[0], near[1], near[2], near[3])
+            seen = not least - bent * (most - least) > apart * nearest
+        if seen:
+            pairs.first[cell + 1] += 1
+        else:
+            found[j].cell = -1
+    for cell in range(len(front)):
+        pairs.first[cell + 1] += pairs.first[cell]
+        front[cell] = pairs.first[cell + 1]
+    # From the last one on, so that those of a cell keep their order.
+    for j in range(len(found) - 1, -1, -1):
+        cell = found[j].cell
+        if cell >= 0:
+            front[cell] -= 1
+            place = front[cell]
+            pairs.cell[place], pairs.which[place] = cell, found[j].which
+            pairs.fills[place] = found[j].hiding > _ZERO
+    return pairs.first[-1]
 
 
 @compiled

@@ -14,7 +14,7 @@ from imu_sim_ros.places.geometry import Surfaces
 from imu_sim_ros.places.gloss import Polish
 from imu_sim_ros.places.paint import Painter
 from imu_sim_ros.random_streams import generator_at
-from imu_sim_ros.sensors.camera.images.loops import BACKGROUND, LEVELS
+from imu_sim_ros.sensors.camera.images.loops import LEVELS
 from imu_sim_ros.sensors.camera.images.tag36h11 import tag
 from imu_sim_ros.sensors.camera.scene_parameters import (
     AprilgridParameters,
@@ -136,7 +136,6 @@ def assembled(
         height, width = height + more_height, max(width, more_width)
         shapes = [*shapes, *further]
     image = np.zeros((height, width, *(3,) * colour), np.uint8)
-    image[:_BLANK_EDGE, :_BLANK_EDGE] = BACKGROUND
     for m in range(len(shapes)):
         level = texture(m)
         for k, (row, column) in enumerate(corners[m * LEVELS : (m + 1) * LEVELS]):
@@ -164,16 +163,14 @@ def _places(shapes: Sequence[tuple[int, int]]) -> tuple[list[tuple[int, int]], i
     return corners, height, max(_WIDTH, *(columns + 2 * _EDGE for _, columns in of_levels))
 
 
-_BLANK_EDGE: Final = 4
-"""Edge of the corner that holds the background."""
-
-"""Column and row of the background in the atlas."""
+_EMPTY: Final = 4
+"""Edge of an empty corner: where textures lie decides the last bits of where a pixel looks."""
 
 
 def _packed(shapes: list[tuple[int, int]]) -> tuple[list[tuple[int, int]], int]:
     """Return row and column of each rectangle on shelves, and the height of them all."""
     corners: list[tuple[int, int]] = [(0, 0)] * len(shapes)
-    row, column, shelf = 0, _BLANK_EDGE, _BLANK_EDGE
+    row, column, shelf = 0, _EMPTY, _EMPTY
     for k in sorted(range(len(shapes)), key=lambda k: -shapes[k][0]):
         height, width = shapes[k]
         if column + width > _WIDTH and column:
