@@ -93,6 +93,15 @@ def test_hostile_names_are_text(opened):
     assert HOSTILE in run(page, failures)
 
 
+def test_ticks_of_values_that_hardly_differ_are_told_apart(opened):
+    """Of three digits, the four would be 0.0179 all."""
+    page = opened("bag.html")
+    ticks = "ticksInWords(new Scale([0.017911, 0.017947], false, 0, 1).ticks(4), 3)"
+    assert run(page, f"return {ticks}") == ["0.01792", "0.01793", "0.01794"]
+    assert run(page, "return ticksInWords([0, 0.5, 1], 3)") == ["0", "0.5", "1"]
+    assert run(page, "return ticksInWords([1e-7, 2e-7], 3)") == ["1e-7", "2e-7"]
+
+
 def test_nothing_is_fetched(opened):
     page = opened("bag.html")
     assert run(page, "return performance.getEntriesByType('resource').length") == 0

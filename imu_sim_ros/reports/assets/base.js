@@ -37,6 +37,15 @@ function inWords(value, digits = 4) {
   return String(Number(value.toPrecision(digits)));
 }
 
+// Ticks in as few digits as say them exactly: neighbours that hardly differ are told apart.
+function ticksInWords(ticks, digits) {
+  for (; digits < 12; digits++) {
+    const words = ticks.map((tick) => inWords(tick, digits));
+    if (words.every((word, k) => Number(word) === ticks[k])) return words;
+  }
+  return ticks.map(String);
+}
+
 function extent(values) {
   let low = Infinity, high = -Infinity;
   for (const value of values) {

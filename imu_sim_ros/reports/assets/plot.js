@@ -127,11 +127,13 @@ class Plot {
   axes(svg, margin) {
     const { left, right, top, bottom } = this.box, { spec } = this;
     const ticks = this.sx.ticks(Math.max(3, Math.floor((right - left) / 90)));
-    for (const tick of spec.x.names ? ticks.filter(Number.isInteger) : ticks) {
+    const named = spec.x.names, shown = named ? ticks.filter(Number.isInteger) : ticks;
+    const words = named ? shown.map((tick) => named[tick] || "") : ticksInWords(shown, 4);
+    shown.forEach((tick, k) => {
       const x = this.sx.at(tick);
       svg.append(drawing("line", { class: "grid", x1: x, x2: x, y1: top, y2: bottom }),
-        drawing("text", { class: "tick", x, y: bottom + 16, "text-anchor": "middle" }, spec.x.names ? spec.x.names[tick] || "" : inWords(tick)));
-    }
+        drawing("text", { class: "tick", x, y: bottom + 16, "text-anchor": "middle" }, words[k]));
+    });
     svg.append(drawing("text", { x: (left + right) / 2, y: bottom + 34, "text-anchor": "middle" }, spec.x.label));
     if (spec.categories) {
       spec.categories.forEach((name, k) => {
@@ -145,11 +147,13 @@ class Plot {
       });
       return;
     }
-    for (const tick of this.sy.ticks(Math.max(2, Math.floor((bottom - top) / 45)))) {
+    const levels = this.sy.ticks(Math.max(2, Math.floor((bottom - top) / 45)));
+    const heights = ticksInWords(levels, 3);
+    levels.forEach((tick, k) => {
       const y = this.sy.at(tick);
       svg.append(drawing("line", { class: "grid", x1: left, x2: right, y1: y, y2: y }),
-        drawing("text", { class: "tick", x: left - 6, y: y + 4, "text-anchor": "end" }, inWords(tick, 3)));
-    }
+        drawing("text", { class: "tick", x: left - 6, y: y + 4, "text-anchor": "end" }, heights[k]));
+    });
     const middle = (top + bottom) / 2;
     svg.append(drawing("text", { x: 12, y: middle, transform: `rotate(-90 12 ${middle})`, "text-anchor": "middle" }, spec.y.label));
   }
