@@ -3,7 +3,7 @@
 
 """A pendulum in MuJoCo with a real IMU on it: errors are added inside the simulator's step.
 
-python examples/mujoco_imu.py [FOLDER]
+python examples/mujoco_imu.py [FOLDER [SECONDS]]
 
 Needs `pip install mujoco`; writes mujoco_imu.png.
 """
@@ -65,9 +65,9 @@ def truth_of(ideal, t_ns):
     return ims.Odometry(t_ns, position, q_wb, velocity, ideal[:, :3], "MuJoCo")
 
 
-def main(folder):
+def main(folder, seconds):
     """Simulate, dead-reckon and draw."""
-    ideal, blocks = simulate()
+    ideal, blocks = simulate(seconds)
     t_ns = np.concatenate([block.t_ns for block in blocks])
     gyro = np.concatenate([block.gyro for block in blocks])
     accel = np.concatenate([block.accel for block in blocks])
@@ -113,4 +113,5 @@ def draw(folder, t, ideal, gyro, accel, truth, track):
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "."))
+    folder, seconds = (*sys.argv[1:], *(".", "60")[len(sys.argv) - 1 :])
+    main(Path(folder), float(seconds))

@@ -26,6 +26,20 @@ CAN_BE_INSTALLED = {
     "could not import": ("other libraries' judgement", "pip install -r .ci/requirements-test.txt"),
     "pymcap-cli": ("MCAP files in pymcap-cli", "pip install pymcap-cli"),
 }
+LONGEST = tuple(
+    Path("test", name)
+    for name in (
+        *("test_lint.py", "nodes/simulator/test_cameras.py", "api/test_twin.py"),
+        *("test_examples.py", "test_tutorials.py", "nodes/live/test_recorder_node.py"),
+        *("camera/test_bodies.py", "camera/test_images.py", "camera/test_mesh.py"),
+        *("campaign/test_dask.py", "camera/test_places.py", "bags/test_containers.py"),
+        *("nodes/simulator/test_control.py", "calibration/test_analysis.py"),
+        *("nodes/live/test_integrator_node.py", "commands/test_library_lines.py"),
+        *("campaign/test_runs.py", "test_platforms.py", "report/test_browser.py"),
+        *("calibration/test_estimate.py", "examples/test_gtsam_image_vio.py"),
+    )
+)
+"""Files that take longest, the longest first."""
 _REAL_PROCESSES = (Path("test/nodes"), Path("test/commands/test_demo.py"))
 _LAST_WAITING = 0.7
 """The part of all files after which none with real nodes begins."""
@@ -44,8 +58,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     """Spread files with real nodes, which mostly wait, among those that compute.
 
     Files go to the processes one by one in this order: all the time some wait and some compute.
-    The last part only computes, and in each kind the files with most tests come first, after the
-    one with the longest test, mypy, so that the processes end together.
+    The last part only computes, and in each kind the longest files come first, then those with
+    most tests, so that the processes end together.
     """
     kinds: dict[bool, dict[Path, list[pytest.Item]]] = {True: {}, False: {}}
     for item in items:
@@ -55,14 +69,17 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     placed: list[tuple[float, list[pytest.Item]]] = []
     for waits, files in kinds.items():
         share = _LAST_WAITING if waits else 1.0
-        ordered = sorted(files.values(), key=_first, reverse=True)
-        placed += [((k + 0.5) / len(ordered) * share, tests) for k, tests in enumerate(ordered)]
+        ordered = sorted(files, key=lambda path: (_length(path), len(files[path])), reverse=True)
+        placed += [
+            ((k + 0.5) / len(ordered) * share, files[path]) for k, path in enumerate(ordered)
+        ]
     placed.sort(key=lambda entry: entry[0])
     items[:] = [item for _, tests in placed for item in tests]
 
 
-def _first(tests: list[pytest.Item]) -> tuple[bool, int]:
-    return tests[0].path.name == "test_lint.py", len(tests)
+def _length(path: Path) -> int:
+    """Return a number that is larger for a longer one of the longest files; 0 for all others."""
+    return len(LONGEST) - LONGEST.index(path) if path in LONGEST else 0
 
 
 @pytest.fixture(autouse=True)

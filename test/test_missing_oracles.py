@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""An oracle that is missing is a failure in CI, and a skip elsewhere."""
+"""An oracle that is missing is a failure in CI, and a skip elsewhere; the order of the files."""
 
 import os
 import re
@@ -49,3 +49,9 @@ def test_a_missing_oracle_fails_in_ci(ci, line, tmp_path):
     libraries = "other libraries' judgement (1 test; pip install -r .ci/requirements-test.txt)"
     assert left_out == ["Not tested here: " + ", ".join([flights] if ci else [libraries, flights])]
     assert ("an_oracle_that_is_not_there" in done.stdout) == bool(ci)
+
+
+def test_the_files_that_begin_first_exist():
+    from test.conftest import LONGEST
+
+    assert not [path for path in LONGEST if not (CONFTEST.parents[1] / path).is_file()]

@@ -48,6 +48,12 @@ from imu_sim_ros.commands import start
 """
 
 
+SMALL = (
+    "--camera euroc_cam0 --set camera.width=188 --set camera.height=120 "
+    "--set camera.intrinsics=[114.7,114.3,91.8,62.1]"
+)
+
+
 def run(folder: Path, *lines: str) -> None:
     calls = "\n".join(
         f"sys.argv[:] = {['imu_sim', *line.split()]!r}\nassert start.imu_sim() == 0, {line!r}"
@@ -84,10 +90,10 @@ def test_images_are_written_and_read_without_linux(tmp_path):
     pytest.importorskip("cv2")
     run(
         tmp_path,
-        "generate -o seen --format euroc --camera euroc_cam0 --duration 0.5s --quiet",
+        f"generate -o seen --format euroc {SMALL} --duration 0.2s --quiet",
         "convert_bag seen -o seen.mcap --images compressed --quiet",
-        "generate -o b --format euroc --camera euroc_cam0 --scene office --trajectory tour "
-        "--duration 0.1s --quiet",
+        f"generate -o b --format euroc {SMALL} --scene corridor --trajectory tour "
+        "--set trajectory.place=corridor --duration 0.1s --quiet",
     )
 
 

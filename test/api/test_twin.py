@@ -53,6 +53,17 @@ def found(flight):
     return ims.twin(flight.readings, flight.truth)
 
 
+@pytest.fixture(scope="module")
+def half(flight):
+    """Return readings and true poses of 15 s: what is named there is far beyond all noise."""
+    readings, poses = flight.readings, flight.truth
+    some = slice(1500)
+    return (
+        ims.Readings(readings.t_ns[some], readings.gyro[some], readings.accel[some], "half"),
+        PoseSequence(poses.t_ns[some], poses.position[some], poses.q_wb[some]),
+    )
+
+
 def test_constant_errors_are_within_their_standard_errors(found):
     z = [
         (found.errors[name].value - true) / np.maximum(found.errors[name].sigma, 1e-12)
@@ -124,8 +135,6 @@ def in_standard_errors(found):
     ("motion", "white", "decimals"),
     [
         ("figure_eight", 0.0, 4),
-        ("figure_eight", 0.0, 3),
-        ("figure_eight", 1e-4, 0),
         ("lecture", 1e-5, 0),
         ("excitation", 1e-3, 0),
         ("excitation", 0.0, 3),
@@ -241,19 +250,19 @@ def test_quarters_that_contradict_each_other_widen_the_intervals(flight):
     assert any("accelerometer_bias y" in line for line in found.warnings)
 
 
-def test_a_truth_that_is_not_levelled_is_named(flight):
-    poses = flight.truth
+def test_a_truth_that_is_not_levelled_is_named(half):
+    readings, poses = half
     turned = multiply(exp(np.radians([5.5, 0.0, 0.0])), poses.q_wb)
-    found = ims.twin(flight.readings, PoseSequence(poses.t_ns, poses.position, turned))
+    found = ims.twin(readings, PoseSequence(poses.t_ns, poses.position, turned))
     named = [line for line in found.warnings if "against gravity" in line]
     assert len(named) == 1
     assert "turned by 5." in named[0]
 
 
-def test_scales_that_no_sensor_has_are_named(flight):
-    readings = flight.readings
+def test_scales_that_no_sensor_has_are_named(half):
+    readings, poses = half
     gyro = readings.gyro * [1.0, 1.15, 1.0]
-    found = ims.twin(ims.Readings(readings.t_ns, gyro, readings.accel, "scaled"), flight.truth)
+    found = ims.twin(ims.Readings(readings.t_ns, gyro, readings.accel, "scaled"), poses)
     named = [line for line in found.warnings if "more than a sensor has" in line]
     assert any(line.startswith("gyroscope_scale_misalignment ") for line in named), found.warnings
 

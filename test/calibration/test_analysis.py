@@ -141,7 +141,7 @@ def test_walks_and_flicker_have_no_lines():
 
 @pytest.mark.parametrize(("walk", "size"), [(0.0, 1.0), (1.5e-5, 3.0), (0.0, 100.0)])
 def test_a_slow_sine_is_no_random_walk(walk, size):
-    """4.8 periods in an hour, of B to 100 B: of 30 intervals of 95 %, 26 or more hold in 98 %.
+    """4.8 periods in an hour, of B to 100 B: of 18 intervals of 95 %, 15 or more hold in 98 %.
 
     Taken out by itself, ahead of the noise, a line of B was a walk in a fifth of the records, and
     one of 3 B spoilt the interval of a true walk in half of them.
@@ -151,7 +151,7 @@ def test_a_slow_sine_is_no_random_walk(walk, size):
     from .conftest import Rest
 
     b, held, highs = 3e-4, 0, []
-    for seed in range(5):
+    for seed in range(3):
         rest = Rest(seconds=3600.0, rate=9.0)
         n = len(rest.t_ns)
         pair = [FlickerNoise(seed, f"test{k}", 1.0 / 9.0).next_block(n) for k in range(2)]
@@ -166,7 +166,7 @@ def test_a_slow_sine_is_no_random_walk(walk, size):
         held += sum(one.covers(walk) for one in found)
         highs += [one.high for one in found]
         assert size < 10.0 or sum("was taken out" in warning for warning in result.warnings) == 6
-    assert held >= 26
+    assert held >= 15
     assert np.median(highs) < 5e-5
 
 
@@ -242,7 +242,7 @@ def test_a_low_pass_filter_does_not_spoil_the_density(order, cutoff):
 
     from .conftest import Rest
 
-    rest = Rest(seconds=1800.0, rate=200.0)
+    rest = Rest(seconds=900.0, rate=200.0)
     b, a = butter(order, cutoff, fs=200.0)
     rest.gyro, rest.accel = (lfilter(b, a, y, axis=0)[2000:] for y in (rest.gyro, rest.accel))
     rest.t_ns = rest.t_ns[2000:]

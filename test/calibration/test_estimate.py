@@ -180,18 +180,21 @@ def test_fit_returns_the_components_of_exact_data():
 
 
 def test_gauss_markov_process_on_request():
-    """Spread of one run: 11 % for sigma, 31 % for the time; five standard errors allowed."""
+    """Spread of one run: 11 % for sigma, 31 % for the time; four standard errors allowed.
+
+    Of the time they are 36 %: a factor of sqrt(2) is outside.
+    """
     rng = np.random.default_rng(7)
     expected = 1e-6 + 3e-4**2 * gauss_markov_expectation(TEMPLATE, 100.0)
-    found = [estimate_gauss_markov(drawn(expected, rng, TEMPLATE), 0) for _ in range(20)]
-    # Of 20 runs at 95 %, fewer than 15 are covered once in 3000 times.
+    found = [estimate_gauss_markov(drawn(expected, rng, TEMPLATE), 0) for _ in range(12)]
+    # Of 12 runs at 95 %, fewer than 8 are covered once in 4000 times.
     for key, truth, spread in (
         ("noise_density", 1e-3, 0.001),
         ("gauss_markov_sigma", 3e-4, 0.11),
         ("correlation_time", 100.0, 0.31),
     ):
-        assert covered(found, key, truth) >= 15, key
-        assert np.mean(values(found, key)) == pytest.approx(truth, rel=5 * spread / np.sqrt(20))
+        assert covered(found, key, truth) >= 8, key
+        assert np.mean(values(found, key)) == pytest.approx(truth, rel=4 * spread / np.sqrt(12))
 
 
 def test_gauss_markov_process_that_is_not_there_is_bounded():

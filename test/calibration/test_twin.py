@@ -399,11 +399,11 @@ def test_noise_of_poses_is_taken_out_of_the_normal_equations():
 
     def noisy(seed):
         rng = np.random.default_rng(seed)
-        waves = rng.uniform(0.05, 4.0, 100) * 2.0 * np.pi
-        phase = rng.uniform(0.0, 2.0 * np.pi, (100, 6))
+        waves = rng.uniform(0.05, 4.0, 40) * 2.0 * np.pi
+        phase = rng.uniform(0.0, 2.0 * np.pi, (40, 6))
 
         def more(t):
-            wave = np.sqrt(2.0 / 100) * np.sin(
+            wave = np.sqrt(2.0 / 40) * np.sin(
                 waves[:, None, None] * t + phase.T[:, :, None].swapaxes(0, 1)
             )
             total = wave.sum(axis=0).T

@@ -19,7 +19,7 @@ WIDE_CAMERA = {
 
 
 def judged(renderer, view, corners, low, high):
-    """Return errors of corners (n, 2) [pixels] in six images from a box, and the images.
+    """Return errors of corners (n, 2) [pixels] in three images from a box, and the images.
 
     :param renderer: with any number of rays along each side of a pixel.
     :param corners: (m, 3) in the world, ahead along x.
@@ -28,7 +28,7 @@ def judged(renderer, view, corners, low, high):
     mounting = rotation.from_matrix(np.array(SMALL_CAMERA["camera__mounting"]).reshape(3, 3))
     stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-5)
     stream, errors, images = np.random.default_rng(3), [], []
-    for _ in range(6):
+    for _ in range(3):
         eye = stream.uniform(low, high)
         turn = rotation.from_euler(stream.uniform(-0.12, 0.12, 3))
         poses = CameraPoses(eye[None], rotation.multiply(turn, mounting)[None])

@@ -3,6 +3,10 @@
 
 """Parameters of a quarter of EuRoC's cam0, without noise: images of it take little time."""
 
+import numpy as np
+
+from imu_sim_ros.sensors.camera.images.texture import LEVELS, Atlas
+
 SMALL_CAMERA = {
     "camera__width": 188,
     "camera__height": 120,
@@ -13,3 +17,11 @@ SMALL_CAMERA = {
     "camera__rate": 20.0,
     "camera__read_noise": 0.0,
 }
+
+
+def without_textures(scene):
+    """Return textures of one texel for a scene of which depth alone is asked, and no image."""
+    crowd = scene.crowd.surfaces if scene.crowd else ()
+    count = sum(len(each.origin) for each in (scene.surfaces, *crowd))
+    size, place = np.ones((count, 2), np.float32), np.ones((count, LEVELS, 2), np.float32)
+    return Atlas(np.zeros((8, 8), np.uint8), size, place)

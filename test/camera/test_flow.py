@@ -8,11 +8,11 @@ import json
 
 import numpy as np
 import pytest
-from small_camera import SMALL_CAMERA
+from small_camera import SMALL_CAMERA, without_textures
 
 from imu_sim_ros import rotation
 from imu_sim_ros.sensors.camera.images.flow import kitti_flow
-from imu_sim_ros.sensors.camera.images.imager import imagers
+from imu_sim_ros.sensors.camera.images.imager import Imager, imagers
 from imu_sim_ros.sensors.camera.view import CameraPoses, in_camera
 
 HALL = {
@@ -33,9 +33,11 @@ TOUR = {
 }
 
 
-def made(make_rig, trajectory="figure_eight", **values):
+def flowing(make_rig, trajectory="figure_eight", **values):
+    """Return a rig and what gives the flow of its camera, and no images."""
     rig = make_rig(trajectory, **{**HALL, **values})
-    return rig, imagers(rig.views, rig.scene, rig.parameters.scene, rig.trajectory)["cam0"]
+    textures = without_textures(rig.scene)
+    return rig, Imager(rig.views["cam0"], rig.scene, textures, rig.trajectory)
 
 
 @pytest.fixture(scope="module", params=[0.0, 2e-4], ids=["global", "rolling"])
@@ -43,7 +45,7 @@ def hall(request):
     from conftest import make_rig
 
     rolling = {"camera__row_time": request.param}
-    return *made(make_rig, "tour", duration=90.0, **TOUR, **rolling), request.param
+    return *flowing(make_rig, "tour", duration=90.0, **TOUR, **rolling), request.param
 
 
 def test_flow_is_that_of_depth_and_poses(hall):
@@ -96,7 +98,9 @@ def test_flow_is_that_of_depth_and_poses(hall):
 def test_the_next_image_warped_by_the_flow_is_the_image(make_rig):
     """Where there is flow: what light and gloss change of it aside, to a few grey values."""
     cv2 = pytest.importorskip("cv2")
-    _, imager = made(make_rig, camera__row_time=2e-4, scene__texture="plain", scene__type="office")
+    office = {"scene__texture": "plain", "scene__type": "office"}
+    rig = make_rig("figure_eight", **{**HALL, **office}, camera__row_time=2e-4)
+    imager = imagers(rig.views, rig.scene, rig.parameters.scene, rig.trajectory)["cam0"]
     rows, columns = np.mgrid[:120, :188].astype(np.float32)
     for number in (10, 70):
         steps = imager.flow(number)
@@ -110,7 +114,7 @@ def test_the_next_image_warped_by_the_flow_is_the_image(make_rig):
 
 
 def test_the_last_frame_has_none_and_what_leaves_the_image_has_none(make_rig):
-    rig, imager = made(
+    rig, imager = flowing(
         make_rig, scene__type="office", scene__bodies__people=0, scene__bodies__carts=0
     )
     assert np.isnan(imager.flow(rig.views["cam0"].total - 1)).all()

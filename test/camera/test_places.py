@@ -8,7 +8,7 @@ import hashlib
 import numpy as np
 import pytest
 from corner_judge import WIDE_CAMERA, judged
-from small_camera import SMALL_CAMERA
+from small_camera import SMALL_CAMERA, without_textures
 
 from imu_sim_ros import rotation
 from imu_sim_ros.camera import build_rig
@@ -20,7 +20,7 @@ from imu_sim_ros.places.paint import Painter
 from imu_sim_ros.places.place import CLEARANCE, Place, PlaceBuilder, Site
 from imu_sim_ros.places.sheet import Print
 from imu_sim_ros.places.tour import clearance
-from imu_sim_ros.sensors.camera.images.imager import imagers
+from imu_sim_ros.sensors.camera.images.imager import Imager, imagers
 from imu_sim_ros.sensors.camera.images.loops import shine
 from imu_sim_ros.sensors.camera.images.renderer import Renderer
 from imu_sim_ros.sensors.camera.images.texture import atlas
@@ -45,17 +45,15 @@ def make_imager(make_rig, kind, **values):
 
 def distance_plainly(surfaces, eye, ray):
     """Return how far the nearest front is that a ray of float64 meets."""
-    best = np.inf
-    for m in range(len(surfaces.origin)):
-        o, a, b = (part[m] for part in surfaces[:3])
-        n = np.cross(a, b)
-        if n @ ray >= 0.0:
-            continue
-        t = n @ (o - eye) / (n @ ray)
-        at = eye + t * ray - o
-        if 0.0 < t < best and 0 <= at @ a <= a @ a and 0 <= at @ b <= b @ b:
-            best = t
-    return best
+    o, a, b = surfaces[:3]
+    n = np.cross(a, b)
+    front = n @ ray < 0.0
+    o, a, b, n = o[front], a[front], b[front], n[front]
+    t = (n * (o - eye)).sum(axis=1) / (n @ ray)
+    at = eye + t[:, None] * ray - o
+    s, r = ((at * side).sum(axis=1) / (side * side).sum(axis=1) for side in (a, b))
+    hit = (t > 0.0) & (s >= 0.0) & (s <= 1.0) & (r >= 0.0) & (r <= 1.0)
+    return t[hit].min(initial=np.inf)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -63,7 +61,7 @@ def test_depth_is_that_of_the_surfaces_equation(make_rig, kind):
     """To 0.1 mm, or float32's 6e-8 of the distance times what a grazing ray makes of it."""
     rig = make_rig("figure_eight", **{**SMALL, **NARROW, "scene__type": kind})
     view = rig.views["cam0"]
-    renderer = Renderer(view.model, rig.scene.surfaces, no_textures(rig.scene.surfaces), 1)
+    renderer = Renderer(view.model, rig.scene.surfaces, without_textures(rig.scene), 1)
     stream = np.random.default_rng(2)
     good = checked = 0
     for t in (0.5, 3.0, 6.0):
@@ -76,14 +74,6 @@ def test_depth_is_that_of_the_surfaces_equation(make_rig, kind):
             good += abs(depth[v, u] - expected) < 1e-4 * max(1.0, expected / 5.0)
             checked += 1
     assert good >= 0.97 * checked  # at an edge the other side may win
-
-
-def no_textures(surfaces):
-    from imu_sim_ros.sensors.camera.images.texture import LEVELS, Atlas
-
-    count = len(surfaces.origin)
-    size, place = np.ones((count, 2), np.float32), np.ones((count, LEVELS, 2), np.float32)
-    return Atlas(np.zeros((8, 8), np.uint8), size, place)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -121,15 +111,16 @@ def test_a_wide_hall_has_tanks_wherever_the_path_leaves_room():
 def test_the_same_parameters_give_the_same_bytes(make_rig):
     """On the oldest libraries and today's: this file runs on both."""
     values = {"scene__light": "lamps", "scene__texture": "rich", "camera__encoding": "rgb8"}
-    for antialiasing, expected in ((False, "51c01806e49f212e"), (True, "287e606339c83d1d")):
-        total = hashlib.sha256()
-        for _ in range(2):
-            values["camera__antialiasing"] = antialiasing
-            _, imager = make_imager(make_rig, "corridor", **values)
-            total.update(imager.image(20).tobytes() + imager.image(90).tobytes())
-        assert total.hexdigest()[:16] == expected
-    first, second = (make_imager(make_rig, "corridor")[1] for _ in range(2))
-    assert np.array_equal(first.image(33), second.image(33))
+    rig, areas = make_imager(make_rig, "corridor", **values)
+    view = make_rig(
+        "figure_eight",
+        **{**SMALL, **NARROW, "scene__type": "corridor", **values},
+        camera__antialiasing=False,
+    ).views["cam0"]
+    points = Imager(view, rig.scene, areas.atlas, rig.trajectory)
+    for imager, expected in ((points, "55e23dad513323c0"), (areas, "9c5cd261f5795822")):
+        pictures = imager.image(20).tobytes() + imager.image(90).tobytes()
+        assert hashlib.sha256(pictures).hexdigest()[:16] == expected
 
 
 def test_texture_and_light_change_what_is_seen_and_nothing_else(make_rig):
@@ -340,7 +331,7 @@ def test_corners_of_a_printed_grid_in_a_lit_scene_are_unbiased(make_rig, scale, 
     )
     errors, images = judged(renderer, view, inner, (1.4, 1.5, 1.0), (2.2, 2.5, 1.5))
     slopes = [float(image[:, :376].mean() - image[:, 376:].mean()) for image in images]
-    assert len(errors) > 800
+    assert len(errors) > 400
     assert max(np.abs(slopes)) > 3.0  # the light does come from a side
     assert np.abs(errors.mean(axis=0)).max() < 0.01
     assert np.sqrt((errors**2).mean()) < 0.1

@@ -52,12 +52,12 @@ def test_tracks_without_noise_are_the_reprojection(make_rig):
 
 
 def test_noise_has_the_stated_deviation_and_is_white(make_rig):
-    rig = make_rig(**LAWNMOWER, camera__pixel_noise=0.7, duration=60.0, scene__landmarks=3000)
+    rig = make_rig(**LAWNMOWER, camera__pixel_noise=0.7, duration=20.0, scene__landmarks=3000)
     frame, t = together(rig)
     error = (t["uv"] - t["uv_true"]) / 0.7
     n = len(error)
-    # The relative deviation of a standard deviation is 1 / sqrt(2 n): 5 of it are under 1 %.
-    assert n > 125_000
+    # The relative deviation of a standard deviation is 1 / sqrt(2 n): 5 of it are under 2 %.
+    assert n > 40_000
     assert np.abs(error.std(axis=0) - 1.0).max() < 5.0 / np.sqrt(2.0 * n)
     assert np.abs(error.mean(axis=0)).max() < 5.0 / np.sqrt(n)
     assert abs((error[:, 0] * error[:, 1]).mean()) < 5.0 / np.sqrt(n)
@@ -177,18 +177,19 @@ def test_hidden_landmarks_are_not_seen(make_rig):
     for number in (0, 60, 120):
         t = rig.tracker("cam0").tracks(number, 1)
         pose = rig.views["cam0"].poses(rig.trajectory, np.array([number / p.rate]))
+        local = rotation.rotate_inverse(pose.q_wc[0], rig.scene.landmarks - pose.position[0])
+        model = rig.views["cam0"].model
+        uv, valid = model.project(local)
+        expected = valid & model.inside(uv) & (local[:, 2] > p.min_depth)
         steps = np.linspace(0.001, 0.999, 2000)[:, None, None]
-        between = pose.position[0] + steps * (rig.scene.landmarks - pose.position[0])
-        blocked = np.zeros(len(rig.scene.landmarks), dtype=bool)
+        between = pose.position[0] + steps * (rig.scene.landmarks[expected] - pose.position[0])
+        blocked = np.zeros(between.shape[1], dtype=bool)
         for low, high in boxes:
             margin = 1e-6
             inside = ((between > low + margin) & (between < high - margin)).all(axis=2)
             blocked |= inside.any(axis=0)
-        local = rotation.rotate_inverse(pose.q_wc[0], rig.scene.landmarks - pose.position[0])
-        model = rig.views["cam0"].model
-        uv, valid = model.project(local)
-        expected = valid & model.inside(uv) & (local[:, 2] > p.min_depth) & ~blocked
-        found = np.zeros(len(blocked), dtype=bool)
+        expected[expected] = ~blocked
+        found = np.zeros(len(expected), dtype=bool)
         found[t.landmark] = True
         # A line of sight that grazes an edge between two of the 2000 places may differ.
         assert (found != expected).sum() <= 2

@@ -52,13 +52,21 @@ def spoilt(data, how):
     return jpeg[:-2] + bytes(9) + jpeg[-2:] if how == "superfluous" else jpeg[:900] + jpeg[-2:]
 
 
+@pytest.fixture(name="images", scope="module")
+def images_fixture(tmp_path_factory):
+    """Return a folder with images."""
+    path = tmp_path_factory.mktemp("images") / "set"
+    assert generate.main(["-o", str(path), *CAMERA]) == 0
+    return path
+
+
 @pytest.mark.parametrize("output", ["o.mcap", "o"])
 @pytest.mark.parametrize(
     ("how", "status"),
     [("profile", 0), ("superfluous", 0), ("pixels", 2), ("tiff", 2), ("cut", 2)],
 )
-def test_images_that_libraries_complain_about(tmp_path, how, status, output):
-    assert generate.main(["-o", str(tmp_path / "set"), *CAMERA]) == 0
+def test_images_that_libraries_complain_about(tmp_path, images, how, status, output):
+    shutil.copytree(images, tmp_path / "set")
     for path in (tmp_path / "set").glob("cam0/data/*"):
         path.write_bytes(spoilt(path.read_bytes(), how))
     form = ["--format", "euroc"] if output == "o" else []

@@ -24,7 +24,7 @@ FLIGHT = {
     "camera.body_axes": "flu",
     "camera.max_features": 40,
     "camera.images": "none",
-    "duration": 8.0,
+    "duration": 4.0,
     "start_time": 1.0,
     "seed": 2,
 }
@@ -93,6 +93,6 @@ def test_the_live_estimate_is_the_one_from_files(start, domains, tmp_path):
     offline = json.loads(done.stdout)
     print(live, offline)
     # The same numbers but for float32 pixels, and a first velocity from differences of the path.
-    assert live["keyframes"] == offline["keyframes"] == 31
+    assert live["keyframes"] == offline["keyframes"] == 15
     assert live == pytest.approx(offline, rel=0.01)
     assert live["position_rmse_m"] < 0.1

@@ -15,7 +15,7 @@ from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
-SEEDS = 1000
+SEEDS = 200
 SIGMAS = {
     "temperature_bias": 1e-3,
     "temperature_scale": 2e-4,

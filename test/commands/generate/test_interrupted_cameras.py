@@ -17,6 +17,10 @@ from imu_sim_ros.commands import generate
 from imu_sim_ros.datasets import columns
 
 COMMAND = [sys.executable, "-m", "imu_sim_ros.commands.generate"]
+SMALL = [
+    *("--set", "camera.width=188", "--set", "camera.height=120"),
+    *("--set", "camera.intrinsics=[114.7,114.3,91.8,62.1]"),
+]
 STEREO = [
     *("--trajectory", "figure_eight", "--seed", "5", "--set", "camera.body_axes=flu"),
     *("--camera", "euroc_cam0", "--camera", "euroc_cam1"),
@@ -26,13 +30,13 @@ STEREO = [
 @pytest.mark.parametrize(("form", "place"), [("euroc", "."), ("tum_vi", "mav0")])
 def test_an_interrupted_stereo_dataset_has_as_many_images_of_both_cameras(tmp_path, form, place):
     """The names in data.csv are the images that are there, of both cameras the same."""
-    words = ["-o", str(tmp_path / "x"), "--format", form, *STEREO, "--duration", "1h"]
+    words = ["-o", str(tmp_path / "x"), "--format", form, *STEREO, *SMALL, "--duration", "1h"]
     with subprocess.Popen([*COMMAND, *words], stderr=subprocess.PIPE, text=True) as process:
         deadline = time.monotonic() + 120
         while len(list(tmp_path.rglob("cam1/data/*.png"))) < 25:
             assert time.monotonic() < deadline
             assert process.poll() is None
-            time.sleep(0.01)
+            time.sleep(0.05)
         process.send_signal(signal.SIGINT)
         error = process.communicate(timeout=300)[1]
     assert process.returncode == 130

@@ -22,10 +22,10 @@ pytestmark = pytest.mark.ros
 @pytest.mark.parametrize(
     ("arguments", "lines"),
     [
-        (["-p", "rate:=0"], ["rate = 0: must be a finite number above 0 and at most 20000 [Hz]"]),
-        (["-p", "rate:=-5.0", "-p", "seed:=x"], ["rate = -5.0: must", "seed = 'x': must"]),
-        (["-p", "rate:=.nan"], ["rate = nan: must be a finite number"]),
-        (["-p", "rate:=1e9"], ["rate = 1000000000.0: must be a finite number"]),
+        (
+            ["-p", "rate:=.nan", "-p", "seed:=x"],
+            ["rate = nan: must be a finite number above 0 and at most 20000 [Hz]", "seed = 'x': "],
+        ),
         (["-p", "rat:=100"], ["rat: unknown parameter; did you mean rate?"]),
         (["-p", "rate"], ["-p rate: must be name:=value"]),
         (["--params-file", "/no/such.yaml"], ["/no/such.yaml: No such file or directory"]),

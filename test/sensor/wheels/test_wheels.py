@@ -164,20 +164,20 @@ def test_slip_in_turns_and_on_patches() -> None:
 
 @pytest.mark.parametrize("model", ["differential", "ackermann", "omnidirectional"])
 def test_the_stated_covariance_is_that_of_the_errors(model: str) -> None:
-    """NEES of one reading of each of 400 seeds, with all errors that it knows.
+    """NEES of one reading of each of 100 seeds, with all errors that it knows.
 
-    Their sum is chi-square with 400 d degrees of freedom; the band leaves out 1e-4 on each side.
+    Their sum is chi-square with 100 d degrees of freedom; the band leaves out 1e-4 on each side.
     The covariance is that at the twist as read, which changes it by some percent of itself.
     """
     blocks = draw_seeds(
-        400, model=model, radius_sigma_percent=1.0, base_sigma_percent=2.0, ticks=2000,
+        100, model=model, radius_sigma_percent=1.0, base_sigma_percent=2.0, ticks=2000,
         steering_offset_sigma=0.003, slip_noise=0.005,
     )  # fmt: skip
     kept = [0, 1, 2] if model == "omnidirectional" else [0, 2]
     error = np.array([(b.twist - b.ideal_twist)[100, kept] for b in blocks])
     covariance = np.array([b.covariance[100][np.ix_(kept, kept)] for b in blocks])
     nees = np.einsum("ki,kij,kj->k", error, np.linalg.inv(covariance), error)
-    low, high = chi2.ppf([1e-4, 1.0 - 1e-4], 400 * len(kept))
+    low, high = chi2.ppf([1e-4, 1.0 - 1e-4], 100 * len(kept))
     assert low < nees.sum() < high
 
 
