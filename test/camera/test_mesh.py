@@ -15,9 +15,9 @@ from imu_sim_ros.places.mesh import MeshCaster
 from imu_sim_ros.places.mesh_file import read_mesh
 from imu_sim_ros.sensors.camera.frames import warnings
 from imu_sim_ros.sensors.camera.images.imager import imagers
+from imu_sim_ros.sensors.camera.images.loops import BACKGROUND
 from imu_sim_ros.sensors.camera.images.mesh_look import Look
 from imu_sim_ros.sensors.camera.images.mesh_renderer import MeshRenderer
-from imu_sim_ros.sensors.camera.images.texture import BACKGROUND
 from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
 from imu_sim_ros.sensors.camera.view import CameraPoses, in_camera
 

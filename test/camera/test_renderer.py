@@ -8,9 +8,10 @@ import pytest
 
 from imu_sim_ros import rotation
 from imu_sim_ros.sensors.camera.images.cells import Planes
+from imu_sim_ros.sensors.camera.images.loops import LEVELS
 from imu_sim_ros.sensors.camera.images.rays import PixelRays
 from imu_sim_ros.sensors.camera.images.renderer import Renderer
-from imu_sim_ros.sensors.camera.images.texture import LEVELS, Atlas
+from imu_sim_ros.sensors.camera.images.texture import Atlas
 from imu_sim_ros.sensors.camera.view import Eyes
 
 CAMERA = {
