@@ -279,12 +279,12 @@ def test_corners_printed_on_a_moving_body_are_where_its_pose_puts_them(make_rig,
 
 @pytest.mark.parametrize("shutter", ["hall", "rolling_hall"])
 def test_landmarks_on_bodies_are_tracked_and_bodies_hide_what_is_behind(make_rig, request, shutter):
-    """Every fifth landmark at rest of every 20th frame against the masks of the same flight."""
+    """Every fifth landmark at rest of every tenth frame against the masks of the same flight."""
     rolling = ROLLING if shutter == "rolling_hall" else {}
     values = {**TOUR, **rolling, "camera__max_features": 0, "scene__bodies__landmarks": 150}
-    rig = make_rig("tour", duration=10.0, **values)
-    tracks = next(rig.tracks("cam0", 200))
-    blocks = list(rig.tracks("cam0", 137)) if rolling else [tracks]  # the same code for both
+    rig = make_rig("tour", duration=5.0, **values)
+    tracks = next(rig.tracks("cam0", 100))
+    blocks = list(rig.tracks("cam0", 67)) if rolling else [tracks]  # the same code for both
     for name in ("uv", "uv_true", "id", "body", "depth"):
         whole = np.concatenate([getattr(block, name) for block in blocks])
         assert np.array_equal(getattr(tracks, name), whole)
@@ -292,9 +292,9 @@ def test_landmarks_on_bodies_are_tracked_and_bodies_hide_what_is_behind(make_rig
     at_rest = tracks.landmark < len(rig.scene.landmarks)
     assert np.array_equal(tracks.body == 0, at_rest)
     without = Tracker(rig.views["cam0"], rig.scene._replace(crowd=None), rig.trajectory)
-    there = without.tracks(0, 200)
+    there = without.tracks(0, 100)
     imager, good, count, checked = request.getfixturevalue(f"imager_of_{shutter}"), 0, 0, [0, 0]
-    for k in range(0, 200, 20):
+    for k in range(0, 100, 10):
         _, mask = imager.depth_and_mask(k)
         seen = tracks.frame == k
         for row in np.flatnonzero(seen & (tracks.body > 0)):
