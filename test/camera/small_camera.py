@@ -1,10 +1,11 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of a quarter of EuRoC's cam0, without noise: images of it take little time."""
+"""A quarter of EuRoC's cam0, without noise: images of it take little time."""
 
 import numpy as np
 
+from imu_sim_ros.sensors.camera.images.imager import Imager, textures
 from imu_sim_ros.sensors.camera.images.texture import LEVELS, Atlas
 
 SMALL_CAMERA = {
@@ -25,3 +26,10 @@ def without_textures(scene):
     count = sum(len(each.origin) for each in (scene.surfaces, *crowd))
     size, place = np.ones((count, 2), np.float32), np.ones((count, LEVELS, 2), np.float32)
     return Atlas(np.zeros((8, 8), np.uint8), size, place)
+
+
+def imager_of(rig, scene=None):
+    """Return what makes the images of a rig's first camera, in its scene or in another one."""
+    view, scene = rig.views["cam0"], rig.scene if scene is None else scene
+    look = textures(scene, rig.parameters.scene, view.parameters.encoding == "rgb8")
+    return Imager(view, scene, look, rig.trajectory)

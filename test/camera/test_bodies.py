@@ -6,6 +6,7 @@
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
+from small_camera import imager_of
 
 import imu_sim_ros as ims
 from imu_sim_ros import rotation
@@ -17,7 +18,7 @@ from imu_sim_ros.places.sheet import Print
 from imu_sim_ros.places.tour import clearance
 from imu_sim_ros.places.walks import PERIOD
 from imu_sim_ros.sensors.camera.images.files import decoded
-from imu_sim_ros.sensors.camera.images.imager import Imager, imagers
+from imu_sim_ros.sensors.camera.images.imager import Imager
 from imu_sim_ros.sensors.camera.tracker import Tracker
 from imu_sim_ros.sensors.camera.view import CameraPoses, in_camera
 
@@ -56,11 +57,6 @@ def rolling_hall_fixture():
     from test.camera.conftest import make_rig
 
     return make_rig("tour", duration=90.0, **TOUR, **ROLLING)
-
-
-def imager_of(rig, scene=None):
-    scene = rig.scene if scene is None else scene
-    return imagers(rig.views, scene, rig.parameters.scene, rig.trajectory)["cam0"]
 
 
 @pytest.fixture(name="imager_of_hall", scope="module")

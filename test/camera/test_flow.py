@@ -8,11 +8,11 @@ import json
 
 import numpy as np
 import pytest
-from small_camera import SMALL_CAMERA, without_textures
+from small_camera import SMALL_CAMERA, imager_of, without_textures
 
 from imu_sim_ros import rotation
 from imu_sim_ros.sensors.camera.images.flow import kitti_flow
-from imu_sim_ros.sensors.camera.images.imager import Imager, imagers
+from imu_sim_ros.sensors.camera.images.imager import Imager
 from imu_sim_ros.sensors.camera.view import CameraPoses, in_camera
 
 HALL = {
@@ -100,7 +100,7 @@ def test_the_next_image_warped_by_the_flow_is_the_image(make_rig):
     cv2 = pytest.importorskip("cv2")
     office = {"scene__texture": "plain", "scene__type": "office"}
     rig = make_rig("figure_eight", **{**HALL, **office}, camera__row_time=2e-4)
-    imager = imagers(rig.views, rig.scene, rig.parameters.scene, rig.trajectory)["cam0"]
+    imager = imager_of(rig)
     rows, columns = np.mgrid[:120, :188].astype(np.float32)
     for number in (10, 70):
         steps = imager.flow(number)

@@ -309,13 +309,14 @@ def test_sixteen_rays_a_pixel_of_a_stereo_pair_fit_into_500_mb(make_rig):
     make_imager(make_rig, camera__supersampling=4)[1].image(1)
     code = (
         "from pathlib import Path\nfrom imu_sim_ros.camera import build_rig\n"
-        "from imu_sim_ros.sensors.camera.images.imager import imagers\n"
+        "from imu_sim_ros.sensors.camera.images.imager import Imager, textures\n"
         "rig = build_rig({'cameras': ['cam0', 'cam1'], 'cam0.camera.preset': 'euroc_cam0',\n"
         "  'cam1.camera.preset': 'euroc_cam1', 'camera.body_axes': 'flu', 'duration': 1.0,\n"
         "  'camera.supersampling': 4, 'trajectory.type': 'figure_eight',\n"
         "  'scene.type': 'room'})\n"
-        "made = imagers(rig.views, rig.scene, rig.parameters.scene, rig.trajectory)\n"
-        "for each in made.values():\n"
+        "look = textures(rig.scene, rig.parameters.scene, False)\n"
+        "made = [Imager(v, rig.scene, look, rig.trajectory) for v in rig.views.values()]\n"
+        "for each in made:\n"
         "  assert each.image(1).shape == (480, 752)\n"
         "print(Path('/proc/self/status').read_text().partition('VmHWM:')[2].split()[0])"
     )

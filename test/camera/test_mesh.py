@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 from corner_judge import WIDE_CAMERA, judged
-from small_camera import SMALL_CAMERA
+from small_camera import SMALL_CAMERA, imager_of
 
 from imu_sim_ros import rotation
 from imu_sim_ros.commands import generate
@@ -14,7 +14,6 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.places.mesh import MeshCaster
 from imu_sim_ros.places.mesh_file import read_mesh
 from imu_sim_ros.sensors.camera.frames import warnings
-from imu_sim_ros.sensors.camera.images.imager import imagers
 from imu_sim_ros.sensors.camera.images.loops import BACKGROUND
 from imu_sim_ros.sensors.camera.images.mesh_look import Look
 from imu_sim_ros.sensors.camera.images.mesh_renderer import MeshRenderer
@@ -52,7 +51,7 @@ LENSES = {
 
 def make_imager(make_rig, mesh, **values):
     rig = make_rig("figure_eight", **{**SMALL, "scene__mesh": str(mesh), **values})
-    return rig, imagers(rig.views, rig.scene, rig.parameters.scene, rig.trajectory)["cam0"]
+    return rig, imager_of(rig)
 
 
 def grid(columns, rows):

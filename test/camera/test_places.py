@@ -8,7 +8,7 @@ import hashlib
 import numpy as np
 import pytest
 from corner_judge import WIDE_CAMERA, judged
-from small_camera import SMALL_CAMERA, without_textures
+from small_camera import SMALL_CAMERA, imager_of, without_textures
 
 from imu_sim_ros import rotation
 from imu_sim_ros.camera import build_rig
@@ -20,7 +20,7 @@ from imu_sim_ros.places.paint import Painter
 from imu_sim_ros.places.place import CLEARANCE, Place, PlaceBuilder, Site
 from imu_sim_ros.places.sheet import Print
 from imu_sim_ros.places.tour import clearance
-from imu_sim_ros.sensors.camera.images.imager import Imager, imagers
+from imu_sim_ros.sensors.camera.images.imager import Imager
 from imu_sim_ros.sensors.camera.images.loops import shine
 from imu_sim_ros.sensors.camera.images.renderer import Renderer
 from imu_sim_ros.sensors.camera.images.texture import atlas
@@ -40,7 +40,7 @@ HANGING = ("poster", "notices", "whiteboard", "clock", "outlet")
 
 def make_imager(make_rig, kind, **values):
     rig = make_rig("figure_eight", **{**SMALL, **NARROW, "scene__type": kind, **values})
-    return rig, imagers(rig.views, rig.scene, rig.parameters.scene, rig.trajectory)["cam0"]
+    return rig, imager_of(rig)
 
 
 def distance_plainly(surfaces, eye, ray):

@@ -180,7 +180,7 @@ def per_second(work: Callable[[], int]) -> str:
 def speeds(trajectory: str) -> list[list[str]]:
     """Return what one core makes: images, PNG, tracks."""
     from imu_sim_ros.sensors.camera.images.files import png
-    from imu_sim_ros.sensors.camera.images.imager import imagers
+    from imu_sim_ros.sensors.camera.images.imager import Imager, textures
     from imu_sim_ros.sensors.camera.images.libraries import opencv
 
     opencv().setNumThreads(1)
@@ -193,7 +193,9 @@ def speeds(trajectory: str) -> list[list[str]]:
         ("blur of 8 instants", {"camera.exposure_time": 0.01}),
     ):
         rig = made(trajectory, **more)
-        imager = imagers(rig.views, rig.scene, rig.parameters.scene, rig.trajectory)["cam0"]
+        view = rig.views["cam0"]
+        look = textures(rig.scene, rig.parameters.scene, view.parameters.encoding == "rgb8")
+        imager = Imager(view, rig.scene, look, rig.trajectory)
         plain = per_second(lambda i=imager: len([i.image(k) for k in frames]))
         coded = per_second(lambda i=imager: len([png(i.image(k)) for k in frames]))
         rows += [[f"images, {label}", plain], [f"images to PNG, {label}", coded]]

@@ -4,7 +4,7 @@
 """The images of one camera: pictures over the exposure, optics, noise, grey values."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from functools import cache, cached_property
 from typing import Final
 
@@ -239,21 +239,6 @@ class Imager:
         if p.row_time == 0.0:
             return t
         return t + p.row_time * (rows - 0.5 * (p.height - 1))
-
-
-def imagers(
-    views: Mapping[str, View], scene: Scene, parameters: SceneParameters, trajectory: Trajectory
-) -> dict[str, Imager]:
-    """Return the imager of each camera; those of one encoding share the scene's textures.
-
-    :raises ConfigurationError: for a scene without surfaces.
-    :raises MissingDependencyError: if OpenCV or numba is not installed.
-    """
-    coloured = {name: view.parameters.encoding == "rgb8" for name, view in views.items()}
-    looks = {colour: textures(scene, parameters, colour) for colour in set(coloured.values())}
-    return {
-        name: Imager(view, scene, looks[coloured[name]], trajectory) for name, view in views.items()
-    }
 
 
 def textures(scene: Scene, parameters: SceneParameters, colour: bool) -> Atlas | Look:
