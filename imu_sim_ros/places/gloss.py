@@ -60,8 +60,6 @@ def normal_reflectance(index: float) -> float:
     return ((index - 1.0) / (index + 1.0)) ** 2
 
 
-# numba keeps what it compiled of these two until sensors/camera/images/loops.py changes: after a
-# change here, touch that file.
 def reflectance(cosine: Single, normal: Single | float) -> Single:
     """Return the share of light that is mirrored, by Schlick: ``F + (1 - F) (1 - cos)^5``.
 

@@ -4,6 +4,7 @@
 """Images: the same bytes everywhere, where they should look, and what the sensor makes of them."""
 
 import hashlib
+import inspect
 import os
 import subprocess
 import sys
@@ -15,7 +16,8 @@ from small_camera import SMALL_CAMERA
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
-from imu_sim_ros.places import light
+from imu_sim_ros.places import gloss, light
+from imu_sim_ros.sensors.camera.images import loops
 from imu_sim_ros.sensors.camera.images.exposure import exposed
 from imu_sim_ros.sensors.camera.images.files import png
 from imu_sim_ros.sensors.camera.images.grey_values import grey_values
@@ -647,3 +649,15 @@ def test_what_is_missing_is_named(make_rig, monkeypatch):
     monkeypatch.setitem(sys.modules, "cv2", None)
     with pytest.raises(MissingDependencyError, match=r"python3-opencv.*opencv-python-headless"):
         make_imager(make_rig)
+
+
+def test_compiled_loops_are_compiled_anew_when_a_formula_of_theirs_changes():
+    """numba looks at the file of the loops alone, and would go on with the former formula."""
+    sources = [inspect.getsource(each) for each in (gloss.reflectance, gloss.mirrored, compiled)]
+    digest = hashlib.sha256("".join(sources).encode()).hexdigest()[:12]
+    assert digest == loops.FROM_ELSEWHERE
+    # Nothing else of the package is compiled there.
+    home = inspect.getfile(loops)
+    parts = {each.py_func for each in vars(loops).values() if hasattr(each, "py_func")}
+    elsewhere = {each for each in parts if inspect.getfile(each) != home}
+    assert elsewhere == {gloss.reflectance, gloss.mirrored}

@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 
     Ray = tuple[np.float32, np.float32, np.float32]
 
+FROM_ELSEWHERE: Final = "bfea73bf6e38"
+"""Digest of what is compiled here and written in other files. numba keeps what it compiled until
+this file changes, so it has to change with them; test/camera/test_images.py has what to write."""
 LEVELS: Final = 8
 """Mip levels of a texture."""
 CELL: Final = 8
