@@ -16,6 +16,7 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.errors.realised import realised_imu
+from imu_sim_ros.sensors.imu.parameters import MOUNT
 from imu_sim_ros.simulation.parameters import (
     SimulationParameters,
     imus,
@@ -55,15 +56,12 @@ _WORLD: Final = (
 """Parameters of the world that the readings depend on; ``dead_reckon`` reads them."""
 
 
-_PLACE: Final = ("imu.lever_arm", "imu.mounting")
-
-
 def simulation_of(bag: Path, imu_topic: str | None = None) -> SimulationParameters | None:
     """Return world and place of the IMU from the realised truth next to a bag; None without one.
 
     :param imu_topic: of one IMU of several.
     :raises ConfigurationError: for a file that is not what ``generate`` wrote.
-    :raises InputError: for IMUs of different places without a topic that names one.
+    :raises InputError: for IMUs of different mounts without a topic that names one.
     """
     bag = named(bag)
     paths = [_truth(bag, "")]
@@ -72,16 +70,16 @@ def simulation_of(bag: Path, imu_topic: str | None = None) -> SimulationParamete
     if not paths:
         return None
     found = {path: files.load(path) for path in paths}
-    of_imus = {path: values for path, values in found.items() if _PLACE[0] in values}
+    of_imus = {path: values for path, values in found.items() if MOUNT[0] in values}
     own = _truth(bag, (imu_topic or "").strip("/").split("/")[0])
     values = found.get(own, next(iter((of_imus or found).values())))
-    if own not in found and len({str([v[n] for n in _PLACE]) for v in of_imus.values()}) > 1:
+    if own not in found and len({str([v[n] for n in MOUNT]) for v in of_imus.values()}) > 1:
         raise InputError(
-            f"{bag}: IMUs of different places, {', '.join(p.name for p in of_imus)}: no file has "
+            f"{bag}: IMUs of different mounts, {', '.join(p.name for p in of_imus)}: no file has "
             f"the name of the topic {imu_topic or 'of the readings'}; give imu.lever_arm and "
             "imu.mounting"
         )
-    return load_simulation({n: values[n] for n in (*_WORLD, *_PLACE) if n in values})
+    return load_simulation({n: values[n] for n in (*_WORLD, *MOUNT) if n in values})
 
 
 def new_truths(output: Path, parameters: SimulationParameters) -> dict[Path, str]:

@@ -59,7 +59,7 @@ def read_world(
     :param truth_topic: of the truth; None: the only one.
     :param with_truth: whether there is a truth; its frame is the body, else that to which all
         frames are fixed.
-    :raises InputError: for several IMUs of different places without a topic that names one.
+    :raises InputError: for several IMUs of different mounts without a topic that names one.
     """
     simulated = simulation_of(path, imu_topic)
     world = KnownWorld({}) if simulated is None else world_of_simulation(simulated)

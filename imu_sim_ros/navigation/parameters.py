@@ -28,7 +28,7 @@ from imu_sim_ros.parameters.kinds import (
     vector,
 )
 from imu_sim_ros.parameters.sections import parameters, section
-from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.imu.parameters import MOUNT, ImuParameters
 from imu_sim_ros.sensors.imu.presets import DEFAULT_IMU, sensor_layer
 from imu_sim_ros.sensors.imu.triads import (
     TriadParameters,
@@ -188,10 +188,6 @@ def layer_integrator(
             short = name.removeprefix("imu.")
             result.update({key: value for key in (name, short) if key in own})
     return {**result, **given}
-
-
-MOUNT: Final = ("imu.lever_arm", "imu.mounting")
-"""The IMU's mount in the body, which its description states unless it is given."""
 
 
 def has_own_noise(given: Mapping[str, object]) -> bool:

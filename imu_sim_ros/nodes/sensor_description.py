@@ -17,11 +17,12 @@ from std_msgs.msg import String
 from imu_sim_ros.conventions import IMU_TOPIC, SENSOR_SUFFIX
 from imu_sim_ros.errors import ImuSimError, InputError
 from imu_sim_ros.json_text import as_json
-from imu_sim_ros.navigation.parameters import MOUNT, has_own_noise
+from imu_sim_ros.navigation.parameters import has_own_noise
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import create
 from imu_sim_ros.nodes.subscriptions import Taken
 from imu_sim_ros.parameters.sections import flatten
+from imu_sim_ros.sensors.imu.parameters import MOUNT
 from imu_sim_ros.simulation.parameters import SampledParameters
 
 _QOS: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

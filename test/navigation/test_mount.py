@@ -97,7 +97,7 @@ def test_imus_of_different_places_need_a_name(tmp_path):
     renamed = tmp_path / "renamed.mcap"
     names = [f"--topic={side}/imu/data_raw=/{side[0]}" for side in ("left", "right")]
     assert generate([*common, *two, *names, "-o", str(renamed)]) == 0
-    with pytest.raises(InputError, match="IMUs of different places"):
+    with pytest.raises(InputError, match="IMUs of different mounts"):
         ims.dead_reckon(renamed, imu_topic="/r")
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import pairwise
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -265,6 +265,10 @@ class BoardParameters:
         minimum=0.0,
         maximum=LONGEST,
     )
+
+
+MOUNT: Final = ("imu.lever_arm", "imu.mounting")
+"""The parameters of the IMU's mount in the body, by dotted name."""
 
 
 @dataclass(frozen=True)
