@@ -1,72 +1,48 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Checks of a record at rest before anything is computed from it."""
+"""A record at rest: its stamps, its readings and its motion, before anything is computed from it.
 
-from collections.abc import Iterator
+Missing samples are found by the stamps, readings that are no noise by their values, and motion by
+the means of each second: slow motion is reported, single disturbances are cut out.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
 from itertools import pairwise
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
 from imu_sim_ros import conventions
-from imu_sim_ros.calibration.rest import RestCheck
-from imu_sim_ros.calibration.stamps import SampleClock, sampling_interval
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import gate
-from imu_sim_ros.inputs.rows import BadRows
-from imu_sim_ros.types import Array, Integers, Times
-
-COARSE: Final = 0.55
-"""Deviation of the readings, in steps, below which the noise is not their own. At 0.55 the noise is
-between 0.45 and 0.48 steps, wherever the mean lies."""
-HIDDEN: Final = 0.58
-"""Deviation, in steps, that noise with its rounding may have if the readings are coarse."""
-_LOOKED_AT: Final = 4096
-_MAX_CODES: Final = 256
-
-
-class StepFinder:
-    """Finds the step of each axis from the few distinct values that its readings take."""
-
-    def __init__(self, axes: int) -> None:
-        self.step = np.zeros(axes)
-        """(axes,) the step; 0 if the readings are not in steps, or only one code was seen."""
-        self._open = np.ones(axes, dtype=bool)
-        self._codes: list[Array] = [np.empty(0)] * axes
-
-    def look(self, columns: Array) -> None:
-        """Take the next readings (axes, n)."""
-        for k in np.flatnonzero(self._open):
-            codes = np.union1d(self._codes[k], columns[k, :_LOOKED_AT])
-            if len(codes) > _MAX_CODES:
-                self.step[k], self._open[k] = 0.0, False
-                continue
-            self._codes[k] = codes
-            if len(codes) > 1:
-                self.step[k] = float(np.min(np.diff(codes)))
-                self._open[k] = len(codes) < 8  # then a neighbouring pair has been seen
-
-
-def doubt(deviation: float, step: float) -> float:
-    """Return the relative uncertainty of the readings' variance that rounding leaves.
-
-    :param deviation: of the readings, rounding included.
-    :param step: 0: no rounding.
-    """
-    if step == 0.0:
-        return 0.0
-    x = max((deviation / step) ** 2 - 1.0 / 12.0, 0.0)
-    share = (1.0 / np.pi**2 + 4.0 * x) * np.exp(-2.0 * np.pi**2 * x)
-    return float(share / max(x + 1.0 / 12.0, 1e-12))
-
+from imu_sim_ros.types import Array, Integers, Mask, Times
 
 AXES: Final = tuple(f"{triad} {axis}" for triad in TRIADS for axis in conventions.AXES)
+_LOOKED_AT: Final = 4096
+_MAX_CODES: Final = 256
 _SATURATED: Final = 1e-4
 """Share of samples at the very same extreme value."""
 _PILED_UP: Final = 4
 """Hits of an extreme value over those of the value next to it that no tail of noise reaches."""
+_ROUNDING: Final = 16.0 * float(np.finfo(np.float64).eps)
+"""Relative change of a reading that is not the sensor's: float64 has no more digits."""
+
+
+class ReadingsBlock(Protocol):
+    """A block of messages."""
+
+    @property
+    def t_ns(self) -> Integers:
+        """(n,) stamps."""
+
+    @property
+    def gyro(self) -> Array:
+        """(n, 3) [rad/s]."""
+
+    @property
+    def accel(self) -> Array:
+        """(n, 3) [m/s^2]."""
 
 
 class Timing(NamedTuple):
@@ -88,70 +64,62 @@ class Timing(NamedTuple):
     """Messages with the stamp of the one before; the second was dropped."""
 
 
-_ROUNDING: Final = 16.0 * float(np.finfo(np.float64).eps)
-"""Relative change of a reading that is not the sensor's: float64 has no more digits."""
-
-
 class Record:
-    """Takes the messages of one or more bags of one sensor, passes on pieces of readings."""
+    """Takes the messages of one or more bags of one sensor, passes on what is at rest."""
+
+    rate: float
+    """Samples per second [Hz], known from the first block on."""
+    rest: "RestCheck"
+    """What was found of motion, from the first block on."""
+    _interval: float
+    """Nominal [ns]."""
+    _clock: "SampleClock"
+    """Of the bag that is read."""
 
     def __init__(self) -> None:
         self.samples = 0
-        self.start_ns = 0
-        self.bad = BadRows("readings", "number")
-        self._lowest = _Extreme(np.minimum)
-        self._highest = _Extreme(np.maximum)
-        self._steps = StepFinder(6)
+        self.lowest = _Extreme(np.minimum)
+        self.highest = _Extreme(np.maximum)
+        self.steps = StepFinder(6)
         self._sum = np.zeros(6)
         self._square = np.zeros(6)
-        self.rest: RestCheck | None = None
-        self._clock: SampleClock | None = None
         self._last_ns: int | None = None
+        """Of the sample before, in the same bag."""
         self._lost = self._filled = self._gaps = self._duplicates = 0
         self._longest_gap = 0
         self._intervals = np.zeros(3)  # count, sum and sum of squares, relative to the nominal
         self._span = np.zeros(2)  # time and count of intervals, gaps apart
 
-    @property
-    def rate(self) -> float:
-        """Samples per second [Hz], known from the first block on."""
-        return 1e9 / self._interval
+    def at_rest(
+        self,
+        bags: Iterable[Iterable[ReadingsBlock]],
+        advance: Callable[[int], None] = lambda count: None,
+    ) -> Iterator[Array | None]:
+        """Yield readings (n, 6) at rest, with rows of NaN for lost ones, and None if a piece ends.
 
-    @property
-    def _interval(self) -> float:
-        """Nominal sampling interval [ns]."""
-        return self._clock.interval if self._clock else np.inf
-
-    def add(self, t_ns: Times, gyro: Array, accel: Array) -> Iterator[Array | None]:
-        """Take a block of messages; yield readings (n, 6), and None if a piece ends.
-
+        :param bags: for each bag its messages, in blocks.
+        :param advance: called with the number of messages read.
         :raises InputError: for stamps that run backwards.
         """
-        y = np.concatenate([gyro, accel], axis=1)
-        if len(y) == 0:
-            return
-        if self._clock is None:
-            self._clock = SampleClock(sampling_interval(t_ns))
-            self.start_ns = int(t_ns[0])
-            self.rest = RestCheck(self.rate)
-        t_ns, y = self._in_order(t_ns, y)
-        if not len(y):  # nothing but repetitions of the message before
-            return
-        yield from self._pieces(self._clock, t_ns, self._looked_at(t_ns, y))
-        self._last_ns = int(t_ns[-1])
+        for bag in bags:
+            for block in bag:
+                if len(block.t_ns):
+                    readings = np.concatenate([block.gyro, block.accel], axis=1)
+                    for piece in self._pieces(block.t_ns, readings):
+                        yield from self.rest.add(piece)
+                advance(len(block.t_ns))
+            self._last_ns = None
+            if self.samples:
+                yield from self.rest.add(None)
 
-    def at_rest(self, y: Array | None) -> Iterator[Array | None]:
-        """Yield the parts of a piece that are at rest; None marks the end of a piece."""
-        if self.rest is not None:
-            yield from self.rest.add(y)
-
-    def end_bag(self) -> None:
-        """Announce that the next block is from another bag."""
-        self._last_ns = None
-        if self._clock is not None:
-            self._clock.restart()
-
-    def _in_order(self, t_ns: Times, y: Array) -> tuple[Times, Array]:
+    def _pieces(self, t_ns: Times, y: Array) -> Iterator[Array | None]:
+        """Take messages in the order of their stamps; yield them cut where there are gaps."""
+        if not self.samples:
+            self._interval = sampling_interval(t_ns)
+            self.rate = 1e9 / self._interval
+            self.rest = RestCheck(self.rate, self.steps)
+        if self._last_ns is None:
+            self._clock = SampleClock(self._interval)
         before = t_ns[0] - 1 if self._last_ns is None else self._last_ns
         steps = np.diff(t_ns, prepend=before)
         if np.any(steps < 0):
@@ -161,56 +129,25 @@ class Record:
                 "sort the bag by stamp first"
             )
         new = steps > 0
-        repeated = int(np.count_nonzero(~new))
-        self._duplicates += repeated
-        return (t_ns[new], y[new]) if repeated else (t_ns, y)
-
-    def _looked_at(self, t_ns: Times, y: Array) -> Array:
-        """Return readings with zeros for those that the gate refuses."""
-        verdict = gate.readings(t_ns, y[:, :3], y[:, 3:])
-        if not verdict.good.all():
-            numbers = np.arange(self.samples, self.samples + len(y))
-            verdict.note(self.bad, numbers, stamps=True)
-            y = np.where(verdict.good[:, None], y, 0.0)
-        self.samples += len(y)
-        columns = np.ascontiguousarray(y.T)
-        self._sum += columns.sum(axis=1)
-        self._square += np.einsum("an,an->a", columns, columns)
-        self._lowest.take(columns)
-        self._highest.take(columns)
-        self._steps.look(columns)
-        if self.rest is not None:
-            self.rest.step = self._steps.step
-        return y
-
-    @property
-    def minimum(self) -> Array:
-        """(6,) smallest readings."""
-        return self._lowest.value
-
-    @property
-    def maximum(self) -> Array:
-        """(6,) largest readings."""
-        return self._highest.value
-
-    @property
-    def step(self) -> Array:
-        """(6,) digital steps of the readings; 0 if there are none."""
-        return self._steps.step
-
-    def _pieces(self, clock: SampleClock, t_ns: Times, y: Array) -> Iterator[Array | None]:
-        missing = clock.missing(t_ns)
+        if not new.all():
+            self._duplicates += int(np.count_nonzero(~new))
+            t_ns, y = t_ns[new], y[new]
+            if not len(y):  # nothing but repetitions of the message before
+                return
+        self._look_at(y)
+        missing = self._clock.missing(t_ns)
         steps = np.diff(t_ns, prepend=t_ns[0] if self._last_ns is None else self._last_ns)
+        self._last_ns = int(t_ns[-1])
         lost = int(missing.sum())
-        near = missing <= clock.longest
+        near = missing <= self._clock.longest
         connected = near & (steps > 0)
         self._span += steps[connected].sum(), (1 + missing[connected]).sum()
-        regular = steps[connected & (missing == 0)] / clock.interval - 1.0
+        regular = steps[connected & (missing == 0)] / self._interval - 1.0
         self._intervals += [len(regular), regular.sum(), (regular**2).sum()]
-        self._lost += lost
         if not lost:
             yield y
             return
+        self._lost += lost
         self._filled += int(missing[near].sum())
         starts = np.concatenate([[0], np.flatnonzero(~near), [len(y)]])
         for start, stop in pairwise(starts):
@@ -220,7 +157,20 @@ class Record:
                 missing[start] = 0
                 yield None
             if stop > start:
-                yield _with_gaps(y[start:stop], missing[start:stop])
+                there = np.cumsum(missing[start:stop] + 1) - 1
+                piece = np.full((int(there[-1]) + 1, y.shape[1]), np.nan)
+                piece[there] = y[start:stop]
+                yield piece
+
+    def _look_at(self, y: Array) -> None:
+        """Note the values of readings (n, 6)."""
+        self.samples += len(y)
+        columns = np.ascontiguousarray(y.T)
+        self._sum += columns.sum(axis=1)
+        self._square += np.einsum("an,an->a", columns, columns)
+        self.lowest.take(columns)
+        self.highest.take(columns)
+        self.steps.look(columns)
 
     def timing(self) -> Timing:
         """Return rate, jitter and losses."""
@@ -247,8 +197,8 @@ class Record:
 
     def constant_axes(self) -> list[int]:
         """Return the axes whose readings never change by more than float64's rounding."""
-        size = np.maximum(np.abs(self.minimum), np.abs(self.maximum))
-        same = self.maximum - self.minimum <= _ROUNDING * size
+        size = np.maximum(np.abs(self.lowest.value), np.abs(self.highest.value))
+        same = self.highest.value - self.lowest.value <= _ROUNDING * size
         return [int(k) for k in np.flatnonzero(same)]
 
     def saturated_axes(self) -> list[tuple[int, float, float]]:
@@ -259,7 +209,7 @@ class Record:
         """
         result = []
         spread = np.sqrt(np.maximum(self._square / self.samples - self.mean**2, 0.0))
-        for end in (self._lowest, self._highest):
+        for end in (self.lowest, self.highest):
             far = np.abs(end.value - self.mean) > 2.0 * spread
             often = end.hits > np.maximum(10, _SATURATED * self.samples)
             piled_up = end.hits > _PILED_UP * end.next_hits
@@ -267,16 +217,6 @@ class Record:
                 share = float(end.hits[k] / self.samples)
                 result.append((int(k), float(end.value[k]), share))
         return result
-
-
-def _with_gaps(y: Array, missing: Integers) -> Array:
-    """Return readings with rows of NaN for those missing before each."""
-    if not missing.any():
-        return y
-    there = np.cumsum(missing + 1) - 1
-    result = np.full((int(there[-1]) + 1, y.shape[1]), np.nan)
-    result[there] = y
-    return result
 
 
 class _Extreme:
@@ -292,22 +232,342 @@ class _Extreme:
 
     def take(self, columns: Array) -> None:
         """Take the next readings (6, n)."""
-        if columns.shape[1] == 0:
-            return
-        first = self._find.reduce(columns, axis=1)
-        for k in np.flatnonzero(self._find(first, self.next_value) == first):
-            self._take_axis(int(k), columns[k], first[k])
+        extreme = self._find.reduce(columns, axis=1)
+        # The axes whose readings reach the value next to the extreme one.
+        for k in np.flatnonzero(self._find(extreme, self.next_value) == extreme):
+            column, first = columns[k], extreme[k]
+            at_first = column == first
+            rest = np.where(at_first, self._none, column)
+            second = self._find.reduce(rest)
+            at_second = np.count_nonzero(rest == second)
+            values = np.array([self.value[k], self.next_value[k], first, second])
+            counts = [self.hits[k], self.next_hits[k], np.count_nonzero(at_first), at_second]
+            hits = np.array(counts)
+            self.value[k] = self._find.reduce(values)
+            self.hits[k] = np.sum(hits[values == self.value[k]])
+            beyond = np.where(values == self.value[k], self._none, values)
+            self.next_value[k] = self._find.reduce(beyond)
+            self.next_hits[k] = np.sum(hits[beyond == self.next_value[k]])
 
-    def _take_axis(self, k: int, column: Array, first: float) -> None:
-        """Take the next readings (n,) of an axis which reach the value next to the extreme one."""
-        at_first = column == first
-        rest = np.where(at_first, self._none, column)
-        second = self._find.reduce(rest)
-        at_second = np.count_nonzero(rest == second)
-        values = np.array([self.value[k], self.next_value[k], first, second])
-        hits = np.array([self.hits[k], self.next_hits[k], np.count_nonzero(at_first), at_second])
-        self.value[k] = self._find.reduce(values)
-        self.hits[k] = np.sum(hits[values == self.value[k]])
-        beyond = np.where(values == self.value[k], self._none, values)
-        self.next_value[k] = self._find.reduce(beyond)
-        self.next_hits[k] = np.sum(hits[beyond == self.next_value[k]])
+
+class StepFinder:
+    """Finds the step of each axis from the few distinct values that its readings take."""
+
+    def __init__(self, axes: int) -> None:
+        self.step = np.zeros(axes)
+        """(axes,) the step; 0 if the readings are not in steps, or only one code was seen."""
+        self._open = np.ones(axes, dtype=bool)
+        self._codes: list[Array] = [np.empty(0)] * axes
+
+    def look(self, columns: Array) -> None:
+        """Take the next readings (axes, n)."""
+        for k in np.flatnonzero(self._open):
+            codes = np.union1d(self._codes[k], columns[k, :_LOOKED_AT])
+            if len(codes) > _MAX_CODES:
+                self.step[k], self._open[k] = 0.0, False
+                continue
+            self._codes[k] = codes
+            if len(codes) > 1:
+                self.step[k] = float(np.min(np.diff(codes)))
+                self._open[k] = len(codes) < 8  # then a neighbouring pair has been seen
+
+
+_CLEAR: Final = 0.25
+"""Intervals: steps that are as close to whole numbers of them are counted one by one."""
+_NUMBERED: Final = 0.25
+"""Intervals of jitter up to which single losses can be seen."""
+_CHUNK: Final = 512
+"""Samples after which the phase of the sensor's clock is followed."""
+_NEIGHBOURS: Final = 4
+"""Samples on each side whose median tells a loss from a late stamp."""
+
+
+def sampling_interval(t_ns: Times) -> float:
+    """Return the interval [ns] at which a sensor takes its samples: the time over their count.
+
+    Missing samples are counted. The count of intervals between two stamps follows from an estimate
+    of the interval that the stamps before them give, ever further apart, so that jitter does not
+    add up.
+
+    :raises InputError: for fewer than two different stamps.
+    """
+    t = t_ns[np.append(True, np.diff(t_ns) > 0)]
+    if len(t) < 2:
+        raise InputError("fewer than two different stamps: no rate")
+    steps = np.diff(t).astype(np.float64)
+    interval, mean = float(np.median(steps)), float(np.mean(steps))
+    if mean > 1.5 * interval:
+        # Drivers that deliver in bursts have a median far below the mean, which alone is right.
+        return mean
+    for apart in (4, 16, 64, 256):
+        spans = (t[apart:] - t[:-apart]).astype(np.float64)
+        spans = spans[spans < 2.0 * apart * interval]  # no gap among them
+        if len(spans):
+            interval = float(np.sum(spans) / np.sum(np.rint(spans / interval)))
+    clock = SampleClock(interval)
+    missing = clock.missing(t)[1:]
+    regular = missing <= clock.longest
+    return float(np.sum(steps[regular]) / np.sum(1.0 + missing[regular]))
+
+
+class SampleClock:
+    """Counts the samples of one bag that are missing before each stamp, block by block."""
+
+    def __init__(self, interval: float) -> None:
+        """Set up.
+
+        :param interval: nominal sampling interval [ns].
+        """
+        self.interval = interval
+        self.longest = max(10.0, 1e9 / interval)
+        """So many missing samples in a row are a loss; more are a gap."""
+        self._last: int | None = None
+        self._late = np.nan
+
+    def missing(self, t_ns: Times) -> Integers:
+        """Return (n,) how many samples are missing before each of n rising stamps."""
+        first = t_ns[:1] if self._last is None else np.array([self._last])
+        steps = np.diff(t_ns, prepend=first) / self.interval
+        if self._last is None:
+            steps[0] = 1.0
+        self._last = int(t_ns[-1])
+        whole = np.rint(steps)
+        if np.all(np.abs(steps - whole) < _CLEAR) and np.all(whole >= 1.0):
+            self._late = 0.0
+            return (whole - 1.0).astype(np.int64)
+        return self._among_jitter(steps)
+
+    def _among_jitter(self, steps: Array) -> Integers:
+        """Return the missing samples if stamps jitter: lasting shifts against the count."""
+        spread = 1.4826 * float(np.median(np.abs(steps - 1.0))) / np.sqrt(2.0)
+        if spread > _NUMBERED:
+            late = steps > 1.5 + 8.0 * np.sqrt(2.0) * spread
+            self._late = 0.0
+            return np.where(late, np.rint(steps) - 1.0, 0.0).astype(np.int64)
+        missing = np.where(steps > self.longest + 1.5, np.rint(steps) - 1.0, 0.0)
+        starts = np.concatenate([[0], np.flatnonzero(missing), [len(steps)]])
+        for start, stop in pairwise(starts):
+            run = steps[start:stop] - 1.0
+            if missing[start]:  # a gap: the phase of the clock after it is not known
+                run[0], self._late = 0.0, np.nan
+            for first in range(0, len(run), _CHUNK):
+                part = slice(first, first + _CHUNK)
+                missing[start:stop][part] += self._shifts(run[part])
+        return missing.astype(np.int64)
+
+    def _shifts(self, steps: Array) -> Array:
+        """Return how many intervals each stamp is later than its neighbours explain.
+
+        :param steps: less one, in intervals.
+        """
+        if not len(steps):
+            return steps
+        if np.isnan(self._late):
+            angle = 2j * np.pi * np.cumsum(steps)
+            self._late = -float(np.angle(np.mean(np.exp(angle)))) / (2.0 * np.pi)
+        late = self._late + np.cumsum(steps)
+        padded = np.pad(late, min(_NEIGHBOURS, len(late) - 1), mode="symmetric")
+        width = len(padded) - len(late) + 1
+        typical = np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1)
+        shift = np.maximum.accumulate(np.maximum(np.rint(typical), 0.0))
+        phase = float(np.median(late - shift))
+        trust = len(late) / (len(late) + 0.1 * _CHUNK)
+        self._late = float(late[-1] - shift[-1]) - trust * phase
+        return np.diff(shift, prepend=0.0)
+
+
+_WINDOWS: Final = 256
+"""Windows of about a second that are judged together."""
+_NOISIER: Final = 6.0
+"""Ratio of a window's variance to the median one that no stationary noise reaches."""
+_JUMP: Final = 12.0
+"""Jump between neighbouring window means, in robust standard deviations."""
+_SLOW: Final = 25.0
+"""Variance of the window means over that of white noise of the same samples."""
+_SMALLEST_MOTION: Final = np.array([2e-3] * 3 + [2e-2] * 3)
+"""Below this the means of a second may wander [rad/s, m/s^2]: that is a sensor's random walk."""
+_SUDDEN: Final = 50.0
+"""Variance of the means in one stretch over the median one that no random walk reaches.
+
+Without its line, a walk's variance in a stretch is nearly chi-square's of one degree of freedom,
+which is 23 times its mean, 50 times its median, once in 10^6.
+"""
+_MIN_WINDOWS: Final = 4
+"""Number of stretches below which none of them can stand out."""
+
+
+class Movement(NamedTuple):
+    """Seconds in which an axis was not at rest."""
+
+    axis: int
+    begin: float
+    """[s] after the first sample"""
+    end: float
+    size: float
+    """Standard deviation of the means over a second, or the largest jump [rad/s, m/s^2]."""
+
+
+class RestCheck:
+    """Takes pieces of readings, passes on those at rest."""
+
+    def __init__(self, rate: float, steps: StepFinder) -> None:
+        """Set up.
+
+        :param rate: samples per second [Hz].
+        :param steps: knows the digital steps of the readings, as far as they have been seen.
+        """
+        self._window = max(round(rate), 4)
+        self._rate, self._steps = rate, steps
+        self._buffer: list[Array] = []
+        self._buffered = 0
+        self._before: Array | None = None
+        self.moving: list[Movement] = []
+        """Stretches of continued motion, or of a walk of such size; they are handed on."""
+        self.spreads: list[Array] = []
+        """(6,) for each stretch: standard deviation of the means of a second, without a line."""
+        self._variance = np.zeros(6)
+        self._windows_seen = 0
+        self.disturbed: list[Movement] = []
+        """Single disturbances; they are cut out."""
+        self.seconds = 0.0
+
+    def add(self, y: Array | None) -> Iterator[Array | None]:
+        """Take readings (n, 6), or None at the end of a piece; yield them, judged."""
+        if y is None:
+            yield from self._judge()
+            self._before = None
+            yield None
+            return
+        size = _WINDOWS * self._window
+        while len(y):
+            part, y = y[: size - self._buffered], y[size - self._buffered :]
+            self._buffer.append(part)
+            self._buffered += len(part)
+            if self._buffered == size:
+                yield from self._judge()
+
+    def _judge(self) -> Iterator[Array | None]:
+        """Yield what has been waiting without its disturbed windows."""
+        if self._buffered == 0:
+            return
+        y = np.concatenate(self._buffer)
+        self._buffer, self._buffered = [], 0
+        begin = self.seconds
+        self.seconds += len(y) / self._rate
+        count = len(y) // self._window
+        if count < 8:
+            yield y
+            return
+        mean, variance = _by_window(y[: count * self._window].reshape(count, self._window, 6))
+        if np.isnan(mean[:, 0]).any():
+            mean, variance = self._with_losses(y[: count * self._window], count)
+        typical = np.median(variance, axis=0)
+        self._note_motion(mean, typical, begin)
+        bad = self._disturbances(mean, variance, typical, begin)
+        self._variance += variance[~bad].sum(axis=0)
+        self._windows_seen += int(np.count_nonzero(~bad))
+        if not bad.any():
+            yield y
+            return
+        samples = np.zeros(len(y), dtype=bool)
+        samples[: len(bad) * self._window] = np.repeat(bad, self._window)
+        edges = np.flatnonzero(np.diff(samples.astype(int), prepend=1, append=1))
+        for start, stop in zip(edges[::2], edges[1::2], strict=True):
+            if start > 0:
+                yield None
+            yield y[start:stop]
+        if samples[-1]:
+            yield None
+
+    def _with_losses(self, y: Array, count: int) -> tuple[Array, Array]:
+        """Return means and variances (windows, 6) of the readings that are there.
+
+        A window without half of its readings has the mean of the last one before it and the
+        typical variance: nothing is known of it.
+        """
+        windows = y.reshape(count, self._window, 6)
+        known = np.count_nonzero(~np.isnan(windows[:, :, 0]), axis=1)
+        centre = np.nanmean(y, axis=0)
+        there = np.where(np.isnan(windows), 0.0, windows - centre)
+        number = np.maximum(known, 1)[:, None]
+        mean = there.sum(axis=1) / number
+        variance = np.maximum((there**2).sum(axis=1) / number - mean**2, 0.0)
+        half = known >= 0.5 * self._window
+        last = np.maximum.accumulate(np.where(half, np.arange(count), 0))
+        variance[~half] = np.median(variance[half], axis=0) if half.any() else 0.0
+        return centre + mean[last], variance
+
+    def _note_motion(self, mean: Array, typical: Array, begin: float) -> None:
+        # A single shock or shift of level is a disturbance; without it the rest must be at rest.
+        steps = np.diff(mean, axis=0)
+        steps[np.abs(steps) > self._jump_limit(np.abs(steps), typical)] = 0.0
+        level = np.concatenate([np.zeros((1, 6)), np.cumsum(steps, axis=0)])
+        t = np.linspace(-1.0, 1.0, len(level))[:, None]
+        drift = (t * (level - level.mean(axis=0))).sum(axis=0) / (t**2).sum()
+        spread = np.std(level - t * drift, axis=0)
+        white = np.sqrt(typical / self._window)
+        end = begin + len(mean) * self._window / self._rate
+        moving = (spread > _SMALLEST_MOTION) & (spread**2 > _SLOW * white**2)
+        self.spreads.append(spread)
+        for axis in np.flatnonzero(moving):
+            self.moving.append(Movement(int(axis), begin, end, float(spread[axis])))
+
+    def noise(self) -> Array:
+        """Return (6,) the standard deviation of the readings within a second."""
+        return np.sqrt(self._variance / max(self._windows_seen, 1))
+
+    def sudden(self, motion: Movement) -> bool:
+        """Return whether a motion is far larger than the axis' motion in the other stretches."""
+        if len(self.spreads) < _MIN_WINDOWS:
+            return False
+        typical = float(np.median([spread[motion.axis] for spread in self.spreads]))
+        return motion.size**2 > _SUDDEN * typical**2
+
+    def sways(self, axis: int, amplitude: float, samples: float) -> bool:
+        """Return whether a sinusoid is motion: too fast and too large for a sensor's own drift.
+
+        :param amplitude: of the sinusoid [rad/s, m/s^2].
+        :param samples: its period.
+        """
+        fast = samples < _WINDOWS * self._window
+        return bool(fast and amplitude > np.sqrt(2.0) * _SMALLEST_MOTION[axis])
+
+    def _jump_limit(self, jump: Array, typical: Array) -> Array:
+        """Return (6,) the difference between neighbouring means that no noise makes."""
+        robust = 1.4826 * np.median(jump, axis=0)
+        result: Array = _JUMP * np.maximum(robust, np.sqrt(2.0 * typical / self._window))
+        return result + self._steps.step
+
+    def _disturbances(self, mean: Array, variance: Array, typical: Array, begin: float) -> Mask:
+        """Return (windows,) which were disturbed, with one window of margin on both sides."""
+        before = mean[:1] if self._before is None else self._before
+        jump = np.abs(np.diff(mean, axis=0, prepend=before))
+        self._before = mean[-1:]
+        limit = self._jump_limit(jump, typical)
+        # An axis that hardly changes its last digit has a typical variance of zero.
+        # One that goes to and fro between two codes has half a step as its deviation.
+        noisy = _NOISIER * (typical + 0.25 * self._steps.step**2)
+        shaken = (variance > noisy) & (typical > 0.0)
+        bad_axis = shaken | ((jump > limit) & (limit > 0.0))
+        bad: Mask = np.logical_or.reduce(bad_axis, axis=1)
+        for k in np.flatnonzero(np.diff(bad.astype(int), prepend=0) == 1):
+            axis = int(np.argmax(bad_axis[k]))
+            end = int(k + np.argmin(np.append(bad[k:], False)))
+            size = max(float(jump[k:end, axis].max()), float(np.sqrt(variance[k:end, axis].max())))
+            seconds = self._window / self._rate
+            self.disturbed.append(Movement(axis, begin + k * seconds, begin + end * seconds, size))
+        return np.convolve(bad, np.ones(3), mode="same") > 0.5
+
+
+def _by_window(windows: Array) -> tuple[Array, Array]:
+    """Return means and variances (windows, 6) of windows (windows, samples, 6).
+
+    With the samples first NumPy adds long rows, four times as fast as six numbers at a time.
+    """
+    count, samples, axes = windows.shape
+    rows = np.ascontiguousarray(windows.transpose(1, 0, 2)).reshape(samples, -1)
+    mean = np.add.reduce(rows, axis=0) / samples
+    rows -= mean
+    rows *= rows
+    variance = np.add.reduce(rows, axis=0) / samples
+    return mean.reshape(count, axes), variance.reshape(count, axes)

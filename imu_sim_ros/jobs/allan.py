@@ -18,7 +18,7 @@ from imu_sim_ros.arguments import BAG_OR_FILE, name_of
 from imu_sim_ros.calibration.noise import noise_files, truth
 from imu_sim_ros.calibration.noise.analysis import MODELS, AllanResult, analyse
 from imu_sim_ros.calibration.noise.estimate import Estimate
-from imu_sim_ros.calibration.noise.terms import quantity
+from imu_sim_ros.calibration.noise.terms import QUANTITIES
 from imu_sim_ros.calibration.noise.truth import Comparison
 from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.errors import InputError
@@ -260,27 +260,35 @@ def allan(
     arguments.switch("force", force)
     arguments.switch("skip_bad_rows", skip_bad_rows)
     if isinstance(source, str | PathLike | Sequence):  # piece by piece: these records are long
+        from imu_sim_ros.bags.read import imu_blocks
+
         given: Any = [source] if isinstance(source, str | PathLike) else source
         paths = [arguments.path("source", one, BAG_OR_FILE) for one in given]
         if not paths:
             arguments.refuse("source", source, BAG_OR_FILE)
-        return _of_files(paths, model, force, arguments.topic("topic", topic), skip_bad_rows)
-    readings = readings_of("source", source, topic)
-    return _named(analyse([[readings]], model=model, force=force), readings.name)
-
-
-def _of_files(
-    paths: Sequence[Path], model: str, force: bool, topic: str | None, skip_bad_rows: bool
-) -> Noise:
-    from imu_sim_ros.bags.read import imu_blocks
-
-    blocks = (
-        imu_blocks(path, topic, skipped=tell_skipped(path) if skip_bad_rows else None)
-        for path in paths
+        topic = arguments.topic("topic", topic)
+        blocks = (
+            imu_blocks(path, topic, skipped=tell_skipped(path) if skip_bad_rows else None)
+            for path in paths
+        )
+        with progress("read", lambda: sum(_count(path, topic) for path in paths)) as advance:
+            result = analyse(blocks, model=model, force=force, advance=advance)
+        name, origin = ", ".join(map(name_of, paths)), ", ".join(map(str, paths))
+    else:
+        readings = readings_of("source", source, topic)
+        result = analyse([[readings]], model=model, force=force)
+        name, origin = readings.name, ""
+    return Noise(
+        gyroscope=_triad(result, 0),
+        accelerometer=_triad(result, 1),
+        tau=result.deviation.tau,
+        rate=result.timing.rate,
+        duration=result.duration,
+        warnings=result.warnings,
+        result=result,
+        name=name,
+        source=origin,
     )
-    with progress("read", lambda: sum(_count(path, topic) for path in paths)) as advance:
-        result = analyse(blocks, model=model, force=force, advance=advance)
-    return _named(result, ", ".join(map(name_of, paths)), ", ".join(map(str, paths)))
 
 
 def _count(path: Path, topic: str | None) -> int:
@@ -298,24 +306,14 @@ def _count(path: Path, topic: str | None) -> int:
         return 0
 
 
-def _named(result: AllanResult, name: str, source: str = "") -> Noise:
-    gyroscope, accelerometer = (_triad(result, k) for k in range(2))
-    return Noise(
-        gyroscope,
-        accelerometer,
-        result.deviation.tau,
-        result.timing.rate,
-        result.duration,
-        result.warnings,
-        result,
-        name,
-        source,
-    )
-
-
 def _triad(result: AllanResult, triad: int) -> TriadNoise:
-    found = {key: _estimated(result, triad, key) for key in result.keys}
     columns = slice(3 * triad, 3 * triad + 3)
+    found = {}
+    for key in result.keys:
+        axes = [result.estimate(axis, key) for axis in range(6)[columns]]
+        value = np.array([np.nan if axis.value is None else axis.value for axis in axes])
+        low, high = np.array([axis.low for axis in axes]), np.array([axis.high for axis in axes])
+        found[key] = Estimated(value, low, high, QUANTITIES[TRIADS[triad], key].unit)
     return TriadNoise(
         found["noise_density"],
         found.get("random_walk"),
@@ -323,13 +321,6 @@ def _triad(result: AllanResult, triad: int) -> TriadNoise:
         found,
         result.deviation.deviation[:, columns],
     )
-
-
-def _estimated(result: AllanResult, triad: int, key: str) -> Estimated:
-    axes = [result.estimate(3 * triad + k, key) for k in range(3)]
-    value = np.array([np.nan if axis.value is None else axis.value for axis in axes])
-    low, high = np.array([axis.low for axis in axes]), np.array([axis.high for axis in axes])
-    return Estimated(value, low, high, quantity(TRIADS[triad], key).unit)
 
 
 _OPTIONAL: Final = ("quantisation", "rate_ramp")
@@ -360,7 +351,7 @@ def _triad_tables(
         known = any((axis, key) in by_axis for axis in axes)
         if key in _OPTIONAL and all(each.value is None for each in found) and not known:
             continue
-        q = quantity(TRIADS[triad], key)
+        q = QUANTITIES[TRIADS[triad], key]
         names.append(f"{q.symbol} {q.text}")
         for axis, each in zip(axes, found, strict=True):
             row = [f"{q.symbol} [{q.unit}]", "xyz"[axis % 3], *_value_and_interval(each)]

@@ -13,9 +13,9 @@ from imu_sim_ros.calibration.noise.analysis import AllanResult
 from imu_sim_ros.calibration.noise.estimate import RAMP
 from imu_sim_ros.calibration.noise.gauss_markov import CORRELATION_TIME, SIGMA
 from imu_sim_ros.calibration.noise.terms import (
+    QUANTITIES,
     TERMS,
     gauss_markov_deviation,
-    quantity,
     ramp_deviation,
 )
 from imu_sim_ros.conventions import TRIADS
@@ -85,7 +85,7 @@ def _units(result: AllanResult, triad: int) -> str:
     """Return the units of the terms that the legend has."""
     words = []
     for key in result.keys:
-        q = quantity(TRIADS[triad], key)
+        q = QUANTITIES[TRIADS[triad], key]
         found = [result.estimate(3 * triad + k, key) for k in range(3)]
         if key == "random_walk" or any(each.value is not None for each in found):
             words.append(f"{q.symbol} [{q.unit}]")
@@ -96,7 +96,7 @@ def _label(result: AllanResult, column: int) -> str:
     words = []
     for key in result.keys:
         found = result.estimate(column, key)
-        symbol = quantity(TRIADS[column // 3], key).symbol
+        symbol = QUANTITIES[TRIADS[column // 3], key].symbol
         if found.value is not None:
             half = 0.5 * (found.high - found.low)
             words.append(f"{symbol} = {found.value:.3g} $\\pm$ {half:.1g}")
@@ -128,7 +128,8 @@ def _draw_model(result: AllanResult, triad: int, axes: Axes) -> None:
 def _terms(result: AllanResult, triad: int, tau: Array) -> list[tuple[str, Array]]:
     lines = []
     for term in TERMS:
-        lines.append((term.symbol, term.deviation(tau) * _mean(result, triad, term.key)))
+        symbol = QUANTITIES[TRIADS[triad], term.key].symbol
+        lines.append((symbol, term.deviation(tau) * _mean(result, triad, term.key)))
     if RAMP in result.keys:
         lines.append(("R", ramp_deviation(tau) * _mean(result, triad, RAMP)))
     if SIGMA in result.keys:

@@ -18,8 +18,8 @@ from imu_sim_ros.bags.messages.encode import VECTOR3_STAMPED
 from imu_sim_ros.bags.messages.encode_cameras import COMPRESSED_IMAGE, IMAGE
 from imu_sim_ros.bags.read import open_bag, vector_blocks
 from imu_sim_ros.bags.reader import Bag, errors_naming
-from imu_sim_ros.calibration.noise.analysis import ReadingsBlock
 from imu_sim_ros.calibration.noise.deviation import Deviation, DeviationAccumulator
+from imu_sim_ros.calibration.record import ReadingsBlock
 from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.reports.page import Item, table
 from imu_sim_ros.sensors import sensors_of_imus

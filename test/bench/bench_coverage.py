@@ -25,8 +25,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.calibration.noise.deviation import usable_band
-from imu_sim_ros.calibration.noise.estimate import KEYS, Estimate, estimate
+from imu_sim_ros.calibration.noise.estimate import KEYS, Estimate, estimate, usable_band
 from imu_sim_ros.calibration.noise.spectrum import Spectrum, SpectrumAccumulator
 from imu_sim_ros.sensors.errors.flicker import FlickerNoise
 from imu_sim_ros.text_tables import print_table

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from imu_sim_ros.calibration.noise.analysis import AllanResult, analyse
-from imu_sim_ros.calibration.stamps import sampling_interval
+from imu_sim_ros.calibration.record import sampling_interval
 from imu_sim_ros.errors import InputError
 
 
@@ -266,10 +266,6 @@ def test_a_vibration_line_is_left_out(rest):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (
-            lambda r: r.gyro.__setitem__((77, 1), np.nan),
-            r"number 77: stamp .* not finite: angular velocity \[.*, nan, ",
-        ),
         (lambda r: r.accel.__setitem__((slice(None), 0), -0.0), r"accelerometer x: always 0"),
         (lambda r: r.gyro.__iadd__(0.2 * np.sin(r.t_ns * 1e-9)[:, None]), r"not at rest: the gyro"),
         (
@@ -371,10 +367,12 @@ def test_no_messages_at_all():
 
 def test_all_problems_are_told_together(rest):
     rest.gyro[:, 0] = 0.0
-    rest.accel[5, 2] = np.inf
+    keep = np.arange(len(rest.t_ns)) < 1000
     with pytest.raises(InputError) as error:
-        analyse([rest.blocks()])
-    assert len(error.value.problems) == 2
+        analyse([rest.blocks(keep=keep)])
+    dead, short = error.value.problems
+    assert "gyroscope x: always 0" in dead
+    assert "10.0 s at rest" in short
 
 
 def test_force_leaves_a_dead_axis_out(rest):

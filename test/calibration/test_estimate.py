@@ -10,8 +10,7 @@ from scipy.stats import t as student
 
 from imu_sim_ros.calibration.noise.estimate import AxisNoise, estimate
 from imu_sim_ros.calibration.noise.gauss_markov import estimate_gauss_markov
-from imu_sim_ros.calibration.noise.intervals import intervals
-from imu_sim_ros.calibration.noise.likelihood import Data, fit
+from imu_sim_ros.calibration.noise.likelihood import Data, fit, intervals
 from imu_sim_ros.calibration.noise.spectrum import Spectrum, SpectrumAccumulator
 from imu_sim_ros.calibration.noise.terms import (
     FLICKER,

@@ -7,17 +7,14 @@ import numpy as np
 
 from imu_sim_ros.calibration.record import Record
 
-
-def _taken(record, t_ns):
-    values = np.ones((len(t_ns), 3))
-    return list(record.add(np.array(t_ns, dtype=np.int64), values, values))
+from .conftest import Block
 
 
 def test_a_block_of_nothing_but_repetitions():
+    first = [10**9 + k * 10**7 for k in range(20)]
+    stamps = [first, [first[-1]] * 5, [first[-1] + 10**7]]
+    blocks = [Block(np.array(t_ns), *np.ones((2, len(t_ns), 3))) for t_ns in stamps]
     record = Record()
-    stamps = [10**9 + k * 10**7 for k in range(20)]
-    _taken(record, stamps)
-    assert _taken(record, [stamps[-1]] * 5) == []
-    assert record.samples == 20
-    _taken(record, [stamps[-1] + 10**7])
-    assert record.samples == 21
+    pieces = [piece for piece in record.at_rest([blocks]) if piece is not None]
+    assert record.samples == len(np.concatenate(pieces)) == 21
+    assert record.timing().duplicates == 5

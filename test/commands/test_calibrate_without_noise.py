@@ -10,7 +10,9 @@ import pytest
 import yaml
 
 from imu_sim_ros.calibration.deterministic.steady import find_steady
+from imu_sim_ros.calibration.record import Record
 from imu_sim_ros.commands import allan, calibrate, generate
+from imu_sim_ros.jobs.readings import Readings
 
 FULL = {
     "preset": "perfect",
@@ -90,11 +92,10 @@ def test_rounding_is_no_noise_to_allan(tmp_path, capsys):
 
 @pytest.mark.parametrize("size", [0.0, 9.81, 1e3])
 def test_a_change_in_the_last_digits_is_none(size):
-    from imu_sim_ros.calibration.record import Record
-
     reading = np.full((2000, 3), size)
     reading[::3] = np.nextafter(size, np.inf) if size else 0.0
     record = Record()
-    for _ in record.add(10**9 + 5_000_000 * np.arange(2000), reading, reading):
+    block = Readings(10**9 + 5_000_000 * np.arange(2000), reading, reading)
+    for _ in record.at_rest([[block]]):
         pass
     assert record.constant_axes() == [0, 1, 2, 3, 4, 5]

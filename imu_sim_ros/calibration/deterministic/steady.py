@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.calibration.stamps import sampling_interval
+from imu_sim_ros.calibration.record import sampling_interval
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.types import Array, Integers, Mask, Times

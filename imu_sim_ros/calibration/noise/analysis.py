@@ -3,27 +3,23 @@
 
 """Allan analysis of an IMU at rest: from messages to noise parameters."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.calibration import record as resolution
-from imu_sim_ros.calibration.noise.deviation import (
-    Deviation,
-    DeviationAccumulator,
-    UsableBand,
-    explains_wander,
-    usable_band,
-)
+from imu_sim_ros.calibration.noise.deviation import Deviation, DeviationAccumulator
 from imu_sim_ros.calibration.noise.estimate import (
     KEYS,
     RAMP,
     AxisNoise,
     Estimate,
+    UsableBand,
     either,
     estimate,
+    explains_wander,
+    usable_band,
 )
 from imu_sim_ros.calibration.noise.gauss_markov import GAUSS_MARKOV_KEYS, estimate_gauss_markov
 from imu_sim_ros.calibration.noise.losses import LossFiller
@@ -33,13 +29,14 @@ from imu_sim_ros.calibration.noise.terms import (
     FLICKER,
     FLICKER_FLOOR,
     QUANTISATION,
+    QUANTITIES,
     WALK,
     WHITE,
-    name_of,
 )
-from imu_sim_ros.calibration.record import AXES, Record, Timing
+from imu_sim_ros.calibration.record import AXES, ReadingsBlock, Record, Timing
+from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.types import Array, Integers
+from imu_sim_ros.types import Array
 
 SHORTEST: Final = 60.0
 """Seconds at rest below which there is no result."""
@@ -49,24 +46,13 @@ _MOVING_SHARE: Final = 0.01
 _TABLE_RATE: Final = 0.5
 """Mean rate [rad/s] that is worth reporting."""
 _DISTURBED_SHARE: Final = 0.05
+_COARSE: Final = 0.55
+"""Deviation of the readings, in steps, below which the noise is not their own. At 0.55 the noise is
+between 0.45 and 0.48 steps, wherever the mean lies."""
+_HIDDEN: Final = 0.58
+"""Deviation, in steps, that noise with its rounding may have if the readings are coarse."""
 MODELS: Final = ("standard", "gauss_markov")
 UNITS: Final = ("rad/s", "m/s^2")
-
-
-class ReadingsBlock(Protocol):
-    """A block of messages."""
-
-    @property
-    def t_ns(self) -> Integers:
-        """(n,) stamps."""
-
-    @property
-    def gyro(self) -> Array:
-        """(n, 3) [rad/s]."""
-
-    @property
-    def accel(self) -> Array:
-        """(n, 3) [m/s^2]."""
 
 
 class AllanResult(NamedTuple):
@@ -105,31 +91,15 @@ class AllanResult(NamedTuple):
 
 
 @dataclass
-class _Sinks:
-    """The consumers of the pieces; created when the rate is known."""
+class _Sums:
+    """What is summed over the pieces of a record; made when the rate is known."""
 
     deviation: DeviationAccumulator
     spectrum: SpectrumAccumulator
     losses: LossFiller
     samples: int = 0
     longest: int = 0
-    piece: int = 0
-
-    def take(self, y: Array | None) -> None:
-        if y is None or np.isnan(y[:, 0]).all():
-            self.end_piece()
-            return
-        y = self.losses.fill(y)
-        self.deviation.add(y)
-        self.spectrum.add(y)
-        self.samples += len(y)
-        self.piece += len(y)
-
-    def end_piece(self) -> None:
-        if self.piece:
-            self.deviation.end_piece()
-            self.spectrum.end_piece()
-        self.longest, self.piece = max(self.longest, self.piece), 0
+    """Samples of the longest piece."""
 
 
 def analyse(
@@ -141,37 +111,47 @@ def analyse(
 ) -> AllanResult:
     """Return the Allan deviation and the noise parameters of one IMU at rest.
 
-    :param bags: for each bag its messages, in blocks.
+    :param bags: for each bag its messages, in blocks, which have passed the gate.
     :param model: ``standard`` (Q, N, B, K, R) or ``gauss_markov`` (N and a Gauss-Markov process).
     :param force: continue if a check finds that the result would be meaningless.
     :param advance: called with the number of messages read.
     :raises InputError: with a line for each check that fails.
     """
     record = Record()
-    sinks = _read(record, bags, advance)
-    if sinks is None or sinks.longest < SHORTEST * record.rate:
-        raise InputError(_judge(record, sinks, None)[0])
+    sums = _summed(record, bags, advance)
+    if sums is None:
+        raise InputError("no Imu messages")
+    if sums.longest < SHORTEST * record.rate:
+        raise InputError(_problems(record, sums, None))
     timing = record.timing()
-    lost = sinks.losses.samples / sinks.samples
-    spectrum = sinks.spectrum.result().at_rate(timing.rate).with_losses(lost)
-    problems, warnings = _judge(record, sinks, spectrum)
+    lost = sums.losses.samples / sums.samples
+    spectrum = sums.spectrum.result().at_rate(timing.rate).with_losses(lost)
+    problems = _problems(record, sums, spectrum)
     if problems and not force:
         raise InputError(problems)
-    reasons = _not_analysed(record)
+    # What never changes bounds no noise.
+    reasons = {
+        axis: f"always {record.lowest.value[axis] + 0.0:g}: a dead axis, or noise far below the "
+        "resolution"
+        for axis in record.constant_axes()
+    }
     bands = [None if k in reasons else usable_band(spectrum, k) for k in range(6)]
-    lines, doubtful = sinks.spectrum.lines, sinks.spectrum.doubtful
-    smoother = sinks.spectrum.result(doubtful=False).at_rate(timing.rate).with_losses(lost)
+    lines, doubtful = sums.spectrum.lines, sums.spectrum.doubtful
+    smoother = sums.spectrum.result(doubtful=False).at_rate(timing.rate).with_losses(lost)
     cases = (_Case(spectrum, lines), _Case(smoother, lines + doubtful))
     noise = [
         None if band is None else _rounded(_noise(cases, k, band, model), record, k)
         for k, band in enumerate(bands)
     ]
-    warnings += problems + list(_band_warnings(bands, timing.rate))
-    warnings += _line_warnings(lines, doubtful, noise, timing.rate)
-    deviation = sinks.deviation.result()
+    warnings = [
+        *_record_warnings(record, timing, sums.longest / record.rate, reasons),
+        *problems,
+        *_noise_warnings(bands, lines, doubtful, noise, timing.rate),
+    ]
+    deviation = sums.deviation.result()
     return AllanResult(
         timing,
-        sinks.samples / timing.rate,
+        sums.samples / timing.rate,
         deviation._replace(tau=deviation.size / timing.rate),
         tuple(noise),
         tuple(bands),
@@ -182,13 +162,30 @@ def analyse(
     )
 
 
-def _not_analysed(record: Record) -> dict[int, str]:
-    """Return by axis why it is not analysed: what never changes bounds no noise."""
-    return {
-        axis: f"always {record.minimum[axis] + 0.0:g}: a dead axis, or noise far below the "
-        "resolution"
-        for axis in record.constant_axes()
-    }
+def _summed(
+    record: Record,
+    bags: Iterable[Iterable[ReadingsBlock]],
+    advance: Callable[[int], None],
+) -> _Sums | None:
+    """Read all messages; return the sums over what is at rest, None without messages."""
+    sums: _Sums | None = None
+    piece = 0
+    for y in record.at_rest(bags, advance):
+        if sums is None:
+            of_six = (DeviationAccumulator(record.rate, 6), SpectrumAccumulator(record.rate, 6))
+            sums = _Sums(*of_six, LossFiller(6))
+        if y is not None and not np.isnan(y[:, 0]).all():
+            filled = sums.losses.fill(y)
+            sums.deviation.add(filled)
+            sums.spectrum.add(filled)
+            piece += len(y)
+            sums.samples += len(y)
+            sums.longest = max(sums.longest, piece)
+        elif piece:
+            sums.deviation.end_piece()
+            sums.spectrum.end_piece()
+            piece = 0
+    return sums
 
 
 class _Case(NamedTuple):
@@ -217,13 +214,12 @@ def _rounded(noise: AxisNoise, record: Record, axis: int) -> AxisNoise:
     If the readings are coarse, nothing has a value, and each bound is at least what the rounding
     hides: an error of half a step either way, whose Allan deviation is below a step.
     """
-    step = float(record.step[axis])
-    deviation = 0.0 if record.rest is None else float(record.rest.noise()[axis])
+    step, deviation = float(record.steps.step[axis]), float(record.rest.noise()[axis])
     estimates = dict(noise.estimates)
-    if step > 0.0 and deviation < resolution.COARSE * step:
+    if step > 0.0 and deviation < _COARSE * step:
         seconds = record.samples / record.rate
         hidden = {
-            WHITE.key: resolution.HIDDEN * step / np.sqrt(record.rate),
+            WHITE.key: _HIDDEN * step / np.sqrt(record.rate),
             QUANTISATION.key: step / record.rate / np.sqrt(3.0),
             FLICKER.key: step / FLICKER_FLOOR,
             WALK.key: step * np.sqrt(3.0 / seconds),
@@ -233,59 +229,24 @@ def _rounded(noise: AxisNoise, record: Record, axis: int) -> AxisNoise:
             estimates[key] = Estimate(None, 0.0, max(found.high, float(hidden.get(key, 0.0))))
         return noise._replace(estimates=estimates, chosen=())
     found = estimates[WHITE.key]
-    doubt = 0.5 * resolution.doubt(deviation, step)
+    doubt = 0.5 * _doubt(deviation, step)
     estimates[WHITE.key] = found._replace(
         low=found.low * (1.0 - doubt), high=found.high * (1.0 + doubt)
     )
     return noise._replace(estimates=estimates)
 
 
-def _read(
-    record: Record,
-    bags: Iterable[Iterable[ReadingsBlock]],
-    advance: Callable[[int], None],
-) -> _Sinks | None:
-    """Pass all messages through the checks into the sinks."""
-    sinks: _Sinks | None = None
-    for bag in bags:
-        for block in bag:
-            for piece in record.add(block.t_ns, block.gyro, block.accel):
-                if sinks is None:
-                    sinks = _sinks(record.rate)
-                for part in record.at_rest(piece):
-                    sinks.take(part)
-            advance(len(block.t_ns))
-        record.end_bag()
-        if sinks is not None:
-            for part in record.at_rest(None):
-                sinks.take(part)
-    return sinks
+def _doubt(deviation: float, step: float) -> float:
+    """Return the relative uncertainty of the readings' variance that rounding leaves.
 
-
-def _sinks(rate: float) -> _Sinks:
-    return _Sinks(DeviationAccumulator(rate, 6), SpectrumAccumulator(rate, 6), LossFiller(6))
-
-
-def _judge(
-    record: Record, sinks: _Sinks | None, spectrum: Spectrum | None
-) -> tuple[list[str], list[str]]:
-    """Return errors that prevent an analysis, and warnings."""
-    if sinks is None or record.rest is None:
-        return ["no Imu messages"], []
-    problems = record.bad.problems
-    problems += [
-        f"{AXES[k]}: always {record.minimum[k] + 0.0:g}: a missing or dead axis, or no noise at "
-        "all; all six axes must be measured (--skip-checks leaves it out)"
-        for k in _dead_axes(record)
-    ]
-    problems += _motion_problems(record, spectrum, sinks.spectrum.lines)
-    longest = sinks.longest / record.rate
-    if longest < SHORTEST:
-        problems.append(
-            f"{longest:.1f} s at rest without a gap: at least {SHORTEST:.0f} s are needed, "
-            "an hour for white noise and flicker, several for a random walk"
-        )
-    return problems, list(_warnings(record, longest))
+    :param deviation: of the readings, rounding included.
+    :param step: 0: no rounding.
+    """
+    if step == 0.0:
+        return 0.0
+    x = max((deviation / step) ** 2 - 1.0 / 12.0, 0.0)
+    share = (1.0 / np.pi**2 + 4.0 * x) * np.exp(-2.0 * np.pi**2 * x)
+    return float(share / max(x + 1.0 / 12.0, 1e-12))
 
 
 def _dead_axes(record: Record) -> list[int]:
@@ -297,22 +258,29 @@ def _dead_axes(record: Record) -> list[int]:
     constant = record.constant_axes()
     if len(constant) == len(AXES):
         return constant
-    return [k for k in constant if record.minimum[k] == 0.0]
+    return [k for k in constant if record.lowest.value[k] == 0.0]
 
 
-def _motion_problems(record: Record, spectrum: Spectrum | None, lines: Iterable[Line]) -> list[str]:
-    rest = record.rest
-    if rest is None:
-        return []
-    result = []
+def _problems(record: Record, sums: _Sums, spectrum: Spectrum | None) -> list[str]:
+    """Return a line for each reason why an analysis would be meaningless."""
+    problems = [
+        f"{AXES[k]}: always {record.lowest.value[k] + 0.0:g}: a missing or dead axis, or no noise "
+        "at all; all six axes must be measured (--skip-checks leaves it out)"
+        for k in _dead_axes(record)
+    ]
+    rest, lines = record.rest, sums.spectrum.lines
     swaying = {n.axis for n in lines if rest.sways(n.axis, n.amplitude, 1.0 / n.frequency)}
     suspects = {m.axis for m in rest.moving} - swaying
-    walks = set() if spectrum is None else _walks(spectrum, suspects)
+    walks = set()
+    if spectrum is not None:  # the axes whose drift is explained by their own noise
+        for axis in suspects:
+            if explains_wander(spectrum.rows(usable_band(spectrum, axis).used), axis):
+                walks.add(axis)
     motions = [m for m in rest.moving if m.axis not in walks or rest.sudden(m)]
     moving = sum(m.end - m.begin for m in {m.begin: m for m in motions}.values())
     if moving > _MOVING_SHARE * rest.seconds:
         worst = max(motions, key=lambda m: m.size / (1.0 if m.axis < 3 else 10.0))
-        result.append(
+        problems.append(
             f"not at rest: the {AXES[worst.axis]} moves by {worst.size:.3g} "
             f"{UNITS[worst.axis // 3]} between {worst.begin:.0f} and {worst.end:.0f} s; "
             "record the IMU at rest"
@@ -320,49 +288,28 @@ def _motion_problems(record: Record, spectrum: Spectrum | None, lines: Iterable[
     disturbed = sum(m.end - m.begin for m in rest.disturbed)
     if disturbed > _DISTURBED_SHARE * rest.seconds:
         first = rest.disturbed[0]
-        result.append(
+        problems.append(
             f"not at rest: {len(rest.disturbed)} disturbances of {disturbed:.0f} s in all, "
             f"the first {first.begin:.0f} s after the start on the {AXES[first.axis]}; "
             "record the IMU at rest"
         )
-    return result
+    longest = sums.longest / record.rate
+    if longest < SHORTEST:
+        problems.append(
+            f"{longest:.1f} s at rest without a gap: at least {SHORTEST:.0f} s are needed, "
+            "an hour for white noise and flicker, several for a random walk"
+        )
+    return problems
 
 
-def _walks(spectrum: Spectrum, suspects: Iterable[int]) -> set[int]:
-    """Return the axes whose drift is explained by their own noise."""
-    return {
-        axis
-        for axis in suspects
-        if explains_wander(spectrum.rows(usable_band(spectrum, axis).used), axis)
-    }
+def _record_warnings(
+    record: Record, timing: Timing, longest: float, reasons: Mapping[int, str]
+) -> Iterator[str]:
+    """Yield what a reader should know of the record: of its stamps, its readings, its rest.
 
-
-def _reading_warnings(record: Record) -> Iterable[str]:
-    """Report properties of the readings: constant rates, codes and ends of the range."""
-    for axis, mean in enumerate(record.mean[:3]):
-        if abs(mean) > _TABLE_RATE:
-            yield (
-                f"{AXES[axis]}: its mean is {mean:.3g} rad/s, a large bias or a turning table; "
-                "a steady rate does not change the noise"
-            )
-    noise = np.zeros(6) if record.rest is None else record.rest.noise()
-    saturated: dict[int, list[tuple[float, float]]] = {}
-    for axis, value, share in record.saturated_axes():
-        saturated.setdefault(axis, []).append((value, share))
-    dead = _dead_axes(record)
-    reasons = _not_analysed(record)
-    for axis, step in enumerate(record.step):
-        if axis in reasons:
-            if axis not in dead:
-                yield f"{AXES[axis]}: {reasons[axis]}; it is not analysed"
-        elif step > 0.0 and noise[axis] < resolution.COARSE * step:
-            yield (f"{AXES[axis]}: the resolution of {step:.3g} hides the noise: upper bounds only")
-        for value, share in saturated.get(axis, ()):
-            yield f"{AXES[axis]}: {100 * share:.2g} % of the samples are {value:g}: saturated"
-
-
-def _warnings(record: Record, longest: float) -> Iterable[str]:
-    timing = record.timing()
+    :param longest: the longest piece [s].
+    :param reasons: by axis why it is not analysed.
+    """
     if timing.filled:
         yield (
             f"{timing.filled} samples lost in short losses were replaced by draws from the noise "
@@ -381,8 +328,22 @@ def _warnings(record: Record, longest: float) -> Iterable[str]:
             f"stamps jitter by {timing.jitter * 1e3:.3f} ms, {100 * share:.0f} % of the interval; "
             "equal intervals are assumed"
         )
-    yield from _reading_warnings(record)
-    for motion in (record.rest.disturbed if record.rest else [])[:5]:
+    for axis, mean in enumerate(record.mean[:3]):
+        if abs(mean) > _TABLE_RATE:
+            yield (
+                f"{AXES[axis]}: its mean is {mean:.3g} rad/s, a large bias or a turning table; "
+                "a steady rate does not change the noise"
+            )
+    noise, saturated, dead = record.rest.noise(), record.saturated_axes(), _dead_axes(record)
+    for axis, step in enumerate(record.steps.step):
+        if axis in reasons:
+            if axis not in dead:
+                yield f"{AXES[axis]}: {reasons[axis]}; it is not analysed"
+        elif step > 0.0 and noise[axis] < _COARSE * step:
+            yield f"{AXES[axis]}: the resolution of {step:.3g} hides the noise: upper bounds only"
+        for _, value, share in (each for each in saturated if each[0] == axis):
+            yield f"{AXES[axis]}: {100 * share:.2g} % of the samples are {value:g}: saturated"
+    for motion in record.rest.disturbed[:5]:
         yield (
             f"disturbance cut out at {motion.begin:.0f} s: {AXES[motion.axis]}, "
             f"{motion.size:.3g} {UNITS[motion.axis // 3]}"
@@ -394,7 +355,17 @@ def _warnings(record: Record, longest: float) -> Iterable[str]:
         )
 
 
-def _band_warnings(bands: Iterable[UsableBand | None], rate: float) -> Iterable[str]:
+def _noise_warnings(
+    bands: Iterable[UsableBand | None],
+    lines: Iterable[Line],
+    doubtful: Iterable[Line],
+    noise: Sequence[AxisNoise | None],
+    rate: float,
+) -> Iterator[str]:
+    """Yield what was left out of the spectrum: a band, vibration, slow sinusoids.
+
+    :param doubtful: slow lines that may be there instead of a term.
+    """
     for axis, band in enumerate(bands):
         if band is None:
             continue
@@ -407,15 +378,6 @@ def _band_warnings(bands: Iterable[UsableBand | None], rate: float) -> Iterable[
             shown = ", ".join(f"{f:.3g}" for f in band.lines[:5])
             yield f"{AXES[axis]}: vibration at {shown} Hz was left out"
 
-
-def _line_warnings(
-    lines: Iterable[Line],
-    doubtful: Iterable[Line],
-    noise: Sequence[AxisNoise | None],
-    rate: float,
-) -> Iterable[str]:
-    """Report the slow lines that were taken out, and those that may be there instead of a term."""
-
     def sinusoid(line: Line) -> str:
         return (
             f"{AXES[line.axis]}: a sinusoid of {line.amplitude:.3g} {UNITS[line.axis // 3]} with a "
@@ -427,5 +389,7 @@ def _line_warnings(
     for line in doubtful:
         own = noise[line.axis]
         if own is not None and own.withheld:
-            words = " and ".join(name_of(key) for key in own.withheld)
+            words = " and ".join(
+                QUANTITIES[TRIADS[line.axis // 3], key].text for key in own.withheld
+            )
             yield f"{sinusoid(line)} explains the record as well as {words}: only bounded"

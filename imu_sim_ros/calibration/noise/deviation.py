@@ -3,129 +3,12 @@
 
 """Overlapping Allan deviation of records of any length, in bounded memory."""
 
+from collections import defaultdict
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.calibration.noise.estimate import axis_data, standard_design
-from imu_sim_ros.calibration.noise.likelihood import fit
-from imu_sim_ros.calibration.noise.spectrum import Spectrum
-from imu_sim_ros.types import Array, Integers, Mask
-
-_NEIGHBOURS: Final = 21
-_FALSE_ALARM: Final = 1e-10
-"""Probability (of chi-square) that a row of noise is taken for a peak."""
-_MIN_CLUSTERS: Final = 8
-"""Coefficients in a row below which it is not judged: the median of such rows is not a level."""
-_CHANCE: Final = 6.0
-"""Standard deviations by which a misfit may exceed its expectation."""
-_GROUP: Final = 20
-"""Rows that are judged together as well: a filter's slope is small in each and alike in all."""
-_STEPS: Final = 14
-_STEP: Final = float(np.sqrt(0.5))
-_MARGIN: Final = 0.5
-"""Share of the band that is used if the model fails above it.
-
-What the model's failure can hide in the statistical error falls with the square of the frequency at
-least (a first-order filter), the statistical error itself grows with the root only.
-"""
-_IMPROBABLE: Final = 1e-9
-"""Probability of a row below which it is not noise of the fitted model."""
-
-
-class UsableBand(NamedTuple):
-    """Rows of a spectrum that are used for one axis."""
-
-    used: Mask
-    """(m,)"""
-    limit: float
-    """Highest frequency used [Hz]; the Nyquist frequency if nothing is wrong."""
-    lines: tuple[float, ...]
-    """Frequencies of narrow peaks that were left out [Hz]: vibration, mains, fans."""
-
-
-def usable_band(spectrum: Spectrum, axis: int) -> UsableBand:
-    """Find narrow peaks, and the frequency above which the sensor's own filter shapes the noise.
-
-    A real sensor's low-pass filter ends the white noise below the Nyquist frequency, where most of
-    the samples' information seems to be. From the Nyquist frequency down, half an octave at a time,
-    the first limit is taken below which quantisation, white noise, flicker and walk describe the
-    data to their statistical error; and if it is not the Nyquist frequency, half of it.
-    """
-    nyquist = 0.5 / spectrum.sample_interval
-    high = np.isinf(spectrum.duration)
-    peaks = high & _peaks(spectrum.power[:, axis], spectrum.freedom, high)
-    limit = nyquist
-    for _ in range(_STEPS):
-        used = ~peaks & (spectrum.frequency <= limit)
-        if _describes(spectrum.rows(used), axis):
-            break
-        limit *= _STEP
-    if limit < nyquist:
-        limit *= _MARGIN
-    frequencies = tuple(float(f) for f in spectrum.frequency[peaks & (spectrum.frequency <= limit)])
-    return UsableBand(~peaks & (spectrum.frequency <= limit), limit, frequencies)
-
-
-def _peaks(power: Array, freedom: Array, high: Mask) -> Mask:
-    """Return the rows that stand far above the median of their neighbours."""
-    from scipy.special import gammainccinv
-
-    result = np.zeros(len(power), dtype=bool)
-    if np.count_nonzero(high) < _NEIGHBOURS:
-        return result
-    half = _NEIGHBOURS // 2
-    padded = np.pad(power[high], half, mode="reflect")
-    middle = np.median(np.lib.stride_tricks.sliding_window_view(padded, _NEIGHBOURS), axis=1)
-    half_freedom = 0.5 * freedom[high]
-    unlikely = gammainccinv(half_freedom, _FALSE_ALARM) / half_freedom
-    result[high] = (power[high] > middle * (0.1 + unlikely)) & (freedom[high] >= _MIN_CLUSTERS)
-    return result
-
-
-def _describes(spectrum: Spectrum, axis: int) -> bool:
-    """Return whether the full model fits the high part within chance, by rows and by groups."""
-    expected = fit(axis_data(spectrum, axis), standard_design(spectrum)).expected[0]
-    high = np.isinf(spectrum.duration)
-    ratio = spectrum.power[high, axis] / expected[high] - 1.0
-    freedom = spectrum.freedom[high]
-    return _by_chance(ratio, freedom) and _by_chance(*_grouped(ratio, freedom))
-
-
-def _grouped(ratio: Array, freedom: Array) -> tuple[Array, Array]:
-    starts = np.arange(0, len(ratio), _GROUP)
-    total = np.add.reduceat(freedom, starts) if len(ratio) else freedom
-    sums = np.add.reduceat(ratio * freedom, starts) if len(ratio) else ratio
-    return sums / total, total
-
-
-def _by_chance(ratio: Array, freedom: Array) -> bool:
-    """Return whether relative misfits are no larger than those of means of so many squares."""
-    if len(ratio) == 0:
-        return True
-    # The variance of the square of a mean of nu squares, 8 / nu^2 for many, is larger for few.
-    spread = np.sqrt(np.sum(2.0 + 12.0 / freedom) / len(ratio) ** 2)
-    return bool(np.mean(ratio**2 * 0.5 * freedom) - 1.0 < _CHANCE * spread)
-
-
-def explains_wander(spectrum: Spectrum, axis: int) -> bool:
-    """Return whether an axis' behaviour below 1 Hz is the noise of the fitted model.
-
-    Every row then is a mean of squares around its expectation: a body that moves makes lines, or
-    a hump that no sum of white noise, flicker, walk and ramp follows.
-    """
-    from scipy.special import gammaincc
-
-    data, design = axis_data(spectrum, axis), standard_design(spectrum)
-    best = fit(data, design, trend=True)
-    single = data.amplitude != 0.0
-    left = (data.amplitude - best.slope[0] * data.trend) ** 2
-    ratio = np.where(single, left, data.power) / best.expected[0]
-    slow = spectrum.frequency < 1.0
-    ratio, freedom = ratio[slow], data.freedom[slow]
-    improbable = gammaincc(0.5 * freedom, 0.5 * freedom * ratio) < _IMPROBABLE
-    return bool(not improbable.any() and _by_chance(ratio - 1.0, freedom))
-
+from imu_sim_ros.types import Array, Integers
 
 _CHUNK: Final = 1 << 13
 """Terms handled at once: they stay in the processor's cache, and BLAS starts no threads."""
@@ -172,26 +55,15 @@ def cluster_sizes(samples: int, per_decade: int = 17) -> Integers:
     return np.unique(size[size <= largest])
 
 
-def _deviation(total: Array, tau: float, terms: int) -> Array:
-    return np.sqrt(total / (2.0 * tau**2 * terms))
-
-
-def _second_differences(x: Array, m: int, first: int = 0) -> tuple[Array, int]:
-    """Return the sums (axes,) of squared second differences at lag m and their number.
+def _sum_of_squares(x: Array, m: int, begin: int, end: int) -> Array:
+    """Return the sums (axes,) of squared second differences ``x[j] - 2 x[j + m] + x[j + 2 m]``.
 
     :param x: (axes, n) phases.
-    :param first: index in x of the first end point ``j + 2m`` that counts.
+    :param begin: the first j.
+    :param end: after the last j.
     """
-    begin = max(first - 2 * m, 0)
-    end = x.shape[1] - 2 * m
     total = np.zeros(len(x))
-    _add_squares(total, x, m, begin, end)
-    return total, max(end - begin, 0)
-
-
-def _add_squares(total: Array, x: Array, m: int, begin: int, end: int) -> None:
-    """Add the squares of the second differences with ``begin <= j < end`` to total (axes,)."""
-    buffer = np.empty((len(x), min(_CHUNK, max(end - begin, 0))))
+    buffer = np.empty((len(x), min(_CHUNK, end - begin)))
     for j in range(begin, end, _CHUNK):
         stop = min(j + _CHUNK, end)
         d = buffer[:, : stop - j]
@@ -200,6 +72,7 @@ def _add_squares(total: Array, x: Array, m: int, begin: int, end: int) -> None:
         np.subtract(d, middle, out=d)
         np.add(d, x[:, j:stop], out=d)
         total += [np.dot(row, row) for row in d]
+    return total
 
 
 class DeviationAccumulator:
@@ -214,64 +87,56 @@ class DeviationAccumulator:
         """Set up for a record of some axes at a rate [Hz]."""
         self._rate = rate
         self._axes = axes
-        self._totals: dict[int, Array] = {}
-        self._terms: dict[int, int] = {}
+        self._totals: defaultdict[int, Array] = defaultdict(lambda: np.zeros(axes))
+        """By the size of the clusters."""
+        self._terms: defaultdict[int, int] = defaultdict(int)
         self._longest = 0
         self._short = [int(m) for m in cluster_sizes(3 * _SHORT)]
         self._stored = np.empty((axes, _PHASES + _CHUNK + _PADDING))
-        self._begin()
-
-    def _begin(self) -> None:
         self._count = 0
-        self._offset: Array | None = None
-        self._stride = 1
-        self._tail = np.zeros((self._axes, 1))
-        self._stored[:, 0] = 0.0
-        self._stored_count = 1
+        """Samples of the piece so far."""
 
     def add(self, y: Array) -> None:
         """Take the next readings (n, axes) of the piece."""
         for first in range(0, len(y), _CHUNK):
-            self._add(np.ascontiguousarray(y[first : first + _CHUNK].T))
-
-    def _add(self, y: Array) -> None:
-        if self._offset is None:  # the phase must not grow with a constant such as gravity
-            self._offset = y.mean(axis=1, keepdims=True)
-        phase = np.cumsum(y - self._offset, axis=1) / self._rate + self._tail[:, -1:]
-        window = np.concatenate([self._tail, phase], axis=1)
-        for m in self._short:
-            self._note(m, *_second_differences(window, m, self._tail.shape[1]))
-        self._tail = window[:, -2 * _SHORT :].copy()
-        self._store(phase)
-        self._count += y.shape[1]
-
-    def _note(self, m: int, total: Array, terms: int) -> None:
-        if terms > 0:
-            self._totals[m] = self._totals.get(m, np.zeros(self._axes)) + total
-            self._terms[m] = self._terms.get(m, 0) + terms
-
-    def _store(self, phase: Array) -> None:
-        skip = -(self._count + 1) % self._stride
-        kept = phase[:, skip :: self._stride]
-        end = self._stored_count + kept.shape[1]
-        self._stored[:, self._stored_count : end] = kept
-        if end > _PHASES:
-            thinned = self._stored[:, :end:2].copy()
-            end = thinned.shape[1]
-            self._stored[:, :end] = thinned
-            self._stride *= 2
-        self._stored_count = end
+            part = np.ascontiguousarray(y[first : first + _CHUNK].T)
+            if not self._count:
+                # The phase must not grow with a constant such as gravity.
+                self._offset = part.mean(axis=1, keepdims=True)
+                self._tail = np.zeros((self._axes, 1))
+                self._stride = self._stored_count = 1
+                self._stored[:, 0] = 0.0
+            phase = np.cumsum(part - self._offset, axis=1) / self._rate + self._tail[:, -1:]
+            window = np.concatenate([self._tail, phase], axis=1)
+            for m in self._short:
+                begin = max(self._tail.shape[1] - 2 * m, 0)
+                terms = window.shape[1] - 2 * m - begin
+                if terms > 0:
+                    self._totals[m] += _sum_of_squares(window, m, begin, begin + terms)
+                    self._terms[m] += terms
+            self._tail = window[:, -2 * _SHORT :].copy()
+            skip = -(self._count + 1) % self._stride
+            kept = phase[:, skip :: self._stride]
+            end = self._stored_count + kept.shape[1]
+            self._stored[:, self._stored_count : end] = kept
+            if end > _PHASES:
+                thinned = self._stored[:, :end:2].copy()
+                end = thinned.shape[1]
+                self._stored[:, :end] = thinned
+                self._stride *= 2
+            self._stored_count = end
+            self._count += part.shape[1]
 
     def end_piece(self) -> None:
         """Close the piece: what follows is not connected to it."""
         for size in cluster_sizes(self._count).tolist():
             if size > self._short[-1]:
-                m, total = size // self._stride, np.zeros(self._axes)
-                terms = max(self._stored_count - 2 * m, 0)
-                _add_squares(total, self._stored, m, 0, terms)
-                self._note(size, total, terms)
+                m = size // self._stride
+                terms = self._stored_count - 2 * m
+                self._totals[size] += _sum_of_squares(self._stored, m, 0, terms)
+                self._terms[size] += terms
         self._longest = max(self._longest, self._count)
-        self._begin()
+        self._count = 0
 
     def result(self) -> Deviation:
         """Return the deviation at all sizes up to a third of the longest piece."""

@@ -8,9 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.calibration.noise.estimate import AxisNoise, Estimate, axis_data, standard_design
-from imu_sim_ros.calibration.noise.intervals import intervals
-from imu_sim_ros.calibration.noise.likelihood import Data, Fits, fit, profile_interval
+from imu_sim_ros.calibration.noise.estimate import AxisNoise, Estimate, data_and_design
+from imu_sim_ros.calibration.noise.likelihood import Data, Fits, fit, intervals, profile_interval
 from imu_sim_ros.calibration.noise.spectrum import Spectrum
 from imu_sim_ros.calibration.noise.terms import TERMS, WHITE, gauss_markov_expectation
 from imu_sim_ros.types import Array
@@ -32,7 +31,7 @@ def estimate_gauss_markov(spectrum: Spectrum, axis: int) -> AxisNoise:
 
     :param axis: column of ``spectrum.power``.
     """
-    data = axis_data(spectrum, axis)
+    data, standard = data_and_design(spectrum, axis)
     white = WHITE.expectation(spectrum)
     duration = float(np.max(spectrum.duration[np.isfinite(spectrum.duration)]))
     low, high = np.log(10.0 * spectrum.sample_interval), np.log(duration)
@@ -45,7 +44,7 @@ def estimate_gauss_markov(spectrum: Spectrum, axis: int) -> AxisNoise:
     log_time = _minimum(lambda x: held(x).lowest, low, high, _GRID)
     best = held(log_time)
     process = gauss_markov_expectation(spectrum, float(np.exp(log_time)))
-    estimates = _standard_terms(spectrum, data, process)
+    estimates = _standard_terms(data, standard, white, process)
     sigma = float(np.sqrt(best.components[0, 1]))
     visible = fit(data, white[:, None]).lowest - best.lowest > _EVIDENCE
 
@@ -63,12 +62,12 @@ def estimate_gauss_markov(spectrum: Spectrum, axis: int) -> AxisNoise:
     return AxisNoise(estimates, (WHITE.key, SIGMA, CORRELATION_TIME), best.expected[0])
 
 
-def _standard_terms(spectrum: Spectrum, data: Data, process: Array) -> dict[str, Estimate]:
+def _standard_terms(
+    data: Data, standard: Array, white: Array, process: Array
+) -> dict[str, Estimate]:
     """Return the white noise, and bounds for the terms that the model lacks."""
-    white = WHITE.expectation(spectrum)
     (noise, _), _ = intervals(data, np.column_stack([white, process]), trend=False)
-    design = np.column_stack([standard_design(spectrum), process])
-    others, _ = intervals(data, design, trend=False)
+    others, _ = intervals(data, np.column_stack([standard, process]), trend=False)
     bounds = zip(TERMS, others, strict=False)
     estimates = {term.key: Estimate(None, 0.0, found.high) for term, found in bounds}
     estimates[WHITE.key] = Estimate(noise.value, noise.low, noise.high)

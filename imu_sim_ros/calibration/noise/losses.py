@@ -61,7 +61,9 @@ class LossFiller:
         """Return readings (n, axes), some of them not NaN, with draws in place of NaN."""
         lost = np.isnan(y[:, 0])
         self.seen += len(y)
-        self._note_level(y[~lost], len(y))
+        mean = y[~lost].mean(axis=0)
+        level = mean if self._level is None else self._level
+        self._level = level + (mean - level) * len(y) / self.seen
         if not lost.any():
             return y
         self.samples += int(np.count_nonzero(lost))
@@ -76,13 +78,6 @@ class LossFiller:
         added = own.plus(filled)
         self._squares, self._counts, self._logs = added.squares, added.counts, added.logs
         return filled
-
-    def _note_level(self, y: Array, count: int) -> None:
-        mean = y.mean(axis=0)
-        if self._level is None:
-            self._level = mean
-        else:
-            self._level = self._level + (mean - self._level) * count / self.seen
 
     def _drawn(self, y: Array, missing: Integers, variance: Array) -> Array:
         """Return draws (m, axes) for the lost samples.

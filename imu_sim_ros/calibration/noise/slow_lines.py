@@ -191,14 +191,12 @@ class _Search:
         """
         w = 2.0 * np.pi * periods / self._n
         k = np.pi * self._order[rows, None] / self._n
-        return (self._sum(w + k) + self._sum(w - k)) / np.sqrt(2.0 * self._n)
-
-    def _sum(self, angle: Array) -> Waves:
-        """Return ``sum_j exp(i angle (j + 1/2))`` for j from 0 to n - 1."""
-        half = 0.5 * angle
+        half = 0.5 * np.stack([w + k, w - k])
+        # sum_j exp(2 i half (j + 1/2)) for j from 0 to n - 1
         flat = np.abs(half) < 1e-12
         kernel = np.where(flat, self._n, np.sin(self._n * half) / np.sin(np.where(flat, 1.0, half)))
-        return kernel * np.exp(1j * self._n * half)
+        one, other = kernel * np.exp(1j * self._n * half)
+        return np.asarray((one + other) / np.sqrt(2.0 * self._n))
 
     def _noise(self, left: Array, guess: Array) -> _Fit:
         """Return the noise of coefficients (m,) in which nothing else is.
@@ -209,7 +207,9 @@ class _Search:
         found = fit_many(self._data(left), self._design, free, slope=level, guess=guess[None])
         rows = found.expected[0]
         nothing = np.empty(0)
-        return _Fit(found.lowest, rows, np.repeat(rows, self._sizes), nothing, nothing, left)
+        return _Fit(
+            float(found.objective[0]), rows, np.repeat(rows, self._sizes), nothing, nothing, left
+        )
 
     def _data(self, left: Array) -> Data:
         power = np.add.reduceat(left**2, self._starts) / self._sizes
@@ -225,7 +225,12 @@ class _Search:
         best = self._with_lines(periods, start)
         for _ in range(_ALTERNATIONS):
             if len(periods):
-                periods = np.clip(best.periods + self._step(best), nearest, furthest)
+                # By how much the frequencies are off, to first order.
+                root = np.sqrt(best.variance)
+                columns = self._tangent(best, _ALL) / root[:, None]
+                step = _solved(columns, best.left / root)[-len(periods) :]
+                step = np.clip(step, -_SPACING, _SPACING)
+                periods = np.clip(best.periods + step, nearest, furthest)
                 periods = np.maximum(periods, _SLOWEST)
             found = self._with_lines(periods, best)
             gain = best.objective - found.objective
@@ -246,13 +251,6 @@ class _Search:
         _, cosines, sines = np.split(sizes, [1, 1 + len(periods)])
         found = self._noise(self._y - columns @ sizes, before.rows)
         return found._replace(periods=periods, parts=cosines + 1j * sines)
-
-    def _step(self, found: _Fit) -> Array:
-        """Return by how much the frequencies of the lines are off, to first order."""
-        root = np.sqrt(found.variance)
-        columns = self._tangent(found, _ALL) / root[:, None]
-        step = _solved(columns, found.left / root)[-len(found.periods) :]
-        return np.clip(step, -_SPACING, _SPACING)
 
     def _tangent(self, found: _Fit, rows: slice) -> Array:
         """Return the derivatives (m, p) by the sizes of ramp and lines, and by the frequencies."""

@@ -57,7 +57,7 @@ class Spectrum(NamedTuple):
 
     def rows(self, chosen: Mask) -> "Spectrum":
         """Return some of the rows."""
-        return concatenate([self], chosen)
+        return Spectrum._make([*(column[chosen] for column in self[:-1]), self.sample_interval])
 
     def around(self, lines: Iterable[Line]) -> Mask:
         """Return the single coefficients (m,) whose power went into the lines that were taken out.
@@ -132,12 +132,11 @@ class SpectrumAccumulator:
         """Those that may be there or not; they were left in."""
         self._segment = np.empty((axes, _SEGMENT))
         self._workspace = np.empty((axes, _SEGMENT))
-        self._begin()
-
-    def _begin(self) -> None:
         self._filled = 0
         self._offset: Array | None = None
+        """(axes, 1) mean of the piece's first segment."""
         self._clusters: list[Array] = []
+        """Averages of the piece so far."""
 
     def add(self, y: Array) -> None:
         """Take the next readings (n, axes) of the piece."""
@@ -154,8 +153,15 @@ class SpectrumAccumulator:
         """Close the piece: what follows is not connected to it."""
         self._flush()
         if self._clusters:
-            self._end_low_part(np.concatenate(self._clusters, axis=1))
-        self._begin()
+            found = find_lines(np.concatenate(self._clusters, axis=1), _SPLIT * CLUSTER)
+            for known, new in ((self.lines, found.lines), (self.doubtful, found.doubtful)):
+                known += [line._replace(frequency=line.frequency / CLUSTER) for line in new]
+            low = self._low_part(found.values)
+            self._low.append(low)
+            self._low_without_doubtful.append(
+                self._low_part(found.without_doubtful) if found.doubtful else low
+            )
+        self._offset, self._clusters = None, []
 
     def _flush(self) -> None:
         """Transform the samples of the segment, add them to the bins, and keep their averages."""
@@ -197,24 +203,22 @@ class SpectrumAccumulator:
         log_frequency: Array = np.bincount(bins, weights=logs, minlength=size).astype(np.float64)
         return _Bins(first, last, starts, bins[starts], freedom, log_frequency)
 
-    def _end_low_part(self, clusters: Array) -> None:
-        found = find_lines(clusters, _SPLIT * CLUSTER)
-        for known, new in ((self.lines, found.lines), (self.doubtful, found.doubtful)):
-            known += [line._replace(frequency=line.frequency / CLUSTER) for line in new]
-        self._low.append(self._low_part(found.values))
-        self._low_without_doubtful.append(
-            self._low_part(found.without_doubtful) if found.doubtful else self._low[-1]
-        )
-
     def _low_part(self, clusters: Array) -> Spectrum:
+        """Return the rows of a piece below the split, from its averages (axes, n).
+
+        The first coefficients are rows of their own, the others are in log-spaced bins.
+        """
         n = clusters.shape[1]
         interval = CLUSTER * self._dt
         last = int(np.ceil(2.0 * n * _SPLIT * CLUSTER))  # the first coefficient at the split
         centred = clusters - clusters.mean(axis=1, keepdims=True)
         amplitude = self._dct(centred)[:, 1:last].T * np.sqrt(interval)
         order = np.arange(1, last)
-        single = min(_SINGLE, last - 1)
-        edges = _single_then_bins(order, single)
+        edges = np.arange(min(_SINGLE, len(order)))
+        if len(order) > _SINGLE:
+            count = int(np.ceil(np.log(len(order) / _SINGLE) / _WIDTH)) + 1
+            bins = np.geomspace(_SINGLE, len(order), count).astype(np.int64)
+            edges = np.unique(np.concatenate([edges, bins[bins < len(order)]]))
         freedom = np.diff(np.append(edges, len(order))).astype(np.float64)
         power = self._sums_of_squares(amplitude.T.copy(), edges).T / freedom[:, None]
         mean_order = np.exp(np.add.reduceat(np.log(order), edges) / freedom)
@@ -249,22 +253,6 @@ class SpectrumAccumulator:
             np.zeros((len(freedom), self._axes)),
             self._dt,
         )
-        return concatenate([*(self._low if doubtful else self._low_without_doubtful), high])
-
-
-def concatenate(parts: list[Spectrum], chosen: Mask | None = None) -> Spectrum:
-    """Return the rows of several spectra of one sensor as one, or those of them that are chosen."""
-    columns = zip(*(part[:-1] for part in parts), strict=True)
-    arrays = [np.concatenate(column) for column in columns]
-    if chosen is not None:
-        arrays = [array[chosen] for array in arrays]
-    return Spectrum._make([*arrays, parts[0].sample_interval])
-
-
-def _single_then_bins(order: Integers, single: int) -> Integers:
-    """Return where rows start: at each of the first coefficients, then at log-spaced ones."""
-    if len(order) <= single:
-        return np.arange(len(order))
-    count = int(np.ceil(np.log(len(order) / single) / _WIDTH)) + 1
-    bins = np.geomspace(single, len(order), count).astype(np.int64)
-    return np.unique(np.concatenate([np.arange(single), bins[bins < len(order)]]))
+        parts = [*(self._low if doubtful else self._low_without_doubtful), high]
+        columns = zip(*(part[:-1] for part in parts), strict=True)
+        return Spectrum._make([*map(np.concatenate, columns), self._dt])

@@ -53,18 +53,11 @@ _UNITS: Final = {
     ("accelerometer", "gauss_markov_sigma"): ("m/s^2", "mg", _MILLI_G),
     ("accelerometer", "correlation_time"): ("s", "s", 1.0),
 }
-KEYS: Final = tuple(_TEXTS)
-
-
-def quantity(triad: str, key: str) -> QuantityFormat:
-    """Return how a parameter of ``gyroscope`` or ``accelerometer`` is shown."""
-    unit, field_unit, factor = _UNITS[(triad, key)]
-    return QuantityFormat(*_TEXTS[key], unit, field_unit, float(factor))
-
-
-def name_of(key: str) -> str:
-    """Return a parameter in words."""
-    return _TEXTS[key][1]
+QUANTITIES: Final = {
+    (triad, key): QuantityFormat(*_TEXTS[key], unit, field_unit, float(factor))
+    for (triad, key), (unit, field_unit, factor) in _UNITS.items()
+}
+"""How a parameter of ``gyroscope`` or ``accelerometer`` is shown."""
 
 
 FLICKER_FLOOR: Final = float(np.sqrt(2.0 * np.log(2.0) / np.pi))
@@ -76,10 +69,6 @@ class Term(NamedTuple):
 
     key: str
     """Name in results."""
-    symbol: str
-    text: str
-    power: float
-    """Unit is the reading's times s to this power."""
     expectation: Callable[[Spectrum], Array]
     """(m,) expected row of the spectrum for a coefficient of 1."""
     deviation: Callable[[Array], Array]
@@ -153,21 +142,10 @@ def gauss_markov_deviation(tau: Array, correlation_time: float) -> Array:
     return np.sqrt(np.where(small, 2.0 * x / 3.0, exact))
 
 
-WHITE: Final = Term(
-    "noise_density", "N", "white noise", 0.5, _white, lambda tau: 1.0 / np.sqrt(tau)
-)
-FLICKER: Final = Term(
-    "bias_instability",
-    "B",
-    "bias instability",
-    0.0,
-    _flicker,
-    lambda tau: np.full(len(tau), FLICKER_FLOOR),
-)
-WALK: Final = Term("random_walk", "K", "random walk", -0.5, _walk, lambda tau: np.sqrt(tau / 3.0))
-QUANTISATION: Final = Term(
-    "quantisation", "Q", "quantisation", 1.0, _quantisation, lambda tau: np.sqrt(3.0) / tau
-)
+WHITE: Final = Term("noise_density", _white, lambda tau: 1.0 / np.sqrt(tau))
+FLICKER: Final = Term("bias_instability", _flicker, lambda tau: np.full(len(tau), FLICKER_FLOOR))
+WALK: Final = Term("random_walk", _walk, lambda tau: np.sqrt(tau / 3.0))
+QUANTISATION: Final = Term("quantisation", _quantisation, lambda tau: np.sqrt(3.0) / tau)
 TERMS: Final = (QUANTISATION, WHITE, FLICKER, WALK)
 """The terms that are random, by growing cluster time; the ramp is a trend and handled as one."""
 
