@@ -98,7 +98,7 @@ def rig_values(
 
 def _start(body: Body) -> InitialMotion:
     """Return the true motion at the start of a flight, every 10 ms."""
-    length = min(body.position / body.rate, _START)
+    length = min(body.taken(body.rate) / body.rate, _START)
     t = np.arange(0.0, max(length, 2.0 * _EVERY), _EVERY)
     motion = body.trajectory.sample(np.minimum(t, body.trajectory.duration))
     force = motion.acceleration - np.asarray(body.parameters.gravity)

@@ -131,7 +131,8 @@ def blocks(
     """
     body = _body(imu, trajectory, duration, rate, seed, params_file, sensors, parameters)
     _warn(body)
-    return (_block(read) for read in body.windows(block_size))
+    size = arguments.block_size("block_size", block_size)
+    return (_block(read) for read in body.windows(size))
 
 
 def _warn(body: Body) -> None:

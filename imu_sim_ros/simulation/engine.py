@@ -23,7 +23,7 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, Final
 
-from imu_sim_ros import arguments, timebase
+from imu_sim_ros import timebase
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.parameters.sections import flatten
@@ -47,8 +47,6 @@ if TYPE_CHECKING:
 
 BLOCK_SIZE: Final = 8192
 """Large enough that Python's part is small, small enough for a processor's cache."""
-_SAME_PLACE: Final = 1e-6
-"""[deg]"""
 DEFAULT_START_NS: Final = timebase.NANOSECONDS_PER_SECOND
 
 
@@ -80,9 +78,17 @@ class Body:
         if trajectory is None:
             trajectory = build_trajectory(parameters.trajectory, pose_reader)
         self.trajectory = trajectory
+        self._recorded: RecordedMotion | None = None
+        if isinstance(parameters.trajectory, PosesParameters):
+            from imu_sim_ros.trajectory.recorded import recorded_in  # only this needs splines
+
+            self._recorded = recorded_in(trajectory)
         if t0_ns is None:
-            start = parameters.start_time
-            t0_ns = timebase.to_nanoseconds(start) if start >= 0.0 else self._usual_start()
+            t0_ns = DEFAULT_START_NS
+            if parameters.start_time >= 0.0:
+                t0_ns = timebase.to_nanoseconds(parameters.start_time)
+            elif self._recorded is not None and self._recorded.t0_ns >= 0:
+                t0_ns = self._recorded.t0_ns  # a header's seconds are unsigned
         self.t0_ns = t0_ns
         longest = trajectory.duration
         duration = parameters.duration or longest
@@ -101,11 +107,6 @@ class Body:
             self.total = timebase.sample_count(duration, self.rate)
         self.reset()
 
-    def _usual_start(self) -> int:
-        recorded = self._recorded()
-        # A header's seconds are unsigned: poses before zero have no stamp there.
-        return recorded.t0_ns if recorded and recorded.t0_ns >= 0 else DEFAULT_START_NS
-
     def warnings(self, elsewhere: bool = False) -> list[str]:
         """Return warnings on settings that are allowed but may be unintended, a line each.
 
@@ -117,46 +118,34 @@ class Body:
         from imu_sim_ros.trajectory.build import implausible
         from imu_sim_ros.trajectory.given import suspicions
 
-        recorded = self._recorded()
-        of_poses = recorded.warnings if recorded is not None else []
-        duration = self.parameters.duration or self.trajectory.duration
-        every = imus(self.parameters).values()
-        lines = [line for one in every for line in one.warnings()] + of_poses + self._of_place()
-        for name, one in mounted(self.parameters).items():
+        p = self.parameters
+        duration = p.duration or self.trajectory.duration
+        every = imus(p).values()
+        lines = [line for one in every for line in one.warnings()]
+        if self._recorded is not None:
+            lines += self._recorded.warnings
+        if isinstance(p.trajectory, DriveParameters):
+            from imu_sim_ros.trajectory.drive import elsewhere_on_earth  # most motions are none
+
+            lines += elsewhere_on_earth(self.trajectory, p.latitude_deg, p.longitude_deg)
+        for name, one in mounted(p).items():
             if name in self._models and not (elsewhere and one.sensor.apart):
                 lines += one.sensor.warnings(one, self.world, duration)
         for one in every:
             ranges = one.imu.gyroscope.range, one.imu.accelerometer.range
             lines += implausible(self.trajectory, *ranges, one.gravity, duration, one.rate)
-        if self.parameters.trajectory.type == GIVEN:
+        if p.trajectory.type == GIVEN:
             lines += suspicions(self.trajectory, duration, self.rate)
         return list(dict.fromkeys(lines))
-
-    def _of_place(self) -> list[str]:
-        """Return a line if the world's origin on the Earth is not that of a route."""
-        p, route = self.parameters, None
-        if isinstance(p.trajectory, DriveParameters):
-            from imu_sim_ros.trajectory.drive import route_in
-
-            route = route_in(self.trajectory)
-        if route is None or route.origin is None:
-            return []
-        latitude, longitude = route.origin
-        if abs(latitude - p.latitude_deg) + abs(longitude - p.longitude_deg) < _SAME_PLACE:
-            return []
-        return [
-            f"the route's origin is at {latitude:.7f}, {longitude:.7f} deg, the world's at "
-            f"{p.latitude_deg:.7f}, {p.longitude_deg:.7f}: fixes are on the route with "
-            f"latitude_deg={latitude:.7f} and longitude_deg={longitude:.7f}"
-        ]
 
     def notes(self, elsewhere: bool = False) -> list[str]:
         """Return what was made of recorded poses and for sensors, and how large a place is.
 
         :param elsewhere: as in :meth:`warnings`.
         """
-        recorded = self._recorded()
-        lines = recorded.repairs + recorded.report.lines() if recorded is not None else []
+        recorded, lines = self._recorded, list[str]()
+        if recorded is not None:
+            lines += recorded.repairs + recorded.report.lines()
         for one in mounted(self.parameters).values():
             lines += one.sensor.notes(one)
         note = self.note_of_scene(elsewhere)
@@ -170,14 +159,6 @@ class Body:
         sensors = [mounted(self.parameters)[name].sensor for name in self._models]
         seen = any(one.sees and not (elsewhere and one.apart) for one in sensors)
         return self.world.scene.note if seen else ""
-
-    def _recorded(self) -> "RecordedMotion | None":
-        """Return the recorded motion, if there is one; only then the splines are imported."""
-        if not isinstance(self.parameters.trajectory, PosesParameters):
-            return None
-        from imu_sim_ros.trajectory.recorded import recorded_in
-
-        return recorded_in(self.trajectory)
 
     def reset(self) -> None:
         """Go back to the first sample: the same samples follow again."""
@@ -274,11 +255,6 @@ class Body:
                 times[of_imu] = int(t_ns[0])
         return times
 
-    @property
-    def position(self) -> int:
-        """How many samples of the fastest IMU have been read."""
-        return self.taken(self.rate)
-
     def taken(self, rate: float) -> int:
         """Return how many samples at a rate [Hz] have been read."""
         return math.ceil(self._now * timebase.exact_rate(rate))
@@ -301,26 +277,17 @@ class Body:
 
         There are fewer at the end of the run, and none after it.
         """
-        return self.until((self.position + count) / timebase.exact_rate(self.rate))
+        return self.until((self.taken(self.rate) + count) / timebase.exact_rate(self.rate))
 
-    def windows(
-        self, block_size: int = BLOCK_SIZE, count: int | None = None
-    ) -> Iterator[dict[str, Any]]:
-        """Yield the samples that are left, window by window.
+    def windows(self, block_size: int = BLOCK_SIZE) -> Iterator[dict[str, Any]]:
+        """Yield the samples that are left, window by window; those of an endless run never end.
 
         :param block_size: intervals of the fastest IMU in a window, at most; windows are shorter if
             the samples of a sensor are large.
-        :param count: largest number of them; otherwise an endless run continues forever.
-        :raises ConfigurationError: for a size that is none, before the first window.
         """
-        return self._windows(arguments.block_size("block_size", block_size), count)
-
-    def _windows(self, block_size: int, count: int | None) -> Iterator[dict[str, Any]]:
-        position, rate = self.position, timebase.exact_rate(self.rate)
-        end = math.inf if count is None else position + count
-        if self.total is not None:
-            end = min(end, self.total)
+        taken, rate = self.taken(self.rate), timebase.exact_rate(self.rate)
+        end = math.inf if self.total is None else self.total
         most = min(block_size, max(self._longest * self.rate, 1.0))
-        while position < end:
-            position += int(min(most, end - position))
-            yield self.until(position / rate)
+        while taken < end:
+            taken += int(min(most, end - taken))
+            yield self.until(taken / rate)

@@ -35,6 +35,8 @@ from imu_sim_ros.types import Array
 _PREFIX: Final = "trajectory."
 _SAME: Final = 1e-3
 """[m] between two waypoints that are one place."""
+_SAME_ORIGIN: Final = 1e-6
+"""[deg]"""
 _RESPONSE_STEPS: Final = 40.0
 """Samples of the suspension in one of its periods."""
 
@@ -130,6 +132,23 @@ def route_in(trajectory: object) -> Route | None:
             return None
         trajectory = trajectory.inner
     return trajectory.route
+
+
+def elsewhere_on_earth(
+    trajectory: Trajectory, latitude_deg: float, longitude_deg: float
+) -> list[str]:
+    """Return a line if the world's origin on the Earth is not that of a drive's route."""
+    route = route_in(trajectory)
+    if route is None or route.origin is None:
+        return []
+    latitude, longitude = route.origin
+    if abs(latitude - latitude_deg) + abs(longitude - longitude_deg) < _SAME_ORIGIN:
+        return []
+    return [
+        f"the route's origin is at {latitude:.7f}, {longitude:.7f} deg, the world's at "
+        f"{latitude_deg:.7f}, {longitude_deg:.7f}: fixes are on the route with "
+        f"latitude_deg={latitude:.7f} and longitude_deg={longitude:.7f}"
+    ]
 
 
 def _waypoints(p: DriveParameters) -> tuple[Route, Visits | None]:

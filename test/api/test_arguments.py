@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros.simulation.engine import Body
 
 NAN = float("nan")
 
@@ -50,7 +49,7 @@ def test_the_memory_of_the_other_sensors_counts(monkeypatch):
 @pytest.mark.parametrize("size", [0, -1, 1.5, "8", None, 2**24 + 1])
 def test_every_stream_of_blocks_checks_their_size_before_the_first(flight, size):
     streams = [
-        Body(flight.parameters).windows,
+        lambda n: ims.blocks(duration=1, block_size=n),
         lambda n: ims.camera.tracks(flight, block=n),
     ]
     for stream in streams:

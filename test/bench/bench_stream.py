@@ -15,7 +15,7 @@ from imu_sim_ros.text_tables import print_table
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "simulation"))
 
-from simulation_runs import EVERY_TERM  # the configuration of the tests of bit-identity
+from simulation_runs import EVERY_TERM, first_windows  # those of the tests of bit-identity
 
 GNSS_INS_SIM = 447e3
 """samples/s of gnss-ins-sim, facts.md"""
@@ -46,7 +46,7 @@ def samples_per_second(values: dict[str, object], size: int = BLOCK_SIZE) -> lis
     speeds = []
     for _ in range(REPEATS):
         start = time.process_time()
-        for _ in simulation.windows(size, count):
+        for _ in first_windows(simulation, size, count):
             pass
         speeds.append(count / (time.process_time() - start))
     return sorted(speeds)
@@ -60,10 +60,10 @@ def cells(speeds: list[float]) -> list[str]:
 def growth() -> float:
     """Return by how many MiB ten million samples with every term raise the highest memory."""
     simulation = Body(load_simulation(EVERY_TERM))
-    for _ in simulation.windows(count=200_000):
+    for _ in first_windows(simulation, BLOCK_SIZE, 200_000):
         pass
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    for _ in simulation.windows(count=10_000_000):
+    for _ in first_windows(simulation, BLOCK_SIZE, 10_000_000):
         pass
     return (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024 / MEBIBYTE
 

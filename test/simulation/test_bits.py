@@ -76,7 +76,7 @@ def test_irregular_pieces_are_the_whole() -> None:
     whole = joined(perfect(EVERY_TERM), SAMPLES)
     for part, expected in zip(zip(*pieces, strict=True), whole, strict=True):
         assert np.array_equal(np.concatenate(part), expected)
-    assert run.position == sum(sizes) == SAMPLES
+    assert run.taken(run.rate) == sum(sizes) == SAMPLES
 
 
 def test_another_process_makes_the_same_bits() -> None:
@@ -97,7 +97,7 @@ def test_reset_gives_the_same_samples_again() -> None:
     run = perfect(EVERY_TERM)
     first = joined(run, 700)
     run.reset()
-    assert run.position == 0
+    assert run.taken(run.rate) == 0
     for a, b in zip(first, joined(run, 311), strict=True):
         assert np.array_equal(a, b)
 

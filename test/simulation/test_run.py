@@ -25,7 +25,6 @@ def test_total_and_blocks() -> None:
     assert [len(read["imu"].t_ns) for read in run.windows(1500)] == [1500, 1500, 1000]
     assert len(run.next(10)["imu"].t_ns) == 0
     assert simulation().total is None
-    assert [len(read["imu"].t_ns) for read in simulation().windows(7, count=20)] == [7, 7, 6]
     assert simulation(duration=1.0, rate=0.5).total == 1
 
 
@@ -210,8 +209,8 @@ def test_memory_does_not_grow_with_the_run() -> None:
         peaks = []
         for blocks in (10, 60):
             tracemalloc.reset_peak()
-            for _ in run.windows(1000, 1000 * blocks):
-                pass
+            for _ in range(blocks):
+                run.next(1000)
             peaks.append(tracemalloc.get_traced_memory()[1])
     finally:
         tracemalloc.stop()

@@ -168,7 +168,7 @@ def test_a_faster_magnetometer_ends_with_the_run() -> None:
     run = simulation(values)
     read = magnetic(run, 64, 10**6)
     assert len(read.t_ns) == math.ceil(1.003 * 999.0)
-    assert run.position == 201
+    assert run.taken(run.rate) == 201
 
 
 def test_noise_has_the_stated_density_and_the_units_differ_as_stated() -> None:
