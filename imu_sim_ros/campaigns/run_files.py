@@ -12,12 +12,11 @@ from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.datasets.configurations import imu_values, rig_values
 from imu_sim_ros.datasets.consumers.folder import write_all
-from imu_sim_ros.datasets.forms import opened
-from imu_sim_ros.datasets.topics import resolved, usual_topics
+from imu_sim_ros.datasets.forms import opened, usual_topics
 from imu_sim_ros.parameters import files
 from imu_sim_ros.simulation.parameters import values_of
 from imu_sim_ros.simulation.sensors import mounted
-from imu_sim_ros.simulation.topics import offered
+from imu_sim_ros.simulation.topics import offered, resolved
 
 _BAGS: Final = {"rosbag2": "dataset", "ros1": "dataset.bag", "mcap": "dataset.mcap"}
 

@@ -17,13 +17,13 @@ from imu_sim_ros.datasets.consumers import kalibr
 from imu_sim_ros.datasets.consumers.folder import write_all
 from imu_sim_ros.datasets.consumers.rig import InitialMotion, RigValues, start_warnings
 from imu_sim_ros.datasets.consumers.values import ImuValues
-from imu_sim_ros.datasets.topics import all_tables, resolved
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SimulationParameters, imus
-from imu_sim_ros.simulation.sensors import imus_in
+from imu_sim_ros.simulation.sensors import all_tables, imus_in
+from imu_sim_ros.simulation.topics import resolved
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.camera.rig_parameters import RigParameters

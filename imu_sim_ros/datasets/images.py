@@ -25,7 +25,6 @@ from imu_sim_ros.bags.writer import amount
 from imu_sim_ros.conventions import IMAGE_TOPIC
 from imu_sim_ros.datasets.bodies import add_tables
 from imu_sim_ros.datasets.columns import Tables
-from imu_sim_ros.datasets.topics import Read
 from imu_sim_ros.errors import InputError, system_error
 from imu_sim_ros.sensors.camera.declaration import cameras_in
 from imu_sim_ros.sensors.camera.images.files import png
@@ -37,6 +36,7 @@ from imu_sim_ros.sensors.camera.scene_parameters import check_surfaces
 from imu_sim_ros.sensors.camera.view import View, view_of
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.world import World
+from imu_sim_ros.simulation.topics import Read
 from imu_sim_ros.types import Array, Bytes, Single
 
 EUROC_HEADER: Final = "#timestamp [ns],filename"

@@ -3,6 +3,7 @@
 
 """Next to an output of a simulation: its realised truth, and the folder of configurations."""
 
+import contextlib
 import dataclasses
 import glob
 from collections.abc import Iterator, Mapping
@@ -89,18 +90,23 @@ def new_truths(output: Path, parameters: SimulationParameters) -> dict[Path, str
 
     :raises InputError: if another output of this name has another sensor.
     """
-    result, problems = {}, []
-    texts = {name: _truth_text(one) for name, one in imus(parameters).items()}
+    world = {
+        name: getattr(parameters, name)
+        for name in _WORLD
+        if getattr(parameters, name) != getattr(SimulationParameters, name)
+    }
+    texts = {name: _imu_text(one, world) for name, one in imus(parameters).items()}
     sensors = mounted(parameters)
-    texts |= {name: _sensor_text(parameters, sensors[name]) for name in parameters.each_sensor}
+    texts |= {name: _sensor_text(sensors[name], world) for name in parameters.each_sensor}
+    result, problems = {}, []
     for name, text in texts.items():
         path = _truth(output, name)
-        there = _read(path)
-        if there == text:
-            continue
+        with contextlib.suppress(OSError):
+            if path.is_file() and path.read_bytes() == text.encode():
+                continue
         result[path] = text
         other = next(_siblings(output), None)
-        if there is not None and other is not None:
+        if path.exists() and other is not None:
             problems.append(
                 f"{path}: is the truth of {other}, which has a different sensor or seed; "
                 "give this output another name"
@@ -129,48 +135,29 @@ def _siblings(output: Path) -> Iterator[Path]:
             yield path
 
 
-def _read(path: Path) -> str | None:
-    """Return the text of a file; an empty one if it is none, None if nothing is there."""
-    if not path.exists():
-        return None
-    try:
-        return path.read_text(encoding="utf-8") if path.is_file() else ""
-    except (OSError, UnicodeDecodeError):
-        return ""
+def _sensor_text(one: Mounted, world: Mapping[str, Any]) -> str:
+    """Return a sensor of this run, as ``--params-file`` takes it.
 
-
-def _world(parameters: SimulationParameters) -> dict[str, Any]:
-    """Return what differs from the usual world."""
-    return {
-        name: getattr(parameters, name)
-        for name in _WORLD
-        if getattr(parameters, name) != getattr(SimulationParameters, name)
-    }
-
-
-def _sensor_text(parameters: SimulationParameters, one: Mounted) -> str:
-    """Return a sensor of this run, as ``--params-file`` takes it."""
-    name, own = one.name, one.sensor.realised(one.own, parameters.seed, one.name)
-    values = {f"{name}.{key}": value for key, value in flatten(own).items()}
+    :param world: parameters that differ from those of the usual world.
+    """
+    name, seed = one.name, one.environment.seed
+    own = flatten(one.sensor.realised(one.own, seed, name))
     return files.text(
-        {**_world(parameters), "sensors": (name,), **values},
-        comment=f"The sensor {name} of this run, with the values that seed {parameters.seed} has "
+        {**world, "sensors": (name,), **{f"{name}.{key}": value for key, value in own.items()}},
+        comment=f"The sensor {name} of this run, with the values that seed {seed} has "
         "drawn.\ngenerate --params-file FILE simulates the same unit.",
     )
 
 
-def _truth_text(parameters: SimulationParameters) -> str:
-    """Return the sensor of this run: every constant that its seed drew, in its parameter's place.
+def _imu_text(parameters: SimulationParameters, world: Mapping[str, Any]) -> str:
+    """Return the IMU of this run: every constant that its seed drew, in its parameter's place.
 
     ``calibrate --truth`` and ``allan --truth`` take it, and ``--imu`` for the same unit again.
     """
     imu = dataclasses.replace(realised_imu(parameters.imu, parameters.seed), preset="perfect")
+    own = {f"imu.{key}": value for key, value in flatten(imu).items()}
     return files.text(
-        {
-            "rate": parameters.rate,
-            **_world(parameters),
-            **{f"imu.{k}": v for k, v in flatten(imu).items()},
-        },
+        {"rate": parameters.rate, **world, **own},
         comment=f"The sensor of this run: preset {parameters.imu.preset}, with the turn-on "
         f"biases and scales\nthat seed {parameters.seed} drew in the places of the parameters. "
         "For calibrate --truth and allan --truth;\ngenerate --imu FILE simulates the same unit.",

@@ -26,7 +26,6 @@ from imu_sim_ros.bags.text.writer import EUROC_IMU_HEADER
 from imu_sim_ros.bags.writer import amount
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets.images import ImageFolders, image_name, write_png
-from imu_sim_ros.datasets.topics import Read
 from imu_sim_ros.sensors.camera.declaration import cameras_in
 from imu_sim_ros.sensors.camera.images.vignetting import vignette
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
@@ -35,7 +34,7 @@ from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import World
-from imu_sim_ros.simulation.topics import delivered
+from imu_sim_ros.simulation.topics import Read, delivered
 from imu_sim_ros.types import Array, Times
 
 _POSES: Final = (

@@ -20,7 +20,6 @@ import numpy as np
 from imu_sim_ros.bags.outputs import make_folder, write_bytes
 from imu_sim_ros.bags.text import decimals
 from imu_sim_ros.bags.writer import amount
-from imu_sim_ros.datasets.topics import Read
 from imu_sim_ros.datasets.tracks import Blindness
 from imu_sim_ros.errors import system_error
 from imu_sim_ros.sensors.camera.declaration import cameras_in
@@ -29,6 +28,7 @@ from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import World
+from imu_sim_ros.simulation.topics import Read
 from imu_sim_ros.types import Array
 
 _SECOND: Final = 1e-9

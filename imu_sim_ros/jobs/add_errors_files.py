@@ -19,14 +19,13 @@ from imu_sim_ros.bags.outputs import Outputs
 from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.bags.reader import Bag
 from imu_sim_ros.bags.text import reader as text_reader
-from imu_sim_ros.bags.text.writer import Dataset, dataset_form
-from imu_sim_ros.bags.writer import Writer, check_writer, described, open_writer
+from imu_sim_ros.bags.text.writer import Dataset
+from imu_sim_ros.bags.writer import Writer, described, open_writer
 from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.jobs import convert
 from imu_sim_ros.jobs.add_errors import ROWS_AT_ONCE, layers_of, rate_of, with_rate
 from imu_sim_ros.jobs.add_errors_bag import USUAL, BagErrors, names_in, rate_in, source_of
-from imu_sim_ros.jobs.output import SkipBadRows
 from imu_sim_ros.jobs.writing import (
     Compression,
     DiscardPartial,
@@ -38,6 +37,7 @@ from imu_sim_ros.jobs.writing import (
     ParameterFiles,
     Parameters,
     Rename,
+    SkipBadRows,
     SplitDuration,
     SplitSize,
     Storage,
@@ -153,22 +153,17 @@ def add_errors_to_file(
     """
     path = arguments.path("source", source)
     bag = (storage, compression, split_duration, split_size)
-    form = checked_form(FORMATS, format, *bag, topics, rename)
+    target, form = checked_form(FORMATS, output, format, *bag, topics, rename)
+    if form.dataset not in (None, *FORMATS):
+        raise InputError(f"{target}: {form.dataset} has no readings")
     topic = None if input_topic is None else arguments.text("input_topic", input_topic, "a topic")
     layers = layers_of(imu, seed, params_file, input, parameters, rate)
     read = [path, *parameter_files(params_file), *layers.values()]
-    target, written = outputs(output, force, discard_partial, read)
+    written = outputs(force, discard_partial, read)
     journal = Journal(path, arguments.switch("skip_bad_rows", skip_bad_rows))
     left_out = arguments.words("without", without)
     started = time.perf_counter()
-    if not target.name:  # the files next to it are named after it
-        raise InputError(f"{str(target)!r}: is not a file name")
-    dataset = dataset_form(target, form.dataset, form.of_bag())
-    if dataset is None:
-        check_writer(target, form.storage, form.compression)
-    elif dataset not in FORMATS:
-        raise InputError(f"{target}: {dataset} has no readings")
-    job = _Job(path, target, form, topic, left_out, layers, dataset, written, journal)
+    job = _Job(path, target, form, topic, left_out, layers, written, journal)
     written.add(target, kept=True)
     with written, tempfile.TemporaryDirectory(dir=written.where(target).parent) as folder:
         found, messages = job.run(Path(folder))
@@ -187,7 +182,6 @@ class _Job:
         input_topic: str | None,
         without: Sequence[str],
         layers: Mapping[str, object],
-        dataset: str | None,
         written: Outputs,
         journal: Journal,
     ) -> None:
@@ -195,12 +189,11 @@ class _Job:
 
         :param input_topic: the ideal readings, or odometry; None: the only sensor_msgs/Imu.
         :param without: topics of the input that are left out.
-        :param dataset: its form; a dataset has room for one IMU. None: a bag.
         :raises InputError: with a line for each topic that is none of the sensor's.
         """
         self.source, self.path, self.form = source, path, form
         self.input_topic, self.without = input_topic, without
-        self.layers, self.dataset = layers, dataset
+        self.layers, self.dataset = layers, form.dataset
         self.written, self.journal = written, journal
         names = [name.strip().lstrip("/") for name in form.topics if name.strip()]
         problems = [
@@ -210,7 +203,7 @@ class _Job:
         ]
         if problems:
             raise InputError(problems)
-        self.added = USUAL if dataset else list(dict.fromkeys(names)) or USUAL
+        self.added = USUAL if form.dataset else list(dict.fromkeys(names)) or USUAL
 
     def _text_rate(self) -> float:
         """Return the readings per second of a dataset [Hz]."""
@@ -283,7 +276,7 @@ class _Job:
     def _writer(self, target: Path) -> Writer:
         if self.dataset:
             return open_writer(target)
-        writer = open_writer(target, **self.form.of_bag())
+        writer = open_writer(target, *self.form.bag)
         self.written.describe(self.path, lambda: described(writer.topics))
         return writer
 

@@ -24,8 +24,8 @@ from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.output import SkipBadRows, checked_output, saved
 from imu_sim_ros.jobs.readings import Readings
+from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.progress import progress
 from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.types import Array, Mask
@@ -176,19 +176,18 @@ class Noise:
         :raises InputError: for a path that cannot be used or exists, and for kalibr's file if
             an axis is not analysed.
         """
-        path = checked_output(path, force)
         arguments.text("topic", topic, "the name of a topic")
         with saved(path, force) as staged:
-            if not path.suffix:
+            if not staged.suffix:
                 staged.mkdir()
                 write_files(self, staged, topic)
-            elif path.suffix == ".csv":
+            elif staged.suffix == ".csv":
                 noise_files.write_csv(self.result, staged)
-            elif path.suffix == ".png":
+            elif staged.suffix == ".png":
                 _draw(self, staged)
             else:
                 noise_files.write_kalibr(self.result, staged, topic)
-        return path
+        return Path(path)
 
     @property
     def files(self) -> tuple[str, ...]:

@@ -39,8 +39,8 @@ from imu_sim_ros.errors import InputError, naming
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.output import SkipBadRows, saved
 from imu_sim_ros.jobs.readings import Readings
+from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import correction_of
 from imu_sim_ros.parameters import files

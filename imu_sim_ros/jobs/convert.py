@@ -27,11 +27,10 @@ from imu_sim_ros.bags.read import open_bag, read_poses
 from imu_sim_ros.bags.reader import Bag
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text import writer as text_writer
-from imu_sim_ros.bags.text.writer import Dataset, dataset_form
-from imu_sim_ros.bags.writer import Writer, amount, check_writer, described, open_writer
+from imu_sim_ros.bags.text.writer import Dataset
+from imu_sim_ros.bags.writer import Writer, amount, described, open_writer
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.tables import Table
-from imu_sim_ros.jobs.output import SkipBadRows
 from imu_sim_ros.jobs.writing import (
     Compression,
     DiscardPartial,
@@ -41,6 +40,7 @@ from imu_sim_ros.jobs.writing import (
     Journal,
     Output,
     Rename,
+    SkipBadRows,
     SplitDuration,
     SplitSize,
     Storage,
@@ -146,9 +146,9 @@ def convert(
     <Converted whole.bag: 400 /imu/data_raw, 400 /ground_truth/odom>
     """
     path = arguments.path("source", source)
-    target, written = outputs(output, force, discard_partial, [path])
     bag = (storage, compression, split_duration, split_size)
-    form = checked_form(text_writer.FORMATS, format, *bag, topics, rename)
+    target, form = checked_form(text_writer.FORMATS, output, format, *bag, topics, rename)
+    written = outputs(force, discard_partial, [path])
     if images is not None:
         arguments.one_of("images", images, IMAGES)
     arguments.switch("recover", recover)
@@ -174,13 +174,8 @@ def write(
     :param shown: whether progress is.
     :raises InputError: for a source that cannot be read, and an output that cannot be written.
     """
-    if not path.name:
-        raise InputError(f"{str(path)!r}: is not a file name")
-    dataset = dataset_form(path, form.dataset, form.of_bag())
-    if dataset is None:
-        check_writer(path, form.storage, form.compression)
     written.add(path, kept=True)
-    job = _Job(source, path, form, dataset, written, journal, images, recover, shown)
+    job = _Job(source, path, form, written, journal, images, recover, shown)
     job.check_images()
     with written:
         return job.from_text() if job.is_text else job.from_bag()
@@ -194,7 +189,6 @@ class _Job:
         source: Path,
         path: Path,
         form: Form,
-        dataset: str | None,
         written: Outputs,
         journal: Journal,
         images: str | None,
@@ -203,7 +197,7 @@ class _Job:
     ) -> None:
         self.source, self.path, self.form = source, path, form
         self.images, self.recover, self.shown = images, recover, shown
-        self.dataset = dataset or ""
+        self.dataset = form.dataset or ""
         """Empty: a bag."""
         self.written, self.journal = written, journal
         self.staged = written.where(path)
@@ -282,7 +276,7 @@ class _Job:
         return progress(f"writing {self.path}", lambda: total)
 
     def _writer(self) -> Writer:
-        writer = open_writer(self.staged, **self.form.of_bag())
+        writer = open_writer(self.staged, *self.form.bag)
         self.written.describe(self.path, lambda: described(writer.topics))
         return writer
 

@@ -25,8 +25,8 @@ from imu_sim_ros.errors import InputError, Remark
 from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs import tracks
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.output import SkipBadRows, saved
 from imu_sim_ros.jobs.readings import Odometry, Readings, checked_poses, frame, read_imu
+from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.navigation import angles, initialisation
 from imu_sim_ros.navigation.association import interpolate_vectors
 from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, initial_covariance, propagate

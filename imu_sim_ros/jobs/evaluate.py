@@ -26,10 +26,10 @@ from imu_sim_ros.jobs.attitude import (
     statistics_table,
 )
 from imu_sim_ros.jobs.measured import ReadingsEvaluation, evaluate_measured, sensor_of
-from imu_sim_ros.jobs.output import SkipBadRows, saved
 from imu_sim_ros.jobs.readings import HasPoses, checked_poses
 from imu_sim_ros.jobs.tracks import RecordedTrack, odometry_topics, read_track
 from imu_sim_ros.jobs.tracks import truth_topic as truth_topic_of
+from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.navigation.association import (
     ALIGNMENTS,
     Alignment,

@@ -19,7 +19,6 @@ from imu_sim_ros.arguments import BAG_OR_FILE
 from imu_sim_ros.conventions import ERROR_TOPICS
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
-from imu_sim_ros.jobs.output import checked_output, renamed_topics, saved
 from imu_sim_ros.jobs.readings import (
     Odometry,
     Readings,
@@ -28,6 +27,7 @@ from imu_sim_ros.jobs.readings import (
     frame,
     read_imu,
 )
+from imu_sim_ros.jobs.writing import renamed_topics, saved
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.samples import joined
@@ -278,25 +278,24 @@ class Flight:
         >>> flight.save(folder / "flight.bag", rename={"imu/data_raw": "/imu0"}).name
         'flight.bag'
         """
-        from imu_sim_ros.datasets.forms import opened
-        from imu_sim_ros.datasets.topics import chosen_topics, usual_topics
-        from imu_sim_ros.simulation.topics import offered, sensors_of
+        from imu_sim_ros.datasets.forms import chosen_topics, opened, usual_topics
+        from imu_sim_ros.simulation.topics import offered
 
-        path = checked_output(path, force)
-        wanted = arguments.words("topics", topics) or self._topics
+        given = arguments.words("topics", topics) or self._topics
         arguments.switch("imu_only", imu_only)
         if format is not None:
             arguments.one_of("format", format, ("csv", "euroc"))
-        sensors = self._sensors
-        form = format or ("csv" if path.suffix == ".csv" else None)
-        usual = usual_topics(sensors, form, path, imu_only)
-        names = chosen_topics(wanted, renamed_topics(rename), sensors, usual)
-        for sensor in sensors_of(names, offered(sensors)):
-            delivered_of(self._windows, sensor, sensors[sensor].sensor.readings)  # refused first
-        with (
-            saved(path, force, flatten(self.parameters).values()) as staged,
-            opened(form, staged, names, sensors) as target,
-        ):
-            for read in self._windows:
-                target.write(read)
-        return path
+        renamed, sensors = renamed_topics(rename), self._sensors
+        with saved(path, force, flatten(self.parameters).values()) as staged:
+            form = format or ("csv" if staged.suffix == ".csv" else None)
+            wanted = given or usual_topics(sensors, form, staged, imu_only)
+            names = chosen_topics(wanted, renamed, sensors)
+            known = offered(sensors)
+            for sensor in {known[name].name for name in names}:
+                delivered_of(
+                    self._windows, sensor, sensors[sensor].sensor.readings
+                )  # refused first
+            with opened(form, staged, names, sensors) as target:
+                for read in self._windows:
+                    target.write(read)
+        return Path(path)

@@ -5,43 +5,40 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, closing, contextmanager, nullcontext
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import Annotated, Any, Final
 
 from imu_sim_ros import arguments
-from imu_sim_ros.bags.outputs import Outputs
 from imu_sim_ros.bags.split import check_split
-from imu_sim_ros.bags.text.writer import dataset_form
 from imu_sim_ros.bags.threads import prefetch, threads
-from imu_sim_ros.bags.writer import check_writer
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets import truth_files
-from imu_sim_ros.datasets.forms import FORMATS, check_form, opened
-from imu_sim_ros.datasets.topics import (
+from imu_sim_ros.datasets.forms import (
+    FORMATS,
+    check_form,
     chosen_topics,
+    opened,
     usual_topics,
 )
-from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.jobs.output import SkipBadRows
+from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.jobs.simulate import GivenMotion, Moving, given_layers, keyword_parameters
 from imu_sim_ros.jobs.writing import (
     OUTPUT,
     Compression,
     DiscardPartial,
     Force,
-    Form,
     Format,
     Journal,
     Output,
     ParameterFiles,
     Parameters,
     Rename,
+    SkipBadRows,
     SplitDuration,
     SplitSize,
     Storage,
@@ -69,28 +66,17 @@ from imu_sim_ros.simulation.parameters import (
     values_of,
 )
 from imu_sim_ros.simulation.playback import (
-    SimulatorParameters,
     load_simulator,
     of_the_node,
 )
 from imu_sim_ros.simulation.sensors import imus_in, mounted
-from imu_sim_ros.simulation.topics import offered, sensors_of
+from imu_sim_ros.simulation.topics import offered
 from imu_sim_ros.trajectory.build import build_trajectory
-from imu_sim_ros.trajectory.common_parameters import PoseReader
-from imu_sim_ros.trajectory.motion import Trajectory
-
-if TYPE_CHECKING:
-    from concurrent.futures import Executor
 
 BLOCK_SIZE: Final = 16384
 _MAX_JOBS: Final = 1024
-
-
-def _values(body: SimulatorParameters) -> dict[str, Any]:
-    """Return everything that decides the samples and frames, by dotted name."""
-    values = values_of(body)
-    node = set(of_the_node(values))
-    return {name: value for name, value in values.items() if name not in node}
+_WITHOUT_READINGS: Final = ("tum", "vio_data_simulation")
+"""Datasets of which no sensor has files next to them."""
 
 
 @dataclass(frozen=True)
@@ -234,10 +220,12 @@ def generate(
     <Generated made.mcap: 400 /imu/data_raw, 400 /ground_truth/odom>
     """
     bag = (storage, compression, split_duration, split_size)
-    form = checked_form(FORMATS, format, *bag, topics, rename)
+    path, form = checked_form(FORMATS, output, format, *bag, topics, rename)
     arguments.switch("imu_only", imu_only)
     arguments.switch("with_configs", with_configs)
     skip = arguments.switch("skip_bad_rows", skip_bad_rows)
+    renderers = cores() if jobs is None else jobs
+    arguments.whole("jobs", renderers, f"from 1 to {_MAX_JOBS}", 1, _MAX_JOBS)
     journal = Journal()
     given, motion = described(
         journal,
@@ -248,10 +236,35 @@ def generate(
         parameters,
     )
     built = load_simulator(suited(given))
+
+    # What is to be written: topics, and the files next to the output.
+    sensors, dataset = mounted(built), form.dataset
+    check_form(dataset, path, sensors)
+    topics = form.topics or usual_topics(sensors, dataset, path, imu_only)
+    names = chosen_topics(topics, form.renamed, sensors)
+    known = offered(sensors)
+    fastest = max(one.environment.rate for one in sensors.values())
+    check_split(form.bag.split_duration, 1.0 / fastest, built.duration or 0.0)
     values = flatten(built)
     folders = [Path(str(one)) for name, one in values.items() if name.endswith(".file") and one]
-    read = [*parameter_files(params_file), *values.values(), *folders]
-    path, written = outputs(output, force, discard_partial, read)
+    inputs = [*parameter_files(params_file), *values.values(), *folders]
+    written = outputs(force, discard_partial, inputs)
+    started = time.perf_counter()
+    written.add(path, kept=True)
+    configs = truth_files.configs(path)
+    if with_configs:
+        written.add(configs, companion_of=path)
+    of_sensors: dict[str, list[Path]] = {}
+    truths: dict[Path, str] = {}
+    if dataset not in _WITHOUT_READINGS and not path.parent.is_file():  # one line will do
+        of_sensors = truth_files.companions(path, sensors)
+        truths = truth_files.new_truths(path, built)
+        for truth in truths:
+            written.add(truth, companion_of=path, kept=True)
+        for file in itertools.chain.from_iterable(of_sensors.values()):
+            written.add(file, companion_of=path)
+    wanted = {known[name].name for name in names} | of_sensors.keys() | {POSE}
+    wanted |= {name for name, one in sensors.items() if dataset in one.sensor.datasets}
 
     def pose_reader(file: str | Path, topic: str | None = None) -> PoseSequence:
         poses = motion.pose_reader(file, topic, skip)
@@ -259,9 +272,49 @@ def generate(
             journal.remark(f"{file}: {poses.skipped} bad rows skipped")
         return poses
 
-    job = _Job(path, form, built, journal, imu_only, cores() if jobs is None else jobs)
-    found = job.write(written, with_configs, pose_reader, motion.given)
-    return dataclasses.replace(found, warnings=tuple(journal.lines), notes=tuple(journal.notes))
+    long = any(one.sensor.apart for one in sensors.values())
+    with written, threads(renderers) if long else nullcontext() as pool:
+        for truth, text in truths.items():
+            written.where(truth).write_text(text, encoding="utf-8")
+        moving = build_trajectory(built.trajectory, pose_reader, motion.given)
+        body = Body(built, trajectory=moving, sensors=wanted, threads=pool)
+        if body.total is None:
+            raise ConfigurationError(
+                "duration = 0: this trajectory has no end; give a duration, for instance 20s"
+            )
+        for line in body.warnings():
+            journal.warn(line)
+        for line in body.notes():
+            journal.note(line)
+        with (
+            opened(
+                dataset,
+                written.where(path),
+                names,
+                sensors,
+                body.world,
+                renderers,
+                journal.warn,
+                **form.bag._asdict(),
+            ) as target,
+            ExitStack() as stack,
+        ):
+            written.describe(path, target.described)
+            companions: dict[str, Companion] = {}
+            for name, files_of_one in of_sensors.items():
+                one = sensors[name]
+                assert one.sensor.companions is not None
+                made = one.sensor.companions.open(
+                    one.own, one.environment, body.t0_ns, [written.where(f) for f in files_of_one]
+                )
+                companions[name] = stack.enter_context(closing(made))
+            samples = _write(path, body, target, companions)
+        if with_configs:
+            _write_configs(written.where(configs), path.name, body, names, format, journal)
+        size = sum(file.stat().st_size for file in target.files if file.is_file())
+    wall_s = time.perf_counter() - started
+    lines, notes = tuple(journal.lines), tuple(journal.notes)
+    return Generated(path, target.counts, samples, size, wall_s, lines, notes)
 
 
 def described(
@@ -296,27 +349,18 @@ def described(
         ]
         given = named.joined(given, named.layer(kind, presets))
     given = named.joined(given, named.layer("gnss", [True] * rinex)) | last
-    for note in _notes(usual[0], in_files, of_the_node(given)):
-        journal.note(note)
-    return given, motion
-
-
-def _notes(imu: object, in_files: Iterable[str], node: Iterable[str]) -> Iterator[str]:
-    """Yield a line for each allowed parameter with an unexpected effect.
-
-    :param in_files: names of the parameters that stand in files.
-    :param node: names of parameters that only a node has.
-    """
-    shown = dict.fromkeys(name.partition("./")[0] for name in node)  # one for all topics
-    if shown:
-        yield f"no effect in a file: {', '.join(shown)}"
+    of_node = dict.fromkeys(name.partition("./")[0] for name in of_the_node(given))
+    if of_node:
+        journal.note(f"no effect in a file: {', '.join(of_node)}")
+    imu = usual[0]
     above = [name for name in in_files if name.startswith("imu.") and name != "imu.preset"]
     if isinstance(imu, str | Path) and above:
         others = f" and {len(above) - 3} more" if len(above) > 3 else ""
-        yield (
+        journal.note(
             f"--imu {imu} is the base of the parameter file; "
             f"the values of the file take precedence: {', '.join(above[:3])}{others}"
         )
+    return given, motion
 
 
 def named_cameras(
@@ -336,159 +380,54 @@ def named_cameras(
     return result
 
 
-_WITHOUT_READINGS: Final = ("tum", "vio_data_simulation")
+def _write(path: Path, body: Body, target: Any, companions: Mapping[str, Companion]) -> int:
+    """Write all samples, which a thread of its own makes; return how many those of IMUs are.
+
+    :param path: what progress names.
+    :param target: receives all windows.
+    :param companions: each receives the samples of one sensor, by its name.
+    """
+    every, samples = imus_in(mounted(body.parameters)), 0
+    with (
+        progress(f"writing {path}", lambda: body.total or 0) as advance,
+        closing(prefetch(body.windows(BLOCK_SIZE))) as windows,
+    ):
+        for read in windows:
+            target.write(read)
+            for name, companion in companions.items():
+                companion.write(read[name])
+            counts = [len(read[name].t_ns) for name in every]
+            samples += sum(counts)
+            advance(max(counts))
+    return samples
 
 
-class _Job:
-    """One output that is written."""
+def _write_configs(
+    folder: Path,
+    output: str,
+    body: Body,
+    names: Mapping[str, str],
+    format: str | None,
+    journal: Journal,
+) -> None:
+    """Write each stack's configuration, and all parameters.
 
-    def __init__(
-        self,
-        path: Path,
-        form: Form,
-        parameters: SimulatorParameters,
-        journal: Journal,
-        imu_only: bool,
-        jobs: int,
-    ) -> None:
-        if not path.name:  # the files next to it are named after it
-            raise InputError(f"{str(path)!r}: is not a file name")
-        self.path, self.form, self.jobs = path, form, jobs
-        self.parameters, self.journal = parameters, journal
-        self.sensors = mounted(parameters)
-        self.dataset = dataset_form(path, form.dataset, form.of_bag())
-        self.companions: dict[str, list[Path]] = {}
-        if self.dataset not in _WITHOUT_READINGS:
-            self.companions = truth_files.companions(path, self.sensors)
-        check_form(self.dataset, path, self.sensors)
-        usual = usual_topics(self.sensors, self.dataset, path, imu_only)
-        self.names = chosen_topics(form.topics, form.renamed, self.sensors, usual)
-        fastest = max(one.environment.rate for one in self.sensors.values())
-        check_split(form.split_duration, 1.0 / fastest, parameters.duration or 0.0)
-        arguments.whole("jobs", jobs, f"from 1 to {_MAX_JOBS}", 1, _MAX_JOBS)
-        if self.dataset is None:
-            check_writer(path, form.storage, form.compression)
+    :param output: the name of what they belong to.
+    :param names: of the topics that are written, by their own names.
+    :param format: the dataset that was asked for; None: a bag, or what its name implies.
+    """
+    from imu_sim_ros.datasets.configurations import bagcreater_topics, write_configs
 
-    def write(
-        self,
-        written: Outputs,
-        with_configs: bool,
-        pose_reader: PoseReader,
-        trajectory: Trajectory | None,
-    ) -> Generated:
-        """Write the output, its realised truth and its configurations.
-
-        :param written: receives all that is written.
-        :param pose_reader: reads a file of poses.
-        :param trajectory: a bare motion that was given as an object.
-        :raises ConfigurationError: for what cannot be simulated.
-        :raises InputError: for what cannot be written.
-        """
-        started, path = time.perf_counter(), self.path
-        written.add(path, kept=True)
-        if with_configs:
-            written.add(truth_files.configs(path), companion_of=path)
-        truths: dict[Path, str] = {}
-        if self.dataset not in _WITHOUT_READINGS and not path.parent.is_file():  # one line will do
-            truths = truth_files.new_truths(path, self.parameters)
-            for place in truths:
-                written.add(place, companion_of=path, kept=True)
-            for place in itertools.chain.from_iterable(self.companions.values()):
-                written.add(place, companion_of=path)
-        with written:
-            for place, text in truths.items():
-                written.where(place).write_text(text, encoding="utf-8")
-            long = any(one.sensor.apart for one in self.sensors.values())
-            with threads(self.jobs) if long else nullcontext() as pool:
-                body, target, samples = self._simulate(written, pose_reader, trajectory, pool)
-            if with_configs:
-                self._write_configs(written.where(truth_files.configs(path)), body)
-            size = sum(file.stat().st_size for file in target.files if file.is_file())
-        wall_s = time.perf_counter() - started
-        return Generated(path, target.counts, samples, size, wall_s)
-
-    def _simulate(
-        self,
-        written: Outputs,
-        pose_reader: PoseReader,
-        trajectory: Trajectory | None,
-        threads: Executor | None,
-    ) -> tuple[Body, Any, int]:
-        """Write the output; return the body, what received it, and the number of IMU samples."""
-        simulator = self.parameters
-        wanted = sensors_of(self.names, offered(self.sensors)) | self.companions.keys() | {POSE}
-        wanted |= {n for n, one in self.sensors.items() if self.dataset in one.sensor.datasets}
-        moving = build_trajectory(simulator.trajectory, pose_reader, trajectory)
-        body = Body(simulator, trajectory=moving, sensors=wanted, threads=threads)
-        if body.total is None:
-            raise ConfigurationError(
-                "duration = 0: this trajectory has no end; give a duration, for instance 20s"
-            )
-        for warning in body.warnings():
-            self.journal.warn(warning)
-        output = written.where(self.path)
-        for note in body.notes():
-            self.journal.note(note)
-        with opened(
-            self.dataset,
-            output,
-            self.names,
-            self.sensors,
-            body.world,
-            self.jobs,
-            self.journal.warn,
-            **self.form.of_bag(),
-        ) as target:
-            written.describe(self.path, target.described)
-            with self._companions(body, written) as companions:
-                samples = self._write(body, target, companions)
-        return body, target, samples
-
-    def _write_configs(self, folder: Path, body: Body) -> None:
-        """Write each stack's configuration, and all parameters."""
-        from imu_sim_ros.datasets.configurations import bagcreater_topics, write_configs
-
-        topics = self.names
-        if self.form.dataset == "csv":
-            topics = bagcreater_topics(imus(body.parameters))
-        for warning in write_configs(folder, body, topics):
-            self.journal.warn(warning)
-        note = body.note_of_scene()
-        fitted = f"\n{note}" if note else ""
-        files.write(
-            _values(self.parameters),
-            folder / "simulation.yaml",
-            comment=f"All parameters of {self.path.name}:\n"
-            f"generate --params-file simulation.yaml generates the same samples.{fitted}",
-        )
-
-    @contextmanager
-    def _companions(self, body: Body, written: Outputs) -> Iterator[dict[str, Companion]]:
-        """Open the files that sensors have next to the output, by sensor."""
-        found = {}
-        with ExitStack() as stack:
-            for name, paths in self.companions.items():
-                one = self.sensors[name]
-                wanted = one.sensor.companions
-                assert wanted is not None
-                files = [written.where(file) for file in paths]
-                made = wanted.open(one.own, one.environment, body.t0_ns, files)
-                found[name] = stack.enter_context(closing(made))
-            yield found
-
-    def _write(self, body: Body, target: Any, companions: Mapping[str, Companion]) -> int:
-        """Write all samples, which a thread of its own makes; return how many those of IMUs are."""
-        every, samples = imus_in(self.sensors), 0
-        with progress(f"writing {self.path}", lambda: body.total or 0) as advance:
-            windows = prefetch(body.windows(BLOCK_SIZE))
-            try:
-                for read in windows:
-                    target.write(read)
-                    for name, companion in companions.items():
-                        companion.write(read[name])
-                    counts = [len(read[name].t_ns) for name in every]
-                    samples += sum(counts)
-                    advance(max(counts))
-            finally:
-                windows.close()
-        return samples
+    topics = bagcreater_topics(imus(body.parameters)) if format == "csv" else names
+    for warning in write_configs(folder, body, topics):
+        journal.warn(warning)
+    note = body.note_of_scene()
+    fitted = f"\n{note}" if note else ""
+    values = values_of(body.parameters)
+    node = set(of_the_node(values))
+    files.write(
+        {name: value for name, value in values.items() if name not in node},
+        folder / "simulation.yaml",
+        comment=f"All parameters of {output}:\n"
+        f"generate --params-file simulation.yaml generates the same samples.{fitted}",
+    )

@@ -17,8 +17,8 @@ from imu_sim_ros.bags.outputs import named
 from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import tell_skipped
-from imu_sim_ros.jobs.output import SkipBadRows, saved
 from imu_sim_ros.jobs.tracks import has_truth, odometry_topics, read_track, truth_topic
+from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.reports.page import Section, html
 
 if TYPE_CHECKING:

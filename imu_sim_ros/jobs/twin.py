@@ -38,10 +38,10 @@ from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import ArgumentTypeError, ConfigurationError, InputError, system_error
 from imu_sim_ros.jobs.calibrate import Calibrated
 from imu_sim_ros.jobs.flight import Flight
-from imu_sim_ros.jobs.output import SkipBadRows, saved
 from imu_sim_ros.jobs.readings import HasPoses, Readings
 from imu_sim_ros.jobs.twin_check import Check, check, flown_again, simulation
 from imu_sim_ros.jobs.twin_recording import TwinRecording, moving, recorded
+from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.json_text import plain
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import Value

@@ -1,22 +1,25 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the jobs that write bags and datasets share: arguments, checks, and what they say."""
+"""What jobs that write share: arguments, their checks, outputs, and what the jobs say."""
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, NamedTuple, TypeGuard
 
 from imu_sim_ros import arguments
 from imu_sim_ros.bags.outputs import Outputs
-from imu_sim_ros.bags.writer import COMPRESSED, COMPRESSIONS, STORAGES
+from imu_sim_ros.bags.text.writer import dataset_form
+from imu_sim_ros.bags.writer import COMPRESSED, COMPRESSIONS, STORAGES, check_writer
+from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
-from imu_sim_ros.jobs.output import checked_output, is_file, renamed_topics
 from imu_sim_ros.progress import watcher
 from imu_sim_ros.signatures import Heading, Text, assignment
 
+_OUTPUT_PATH: Final = "the path of an output"
 _LONGEST_SIZE: Final = 20
 _SIZE_UNITS: Final = {"": 1, "k": 10**3, "m": 10**6, "g": 10**9}
 
@@ -101,6 +104,23 @@ Parameters = Annotated[
     Text("set one parameter, e.g. imu.gyroscope_bias=[0.01,0,0]; repeatable"),
     _PARAMETERS,
 ]
+SkipBadRows = Annotated[
+    bool,
+    "--skip-bad-rows",
+    Text("skip and count bad rows of text and bad messages of bags (poses, readings)"),
+]
+"""Whether bad rows and messages are left out and counted, or errors."""
+
+
+class OfBag(NamedTuple):
+    """What applies to bags only: arguments of :func:`~imu_sim_ros.bags.writer.open_writer`."""
+
+    storage: str | None = None
+    compression: str | None = None
+    split_duration: float = 0.0
+    """[s] of one file; 0: all."""
+    split_size: int = 0
+    """[bytes] of one file; 0: all."""
 
 
 @dataclass(frozen=True)
@@ -109,25 +129,16 @@ class Form:
 
     dataset: str | None = None
     """``euroc``, ``csv``, ``tum``, ...; None: a bag."""
-    storage: str | None = None
-    compression: str | None = None
-    split_duration: float = 0.0
-    """[s] of one file; 0: all."""
-    split_size: int = 0
-    """[bytes] of one file; 0: all."""
+    bag: OfBag = OfBag()
     topics: Sequence[str] = ()
     """Those that are written; empty: the usual ones."""
     renamed: Mapping[str, str] = field(default_factory=dict)
     """Names in the bag by the topics' own."""
 
-    def of_bag(self) -> dict[str, Any]:
-        """Return what applies to bags only: arguments of ``open_writer``."""
-        names = ("storage", "compression", "split_duration", "split_size")
-        return {name: getattr(self, name) for name in names}
-
 
 def checked_form(
     formats: Collection[str],
+    output: str | Path,
     format: str | None,
     storage: str | None,
     compression: str | None,
@@ -135,25 +146,44 @@ def checked_form(
     split_size: int,
     topics: str | Sequence[str],
     rename: Mapping[str, str] | None,
-) -> Form:
-    """Return the form that a caller's arguments describe.
+) -> tuple[Path, Form]:
+    """Return the path and the form of an output that a caller's arguments describe.
 
     :param formats: the datasets that can be written.
-    :raises ConfigurationError: for an invalid one.
+    :raises ConfigurationError: for an invalid argument.
+    :raises InputError: for a form that the output's name, or an option, contradicts.
     """
-
-    def known(name: str, value: str | None, words: Collection[str]) -> str | None:
-        return None if value is None else arguments.one_of(name, value, words)
-
-    return Form(
-        known("format", format, formats),
-        known("storage", storage, STORAGES),
-        known("compression", compression, COMPRESSED),
+    words = (("format", format, formats), ("storage", storage, STORAGES))
+    for name, value, known in (*words, ("compression", compression, COMPRESSED)):
+        if value is not None:
+            arguments.one_of(name, value, known)
+    bag = OfBag(
+        storage,
+        compression,
         arguments.number("split_duration", split_duration, "seconds, from 0 to 1e9", 0.0, 1e9),
         arguments.whole("split_size", split_size, "bytes, 0 or more", 0, 1 << 62),
-        arguments.words("topics", topics),
-        renamed_topics(rename),
     )
+    written, renamed = arguments.words("topics", topics), renamed_topics(rename)
+    path = arguments.path("path", output, _OUTPUT_PATH)
+    if not path.name:  # the files next to it are named after it
+        raise InputError(f"{str(path)!r}: is not a file name")
+    dataset = dataset_form(path, format, bag._asdict())
+    if dataset is None:
+        check_writer(path, storage, compression)
+    return path, Form(dataset, bag, written, renamed)
+
+
+def renamed_topics(given: Mapping[str, str] | None) -> Mapping[str, str]:
+    """Return names in a bag by the topics' own, the argument ``rename``."""
+    if given is None:
+        return {}
+    allowed = "names of topics by names of topics"
+    if not isinstance(given, Mapping):
+        arguments.refuse("rename", given, allowed, wrong_type=True)
+    return {
+        arguments.text("rename", a, allowed): arguments.text("rename", b, allowed)
+        for a, b in given.items()
+    }
 
 
 def parameter_files(given: object) -> list[Path]:
@@ -217,18 +247,42 @@ class Journal:
         self.notes.append(line)
 
 
-def outputs(
-    path: str | Path, force: bool, discard_partial: bool, inputs: Iterable[object]
-) -> tuple[Path, Outputs]:
-    """Return the path of an output, and what will receive it.
+def outputs(force: bool, discard_partial: bool, inputs: Iterable[object]) -> Outputs:
+    """Return what will receive the outputs of a job.
 
     :param inputs: paths of what is read, and words that may be names of files.
-    :raises ConfigurationError: for arguments that are no path and no switch.
+    :raises ConfigurationError: for arguments that are no switch.
     """
     arguments.switch("discard_partial", discard_partial)
-    target = checked_output(path, force)
+    arguments.switch("force", force)
     read = [one for one in inputs if isinstance(one, Path) or is_file(one)]
-    return target, Outputs(read, force, discard_partial, watcher().undisturbed)
+    return Outputs(read, force, discard_partial, watcher().undisturbed)
+
+
+@contextmanager
+def saved(path: str | Path, force: bool, inputs: Iterable[object] = ()) -> Iterator[Path]:
+    """Yield the path for writing an output, which is renamed into place at the end of the block.
+
+    Parents are created. After an error, an existing output is unchanged. Every ``save`` writes so.
+
+    :param force: replace what exists.
+    :param inputs: possible names of input files, which are never overwritten.
+    :raises ConfigurationError: for arguments of ``save`` that are no path and no switch.
+    :raises InputError: for a path that cannot be used or exists.
+    """
+    arguments.switch("force", force)
+    written = Outputs([word for word in inputs if is_file(word)], force)
+    staged = written.add(arguments.path("path", path, _OUTPUT_PATH))
+    with written:
+        yield staged
+
+
+def is_file(word: object) -> TypeGuard[str | Path]:
+    """Return whether a value is the name of a file."""
+    try:
+        return isinstance(word, str | Path) and bool(str(word)) and Path(word).is_file()
+    except (OSError, ValueError):  # no name of a file
+        return False
 
 
 def counts(messages: Mapping[str, int]) -> str:

@@ -7,11 +7,14 @@ The one place that knows what stands where: ``imu`` and ``imus`` with the sensor
 the true pose, the sensors that ``sensors`` names, and ``cameras`` with what they see.
 """
 
+from collections import Counter
 from collections.abc import Collection, Mapping
+from typing import NamedTuple
 
 import numpy as np
 
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.declaration import Model, Mounted
 from imu_sim_ros.sensors.imu import declaration as imu
@@ -97,3 +100,25 @@ def mounts(sensors: Mapping[str, Mounted]) -> dict[str, Array]:
         placed.setdefault(one.frame, one.sensor.mount(one.own))
     placed.pop(sensors[pose.NAME].frame)
     return placed
+
+
+class InTable(NamedTuple):
+    """The rows of a sensor in a dataset."""
+
+    table: Table
+    number: int
+    """Of its IMU among the IMUs, or among the sensors of its kind."""
+    name: str
+    mounted: Mounted
+
+
+def all_tables(sensors: Mapping[str, Mounted]) -> list[InTable]:
+    """Return the tables of the sensors that have one of their own in a dataset."""
+    numbers: Counter[str] = Counter()
+    found = []
+    for name, one in sensors.items():
+        table = one.sensor.table
+        if table is not None:
+            found.append(InTable(table, numbers[table.name], name, one))
+            numbers[table.name] += 1
+    return found

@@ -7,7 +7,7 @@ One home for what the simulator node publishes and the command ``generate`` writ
 the same bytes.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -35,6 +35,8 @@ OF_THE_ERROR_MODEL: Final = (
 )
 """Topics that an error model has for the readings of somebody else."""
 MOUNTS: Final = TF_STATIC_TOPIC.strip("/")
+Read = Mapping[str, Any]
+"""Samples of the sensors of one body in a window of time, by name."""
 
 
 class Messages(NamedTuple):
@@ -137,9 +139,9 @@ def is_published(topic: Topic, publish: Any) -> bool:
     return topic.flags is not None and all(getattr(publish, flag, False) for flag in topic.flags)
 
 
-def sensors_of(topics: Iterable[str], known: Mapping[str, Offered]) -> frozenset[str]:
-    """Return the sensors that have topics."""
-    return frozenset(known[topic].name for topic in topics if topic in known)
+def resolved(name: str) -> str:
+    """Return a topic's name with its slash, as bags have it."""
+    return "/" + name.lstrip("/")
 
 
 def delivered_rows(read: Any) -> "Integers | slice":

@@ -16,8 +16,8 @@ from imu_sim_ros.datasets.consumers.aiding import SPEED, Aiding
 from imu_sim_ros.datasets.consumers.rig import real
 from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import comment
-from imu_sim_ros.datasets.topics import resolved
 from imu_sim_ros.sensors.gravity import earth_fixed
+from imu_sim_ros.simulation.topics import resolved
 
 _GRAVITY: Final = 9.80665
 """[m/s^2] fusioncore_core/include/fusioncore/sensors/imu.hpp, imu_measurement_function."""

@@ -13,13 +13,13 @@ from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import ImuValues, comment, remarks
-from imu_sim_ros.datasets.topics import resolved
 from imu_sim_ros.rotation import from_matrix
 from imu_sim_ros.sensors.lidar.declaration import CUSTOM_TOPIC, TOPIC
 from imu_sim_ros.sensors.lidar.parameters import LidarParameters
 from imu_sim_ros.sensors.lidar.pattern import build_pattern
 from imu_sim_ros.sensors.orientation.declaration import TOPIC as NINE_AXES
 from imu_sim_ros.simulation.parameters import SimulationParameters
+from imu_sim_ros.simulation.topics import resolved
 from imu_sim_ros.types import Array
 
 _FAST_LIO: Final = {"livox": (1, 3), "velodyne": (2, 0), "ouster": (3, 3)}

@@ -14,7 +14,7 @@ from imu_sim_ros.datasets.consumers.aiding import SPEED, Aiding
 from imu_sim_ros.datasets.consumers.rig import listed, real
 from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import comment, rows
-from imu_sim_ros.datasets.topics import resolved
+from imu_sim_ros.simulation.topics import resolved
 
 _PARTS: Final = ("system", "estimator", "imu", "init", "gps", "wheel")
 _LEAST_VARIANCE: Final = 1e-8

@@ -12,8 +12,8 @@ from typing import Any, Final
 from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.datasets.consumers.subject import Subject
 from imu_sim_ros.datasets.consumers.values import ImuValues, comment
-from imu_sim_ros.datasets.topics import resolved
 from imu_sim_ros.simulation.parameters import SimulationParameters
+from imu_sim_ros.simulation.topics import resolved
 
 _ROWS: Final = (
     "x, y, z",
