@@ -263,9 +263,9 @@ def test_a_message_type(copy: Copy) -> None:
             "class RelativeHumidityEncoder(_OfFrame):\n"
             '    """sensor_msgs/RelativeHumidity."""\n\n'
             '    type_name = "sensor_msgs/msg/RelativeHumidity"\n\n'
-            "    def encode(self, t_ns: Times, humidity: ArrayLike) -> Bytes:\n"
-            '        """Return messages (n, size) of humidities (n,) from 0 to 1."""\n'
-            "        return self._row_template(t_ns, relative_humidity=humidity).array()\n\n\n"
+            "    def pattern(self, t_ns: Times, humidity: ArrayLike) -> RowTemplate:\n"
+            '        """Return n messages of humidities (n,) from 0 to 1."""\n'
+            "        return self._row_template(t_ns, relative_humidity=humidity)\n\n\n"
             "class NavSatFixEncoder(",
         ),
     )

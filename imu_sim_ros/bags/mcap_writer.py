@@ -10,16 +10,17 @@ import struct
 import threading
 import zlib
 from collections.abc import Callable, Sequence
+from itertools import accumulate
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros.bags.chunks import ChunkWriter, Indexed
-from imu_sim_ros.bags.messages.blocks import Column, RowTemplate, side_by_side
+from imu_sim_ros.bags.chunks import Chunk, ChunkWriter
+from imu_sim_ros.bags.messages.blocks import Column, RowTemplate
 from imu_sim_ros.bags.messages.schemas import qos_text
 from imu_sim_ros.bags.writer import BagTopic
-from imu_sim_ros.types import Bytes, Times
+from imu_sim_ros.types import Times
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 MESSAGE: Final = 0x05
@@ -45,19 +46,6 @@ _ZSTD_HASH_LOG: Final = 12
 _ZSTD_MIN_MATCH: Final = 6
 """Level 1 has 14 and 7. What messages repeat is near: a table that fits in the processor's cache
 takes a fifth less time, and the files are a little smaller."""
-
-
-class _Packed(NamedTuple):
-    """A chunk as it goes into the file."""
-
-    head: bytes
-    compressed: bytes | memoryview
-    indexes: list[tuple[int, bytes]]
-    """Channels and their message indexes."""
-    start_ns: int
-    end_ns: int
-    size: int
-    """Uncompressed size of the records [bytes]."""
 
 
 def compressor(compression: str) -> Callable[[bytes | memoryview], bytes | memoryview]:
@@ -109,6 +97,7 @@ class McapWriter(ChunkWriter):
         from mcap.records import Channel
         from mcap.records import Schema as SchemaRecord
 
+        self._wait()
         text, digest, language = topic.schema
         schema_id = _UNKNOWN_SCHEMA
         if text:
@@ -135,21 +124,23 @@ class McapWriter(ChunkWriter):
         )
         self._channels.append(channel)
         self.file.write(_packed(channel))
+        self._mark = (self.file.position, len(self._written))
 
     def _records(
         self, topic: BagTopic, first: int, t_ns: Times, payloads: RowTemplate
-    ) -> RowTemplate:
-        count, size = payloads.shape
+    ) -> list[RowTemplate]:
+        count = payloads.count
         header = np.zeros(1, MESSAGE_HEADER)
         header["opcode"] = MESSAGE
-        header["length"] = MESSAGE_HEADER.itemsize - _RECORD_HEADER_BYTES + size
+        length = MESSAGE_HEADER.itemsize - _RECORD_HEADER_BYTES + len(payloads.template)
+        header["length"] = length
         header["channel"] = topic.index + 1
         columns = [
             Column(_PLACES["sequence"], np.arange(first, first + count).astype("<u4")),
             Column(_PLACES["log_time"], t_ns),
             Column(_PLACES["publish_time"], t_ns),
         ]
-        return side_by_side([RowTemplate(header.tobytes(), columns, count), payloads])
+        return [RowTemplate(header.tobytes(), columns, count), payloads]
 
     def _record(self, topic: BagTopic, index: int, t_ns: int, payload: bytes) -> bytes:
         length = MESSAGE_HEADER.itemsize - _RECORD_HEADER_BYTES + len(payload)
@@ -158,68 +149,57 @@ class McapWriter(ChunkWriter):
             struct.pack("<BQHIQQ", MESSAGE, length, topic.index + 1, sequence, t_ns, t_ns) + payload
         )
 
-    def _pack(self, records: Bytes, messages: Sequence[Indexed]) -> _Packed:
-        data = memoryview(records.data)
+    def _pack(self, chunk: Chunk) -> Sequence[bytes | memoryview]:
+        data = memoryview(chunk.records.data)
         compressed = self._compress(data)
-        start_ns = min(int(t_ns.min()) for _, t_ns, _ in messages)
-        end_ns = max(int(t_ns.max()) for _, t_ns, _ in messages)
         name = self._compression.encode()
         header = struct.pack(
             f"<QQQII{len(name)}sQ",
-            start_ns,
-            end_ns,
+            min(int(t_ns.min()) for _, t_ns, _ in chunk.messages),
+            max(int(t_ns.max()) for _, t_ns, _ in chunk.messages),
             len(data),
             zlib.crc32(data),
             len(name),
             name,
             len(compressed),
         )
+        indexes = []
+        for topic, t_ns, offsets in chunk.messages:
+            entries = np.empty(len(t_ns), INDEX_ENTRY)
+            entries["time"], entries["offset"] = t_ns, offsets
+            size = entries.nbytes
+            start = struct.pack("<BQHI", MESSAGE_INDEX, 2 + 4 + size, topic.index + 1, size)
+            indexes.append(start + entries.tobytes())
         length = len(header) + len(compressed)
-        indexes = [(topic.index + 1, _message_index(topic, *rest)) for topic, *rest in messages]
-        head = struct.pack("<BQ", CHUNK, length) + header
-        return _Packed(head, compressed, indexes, start_ns, end_ns, len(data))
-
-    def _store(self, packed: _Packed) -> None:
-        from mcap.records import ChunkIndex
-
-        head, compressed, indexes, start_ns, end_ns, size = packed
-        offset = self.file.position
-        index_offsets: dict[int, int] = {}
-        position = offset + len(head) + len(compressed)
-        for channel, index in indexes:
-            index_offsets[channel] = position
-            position += len(index)
-        all_indexes = b"".join(index for _, index in indexes)
-        self.file.write(head, compressed, all_indexes)
-        self._written.append(
-            ChunkIndex(
-                chunk_length=len(head) + len(compressed),
-                chunk_start_offset=offset,
-                compression=self._compression,
-                compressed_size=len(compressed),
-                message_end_time=end_ns,
-                message_index_length=len(all_indexes),
-                message_index_offsets=index_offsets,
-                message_start_time=start_ns,
-                uncompressed_size=size,
-            )
-        )
+        return [struct.pack("<BQ", CHUNK, length) + header, compressed, *indexes]
 
     def _finish(self) -> None:
         from mcap.data_stream import RecordBuilder
         from mcap.opcode import Opcode
-        from mcap.records import DataEnd, Footer, SummaryOffset
+        from mcap.records import DataEnd, Footer, Statistics, SummaryOffset
 
         metadata_index = self._write_metadata()
         self.file.write(_packed(DataEnd(0)))
+        filled = [topic for topic in self.topics if topic.count]
+        statistics = Statistics(
+            attachment_count=0,
+            channel_count=len(self._channels),
+            channel_message_counts={topic.index + 1: topic.count for topic in filled},
+            chunk_count=len(self._written),
+            message_count=self.count,
+            message_end_time=max((topic.last_ns for topic in filled), default=0),
+            message_start_time=min((topic.first_ns for topic in filled), default=0),
+            metadata_count=1,
+            schema_count=len(self._schemas),
+        )
         summary_start = self.file.position
         builder = RecordBuilder()
         offsets = []
         for opcode, records in (
             (Opcode.SCHEMA, list(self._schemas.values())),
             (Opcode.CHANNEL, self._channels),
-            (Opcode.STATISTICS, [self._statistics()]),
-            (Opcode.CHUNK_INDEX, self._written),
+            (Opcode.STATISTICS, [statistics]),
+            (Opcode.CHUNK_INDEX, self._chunk_indexes()),
             (Opcode.METADATA_INDEX, [metadata_index]),
         ):
             start = builder.count
@@ -235,6 +215,29 @@ class McapWriter(ChunkWriter):
         footer = struct.pack("<BQQQ", Opcode.FOOTER, 8 + 8 + 4, summary_start, offset_start)
         crc = zlib.crc32(footer, zlib.crc32(summary))
         self.file.write(summary, _packed(Footer(summary_start, offset_start, crc)), MAGIC)
+
+    def _chunk_indexes(self) -> list[Any]:
+        """Return where the chunks, and the indexes of their topics, are."""
+        from mcap.records import ChunkIndex
+
+        found = []
+        for position, (head, compressed, *indexes), size, topics in self._written:
+            channels = [topic.index + 1 for topic, *_ in topics]
+            begins = accumulate(indexes, initial=position + head + compressed)
+            found.append(
+                ChunkIndex(
+                    chunk_length=head + compressed,
+                    chunk_start_offset=position,
+                    compression=self._compression,
+                    compressed_size=compressed,
+                    message_end_time=max(last_ns for *_, last_ns in topics),
+                    message_index_length=sum(indexes),
+                    message_index_offsets=dict(zip(channels, begins, strict=False)),
+                    message_start_time=min(first_ns for _, _, first_ns, _ in topics),
+                    uncompressed_size=size,
+                )
+            )
+        return found
 
     def _write_metadata(self) -> Any:
         """Write the metadata that rosbag2 stores in each of its files, with the ROS distribution.
@@ -253,31 +256,6 @@ class McapWriter(ChunkWriter):
         offset = self.file.position
         self.file.write(record)
         return MetadataIndex(offset=offset, length=len(record), name="rosbag2")
-
-    def _statistics(self) -> Any:
-        from mcap.records import Statistics
-
-        return Statistics(
-            attachment_count=0,
-            channel_count=len(self._channels),
-            channel_message_counts={t.index + 1: t.count for t in self.topics if t.count},
-            chunk_count=len(self._written),
-            message_count=self.count,
-            message_end_time=max((t.last_ns for t in self.topics if t.count), default=0),
-            message_start_time=min((t.first_ns for t in self.topics if t.count), default=0),
-            metadata_count=1,
-            schema_count=len(self._schemas),
-        )
-
-
-def _message_index(topic: BagTopic, t_ns: Times, offsets: Times) -> bytes:
-    entries = np.empty(len(t_ns), INDEX_ENTRY)
-    entries["time"] = t_ns
-    entries["offset"] = offsets
-    size = entries.nbytes
-    return struct.pack("<BQHI", MESSAGE_INDEX, 2 + 4 + size, topic.index + 1, size) + (
-        entries.tobytes()
-    )
 
 
 def _packed(record: Any) -> bytes:

@@ -7,18 +7,18 @@ import re
 import struct
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.bags.chunks import ChunkWriter, Indexed
-from imu_sim_ros.bags.messages.blocks import Column, RowTemplate, side_by_side
+from imu_sim_ros.bags.chunks import Chunk, ChunkWriter, Stored
+from imu_sim_ros.bags.messages.blocks import Column, RowTemplate
 from imu_sim_ros.bags.messages.encode import divided
 from imu_sim_ros.bags.messages.schemas import ros1_name
 from imu_sim_ros.bags.writer import BagTopic
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.types import Bytes, Times
+from imu_sim_ros.types import Times
 
 MAGIC: Final = b"#ROSBAG V2.0\n"
 BAG_HEADER_BYTES: Final = 4096
@@ -111,22 +111,6 @@ def compressor(compression: str) -> Callable[[bytes | memoryview], bytes | memor
     return lambda data: data
 
 
-class _Packed(NamedTuple):
-    """A chunk as it goes into the file, with its index."""
-
-    parts: tuple[bytes | memoryview, ...]
-    start_ns: int
-    end_ns: int
-    counts: list[tuple[int, int]]
-
-
-class _ChunkInfo(NamedTuple):
-    position: int
-    start_ns: int
-    end_ns: int
-    counts: list[tuple[int, int]]
-
-
 class Rosbag1Writer(ChunkWriter):
     """One ROS 1 bag."""
 
@@ -175,8 +159,8 @@ class Rosbag1Writer(ChunkWriter):
 
     def _records(
         self, topic: BagTopic, first: int, t_ns: Times, payloads: RowTemplate
-    ) -> RowTemplate:
-        count, size = payloads.shape
+    ) -> list[RowTemplate]:
+        count, size = payloads.count, len(payloads.template)
         header = np.frombuffer(bytearray(_HEADER), _HEADER_TYPE)
         header["connection"], header["length"] = topic.index, size
         second, nanosecond = (numbers.astype("<u4") for numbers in divided(t_ns))
@@ -188,7 +172,7 @@ class Rosbag1Writer(ChunkWriter):
             first += topic.before
             seq = Column(0, np.arange(first, first + count).astype("<u4"))
             payloads = RowTemplate(payloads.template, [*payloads.columns, seq], count)
-        return side_by_side([RowTemplate(header.tobytes(), columns, count), payloads])
+        return [RowTemplate(header.tobytes(), columns, count), payloads]
 
     def _record(self, topic: BagTopic, index: int, t_ns: int, payload: bytes) -> bytes:
         header = fields(conn=_u4(topic.index), op=_u1(OP_MESSAGE), time=_time(t_ns))
@@ -196,23 +180,21 @@ class Rosbag1Writer(ChunkWriter):
             payload = _u4((topic.before + index) & 0xFFFFFFFF) + payload[_SEQ_BYTES:]
         return header + _u4(len(payload)) + payload
 
-    def _pack(self, records: Bytes, messages: Sequence[Indexed]) -> _Packed:
-        data = memoryview(records.data)
+    def _pack(self, chunk: Chunk) -> Sequence[bytes | memoryview]:
+        data = memoryview(chunk.records.data)
         compressed = self._compress(data)
         header = fields(
             compression=self._compression.encode(), op=_u1(OP_CHUNK), size=_u4(len(data))
         )
-        return _Packed(
-            (header, _u4(len(compressed)), compressed, *map(_index, messages)),
-            min(int(t_ns.min()) for _, t_ns, _ in messages),
-            max(int(t_ns.max()) for _, t_ns, _ in messages),
-            [(topic.index, len(t_ns)) for topic, t_ns, _ in messages],
-        )
-
-    def _store(self, packed: _Packed) -> None:
-        position = self.file.position
-        self.file.write(*packed.parts)
-        self._written.append(_ChunkInfo(position, *packed[1:]))
+        indexes = []
+        for topic, t_ns, offsets in chunk.messages:
+            entries = np.empty(len(t_ns), INDEX_ENTRY)
+            entries["sec"], entries["nanosec"] = divided(t_ns)
+            entries["offset"] = offsets
+            connection, count = _u4(topic.index), _u4(len(entries))
+            start = fields(conn=connection, count=count, op=_u1(OP_INDEX), ver=_u4(1))
+            indexes.append(start + _u4(entries.nbytes) + entries.tobytes())
+        return [header + _u4(len(compressed)), compressed, *indexes]
 
     def _finish(self) -> None:
         index_position = self.file.position
@@ -221,23 +203,14 @@ class Rosbag1Writer(ChunkWriter):
         self.file.rewrite(len(MAGIC), self._bag_header(index_position))
 
 
-def _index(messages: Indexed) -> bytes:
-    topic, t_ns, offsets = messages
-    entries = np.empty(len(t_ns), INDEX_ENTRY)
-    entries["sec"], entries["nanosec"] = divided(t_ns)
-    entries["offset"] = offsets
-    header = fields(conn=_u4(topic.index), count=_u4(len(entries)), op=_u1(OP_INDEX), ver=_u4(1))
-    return header + _u4(entries.nbytes) + entries.tobytes()
-
-
-def _chunk_info(chunk: _ChunkInfo) -> bytes:
+def _chunk_info(chunk: Stored) -> bytes:
     header = fields(
         chunk_pos=_u8(chunk.position),
-        count=_u4(len(chunk.counts)),
-        end_time=_time(chunk.end_ns),
+        count=_u4(len(chunk.topics)),
+        end_time=_time(max(last_ns for *_, last_ns in chunk.topics)),
         op=_u1(OP_CHUNK_INFO),
-        start_time=_time(chunk.start_ns),
+        start_time=_time(min(first_ns for _, _, first_ns, _ in chunk.topics)),
         ver=_u4(1),
     )
-    counts = b"".join(struct.pack("<II", *entry) for entry in chunk.counts)
+    counts = b"".join(struct.pack("<II", topic.index, n) for topic, n, *_ in chunk.topics)
     return header + _u4(len(counts)) + counts

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.bags import rosbag2_metadata as rosbag2_metadata
+from imu_sim_ros.bags.messages.blocks import RowTemplate
 from imu_sim_ros.bags.outputs import make_folder
 from imu_sim_ros.bags.writer import BagTopic, Block, Writer, tally, time_order
 from imu_sim_ros.errors import InputError
@@ -71,17 +72,6 @@ class PartsWriter(Writer):
             if (past and not later) or self._full():
                 self._end_part()
             blocks = later + past
-
-    def write_raw(self, topic: BagTopic, t_ns: int, payload: bytes) -> None:
-        """Write one message."""
-        if self._end_ns is not None and t_ns >= self._end_ns:
-            self._end_part()
-        part = self._begun()
-        self._boundary(t_ns)
-        topic.add(1, t_ns, t_ns)
-        part.write_raw(part.topics[topic.index], t_ns, payload)
-        if self._full():
-            self._end_part()
 
     def _begun(self) -> Writer:
         """Return the part that is being written, or a new one if the last is closed."""
@@ -184,7 +174,8 @@ def _sizes(block: Block) -> Integers:
     """Return the bytes of each message."""
     if isinstance(block.payloads, list):
         return np.array([len(payload) for payload in block.payloads], dtype=np.int64)
-    return np.full(len(block.t_ns), block.payloads.shape[1], dtype=np.int64)
+    row = block.payloads.template if isinstance(block.payloads, RowTemplate) else block.payloads[0]
+    return np.full(len(block.t_ns), len(row), dtype=np.int64)
 
 
 def _divided(blocks: list[Block], counts: list[int]) -> tuple[list[Block], list[Block]]:

@@ -66,7 +66,6 @@ class SqliteWriter(Writer):
         refuse_existing(path)
         self._bytes = 0
         self._uncommitted = 0
-        self._raw: list[tuple[int, int, bytes]] = []
         try:
             self._database = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
             # No waiting for the disk: a flush that is to survive a power cut syncs the file.
@@ -108,7 +107,6 @@ class SqliteWriter(Writer):
         blocks = [block for block in blocks if len(block.t_ns)]
         if not blocks:
             return
-        self._insert_raw()
         if simultaneous(blocks):
             self._insert_rows(blocks)
             return
@@ -123,7 +121,11 @@ class SqliteWriter(Writer):
             )
             ids = iter(owner[order].tolist())
             payloads = [payloads[k] for k in order.tolist()]
-        self._insert(zip(ids, t_ns.tolist(), payloads))  # noqa: B905 - repeat has no end
+        rows = zip(ids, t_ns.tolist(), payloads)  # noqa: B905 - repeat has no end
+        try:
+            self._database.executemany(_INSERT, rows)
+        except sqlite3.Error as error:
+            raise MachineError(f"{self.path}: {error}") from None
         tally(blocks)
         self._count_bytes(sum(map(len, payloads)))
 
@@ -136,8 +138,7 @@ class SqliteWriter(Writer):
         patterns = [
             as_row_template(payloads) for _, _, payloads in blocks if not isinstance(payloads, list)
         ]
-        table = side_by_side(patterns)
-        sizes = [pattern.shape[1] for pattern in patterns]
+        sizes = [len(pattern.template) for pattern in patterns]
         starts = np.cumsum([1, *sizes[:-1]]).tolist()
         parts = [
             (block.topic.index + 1, start, size)
@@ -145,23 +146,16 @@ class SqliteWriter(Writer):
         ]
         statement = _INSERT_ROWS.format(width=sum(sizes), parts=str(parts)[1:-1])
         count = max(_STATEMENT_BYTES // max(sum(sizes), 1), 1)
-        for first in range(0, len(table), count):
+        for first in range(0, len(blocks[0].t_ns), count):
             rows = slice(first, first + count)
             t_ns = np.ascontiguousarray(blocks[0].t_ns[rows])
             times = str(t_ns.tolist())  # JSON, from which SQLite takes them
-            self._execute(statement, (table[rows].array().data, times))
+            self._execute(statement, (side_by_side(patterns, rows).data, times))
             tally([Block(topic, t_ns, payloads) for topic, _, payloads in blocks])
             self._count_bytes(len(t_ns) * sum(sizes))
 
-    def write_raw(self, topic: BagTopic, t_ns: int, payload: bytes) -> None:
-        """Write one message."""
-        self._raw.append((topic.index + 1, t_ns, payload))
-        topic.add(1, t_ns, t_ns)
-        self._bytes += len(payload)
-
     def flush(self, durable: bool = False) -> None:
         """End the transaction."""
-        self._insert_raw()
         self._commit()
         if durable:
             with self.path.open("rb") as file:
@@ -171,7 +165,6 @@ class SqliteWriter(Writer):
         """Store the metadata."""
         import yaml
 
-        self._insert_raw()
         part = rosbag2_metadata.part(self.path, self.topics)
         content = rosbag2_metadata.document("sqlite3", self.topics, [part])
         self._execute(
@@ -197,7 +190,6 @@ class SqliteWriter(Writer):
         with suppress(sqlite3.ProgrammingError):  # it is closed
             if not self._database.in_transaction:
                 self._execute("BEGIN")
-            self._insert_raw()
             for topic in self.topics:
                 row = self._database.execute(_TALLY, (topic.index + 1,)).fetchone()
                 topic.count, topic.first_ns, topic.last_ns = row
@@ -205,18 +197,6 @@ class SqliteWriter(Writer):
                 self.close()
             else:
                 self.abandon()
-
-    def _insert_raw(self) -> None:
-        if self._raw:
-            rows, self._raw = self._raw, []
-            self._insert(iter(rows))
-            self._uncommitted += sum(len(payload) for _, _, payload in rows)
-
-    def _insert(self, rows: object) -> None:
-        try:
-            self._database.executemany(_INSERT, rows)  # type: ignore[arg-type]
-        except sqlite3.Error as error:
-            raise MachineError(f"{self.path}: {error}") from None
 
     def _execute(self, statement: str, values: Sequence[object] = ()) -> None:
         try:

@@ -78,22 +78,21 @@ class Pipeline(Generic[_T, _Made]):
     """
 
     def __init__(
-        self, make: Callable[[_T], _Made], use: Callable[[_Made], None], workers: int
+        self, make: Callable[[_T], _Made], use: Callable[[_T, _Made], None], workers: int
     ) -> None:
         """Start the threads.
 
         :param make: may run for several items at a time.
-        :param use: runs for one item after the other.
-        :param workers: number of threads; 0 to work in the calling thread.
+        :param use: runs for one item, and what is made of it, after the other.
+        :param workers: number of threads, at least one.
         """
         self._make, self._use = make, use
         self._items: SimpleQueue[tuple[_T, SimpleQueue[Any]] | None] = SimpleQueue()
-        self._order: SimpleQueue[SimpleQueue[Any] | str] = SimpleQueue()
+        self._order: SimpleQueue[tuple[_T, SimpleQueue[Any]] | str] = SimpleQueue()
         self._places: SimpleQueue[None] = SimpleQueue()
         self._used_up: SimpleQueue[None] = SimpleQueue()
         for _ in range(2 * workers + 2):
             self._places.put(None)
-        self._workers = workers
         self.error: BaseException | None = None
         targets = [self._make_all] * workers + [self._use_all]
         self._threads = [threading.Thread(target=target, daemon=True) for target in targets]
@@ -110,11 +109,8 @@ class Pipeline(Generic[_T, _Made]):
             raise self.error
         made: SimpleQueue[Any] = SimpleQueue()
         # In this order: what is interrupted in between is lost, and nobody waits for it.
-        if self._workers:
-            self._items.put((item, made))
-        else:
-            made.put((self._make(item), None))
-        self._order.put(made)
+        self._items.put((item, made))
+        self._order.put((item, made))
 
     def wait(self) -> None:
         """Wait until all items are used.
@@ -143,16 +139,17 @@ class Pipeline(Generic[_T, _Made]):
                 made.put((None, error))
 
     def _use_all(self) -> None:
-        while (made := self._order.get()) != _END:
-            if isinstance(made, str):
+        while (given := self._order.get()) != _END:
+            if isinstance(given, str):
                 self._used_up.put(None)
                 continue
+            item, made = given
             result, error = made.get()
             try:
                 if error is not None:
                     raise error
                 if self.error is None:
-                    self._use(result)
+                    self._use(item, result)
             except BaseException as failure:
                 self.error = self.error or failure
             self._places.put(None)

@@ -5,7 +5,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -28,6 +28,10 @@ COMPRESSED: Final = tuple(dict.fromkeys(name for names in COMPRESSIONS.values() 
 """The compressions of any storage."""
 
 
+EMPTY: Final = (0, 2**63 - 1, -1)
+"""Count, first and last time of a topic without messages."""
+
+
 @dataclass(eq=False)
 class BagTopic:
     """A topic of a bag that is being written, and its contents so far."""
@@ -37,9 +41,9 @@ class BagTopic:
     type_name: str
     schema: Schema
     qos: tuple[Qos, ...]
-    count: int = 0
-    first_ns: int = field(default=2**63 - 1)
-    last_ns: int = field(default=-1)
+    count: int = EMPTY[0]
+    first_ns: int = EMPTY[1]
+    last_ns: int = EMPTY[2]
     keeps_seq: bool = False
     """ROS 1: the messages come with a header.seq of their own; else the writer counts."""
     before: int = 0
@@ -105,10 +109,6 @@ class Writer(ABC):
     @abstractmethod
     def write_blocks(self, blocks: Sequence[Block]) -> None:
         """Write the messages of several topics, ordered by record time among each other."""
-
-    @abstractmethod
-    def write_raw(self, topic: BagTopic, t_ns: int, payload: bytes) -> None:
-        """Write one message."""
 
     @abstractmethod
     def flush(self, durable: bool = False) -> None:

@@ -217,7 +217,7 @@ def test_single_messages_and_varying_sizes(tmp_path, content):
                 row = encoder.encode(
                     content.t_ns[k : k + 1], content.gyro[k : k + 1], content.accel[k : k + 1]
                 )
-                writer.write_raw(topic, int(content.t_ns[k]), row.tobytes())
+                writer.write(topic, content.t_ns[k : k + 1], [row.tobytes()])
         read = read_imu(tmp_path / name)
         np.testing.assert_array_equal(read.t_ns, content.t_ns[:300])
         np.testing.assert_array_equal(read.gyro, content.gyro[:300])
@@ -280,7 +280,7 @@ def test_topics_with_times_of_their_own_are_merged_by_time(tmp_path, name):
                     Block(topic, t_ns, encoder.pattern(t_ns, *rng.normal(size=(2, len(t_ns), 3))))
                     for topic, encoder, t_ns in zip(topics, encoders, grids, strict=True)
                 ]
-                singles = [[row.tobytes() for row in b.payloads.array()] for b in blocks]
+                singles = [as_list(b.payloads) for b in blocks]
             else:
                 blocks = [
                     Block(topic, t_ns, payloads)

@@ -129,7 +129,7 @@ k = 0
 while True:
     t_ns = np.array([10**9 + k * 5_000_000])
     row = encoder.encode(t_ns, np.full((1, 3), float(k)), np.ones((1, 3)))
-    writer.write_raw(topic, int(t_ns[0]), row.tobytes())
+    writer.write(topic, t_ns, [row.tobytes()])
     k += 1
     if k % 1000 == 0:
         writer.flush()
@@ -183,6 +183,6 @@ def test_durable_flush(tmp_path, content):
             row = ImuEncoder("i", writer.encoding).encode(
                 content.t_ns[:1], content.gyro[:1], content.accel[:1]
             )
-            writer.write_raw(topic, int(content.t_ns[0]), row[0].tobytes())
+            writer.write(topic, content.t_ns[:1], [row[0].tobytes()])
             writer.flush(durable=True)
             assert len(_recovered(tmp_path / name)[0]) == 1

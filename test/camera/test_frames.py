@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
+from imu_sim_ros.bags.messages.blocks import as_list
 from imu_sim_ros.camera import build_rig
 from imu_sim_ros.commands import generate
 from imu_sim_ros.errors import ConfigurationError
@@ -50,8 +51,7 @@ def messages(size):
     for read in Body(parameters, sensors=SEEN).windows(size):
         for name, one in known.items():
             made = encoders[name](read[one.name], sensors[one.name].valid)
-            rows = made.made()
-            rows = rows if isinstance(rows, list) else [bytes(row) for row in rows.array()]
+            rows = as_list(made.made())
             found[name] += zip(made.t_ns.tolist(), made.due_t_ns.tolist(), rows, strict=True)
     return found
 

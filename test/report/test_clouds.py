@@ -107,7 +107,7 @@ def test_scans_without_a_point_and_clouds_that_are_none_are_told(tmp_path):
     rows = np.zeros(3, [("x", "<f4"), ("y", "<f4"), ("power", "<f4")])
     payload = PointCloud2Encoder("radar", "cdr").encode(1, rows)
     with open_writer(tmp_path / "flat.mcap") as writer:
-        writer.write_raw(writer.add_topic("/radar", POINT_CLOUD2), 1, payload)
+        writer.write(writer.add_topic("/radar", POINT_CLOUD2), np.array([1]), [payload])
     for name, says in (("empty", "3 scans, 10 Hz"), ("flat", "without x, y and z")):
         words = [str(tmp_path / f"{name}.mcap"), "-o", str(tmp_path / f"{name}.html"), "--quiet"]
         assert main(words) == 0

@@ -26,25 +26,18 @@ class Column(NamedTuple):
     """(n,) or (n, m), little-endian."""
 
 
+@dataclass(frozen=True)
 class RowTemplate:
     """n rows of equal size: the bytes that all have, and the columns in which they differ.
 
     Most bytes of a message are the same in all messages of a topic.
     """
 
-    __slots__ = ("columns", "count", "shape", "size", "template")
-
-    def __init__(self, template: bytes, columns: Sequence[Column], count: int) -> None:
-        """Keep the parts; nothing is copied.
-
-        :param template: a row; what the columns cover in it does not matter.
-        :param count: number of rows.
-        """
-        self.template, self.columns, self.count = template, columns, count
-        self.shape = (count, len(template))
-        """Number of rows, and bytes of each."""
-        self.size = count * len(template)
-        """Bytes of all rows."""
+    template: bytes
+    """A row; what the columns cover in it does not matter."""
+    columns: Sequence[Column]
+    count: int
+    """Number of rows."""
 
     def __len__(self) -> int:
         return self.count
@@ -55,26 +48,21 @@ class RowTemplate:
         columns = [Column(at, values[start:stop]) for at, values in self.columns]
         return RowTemplate(self.template, columns, max(stop - start, 0))
 
-    def array(self) -> Bytes:
-        """Return the rows (n, size)."""
-        rows = np.empty(self.shape, np.uint8)
-        rows[:] = np.frombuffer(self.template, np.uint8)
-        for offset, values in self.columns if self.size else ():
-            strides = (rows.shape[1], values.itemsize)[: values.ndim]
-            place: NDArray[Any] = np.ndarray(values.shape, values.dtype, rows, offset, strides)
-            place[...] = values
-        return rows
 
-
-def side_by_side(patterns: Sequence[RowTemplate]) -> RowTemplate:
-    """Return patterns of equally many rows as one: row k is that of each in turn."""
-    if len(patterns) == 1:
-        return patterns[0]
-    template, columns = b"", []
-    for pattern in patterns:
-        columns += [Column(len(template) + at, values) for at, values in pattern.columns]
-        template += pattern.template
-    return RowTemplate(template, columns, len(patterns[0]))
+def side_by_side(patterns: Sequence[RowTemplate], rows: slice = slice(None)) -> Bytes:
+    """Return consecutive rows of patterns as an array (n, size): row k is that of each in turn."""
+    template = b"".join(pattern.template for pattern in patterns)
+    table = np.empty((len(range(*rows.indices(patterns[0].count))), len(template)), np.uint8)
+    table[:] = np.frombuffer(template, np.uint8)
+    before = 0
+    for pattern in patterns if table.size else ():
+        for offset, values in pattern.columns:
+            own = values[rows]
+            strides = (len(template), own.itemsize)[: own.ndim]
+            place: NDArray[Any] = np.ndarray(own.shape, own.dtype, table, before + offset, strides)
+            place[...] = own
+        before += len(pattern.template)
+    return table
 
 
 def as_row_template(payloads: "Bytes | RowTemplate") -> RowTemplate:
@@ -124,12 +112,13 @@ def as_list(payloads: Payloads | RowTemplate) -> list[bytes]:
     """Return messages as a list of bytes."""
     if isinstance(payloads, list):
         return payloads
+    if isinstance(payloads, RowTemplate):
+        if not payloads.columns:
+            return [payloads.template] * payloads.count
+        if payloads.count <= _FEW:
+            return [_row(payloads, k) for k in range(payloads.count)]
+        payloads = side_by_side([payloads])
     if payloads.shape[1] == 0:
         return [b""] * len(payloads)
-    if isinstance(payloads, RowTemplate) and not payloads.columns:
-        return [payloads.template] * payloads.count
-    if isinstance(payloads, RowTemplate) and payloads.count <= _FEW:
-        return [_row(payloads, k) for k in range(payloads.count)]
-    table = payloads.array() if isinstance(payloads, RowTemplate) else payloads
-    rows = np.ascontiguousarray(table)
+    rows = np.ascontiguousarray(payloads)
     return rows.view(f"V{rows.shape[1]}")[:, 0].tolist()

@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros.bags.messages.blocks import Column, RowTemplate
+from imu_sim_ros.bags.messages.blocks import Column, RowTemplate, side_by_side
 from imu_sim_ros.bags.messages.layouts import Layout, layout
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
@@ -92,7 +92,7 @@ class Encoder:
 
     def encode(self, *columns: Any, **named: Any) -> Bytes:
         """Return messages (n, size) of what ``pattern`` takes."""
-        return self.pattern(*columns, **named).array()
+        return side_by_side([self.pattern(*columns, **named)])
 
     def _stamped(self, t_ns: int) -> bytearray:
         second, nanosecond = divmod(t_ns, NANOSECONDS_PER_SECOND)

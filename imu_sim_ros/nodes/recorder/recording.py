@@ -18,7 +18,7 @@ from rclpy.node import Node
 
 from imu_sim_ros.bags.messages.schemas import BrokenMessageError, Qos, recorded_type
 from imu_sim_ros.bags.outputs import active_path
-from imu_sim_ros.bags.writer import Writer
+from imu_sim_ros.bags.writer import BagTopic, Block, Writer
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.nodes.lifetime import Fail, SupervisedThread
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
@@ -300,18 +300,24 @@ class BagRecording:
         self.topics[topic.name] = topic
 
     def _write(self, messages: list[Message]) -> None:
-        write, topics = self._bag.write_raw, self.topics
+        received: dict[BagTopic, tuple[list[int], list[bytes]]] = {}
         for name, t_ns, payload, stamp_ns in messages:
-            topic = topics.get(name)
+            topic = self.topics.get(name)
             if topic is None:
                 continue
             try:
-                write(topic.handle, t_ns, topic.convert(payload))
+                converted = topic.convert(payload)
             except BrokenMessageError:
                 self.broken += 1
                 continue
+            times, payloads = received.setdefault(topic.handle, ([], []))
+            times.append(t_ns)
+            payloads.append(converted)
             topic.stamped &= stamp_ns is not None
             topic.unseen.append(t_ns if stamp_ns is None else stamp_ns)
+        self._bag.write_blocks(
+            [Block(topic, np.array(times), many) for topic, (times, many) in received.items()]
+        )
         with self._lock:
             self._queued_bytes -= sum(len(message.payload) for message in messages)
 

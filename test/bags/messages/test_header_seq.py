@@ -61,8 +61,8 @@ def test_single_messages_of_a_recorder_are_counted_and_the_clock_has_no_header(t
         rows = ImuEncoder("imu_link", "ros1").encode(t_ns, np.zeros((5, 3)), np.zeros((5, 3)))
         ticks = ClockEncoder("ros1").encode(t_ns)
         for time, row, tick in zip(t_ns.tolist(), rows, ticks, strict=True):
-            writer.write_raw(readings, time, row.tobytes())
-            writer.write_raw(clock, time, tick.tobytes())
+            writer.write(readings, np.array([time]), [row.tobytes()])
+            writer.write(clock, np.array([time]), [tick.tobytes()])
         writer.write_blocks([Block(clock, t_ns + 10**10, ticks)])
     assert sequences(path) == {"/imu": [0, 1, 2, 3, 4]}
     with Reader(path) as reader:
