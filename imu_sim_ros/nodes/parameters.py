@@ -19,7 +19,7 @@ from imu_sim_ros.nodes.lifetime import Lifetime
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import Layering, build_layered
 from imu_sim_ros.parameters.kinds import Parameter, Value
-from imu_sim_ros.parameters.sections import build, flatten, parameters, parse, unknown
+from imu_sim_ros.parameters.sections import build, flatten, parameters, unknown
 from imu_sim_ros.random_streams import seed_of_node
 
 _TYPES = {
@@ -178,7 +178,7 @@ class ConfiguredNode(Node):
                 elif not parameter.live:
                     problems.append(f"{change.name} is read-only: it is fixed when the node starts")
                 else:
-                    value = parse(change.name, parameter, plain(change))
+                    value = parameter.parse(change.name, plain(change))
                     changes.append(to_ros(change.name, parameter, value))
             except ConfigurationError as error:
                 problems += error.problems

@@ -5,15 +5,17 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias, cast
 
 import numpy as np
 
 from imu_sim_ros.conventions import GRAVITY
+from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.inputs import gate
+from imu_sim_ros.names import shown, suggestion
 
 Vector: TypeAlias = tuple[float, float, float]
 Matrix: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
@@ -46,7 +48,33 @@ METADATA = "parameter"
 """Key of a field's description in the dataclass."""
 
 
-class SizeError(ValueError):
+class _Kind(NamedTuple):
+    """Which values a parameter may have."""
+
+    allowed: str
+    """In words."""
+    entry: type[float] | type[bool] | type[str]
+    """The type of a value, or of each entry of a list."""
+    length: int | None = None
+    """Of a list; 0: any; None: a single value."""
+
+
+_KINDS: Final = {
+    "number": _Kind("a finite number", float),
+    "integer": _Kind("an integer", int),
+    "flag": _Kind("true or false", bool),
+    "text": _Kind("a string", str),
+    "choice": _Kind("one of", str),
+    "vector": _Kind("a finite number or a list of three", float, 3),
+    "gravity": _Kind("a magnitude of at least 0, downwards, or a list of three", float, 3),
+    "matrix": _Kind("a list of nine finite numbers, row by row", float, 9),
+    "numbers": _Kind("a list of finite numbers", float, 0),
+    "texts": _Kind("a list of strings", str, 0),
+}
+"""A single number stands for all three of a vector; for gravity, it is the magnitude downwards."""
+
+
+class _SizeError(ValueError):
     """A number that is too large or too small for arithmetic."""
 
 
@@ -54,12 +82,10 @@ class SizeError(ValueError):
 class Parameter:
     """Declaration of one parameter: kind, default, unit, range and text.
 
-    ``kind`` is one of number, integer, flag, text, choice, vector (three numbers, or one that
-    stands for all), gravity (a vector, or one number, its magnitude downwards), matrix (nine
-    numbers, row by row), numbers (any count, in groups of ``group``), texts. ``live`` says that a
-    node takes a new value while it runs. ``turn_on_scale`` says what a sensor's turn-on scale s
-    does to an error in the realised unit: ``multiplies`` each row of a coefficient of its response
-    by 1 + s of the row's axis, ``divides`` a part of the scale by it, and nothing else.
+    ``kind`` is a name in ``_KINDS``. Numbers of any count come in groups of ``group``. ``live``
+    says that a node takes a new value while it runs. ``turn_on_scale`` says what a sensor's turn-on
+    scale s does to an error in the realised unit: ``multiplies`` each row of a coefficient of its
+    response by 1 + s of the row's axis, ``divides`` a part of the scale by it, and nothing else.
     ``covariance`` says that the covariance of dead reckoning has a term for it.
     """
 
@@ -76,99 +102,87 @@ class Parameter:
     turn_on_scale: str = ""
     covariance: bool = False
 
-    def parse(self, value: object) -> Value:
+    def parse(self, name: str, value: object) -> Value:
         """Return the value in the parameter's own type.
 
-        :raises SizeError: if a number is too large or too small for any parameter.
-        :raises ValueError: if it is not allowed; :meth:`allowed` says what is.
+        :param name: of the parameter, for the message.
+        :raises ConfigurationError: with the line that says what is allowed.
         """
-        return _PARSERS[self.kind](self, value)
+        try:
+            return self._parsed(value)
+        except _SizeError:
+            allowed = (
+                f"must be 0 or of a size from {SMALLEST:g} to {self.largest:g} {self.unit}".rstrip()
+            )
+        except (ValueError, TypeError, OverflowError):
+            allowed = f"must be {self.allowed()}"
+            if self.choices:
+                allowed = suggestion(value, self.choices)
+        raise ConfigurationError(f"{name} = {shown(value)}: {allowed}")
 
-    @cached_property
-    def parsed_default(self) -> Value:
-        """The default in the parameter's own type."""
-        return self.parse(self.default)
+    def _parsed(self, value: object) -> Value:
+        length = _KINDS[self.kind].length
+        if length is None:
+            return self._entry(value)
+        value = entries(value)
+        if hasattr(value, "__iter__") and not isinstance(value, str):
+            found = tuple(self._entry(one) for one in value)
+            if len(found) != (length or len(found)) or len(found) % self.group:
+                raise ValueError
+            return cast(Value, found)
+        if length != 3:
+            raise ValueError
+        number = cast(float, self._entry(value))
+        if self.kind == "vector":
+            return (number, number, number)
+        if number < 0.0:
+            raise ValueError
+        return (0.0, 0.0, 0.0 - number)
+
+    def _entry(self, value: object) -> float | bool | str:
+        """Return a single value, or an entry of a list."""
+        entry = _KINDS[self.kind].entry
+        if entry in (bool, str):
+            if not isinstance(value, entry) or (self.choices and value not in self.choices):
+                raise ValueError
+            return entry(value)
+        if isinstance(value, bool) or not isinstance(value, int | float | np.number):
+            raise ValueError
+        if not math.isfinite(value):
+            raise ValueError
+        exact = entry is int  # of large integers a float is another one
+        number = int(value) if exact else float(value)
+        if exact and number != value:
+            raise ValueError
+        if number > self.maximum or number < self.minimum:
+            raise ValueError
+        if self.above_minimum and number == self.minimum:
+            raise ValueError
+        if not exact and number and not SMALLEST <= abs(number) <= self.largest:
+            raise _SizeError
+        return number
 
     def allowed(self) -> str:
         """Return in words which values are allowed."""
-        if self.kind == "choice":
-            return "one of " + ", ".join(self.choices)
-        if self.kind == "flag":
-            return "true or false"
-        if self.kind in ("text", "texts"):
-            return "a string" if self.kind == "text" else "a list of strings"
-        noun = {
-            "number": "a finite number",
-            "integer": "an integer",
-            "vector": "a finite number or a list of three",
-            "gravity": "a magnitude of at least 0, downwards, or a list of three",
-            "matrix": "a list of nine finite numbers, row by row",
-            "numbers": "a list of finite numbers"
-            + (f", {self.group} for each entry" if self.group > 1 else ""),
-        }[self.kind]
-        limits = self._range()
-        if limits:
-            noun += (" " if self.kind in ("number", "integer") else ", each ") + limits
-        return f"{noun} [{self.unit}]" if self.unit else noun
-
-    def _range(self) -> str:
-        words = []
+        words = _KINDS[self.kind].allowed
+        if self.choices:
+            words += f" {', '.join(self.choices)}"
+        if self.group > 1:
+            words += f", {self.group} for each entry"
+        limits = []
         if self.minimum > -math.inf:
-            words.append(f"{'above' if self.above_minimum else 'at least'} {self.minimum:g}")
+            limits.append(f"{'above' if self.above_minimum else 'at least'} {self.minimum:g}")
         if self.maximum < math.inf:
-            words.append(f"at most {self.maximum:g}")
-        return " and ".join(words)
+            limits.append(f"at most {self.maximum:g}")
+        if limits:
+            words += (" " if _KINDS[self.kind].length is None else ", each ") + " and ".join(limits)
+        return f"{words} [{self.unit}]" if self.unit else words
 
     @cached_property
     def largest(self) -> float:
         """The largest size that is possible at all; a reading of it still passes the gate."""
         found = (one.largest for start, one in _POSSIBLE.items() if self.unit.startswith(start))
         return next(found, LARGEST)
-
-    def in_range(self, number: float) -> bool:
-        """Return whether a number is in the parameter's range."""
-        low = number > self.minimum if self.above_minimum else number >= self.minimum
-        return low and number <= self.maximum
-
-
-def _number(parameter: Parameter, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number):
-        raise ValueError
-    number = float(value)
-    if not math.isfinite(number) or not parameter.in_range(number):
-        raise ValueError
-    if number and not SMALLEST <= abs(number) <= parameter.largest:
-        raise SizeError
-    return number
-
-
-def _integer(parameter: Parameter, value: object) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | float | np.number):
-        raise ValueError
-    if not math.isfinite(value):
-        raise ValueError
-    exact = int(value)  # of large numbers a float is another one
-    if value != exact or not parameter.in_range(exact):
-        raise ValueError
-    return exact
-
-
-def _flag(_: Parameter, value: object) -> bool:
-    if not isinstance(value, bool):
-        raise ValueError
-    return value
-
-
-def _text(_: Parameter, value: object) -> str:
-    if not isinstance(value, str):
-        raise ValueError
-    return value
-
-
-def _choice(parameter: Parameter, value: object) -> str:
-    if value not in parameter.choices:
-        raise ValueError
-    return str(value)
 
 
 def entries(value: object) -> object:
@@ -184,67 +198,12 @@ def entries(value: object) -> object:
     return parse_yaml(value)
 
 
-def _list(value: object) -> Sequence[object]:
-    value = entries(value)
-    if isinstance(value, str) or not hasattr(value, "__iter__"):
-        raise ValueError
-    return list(value)
-
-
-def _numbers(parameter: Parameter, value: object) -> tuple[float, ...]:
-    entries = tuple(_number(parameter, entry) for entry in _list(value))
-    if len(entries) % parameter.group:
-        raise ValueError
-    return entries
-
-
-def _vector(parameter: Parameter, value: object) -> tuple[float, ...]:
-    value = entries(value)
-    if not hasattr(value, "__iter__"):
-        return (_number(parameter, value),) * 3
-    return _counted(parameter, value, 3)
-
-
-def _gravity(parameter: Parameter, value: object) -> tuple[float, ...]:
-    value = entries(value)
-    if hasattr(value, "__iter__"):
-        return _counted(parameter, value, 3)
-    magnitude = _number(parameter, value)
-    if magnitude < 0.0:
-        raise ValueError
-    return (0.0, 0.0, 0.0 - magnitude)
-
-
-def _matrix(parameter: Parameter, value: object) -> tuple[float, ...]:
-    return _counted(parameter, value, 9)
-
-
-def _counted(parameter: Parameter, value: object, count: int) -> tuple[float, ...]:
-    entries = tuple(_number(parameter, entry) for entry in _list(value))
-    if len(entries) != count:
-        raise ValueError
-    return entries
-
-
-def _texts(parameter: Parameter, value: object) -> tuple[str, ...]:
-    return tuple(_text(parameter, entry) for entry in _list(value))
-
-
-_PARSERS: dict[str, Callable[[Parameter, object], Value]] = {
-    "number": _number,
-    "integer": _integer,
-    "flag": _flag,
-    "text": _text,
-    "choice": _choice,
-    "vector": _vector,
-    "gravity": _gravity,
-    "matrix": _matrix,
-    "numbers": _numbers,
-    "texts": _texts,
-}
-
-
 def _field(kind: str, default: Value, text: str, **details: Any) -> Any:
+    entry = _KINDS[kind].entry
+    if isinstance(default, tuple):
+        default = cast(Value, tuple(map(entry, default)))
+    else:
+        default = entry(default)
     parameter = Parameter(kind, default, text, **details)
     return dataclasses.field(default=default, metadata={METADATA: parameter})
 

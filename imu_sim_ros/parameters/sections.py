@@ -5,22 +5,13 @@
 
 import dataclasses
 import re
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass
-from functools import cache
-from typing import Any, ClassVar, Final, TypeVar, cast
+from dataclasses import dataclass, field, fields
+from typing import Any, Final, TypeVar, cast
 
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.names import shown, suggestion
-from imu_sim_ros.parameters.kinds import (
-    METADATA,
-    SMALLEST,
-    Parameter,
-    SizeError,
-    Value,
-    entries,
-)
+from imu_sim_ros.names import suggestion
+from imu_sim_ros.parameters.kinds import METADATA, Parameter, Value, entries
 
 _T = TypeVar("_T")
 _SECTION_NAME: Final = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
@@ -32,56 +23,49 @@ OF_EVERY_NODE: Final = {
 _QOS: Final = "qos_overrides."
 
 
-_SECTIONS: Final = "sections"
+_NESTED: Final = "sections"
 """Key of what describes the sections in a field of a dataclass."""
 
 
-class _Kind(ABC):
-    """How the sections in a field stand among the parameters around them."""
-
-    several: ClassVar[bool] = False
-    """Whether the field is a dictionary of sections by name."""
-    without: Collection[str] = ()
-    """Fields of a section that are not parameters."""
-
-    @abstractmethod
-    def classes(self, name: str, values: Mapping[str, object]) -> Mapping[str, type]:
-        """Return the classes by their names; that of a single section has none.
-
-        :param name: of the field, with what stands before it.
-        :param values: all that are given.
-        """
-
-    @abstractmethod
-    def below(self, prefix: str, field: str, name: str) -> str:
-        """Return what stands before the names of a section's parameters."""
-
-    def described(self, parameter: Parameter) -> Parameter:
-        """Return a parameter of a section as it is described here."""
-        return parameter
-
-
 @dataclass(frozen=True)
-class _Section(_Kind):
-    """A section within another, see :func:`section`."""
+class _Nested:
+    """The sections in a field of another one.
 
-    cls: type
-    joint: str
-    words: Mapping[str, str] | None = None
-    without: Collection[str] = ()
-    fixed: bool = False
+    :func:`section`, :func:`variant`, :func:`each`, :func:`shared` and :func:`optional` make it.
+    """
 
-    def classes(self, name: str, values: Mapping[str, object]) -> Mapping[str, type]:
-        return {"": self.cls}
+    before: str
+    """What stands before the names of their parameters, with ``{field}`` and ``{name}``."""
+    names: Callable[[Mapping[str, object]], Collection[str]]
+    """Returns their names from all values that are given; a single section has none, ``""``."""
+    find: Callable[[str, Mapping[str, object]], type]
+    """Returns the class for a name, or the field's if there is none, and all values."""
+    several: bool = False
+    """Whether the field is a dictionary of sections by name."""
+    own: Mapping[str, Parameter] | None = None
+    """Their parameters; None: all those of the class, as it describes them."""
+    listed: str = ""
+    """The parameter that lists the names, if one does."""
+    taken: Collection[str] = ()
+    """Names that it cannot list, next to those of parameters."""
+    key: str = ""
+    """The parameter in the section on which its class depends, if it does."""
+    default: str = ""
+    """Of that parameter."""
+    kinds: Mapping[str, type] = field(default_factory=dict)
+    """The classes by that parameter."""
 
-    def below(self, prefix: str, field: str, name: str) -> str:
-        return f"{prefix}{field}{self.joint}"
+    def classes(
+        self, name: str, prefix: str, values: Mapping[str, object]
+    ) -> Iterator[tuple[str, type, str]]:
+        """Yield the name of each section, its class, and what stands before its parameters.
 
-    def described(self, parameter: Parameter) -> Parameter:
-        if self.words:
-            text, unit = (of.format_map(self.words) for of in (parameter.text, parameter.unit))
-            parameter = dataclasses.replace(parameter, text=text, unit=unit)
-        return dataclasses.replace(parameter, live=False) if self.fixed else parameter
+        :param name: of the field.
+        :param prefix: what stands before it.
+        """
+        for own in self.names(values):
+            cls = self.find(own or prefix + name, values)
+            yield own, cls, prefix + self.before.format(field=name, name=own)
 
 
 def section(
@@ -98,24 +82,17 @@ def section(
     :param without: fields of the section that are not parameters here and keep their default.
     :param fixed: whether none of its parameters is live here.
     """
-    kind = _Section(cls, joint, words, without, fixed)
-    return dataclasses.field(default_factory=cls, metadata={_SECTIONS: kind})
-
-
-@dataclass(frozen=True)
-class _Variant(_Kind):
-    """A section whose class depends on a parameter in it, see :func:`variant`."""
-
-    key: str
-    default: str
-    find: Callable[[str], type]
-    kinds: Mapping[str, type]
-
-    def classes(self, name: str, values: Mapping[str, object]) -> Mapping[str, type]:
-        return {"": self.find(str(values.get(f"{name}.{self.key}", self.default)))}
-
-    def below(self, prefix: str, field: str, name: str) -> str:
-        return f"{prefix}{field}."
+    own: dict[str, Parameter] | None = None
+    if words or without or fixed:
+        own = parameters(cls)
+        for name, parameter in list(own.items()):
+            text, unit = (of.format_map(words or {}) for of in (parameter.text, parameter.unit))
+            live = parameter.live and not fixed
+            own[name] = dataclasses.replace(parameter, text=text, unit=unit, live=live)
+            if name in without:
+                del own[name]
+    nested = _Nested(f"{{field}}{joint}", lambda _: ("",), lambda *_: cls, own=own)
+    return field(default_factory=cls, metadata={_NESTED: nested})
 
 
 def variant(key: str, default: str, find: Callable[[str], type], kinds: Mapping[str, type]) -> Any:
@@ -124,53 +101,36 @@ def variant(key: str, default: str, find: Callable[[str], type], kinds: Mapping[
     :param find: returns the class for a string, or raises ConfigurationError with one line.
     :param kinds: classes that :func:`build` names if a parameter of theirs is given to another.
     """
-    kind = _Variant(key, default, find, kinds)
-    return dataclasses.field(default_factory=lambda: find(default)(), metadata={_SECTIONS: kind})
-
-
-@dataclass(frozen=True)
-class _Each(_Kind):
-    """Sections of names that a parameter lists, see :func:`each`."""
-
-    listed: str
-    find: Callable[[str, Mapping[str, object]], type]
-    taken: Collection[str]
-    several = True
-
-    def classes(self, name: str, values: Mapping[str, object]) -> Mapping[str, type]:
-        return {one: self.find(one, values) for one in listed(self.listed, values)}
-
-    def below(self, prefix: str, field: str, name: str) -> str:
-        return f"{name}."
+    nested = _Nested(
+        "{field}.",
+        lambda _: ("",),
+        lambda name, values: find(str(values.get(f"{name}.{key}", default))),
+        key=key,
+        default=default,
+        kinds=kinds,
+    )
+    return field(default_factory=lambda: find(default)(), metadata={_NESTED: nested})
 
 
 def each(
-    listed: str, find: Callable[[str, Mapping[str, object]], type], taken: Collection[str] = ()
+    parameter: str, find: Callable[[str, Mapping[str, object]], type], taken: Collection[str] = ()
 ) -> Any:
     """Describe a dictionary of sections by name; their parameters are ``NAME.*``.
 
-    :param listed: the parameter of the same section that lists the names.
+    :param parameter: of the same section, which lists the names.
     :param find: returns the class for a name and all values, or raises ConfigurationError with one
         line.
     :param taken: names that cannot be used, next to those of parameters.
     """
-    kind = _Each(listed, find, taken)
-    return dataclasses.field(default_factory=dict, metadata={_SECTIONS: kind})
-
-
-@dataclass(frozen=True)
-class _Shared(_Kind):
-    """Sections that are always there, see :func:`shared`."""
-
-    sections: Callable[[], Mapping[str, type]]
-    joint: str | None
-    several = True
-
-    def classes(self, name: str, values: Mapping[str, object]) -> Mapping[str, type]:
-        return self.sections()
-
-    def below(self, prefix: str, field: str, name: str) -> str:
-        return prefix if self.joint is None else f"{prefix}{name}{self.joint}"
+    nested = _Nested(
+        "{name}.",
+        lambda values: listed(parameter, values),
+        find,
+        several=True,
+        listed=parameter,
+        taken=taken,
+    )
+    return field(default_factory=dict, metadata={_NESTED: nested})
 
 
 def shared(sections: Callable[[], Mapping[str, type]], joint: str | None) -> Any:
@@ -178,24 +138,16 @@ def shared(sections: Callable[[], Mapping[str, type]], joint: str | None) -> Any
 
     :param joint: behind the name of each, before those of its parameters; None: no name either.
     """
-    return dataclasses.field(
-        default_factory=lambda: {name: cls() for name, cls in sections().items()},
-        metadata={_SECTIONS: _Shared(sections, joint)},
+    nested = _Nested(
+        "" if joint is None else f"{{name}}{joint}",
+        lambda _: sections(),
+        lambda name, _: sections()[name],
+        several=True,
     )
-
-
-@dataclass(frozen=True)
-class _Optional(_Kind):
-    """A section that is there or not, see :func:`optional`."""
-
-    cls: Callable[[], type]
-    there: Callable[[Mapping[str, object]], bool]
-
-    def classes(self, name: str, values: Mapping[str, object]) -> Mapping[str, type]:
-        return {"": self.cls()} if self.there(values) else {}
-
-    def below(self, prefix: str, field: str, name: str) -> str:
-        return prefix
+    return field(
+        default_factory=lambda: {name: cls() for name, cls in sections().items()},
+        metadata={_NESTED: nested},
+    )
 
 
 def optional(cls: Callable[[], type], there: Callable[[Mapping[str, object]], bool]) -> Any:
@@ -204,53 +156,30 @@ def optional(cls: Callable[[], type], there: Callable[[Mapping[str, object]], bo
     :param cls: returns it; called only if it is there, so that it may be imported then.
     :param there: tells from all values whether it is.
     """
-    return dataclasses.field(default=None, metadata={_SECTIONS: _Optional(cls, there)})
+    nested = _Nested("", lambda values: ("",) if there(values) else (), lambda *_: cls())
+    return field(default=None, metadata={_NESTED: nested})
 
 
-def parameters(cls: type, values: Mapping[str, object] | None = None) -> dict[str, Parameter]:
+def parameters(
+    cls: type, values: Mapping[str, object] | None = None, prefix: str = ""
+) -> dict[str, Parameter]:
     """Return every parameter of a section by its dotted name.
 
     :param values: chosen values; they decide which class a variant has.
+    :param prefix: before each name.
     """
-    return dict(_walk(cls, values or {}, ""))
-
-
-def _walk(cls: type, values: Mapping[str, object], prefix: str) -> Iterator[tuple[str, Parameter]]:
-    fixed = _fixed(cls)
-    if fixed is not None:
-        yield from ((prefix + name, parameter) for name, parameter in fixed)
-    else:
-        yield from _walk_fields(cls, values, prefix)
-
-
-@cache
-def _fixed(cls: type) -> tuple[tuple[str, Parameter], ...] | None:
-    """Return the parameters of a section that are the same whatever the values; None: of others."""
-    for field in dataclasses.fields(cls):
-        if METADATA in field.metadata:
+    result: dict[str, Parameter] = {}
+    for one in fields(cls):
+        if METADATA in one.metadata:
+            result[prefix + one.name] = one.metadata[METADATA]
             continue
-        kind = field.metadata[_SECTIONS]
-        if not isinstance(kind, _Section | _Shared):
-            return None
-        if any(_fixed(one) is None for one in kind.classes("", {}).values()):
-            return None
-    return tuple(_walk_fields(cls, {}, ""))
-
-
-def _walk_fields(
-    cls: type, values: Mapping[str, object], prefix: str
-) -> Iterator[tuple[str, Parameter]]:
-    for field in dataclasses.fields(cls):
-        if METADATA in field.metadata:
-            yield prefix + field.name, field.metadata[METADATA]
-            continue
-        kind: _Kind = field.metadata[_SECTIONS]
-        for name, one in kind.classes(prefix + field.name, values).items():
-            below = kind.below(prefix, field.name, name)
-            absent = [below + other for other in kind.without]
-            for dotted, parameter in _walk(one, values, below):
-                if dotted not in absent:
-                    yield dotted, kind.described(parameter)
+        nested: _Nested = one.metadata[_NESTED]
+        for _, inner, below in nested.classes(one.name, prefix, values or {}):
+            if nested.own is None:
+                result |= parameters(inner, values, below)
+            else:
+                result |= {below + name: parameter for name, parameter in nested.own.items()}
+    return result
 
 
 def listed(parameter: str, values: Mapping[str, object]) -> list[str]:
@@ -277,198 +206,159 @@ def build(cls: type[_T], values: Mapping[str, object]) -> _T:
     :param values: by dotted name, as :func:`imu_sim_ros.parameters.files.load` returns them.
     :raises ConfigurationError: with a line for every unknown name and every bad value.
     """
-    values, problems = _usable(cls, values)
+    values, problems = _usable(cls, values, {})
     known = parameters(cls, values)
     unused = {**OF_EVERY_NODE, **getattr(cls, "passed_over", dict)()}
-    unused = {name: parameter for name, parameter in unused.items() if name not in known}
-    every = known.keys() | unused.keys()
+    every = {**unused, **known}
     elsewhere = getattr(cls, "elsewhere", None)
     problems += [
-        _of_other_variants(cls, values, n) or unknown(n, known, elsewhere)
-        for n in values
-        if n not in every and not is_of_ros(n)
+        _of_other_variants(cls, values, name) or unknown(name, known, elsewhere)
+        for name in values
+        if name not in every and not is_of_ros(name)
     ]
-    problems += bad_values(unused, values)
     parsed: dict[str, Value] = {}
-    for name, parameter in known.items():
-        if name not in values:
-            parsed[name] = parameter.parsed_default
-            continue
-        try:
-            parsed[name] = parse(name, parameter, values[name])
-        except ConfigurationError as error:
-            problems += error.problems
+    for name, parameter in every.items():
+        if name in values:
+            try:
+                parsed[name] = parameter.parse(name, values[name])
+            except ConfigurationError as error:
+                problems += error.problems
     if problems:
         raise ConfigurationError(problems)
-    result = _construct(cls, parsed, values, "")
-    problems = list(_checks(result, ""))
+    made: list[tuple[Any, str]] = []
+    result = _construct(cls, parsed, values, "", made)
+    problems = [
+        line for one, prefix in made if hasattr(one, "problems") for line in one.problems(prefix)
+    ]
     if problems:
         raise ConfigurationError(problems)
     return result
-
-
-def parse(name: str, parameter: Parameter, value: object) -> Value:
-    """Return the value in the parameter's own type.
-
-    :raises ConfigurationError: with the line that names the parameter and what is allowed.
-    """
-    try:
-        return parameter.parse(value)
-    except SizeError:
-        raise ConfigurationError(
-            f"{name} = {shown(value)}: must be 0 or of a size from {SMALLEST:g} to "
-            f"{parameter.largest:g} {parameter.unit}".rstrip()
-        ) from None
-    except (ValueError, TypeError, OverflowError):
-        allowed = f"must be {parameter.allowed()}"
-        if parameter.kind == "choice":
-            allowed = suggestion(value, parameter.choices)
-        raise ConfigurationError(f"{name} = {shown(value)}: {allowed}") from None
 
 
 def bad_values(known: Mapping[str, Parameter], values: Mapping[str, object]) -> Iterator[str]:
     """Yield a line for every bad value of a known name; other names are passed over."""
     for name in values.keys() & known.keys():
         try:
-            parse(name, known[name], values[name])
+            known[name].parse(name, values[name])
         except ConfigurationError as error:
             yield from error.problems
 
 
 def _usable(
-    cls: type, values: Mapping[str, object], known: dict[str, str] | None = None
+    cls: type, values: Mapping[str, object], known: dict[str, str]
 ) -> tuple[Mapping[str, object], list[str]]:
     """Set aside sections whose class cannot be found, so that all else is still checked.
 
     :param known: the names of sections so far, and the parameters that list them.
     """
     problems: list[str] = []
-    known = {} if known is None else known
-    for field in dataclasses.fields(cls):
-        kind, gone = field.metadata.get(_SECTIONS), list[str]()
-        if isinstance(kind, _Variant):
+    for one in fields(cls):
+        nested: _Nested | None = one.metadata.get(_NESTED)
+        if nested is None:
+            continue
+        names, gone = list(nested.names(values)), []
+        if len(set(names)) < len(names):
+            # Which other name was meant is not known, nor whose parameters the values below it are.
+            raise ConfigurationError(f"{nested.listed} = {names}: names must differ")
+        taken = {*nested.taken, *(other.name for other in fields(cls))}
+        for name in names:
+            if nested.listed and name in known:
+                problems.append(f"{nested.listed}: {name!r}: is a name in {known[name]}")
+                gone.append(name)
+                continue
+            if nested.listed:
+                known[name] = nested.listed
+            if nested.listed and (name in taken or not _SECTION_NAME.fullmatch(name)):
+                problems.append(
+                    f"{nested.listed}: {name!r}: must be letters, digits and underscores, and not "
+                    "a parameter's name"
+                )
+                gone.append(name)
+                continue
             try:
-                kind.classes(field.name, values)
+                inner = nested.find(name or one.name, values)
             except ConfigurationError as error:
                 problems += error.problems
-                gone = [field.name]
-        elif isinstance(kind, _Optional) and kind.there(values):
-            values, found = _usable(kind.cls(), values, known)
-            problems += found
-        elif isinstance(kind, _Each):
-            found, gone = _unusable_names(cls, kind, values, known)
-            problems += found
-            if gone:
-                rest = [name for name in listed(kind.listed, values) if name not in gone]
-                values = {**values, kind.listed: tuple(rest)}
+                gone.append(name)
+                continue
+            if not nested.before:  # its lists and variants stand among those of this section
+                values, found = _usable(inner, values, known)
+                problems += found
         if gone:
-            below = tuple(f"{name}." for name in gone)
-            values = {key: v for key, v in values.items() if not key.startswith(below)}
+            below = tuple(nested.before.format(field=one.name, name=name) for name in gone)
+            values = {key: value for key, value in values.items() if not key.startswith(below)}
+            if nested.listed:
+                values = {**values, nested.listed: [name for name in names if name not in gone]}
     return values, problems
-
-
-def _unusable_names(
-    cls: type, each: _Each, values: Mapping[str, object], known: dict[str, str]
-) -> tuple[list[str], list[str]]:
-    """Return what is wrong with the names that a parameter lists, and which of them are."""
-    problems, gone = [], []
-    names = listed(each.listed, values)
-    taken = {*each.taken, *(field.name for field in dataclasses.fields(cls))}
-    if len(set(names)) < len(names):
-        # Which other name was meant is not known, nor whose parameters the values below it are.
-        raise ConfigurationError(f"{each.listed} = {names}: names must differ")
-    for name in dict.fromkeys(names):
-        if name in known:
-            problems.append(f"{each.listed}: {name!r}: is a name in {known[name]}")
-            gone.append(name)
-            continue
-        known[name] = each.listed
-        if not _SECTION_NAME.fullmatch(name) or name in taken:
-            problems.append(
-                f"{each.listed}: {name!r}: must be letters, digits and underscores, and not "
-                "a parameter's name"
-            )
-            gone.append(name)
-            continue
-        try:
-            each.find(name, values)
-        except ConfigurationError as error:
-            problems += error.problems
-            gone.append(name)
-    return problems, gone
 
 
 def _of_other_variants(cls: type, values: Mapping[str, object], name: str) -> str | None:
     """Return the line for a parameter that only other classes of its variant have; else None."""
-    for field in dataclasses.fields(cls):
-        kind, below = field.metadata.get(_SECTIONS), f"{field.name}."
-        if isinstance(kind, _Optional) and kind.there(values):
-            line = _of_other_variants(kind.cls(), values, name)
-            if line is not None:
-                return line
-        if not isinstance(kind, _Variant) or not name.startswith(below):
+    for one in fields(cls):
+        nested: _Nested | None = one.metadata.get(_NESTED)
+        if nested is not None and not nested.before:
+            for _, inner, _ in nested.classes(one.name, "", values):
+                line = _of_other_variants(inner, values, name)
+                if line is not None:
+                    return line
+        if nested is None or not nested.key or not name.startswith(f"{one.name}."):
             continue
-        own = name.removeprefix(below)
-        having = [word for word, each in kind.kinds.items() if own in parameters(each)]
-        chosen = values.get(below + kind.key, kind.default)
+        own = name.removeprefix(f"{one.name}.")
+        having = [word for word, kind in nested.kinds.items() if own in parameters(kind)]
         if having:
             verb = "has" if len(having) == 1 else "have"
-            of = f"{below}{kind.key} {chosen}"
+            key = f"{one.name}.{nested.key}"
+            of = f"{key} {values.get(key, nested.default)}"
             return f"{name}: unknown parameter of {of}; {', '.join(having)} {verb} it"
     return None
 
 
 def _construct(
-    cls: type[_T], parsed: Mapping[str, Value], values: Mapping[str, object], prefix: str
+    cls: type[_T],
+    parsed: Mapping[str, Value],
+    values: Mapping[str, object],
+    prefix: str,
+    made: list[tuple[Any, str]],
 ) -> _T:
+    """Return a section with the sections in it.
+
+    :param parsed: values of parameters by dotted name; the others have their default.
+    :param made: gets all sections, the outer ones first, and what stands before their parameters.
+    """
+    position = len(made)
     arguments: dict[str, object] = {}
-    for field in dataclasses.fields(cast(Any, cls)):
-        name = prefix + field.name
-        if METADATA in field.metadata:
-            if name in parsed:
-                arguments[field.name] = parsed[name]
+    for one in fields(cast(Any, cls)):
+        if METADATA in one.metadata:
+            if prefix + one.name in parsed:
+                arguments[one.name] = parsed[prefix + one.name]
             continue
-        kind: _Kind = field.metadata[_SECTIONS]
-        made: dict[str, Any] = {
-            key: _construct(one, parsed, values, kind.below(prefix, field.name, key))
-            for key, one in kind.classes(name, values).items()
+        nested: _Nested = one.metadata[_NESTED]
+        inner: dict[str, Any] = {
+            name: _construct(kind, parsed, values, below, made)
+            for name, kind, below in nested.classes(one.name, prefix, values)
         }
-        arguments[field.name] = made if kind.several else made.get("")
-    return cls(**arguments)
-
-
-def _checks(instance: object, prefix: str) -> Iterator[str]:
-    """Collect the sections' own ``problems(prefix)``, rules over several parameters."""
-    own = getattr(instance, "problems", None)
-    if own is not None:
-        yield from own(prefix)
-    for field in dataclasses.fields(cast(Any, instance)):
-        if METADATA not in field.metadata:
-            for one, below, _ in _built(field, getattr(instance, field.name), prefix):
-                yield from _checks(one, below)
+        arguments[one.name] = inner if nested.several else inner.get("")
+    result = cls(**arguments)
+    made.insert(position, (result, prefix))
+    return result
 
 
 def flatten(instance: object, prefix: str = "") -> dict[str, Value]:
     """Return all values of a section by dotted name; :func:`build` of it gives an equal section."""
     result: dict[str, Value] = {}
-    for field in dataclasses.fields(cast(Any, instance)):
-        value = getattr(instance, field.name)
-        if METADATA in field.metadata:
-            result[prefix + field.name] = value
+    for one in fields(cast(Any, instance)):
+        value = getattr(instance, one.name)
+        if METADATA in one.metadata:
+            result[prefix + one.name] = value
             continue
-        for one, below, without in _built(field, value, prefix):
-            result.update(flatten(one, below))
-            for absent in without:
-                result.pop(below + absent, None)
+        nested: _Nested = one.metadata[_NESTED]
+        sections = value if nested.several else {} if value is None else {"": value}
+        for name, inner in sections.items():
+            below = prefix + nested.before.format(field=one.name, name=name)
+            values = flatten(inner)
+            names = values if nested.own is None else nested.own
+            result.update({below + own: values[own] for own in names})
     return result
-
-
-def _built(field: Any, value: Any, prefix: str) -> Iterator[tuple[object, str, Collection[str]]]:
-    """Yield the sections in a field, with the prefix of their names, and what they lack."""
-    kind: _Kind = field.metadata[_SECTIONS]
-    found = value if kind.several else {} if value is None else {"": value}
-    for name, one in found.items():
-        yield one, kind.below(prefix, field.name, name), kind.without
 
 
 def unknown(

@@ -25,7 +25,7 @@ from imu_sim_ros.parameters.kinds import (
     texts,
     vector,
 )
-from imu_sim_ros.parameters.sections import build, flatten, parameters, parse, section, variant
+from imu_sim_ros.parameters.sections import build, flatten, parameters, section, variant
 from imu_sim_ros.simulation.parameters import load_simulation
 
 
@@ -184,13 +184,13 @@ def test_ros_gives_an_empty_list_as_a_text():
     ],
 )
 def test_a_list_may_come_as_a_string(words, expected):
-    assert Parameter("vector", ZERO_VECTOR, "").parse(words) == expected
+    assert Parameter("vector", ZERO_VECTOR, "").parse("bias", words) == expected
 
 
 @pytest.mark.parametrize("words", ["[1, 2", "[[1], 2, 3]", "[1, 2, .nan]", "1, 2, 3", "[a: b]", ""])
 def test_a_malformed_list_in_a_string_is_refused(words):
     with pytest.raises(ConfigurationError, match=r"^bias = .*: must be a finite number or a list"):
-        parse("bias", Parameter("vector", ZERO_VECTOR, ""), words)
+        Parameter("vector", ZERO_VECTOR, "").parse("bias", words)
 
 
 @dataclass(frozen=True)
@@ -264,6 +264,6 @@ def test_the_largest_seed_is_a_seed():
 )
 def test_a_number_that_no_quantity_of_its_unit_has_is_refused(unit, possible, impossible):
     parameter = Parameter("vector", ZERO_VECTOR, "", unit=unit)
-    assert parse("bias", parameter, [possible, -possible, 0.0]) == (possible, -possible, 0.0)
+    assert parameter.parse("bias", [possible, -possible, 0.0]) == (possible, -possible, 0.0)
     with pytest.raises(ConfigurationError, match="bias = .*: must be 0 or of a size from 1e-30 to"):
-        parse("bias", parameter, impossible)
+        parameter.parse("bias", impossible)

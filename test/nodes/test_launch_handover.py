@@ -79,7 +79,7 @@ def test_every_list_is_read_from_a_file_as_launch_ros_writes_it(tmp_path, node, 
     assert "!!python/tuple" in path.read_text()
     read = files.load(path, node)[name]
     assert isinstance(read, list)
-    assert parameter.parse(read) == parameter.parse(value)
+    assert parameter.parse(name, read) == parameter.parse(name, value)
 
 
 @pytest.mark.parametrize("tag", ["!!python/name:os.system", "!!python/object/new:tuple [[1]]"])
