@@ -18,9 +18,9 @@ import numpy as np
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import shown
-from imu_sim_ros.parameters import included
+from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors import named_sensors
-from imu_sim_ros.simulation import named
+from imu_sim_ros.simulation.parameters import joined, named
 from imu_sim_ros.trajectory.parameters import trajectory_layer
 
 Layer = dict[str, object]
@@ -75,7 +75,7 @@ def expanded(values: Mapping[str, object]) -> Layer:
             result.update(scene_layer(str(value)))
         elif name in ("camera", *named_sensors()):
             presets = value if isinstance(value, list) else [value]
-            result = named.joined(result, named.layer(name, presets))
+            result = joined(result, named(name, presets))
         else:
             result[name] = value
     return result
@@ -142,7 +142,7 @@ def _axis(name: str, content: object) -> Axis:
         _refuse_repeated(f"{where}.zip", rows)
         return Axis(tuple(lists), rows)
     if content == "all" and name in _ALL:
-        content = included.names(_ALL[name])
+        content = files.names(_ALL[name])
     values = _values(where, content)
     _refuse_repeated(where, values)
     return Axis((name,), tuple((value,) for value in values))

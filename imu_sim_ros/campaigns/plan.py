@@ -55,9 +55,9 @@ from imu_sim_ros.names import shown, suggestion
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.places.neighbours import files_of
-from imu_sim_ros.simulation.named import joined
 from imu_sim_ros.simulation.parameters import (
     SimulationParameters,
+    joined,
     load_simulation,
     suited,
 )

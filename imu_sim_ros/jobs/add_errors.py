@@ -29,7 +29,7 @@ from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.jobs.flight import Flight, Source
 from imu_sim_ros.jobs.readings import delivered_of
-from imu_sim_ros.jobs.simulate import flat_parameters, imu_parameters, keyword_parameters
+from imu_sim_ros.jobs.simulate import imu_parameters, keyword_parameters
 from imu_sim_ros.jobs.writing import parameter_files
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
@@ -281,7 +281,7 @@ class ErrorModel:
         :raises ConfigurationError: for parameters that cannot change and for bad values; nothing
             changes then.
         """
-        changed = {**flatten(self.parameters), **flat_parameters("parameters", parameters)}
+        changed = {**flatten(self.parameters), **files.dotted(parameters, "parameters")}
         self._model.update(build(type(self.parameters), changed))
 
     def inject(
@@ -732,7 +732,7 @@ def layers_of(
     if input is not None:
         if not isinstance(input, Mapping):
             refuse("input", input, "parameters by name", wrong_type=True)
-        given |= flat_parameters("input", input, "input.")
+        given |= files.dotted(input, "input", "input.")
     if seed is not None:
         given["seed"] = seed
     if rate is not None:

@@ -57,11 +57,12 @@ from imu_sim_ros.sensors import named_sensors
 from imu_sim_ros.sensors.declaration import Companion
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.signatures import Heading, Text
-from imu_sim_ros.simulation import named
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import (
     SimulationParameters,
     imus,
+    joined,
+    named,
     suited,
     values_of,
 )
@@ -340,15 +341,15 @@ def described(
     robust, rinex = switches
     own |= {"trajectory.robust": True} if robust else {}
     own |= {"gnss.raw.rinex": True} if rinex else {}
-    given = {**named.joined(in_files, cameras), **own}
+    given = {**joined(in_files, cameras), **own}
     for kind in named_sensors():
         value = given.pop(kind, ())
         presets = [
             one is True or str(arguments.path(kind, one, "a name, the path of a file, or several"))
             for one in (value if isinstance(value, list | tuple) else [value])
         ]
-        given = named.joined(given, named.layer(kind, presets))
-    given = named.joined(given, named.layer("gnss", [True] * rinex)) | last
+        given = joined(given, named(kind, presets))
+    given = joined(given, named("gnss", [True] * rinex)) | last
     of_node = dict.fromkeys(name.partition("./")[0] for name in of_the_node(given))
     if of_node:
         journal.note(f"no effect in a file: {', '.join(of_node)}")
@@ -372,7 +373,7 @@ def named_cameras(
     if not isinstance(several, list | tuple):
         arguments.refuse("cameras", cameras, "names or paths of files", wrong_type=True)
     presets = [str(arguments.path("cameras", one, allowed)) for one in several]
-    result = named.layer("camera", presets)
+    result = named("camera", presets)
     if scene is not None:
         from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
 

@@ -33,10 +33,9 @@ from imu_sim_ros.simulation.engine import BLOCK_SIZE, Body
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation, suited
 from imu_sim_ros.simulation.playback import SimulatorParameters, of_the_node
 from imu_sim_ros.trajectory.build import build_trajectory
-from imu_sim_ros.trajectory.common_parameters import GIVEN, PoseReader
 from imu_sim_ros.trajectory.given import given_trajectory
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.trajectory.parameters import trajectory_layer
+from imu_sim_ros.trajectory.parameters import GIVEN, PoseReader, trajectory_layer
 from imu_sim_ros.types import Array
 
 _PROBE: Final = 16
@@ -102,8 +101,20 @@ def simulate(
     """
     given = (imu, trajectory, duration, rate, seed, params_file, sensors)
     body = _body(*given, parameters)
-    _warn(body)
-    return Flight(body, _all_samples(body), _name(imu, trajectory, body))
+    first = body.next(_PROBE)
+    samples = body.total or 0
+    most = memory() * len(first[IMU].t_ns) // _bytes(first)
+    if samples > most:
+        raise ConfigurationError(
+            f"duration: its {samples} samples, with those of all sensors, do not fit into memory, "
+            f"which has room for {most}; blocks() yields them piece by piece"
+        )
+    changed = "modified " if isinstance(imu, Mapping) and set(imu) - {"preset"} else ""
+    motion = body.parameters.trajectory.type
+    if isinstance(trajectory, str | Path):
+        motion = Path(trajectory).stem
+    name = f"{changed}{Path(body.parameters.imu.preset).stem} on {motion}"
+    return Flight(body, [first, *body.windows()], name)
 
 
 def blocks(
@@ -130,37 +141,14 @@ def blocks(
     [5000, 5000, 2000]
     """
     body = _body(imu, trajectory, duration, rate, seed, params_file, sensors, parameters)
-    _warn(body)
     size = arguments.block_size("block_size", block_size)
     return (_block(read) for read in body.windows(size))
-
-
-def _warn(body: Body) -> None:
-    """Warn of what is allowed but may be unintended, at the line of the caller's caller."""
-    for line in body.warnings():
-        warnings.warn(line, stacklevel=3)
 
 
 def _block(read: dict[str, Samples]) -> Samples:
     """Return the samples of the IMU, with those of the other sensors."""
     block = read.pop(IMU)
     return block._replace(values={**block.values, "sensors": read})
-
-
-def _all_samples(body: Body) -> list[dict[str, Samples]]:
-    """Return all samples.
-
-    :raises ConfigurationError: if they would not fit into memory.
-    """
-    first = body.next(_PROBE)
-    samples = body.total or 0
-    most = memory() * len(first[IMU].t_ns) // _bytes(first)
-    if samples > most:
-        raise ConfigurationError(
-            f"duration: its {samples} samples, with those of all sensors, do not fit into memory, "
-            f"which has room for {most}; blocks() yields them piece by piece"
-        )
-    return [first, *body.windows()]
 
 
 def _bytes(block: object) -> int:
@@ -184,6 +172,10 @@ def _body(
     sensors: Collection[str] | None,
     parameters: Mapping[str, Any],
 ) -> Body:
+    """Return the body of the arguments of :func:`simulate`.
+
+    What is allowed but may be unintended causes warnings, at the line of the caller's caller.
+    """
     below: dict[str, object] = {}
     wanted = frozenset[str]()
     if params_file is not None:
@@ -204,6 +196,8 @@ def _body(
         raise ConfigurationError(
             "duration: this trajectory has no end; give a duration, duration=60"
         )
+    for line in body.warnings():
+        warnings.warn(line, stacklevel=3)
     return body
 
 
@@ -221,8 +215,14 @@ def given_layers(
     own: dict[str, object] = {**imu_parameters(imu), **flat, **motion.parameters}
     if "trajectory.type" not in flat:  # else they describe another motion
         own.update({n: value for n, value in flat.items() if n.startswith("trajectory.")})
-    given = {"duration": None if duration is None else _seconds(duration), "rate": rate}
-    given["seed"] = seed
+    if isinstance(duration, str):
+        try:
+            duration = timebase.parse_duration(duration)
+        except ValueError as error:
+            raise ConfigurationError(f"duration: {error}") from None
+    elif duration is not None:
+        duration = number("duration", duration, "seconds, or words such as '2h'", 0.0)
+    given = {"duration": duration, "rate": rate, "seed": seed}
     own.update({name: value for name, value in given.items() if value is not None})
     return {**own, **last}, motion
 
@@ -268,7 +268,7 @@ def _motion(trajectory: object) -> GivenMotion:
         poses = checked_poses("trajectory", trajectory)
         return GivenMotion(own, lambda *_: poses)
     if isinstance(trajectory, Mapping):
-        flat = flat_parameters("trajectory", trajectory)
+        flat = files.dotted(trajectory, "trajectory")
         return GivenMotion({f"trajectory.{name}": value for name, value in flat.items()})
     if isinstance(trajectory, str | PathLike):
         path = arguments.path("trajectory", trajectory, "a name or the path of a file")
@@ -286,22 +286,12 @@ def _motion(trajectory: object) -> GivenMotion:
     return GivenMotion({"trajectory.type": GIVEN}, given=given)
 
 
-def _name(imu: object, trajectory: object, body: Body) -> str:
-    """Return sensor and motion in words."""
-    built = body.parameters
-    changed = "modified " if isinstance(imu, Mapping) and set(imu) - {"preset"} else ""
-    motion = built.trajectory.type
-    if isinstance(trajectory, str | Path):
-        motion = Path(trajectory).stem
-    return f"{changed}{Path(built.imu.preset).stem} on {motion}"
-
-
 def imu_parameters(imu: object) -> dict[str, object]:
     """Return the parameters of a given IMU, by dotted name."""
     if imu is None:
         return {}
     if isinstance(imu, Mapping):
-        own = flat_parameters("imu", imu)
+        own = files.dotted(imu, "imu")
         # A model of Gazebo states these with its sensor (from_sdf).
         beside: dict[str, object] = {
             name: own.pop(name) for name in ("rate", "imu_frame") if name in own
@@ -319,28 +309,4 @@ def keyword_parameters(
     if not isinstance(last, Mapping):
         refuse("parameters", last, "parameters by name", wrong_type=True)
     own = {name: value for name, value in parameters.items() if name != "parameters"}
-    return flat_parameters("parameters", own), flat_parameters("parameters", last)
-
-
-def flat_parameters(
-    argument: str, values: Mapping[str, Any], prefix: str = ""
-) -> dict[str, object]:
-    """Return nested sections by dotted name; arrays become lists.
-
-    :raises ConfigurationError: for a name that is given twice.
-    """
-    flat = files.dotted(values, argument, prefix)
-    return {n: value.tolist() if hasattr(value, "tolist") else value for n, value in flat.items()}
-
-
-def _seconds(duration: float | str) -> float:
-    """Return a duration [s] given as a number or in words.
-
-    :raises ConfigurationError: for words that are not a duration.
-    """
-    if not isinstance(duration, str):
-        return number("duration", duration, "seconds, or words such as '2h'", 0.0)
-    try:
-        return timebase.parse_duration(duration)
-    except ValueError as error:
-        raise ConfigurationError(f"duration: {error}") from None
+    return files.dotted(own, "parameters"), files.dotted(last, "parameters")

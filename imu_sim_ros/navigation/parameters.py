@@ -28,8 +28,7 @@ from imu_sim_ros.parameters.kinds import (
     vector,
 )
 from imu_sim_ros.parameters.sections import parameters, section
-from imu_sim_ros.sensors.imu.parameters import MOUNT, ImuParameters
-from imu_sim_ros.sensors.imu.presets import DEFAULT_IMU, sensor_layer
+from imu_sim_ros.sensors.imu.parameters import DEFAULT_IMU, MOUNT, ImuParameters, sensor_layer
 from imu_sim_ros.sensors.imu.triads import (
     TriadParameters,
     TriadsParameters,

@@ -3,20 +3,20 @@
 
 """Parameter files: finding, reading and layering them.
 
-The format is that of ROS 2: node names (or the wildcards ``/**`` and ``/*``) above
-``ros__parameters``, nested or dotted names below. A kalibr ``imu.yaml`` is understood as well.
+Sensors, trajectories, cameras, scenes, ... that come with the package are such files, too. The
+format is that of ROS 2: node names (or the wildcards ``/**`` and ``/*``) above ``ros__parameters``,
+nested or dotted names below. A kalibr ``imu.yaml`` is understood as well.
 """
 
+import os
 from collections.abc import Callable, Iterable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.inputs.rows import read_text
-from imu_sim_ros.names import printable
-from imu_sim_ros.parameters.included import config_folder as config_folder
-from imu_sim_ros.parameters.included import find as find
-from imu_sim_ros.parameters.included import names as names
+from imu_sim_ros.inputs.rows import is_present, read_text
+from imu_sim_ros.names import printable, unknown
 from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.parameters.sections import is_of_ros as is_of_ros
@@ -37,6 +37,58 @@ _KALIBR_NOISE = (
     "gyroscope_noise_density",
     "gyroscope_random_walk",
 )
+_KINDS: Final = {
+    "imus": "IMU",
+    "trajectories": "trajectory",
+    "cameras": "camera",
+    "scenes": "scene",
+    "campaigns": "campaign",
+    "estimators": "estimator",
+    "barometers": "barometer",
+}
+"""What a file of each kind describes; those of other sensors are called as these are."""
+
+
+@cache
+def config_folder() -> Path:
+    """Return the folder of the package's own parameter files.
+
+    It is ``share/imu_sim_ros/config`` next to the installed package, or ``config`` of a checkout.
+    """
+    for parent in Path(__file__).resolve().parents:
+        for folder in (parent / "share" / "imu_sim_ros" / "config", parent / "config"):
+            if (folder / "imus").is_dir():
+                return folder
+    raise ConfigurationError("the package's config folder is missing: reinstall imu_sim_ros")
+
+
+def names(kind: str) -> list[str]:
+    """Return the names of the files of one kind: ``imus``, ``trajectories``, ``cameras``, ..."""
+    folder = config_folder() / kind
+    files = os.listdir(folder) if folder.is_dir() else []
+    return sorted(name.removesuffix(".yaml") for name in files if name.endswith(".yaml"))
+
+
+def find(kind: str, name_or_file: str, option: str = "") -> Path:
+    """Return the parameter file of a name in config/, or the given file.
+
+    :param kind: a folder in config/, for instance ``imus`` or ``trajectories``.
+    :param option: name of the option, for the message; empty if the kind is enough.
+    :raises ConfigurationError: if there is neither, with the nearest name or all names.
+    """
+    named = config_folder() / kind / f"{name_or_file}.yaml"
+    if "/" not in name_or_file and named.is_file():
+        return named
+    try:
+        if name_or_file and is_present(name_or_file):
+            return Path(name_or_file)
+    except InputError as error:
+        raise ConfigurationError(error.problems) from None
+    known = names(kind)
+    line = unknown(
+        _KINDS.get(kind, kind), name_or_file, known, f"neither a file nor one of {', '.join(known)}"
+    )
+    raise ConfigurationError(f"{option}: {line}" if option else line)
 
 
 def load(path: str | Path, node: str = "simulator") -> dict[str, object]:
@@ -46,8 +98,9 @@ def load(path: str | Path, node: str = "simulator") -> dict[str, object]:
     :raises ConfigurationError: for a file that cannot be read or has another form.
     """
     tree = read_tree(Path(path))
-    if _is_kalibr(tree):
-        return _from_kalibr(tree)
+    if any(name in tree for name in _KALIBR_NOISE):  # its topic is not ours
+        values = {f"imu.{name}": tree[name] for name in _KALIBR_NOISE if name in tree}
+        return {**values, "rate": tree["update_rate"]} if "update_rate" in tree else values
     sections = [
         (key, content)
         for key, content in tree.items()
@@ -122,20 +175,8 @@ def read_tree(
     return tree
 
 
-def _is_kalibr(tree: Mapping[object, object]) -> bool:
-    return any(name in tree for name in _KALIBR_NOISE)
-
-
-def _from_kalibr(tree: Mapping[object, object]) -> dict[str, object]:
-    """Translate a kalibr imu.yaml: the four noise values and the rate; the topic is not ours."""
-    result = {f"imu.{name}": tree[name] for name in _KALIBR_NOISE if name in tree}
-    if "update_rate" in tree:
-        result["rate"] = tree["update_rate"]
-    return result
-
-
 def dotted(tree: object, where: str, prefix: str = "") -> dict[str, object]:
-    """Return nested names and values by dotted name.
+    """Return nested names and values by dotted name; arrays become lists.
 
     :raises ConfigurationError: for anything but names and values.
     """
@@ -144,7 +185,10 @@ def dotted(tree: object, where: str, prefix: str = "") -> dict[str, object]:
     result: dict[str, object] = {}
     for key, value in tree.items():
         name = f"{prefix}{key}"
-        values = dotted(value, where, name + ".") if isinstance(value, Mapping) else {name: value}
+        if isinstance(value, Mapping):
+            values = dotted(value, where, name + ".")
+        else:
+            values = {name: value.tolist() if hasattr(value, "tolist") else value}
         for twice in result.keys() & values:
             raise ConfigurationError(f"{where}: {twice} is given twice, dotted and nested")
         result.update(values)

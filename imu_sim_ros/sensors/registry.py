@@ -9,7 +9,7 @@ points are looked up only for a name that is not known otherwise, and for ``--he
 """
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros import arguments
@@ -104,14 +104,6 @@ def kind_of(name: str, given: Mapping[str, object]) -> str:
 def sensor_kinds(given: Mapping[str, object]) -> dict[str, str]:
     """Return the kinds of the sensors that parameters by dotted name list, by name."""
     return {name: kind_of(name, given) for name in listed("sensors", given)}
-
-
-def sees(kinds: Iterable[str]) -> bool:
-    """Return whether any of these kinds of sensors needs a scene.
-
-    :raises ConfigurationError: for a kind that does not exist.
-    """
-    return any(find_sensor(kind).sees for kind in kinds)
 
 
 def _offered() -> "dict[str, EntryPoint]":

@@ -35,9 +35,8 @@ from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.parameters import SimulationParameters, imus
 from imu_sim_ros.simulation.sensors import imus_in, models, mounted
 from imu_sim_ros.trajectory.build import build_trajectory
-from imu_sim_ros.trajectory.common_parameters import GIVEN, PoseReader
 from imu_sim_ros.trajectory.motion import Trajectory
-from imu_sim_ros.trajectory.parameters import DriveParameters, PosesParameters
+from imu_sim_ros.trajectory.parameters import GIVEN, DriveParameters, PoseReader, PosesParameters
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor

@@ -4,7 +4,7 @@
 """Parameters of a simulation: what the simulator node and the command generate have in common."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, Final
 
@@ -15,7 +15,6 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import nearest
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import build_layered
-from imu_sim_ros.parameters.included import names
 from imu_sim_ros.parameters.kinds import Value, integer, number, text, texts, upward_gravity
 from imu_sim_ros.parameters.sections import (
     each,
@@ -28,11 +27,9 @@ from imu_sim_ros.parameters.sections import (
 )
 from imu_sim_ros.sensors import CAMERAS
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.imu.presets import layer_imu, sensor_layer
-from imu_sim_ros.sensors.orientation.parameters import MODEL_ERRORS
+from imu_sim_ros.sensors.imu.parameters import ImuParameters, layer_imu, sensor_layer
 from imu_sim_ros.sensors.parameters import LARGEST_JITTER_SIGMA
-from imu_sim_ros.sensors.registry import find_sensor, is_known, kind_of, sees, sensor_kinds
+from imu_sim_ros.sensors.registry import find_sensor, is_known, kind_of, sensor_kinds
 from imu_sim_ros.timebase import exact_rate
 from imu_sim_ros.trajectory.parameters import (
     TYPES,
@@ -103,24 +100,21 @@ class SampledParameters(EnvironmentParameters):
 
     def warnings(self) -> list[str]:
         """Return a line for each allowed value that looks like a mistake."""
-        return [
+        lines = [
             *upward_gravity(self.gravity),
             *self.imu.warnings("imu.", math.hypot(*self.gravity)),
-            *self._low_passes_without_effect(),
         ]
-
-    def _low_passes_without_effect(self) -> Iterator[str]:
-        """Say which low-passes are too wide for the rate, except those of the preset itself."""
         for triad in TRIADS:
             name, cutoffs = f"imu.{triad}_bandwidth", self.imu.triad(triad).bandwidth
             if cutoffs == self.imu.low_pass(triad, self.rate):
                 continue
             stated = sensor_layer(self.imu.preset).get(name, 0.0)
             if not np.array_equal(np.broadcast_to(np.asarray(stated), 3), cutoffs):
-                yield (
+                lines.append(
                     f"{name} = {max(cutoffs):g}: without effect, since it is not below half the "
                     f"rate, {0.5 * self.rate:g} Hz; white noise keeps its density"
                 )
+        return lines
 
 
 @dataclass(frozen=True)
@@ -146,7 +140,7 @@ def has_scene(given: Mapping[str, object]) -> bool:
     if listed("cameras", given):
         return True
     try:
-        return sees(sensor_kinds(given).values())
+        return any(find_sensor(kind).sees for kind in sensor_kinds(given).values())
     except ConfigurationError:  # whoever builds them says what is wrong
         return False
 
@@ -282,8 +276,23 @@ def layered(given: Mapping[str, object], node: str = NODE) -> dict[str, object]:
         from imu_sim_ros.sensors.camera.rig_parameters import layer_rig
 
         common = layer_rig(common, node)
-    imu = _of_imu(common, node)
-    result = {**_of_sensors(common, node), **_of_trajectory(imu, common, node)}
+    of_sensors: dict[str, object] = {}
+    for name, kind in sensor_kinds(common).items():
+        preset = common.get(f"{name}.preset")
+        if preset and preset != "none":
+            path = files.find(find_sensor(kind).presets or kind, str(preset))
+            for key, value in files.load(path, node).items():
+                short = key.removeprefix(f"{kind}.")
+                of_sensors[key if short == key else f"{name}.{short}"] = value
+    result = layer_imu(common, node)
+    if "trajectory.type" in common:  # else the motion of the IMU's preset counts
+        moved = [key for key in result if key.startswith("trajectory.") and key not in common]
+        result = {key: value for key, value in result.items() if key not in moved}
+    motion = str(result.setdefault("trajectory.type", DEFAULT_TRAJECTORY))
+    if names_a_file(motion):
+        del result["trajectory.type"]
+        result = {**trajectory_layer(motion, node), **result}
+    result = {**of_sensors, **result}
     if listed("cameras", given):
         from imu_sim_ros.sensors.camera.rig_parameters import axes
 
@@ -293,52 +302,40 @@ def layered(given: Mapping[str, object], node: str = NODE) -> dict[str, object]:
         usual: dict[str, object] = {"imu_frame": f"{name}_imu_link"}
         if isinstance(seed, int):
             usual["seed"] = seed + k
-        for key, value in _of_imu({**of_all, **usual, **own[name]}, node).items():
+        for key, value in layer_imu({**of_all, **usual, **own[name]}, node).items():
             if not key.startswith("trajectory."):
                 result[f"{name}.{key}"] = value
     return result
 
 
-def _of_imu(given: Mapping[str, object], node: str) -> dict[str, object]:
-    """Return what was given above the preset of an IMU, which may have parameters of all kinds.
+def named(kind: str, presets: Sequence[object]) -> dict[str, object]:
+    """Return the parameters of sensors of a kind that presets alone describe.
 
-    What an included preset says, and the choices of a user leave no place for, is left out; a
-    file of one's own is taken at its word.
+    Their names are KIND, KIND1, KIND2, ...
+
+    :param kind: a name in ``sensors``, or ``camera``: cam0, cam1, ... in ``cameras``.
+    :param presets: of each; True: that of the kind's parameters.
     """
-    result = layer_imu(given, node)
-    # A filter has none of the errors of a modelled orientation.
-    if result.get("imu.orientation_source") == "filter" and result["imu.preset"] in names("imus"):
-        for name in MODEL_ERRORS:
-            if f"imu.orientation_{name}" not in given:
-                result.pop(f"imu.orientation_{name}", None)
-    return result
+    if kind == "camera":
+        names, group, own = [f"cam{k}" for k in range(len(presets))], "cameras", "camera.preset"
+    else:
+        names, group, own = [f"{kind}{k or ''}" for k in range(len(presets))], "sensors", "preset"
+    result: dict[str, object] = {group: names} if names else {}
+    if group == "sensors":
+        result |= {f"{name}.type": kind for name in names[1:]}
+    pairs = zip(names, presets, strict=True)
+    return result | {f"{name}.{own}": preset for name, preset in pairs if preset is not True}
 
 
-def _of_trajectory(
-    values: Mapping[str, object], given: Mapping[str, object], node: str
-) -> dict[str, object]:
-    """Return values above the file that ``trajectory.type`` names.
+def joined(below: Mapping[str, object], above: Mapping[str, object]) -> dict[str, object]:
+    """Return parameters by dotted name with others above them.
 
-    :param values: with those of the IMU's preset: its motion counts if no other one is given.
+    The sensors are those of both. Cameras that are named above are all there are: what those below
+    have of their own is left out with them.
     """
-    preset = [key for key in values if key.startswith("trajectory.") and key not in given]
-    left_out = preset if "trajectory.type" in given else []
-    result = {key: value for key, value in values.items() if key not in left_out}
-    kind = str(result.setdefault("trajectory.type", DEFAULT_TRAJECTORY))
-    if not names_a_file(kind):
-        return result
-    del result["trajectory.type"]
-    return {**trajectory_layer(kind, node), **result}
-
-
-def _of_sensors(given: Mapping[str, object], node: str) -> dict[str, object]:
-    """Return what ``NAME.preset`` of sensors stand for."""
-    result: dict[str, object] = {}
-    for name, kind in sensor_kinds(given).items():
-        preset = given.get(f"{name}.preset")
-        if preset and preset != "none":
-            values = files.load(files.find(find_sensor(kind).presets or kind, str(preset)), node)
-            for key, value in values.items():
-                own = key.removeprefix(f"{kind}.")
-                result[key if own == key else f"{name}.{own}"] = value
-    return result
+    gone = set(listed("cameras", below)) if listed("cameras", above) else set()
+    gone -= {*listed("cameras", above)}
+    kept = {name: one for name, one in below.items() if name.partition(".")[0] not in gone}
+    sensors = listed("sensors", below)
+    sensors += [name for name in listed("sensors", above) if name not in sensors]
+    return {**kept, **above, **({"sensors": sensors} if sensors else {})}

@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike
 
 from imu_sim_ros import rotation
 from imu_sim_ros.poses import read_poses
-from imu_sim_ros.trajectory.common_parameters import (
+from imu_sim_ros.trajectory.motion import Motion, Trajectory
+from imu_sim_ros.trajectory.parameters import (
     LeadInParameters,
     PoseReader,
     TrajectoryParameters,
 )
-from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.retime import retimed
 from imu_sim_ros.types import Array
 

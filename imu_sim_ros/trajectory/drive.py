@@ -16,7 +16,6 @@ import numpy as np
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.trajectory.bspline import DEGREE
-from imu_sim_ros.trajectory.drive_parameters import DriveParameters
 from imu_sim_ros.trajectory.ground import (
     GradeProfile,
     Ground,
@@ -25,6 +24,7 @@ from imu_sim_ros.trajectory.ground import (
     read_height_map,
 )
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
+from imu_sim_ros.trajectory.parameters import DriveParameters
 from imu_sim_ros.trajectory.path import Path, UniformSpline, find_path
 from imu_sim_ros.trajectory.profile import Derivatives, attitude
 from imu_sim_ros.trajectory.route import MOST_POINTS, Route, read_route

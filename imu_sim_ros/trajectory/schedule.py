@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.trajectory.bspline import DEGREE
-from imu_sim_ros.trajectory.drive_parameters import DriveParameters
+from imu_sim_ros.trajectory.parameters import DriveParameters
 from imu_sim_ros.trajectory.path import Path, UniformSpline
 from imu_sim_ros.types import Array, Mask
 

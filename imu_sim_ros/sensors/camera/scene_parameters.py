@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import suggestion
-from imu_sim_ros.parameters.included import names
+from imu_sim_ros.parameters.files import names
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
     ZERO_VECTOR,

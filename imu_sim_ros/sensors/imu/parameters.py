@@ -1,18 +1,21 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Parameters of the IMU: the triads' errors, mounting, timing, and the vehicle's vibration."""
+"""Parameters of the IMU: the triads' errors, mounting, timing, the vehicle's vibration, presets."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from imu_sim_ros import timebase
-from imu_sim_ros.conventions import TRIADS, Triad
+from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.parameters.files import find, load, names
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
     ZERO_MATRIX,
@@ -28,10 +31,15 @@ from imu_sim_ros.parameters.kinds import (
 )
 from imu_sim_ros.parameters.sections import section, shared
 from imu_sim_ros.sensors import sensors_of_imus
-from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters, as_triad
+from imu_sim_ros.sensors.imu.triads import TriadsParameters
+from imu_sim_ros.sensors.orientation.parameters import MODEL_ERRORS
 from imu_sim_ros.sensors.parameters import LONGEST, TimingParameters, rotation_problems
 from imu_sim_ros.types import Complex
 
+DEFAULT_IMU: Final = "lecture"
+_BAROMETER: Final = "imu.barometer_preset"
+_OF_MODELS: Final = (".sdf", ".world", ".urdf", ".xacro", ".xml", ".jinja")
+"""Ends of the names of Gazebo's models; ``FILE#SENSOR`` is one, too."""
 AXES_READ = 6
 """Gyroscope x, y, z, accelerometer x, y, z."""
 PAIRS = 15
@@ -187,12 +195,6 @@ class BoardVibrationParameters:
                     f"{prefix}{name}: {len(getattr(self, name))} entries; must be 0 or {count}, "
                     f"{each}"
                 )
-        yield from self._band_problems(prefix)
-        if any(after <= before for before, after in pairwise(self.range_edges)):
-            yield f"{prefix}range_edges = {list(self.range_edges)}: must increase"
-
-    def _band_problems(self, prefix: str) -> Iterator[str]:
-        """Say which bands have no width, overlap, or have an impossible coherence."""
         if len(self.band_coherence) == 2 * PAIRS * len(self.band_low) > 0:
             least = np.linalg.eigvalsh(self.coherence())[:, 0]
             for k in np.flatnonzero(least < -ROUNDING):
@@ -211,6 +213,8 @@ class BoardVibrationParameters:
                     f"{prefix}band_low = {following:g}: must be at least {high:g} Hz, where the "
                     "band before ends"
                 )
+        if any(after <= before for before, after in pairwise(self.range_edges)):
+            yield f"{prefix}range_edges = {list(self.range_edges)}: must increase"
 
 
 _USUAL_RATIO = 8
@@ -272,8 +276,8 @@ MOUNT: Final = ("imu.lever_arm", "imu.mounting")
 
 
 @dataclass(frozen=True)
-class BareImuParameters(TimingParameters, BoardParameters, TriadsParameters):
-    """One IMU without the other sensors with it."""
+class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
+    """One IMU, with a section for each other sensor with it."""
 
     preset: str = text("lecture", "file in config/imus, or a path, to start from")
     sampling: str = choice(
@@ -300,6 +304,17 @@ class BareImuParameters(TimingParameters, BoardParameters, TriadsParameters):
         2, "order of the low-pass filters (Butterworth)", minimum=1, maximum=8
     )
     vibration: BoardVibrationParameters = section(BoardVibrationParameters)
+    sensors: Mapping[str, Any] = shared(
+        lambda: {one.name: one.section for one in sensors_of_imus()}, joint="_"
+    )
+    """``imu.magnetometer`` is ``imu.sensors["magnetometer"]``."""
+
+    def __getattr__(self, name: str) -> Any:
+        """Return the section of another sensor."""
+        sensors: Mapping[str, Any] = self.__dict__.get("sensors", {})
+        if name in sensors:
+            return sensors[name]
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
 
     def internal_ratio(self, rate: float) -> Fraction:
         """Return how many readings inside the sensor make one sample.
@@ -327,12 +342,18 @@ class BareImuParameters(TimingParameters, BoardParameters, TriadsParameters):
         """Yield a line for each contradiction between parameters."""
         yield from rotation_problems(self.mounting, f"{prefix}mounting")
         for triad in TRIADS:
-            yield from self._sampling_problems(triad, prefix)
-        yield from self._board_problems(prefix)
-        yield from super().problems(prefix)
-
-    def _board_problems(self, prefix: str) -> Iterator[str]:
-        """Say which strengths have no event or age that would show them."""
+            bandwidth = self.triad(triad).bandwidth
+            if self.sampling == "oversampled" and min(bandwidth) == 0.0:
+                yield (
+                    f"{prefix}{triad}_bandwidth = {bandwidth}: must be above 0 Hz on every axis "
+                    f"where {prefix}sampling is oversampled; it is the filter before decimation"
+                )
+            step = self.triad(triad).increment_resolution
+            if any(step) and self.sampling != "averaged":
+                yield (
+                    f"{prefix}{triad}_increment_resolution = {step}: must be 0 if "
+                    f"{prefix}sampling is not averaged; only averaged readings are increments"
+                )
         for name, cause in _CAUSES.items():
             for triad in TRIADS:
                 if any(getattr(self.triad(triad), name)) and not getattr(self, cause):
@@ -340,20 +361,7 @@ class BareImuParameters(TimingParameters, BoardParameters, TriadsParameters):
                         f"{prefix}{cause} = 0: must be above 0 where {prefix}{triad}_{name} is "
                         f"given; without it there is none"
                     )
-
-    def _sampling_problems(self, triad: Triad, prefix: str) -> Iterator[str]:
-        bandwidth = self.triad(triad).bandwidth
-        if self.sampling == "oversampled" and min(bandwidth) == 0.0:
-            yield (
-                f"{prefix}{triad}_bandwidth = {bandwidth}: must be above 0 Hz on every axis where "
-                f"{prefix}sampling is oversampled; it is the filter before decimation"
-            )
-        step = self.triad(triad).increment_resolution
-        if any(step) and self.sampling != "averaged":
-            yield (
-                f"{prefix}{triad}_increment_resolution = {step}: must be 0 if "
-                f"{prefix}sampling is not averaged; only averaged readings are increments"
-            )
+        yield from super().problems(prefix)
 
     def warnings(self, prefix: str, gravity: float) -> Iterator[str]:
         """Yield a line for each allowed value that looks like a mistake.
@@ -368,29 +376,62 @@ class BareImuParameters(TimingParameters, BoardParameters, TriadsParameters):
             )
 
 
-@dataclass(frozen=True)
-class ImuParameters(BareImuParameters):
-    """One IMU, with a section for each other sensor with it."""
-
-    sensors: Mapping[str, Any] = shared(
-        lambda: {one.name: one.section for one in sensors_of_imus()}, joint="_"
-    )
-    """``imu.magnetometer`` is ``imu.sensors["magnetometer"]``."""
-
-    def __getattr__(self, name: str) -> Any:
-        """Return the section of another sensor."""
-        sensors: Mapping[str, Any] = self.__dict__.get("sensors", {})
-        if name in sensors:
-            return sensors[name]
-        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-
-    def triad(self, name: str) -> TriadParameters:
-        """Return the errors of one triad, or of another sensor as if it were one."""
-        if name in TRIADS:
-            return super().triad(name)
-        return as_triad(getattr(self, name))
-
-
 def instantaneous(imu: ImuParameters) -> ImuParameters:
     """Return the IMU with readings at an instant: only gyroscope and accelerometer average."""
     return replace(imu, sampling="instantaneous")
+
+
+def sensor_layer(name_or_file: str, node: str = "simulator") -> dict[str, object]:
+    """Return what ``imu.preset`` stands for, above the presets that its file names in turn.
+
+    For a model of Gazebo it contains ``imu.preset`` with the name of the sensor that was taken.
+
+    :param name_or_file: a name in config/imus, a parameter file, or a model of Gazebo,
+        ``model.sdf`` or ``model.sdf#SENSOR``.
+    :raises ConfigurationError: for a preset that cannot be read, or that leads back to itself.
+    """
+    if Path(name_or_file.partition("#")[0]).suffix.lower() in _OF_MODELS:
+        from imu_sim_ros.sensors.imu import sdf  # few sensors come from a model
+
+        try:
+            return dict(sdf.read(name_or_file).parameters)
+        except InputError as error:
+            raise ConfigurationError(error.problems) from None
+    result: dict[str, object] = {}
+    passed: list[Path] = []
+    while True:
+        path = find("imus", name_or_file)
+        if path.resolve() in passed:
+            raise ConfigurationError(f"{path}: imu.preset = {name_or_file} leads back to this file")
+        passed.append(path.resolve())
+        values = load(path, node)
+        below = values.pop("imu.preset", None)
+        result = {**values, **result}
+        if below is None:
+            return result
+        name_or_file = str(below)
+
+
+def layer_imu(given: Mapping[str, object], node: str) -> dict[str, object]:
+    """Return what was given above the preset of an IMU, and above that of its barometer.
+
+    What an included preset says, and the choices of a user leave no place for, is left out; a
+    file of one's own is taken at its word.
+
+    :param given: parameters of all kinds, as a preset may have, by dotted name.
+    :raises ConfigurationError: for a preset that cannot be read.
+    """
+    above = {"imu.preset": DEFAULT_IMU, **given}
+    preset = sensor_layer(str(above["imu.preset"]), node)
+    above["imu.preset"] = preset.pop("imu.preset", above["imu.preset"])
+    barometer = {**preset, **given}.get(_BAROMETER)
+    file = load(find("barometers", str(barometer)), node) if barometer else {}
+    # A barometer that the IMU's preset names may be changed there; another one is what it is.
+    own = {**preset, **file} if _BAROMETER in given else {**file, **preset}
+    result = {**own, **above}
+    # A filter has none of the errors of a modelled orientation.
+    if result.get("imu.orientation_source") == "filter" and result["imu.preset"] in names("imus"):
+        for name in MODEL_ERRORS:
+            if f"imu.orientation_{name}" not in given:
+                result.pop(f"imu.orientation_{name}", None)
+    return result

@@ -10,7 +10,7 @@ else.
 """
 
 import dataclasses
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -328,16 +328,6 @@ class TriadParameters:
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield a line for each contradiction between parameters."""
         triad = prefix.rpartition(".")[2]
-        yield from self._gauss_markov_problems(prefix, triad)
-        yield from self._scale_problems(prefix, triad)
-        xy, xz, yz = self.noise_correlation
-        if 1.0 + 2.0 * xy * xz * yz - xy * xy - xz * xz - yz * yz < 0.0:  # the determinant
-            yield (
-                f"{prefix}noise_correlation = {self.noise_correlation}: no three axes are "
-                f"correlated like this; the matrix must be positive semidefinite"
-            )
-
-    def _gauss_markov_problems(self, prefix: str, triad: str) -> Iterator[str]:
         sigma, density = self.gauss_markov_sigma, self.gauss_markov_density
         tau = self.correlation_time
         if any(sigma) and any(density):
@@ -350,8 +340,6 @@ class TriadParameters:
                 f"{prefix}correlation_time = {tau}: must be above 0 s "
                 f"on every axis that has a Gauss-Markov bias"
             )
-
-    def _scale_problems(self, prefix: str, triad: str) -> Iterator[str]:
         cross = self.misalignment_percent
         if len(cross) != len(NO_CROSS_AXIS):
             yield (
@@ -364,13 +352,20 @@ class TriadParameters:
                 f"{prefix}scale_misalignment: must be the identity where "
                 f"{triad}scale_error_percent or {triad}misalignment_percent is given"
             )
-        elif percent and len(cross) == len(NO_CROSS_AXIS) and _lost(self.response().flat):
-            yield (
-                f"{prefix}scale_error_percent = {self.scale_error_percent}: together with "
-                f"{triad}misalignment_percent an axis is lost"
-            )
+        elif percent and len(cross) == len(NO_CROSS_AXIS):
+            if abs(np.linalg.det(self.response())) < _SMALLEST_DETERMINANT:
+                yield (
+                    f"{prefix}scale_error_percent = {self.scale_error_percent}: together with "
+                    f"{triad}misalignment_percent an axis is lost"
+                )
         elif not percent:
             yield from invertible_problems(self.scale_misalignment, f"{prefix}scale_misalignment")
+        xy, xz, yz = self.noise_correlation
+        if 1.0 + 2.0 * xy * xz * yz - xy * xy - xz * xz - yz * yz < 0.0:  # the determinant
+            yield (
+                f"{prefix}noise_correlation = {self.noise_correlation}: no three axes are "
+                f"correlated like this; the matrix must be positive semidefinite"
+            )
 
 
 def invertible_problems(values: Matrix, name: str) -> Iterator[str]:
@@ -378,15 +373,8 @@ def invertible_problems(values: Matrix, name: str) -> Iterator[str]:
 
     :param name: of the parameter, for the message.
     """
-    if _lost(values):
+    if abs(np.linalg.det(np.reshape(values, (3, 3)))) < _SMALLEST_DETERMINANT:
         yield f"{name} = {list(values)}: must be invertible"
-
-
-def _lost(m: Iterable[float]) -> bool:
-    a, b, c, d, e, f, g, h, i = m
-    return (
-        abs(a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)) < _SMALLEST_DETERMINANT
-    )
 
 
 def triad(name: Triad, without: Collection[str] = (), fixed: bool = False) -> Any:
@@ -406,8 +394,9 @@ class TriadsParameters:
     accelerometer: TriadParameters = triad("accelerometer")
 
     def triad(self, name: str) -> TriadParameters:
-        """Return the errors of one triad."""
-        return {"gyroscope": self.gyroscope, "accelerometer": self.accelerometer}[name]
+        """Return the errors of one triad, or of another sensor with the IMU as if it were one."""
+        section: object = getattr(self, name)
+        return section if isinstance(section, TriadParameters) else as_triad(section)
 
     def processes(self, shortest: float) -> list[tuple[int, float, float]]:
         """Return the Gauss-Markov biases, and the processes whose sum is 1/f noise.
