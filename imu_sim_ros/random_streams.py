@@ -17,7 +17,7 @@ from numpy.random import SFC64, Generator, SeedSequence
 from numpy.typing import NDArray
 
 from imu_sim_ros.conventions import AXES
-from imu_sim_ros.types import Array, Integers, last_first
+from imu_sim_ros.types import Array, Integers
 
 Seed: TypeAlias = "int | Integers"
 """Of one unit; or (count,), those of the units of a batch."""
@@ -165,14 +165,14 @@ class Streams:
     def next(self, count: int, units: Units = ..., axes: Any = slice(None)) -> Array:
         """Return the next numbers (count, *units, axes) of some units and axes, by source."""
         indices = self._indices[units][..., axes]
-        numbers = np.empty((*indices.shape, count))
+        numbers = np.empty((count, *indices.shape), order="F")
         generator, states, draw = self._state, self._states, self._draw
-        rows = numbers.reshape(indices.size, count)
-        for index, own in zip(indices.ravel().tolist(), rows, strict=True):
+        rows = numbers.reshape(count, indices.size, order="F").T
+        for index, own in zip(indices.ravel("F").tolist(), rows, strict=True):
             generator.raw = states[index]
             draw(out=own)
             states[index] = generator.raw
-        return last_first(numbers)
+        return numbers
 
 
 def _as_bytes(states: Words) -> list[bytes]:

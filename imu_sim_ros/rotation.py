@@ -7,7 +7,7 @@ Quaternions are Hamilton, ``(w, x, y, z)`` on the last axis; ``q_wb`` maps body 
 numbers are those of the lecture "IMU sensors" (He, Gao, Cui, 2019); "Sola" is J. Sola, "Quaternion
 kinematics for the error-state Kalman filter", arXiv:1711.02508. Imports nothing of the package.
 
-Results lie in memory one component after the other (:func:`empty`), so that every operand of the
+Results lie in memory one component after the other (order F), so that every operand of the
 arithmetic is contiguous; arrays in any other order are taken as well. But for
 :func:`cumulative_product`, only operations element by element, so that a sample has the same value,
 bit for bit, in whatever block it is computed.
@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros.types import Array, first_last
+from imu_sim_ros.types import Array
 
 IDENTITY: Final[Array] = np.array([1.0, 0.0, 0.0, 0.0])
 _SMALL_ANGLE: Final = 1e-4
@@ -33,12 +33,6 @@ _AHEAD: Final = 8
 """Columns whose factors are laid out at once: they stay in the processor's first cache."""
 
 
-def empty(shape: tuple[int, ...], components: int = 3) -> Array:
-    """Return an array (*shape, components) to be filled in, one component after the other."""
-    memory = np.empty((components, *shape))
-    return first_last(memory)
-
-
 def multiply(p: ArrayLike, q: ArrayLike) -> Array:
     """Return the Hamilton product ``p * q`` (Sola eq. 12).
 
@@ -48,7 +42,7 @@ def multiply(p: ArrayLike, q: ArrayLike) -> Array:
     pw, px, py, pz = _parts(p)
     qw, qx, qy, qz = _parts(q)
     w = pw * qw - px * qx - py * qy - pz * qz
-    result = empty(w.shape, 4)
+    result = np.empty((*w.shape, 4), order="F")
     result[..., 0] = w
     result[..., 1] = pw * qx + px * qw + py * qz - pz * qy
     result[..., 2] = pw * qy - px * qz + py * qw + pz * qx
@@ -90,7 +84,7 @@ def rotate(q_ab: ArrayLike, v_b: ArrayLike) -> Array:
     a = 2.0 * (j * z - k * y)
     b = 2.0 * (k * x - i * z)
     c = 2.0 * (i * y - j * x)
-    result = empty(np.shape(a))
+    result = np.empty((*a.shape, 3), order="F")
     result[..., 0] = x + w * a + (j * c - k * b)
     result[..., 1] = y + w * b + (k * a - i * c)
     result[..., 2] = z + w * c + (i * b - j * a)
@@ -118,7 +112,7 @@ def cross(a: ArrayLike, b: ArrayLike) -> Array:
     ax, ay, az = _parts(a)
     bx, by, bz = _parts(b)
     x = ay * bz - az * by
-    result = empty(np.shape(x))
+    result = np.empty((*x.shape, 3), order="F")
     result[..., 0] = x
     result[..., 1] = az * bx - ax * bz
     result[..., 2] = ax * by - ay * bx
@@ -135,17 +129,15 @@ def transform(matrix: Array, v: Array) -> Array:
         sums = [[0.0 + a * x + b * y + c * z for a, b, c in m] for x, y, z in v.tolist()]
         return np.array(sums).reshape(-1, 3)
     if matrix.ndim > 2:
-        result = empty(np.broadcast_shapes(matrix.shape[:-2], v.shape[:-1]))
-        product = empty(result.shape[:-1])
-        result[...] = 0.0
+        leading = np.broadcast_shapes(matrix.shape[:-2], v.shape[:-1])
+        result, product = np.zeros((*leading, 3), order="F"), np.empty((*leading, 3), order="F")
         for j in range(3):
             result += np.multiply(matrix[..., j], v[..., j, None], out=product)
         return result
     rows = matrix.tolist()
-    result = empty(v.shape[:-1])
+    result = np.zeros(v.shape, order="F")
     if rows == _UNIT_MATRIX:
         return np.add(v, 0.0, out=result)  # as the sums below: no negative zeros
-    result[...] = 0.0
     product = np.empty(v.shape[:-1])
     for k, coefficients in enumerate(rows):
         row = result[..., k]
@@ -159,7 +151,7 @@ def transform(matrix: Array, v: Array) -> Array:
 
 def to_matrix(q_ab: ArrayLike) -> Array:
     """Return ``R_ab`` (..., 3, 3) of unit quaternions (..., 4) (Sola eq. 115)."""
-    w, x, y, z = np.moveaxis(np.asarray(q_ab, dtype=np.float64), -1, 0)
+    w, x, y, z = _parts(q_ab)
     rows = [
         [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
         [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
@@ -214,7 +206,7 @@ def exp(rotation_vector: ArrayLike) -> Array:
     """Return the quaternions (..., 4) of rotation vectors (..., 3) [rad] (Sola eq. 101)."""
     v = np.asarray(rotation_vector, dtype=np.float64)
     half = 0.5 * np.linalg.norm(v, axis=-1)
-    result = empty(np.shape(half), 4)
+    result = np.empty((*half.shape, 4), order="F")
     result[..., 0] = np.cos(half)
     # np.sinc(x) is sin(pi x) / (pi x), exact at 0.
     factor = 0.5 * np.sinc(half / np.pi)
@@ -233,7 +225,7 @@ def log(q: ArrayLike) -> Array:
         safe = np.where(small, cosine, 1.0)
         factor = np.where(small, 2.0 / safe - 2.0 / 3.0 * sine**2 / safe**3, factor)
     factor = np.where(w < 0.0, -factor, factor)  # q and -q are one rotation
-    result = empty(np.shape(w))
+    result = np.empty((*w.shape, 3), order="F")
     for k, part in enumerate((x, y, z)):
         np.multiply(part, factor, out=result[..., k])
     return result
@@ -295,7 +287,7 @@ def from_euler(roll_pitch_yaw: ArrayLike) -> Array:
 
 def to_euler(q_wb: ArrayLike) -> Array:
     """Return roll, pitch, yaw (..., 3) [rad]; pitch in [-pi/2, pi/2], the others in [-pi, pi]."""
-    w, x, y, z = np.moveaxis(np.asarray(q_wb, dtype=np.float64), -1, 0)
+    w, x, y, z = _parts(q_wb)
     roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
     pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
     yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))

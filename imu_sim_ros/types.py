@@ -25,16 +25,6 @@ Bytes = NDArray[np.uint8]
 """Bytes of messages and of images."""
 
 
-def last_first(values: NDArray[Any]) -> NDArray[Any]:
-    """Return values (..., n) as (n, ...), a view; ``np.moveaxis`` takes twenty times as long."""
-    return values.transpose(values.ndim - 1, *range(values.ndim - 1))
-
-
-def first_last(values: NDArray[Any]) -> NDArray[Any]:
-    """Return values (n, ...) as (..., n), a view."""
-    return values.transpose(*range(1, values.ndim), 0)
-
-
 def shapes(rows: Any, more: Mapping[str, Any] = {}) -> str:
     """Return a line with the names and shapes of a named tuple's arrays, for its ``repr``.
 

@@ -102,7 +102,7 @@ class AngleIncrements:
             if not -_LAST_PITCH <= pitch <= _LAST_PITCH:
                 break
             roll, pitch = after(roll, pitch, length, rates)
-        angles = rotation.empty((len(found),))
+        angles = np.empty((len(found), 3), order="F")
         angles[:, :2], angles[:, 2] = found, 0.0
         near = near_lock(angles[:, 1], h[: len(found)], first[: len(found)])
         if near.any():

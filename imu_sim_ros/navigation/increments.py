@@ -16,7 +16,6 @@ from imu_sim_ros.rotation import (
     IDENTITY,
     cross,
     cumulative_product,
-    empty,
     exp,
     multiply,
     normalise,
@@ -42,7 +41,7 @@ class Increments(NamedTuple):
 
 def first_order(v: Array) -> Array:
     """Return the normalised ``(1, v / 2)`` (n, 4) of rotation vectors (n, 3) (lecture eq. 34)."""
-    q = empty((len(v),), 4)
+    q = np.empty((len(v), 4), order="F")
     q[:, 0] = 1.0
     np.multiply(v, 0.5, out=q[:, 1:])
     return normalise(q)
@@ -127,11 +126,11 @@ def _quaternion_stages(
     h: Array, w0: Array, wm: Array, w1: Array
 ) -> tuple[Array, Array, Array, Array]:
     def slope(q: Array, w: Array) -> Array:
-        pure = empty((len(w),), 4)
+        pure = np.empty((len(w), 4), order="F")
         pure[:, 0], pure[:, 1:] = 0.0, w
         return 0.5 * multiply(q, pure)
 
-    start = empty((len(h),), 4)
+    start = np.empty((len(h), 4), order="F")
     start[:] = IDENTITY
     k1 = slope(start, w0)
     q2 = start + k1 * (0.5 * h)
@@ -186,10 +185,10 @@ def states(
     :param h: (n,) lengths of the intervals [s].
     """
     length, moved = h[:, None], world.gravity * h[:, None]
-    chain = empty((len(h) + 1,), 4)
+    chain = np.empty((len(h) + 1, 4), order="F")
     chain[0], chain[1:] = q_wb, increment.dq
     q = normalise(cumulative_product(chain))
-    velocities = empty((len(h) + 1,))
+    velocities = np.empty((len(h) + 1, 3), order="F")
     velocities[0] = velocity
     if world.earth_rate.any():
         t = np.concatenate([np.zeros(1), np.cumsum(h)])[:, None]
@@ -203,7 +202,7 @@ def states(
     else:
         np.add(rotate(q[:-1], increment.dv), moved, out=velocities[1:])
         np.cumsum(velocities, axis=0, out=velocities)
-    positions = empty((len(h) + 1,))
+    positions = np.empty((len(h) + 1, 3), order="F")
     positions[0] = position
     np.multiply(velocities[:-1] + velocities[1:], 0.5 * length, out=positions[1:])
     if increment.dp is not None:

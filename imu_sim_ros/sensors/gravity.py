@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from imu_sim_ros.conventions import ECCENTRICITY_SQUARED, FLATTENING, SEMI_MAJOR_AXIS
-from imu_sim_ros.rotation import cross, empty, rotate_inverse
+from imu_sim_ros.rotation import cross, rotate_inverse
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array
@@ -179,7 +179,7 @@ class CurvedEarth:
 
 def _vectors(x: Array, y: Array, z: Array) -> Array:
     """Return vectors (n, 3) of components (n,)."""
-    result = empty(x.shape)
+    result = np.empty((*x.shape, 3), order="F")
     for k, component in enumerate((x, y, z)):
         result[:, k] = component
     return result

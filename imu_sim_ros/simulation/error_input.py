@@ -17,7 +17,7 @@ import numpy as np
 from imu_sim_ros import rotation, timebase
 from imu_sim_ros.conventions import STANDARD_GRAVITY
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.rotation import cross, empty, normalise, rotate_inverse, transform
+from imu_sim_ros.rotation import cross, normalise, rotate_inverse, transform
 from imu_sim_ros.sensors.gravity import gravity_vector
 from imu_sim_ros.sensors.imu.ideal import size_effect
 from imu_sim_ros.simulation.error_parameters import (
@@ -471,7 +471,7 @@ def _line(t_ns: Times, values: Array, at_ns: Times) -> Array:
 
 def _lines(t_ns: Times, values: Array, at_ns: Times) -> Array:
     """Return the straight lines through values (n, k) at times (m,)."""
-    result = empty((len(at_ns),), values.shape[1])
+    result = np.empty((len(at_ns), values.shape[1]), order="F")
     for own, column in zip(result.T, values.T, strict=True):
         own[:] = _line(t_ns, column, at_ns)
     return result

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros.conventions import STANDARD_GRAVITY
 from imu_sim_ros.random_streams import generator
-from imu_sim_ros.rotation import empty, rotate
+from imu_sim_ros.rotation import rotate
 from imu_sim_ros.sensors.barometer.parameters import BarometerParameters
 from imu_sim_ros.sensors.environment import AtmosphereParameters, EnvironmentParameters
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
@@ -140,7 +140,7 @@ class PressureErrors:
         :param temperature_offset: (n, ...) temperature above the reference [K].
         :param additions: as for :meth:`Triad.read`.
         """
-        values = empty(ideal.shape)
+        values = np.empty((*ideal.shape, 3), order="F")
         values[..., 1:] = 0.0
         values[..., 0] = ideal if gust is None else ideal + gust
         made = self.triad.read(

@@ -23,7 +23,7 @@ import numpy as np
 
 from imu_sim_ros.random_streams import Seed, Streams, Units
 from imu_sim_ros.sensors.errors.processes import ChunkedProcess
-from imu_sim_ros.types import Array, first_last, last_first
+from imu_sim_ros.types import Array
 
 LONGEST_TIME: Final = 1e4
 """[s]; below 1 / (2 pi LONGEST_TIME) the density is flat."""
@@ -124,14 +124,14 @@ class FlickerNoise(ChunkedProcess):
     def _drawn(self, units: Units) -> Array:
         """Return initial states (..., 3, p)."""
         root = self._rows.root
-        numbers = first_last(self._streams.next(len(root), units))
+        numbers = np.moveaxis(self._streams.next(len(root), units), 0, -1)
         # A vector at a time: the sums are the same for one unit and for many.
         return np.matmul(root, numbers[..., None])[..., 0]
 
     def _make_chunks(self, count: int, units: Units) -> Array:
         rows, state = self._rows, self._state[units]
         several, poles = state.shape[:-2], state.shape[-1]
-        numbers = first_last(self._streams.next(count * CHUNK, units))
+        numbers = np.moveaxis(self._streams.next(count * CHUNK, units), 0, -1)
         # All rows of a unit's chunk in a product: its size, and so its sums, never differ.
         noise = numbers.reshape(*several, 3, count, _ROWS, _COLUMNS).swapaxes(-4, -3)
         made = noise.reshape(*several, count, 3 * _ROWS, _COLUMNS) @ rows.from_noise
@@ -151,4 +151,4 @@ class FlickerNoise(ChunkedProcess):
         starts[..., 1:, :] += ends[..., :-1, :]
         values += starts.reshape(*several, count, 3 * _ROWS, poles) @ rows.from_state
         found = values.reshape(*several, count, 3, CHUNK).swapaxes(-3, -2)
-        return last_first(found.reshape(*several, 3, count * CHUNK))
+        return np.moveaxis(found.reshape(*several, 3, count * CHUNK), -1, 0)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.parameters.kinds import Vector
 from imu_sim_ros.random_streams import Seed, Streams, Units
-from imu_sim_ros.rotation import empty, transform
+from imu_sim_ros.rotation import transform
 from imu_sim_ros.sensors.errors.flicker import FlickerNoise
 from imu_sim_ros.sensors.errors.processes import GaussMarkovBank, next_numbers
 from imu_sim_ros.sensors.errors.response import is_constant, noise_gain, polynomial, turn_on
@@ -19,7 +19,7 @@ from imu_sim_ros.sensors.errors.terms import ErrorTerm, Surroundings
 from imu_sim_ros.sensors.imu.board import board_terms
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
-from imu_sim_ros.types import Array, last_first
+from imu_sim_ros.types import Array
 
 
 class ThermalBias(ErrorTerm):
@@ -137,8 +137,7 @@ class WhiteNoise(_RandomStream):
             return None
         noise = self._streams.next(count, units, self._axes)
         if not isinstance(self._axes, slice):
-            numbers, noise = noise, empty(noise.shape[:-1])
-            noise[...] = 0.0
+            numbers, noise = noise, np.zeros((*noise.shape[:-1], 3), order="F")
             noise[..., self._axes] = numbers
         if self._mixing is not None:
             noise = transform(self._mixing[units], noise)
@@ -195,7 +194,7 @@ class RandomWalk(_RandomStream, ErrorTerm):
             steps = self._streams.next(len(values), units, self._axes)
             steps *= self._sigma[units]
             start = state[..., self._axes]
-            walk = last_first(np.empty((*start.shape, len(values) + 1)))
+            walk = np.empty((len(values) + 1, *start.shape), order="F")
             walk[0], walk[1:] = start, steps
             # Adds one after the other, whatever the block's size.
             np.add.accumulate(walk, axis=0, out=walk)

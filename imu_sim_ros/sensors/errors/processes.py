@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from imu_sim_ros.random_streams import Seed, Streams, Units, generator
-from imu_sim_ros.types import Array, Integers, Times, first_last, last_first
+from imu_sim_ros.types import Array, Integers, Times
 
 _AT_ONCE: Final = 8192
 """Values of a column generated at once, as far as whole chunks allow: they stay in the cache."""
@@ -34,8 +34,7 @@ def series(shape: tuple[int, ...]) -> Array:
 
     :param shape: (n, ...)
     """
-    count, *units = shape
-    return last_first(np.zeros((*units, 3, count)))
+    return np.zeros((*shape, 3), order="F")
 
 
 class ChunkedProcess(ABC):
@@ -123,7 +122,7 @@ class GaussMarkovBank(ChunkedProcess):
     def _make_chunks(self, count: int, units: Units) -> Array:
         exponent = self._exponent[units][..., None, None]  # axes are (..., axis, chunk, row)
         drive, phi = np.sqrt(-np.expm1(2.0 * exponent)), np.exp(exponent)
-        numbers = first_last(self._streams.next(count * CHUNK, units))
+        numbers = np.moveaxis(self._streams.next(count * CHUNK, units), 0, -1)
         numbers = numbers.reshape(*exponent.shape[:-2], count, _COLUMNS, _ROWS)
         # One column after the other, so each is contiguous: (column, ..., axis, chunk, row).
         table = np.empty((_COLUMNS, *exponent.shape[:-2], count, _ROWS))
@@ -136,8 +135,8 @@ class GaussMarkovBank(ChunkedProcess):
         decay = np.exp(exponent * columns)
         np.multiply(decay, starts, out=(added := numbers.reshape(table.shape)))
         table += added
-        made = first_last(table).reshape(*exponent.shape[:-2], count * CHUNK)
-        return last_first(made)
+        made = np.moveaxis(table, 0, -1).reshape(*exponent.shape[:-2], count * CHUNK)
+        return np.moveaxis(made, -1, 0)
 
     def _row_starts(self, ends: Array, exponent: Array, units: Units) -> Array:
         """Return the value before each row from the ends of rows that start at 0.

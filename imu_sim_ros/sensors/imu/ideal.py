@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.rotation import cross, empty, rotate_inverse, transform
+from imu_sim_ros.rotation import cross, rotate_inverse, transform
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
@@ -207,7 +207,7 @@ def size_effect(positions: Array, omega: Array, alpha: Array) -> Array:
     :param omega: (n, 3) angular rate [rad/s].
     :param alpha: (n, 3) angular acceleration [rad/s^2].
     """
-    result, w, a = empty(omega.shape[:-1]), omega.T, alpha.T
+    result, w, a = np.empty(omega.shape, order="F"), omega.T, alpha.T
     for k, own in enumerate(result.T):
         i, j = (k + 1) % 3, (k + 2) % 3
         r = positions[k]

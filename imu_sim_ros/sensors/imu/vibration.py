@@ -9,7 +9,6 @@ import numpy as np
 
 from imu_sim_ros.conventions import TRIADS, Vector
 from imu_sim_ros.random_streams import Units, axis_generators, generator
-from imu_sim_ros.rotation import empty
 from imu_sim_ros.sensors.errors.processes import ChunkedProcess
 from imu_sim_ros.sensors.imu.parameters import BoardVibrationParameters
 from imu_sim_ros.trajectory.motion import Motion
@@ -164,7 +163,7 @@ class BoardVibration:
         """
         count, ranges = len(motion.position), self._parameters.ranges
         bands = None if self._bands is None else self._bands.next_block(count)
-        parts = [empty((count,), _AXES) for _ in range(ranges)]
+        parts = [np.empty((count, _AXES), order="F") for _ in range(ranges)]
         for k, part in enumerate(parts):
             part[...] = 0.0
             if bands is not None:
@@ -197,7 +196,7 @@ class BoardVibration:
         logs = self._size.logs(motion)
         factors = []
         for own in self._exponents.swapaxes(0, 1):  # (2, 3)
-            factor = empty((len(logs),), _AXES)
+            factor = np.empty((len(logs), _AXES), order="F")
             for triad, (x, y, z) in enumerate(own):
                 total = x * logs[:, 0]
                 total += y * logs[:, 1]

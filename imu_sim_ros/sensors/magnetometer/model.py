@@ -11,7 +11,7 @@ import numpy as np
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
-from imu_sim_ros.rotation import empty, rotate, rotate_inverse, transform
+from imu_sim_ros.rotation import rotate, rotate_inverse, transform
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.realised import with_constants, with_turn_on
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
@@ -56,7 +56,7 @@ class MagneticField:
         Electrodynamics", 3rd ed., eq. 5.56); inside its sphere of radius R, ``mu_0 m / (2 pi R^3)``
         (eq. 5.105 with the magnetisation ``m / (4 pi R^3 / 3)``).
         """
-        field = empty((len(t),))
+        field = np.empty((len(t), 3), order="F")
         field[:] = self.earth_w
         for centre, moment in self._dipoles:
             field += self._dipole(position - centre, moment)

@@ -51,10 +51,9 @@ class RunningProduct:
         width = _CHUNK
         if chunks == 1:  # short blocks do not need the whole chunk: an entry needs none behind it
             width = count
-        products = rotation.empty((chunks, width), 4)
-        for component, own, rest in zip(products.T, every.T, rotation.IDENTITY, strict=True):
-            flat = component.T.reshape(-1)
-            flat[:count], flat[count:] = own, rest
+        products: Array = np.empty((chunks * width, 4), order="F")
+        products[:count], products[count:] = every, rotation.IDENTITY
+        products = products.reshape(chunks, width, 4)
         step = 1
         while step < width:
             products[:, step:] = rotation.multiply(products[:, :-step], products[:, step:])

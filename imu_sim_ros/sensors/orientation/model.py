@@ -54,7 +54,7 @@ class ModelledOrientation:
         :param q_wi: (n, 4) the true ones.
         """
         n = len(q_wi)
-        error, variance = rotation.empty((n,)), rotation.empty((n,))
+        error, variance = (np.empty((n, 3), order="F") for _ in range(2))
         error[:] = self._constant
         variance[:] = self._constant_variance
         if self._drift_sigma.any():
