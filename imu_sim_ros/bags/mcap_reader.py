@@ -7,12 +7,10 @@ import re
 import struct
 import zlib
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import IO, Any, BinaryIO, NamedTuple, cast
 
 import numpy as np
 
-from imu_sim_ros.bags.compression import decompress
 from imu_sim_ros.bags.mcap_writer import (
     CHUNK,
     INDEX_ENTRY,
@@ -22,8 +20,15 @@ from imu_sim_ros.bags.mcap_writer import (
     MESSAGE_INDEX,
 )
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
-from imu_sim_ros.bags.messages.schemas import Schema, parse_qos
-from imu_sim_ros.bags.reader import DAMAGE, END_NS, ChunkedBag, ContradictionError, gather, in_order
+from imu_sim_ros.bags.messages.schemas import Schema
+from imu_sim_ros.bags.reader import (
+    DAMAGE,
+    END_NS,
+    ChunkedBag,
+    ContradictionError,
+    decompress,
+    gather,
+)
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.types import Bytes
 
@@ -56,15 +61,11 @@ class McapBag(ChunkedBag):
 
     encoding = "cdr"
 
-    def __init__(self, path: Path, recover: bool = False) -> None:
-        """Open a file; arguments as for :class:`ChunkedBag`."""
+    def _open(self) -> None:
         self._records: dict[int, Any] = {}
         self._schemas: dict[int, Any] = {}
         self._summary_channels: frozenset[int] = frozenset()
         """Channels that the summary names, in recovery: they tell messages from other bytes."""
-        super().__init__(path, recover)
-
-    def _open(self) -> None:
         if self._file.read(len(MAGIC)) != MAGIC:
             raise InputError(f"{self.path}: not an MCAP file")
         counts = None
@@ -352,7 +353,7 @@ class McapBag(ChunkedBag):
                     metadata.get("topic_type_hash", ""),
                     record.encoding if record and record.encoding else "ros2msg",
                 ),
-                parse_qos(metadata.get("offered_qos_profiles", "")),
+                metadata.get("offered_qos_profiles", ""),
             )
             self.topics.append(topic)
             self._topic_of.update({channel.id: topic for channel in channels})
@@ -360,12 +361,21 @@ class McapBag(ChunkedBag):
     def _blocks(self, chunk: _Chunk, wanted: Mapping[int, TopicInfo]) -> list[MessageBlock]:
         data = np.frombuffer(self._chunk_data(chunk), np.uint8)
         offsets = self._indexed(chunk) or _scanned(data)
-        by_topic: dict[TopicInfo, list[MessageBlock]] = {}
+        blocks = []
+        header = MESSAGE_HEADER.itemsize
         for channel, places in offsets.items():
-            if channel in wanted and len(places):
-                topic = wanted[channel]
-                by_topic.setdefault(topic, []).append(_block(topic, channel, data, places))
-        return [in_order(blocks) for blocks in by_topic.values()]
+            if channel not in wanted or not len(places):
+                continue
+            rows = gather(data, places, np.full(len(places), header, dtype=np.int64))
+            fields = np.ascontiguousarray(rows).view(MESSAGE_HEADER)[:, 0]
+            is_of_channel = (fields["opcode"] == MESSAGE) & (fields["channel"] == channel)
+            if not is_of_channel.all():
+                raise ValueError("the index of the messages is wrong")
+            lengths = fields["length"].astype(np.int64) - (header - _HEADER_BYTES)
+            payloads = gather(data, places + header, lengths)
+            t_ns = fields["log_time"].astype(np.int64)
+            blocks.append(MessageBlock(wanted[channel], t_ns, payloads))
+        return blocks
 
     def _chunk_data(self, chunk: _Chunk) -> bytes | memoryview:
         """Return the verified content of a chunk, or as much as there is of a truncated one."""
@@ -441,24 +451,6 @@ def _begins_chunk(head: bytes) -> bool:
 def _check_same(what: str, id_: int, before: object, now: object) -> None:
     if before != now:
         raise ContradictionError(f"{what} {id_} is {now} from here on, and {before} before")
-
-
-def _block(
-    topic: TopicInfo, channel: int, data: Bytes, places: np.ndarray[Any, np.dtype[np.int64]]
-) -> MessageBlock:
-    """Return the messages at given offsets of a chunk.
-
-    :raises ValueError: if there are other records.
-    """
-    header = MESSAGE_HEADER.itemsize
-    sizes = np.full(len(places), header, dtype=np.int64)
-    rows = gather(data, places, sizes)
-    fields = np.ascontiguousarray(rows).view(MESSAGE_HEADER)[:, 0]
-    if bool(np.any(fields["opcode"] != MESSAGE)) or bool(np.any(fields["channel"] != channel)):
-        raise ValueError("the index of the messages is wrong")
-    lengths = fields["length"].astype(np.int64) - (header - _HEADER_BYTES)
-    payloads = gather(data, places + header, lengths)
-    return MessageBlock(topic, fields["log_time"].astype(np.int64), payloads)
 
 
 def _scanned(data: Bytes) -> dict[int, np.ndarray[Any, np.dtype[np.int64]]]:

@@ -117,30 +117,24 @@ def open_bag(path: str | Path, recover: bool = False) -> Bag:
     path = Path(path)
     if recover and not path.exists():
         path = unfinished(path) or path
-    with errors_naming(
-        path, "" if recover else "; convert_bag --recover recovers the complete messages"
-    ):
-        return _opened(path, recover)
-
-
-def _opened(path: Path, recover: bool) -> Bag:
-    if path.is_dir():
-        return Rosbag2Folder(path, recover)
-    try:
-        with open_regular(path) as file:
-            magic = file.read(_MAGIC_BYTES)
-    except InputError as error:
-        left = unfinished(path)
-        advice = "convert_bag --recover recovers the complete messages"
-        hint = f"; {left} is an unfinished one, {advice}" if left else ""
-        raise InputError(f"{error}{hint}") from None
-    if magic.startswith(b"#ROSBAG V"):
-        return Rosbag1Bag(path, recover)
-    if magic.startswith(b"\x89MCAP"):
-        return McapBag(path, recover)
-    if magic.startswith(b"SQLite format 3\0"):
-        return SqliteBag(path, recover)
-    raise InputError(f"{path}: {'an empty file' if not magic else 'not a bag'}")
+    advice = "convert_bag --recover recovers the complete messages"
+    with errors_naming(path, "" if recover else f"; {advice}"):
+        if path.is_dir():
+            return Rosbag2Folder(path, recover)
+        try:
+            with open_regular(path) as file:
+                magic = file.read(_MAGIC_BYTES)
+        except InputError as error:
+            left = unfinished(path)
+            hint = f"; {left} is an unfinished one, {advice}" if left else ""
+            raise InputError(f"{error}{hint}") from None
+        if magic.startswith(b"#ROSBAG V"):
+            return Rosbag1Bag(path, recover)
+        if magic.startswith(b"\x89MCAP"):
+            return McapBag(path, recover)
+        if magic.startswith(b"SQLite format 3\0"):
+            return SqliteBag(path, recover)
+        raise InputError(f"{path}: {'an empty file' if not magic else 'not a bag'}")
 
 
 def decoded_messages(bag: Bag, names: Collection[str]) -> Iterator[tuple[TopicInfo, Any]]:
@@ -183,17 +177,9 @@ def imu_blocks(
         for t_ns, gyro, accel in text_reader.imu_blocks(Path(path), topic, skipped):
             yield ImuMessages(t_ns, gyro, accel, t_ns, "")
         return
-    found = decoded_blocks(path, IMU, topic, _IMU_FIELDS, recover, skipped, warned)
-    yield from _merged(
-        ImuMessages(
-            fields.t_ns,
-            fields.numbers["angular_velocity"],
-            fields.numbers["linear_acceleration"],
-            record_t_ns,
-            fields.texts[0],
-        )
-        for record_t_ns, fields in found
-    )
+    for fields in decoded_blocks(path, IMU, topic, _IMU_FIELDS, recover, skipped, warned):
+        gyro, accel = fields.numbers.values()
+        yield ImuMessages(fields.t_ns, gyro, accel, fields.record_t_ns, fields.texts[0])
 
 
 def read_imu(
@@ -219,23 +205,19 @@ def odometry_blocks(
             truth = (states.position, states.q_wb, velocity_b, rates)  # EuRoC's have no rates
             yield OdometryMessages(states.t_ns, *truth, square, square, "", "")
         return
-    found = decoded_blocks(path, ODOMETRY, topic, _ODOMETRY_FIELDS, recover, skipped, warned)
-    yield from _merged(_odometry_messages(fields, warned is None) for _, fields in found)
-
-
-def _odometry_messages(fields: Decoded, gated: bool) -> OdometryMessages:
-    position, orientation, linear, angular, pose, twist = fields.numbers.values()
-    q_wb = inside_order(orientation)
-    return OdometryMessages(
-        fields.t_ns,
-        position,
-        _unit(q_wb) if gated else q_wb,
-        linear,
-        angular,
-        pose.reshape(-1, 6, 6),
-        twist.reshape(-1, 6, 6),
-        *fields.texts,
-    )
+    for fields in decoded_blocks(path, ODOMETRY, topic, _ODOMETRY_FIELDS, recover, skipped, warned):
+        position, orientation, linear, angular, pose, twist = fields.numbers.values()
+        q_wb = inside_order(orientation)
+        yield OdometryMessages(
+            fields.t_ns,
+            position,
+            _unit(q_wb) if warned is None else q_wb,
+            linear,
+            angular,
+            pose.reshape(-1, 6, 6),
+            twist.reshape(-1, 6, 6),
+            *fields.texts,
+        )
 
 
 def read_odometry(
@@ -275,8 +257,7 @@ def read_poses(
     counts: list[int] = []
     skipped = counts.append if skip_bad_rows else None
     names = ("position", "orientation")
-    blocks = decoded_blocks(path, type_name, topic, names, recover, skipped, warned)
-    parts = [fields for _, fields in blocks]
+    parts = list(decoded_blocks(path, type_name, topic, names, recover, skipped, warned))
     q_wb = inside_order(np.concatenate([_rows(4), *(p.numbers["orientation"] for p in parts)]))
     t_ns = np.concatenate([_times(), *(part.t_ns for part in parts)])
     position = np.concatenate([_rows(3), *(part.numbers["position"] for part in parts)])
@@ -295,7 +276,7 @@ def vector_blocks(
     """
     warned = None if gated else bool
     names = ("vector",)
-    for _, fields in decoded_blocks(path, VECTOR3_STAMPED, topic, names, recover, None, warned):
+    for fields in decoded_blocks(path, VECTOR3_STAMPED, topic, names, recover, None, warned):
         yield fields.t_ns, fields.numbers["vector"]
 
 
@@ -303,8 +284,7 @@ def read_temperature(
     path: str | Path, topic: str | None = None, skipped: Skipped | None = None
 ) -> TemperatureMessages:
     """Return all messages of a Temperature topic; arguments as for :func:`imu_blocks`."""
-    found = decoded_blocks(path, TEMPERATURE, topic, ("temperature",), False, skipped)
-    parts = [fields for _, fields in found]
+    parts = list(decoded_blocks(path, TEMPERATURE, topic, ("temperature",), False, skipped))
     return TemperatureMessages(
         np.concatenate([_times(), *(part.t_ns for part in parts)]),
         np.concatenate([np.empty(0), *(part.numbers["temperature"] for part in parts)]),
@@ -319,28 +299,39 @@ def decoded_blocks(
     recover: bool = False,
     skipped: Skipped | None = None,
     warned: Warned | None = None,
-) -> Iterator[tuple[Times, Decoded]]:
-    """Yield when messages of a topic were recorded (n,), and some of their fields, in blocks.
+) -> Iterator[Decoded]:
+    """Yield some fields of the messages of a topic, in blocks of at least a thousand but the last.
+
+    If a bag has images, a chunk of it holds a few readings, and the first perhaps one: too few to
+    tell a rate from.
 
     :param topic: None: the only one of the type.
     :param names: of the fields, as for :func:`imu_sim_ros.bags.messages.decode.decode_block`.
     :param skipped, warned: as for :func:`imu_blocks`.
-    :raises InputError: at the end, with the first messages that the gate refused.
+    :raises InputError: in place of the last block, with the first messages that the gate refused.
     """
     with open_bag(path, recover) as bag:
         chosen = bag.topic(type_name, topic)
         gate = MessageGate(path, chosen.name, warned is not None)
+        waiting: list[Decoded] = []
+        count = 0
         for group in bag.groups({chosen.name}):
             for block in group:
                 if block.topic.type != type_name:
                     continue
                 fields = decode_block(block, bag.encoding, names)
                 good = gate.good(fields)
-                if good is None:
-                    yield block.t_ns, fields
-                elif good.any():
-                    yield block.t_ns[good], fields.at(good)
+                passed = fields if good is None else fields.at(good)
+                if not len(passed.t_ns):
+                    continue
+                waiting.append(passed)
+                count += len(passed.t_ns)
+                if count >= _LEAST:
+                    yield waiting[0].joined(waiting[1:])
+                    waiting, count = [], 0
     gate.settle(skipped, warned)
+    if waiting:
+        yield waiting[0].joined(waiting[1:])
 
 
 def _unit(q: Array) -> Array:
@@ -348,24 +339,6 @@ def _unit(q: Array) -> Array:
     length = np.linalg.norm(q, axis=1, keepdims=True)
     off = np.abs(length - 1.0) > _ROUNDING
     return np.where(off, q / length, q) if off.any() else q
-
-
-def _merged(blocks: Iterator[_T]) -> Iterator[_T]:
-    """Yield blocks of at least a thousand messages, but for the last.
-
-    If a bag has images, a chunk of it holds a few readings, and the first perhaps one: too few
-    to tell a rate from.
-    """
-    waiting: list[_T] = []
-    count = 0
-    for block in blocks:
-        waiting.append(block)
-        count += len(block[0])
-        if count >= _LEAST:
-            yield _joined(waiting, block)
-            waiting, count = [], 0
-    if waiting:
-        yield _joined(waiting, waiting[0])
 
 
 def _joined(parts: list[_T], empty: _T) -> _T:

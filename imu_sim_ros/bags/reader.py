@@ -1,16 +1,16 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What all bag readers share: topics, blocks of messages, and their order in time."""
+"""What all bag readers share: topics, chunks, blocks of messages, and their order in time."""
 
 import re
 import sqlite3
 import struct
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO, Final, NamedTuple
+from typing import Any, BinaryIO, Final, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided, sliding_window_view
@@ -41,6 +41,14 @@ _SEARCHED_BYTES: Final = 1 << 20
 _LONGEST_MATCH: Final = 64
 END_NS: Final = 2**63 - 1
 """After all messages."""
+_LARGEST_CHUNK: Final = 1 << 30
+"""[bytes] A larger chunk is refused; those of rosbag2 and roscpp have about 1 MB."""
+_ALWAYS_ALLOWED: Final = 64 << 20
+_LARGEST_RATIO: Final = 40
+"""Largest ratio of compression of larger chunks: a file of 10 MB must not fill the memory."""
+_UNPACKED_BYTES: Final = 1 << 20
+"""Bytes that are unpacked at a time."""
+_Packed = TypeVar("_Packed", bytes, memoryview)
 
 
 class Timed(NamedTuple):
@@ -75,7 +83,7 @@ def _of_bag_library(error: Exception) -> bool:
     return type(error).__module__.partition(".")[0] in ("mcap", "rosbags", "lz4", "zstandard")
 
 
-class Bag(ABC):
+class Bag(AbstractContextManager["Bag"], ABC):
     """An open bag; use as a context manager."""
 
     encoding: str
@@ -88,16 +96,12 @@ class Bag(ABC):
         """Defects of a bag in recovery that lose no message."""
         self.damage: list[str] = []
         """Lines about parts left out of a bag in recovery, with the reasons."""
-
-    def __enter__(self) -> "Bag":
-        return self
+        self._stack = ExitStack()
+        """Closes the files."""
 
     def __exit__(self, *_: object) -> None:
-        self.close()
-
-    @abstractmethod
-    def close(self) -> None:
         """Close the files."""
+        self._stack.close()
 
     @abstractmethod
     def _timed(self, names: Collection[str]) -> Iterator[Timed]:
@@ -112,11 +116,29 @@ class Bag(ABC):
         """
         if names is None:
             names = {topic.name for topic in self.topics}
-        return prefetch(self._naming_errors(_in_time_order(self._timed(names))))
+        return prefetch(self._in_time_order(names))
 
-    def _naming_errors(self, groups: Iterator[list[MessageBlock]]) -> Iterator[list[MessageBlock]]:
+    def _in_time_order(self, names: Collection[str]) -> Iterator[list[MessageBlock]]:
+        """Merge chunks that overlap: messages wait until no earlier one can follow."""
+        waiting: dict[TopicInfo, list[MessageBlock]] = {}
         with errors_naming(self.path):
-            yield from groups
+            for next_start_ns, blocks in self._timed(names):
+                for block in blocks:
+                    if len(block.t_ns):
+                        waiting.setdefault(block.topic, []).append(block)
+                ready = []
+                for topic in list(waiting):
+                    topic, t_ns, payloads = in_order(waiting.pop(topic))
+                    cut = int(np.searchsorted(t_ns, next_start_ns))
+                    if cut:
+                        ready.append(MessageBlock(topic, t_ns[:cut], payloads[:cut]))
+                    if cut < len(t_ns):
+                        waiting[topic] = [MessageBlock(topic, t_ns[cut:], payloads[cut:])]
+                if ready:
+                    yield ready
+            rest = [in_order(blocks) for blocks in waiting.values()]
+            if rest:
+                yield rest
 
     def topic(self, type_name: str, name: str | None) -> TopicInfo:
         """Return the topic of a type: the named one, or the only one.
@@ -166,7 +188,7 @@ class ChunkedBag(Bag):
         """
         super().__init__(path)
         self._recover = recover
-        self._file: BinaryIO = open_regular(path)
+        self._file: BinaryIO = self._stack.enter_context(open_regular(path))
         self._end = self._file.seek(0, 2)
         self._chunks: list[Any] = []
         """Each with its position in the file, and ``start_ns``."""
@@ -178,12 +200,8 @@ class ChunkedBag(Bag):
             self._file.seek(0)
             self._open()
         except BaseException:
-            self._file.close()
+            self._stack.close()
             raise
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
 
     @abstractmethod
     def _open(self) -> None:
@@ -191,7 +209,7 @@ class ChunkedBag(Bag):
 
     @abstractmethod
     def _blocks(self, chunk: Any, wanted: Mapping[int, TopicInfo]) -> list[MessageBlock]:
-        """Return the messages of a chunk, a block for each topic."""
+        """Return the messages of a chunk, in blocks of one topic each."""
 
     def _leave_out(self, start: int, end: int, why: str) -> None:
         """Note a range of lost bytes; neighbours are one."""
@@ -285,23 +303,72 @@ def _concatenated(payloads: Sequence[Payloads]) -> Payloads:
     return [message for rows in payloads for message in as_list(rows)]
 
 
-def _in_time_order(chunks: Iterable[Timed]) -> Iterator[list[MessageBlock]]:
-    """Merge chunks that overlap: messages wait until no earlier one can follow."""
-    waiting: dict[TopicInfo, list[MessageBlock]] = {}
-    for next_start_ns, blocks in chunks:
-        for block in blocks:
-            if len(block.t_ns):
-                waiting.setdefault(block.topic, []).append(block)
-        ready = []
-        for topic in list(waiting):
-            topic, t_ns, payloads = in_order(waiting.pop(topic))
-            cut = int(np.searchsorted(t_ns, next_start_ns))
-            if cut:
-                ready.append(MessageBlock(topic, t_ns[:cut], payloads[:cut]))
-            if cut < len(t_ns):
-                waiting[topic] = [MessageBlock(topic, t_ns[cut:], payloads[cut:])]
-        if ready:
-            yield ready
-    rest = [in_order(blocks) for blocks in waiting.values()]
-    if rest:
-        yield rest
+def decompress(data: _Packed, compression: str, size: int, torn: bool = False) -> bytes | _Packed:
+    """Return the content of a chunk, within limits; the data themselves if not compressed.
+
+    :param compression: none or empty, lz4, zstd or bz2.
+    :param size: stated size of the content [bytes].
+    :param torn: the end is missing; what precedes it is returned.
+    :raises ValueError: for data in another format or of another size.
+    """
+    if size > min(_LARGEST_CHUNK, max(_ALWAYS_ALLOWED, _LARGEST_RATIO * len(data))):
+        raise ValueError(f"{size} bytes in {len(data)} compressed ones exceed the limit")
+    content = data if compression in ("", "none") else _decompressed(data, compression, size, torn)
+    if not torn and len(content) != size:
+        raise ValueError("it does not have the expected size")
+    return content
+
+
+def _decompressed(data: bytes | memoryview, compression: str, size: int, torn: bool) -> bytes:
+    """Return the content, or a little more than its size if it is larger than stated."""
+    content = bytearray()
+    try:
+        for part in _stepwise(data, compression):
+            content += part
+            if len(content) > size:
+                break
+    except (RuntimeError, OSError, EOFError, ValueError) as error:
+        if not torn:
+            raise ValueError(str(error)) from None
+    return bytes(content)
+
+
+def _stepwise(data: bytes | memoryview, compression: str) -> Iterator[bytes]:
+    """Yield the content in steps of a bounded size, of one stream."""
+    if compression == "zstd":
+        yield from _zstd_steps(data)
+        return
+    stream = _stream(compression)
+    position = 0
+    while not stream.eof:
+        part: bytes | memoryview = b""
+        if stream.needs_input:
+            part = data[position : position + _UNPACKED_BYTES]
+            position += len(part)
+            if not part:
+                return
+        yield stream.decompress(part, _UNPACKED_BYTES)
+
+
+def _zstd_steps(data: bytes | memoryview) -> Iterator[bytes]:
+    import zstandard
+
+    stream = zstandard.ZstdDecompressor().stream_reader(data)
+    try:
+        while part := stream.read(_UNPACKED_BYTES):
+            yield part
+    except zstandard.ZstdError as error:
+        raise ValueError(str(error)) from None
+
+
+def _stream(compression: str) -> Any:
+    """Return an object that decompresses in steps of a bounded size."""
+    if compression == "lz4":
+        import lz4.frame
+
+        return lz4.frame.LZ4FrameDecompressor()
+    if compression == "bz2":
+        import bz2
+
+        return bz2.BZ2Decompressor()
+    raise ValueError(f"chunks are compressed by {compression[:20]!r}, which is not supported")

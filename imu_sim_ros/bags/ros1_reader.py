@@ -6,16 +6,14 @@
 import re
 import struct
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.compression import decompress
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
 from imu_sim_ros.bags.messages.schemas import Qos, Schema, ros2_name
-from imu_sim_ros.bags.reader import DAMAGE, ChunkedBag, ContradictionError, gather, in_order
+from imu_sim_ros.bags.reader import DAMAGE, ChunkedBag, ContradictionError, decompress, gather
 from imu_sim_ros.bags.ros1_writer import (
     INDEX_ENTRY,
     MAGIC,
@@ -93,12 +91,8 @@ class Rosbag1Bag(ChunkedBag):
 
     encoding = "ros1"
 
-    def __init__(self, path: Path, recover: bool = False) -> None:
-        """Open a bag; arguments as for :class:`ChunkedBag`."""
-        self._found: dict[int, tuple[str, str, Schema, bool]] = {}
-        super().__init__(path, recover)
-
     def _open(self) -> None:
+        self._found: dict[int, tuple[str, str, Schema, bool]] = {}
         if self._file.read(len(MAGIC)) != MAGIC:
             raise InputError(f"{self.path}: not a ROS 1 bag of format 2.0")
         try:
@@ -352,12 +346,11 @@ class Rosbag1Bag(ChunkedBag):
             content = self._content(chunk)
             index = _scanned(content)
         data = np.frombuffer(content, np.uint8)
-        by_topic: dict[TopicInfo, list[MessageBlock]] = {}
-        for connection, entries in index.items():
-            if connection in wanted and len(entries):
-                topic = wanted[connection]
-                by_topic.setdefault(topic, []).append(_block(topic, data, entries))
-        return [in_order(blocks) for blocks in by_topic.values()]
+        return [
+            _block(wanted[connection], data, entries)
+            for connection, entries in index.items()
+            if connection in wanted and len(entries)
+        ]
 
     def _indexed(self, position: int) -> dict[int, NDArray[np.void]]:
         """Return the index records that follow a chunk, by connection."""

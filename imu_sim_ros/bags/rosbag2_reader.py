@@ -8,7 +8,6 @@ import shutil
 import sqlite3
 import tempfile
 from collections.abc import Callable, Collection, Iterator
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,7 +16,7 @@ import numpy as np
 from imu_sim_ros.bags import rosbag2_metadata as rosbag2_metadata
 from imu_sim_ros.bags.mcap_reader import McapBag
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
-from imu_sim_ros.bags.messages.schemas import Schema, parse_qos
+from imu_sim_ros.bags.messages.schemas import Schema
 from imu_sim_ros.bags.reader import Bag, Timed, errors_naming
 from imu_sim_ros.bags.sqlite_pages import MessagePages
 from imu_sim_ros.errors import InputError, MachineError
@@ -44,7 +43,6 @@ class SqliteBag(Bag):
         self._read_from = path
         self._pages: MessagePages | None = None
         """Of a damaged file in recovery: its messages."""
-        self._stack = ExitStack()
         try:
             mode = "mode=ro"
             if recover:
@@ -63,10 +61,6 @@ class SqliteBag(Bag):
             hint = "" if recover else " (convert_bag --recover recovers the complete messages)"
             raise InputError(f"{path}: {error}{hint}") from None
         self.topics = list(self._topics.values())
-
-    def close(self) -> None:
-        """Close the database."""
-        self._stack.close()
 
     def _recoverable(self) -> tuple[Path, str]:
         """Return the file to open, and how, so that the original stays as it was found.
@@ -119,7 +113,7 @@ class SqliteBag(Bag):
                 type_name,
                 counts.get(id_, 0),
                 schemas.get(type_name, Schema("", "")),
-                parse_qos(profiles),
+                profiles,
             )
             for id_, name, type_name, profiles in topics
         }
@@ -231,7 +225,6 @@ class Rosbag2Folder(Bag):
         :raises InputError: if there is no metadata.yaml, unless the bag is to be recovered.
         """
         super().__init__(path)
-        self._stack = ExitStack()
         self._parts: list[Bag] = []
         try:
             for file in self._files_there() if recover else self._files_listed():
@@ -240,10 +233,6 @@ class Rosbag2Folder(Bag):
         except BaseException:
             self._stack.close()
             raise
-
-    def close(self) -> None:
-        """Close all files."""
-        self._stack.close()
 
     def _add(self, file: Path, recover: bool) -> None:
         """Open a file; one that cannot be opened is left out when recovering."""
@@ -256,7 +245,7 @@ class Rosbag2Folder(Bag):
                 raise
             self.damage += [line.removeprefix(f"{self.path}/") for line in error.problems]
             return
-        self._stack.callback(part.close)
+        self._stack.enter_context(part)
         self._parts.append(part)
         self.found += [f"{file.name}: {line}" for line in part.found]
         self.damage += [f"{file.name}: {line}" for line in part.damage]

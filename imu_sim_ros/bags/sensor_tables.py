@@ -61,7 +61,7 @@ def blocks(
             yield TableRows(t_ns, values, np.zeros((len(t_ns), size, size)))
         return
     read = decoded_blocks(path, table.type, topic, table.fields, recover, skipped, warned)
-    for _, decoded in read:
+    for decoded in read:
         values, *stated_of = decoded.numbers.values()
         values = values.reshape(-1, table.columns)
         t_ns = decoded.t_ns

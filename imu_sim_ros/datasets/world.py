@@ -155,6 +155,6 @@ def pose_between(transforms: Transforms, frame: str, body: str) -> Array | None:
 
 def frame_of(path: Path, kind: str, topic: str | None, which: int) -> str:
     """Return a frame of a topic's first message."""
-    for _, fields in decoded_blocks(path, kind, topic, ()):
+    for fields in decoded_blocks(path, kind, topic, (), warned=bool):
         return str(fields.texts[which])
     return ""

@@ -478,10 +478,10 @@ class _Job:
 
 def _is_whole(path: Path) -> bool:
     try:
-        open_bag(path).close()
+        with open_bag(path):
+            return True
     except InputError:
         return False
-    return True
 
 
 def _tally(writer: Writer) -> Counts:

@@ -89,7 +89,7 @@ def _local(geodetic: Array, origin: Array) -> Array:
 def _read_fixes(path: Path, name: str) -> tuple[Times, Array, Array, Array]:
     """Return stamps, latitude, longitude, height (n, 3), stated variances (n, 3), status (n,)."""
     names = ("latitude", "longitude", "altitude", "position_covariance", "status")
-    found = [fields for _, fields in decoded_blocks(path, NAV_SAT_FIX, name, names)]
+    found = list(decoded_blocks(path, NAV_SAT_FIX, name, names))
     columns = {key: np.concatenate([one.numbers[key] for one in found]) for key in names}
     geodetic = np.column_stack([columns[key].reshape(-1) for key in names[:3]])
     variance = columns["position_covariance"].reshape(-1, 9)[:, ::4]
@@ -99,7 +99,7 @@ def _read_fixes(path: Path, name: str) -> tuple[Times, Array, Array, Array]:
 
 def _read_velocities(path: Path, name: str) -> Compared:
     names = ("linear", "twist_covariance")
-    found = [fields for _, fields in decoded_blocks(path, TWIST_WITH_COVARIANCE, name, names)]
+    found = list(decoded_blocks(path, TWIST_WITH_COVARIANCE, name, names))
     velocity, stated = (np.concatenate([one.numbers[key] for one in found]) for key in names)
     variance = np.maximum(stated.reshape(-1, 36)[:, [0, 7, 14]], 0.0)
     return _measured("m/s", np.concatenate([one.t_ns for one in found]), velocity, variance)

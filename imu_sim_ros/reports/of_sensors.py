@@ -157,7 +157,7 @@ def _numbers(
         names = tuple(
             name for name, kind, _ in fields(type_name) if kind == "f8" and name not in skipped
         )
-        found = [values for _, values in decoded_blocks(path, type_name, topic, names)]
+        found = list(decoded_blocks(path, type_name, topic, names))
         columns = {name: np.concatenate([one.numbers[name] for one in found]) for name in names}
         return np.concatenate([one.t_ns for one in found]), columns
     stamps: list[int] = []

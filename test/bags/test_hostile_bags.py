@@ -10,10 +10,9 @@ import zlib
 import numpy as np
 import pytest
 
-from imu_sim_ros.bags import compression
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import open_bag, read_imu
-from imu_sim_ros.bags.reader import gather
+from imu_sim_ros.bags.reader import decompress, gather
 from imu_sim_ros.bags.writer import open_writer
 from imu_sim_ros.commands import convert_bag, dead_reckon, generate
 from imu_sim_ros.errors import InputError
@@ -46,10 +45,10 @@ def test_chunks_larger_than_the_limit_are_not_unpacked():
     assert len(bomb) < 1 << 20
     for size in (200 << 20, 10**18):
         with pytest.raises(ValueError, match="exceed the limit"):
-            compression.decompress(bomb, "zstd", size)
+            decompress(bomb, "zstd", size)
     # It says less than it holds: unpacking ends a step behind what it says.
     with pytest.raises(ValueError, match="not have the expected size"):
-        compression.decompress(bomb, "zstd", 1000)
+        decompress(bomb, "zstd", 1000)
 
 
 def _mcap(*records: tuple[int, bytes]) -> bytes:

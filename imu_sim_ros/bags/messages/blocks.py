@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.messages.schemas import Qos, Schema
+from imu_sim_ros.bags.messages.schemas import Qos, Schema, parse_qos
 from imu_sim_ros.types import Bytes, Times
 
 _FEW: Final = 4
@@ -86,7 +86,13 @@ class TopicInfo:
     """In the form of ROS 2, for instance sensor_msgs/msg/Imu."""
     count: int
     schema: Schema
-    qos: tuple[Qos, ...] = (Qos(),)
+    offered: object
+    """Quality of service: profiles, or the text that a bag has of them."""
+
+    @property
+    def qos(self) -> tuple[Qos, ...]:
+        """The profiles, of which a copy of the topic takes over; reading does not need them."""
+        return self.offered if isinstance(self.offered, tuple) else parse_qos(self.offered)
 
 
 class MessageBlock(NamedTuple):

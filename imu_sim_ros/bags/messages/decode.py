@@ -34,6 +34,8 @@ class Decoded(NamedTuple):
 
     texts: tuple[str, ...]
     """Texts of the first message."""
+    record_t_ns: Times
+    """(n,) when they were recorded."""
     t_ns: Times
     """(n,) stamps."""
     numbers: dict[str, Array]
@@ -42,7 +44,19 @@ class Decoded(NamedTuple):
     def at(self, rows: Mask) -> "Decoded":
         """Return some of the messages."""
         numbers = {name: values[rows] for name, values in self.numbers.items()}
-        return Decoded(self.texts, self.t_ns[rows], numbers)
+        return Decoded(self.texts, self.record_t_ns[rows], self.t_ns[rows], numbers)
+
+    def joined(self, others: Sequence["Decoded"]) -> "Decoded":
+        """Return these messages and those that follow as one block."""
+        if not others:
+            return self
+        parts = [self, *others]
+        return Decoded(
+            self.texts,
+            np.concatenate([part.record_t_ns for part in parts]),
+            np.concatenate([part.t_ns for part in parts]),
+            {name: np.concatenate([part.numbers[name] for part in parts]) for name in self.numbers},
+        )
 
 
 def decode_block(block: MessageBlock, encoding: str, names: Sequence[str]) -> Decoded:
@@ -58,18 +72,17 @@ def decode_block(block: MessageBlock, encoding: str, names: Sequence[str]) -> De
         raise InputError(f"{block.topic.name}: not {type_name} messages: {error}") from None
     count = len(block.t_ns)
     t_ns = np.empty(count, dtype=np.int64)
-    first = groups[0][0]
+    first = groups[0].form
     numbers = {
         name: np.empty((count, *first.dtype[name].shape), dtype=np.float64) for name in names
     }
-    for form, rows, payloads in groups:
+    for form, _, rows, payloads in groups:
         values = form.view(payloads)
         seconds = values["sec"].astype(np.int64) * NANOSECONDS_PER_SECOND
         t_ns[rows] = seconds + values["nanosec"]
         for name in names:
             numbers[name][rows] = values[name]
-    texts = texts_of(type_name, encoding, _message(block.payloads, 0))
-    return Decoded(texts, t_ns, numbers)
+    return Decoded(groups[0].texts, block.t_ns, t_ns, numbers)
 
 
 class MessageDecoder:
@@ -132,30 +145,37 @@ def inside_order(orientation: Array) -> Array:
     return orientation[:, _INSIDE_ORDER]
 
 
-def _groups(
-    type_name: str, encoding: str, payloads: Payloads
-) -> list[tuple[Layout, slice | Integers, Bytes]]:
-    """Return messages in groups with the same texts: layout, rows and bytes of each."""
-    first = layout(type_name, encoding, texts_of(type_name, encoding, _message(payloads, 0)))
-    if not isinstance(payloads, list) and first.matches(payloads):
-        return [(first, slice(None), payloads)]
+class _Group(NamedTuple):
+    """Messages of a block with the same texts."""
+
+    form: Layout
+    texts: tuple[str, ...]
+    rows: slice | Integers
+    """Which of the block's messages they are."""
+    payloads: Bytes
+    """(n, size)"""
+
+
+def _groups(type_name: str, encoding: str, payloads: Payloads) -> list[_Group]:
+    """Return messages in groups with the same texts; the first message is in the first one."""
+    texts = texts_of(type_name, encoding, bytes(payloads[0]))
+    form = layout(type_name, encoding, texts)
+    if not isinstance(payloads, list) and form.matches(payloads):
+        return [_Group(form, texts, slice(None), payloads)]
     members: dict[tuple[int, tuple[str, ...]], list[int]] = {}
-    messages = [_message(payloads, k) for k in range(len(payloads))]
+    messages = [bytes(payload) for payload in payloads]
     for k, message in enumerate(messages):
         key = (len(message), texts_of(type_name, encoding, message))
         members.setdefault(key, []).append(k)
-    groups: list[tuple[Layout, slice | Integers, Bytes]] = []
+    groups = []
     for (size, texts), rows in members.items():
         form = layout(type_name, encoding, texts)
         table = np.frombuffer(b"".join(messages[k] for k in rows), np.uint8).reshape(-1, size)
         if not form.size <= size <= form.size + 3:
             raise ValueError(f"{size} bytes instead of {form.size}")
-        groups.append((form, np.array(rows), np.ascontiguousarray(table[:, : form.size])))
+        own = np.ascontiguousarray(table[:, : form.size])
+        groups.append(_Group(form, texts, np.array(rows), own))
     return groups
-
-
-def _message(payloads: Payloads, k: int) -> bytes:
-    return payloads[k] if isinstance(payloads, list) else payloads[k].tobytes()
 
 
 def transcode(block: MessageBlock, source: str, target: str) -> Payloads | None:
@@ -173,8 +193,7 @@ def transcode(block: MessageBlock, source: str, target: str) -> Payloads | None:
         return None
     if len(groups) > 1:
         return None
-    form, _, payloads = groups[0]
-    texts = texts_of(type_name, source, _message(payloads, 0))
+    form, texts, _, payloads = groups[0]
     result = layout(type_name, target, texts)
     rows = np.empty((len(payloads), result.size), np.uint8)
     rows[:] = np.frombuffer(result.template, np.uint8)
