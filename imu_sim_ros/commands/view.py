@@ -141,14 +141,14 @@ def _clouds(shown: FlightView, flight: Path, body: str) -> int:
     for topic in topics:
         frame = cloud_frame(flight, topic)
         mount = pose_between(fixed_in(flight), frame, body) if body else None
-        place = None if mount is None else (f"{_TRUTH}/body/{frame}", mount)
-        if place is None:
+        fixed = None if mount is None else (f"{_TRUTH}/body/{frame}", mount)
+        if fixed is None:
             print(
                 f"view: {topic}: in its own frame, because the bag does not say where {frame} is "
                 f"in the world (a true path, and {TF_STATIC_TOPIC})",
                 file=sys.stderr,
             )
-        shown.clouds(topic.strip("/"), read_clouds(flight, topic), place)
+        shown.clouds(topic.strip("/"), read_clouds(flight, topic), fixed)
     return len(topics)
 
 

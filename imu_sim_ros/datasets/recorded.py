@@ -266,9 +266,9 @@ def folder_cameras(path: Path, skipped: Skipped | None = None) -> list[FolderCam
     :raises InputError: with a line for each row and each description that cannot be used.
     """
     found: dict[str, FolderCamera] = {}
-    for place in text_reader.places(path):
-        for name in text_reader.sensor_folders(place, "cam"):
-            folder = place / name
+    for parent in text_reader.places(path):
+        for name in text_reader.sensor_folders(parent, "cam"):
+            folder = parent / name
             if name not in found:
                 images = _images(folder, skipped)
                 if images is not None:

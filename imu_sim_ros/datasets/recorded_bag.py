@@ -3,7 +3,7 @@
 
 """Images of a bag as files: EuRoC's ``cam0/data``, with ``sensor.yaml``, or kalibr_bagcreater's.
 
-The description of a camera is what the bag says: model from CameraInfo, place from /tf_static.
+The description of a camera is what the bag says: model from CameraInfo, mount from /tf_static.
 """
 
 import re
@@ -120,7 +120,7 @@ class RecordedImages:
         """
         opencv().setNumThreads(1)  # the threads are ours
         self._bag, self._folder, self._euroc = bag, folder, form == "euroc"
-        self._places: dict[str, Path] = {}
+        self._folders: dict[str, Path] = {}
         self._cameras = {camera.name: camera for camera in cameras}
         self._stamps: dict[str, dict[int, None]] = {}
         self._frames: dict[str, str] = {}
@@ -129,23 +129,23 @@ class RecordedImages:
         """The first CameraInfo of each camera, by base."""
         self._transforms: Transforms = {}
         for camera in cameras:
-            self._place(camera.images, folder / camera.name / ("data" if self._euroc else ""))
+            self._make_folder(camera.images, folder / camera.name / ("data" if self._euroc else ""))
             if self._euroc:
-                self._place(camera.depth, folder / camera.name / DEPTH_FOLDER)
+                self._make_folder(camera.depth, folder / camera.name / DEPTH_FOLDER)
 
-    def _place(self, topic: TopicInfo | None, folder: Path) -> None:
+    def _make_folder(self, topic: TopicInfo | None, folder: Path) -> None:
         if topic is None:
             return
         try:
             folder.mkdir(parents=True)
         except OSError as error:
             raise system_error(folder, error) from None
-        self._places[topic.name], self._stamps[topic.name] = folder, {}
+        self._folders[topic.name], self._stamps[topic.name] = folder, {}
 
     @property
     def topics(self) -> list[TopicInfo]:
         """The topics that are written."""
-        return [topic for topic in self._bag.topics if topic.name in self._places]
+        return [topic for topic in self._bag.topics if topic.name in self._folders]
 
     @property
     def counts(self) -> dict[str, int]:
@@ -164,7 +164,7 @@ class RecordedImages:
         :raises InputError: for messages that are no images, with the topic.
         """
         waiting: deque[tuple[str, Future[Size]]] = deque()
-        sizes = {name: OneSize() for name in self._places}
+        sizes = {name: OneSize() for name in self._folders}
 
         def take() -> None:
             name, future = waiting.popleft()
@@ -175,13 +175,13 @@ class RecordedImages:
         pool = ThreadPoolExecutor(jobs, thread_name_prefix="images")
         try:
             for topic, message in decoded_messages(self._bag, self._wanted()):
-                if topic.name not in self._places:
+                if topic.name not in self._folders:
                     self._learn(topic, message)
                     continue
                 t_ns = _stamp(message)
                 self._stamps[topic.name][t_ns] = None
                 self._frames.setdefault(_base(topic.name), message.header.frame_id)
-                path = self._places[topic.name] / image_name(t_ns)
+                path = self._folders[topic.name] / image_name(t_ns)
                 waiting.append((topic.name, pool.submit(_write, topic, message, path)))
                 if len(waiting) >= _AHEAD * jobs:
                     take()
@@ -201,7 +201,7 @@ class RecordedImages:
             if (topic.type == CAMERA_INFO and _base(topic.name) in bases)
             or (topic.name, topic.type) == (TF_STATIC_TOPIC, TF_MESSAGE)
         }
-        return {*self._places, *(announced if self._euroc else ())}
+        return {*self._folders, *(announced if self._euroc else ())}
 
     def _learn(self, topic: TopicInfo, message: Any) -> None:
         if topic.type == CAMERA_INFO:

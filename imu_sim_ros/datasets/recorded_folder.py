@@ -4,7 +4,7 @@
 """Images of a dataset's folder as messages, or in another folder.
 
 EuRoC's and TUM VI's ``cam0/data.csv`` and ``cam0/data``, or kalibr_bagcreater's
-``cam0/<stamp>.png``; the camera's model and place from ``sensor.yaml``, or TUM VI's
+``cam0/<stamp>.png``; the camera's model and mount from ``sensor.yaml``, or TUM VI's
 ``dso/camchain.yaml``. Threads decode images ahead of the writer; how many are in memory does not
 depend on the length of the dataset.
 """
@@ -101,12 +101,12 @@ class FolderImages:
     def streams(
         self, writer: Writer, renamed: Mapping[str, str], kind: str
     ) -> list[Iterator[list[Block]]]:
-        """Return streams of blocks in time order, one for each camera, its depth, and its place.
+        """Return streams of blocks in time order, one for each camera, its depth, and its mount.
 
         :param renamed: new names by old ones.
         :param kind: raw, compressed or both.
         """
-        found = [self._places(writer, renamed)]
+        found = [self._mounts(writer, renamed)]
         for camera in self.cameras:
             keys = (*KINDS[kind], *([CAMERA_INFO_TOPIC] if camera.described.info else []))
             found.append(self._stream(writer, renamed, camera, camera.images, keys))
@@ -143,14 +143,14 @@ class FolderImages:
                 made.append(messages)
             yield [Block(topics[key], t_ns_here, [one[key] for one in made]) for key in keys]
 
-    def _places(self, writer: Writer, renamed: Mapping[str, str]) -> Iterator[list[Block]]:
-        """Yield the places of the cameras on the body, once."""
-        placed = [c for c in self.cameras if c.described.pose is not None and len(c.images.t_ns)]
-        if not placed:
+    def _mounts(self, writer: Writer, renamed: Mapping[str, str]) -> Iterator[list[Block]]:
+        """Yield the mounts of the cameras on the body, once."""
+        fixed = [c for c in self.cameras if c.described.pose is not None and len(c.images.t_ns)]
+        if not fixed:
             return
-        poses = np.stack([c.described.pose for c in placed if c.described.pose is not None])
-        names = [(BODY_FRAME, c.frame) for c in placed]
-        t_ns = np.array([min(int(c.images.t_ns[0]) for c in placed)])
+        poses = np.stack([c.described.pose for c in fixed if c.described.pose is not None])
+        names = [(BODY_FRAME, c.frame) for c in fixed]
+        t_ns = np.array([min(int(c.images.t_ns[0]) for c in fixed)])
         q = rotation.from_matrix(poses[:, :3, :3])
         rows = TransformsEncoder(names, writer.encoding).encode(
             t_ns, poses[None, :, :3, 3], q[None]
@@ -168,35 +168,35 @@ class FolderImages:
         """
         counts = {}
         for camera in self.cameras:
-            place = folder / camera.name
-            self._copy(camera.images, place / ("data" if form == "euroc" else ""), advance)
+            target = folder / camera.name
+            self._copy(camera.images, target / ("data" if form == "euroc" else ""), advance)
             counts[f"/{camera.name}/{IMAGE_TOPIC}"] = len(camera.images.t_ns)
             if form != "euroc":
                 continue
             stamps = camera.images.t_ns.tolist()
-            write_table(place, stamps)
+            write_table(target, stamps)
             text = camera.text or sensor_yaml(camera.described, stamps, comment)
             try:
-                (place / "sensor.yaml").write_text(text, encoding="utf-8")
+                (target / "sensor.yaml").write_text(text, encoding="utf-8")
             except OSError as error:
-                raise system_error(place / "sensor.yaml", error) from None
+                raise system_error(target / "sensor.yaml", error) from None
             if camera.depth is not None:
-                self._copy(camera.depth, place / DEPTH_FOLDER, advance)
+                self._copy(camera.depth, target / DEPTH_FOLDER, advance)
                 counts[f"/{camera.name}/{DEPTH_TOPIC}"] = len(camera.depth.t_ns)
         return counts
 
-    def _copy(self, frames: RecordedFrames, place: Path, advance: Callable[[int], object]) -> None:
+    def _copy(self, frames: RecordedFrames, target: Path, advance: Callable[[int], object]) -> None:
         try:
-            place.mkdir(parents=True)
+            target.mkdir(parents=True)
         except OSError as error:
-            raise system_error(place, error) from None
+            raise system_error(target, error) from None
         orders = zip(frames.t_ns.tolist(), frames.names, strict=True)
         sizes = OneSize()
         waiting: deque[tuple[Path, Future[Size]]] = deque()
         while True:
             for t_ns, name in islice(orders, self._prefetched - len(waiting)):
-                path, target = frames.folder / name, place / image_name(t_ns)
-                waiting.append((path, self._pool.submit(_copy_image, path, target)))
+                path, copy = frames.folder / name, target / image_name(t_ns)
+                waiting.append((path, self._pool.submit(_copy_image, path, copy)))
             if not waiting:
                 return
             path, future = waiting.popleft()

@@ -204,7 +204,7 @@ class TrackFolder(NamedTuple):
     true_t_ns: Integers
     """(n,) the middle of the exposure [ns]."""
     camera: Integers
-    """(n,) place of the camera among ``cameras``."""
+    """(n,) index of the camera among ``cameras``."""
     landmark: Integers
     """(n,) row of what is seen."""
     uv: Array

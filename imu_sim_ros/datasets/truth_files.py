@@ -58,7 +58,7 @@ _WORLD: Final = (
 
 
 def simulation_of(bag: Path, imu_topic: str | None = None) -> SimulationParameters | None:
-    """Return world and place of the IMU from the realised truth next to a bag; None without one.
+    """Return world and mount of the IMU from the realised truth next to a bag; None without one.
 
     :param imu_topic: of one IMU of several.
     :raises ConfigurationError: for a file that is not what ``generate`` wrote.

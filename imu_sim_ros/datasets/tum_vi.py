@@ -34,7 +34,7 @@ from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import World
-from imu_sim_ros.simulation.topics import Read, delivered
+from imu_sim_ros.simulation.topics import Read, delivered, resolved
 from imu_sim_ros.types import Array, Times
 
 _POSES: Final = (
@@ -103,7 +103,7 @@ class TumVi:
     @property
     def counts(self) -> dict[str, int]:
         """Rows and images by topic."""
-        own = {f"/{IMU_TOPIC}": self.rows["imu"], f"/{TRUTH_TOPIC}": self.rows["poses"]}
+        own = {resolved(IMU_TOPIC): self.rows["imu"], resolved(TRUTH_TOPIC): self.rows["poses"]}
         return {**own, **self._images.counts}
 
     def described(self) -> str:

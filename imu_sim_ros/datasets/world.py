@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What dead reckoning has to know of readings: gravity, the Earth, the IMU's place in the body."""
+"""What dead reckoning has to know of readings: gravity, the Earth, the IMU's mount on the body."""
 
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -43,7 +43,7 @@ def world_of_simulation(simulated: SampledParameters) -> KnownWorld:
     if any(rate):
         found["earth_rate"] = rate
     imu = simulated.imu
-    found |= _place(np.reshape(imu.mounting, (3, 3)), np.asarray(imu.lever_arm))
+    found |= _mount_parameters(np.reshape(imu.mounting, (3, 3)), np.asarray(imu.lever_arm))
     return KnownWorld(found, (_CURVED_EARTH,) if simulated.curved_earth else ())
 
 
@@ -52,7 +52,7 @@ def read_world(
 ) -> KnownWorld:
     """Return the world of a file.
 
-    The place of the IMU is that of the file's own transforms (``/tf_static``, ``sensor.yaml``),
+    The mount of the IMU is that of the file's own transforms (``/tf_static``, ``sensor.yaml``),
     else that of the realised truth next to a simulated file.
 
     :param imu_topic: of the readings; None: the only one.
@@ -65,14 +65,14 @@ def read_world(
     world = KnownWorld({}) if simulated is None else world_of_simulation(simulated)
     found = _recorded_mount(path, imu_topic, truth_topic, with_truth)
     if found.pose is not None:
-        world.parameters.update(_place(found.pose[:3, :3], found.pose[:3, 3]))
+        world.parameters.update(_mount_parameters(found.pose[:3, :3], found.pose[:3, 3]))
     elif simulated is None and found.unknown:
         world = world._replace(notes=(*world.notes, found.unknown))
     return world
 
 
-def _place(mounting: Array, lever_arm: Array) -> dict[str, list[float]]:
-    """Return the parameters of a place that is not the body's own."""
+def _mount_parameters(mounting: Array, lever_arm: Array) -> dict[str, list[float]]:
+    """Return the parameters of a mount that is not the body's own frame."""
     found = {}
     if lever_arm.any():
         found["imu.lever_arm"] = lever_arm.tolist()
@@ -82,7 +82,7 @@ def _place(mounting: Array, lever_arm: Array) -> dict[str, list[float]]:
 
 
 class _RecordedMount(NamedTuple):
-    """What a recording says about the place of its IMU."""
+    """What a recording says about the mount of its IMU."""
 
     pose: Array | None = None
     """T_bi (4, 4): maps points of the IMU into the truth's body; None: not recorded."""
@@ -93,7 +93,7 @@ class _RecordedMount(NamedTuple):
 def _recorded_mount(
     path: Path, imu_topic: str | None, truth_topic: str | None, with_truth: bool
 ) -> _RecordedMount:
-    """Return the place of the IMU of a bag (``/tf_static``) or a EuRoC folder (``sensor.yaml``).
+    """Return the mount of the IMU of a bag (``/tf_static``) or a EuRoC folder (``sensor.yaml``).
 
     :param with_truth: whether there is a truth; its frame is the body, else that to which all
         frames are fixed.

@@ -29,7 +29,7 @@ from imu_sim_ros.simulation.error_input import Differentiator, GivenReadings
 from imu_sim_ros.simulation.error_model import ErrorModel
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
 from imu_sim_ros.simulation.sensors import mounted
-from imu_sim_ros.simulation.topics import offered
+from imu_sim_ros.simulation.topics import offered, resolved
 from imu_sim_ros.types import Array, Times
 
 USUAL: Final = (IMU_TOPIC, GYROSCOPE_BIAS_TOPIC, ACCELEROMETER_BIAS_TOPIC)
@@ -87,14 +87,14 @@ def names_in(
     :param renamed: new names by old ones, as the user gives them, without slashes in front.
     :raises InputError: with a line for each name that there would be twice.
     """
-    new = {key: "/" + renamed.get(key, key).lstrip("/") for key in wanted}
+    new = {key: resolved(renamed.get(key, key)) for key in wanted}
     old = {
-        topic.name: "/" + renamed[topic.name.lstrip("/")].lstrip("/")
+        topic.name: resolved(renamed[topic.name.lstrip("/")])
         for topic in copied
         if topic.name.lstrip("/") in renamed and topic.name.lstrip("/") not in wanted
     }
     if source in copied and source.name in new.values():
-        old[source.name] = "/" + IDEAL_IMU_TOPIC
+        old[source.name] = resolved(IDEAL_IMU_TOPIC)
     kept = [old.get(topic.name, topic.name) for topic in copied]
     problems = [
         f"{bag.path}: has a topic {name}; --topic {key}=NEW gives the new one another name, "

@@ -55,7 +55,7 @@ from imu_sim_ros.simulation.error_input import GivenReadings
 from imu_sim_ros.simulation.error_model import ErrorModel
 from imu_sim_ros.simulation.error_parameters import orientation_problems
 from imu_sim_ros.simulation.given_sensor import Counts
-from imu_sim_ros.simulation.topics import OF_THE_ERROR_MODEL, delivered
+from imu_sim_ros.simulation.topics import OF_THE_ERROR_MODEL, delivered, resolved
 
 FORMATS = ("euroc", "csv")
 """Datasets that have readings."""
@@ -248,7 +248,7 @@ class _Job:
             if "imu/data" in self.added and (found := list(orientation_problems(parameters.imu))):
                 raise InputError(found)
             left_out = self._left_out(bag, source.name)
-            copied = [t for t in bag.topics if "/" + t.name.lstrip("/") not in left_out]
+            copied = [t for t in bag.topics if resolved(t.name) not in left_out]
             if self.dataset:
                 copied = [topic for topic in copied if topic.type != source.type]
             given = dict(self.form.renamed)
@@ -263,10 +263,10 @@ class _Job:
 
     def _left_out(self, bag: Bag, source: str) -> set[str]:
         """Return the names of topics that are not copied."""
-        left_out = {"/" + name.strip().lstrip("/") for name in self.without if name}
-        have = {"/" + topic.name.lstrip("/") for topic in bag.topics}
+        left_out = {resolved(name.strip()) for name in self.without if name}
+        have = {resolved(topic.name) for topic in bag.topics}
         if bag.path != self.source:  # a dataset's biases are those of the readings before
-            left_out |= {"/" + name for name in self.added} & have - {source}
+            left_out |= {resolved(name) for name in self.added} & have - {source}
         if left_out - have:
             raise InputError(
                 [unknown("topic", name, sorted(have)) for name in sorted(left_out - have)]
@@ -300,7 +300,7 @@ class _Job:
             shutil.move(target, staged)
         else:
             shutil.move(target / "imu0" / "data.csv", staged / "imu0" / "data.csv")
-        return model.counts, {"/" + IMU_TOPIC: dataset.imu.rows if dataset.imu else 0}
+        return model.counts, {resolved(IMU_TOPIC): dataset.imu.rows if dataset.imu else 0}
 
 
 def _say_nothing(_: object) -> None:

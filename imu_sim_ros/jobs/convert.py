@@ -51,6 +51,7 @@ from imu_sim_ros.jobs.writing import (
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.progress import Advance, progress
 from imu_sim_ros.sensors import known_tables
+from imu_sim_ros.simulation.topics import resolved
 
 if TYPE_CHECKING:
     from imu_sim_ros.datasets.recorded_bag import RecordedImages
@@ -204,9 +205,7 @@ class _Job:
         self.is_text = text_reader.is_text(source)
         self.not_converted: list[str] = []
         self.comment = f"converted from {source.name} by imu_sim_ros"
-        self.renamed = {
-            "/" + old.lstrip("/"): "/" + new.lstrip("/") for old, new in form.renamed.items()
-        }
+        self.renamed = {resolved(old): resolved(new) for old, new in form.renamed.items()}
 
     def check_images(self) -> None:
         """Refuse a choice of images that would have no effect."""
@@ -250,13 +249,15 @@ class _Job:
 
     def _without_table(self, topics: Sequence[TopicInfo], counts: Mapping[str, int]) -> list[str]:
         """Return the topics with messages for which a dataset has no place."""
-        placed = set(counts)
-        if streams.TRUTH in placed and self.dataset == "euroc":
-            placed |= {streams.GYRO_BIAS, streams.ACCEL_BIAS}  # columns of the states
+        converted = set(counts)
+        if streams.TRUTH in converted and self.dataset == "euroc":
+            converted |= {streams.GYRO_BIAS, streams.ACCEL_BIAS}  # columns of the states
         seen: set[str] = set()
         if self.staged.is_dir():
             seen = {CAMERA_INFO, TF_MESSAGE}
-        return [t.name for t in topics if t.count and t.name not in placed and t.type not in seen]
+        return [
+            t.name for t in topics if t.count and t.name not in converted and t.type not in seen
+        ]
 
     def _recovery(self, bag: Bag) -> list[str]:
         """Return lines about what a recovery has found and left out."""
@@ -444,7 +445,7 @@ class _Job:
                 seen = images.copy(self.staged, self.dataset, self.comment, advance)
         if self.dataset == "euroc":
             self._describe(states, names)
-        called = {kind: f"/{known_tables()[kind].topic}" for kind in names}
+        called = {kind: resolved(known_tables()[kind].topic) for kind in names}
         counts = _rows(dataset, streams.READINGS, streams.TRUTH, called)
         return {**counts, **seen}, dataset.last_ns
 

@@ -95,11 +95,11 @@ def mounts(sensors: Mapping[str, Mounted]) -> dict[str, Array]:
 
     What coincides with the body's own frame needs none.
     """
-    placed: dict[str, Array] = {}
+    found: dict[str, Array] = {}
     for one in sensors.values():
-        placed.setdefault(one.frame, one.sensor.mount(one.own))
-    placed.pop(sensors[pose.NAME].frame)
-    return placed
+        found.setdefault(one.frame, one.sensor.mount(one.own))
+    found.pop(sensors[pose.NAME].frame)
+    return found
 
 
 class InTable(NamedTuple):

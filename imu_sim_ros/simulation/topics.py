@@ -103,10 +103,10 @@ def offered(sensors: Mapping[str, Mounted]) -> dict[str, Offered]:
         if topic.exists(mounted)
     }
 
-    def placed(_: Mounted, encoding: str) -> Payloads:
+    def make(_: Mounted, encoding: str) -> Payloads:
         return _mounts(sensors, encoding)
 
-    topic = Topic(MOUNTS, TF_MESSAGE, None, placed, truth=True, latched=True)
+    topic = Topic(MOUNTS, TF_MESSAGE, None, make, truth=True, latched=True)
     return {**found, MOUNTS: Offered(POSE, sensors[POSE], topic)}
 
 
@@ -115,11 +115,11 @@ def _mounts(sensors: Mapping[str, Mounted], encoding: str) -> Payloads:
 
     They are one message, with the first sample's time.
     """
-    placed, body_frame = mounts(sensors), sensors[POSE].frame
-    frames = TransformsEncoder([(body_frame, frame) for frame in placed], encoding)
-    poses = np.reshape([*placed.values()], (-1, 4, 4))
+    found, body_frame = mounts(sensors), sensors[POSE].frame
+    frames = TransformsEncoder([(body_frame, frame) for frame in found], encoding)
+    poses = np.reshape([*found.values()], (-1, 4, 4))
     arms, rotations = poses[:, :3, 3], from_matrix(poses[:, :3, :3])
-    written = not placed
+    written = not found
 
     def payloads(read: Any, _: Any, __: Any) -> RowTemplate:
         nonlocal written

@@ -92,7 +92,7 @@ def _of_imu(body: Aiding) -> list[str]:
         "imu.has_magnetometer: false",
         # Its meaning is reversed: true adds gravity to readings that have none.
         "imu.remove_gravitational_acceleration: false",
-        *_place("imu.lever_arm", tuple(values.imu.lever_arm)),
+        *_vector("imu.lever_arm", tuple(values.imu.lever_arm)),
     ]
 
 
@@ -127,7 +127,7 @@ def _of_gnss(body: Aiding) -> list[str]:
         "gnss.min_fix_type: 1",
         f"gnss.base_noise_xy: {real(horizontal)}",
         f"gnss.base_noise_z: {real(vertical)}",
-        *_place("gnss.lever_arm", p.lever_arm),
+        *_vector("gnss.lever_arm", p.lever_arm),
         "input.gnss_crs: EPSG:4326",
         "output.crs: EPSG:4978",
         "output.convert_to_enu_at_reference: true",
@@ -136,5 +136,5 @@ def _of_gnss(body: Aiding) -> list[str]:
     ]
 
 
-def _place(name: str, place: tuple[float, ...]) -> list[str]:
-    return [f"{name}_{axis}: {real(x)}" for axis, x in zip("xyz", place, strict=True)]
+def _vector(name: str, vector: tuple[float, ...]) -> list[str]:
+    return [f"{name}_{axis}: {real(x)}" for axis, x in zip("xyz", vector, strict=True)]

@@ -151,14 +151,14 @@ def fusion(rig: RigValues, prefix: str) -> str:
     head = _head("VINS-Fusion", rig, rig.remarks(_EXPRESSED, 2, offsets=False))
     topics = "".join(f'image{k}_topic: "{rig.topics[name]}"\n' for k, name in enumerate(names))
     files = "".join(f'cam{k}_calib: "{prefix}_cam{k}.yaml"\n' for k in range(len(names)))
-    places = "".join(
+    mounts = "".join(
         f"body_T_cam{k}: {opencv_matrix(rig.imu_camera(name))}" for k, name in enumerate(names)
     )
     return (
         f"%YAML:1.0\n{head}imu: 1\nnum_of_cam: {len(names)}\n"
         f'imu_topic: "{rig.imu.topic}"\n{topics}output_path: "/tmp/"\n{files}'
         f"image_width: {first.width}\nimage_height: {first.height}\n"
-        f"estimate_extrinsic: 0\n{places}multiple_thread: 1\n{_TRACKER}flow_back: 1\n"
+        f"estimate_extrinsic: 0\n{mounts}multiple_thread: 1\n{_TRACKER}flow_back: 1\n"
         f"{_OPTIMISER}{_numbers(rig.imu)}estimate_td: 1\ntd: {real(first.time_offset)}\n"
         'load_previous_pose_graph: 0\npose_graph_save_path: "/tmp/"\nsave_image: 0\n'
     )

@@ -227,11 +227,11 @@ class Simulator(ConfiguredNode):
         return [TickStream(rate, lambda t, _: [row.tobytes() for row in encoder.encode(t)], send)]
 
     def _publish_mounts(self, parameters: SimulatorParameters) -> None:
-        placed = [transforms.Mount(*one) for one in mounts(mounted(parameters)).items()]
+        sensors = [transforms.Mount(*one) for one in mounts(mounted(parameters)).items()]
         t_ns = int(self.get_clock().now().nanoseconds)
         try:
             # Kept: later subscribers get it from the publisher.
-            self._mounts = transforms.publish_mounts(self, parameters.body_frame, placed, t_ns)
+            self._mounts = transforms.publish_mounts(self, parameters.body_frame, sensors, t_ns)
         except MissingDependencyError as error:
             if "publish.tf_static" in self.given:
                 raise

@@ -38,11 +38,11 @@ def publish_mounts(node: Any, body_frame: str, mounts: Iterable[Mount], t_ns: in
     :param t_ns: the stamp [ns]; tf takes a static transform at all times.
     :returns: None if there is nothing to publish.
     """
-    placed = [mount for mount in mounts if mount.frame != body_frame]
-    if not placed:
+    elsewhere = [mount for mount in mounts if mount.frame != body_frame]
+    if not elsewhere:
         return None
-    poses = np.stack([mount.pose for mount in placed])
-    encoder = TransformsEncoder([(body_frame, mount.frame) for mount in placed])
+    poses = np.stack([mount.pose for mount in elsewhere])
+    encoder = TransformsEncoder([(body_frame, mount.frame) for mount in elsewhere])
     q = rotation.from_matrix(poses[:, :3, :3])
     rows = encoder.encode(np.array([t_ns]), poses[None, :, :3, 3], q[None])
     publisher = create(node, encoder.type_name, TF_STATIC_TOPIC, STATIC_QOS)
