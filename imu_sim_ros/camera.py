@@ -27,7 +27,7 @@ from imu_sim_ros.sensors.camera.rig_parameters import (
 from imu_sim_ros.sensors.camera.tracker import Tracker, Tracks
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.world import World
-from imu_sim_ros.simulation.cameras import fitted, scene_around
+from imu_sim_ros.simulation.cameras import scene_around
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 from imu_sim_ros.simulation.sensors import mounted
@@ -128,7 +128,7 @@ def build_rig(parameters: Mapping[str, object]) -> Rig:
     :raises ConfigurationError: with a line for each problem.
     :raises InputError: for a file that cannot be used.
     """
-    body = Body(load_simulation(fitted(parameters)))
+    body = Body(load_simulation(parameters))
     return rig_of(body.parameters, body.trajectory, body.t0_ns)
 
 

@@ -59,7 +59,6 @@ from imu_sim_ros.simulation.parameters import (
     SimulationParameters,
     joined,
     load_simulation,
-    suited,
 )
 
 Estimator = DeadReckonEstimator | CommandEstimator | CalibrationEstimator
@@ -146,7 +145,7 @@ class Plan:
         :raises ConfigurationError: with one line per problem, after the cell's name.
         """
         with _in_cell(cell):
-            given = suited(joined(self.parameters, cell.layer()))
+            given = joined(self.parameters, cell.layer())
             built = load_simulation(given, {"seed": self.seeds[0]})
             if built.imus:
                 raise ConfigurationError(

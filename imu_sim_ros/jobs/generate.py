@@ -63,7 +63,6 @@ from imu_sim_ros.simulation.parameters import (
     imus,
     joined,
     named,
-    suited,
     values_of,
 )
 from imu_sim_ros.simulation.playback import (
@@ -236,7 +235,7 @@ def generate(
         named_cameras(cameras, scene),
         parameters,
     )
-    built = load_simulator(suited(given))
+    built = load_simulator(given)
 
     # What is to be written: topics, and the files next to the output.
     sensors, dataset = mounted(built), form.dataset

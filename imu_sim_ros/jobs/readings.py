@@ -22,7 +22,8 @@ from imu_sim_ros.names import suggestion
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import from_euler, rotate
 from imu_sim_ros.sensors import named_sensors, sensors_of_imus
-from imu_sim_ros.sensors.registry import find_sensor, kind_of, registered
+from imu_sim_ros.sensors.registry import find_sensor, registered
+from imu_sim_ros.simulation.parameters import kind_of
 from imu_sim_ros.timebase import span
 from imu_sim_ros.types import Array, Times
 

@@ -30,7 +30,7 @@ from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.engine import BLOCK_SIZE, Body
-from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation, suited
+from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 from imu_sim_ros.simulation.playback import SimulatorParameters, of_the_node
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.given import given_trajectory
@@ -185,7 +185,7 @@ def _body(
         wanted = checked_sensors(sensors, {**below, **own})
         quantities = [sensor.quantity for sensor in sensors_of_imus()]
         own["sensors"] = sorted(name for name in wanted if name not in quantities)
-    built: SimulationParameters = load_simulation(suited({**below, **own}))
+    built: SimulationParameters = load_simulation({**below, **own})
     for listing, words in (("imus", "one IMU"), ("cameras", "no cameras: see camera.images")):
         if getattr(built, listing):
             names = list(getattr(built, listing))

@@ -223,21 +223,18 @@ class EnvironmentParameters:
     def problems(self, prefix: str) -> Iterator[str]:
         """Say which parameters do not fit each other, a line each."""
         if self.curved_earth:
-            yield from self._curved_earth_problems(prefix)
+            if self.gravity_model != "wgs84":
+                yield (
+                    f"{prefix}gravity_model = {self.gravity_model!r}: must be wgs84 where "
+                    f"{prefix}curved_earth is true"
+                )
+            if abs(self.latitude_deg) > LARGEST_LATITUDE:
+                yield (
+                    f"{prefix}latitude_deg = {self.latitude_deg:g}: must be within "
+                    f"{LARGEST_LATITUDE:g} deg of the equator where {prefix}curved_earth is true"
+                )
         if self.gravity_model != "constant" and self.gravity != GRAVITY:
             yield (
                 f"{prefix}gravity = {self.gravity}: must be omitted "
                 f"where gravity_model is {self.gravity_model}"
-            )
-
-    def _curved_earth_problems(self, prefix: str) -> Iterator[str]:
-        if self.gravity_model != "wgs84":
-            yield (
-                f"{prefix}gravity_model = {self.gravity_model!r}: must be wgs84 where "
-                f"{prefix}curved_earth is true"
-            )
-        if abs(self.latitude_deg) > LARGEST_LATITUDE:
-            yield (
-                f"{prefix}latitude_deg = {self.latitude_deg:g}: must be within "
-                f"{LARGEST_LATITUDE:g} deg of the equator where {prefix}curved_earth is true"
             )

@@ -9,13 +9,11 @@ points are looked up only for a name that is not known otherwise, and for ``--he
 """
 
 import re
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros import arguments
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import shown, suggestion
-from imu_sim_ros.parameters.sections import listed
 from imu_sim_ros.sensors import named_sensors, sensors_of_imus
 
 if TYPE_CHECKING:
@@ -94,16 +92,6 @@ def all_sensors() -> "tuple[list[Sensor], list[str]]":
 def is_known(name: str) -> bool:
     """Return whether there is a sensor of this name; entry points are looked up."""
     return name in named_sensors() or name in _REGISTERED or name in _offered()
-
-
-def kind_of(name: str, given: Mapping[str, object]) -> str:
-    """Return the kind of a sensor: ``NAME.type``, or its name."""
-    return str(given.get(f"{name}.type") or name)
-
-
-def sensor_kinds(given: Mapping[str, object]) -> dict[str, str]:
-    """Return the kinds of the sensors that parameters by dotted name list, by name."""
-    return {name: kind_of(name, given) for name in listed("sensors", given)}
 
 
 def _offered() -> "dict[str, EntryPoint]":

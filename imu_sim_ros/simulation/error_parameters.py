@@ -113,20 +113,6 @@ class ErrorModelParameters(SampledParameters):
     def problems(self, prefix: str) -> Iterator[str]:
         """Say what cannot be done without the motion between the readings."""
         yield from super().problems(prefix)
-        yield from self._rate_problems(prefix)
-        if self.input.place == "imu" and any(self.imu.accelerometer_positions):
-            yield (
-                f"{prefix}imu.accelerometer_positions: must be 0 unless {prefix}input.place is "
-                "body: readings in the IMU's place are those of a single point"
-            )
-        exponents = (*self.imu.vibration.gyroscope_exponents,)
-        if any(exponents) or any(self.imu.vibration.accelerometer_exponents):
-            yield (
-                f"{prefix}imu.vibration: exponents must be 0 in an error model: the speed that the "
-                "vibration follows is not known"
-            )
-
-    def _rate_problems(self, prefix: str) -> Iterator[str]:
         given, sampling = self.input.rate, self.imu.sampling
         if given and given < self.rate:
             yield (
@@ -145,6 +131,17 @@ class ErrorModelParameters(SampledParameters):
                     f"{prefix}input.rate = {given:g}: must be {float(inside):g} Hz, the rate "
                     f"inside the sensor, if {prefix}imu.sampling is oversampled"
                 )
+        if self.input.place == "imu" and any(self.imu.accelerometer_positions):
+            yield (
+                f"{prefix}imu.accelerometer_positions: must be 0 unless {prefix}input.place is "
+                "body: readings in the IMU's place are those of a single point"
+            )
+        exponents = (*self.imu.vibration.gyroscope_exponents,)
+        if any(exponents) or any(self.imu.vibration.accelerometer_exponents):
+            yield (
+                f"{prefix}imu.vibration: exponents must be 0 in an error model: the speed that the "
+                "vibration follows is not known"
+            )
 
     @staticmethod
     def passed_over() -> dict[str, Parameter]:

@@ -29,7 +29,7 @@ from imu_sim_ros.sensors import CAMERAS
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.imu.parameters import ImuParameters, layer_imu, sensor_layer
 from imu_sim_ros.sensors.parameters import LARGEST_JITTER_SIGMA
-from imu_sim_ros.sensors.registry import find_sensor, is_known, kind_of, sensor_kinds
+from imu_sim_ros.sensors.registry import find_sensor, is_known
 from imu_sim_ros.timebase import exact_rate
 from imu_sim_ros.trajectory.parameters import (
     TYPES,
@@ -135,23 +135,19 @@ def _rig_parameters() -> type:
     return RigParameters
 
 
+def kind_of(name: str, given: Mapping[str, object]) -> str:
+    """Return the kind of a sensor: ``NAME.type``, or its name."""
+    return str(given.get(f"{name}.type") or name)
+
+
 def has_scene(given: Mapping[str, object]) -> bool:
     """Return whether there is anything that sees a scene."""
     if listed("cameras", given):
         return True
     try:
-        return any(find_sensor(kind).sees for kind in sensor_kinds(given).values())
+        return any(find_sensor(kind_of(name, given)).sees for name in listed("sensors", given))
     except ConfigurationError:  # whoever builds them says what is wrong
         return False
-
-
-def suited(given: Mapping[str, object]) -> dict[str, object]:
-    """Return parameters with a scene and a motion that suit each other and what sees."""
-    if not has_scene(given):
-        return dict(given)
-    from imu_sim_ros.simulation.cameras import fitted  # most runs have none
-
-    return fitted(given)
 
 
 @dataclass(frozen=True)
@@ -245,7 +241,7 @@ def values_of(parameters: SimulationParameters) -> dict[str, Value]:
     return {n: value for n, value in flatten(parameters).items() if value or n not in lists}
 
 
-def load_simulation(*layers: Mapping[str, object], node: str = NODE) -> SimulationParameters:
+def load_simulation(*layers: Mapping[str, object]) -> SimulationParameters:
     """Return the simulation that layers of parameters describe, later ones above earlier ones.
 
     :raises ConfigurationError: with a line for each problem.
@@ -253,15 +249,22 @@ def load_simulation(*layers: Mapping[str, object], node: str = NODE) -> Simulati
     given: dict[str, object] = {}
     for values in layers:
         given.update(values)
-    return build_layered(SimulationParameters, lambda values: layered(values, node), given)
+    return build_layered(SimulationParameters, layered, given)
 
 
-def layered(given: Mapping[str, object], node: str = NODE) -> dict[str, object]:
+def layered(given: Mapping[str, object]) -> dict[str, object]:
     """Return what was given above the files that it names: presets, trajectory and scene.
 
-    An IMU of several takes ``rate`` and ``imu.*`` from those of all, if it has none of its own;
-    its seed is the common one plus its place in ``imus``, so that no two have the same noise.
+    Scene and motion suit each other and what sees; what is given stays as it is. An IMU of several
+    takes ``rate`` and ``imu.*`` from those of all, if it has none of its own; its seed is the
+    common one plus its place in ``imus``, so that no two have the same noise.
     """
+    seen = has_scene(given)
+    if seen:
+        from imu_sim_ros.sensors.camera.rig_parameters import axes, layer_rig
+        from imu_sim_ros.simulation.cameras import fitted  # most runs have none
+
+        given = fitted(given)
     several = listed("imus", given)
     own: dict[str, dict[str, object]] = {name: {} for name in several}
     common: dict[str, object] = {}
@@ -272,37 +275,34 @@ def layered(given: Mapping[str, object], node: str = NODE) -> dict[str, object]:
         else:
             common[key] = value
     of_all = {key: common[key] for key in common if key == "rate" or key.startswith("imu.")}
-    if has_scene(common):
-        from imu_sim_ros.sensors.camera.rig_parameters import layer_rig
-
-        common = layer_rig(common, node)
+    if seen:
+        common = layer_rig(common)
     of_sensors: dict[str, object] = {}
-    for name, kind in sensor_kinds(common).items():
+    for name in listed("sensors", common):
+        kind = kind_of(name, common)
         preset = common.get(f"{name}.preset")
         if preset and preset != "none":
             path = files.find(find_sensor(kind).presets or kind, str(preset))
-            for key, value in files.load(path, node).items():
+            for key, value in files.load(path).items():
                 short = key.removeprefix(f"{kind}.")
                 of_sensors[key if short == key else f"{name}.{short}"] = value
-    result = layer_imu(common, node)
+    result = layer_imu(common, NODE)
     if "trajectory.type" in common:  # else the motion of the IMU's preset counts
         moved = [key for key in result if key.startswith("trajectory.") and key not in common]
         result = {key: value for key, value in result.items() if key not in moved}
     motion = str(result.setdefault("trajectory.type", DEFAULT_TRAJECTORY))
     if names_a_file(motion):
         del result["trajectory.type"]
-        result = {**trajectory_layer(motion, node), **result}
+        result = {**trajectory_layer(motion), **result}
     result = {**of_sensors, **result}
-    if listed("cameras", given):
-        from imu_sim_ros.sensors.camera.rig_parameters import axes
-
+    if seen:
         result.update(axes(given, result["trajectory.type"] == PosesParameters.type))
     seed = common.get("seed", 0)
     for k, name in enumerate(several):
         usual: dict[str, object] = {"imu_frame": f"{name}_imu_link"}
         if isinstance(seed, int):
             usual["seed"] = seed + k
-        for key, value in layer_imu({**of_all, **usual, **own[name]}, node).items():
+        for key, value in layer_imu({**of_all, **usual, **own[name]}, NODE).items():
             if not key.startswith("trajectory."):
                 result[f"{name}.{key}"] = value
     return result

@@ -338,7 +338,17 @@ class WaypointsParameters(TrajectoryParameters):
                     f"{count} waypoints"
                 )
         if self.times:
-            yield from self._time_problems(prefix)
+            if self.times[0] != 0.0:
+                yield (
+                    f"{prefix}times: waypoint 1 at {self.times[0]:g} s: must be at 0; "
+                    f"{prefix}rest_before adds rest before the motion"
+                )
+            for k in range(1, len(self.times)):
+                if self.times[k] <= self.times[k - 1]:
+                    yield (
+                        f"{prefix}times: waypoint {k + 1} at {self.times[k]:g} s: must be after "
+                        f"waypoint {k} at {self.times[k - 1]:g} s"
+                    )
         else:
             headings = self.headings or (0.0,) * count
             poses = list(zip(places, headings, strict=False))
@@ -348,19 +358,6 @@ class WaypointsParameters(TrajectoryParameters):
                         f"{prefix}positions: waypoints {k} and {k + 1} are the same; "
                         f"leave one out or give {prefix}times"
                     )
-
-    def _time_problems(self, prefix: str) -> Iterator[str]:
-        if self.times[0] != 0.0:
-            yield (
-                f"{prefix}times: waypoint 1 at {self.times[0]:g} s: must be at 0; "
-                f"{prefix}rest_before adds rest before the motion"
-            )
-        for k in range(1, len(self.times)):
-            if self.times[k] <= self.times[k - 1]:
-                yield (
-                    f"{prefix}times: waypoint {k + 1} at {self.times[k]:g} s: must be after "
-                    f"waypoint {k} at {self.times[k - 1]:g} s"
-                )
 
     def motion(self, pose_reader: PoseReader) -> "Trajectory":
         """Return the motion that these parameters describe."""
@@ -571,16 +568,27 @@ class DriveParameters(TrajectoryParameters):
             if self.elevations:
                 yield f"{prefix}elevations: are for {prefix}positions; a file: use_elevations"
         else:
-            yield from self._list_problems(prefix)
-        yield from self._ground_problems(prefix)
-        timed = self.times or self.use_times
-        for name, given in (("stops", self.stops), ("laps", self.laps), ("speeds", self.speeds)):
-            if timed and given:
-                yield f"{prefix}{name}: must be left out if times are given"
-        if timed and self.deviation:
-            yield f"{prefix}deviation = {self.deviation:g}: must be 0 if times are given"
-
-    def _ground_problems(self, prefix: str) -> Iterator[str]:
+            count = len(self.positions) // 2
+            if count < 2:
+                yield f"{prefix}positions = {list(self.positions)}: must be at least two waypoints"
+            if self.times and len(self.times) != count:
+                yield (
+                    f"{prefix}times: {len(self.times)} entries; must be empty or one for each of "
+                    f"the {count} waypoints"
+                )
+            if self.elevations and len(self.elevations) != count:
+                yield (
+                    f"{prefix}elevations: {len(self.elevations)} entries; must be empty or one for "
+                    f"each of the {count} waypoints"
+                )
+            if self.times and self.times[0] != 0.0:
+                yield f"{prefix}times: waypoint 1 at {self.times[0]:g} s: must be at 0"
+            for k in range(1, len(self.times)):
+                if self.times[k] <= self.times[k - 1]:
+                    yield (
+                        f"{prefix}times: waypoint {k + 1} at {self.times[k]:g} s: must be after "
+                        f"waypoint {k} at {self.times[k - 1]:g} s"
+                    )
         name = "elevations" if self.elevations else "use_elevations"
         of_route = bool(self.elevations) or self.use_elevations
         if self.use_elevations and not self.file:
@@ -594,29 +602,12 @@ class DriveParameters(TrajectoryParameters):
         if any(speed < 0.0 for speed in self.speeds) and (of_route or self.height_map):
             ground = "height_map" if self.height_map else name
             yield f"{prefix}speeds: must be above 0 with {prefix}{ground}; it backs up on a plane"
-
-    def _list_problems(self, prefix: str) -> Iterator[str]:
-        count = len(self.positions) // 2
-        if count < 2:
-            yield f"{prefix}positions = {list(self.positions)}: must be at least two waypoints"
-        if self.times and len(self.times) != count:
-            yield (
-                f"{prefix}times: {len(self.times)} entries; must be empty or one for each of the "
-                f"{count} waypoints"
-            )
-        if self.elevations and len(self.elevations) != count:
-            yield (
-                f"{prefix}elevations: {len(self.elevations)} entries; must be empty or one for "
-                f"each of the {count} waypoints"
-            )
-        if self.times and self.times[0] != 0.0:
-            yield f"{prefix}times: waypoint 1 at {self.times[0]:g} s: must be at 0"
-        for k in range(1, len(self.times)):
-            if self.times[k] <= self.times[k - 1]:
-                yield (
-                    f"{prefix}times: waypoint {k + 1} at {self.times[k]:g} s: must be after "
-                    f"waypoint {k} at {self.times[k - 1]:g} s"
-                )
+        timed = self.times or self.use_times
+        for name, given in (("stops", self.stops), ("laps", self.laps), ("speeds", self.speeds)):
+            if timed and given:
+                yield f"{prefix}{name}: must be left out if times are given"
+        if timed and self.deviation:
+            yield f"{prefix}deviation = {self.deviation:g}: must be 0 if times are given"
 
     def motion(self, pose_reader: PoseReader) -> "Trajectory":
         """Return the motion that these parameters describe."""
@@ -801,7 +792,7 @@ def names_a_file(trajectory: str) -> bool:
     )
 
 
-def trajectory_layer(name_or_file: str, node: str = "simulator") -> dict[str, object]:
+def trajectory_layer(name_or_file: str) -> dict[str, object]:
     """Return what ``--trajectory``, in a node ``trajectory.type``, stands for.
 
     :param name_or_file: a name in config/trajectories, a kind of trajectory, a parameter file, a
@@ -814,7 +805,7 @@ def trajectory_layer(name_or_file: str, node: str = "simulator") -> dict[str, ob
         return {"trajectory.type": "poses", "trajectory.file": str(path)}
     path = files.find("trajectories", name_or_file)
     if path.suffix.lower() in (".yaml", ".yml"):
-        return files.load(path, node)
+        return files.load(path)
     kind = "drive" if path.suffix.lower() in (".gpx", ".kml") else "poses"
     return {"trajectory.type": kind, "trajectory.file": str(path)}
 

@@ -34,7 +34,7 @@ def given(*presets, **values):
 
 
 def body_of(values):
-    return Body(load_simulation(fitted(values)), sensors=["cam0"])
+    return Body(load_simulation(values), sensors=["cam0"])
 
 
 def seen(rig, name):

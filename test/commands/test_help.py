@@ -20,7 +20,6 @@ from imu_sim_ros.jobs.writing import Journal
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors import named_sensors
 from imu_sim_ros.simulation.engine import Body
-from imu_sim_ros.simulation.parameters import suited
 from imu_sim_ros.simulation.playback import load_simulator
 
 WITH_PARSER = [*start.PROGRAMS, "demo"]
@@ -182,7 +181,7 @@ def body_of(given):
     more = {**sensors, "parameters": dict(given.parameters or ())}
     cameras = named_cameras(given.cameras or (), given.scene)
     found, _ = described(Journal(), given.params_file, usual, switches, cameras, more)
-    return load_simulator(suited(found))
+    return load_simulator(found)
 
 
 def test_every_dataset_of_the_manual_has_an_end_and_a_truth_of_its_own():

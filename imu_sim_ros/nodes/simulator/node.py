@@ -49,7 +49,7 @@ from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensors.declaration import Topic
 from imu_sim_ros.simulation import topics
 from imu_sim_ros.simulation.engine import Body
-from imu_sim_ros.simulation.parameters import DEFAULT_TRAJECTORY, imus, layered, suited
+from imu_sim_ros.simulation.parameters import DEFAULT_TRAJECTORY, imus, layered
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.simulation.sensors import mounted, mounts
 from imu_sim_ros.trajectory.motion import Trajectory
@@ -65,16 +65,11 @@ _STALL_PERIOD: Final = 10.0
 """[s] Between two warnings of stalls; a machine that is too slow has one after the other."""
 
 
-def _layered(given: Mapping[str, object]) -> dict[str, object]:
-    """Return what was given above the files that it names, with what suits what sees."""
-    return layered(suited(given))
-
-
 class Simulator(ConfiguredNode):
     """Plays a simulation; see the module's docstring."""
 
     def __init__(self, **arguments: Any) -> None:
-        super().__init__("simulator", SimulatorParameters, _layered, **arguments)
+        super().__init__("simulator", SimulatorParameters, layered, **arguments)
         self._counters: list[Any] = []
         self._terminals: list[PseudoTerminal] = []
         self._apart: Any = None

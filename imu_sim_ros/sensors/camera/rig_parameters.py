@@ -106,7 +106,7 @@ def axes(given: Mapping[str, object], recorded: bool) -> dict[str, object]:
     return result
 
 
-def layer_rig(given: Mapping[str, object], node: str = "simulator") -> dict[str, object]:
+def layer_rig(given: Mapping[str, object]) -> dict[str, object]:
     """Return what was given above the presets of cameras and the scene's file.
 
     A camera takes ``camera.*`` from those of all, if it has none of its own.
@@ -117,12 +117,12 @@ def layer_rig(given: Mapping[str, object], node: str = "simulator") -> dict[str,
     for name in names:
         own = {k.removeprefix(f"{name}."): v for k, v in given.items() if k.startswith(f"{name}.")}
         merged: dict[str, object] = {"camera.preset": DEFAULT_CAMERA, **of_all, **own}
-        preset = files.load(files.find("cameras", str(merged["camera.preset"])), node)
+        preset = files.load(files.find("cameras", str(merged["camera.preset"])))
         result.update({f"{name}.{key}": value for key, value in {**preset, **merged}.items()})
     kind = str(result.get("scene.type", DEFAULT_SCENE))
     if kind in files.names("scenes"):
         result.pop("scene.type", None)
-        return {**files.load(files.find("scenes", kind), node), **result}
+        return {**files.load(files.find("scenes", kind)), **result}
     return result
 
 
@@ -133,13 +133,13 @@ def of_rig(given: Mapping[str, object]) -> dict[str, object]:
     return {k: v for k, v in given.items() if k == "cameras" or k.startswith(prefixes)}
 
 
-def load_rig(given: Mapping[str, object], node: str = "simulator") -> RigParameters:
+def load_rig(given: Mapping[str, object]) -> RigParameters:
     """Return the cameras and the scene that parameters describe.
 
     :param given: ``cameras``, ``camera.*``, ``scene.*`` and ``NAME.camera.*`` by dotted name.
     :raises ConfigurationError: with a line for each problem.
     """
-    return build(RigParameters, layer_rig(given, node))
+    return build(RigParameters, layer_rig(given))
 
 
 def rig_problems(rig: RigParameters, simulation: EnvironmentParameters) -> Iterator[str]:
@@ -162,7 +162,7 @@ def rig_problems(rig: RigParameters, simulation: EnvironmentParameters) -> Itera
             )
 
 
-def scene_layer(name_or_file: str, node: str = "simulator") -> dict[str, object]:
+def scene_layer(name_or_file: str) -> dict[str, object]:
     """Return what ``--scene`` stands for: a name in config/scenes, a kind, or a file.
 
     :raises ConfigurationError: for a name that is none of them.
@@ -175,7 +175,7 @@ def scene_layer(name_or_file: str, node: str = "simulator") -> dict[str, object]
         return {"scene.type": name_or_file}
     path = files.find("scenes", name_or_file)
     if path.suffix.lower() in (".yaml", ".yml"):
-        return files.load(path, node)
+        return files.load(path)
     if is_mesh(path):
         return {"scene.type": "mesh", "scene.mesh": str(path)}
     return {"scene.type": "file", "scene.file": str(path)}

@@ -17,7 +17,7 @@ from imu_sim_ros.jobs.generate import described
 from imu_sim_ros.jobs.writing import Journal
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build
-from imu_sim_ros.simulation.parameters import load_simulation, suited
+from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.simulation.playback import load_simulator
 
 SHORT = ["--duration", "0.1s", "--quiet"]
@@ -133,7 +133,7 @@ def test_every_shipped_file_is_understood_by_node_and_command(path):
     given = {**files.load(path, "simulator"), **more}
     load_simulator(given)
     layers, _ = described(Journal(), path, (None,) * 5, (False, False), {}, {"parameters": more})
-    body = load_simulator(suited(layers))
+    body = load_simulator(layers)
     assert (body.rig is not None) == bool(more)
 
 
