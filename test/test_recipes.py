@@ -97,23 +97,12 @@ SWING = '''\
 class Swing(ErrorTerm):
     """A bias of 1 Hz: ``b = A sin(2 pi t)``."""
 
-    def __init__(self, shape: tuple[int, ...], dt: float) -> None:
-        self._dt, self._samples = dt, np.zeros(shape, np.int64)
-        self._amplitude = np.zeros(3)
+    parameter = "swing"
 
-    def configure(self, parameters: TriadParameters) -> None:
-        """Take the amplitude."""
-        self._amplitude = np.asarray(parameters.swing)
-        self.active = bool(self._amplitude.any())
-
-    def begin(self, units: Units) -> None:
-        """Let some units of a batch begin again."""
-        self._samples[units] = 0
-
-    def add_to(self, values: Array, around: Surroundings, units: Units = ...) -> None:
-        """Add the next n samples of some units to values (n, ..., 3)."""
-        t = next_numbers(self._samples, len(values), units) * self._dt
-        values += self._amplitude[units] * np.sin(2.0 * np.pi * t)[..., None]
+    def next(self, around: Surroundings, units: Units = ...) -> Array:
+        """Return the bias of the next n readings of some units (n, ..., 3)."""
+        t = self.next_times(around, units)
+        return self.strength[units] * np.sin(2.0 * np.pi * t)[..., None]
 '''
 
 
@@ -130,14 +119,14 @@ def test_an_error_term(copy: Copy) -> None:
         ),
     )
     copy.change(
-        "imu_sim_ros/sensors/errors/noise.py",
+        "imu_sim_ros/sensors/errors/terms.py",
         (
             "class RateRamp(ErrorTerm):",
             f"{SWING}\n\nclass RateRamp(ErrorTerm):",
         ),
         (
-            "        RateRamp(np.shape(seed), dt),\n",
-            "        RateRamp(np.shape(seed), dt),\n        Swing(np.shape(seed), dt),\n",
+            "    RateRamp,\n",
+            "    RateRamp,\n    Swing,\n",
         ),
     )
     copy.guard(2)

@@ -59,7 +59,7 @@ def allan_deviation(triad: TriadParameters, tau: Array) -> Array:
             variance += (sizes[term.key][0] * term.deviation(tau)) ** 2
     time = triad.correlation_time[0]
     if time > 0.0:
-        variance += (triad.gauss_markov()[0] * gauss_markov_deviation(tau, time)) ** 2
+        variance += (triad.gauss_markov[0] * gauss_markov_deviation(tau, time)) ** 2
     return np.sqrt(variance)
 
 

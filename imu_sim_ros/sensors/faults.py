@@ -102,13 +102,9 @@ class FaultSchedule:
     dt: float
     prefix: str = ""
     """Prefix of the random streams' names; another for each sensor."""
-    _windows: list[_Window] = field(default_factory=list)
+    windows: list[_Window] = field(default_factory=list)
+    """Those that have not ended; empty without any fault."""
     _injected: int = 0
-
-    @property
-    def any(self) -> bool:
-        """Whether there is any."""
-        return bool(self._windows)
 
     def add(self, fault: Fault, first: int, now: int) -> None:
         """Let a fault begin at a sample; those that ended before the sample ``now`` are dropped."""
@@ -117,11 +113,11 @@ class FaultSchedule:
         self._injected += 1
         # The last sample that still belongs to the fault lies strictly before its end.
         end = end if math.isinf(end) else math.ceil(round(end, 6))
-        self._windows = [w for w in self._windows if w.end > now]
-        self._windows.append(_Window(fault, first, end, stream))
+        self.windows = [w for w in self.windows if w.end > now]
+        self.windows.append(_Window(fault, first, end, stream))
 
     def _active(self, kind: str, first: int, count: int) -> Iterator[tuple[_Window, slice]]:
-        for window in self._windows:
+        for window in self.windows:
             if window.fault.kind == kind:
                 rows = window.rows(first, count)
                 if rows.start < rows.stop:

@@ -107,7 +107,7 @@ class SensorModel:
         name = next(iter(values))
         reading = values[name]
         count = len(reading)
-        if self._timing.faults.any and count:
+        if self._timing.faults.windows and count:
             columns = reading.reshape(count, -1).shape[1]
             rows = np.zeros((count, 3))
             rows[:, :columns] = reading.reshape(count, -1)

@@ -3,15 +3,13 @@
 
 """A sensor in time: when it samples, its clock, and the transport of its messages."""
 
-import dataclasses
 import math
 from collections.abc import Mapping
 from fractions import Fraction
-from functools import cache, cached_property
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
-from numpy.random import Generator
 
 from imu_sim_ros import timebase
 from imu_sim_ros.random_streams import generator
@@ -53,32 +51,52 @@ class SampleTiming:
         :param span: how long a sample takes [s].
         """
         prefix = f"{name}." if name else ""
-        self._rate, self._position = rate, 0
-        self.times = SampleTimes(rate, t0_ns, offset, span)
+        self._rate, self._dt, self._t0_ns = rate, 1.0 / rate, t0_ns
+        self._limit_ns = LARGEST_JITTER * (timebase.NANOSECONDS_PER_SECOND / rate)
         self._span_ns = timebase.to_nanoseconds(span)
-        self._clock = Clock(seed, timing, rate, t0_ns, prefix)
-        self._transport = Transport(seed, rate, prefix)
-        self.faults = FaultSchedule(seed, 1.0 / rate, prefix)
+        self.times = SampleTimes(rate, t0_ns, offset, span)
+        self.position = 0
+        """Index of the next sample."""
+        self.faults = FaultSchedule(seed, self._dt, prefix)
+        self._stream = cache(lambda source: generator(seed, f"{prefix}{source}"))
+        self._last_release_ns = int(_NEVER)
+        self._burst_end = 0
+        self._latency_ns, self._latency_jitter_ns = 0, 0.0
         self.configure(timing)
 
     def configure(self, timing: TimingParameters) -> None:
-        """Take new values of live parameters, from the next sample on."""
+        """Take new values of live parameters, from the next sample on.
+
+        A lowered latency applies to the next message at once: those still waiting leave first.
+        """
+        second = timebase.NANOSECONDS_PER_SECOND
+        self._offset_ns = timebase.to_nanoseconds(timing.stamp_offset)
+        self._skew = timing.clock_skew_ppm * 1e-6
+        self._drift = timing.clock_drift_ppm_per_hour * 1e-6 / 3600.0  # per second
         # What suits the IMU's interval may be more than this sensor's allows.
-        if timing.jitter > LARGEST_JITTER_SIGMA / self._rate:
-            timing = dataclasses.replace(timing, jitter=LARGEST_JITTER_SIGMA / self._rate)
-        self._clock.configure(timing)
-        self._transport.configure(timing)
+        stated = min(timing.jitter, LARGEST_JITTER_SIGMA / self._rate) * second
+        self._jitter_ns = deviation_before_cut(stated, self._limit_ns) if stated else 0.0
+        before = (self._latency_ns, self._latency_jitter_ns)
+        self._latency_ns = timebase.to_nanoseconds(timing.latency)
+        self._latency_jitter_ns = timing.latency_jitter * second
+        if self._latency_ns < before[0] or self._latency_jitter_ns < before[1]:
+            self._last_release_ns = int(_NEVER)
+        self._dropout = timing.dropout_probability
+        # The first burst of an interval; a Poisson process of the given rate.
+        self._burst = -np.expm1(-timing.dropout_burst_rate * self._dt)
+        self._burst_samples = timing.dropout_burst_duration / self._dt
+        self._duplicate = timing.duplicate_probability
 
     def inject(self, fault: Fault, begin: Fraction) -> None:
         """Let a fault begin with the first sample that is not before a time since the start [s]."""
-        self.faults.add(fault, max(self.times.index(begin), self._position), self._position)
+        self.faults.add(fault, max(self.times.index(begin), self.position), self.position)
 
     def given(self, true_t_ns: Times) -> Sampled:
         """Return the next samples, whose times somebody gives; errors follow the nominal ones.
 
         :param true_t_ns: (n,) [ns].
         """
-        nominal = self.times.following(self._position, len(true_t_ns))
+        nominal = self.times.following(self.position, len(true_t_ns))
         return nominal._replace(true_t_ns=true_t_ns)
 
     def samples(self, first: int, true_t_ns: Times, values: Mapping[str, Any]) -> Samples:
@@ -87,105 +105,45 @@ class SampleTiming:
         :param first: index of the first of them.
         :param values: (n, ...) readings and their truth, by name.
         """
-        self._position = first + len(true_t_ns)
+        self.position = first + len(true_t_ns)
         return Samples(
             true_t_ns,
-            self._clock.stamp(true_t_ns),
-            self._transport.release(first, true_t_ns + self._span_ns, self.faults),
-            self._transport.deliver(first, len(true_t_ns), self.faults),
+            self._stamps(true_t_ns),
+            self._releases(first, true_t_ns + self._span_ns),
+            self._delivered(first, len(true_t_ns)),
             values,
             first,
             self._span_ns,
         )
 
+    def _stamps(self, true_t_ns: Times) -> Times:
+        """Return the stamps (n,) that the sensor's clock gives the next n samples.
 
-class Clock:
-    """The clock that stamps the samples.
-
-    ``stamp = t + offset + skew (t - t0) + drift (t - t0)^2 / 2 + jitter``, t the true time.
-    """
-
-    def __init__(
-        self, seed: int, timing: TimingParameters, rate: float, t0_ns: int, prefix: str = ""
-    ) -> None:
-        """Set up the clock.
-
-        :param prefix: of the random streams' names; another for each sensor.
+        ``stamp = t + offset + skew (t - t0) + drift (t - t0)^2 / 2 + jitter``, t the true time.
         """
-        self._t0_ns = t0_ns
-        self._interval_ns = timebase.NANOSECONDS_PER_SECOND / rate
-        self._offset_ns = timebase.to_nanoseconds(timing.stamp_offset)
-        self._skew = timing.clock_skew_ppm * 1e-6
-        self._drift = timing.clock_drift_ppm_per_hour * 1e-6 / 3600.0  # per second
-        self._seed, self._source = seed, f"{prefix}clock.jitter"
-        self._jitter_ns = 0.0
-
-    @cached_property
-    def _stream(self) -> Generator:
-        return generator(self._seed, self._source)
-
-    def configure(self, timing: TimingParameters) -> None:
-        """Take the jitter."""
-        limit = LARGEST_JITTER * self._interval_ns
-        stated = timing.jitter * timebase.NANOSECONDS_PER_SECOND
-        self._jitter_ns = deviation_before_cut(stated, limit) if stated else 0.0
-
-    def stamp(self, true_t_ns: Times) -> Times:
-        """Return the stamps (n,) of the next n samples."""
         stamps: Times = true_t_ns + self._offset_ns
         if self._skew or self._drift:
             since_ns = (true_t_ns - self._t0_ns).astype(np.float64)
             error = self._skew + 0.5 * self._drift * (since_ns * 1e-9)
             stamps += np.rint(error * since_ns).astype(np.int64)
         if self._jitter_ns:
-            jitter = self._stream.standard_normal(len(stamps)) * self._jitter_ns
-            limit = LARGEST_JITTER * self._interval_ns
-            stamps += np.rint(np.clip(jitter, -limit, limit)).astype(np.int64)
+            jitter = self._stream("clock.jitter").standard_normal(len(stamps)) * self._jitter_ns
+            jitter = np.clip(jitter, -self._limit_ns, self._limit_ns)
+            stamps += np.rint(jitter).astype(np.int64)
         return stamps
 
-
-class Transport:
-    """When messages leave the driver, and which of them are lost or duplicated."""
-
-    def __init__(self, seed: int, rate: float, prefix: str = "") -> None:
-        """Set up the transport; the prefix is that of the random streams' names."""
-        self._dt = 1.0 / rate
-        self._stream = cache(lambda name: generator(seed, f"{prefix}transport.{name}"))
-        self._last_release_ns = int(_NEVER)
-        self._burst_end = 0
-        self._latency_ns, self._latency_jitter_ns = 0, 0.0
-
-    def configure(self, timing: TimingParameters) -> None:
-        """Take latency, losses and duplicates.
-
-        A lowered latency applies to the next message at once: those still waiting leave first.
-        """
-        before = (self._latency_ns, self._latency_jitter_ns)
-        self._latency_ns = timebase.to_nanoseconds(timing.latency)
-        self._latency_jitter_ns = timing.latency_jitter * timebase.NANOSECONDS_PER_SECOND
-        if self._latency_ns < before[0] or self._latency_jitter_ns < before[1]:
-            self._last_release_ns = int(_NEVER)
-        self._dropout = timing.dropout_probability
-        # The first burst of an interval; a Poisson process of the given rate.
-        self._burst = -np.expm1(-timing.dropout_burst_rate * self._dt)
-        self._burst_samples = timing.dropout_burst_duration / self._dt
-        self._duplicate = timing.duplicate_probability
-        self._loses = bool(self._dropout or self._burst or self._duplicate)
-
-    def release(self, first: int, true_t_ns: Times, faults: FaultSchedule) -> Times:
-        """Return when the next n messages leave (n,) [ns]; none overtakes another."""
-        if not (self._latency_jitter_ns or faults.any):
+    def _releases(self, first: int, true_t_ns: Times) -> Times:
+        """Return when the next n messages leave the driver (n,) [ns]; none overtakes another."""
+        if not (self._latency_jitter_ns or self.faults.windows):
             steady: Times = true_t_ns + self._latency_ns
             if len(steady) and steady[0] >= self._last_release_ns:
                 self._last_release_ns = int(steady[-1])
                 return steady
         latency = np.full(len(true_t_ns), self._latency_ns)
         if self._latency_jitter_ns:
-            extra = (
-                self._stream("latency").standard_exponential(len(latency)) * self._latency_jitter_ns
-            )
-            latency += np.rint(extra).astype(np.int64)
-        faults.delay(first, latency)
+            extra = self._stream("transport.latency").standard_exponential(len(latency))
+            latency += np.rint(extra * self._latency_jitter_ns).astype(np.int64)
+        self.faults.delay(first, latency)
         times: Times = true_t_ns + latency
         if len(times):
             times[0] = max(times[0], self._last_release_ns)
@@ -193,19 +151,20 @@ class Transport:
             self._last_release_ns = int(times[-1])
         return times
 
-    def deliver(self, first: int, count: int, faults: FaultSchedule) -> Integers:
-        """Return the rows of the next n messages that arrive, in order (m,)."""
-        if self._burst_end <= first and not (self._loses or faults.any):
+    def _delivered(self, first: int, count: int) -> Integers:
+        """Return the rows of the next n messages that are not lost, in order (m,)."""
+        loses = self._dropout or self._burst or self._duplicate or self.faults.windows
+        if not loses and self._burst_end <= first:
             return np.arange(count)
         lost = np.zeros(count, dtype=np.bool_)
         if self._dropout:
-            lost |= self._stream("dropout").random(count) < self._dropout
+            lost |= self._stream("transport.dropout").random(count) < self._dropout
         self._lose_in_bursts(first, lost)
-        faults.lose(first, lost)
+        self.faults.lose(first, lost)
         rows = np.flatnonzero(~lost)
         if self._duplicate:
             # A number for each sample, lost or not: losses do not shift the duplicates.
-            twice = self._stream("duplicate").random(count) < self._duplicate
+            twice = self._stream("transport.duplicate").random(count) < self._duplicate
             rows = np.repeat(rows, 1 + twice[rows])
         return rows
 
@@ -216,11 +175,10 @@ class Transport:
         index = np.arange(first, first + len(lost))
         ends = np.zeros(len(lost), dtype=np.int64)
         if self._burst:
-            starts = np.flatnonzero(self._stream("burst").random(len(lost)) < self._burst)
-            lengths = (
-                self._stream("burst_length").standard_exponential(len(starts)) * self._burst_samples
-            )
-            ends[starts] = index[starts] + np.ceil(lengths).astype(np.int64)
+            begins = self._stream("transport.burst").random(len(lost)) < self._burst
+            starts = np.flatnonzero(begins)
+            lengths = self._stream("transport.burst_length").standard_exponential(len(starts))
+            ends[starts] = index[starts] + np.ceil(lengths * self._burst_samples).astype(np.int64)
         if len(ends):
             ends[0] = max(ends[0], self._burst_end)
             np.maximum.accumulate(ends, out=ends)

@@ -12,8 +12,7 @@ import numpy as np
 
 from imu_sim_ros import timebase
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.errors.response import TemperatureProfile
+from imu_sim_ros.sensors.environment import EnvironmentParameters, TemperatureParameters
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.types import Array, Times
 
@@ -28,6 +27,59 @@ class Window(NamedTuple):
 
     begin: Fraction
     end: Fraction
+
+
+class TemperatureProfile:
+    """Piecewise linear ambient temperature, followed by the sensor with a first-order lag.
+
+    On a piece ``T_a = A + B (t - t_j)`` the lag ``tau dT/dt = T_a - T`` has the solution
+    ``T = T_a - B tau + (T_j - A + B tau) exp(-(t - t_j) / tau)``: closed form, so times can be
+    asked for in any order. The sensor starts at the ambient temperature. Power P from the start on
+    warms it further, by ``P sum_i R_i (1 - exp(-t / tau_i))`` of package and board.
+    """
+
+    def __init__(self, parameters: TemperatureParameters) -> None:
+        times = list(parameters.profile[::2])
+        values = list(parameters.profile[1::2])
+        if not times or times[0] > 0.0:
+            times.insert(0, 0.0)
+            values.insert(0, parameters.value)
+        self._times = np.array(times)
+        self._ambient = np.array(values)
+        self._slope = np.zeros(len(times))
+        if parameters.interpolation == "linear":
+            self._slope[:-1] = np.diff(self._ambient) / np.diff(self._times)
+        self._tau = parameters.time_constant
+        self._excess = np.zeros(len(times))
+        """The decaying part at the start of each piece: ``T_j - A + B tau``."""
+        sensor = self._ambient[0]
+        for j, (ambient, slope) in enumerate(zip(self._ambient, self._slope, strict=True)):
+            self._excess[j] = sensor - ambient + slope * self._tau
+            if j + 1 < len(times) and self._tau:
+                length = self._times[j + 1] - self._times[j]
+                sensor = ambient + slope * (length - self._tau)
+                sensor += self._excess[j] * np.exp(-length / self._tau)
+        rises = parameters.power * np.array(parameters.thermal_resistance)
+        self._warm_up = [
+            (float(rise), tau)
+            for rise, tau in zip(rises, parameters.warm_up_time, strict=True)
+            if rise
+        ]
+        self.constant = len(times) == 1 and not self._warm_up
+        """Whether the temperature never changes."""
+
+    def at(self, t: Array) -> Array:
+        """Return the sensor's temperature (n,) [degC] at times t (n,) [s] since the start."""
+        if self.constant:
+            return np.full(t.shape, self._ambient[0])
+        piece = np.searchsorted(self._times, t, side="right") - 1
+        since = t - self._times[piece]
+        temperature: Array = self._ambient[piece] + self._slope[piece] * (since - self._tau)
+        if self._tau:
+            temperature += self._excess[piece] * np.exp(-since / self._tau)
+        for rise, tau in self._warm_up:
+            temperature += rise if tau == 0.0 else -rise * np.expm1(-t / tau)
+        return temperature
 
 
 class World:

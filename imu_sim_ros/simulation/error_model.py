@@ -192,7 +192,7 @@ class ErrorModel(GivenSensor[GivenReadings, dict[str, Any]]):
     def _apply(self, imu: Imu, given: GivenReadings, gyro: Array, accel: Array) -> dict[str, Any]:
         """Return the next samples, which are those of readings (n m, 3) inside the sensor."""
         first, self.position = self.position, self.position + len(given.t_ns)
-        block = imu.apply(first, given.t_ns, self._motion(given), gyro, accel)
+        block = imu.apply(given.t_ns, self._motion(given), gyro, accel, self._world)
         read = {IMU: block, POSE: pose_samples(block.true_t_ns, block.motion)}
         if self._others:
             rate = timebase.exact_rate(self.parameters.rate)

@@ -44,9 +44,9 @@ MUTANTS = (
     ),
     # The steps of a random walk do not depend on the rate as they should.
     Mutant(
-        "sensors/errors/noise.py",
-        "sigma = np.asarray(parameters.random_walk) * np.sqrt(self._dt)",
-        "sigma = np.asarray(parameters.random_walk) * self._dt",
+        "sensors/errors/terms.py",
+        "self._sigma = self.strength * np.sqrt(self.dt)",
+        "self._sigma = self.strength * self.dt",
         ("sensor/test_noise.py", "-k", "test_random_walk"),
     ),
     # A driven Gauss-Markov bias is sqrt(2) too strong.

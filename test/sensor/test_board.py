@@ -13,11 +13,10 @@ from scipy import integrate
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.sensors.environment import TemperatureParameters
-from imu_sim_ros.sensors.errors.response import TemperatureProfile
-from imu_sim_ros.sensors.errors.terms import Surroundings
-from imu_sim_ros.sensors.imu.board import ShockBias
+from imu_sim_ros.sensors.errors.terms import ShockBias, Surroundings
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.samples import Samples
+from imu_sim_ros.sensors.world import TemperatureProfile
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -195,12 +194,12 @@ def test_a_shock_leaves_a_bias_that_decays(tau: float) -> None:
     force = np.tile([0.0, 0.0, 9.81], (n, 1))
     for first, length in ((300, 5), (800, 1), (999, 4)):
         force[first : first + length, 0] = 100.0
-    every = np.zeros((n, 3))
-    term = ShockBias(3, "gyroscope", imu, dt)
-    for first, end in ((0, 301), (301, 1001), (1001, n)):
-        part = Surroundings(np.zeros(end - first), force[first:end])
-        term.add_to(every[first:end], part)
-    bias = every.T
+    term = ShockBias("gyroscope", imu, 3, 1.0 / dt, imu.gyroscope)
+    blocks = [(0, 301), (301, 1001), (1001, n)]
+    every = [
+        term.next(Surroundings(np.zeros(end - first), force[first:end])) for first, end in blocks
+    ]
+    bias = np.concatenate(every).T
     assert not bias[2].any()
     k = np.arange(n)
     decay = [
@@ -217,8 +216,8 @@ def test_sizes_of_shock_biases() -> None:
     imu = build(ImuParameters, {"accelerometer_shock_bias_sigma": 0.5, "shock_threshold": 50.0})
     force = np.zeros((4000, 3))
     force[::2, 1] = -60.0
-    bias = np.zeros((4000, 3))
-    ShockBias(0, "accelerometer", imu, 0.01).add_to(bias, Surroundings(np.zeros(4000), force))
+    term = ShockBias("accelerometer", imu, 0, 100.0, imu.accelerometer)
+    bias = term.next(Surroundings(np.zeros(4000), force))
     jumps = np.diff(bias[::2], axis=0)
     # 3 * 1999 numbers: relative error 1 / sqrt(2 n) = 0.9 %.
     assert abs(jumps.std() / 0.5 - 1.0) < 4 / math.sqrt(2 * jumps.size)

@@ -109,6 +109,6 @@ def test_old_faults_are_dropped_and_streams_are_not_reused() -> None:
     for _ in range(1000):
         faulty.inject(Fault("dropout", 0.1, 0.5))
         lost.append(20 - len(faulty.next(20)["imu"].delivered))
-    assert len(faulty._models["imu"]._timing.faults._windows) == 1
+    assert len(faulty._models["imu"]._timing.faults.windows) == 1
     assert np.mean(lost) == pytest.approx(10.0, abs=5.0 * np.sqrt(5.0 / 1000))
     assert np.var(lost) == pytest.approx(5.0, rel=5.0 * np.sqrt(2.0 / 1000))

@@ -17,16 +17,17 @@ from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.random_streams import axis_generators, generator
 from imu_sim_ros.sensors.errors.flicker import CHUNK as FLICKER_CHUNK
 from imu_sim_ros.sensors.errors.flicker import FlickerFilter, FlickerNoise
-from imu_sim_ros.sensors.errors.noise import (
+from imu_sim_ros.sensors.errors.processes import CHUNK, GaussMarkovBank
+from imu_sim_ros.sensors.errors.terms import (
     BiasInstability,
+    ErrorTerm,
     GaussMarkov,
     RandomWalk,
     RateRamp,
+    Surroundings,
     WhiteNoise,
+    turn_on,
 )
-from imu_sim_ros.sensors.errors.processes import CHUNK, GaussMarkovBank
-from imu_sim_ros.sensors.errors.response import turn_on
-from imu_sim_ros.sensors.errors.terms import ErrorTerm, Surroundings
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 
@@ -40,14 +41,17 @@ def gyroscope(**values: object) -> TriadParameters:
     return build(ImuParameters, own).gyroscope
 
 
-def draw(term: ErrorTerm, parameters: TriadParameters, count: int = N) -> np.ndarray:
-    """Return (3, count) samples, made in blocks."""
-    term.configure(parameters)
-    values = np.zeros((count, 3), order="F")
-    for first in range(0, count, 50_000):
-        block = values[first : first + 50_000]
-        term.add_to(block, Surroundings(np.zeros(len(block))))
-    return values.T
+def draw(
+    kind: type[ErrorTerm],
+    parameters: TriadParameters,
+    rate: float,
+    triad: str = "gyroscope",
+    count: int = N,
+) -> np.ndarray:
+    """Return (3, count) samples of an error, made in blocks."""
+    term = kind(triad, ImuParameters(), SEED, rate, parameters)
+    lengths = [min(50_000, count - first) for first in range(0, count, 50_000)]
+    return np.concatenate([term.next(Surroundings(np.zeros(n))) for n in lengths]).T
 
 
 def allan_variance(values: np.ndarray, samples: int) -> float:
@@ -63,10 +67,7 @@ def test_white_noise(rate: float, triad: str) -> None:
     """Variance sigma^2 / dt (lecture eq. 16); relative deviation of its estimate sqrt(2 / n)."""
     density = np.array([0.01, 0.02, 0.03])
     parameters = gyroscope(noise_density=density.tolist())
-    white = WhiteNoise(SEED, triad, 1.0 / rate)
-    white.configure(parameters)
-    blocks = [white.next(50_000) for _ in range(N // 50_000)]
-    noise = np.concatenate([block for block in blocks if block is not None]).T
+    noise = draw(WhiteNoise, parameters, rate, triad)
     assert np.abs(noise.var(axis=1) / (density**2 * rate) - 1.0).max() < 5.0 * np.sqrt(2.0 / N)
     assert np.abs(noise.mean(axis=1) / (density * np.sqrt(rate / N))).max() < 5.0
     unit = noise / noise.std(axis=1, keepdims=True)
@@ -88,7 +89,7 @@ def test_random_walk(rate: float, triad: str) -> None:
     """Increments are white with variance sigma_b^2 dt (lecture eq. 20 and 21)."""
     density = np.array([0.01, 0.02, 0.03])
     parameters = gyroscope(random_walk=density.tolist())
-    walk = draw(RandomWalk(SEED, triad, 1.0 / rate), parameters)
+    walk = draw(RandomWalk, parameters, rate, triad)
     assert not walk[:, 0].any()
     steps = np.diff(walk, axis=1)
     assert np.abs(steps.var(axis=1) * rate / density**2 - 1.0).max() < 5.0 * np.sqrt(2.0 / N)
@@ -118,7 +119,7 @@ def test_gauss_markov(rate: float, form: str) -> None:
     strength = sigma if form == "sigma" else sigma * np.sqrt(2.0 / tau)
     parameters = gyroscope(**{f"gauss_markov_{form}": strength, "correlation_time": tau})
     dt = 1.0 / rate
-    values = draw(GaussMarkov(SEED, "gyroscope", dt, parameters), parameters)
+    values = draw(GaussMarkov, parameters, rate)
     deviation = np.sqrt(2.0 * tau / (3.0 * N * dt))
     assert np.mean(values**2) / sigma**2 == pytest.approx(1.0, abs=5.0 * deviation)
     for lag in (0.1, 0.2, 0.4):
@@ -140,7 +141,7 @@ def test_gauss_markov_of_rotors_is_the_driving_density() -> None:
     """RotorS: sigma_bd^2 = sigma_b^2 tau / 2 (1 - exp(-2 dt / tau)) for every step."""
     tau, density, dt = 3.0, 0.02, 0.01
     parameters = gyroscope(gauss_markov_density=density, correlation_time=tau)
-    values = draw(GaussMarkov(SEED, "accelerometer", dt, parameters), parameters)
+    values = draw(GaussMarkov, parameters, 1.0 / dt, "accelerometer")
     steps = values[:, 1:] - np.exp(-dt / tau) * values[:, :-1]
     expected = density**2 * tau / 2.0 * (1.0 - np.exp(-2.0 * dt / tau))
     assert steps.var() / expected == pytest.approx(1.0, abs=5.0 * np.sqrt(2.0 / (3 * N)))
@@ -231,7 +232,7 @@ def test_bias_instability(rate: float) -> None:
     """
     b = 0.02
     parameters = gyroscope(bias_instability=b)
-    values = draw(BiasInstability(SEED, "gyroscope", 1.0 / rate), parameters)
+    values = draw(BiasInstability, parameters, rate)
     window = np.hanning(N)
     power = np.abs(np.fft.rfft(window * values, axis=1)) ** 2 / (rate * np.sum(window**2))
     f = np.fft.rfftfreq(N, 1.0 / rate)
@@ -246,7 +247,7 @@ def test_bias_instability(rate: float) -> None:
 
 
 def test_rate_ramp() -> None:
-    ramp = draw(RateRamp((), 0.01), gyroscope(rate_ramp=[1e-6, 0.0, -2e-6]), count=100_001)
+    ramp = draw(RateRamp, gyroscope(rate_ramp=[1e-6, 0.0, -2e-6]), 100.0, count=100_001)
     assert ramp[:, -1] == pytest.approx([1e-3, 0.0, -2e-3], rel=1e-12)
     # Allan deviation R tau / sqrt(2).
     assert np.sqrt(allan_variance(ramp[[0, 0, 0]], 1000)) == pytest.approx(

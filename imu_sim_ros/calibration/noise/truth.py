@@ -67,7 +67,7 @@ def _true_noise(triad: TriadParameters, rate: float) -> dict[str, Array]:
         "random_walk": np.asarray(triad.random_walk),
         "bias_instability": np.asarray(triad.bias_instability),
         "rate_ramp": np.abs(triad.rate_ramp),
-        SIGMA: triad.gauss_markov(),
+        SIGMA: triad.gauss_markov,
         CORRELATION_TIME: np.asarray(triad.correlation_time),
     }
 

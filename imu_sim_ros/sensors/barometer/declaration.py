@@ -4,7 +4,6 @@
 """The barometer as the rest of the package sees it: samples, topics, table, readings."""
 
 import dataclasses
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -12,7 +11,7 @@ from typing import Final
 from imu_sim_ros.inputs.gate import PRESSURE
 from imu_sim_ros.inputs.tables import Encode, Table
 from imu_sim_ros.sensors.barometer.parameters import BarometerParameters, BarometerSwitches
-from imu_sim_ros.sensors.declaration import Model, Mounted, Sensor, SensorReadings, topic
+from imu_sim_ros.sensors.declaration import Sensor, SensorReadings, on_demand, topic
 from imu_sim_ros.sensors.errors.realised import realised_triad
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import as_triad
@@ -51,12 +50,6 @@ def _of_table(frame: str, encoding: str) -> Encode:
 
     pressures = FluidPressureEncoder(frame, encoding)
     return lambda t_ns, values: pressures.encode(t_ns, values[:, 0])
-
-
-def _model(mounted: Mounted, t0_ns: int, _: Mapping[str, Model]) -> Model:
-    from imu_sim_ros.sensors.barometer.model import Barometer  # most IMUs have none
-
-    return Barometer(mounted.own, mounted.environment, t0_ns)
 
 
 def _realised(own: BarometerParameters, seed: int, name: str) -> BarometerParameters:
@@ -98,7 +91,7 @@ SENSOR = Sensor(
     quantity="pressure",
     section=BarometerParameters,
     with_imu=True,
-    model=_model,
+    model=on_demand("imu_sim_ros.sensors.barometer.model", "Barometer"),
     topics=(
         topic(
             *(TOPIC, TYPE, _ENCODER),

@@ -14,7 +14,9 @@ from imu_sim_ros.conventions import STANDARD_GRAVITY
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.rotation import rotate
 from imu_sim_ros.sensors.barometer.parameters import BarometerParameters
-from imu_sim_ros.sensors.environment import AtmosphereParameters, EnvironmentParameters
+from imu_sim_ros.sensors.declaration import Mounted
+from imu_sim_ros.sensors.environment import AtmosphereParameters
+from imu_sim_ros.sensors.errors.terms import Surroundings
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.faults import Fault, FaultSchedule
 from imu_sim_ros.sensors.imu.parameters import ImuParameters, instantaneous
@@ -129,23 +131,19 @@ class PressureErrors:
         first: int,
         ideal: Array,
         gust: Array | None,
-        temperature_offset: Array,
-        faults: FaultSchedule | None,
-        additions: Additions | None = None,
+        additions: Additions,
+        faults: FaultSchedule | None = None,
     ) -> dict[str, Array]:
         """Return the next n samples and their truth, as a flight has them.
 
         :param ideal: (n, ...) pressure of the still air [Pa].
         :param gust: (n, ...) what wind adds [Pa]; None: nothing.
-        :param temperature_offset: (n, ...) temperature above the reference [K].
-        :param additions: as for :meth:`Triad.read`.
+        :param additions, faults: as for :meth:`Triad.read`.
         """
         values = np.empty((*ideal.shape, 3), order="F")
         values[..., 1:] = 0.0
         values[..., 0] = ideal if gust is None else ideal + gust
-        made = self.triad.read(
-            first, values, values, temperature_offset, faults, additions=additions
-        )
+        made = self.triad.read(first, values, values, additions, faults)
         bias = made.bias[..., 0] if gust is None else made.bias[..., 0] + gust
         reading = np.clip(made.reading[..., 0], *self._limits)
         return {"pressure": reading, "ideal_pressure": ideal, "bias": bias}
@@ -154,19 +152,19 @@ class PressureErrors:
 class Barometer:
     """One barometer; its samples are read in order."""
 
-    def __init__(self, imu: ImuParameters, environment: EnvironmentParameters, t0_ns: int) -> None:
+    def __init__(self, mounted: Mounted, t0_ns: int, _: object = None) -> None:
         """Set up all errors at their start.
 
         :param t0_ns: time of the start [ns].
         """
-        own = imu.barometer
-        seed = environment.seed
+        imu, environment = mounted.own, mounted.environment
+        own, seed = imu.barometer, environment.seed
         self._timing = SampleTiming(NAME, own.rate, imu, seed, t0_ns, own.time_offset, own.span)
         self._atmosphere = Atmosphere(environment.atmosphere)
         self._height = environment.height
         self._lever_arm_b = np.array(imu.lever_arm)
-        self._gusts = gusts(own, environment.seed)
-        self._errors = PressureErrors(Triad(NAME, instantaneous(imu), environment.seed, own.rate))
+        self._gusts = gusts(own, seed)
+        self._errors = PressureErrors(Triad(NAME, instantaneous(imu), seed, own.rate))
         self.configure(imu)
 
     def configure(self, imu: ImuParameters) -> None:
@@ -200,5 +198,6 @@ class Barometer:
     def _read(self, samples: Sampled, ideal: Array, world: World) -> Samples:
         gust = None if self._gusts is None else self._gusts.next(len(samples.t))
         offset = world.temperature.at(samples.t) - self._reference_temperature
-        values = self._errors.read(samples.first, ideal, gust, offset, self._timing.faults)
+        additions = self._errors.triad.additions(Surroundings(offset))
+        values = self._errors.read(samples.first, ideal, gust, additions, self._timing.faults)
         return self._timing.samples(samples.first, samples.true_t_ns, values)

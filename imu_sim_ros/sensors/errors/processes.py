@@ -12,29 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from imu_sim_ros.random_streams import Seed, Streams, Units, generator
-from imu_sim_ros.types import Array, Integers, Times
+from imu_sim_ros.types import Array, Times
 
 _AT_ONCE: Final = 8192
 """Values of a column generated at once, as far as whole chunks allow: they stay in the cache."""
-
-
-def next_numbers(done: Integers, count: int, units: Units) -> Integers:
-    """Return the numbers (count, ...) of the next samples of some units, and count them.
-
-    :param done: how many samples each unit has had.
-    """
-    first = done[units]
-    numbers: Integers = np.arange(count).reshape(-1, *(1,) * first.ndim) + first
-    done[units] += count
-    return numbers
-
-
-def series(shape: tuple[int, ...]) -> Array:
-    """Return zeros (n, ..., 3) for n samples of units, those of each axis contiguous.
-
-    :param shape: (n, ...)
-    """
-    return np.zeros((*shape, 3), order="F")
 
 
 class ChunkedProcess(ABC):

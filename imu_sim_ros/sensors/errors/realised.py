@@ -18,7 +18,7 @@ from imu_sim_ros.parameters.kinds import ZERO_VECTOR
 from imu_sim_ros.parameters.sections import parameters as declared
 from imu_sim_ros.random_streams import Seed, Streams
 from imu_sim_ros.sensors import sensors_of_imus
-from imu_sim_ros.sensors.errors.response import turn_on
+from imu_sim_ros.sensors.errors.terms import turn_on
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import NO_CROSS_AXIS, TriadParameters
 from imu_sim_ros.types import Array

@@ -130,7 +130,7 @@ class ImuBatch:
         """
         additions, temperature, _ = self._triads.next()
         made = [
-            self._triads[name].read(0, ideal[None], accel[None], _NONE, None, None, additions[name])
+            self._triads[name].read(0, ideal[None], accel[None], additions[name])
             for name, ideal in zip(TRIADS, (gyro, accel), strict=True)
         ]
         errors: dict[str, Array] = {
@@ -141,10 +141,6 @@ class ImuBatch:
         }
         rate, force = (reading.reading[0] for reading in made)
         return BatchSamples(t_ns, rate, force, temperature, held=held, **errors)
-
-
-_NONE: Final = np.zeros(1)
-"""A temperature that nothing depends on: what does was made before."""
 
 
 class MagnetometerBatch:
@@ -176,7 +172,7 @@ class MagnetometerBatch:
         """
         additions, _, others = self._triads.next()
         current = others.get("current")
-        made = self._errors.read(0, field[None], current, _NONE, None, additions[MAGNETOMETER])
+        made = self._errors.read(0, field[None], current, additions[MAGNETOMETER])
         return BatchField(t_ns, made["field"][0], made["bias"][0], held)
 
     def _iron(self, units: Units) -> Iron:
@@ -237,5 +233,5 @@ class BarometerBatch:
         """
         additions, _, others = self._triads.next()
         gust = others.get("gust")
-        made = self._errors.read(0, pressure[None], gust, _NONE, None, additions[BAROMETER])
+        made = self._errors.read(0, pressure[None], gust, additions[BAROMETER])
         return BatchPressure(t_ns, made["pressure"][0], made["bias"][0], held)

@@ -3,7 +3,6 @@
 
 """The IMU as the rest of the package sees it: topics of its readings and of their truth."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
@@ -20,15 +19,15 @@ from imu_sim_ros.conventions import (
 )
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensors.declaration import (
-    Model,
     Mounted,
     Payloads,
     Sensor,
     SensorReadings,
     Topic,
+    on_demand,
     topic,
 )
-from imu_sim_ros.sensors.errors.noise import variance_discrete
+from imu_sim_ros.sensors.errors.response import variance_discrete
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.types import Array
 
@@ -48,12 +47,6 @@ class ImuReadings(SensorReadings):
     """(n, 3) [rad/s]."""
     accel: Array
     """(n, 3) [m/s^2]."""
-
-
-def _model(mounted: Mounted, t0_ns: int, _: Mapping[str, Model]) -> Model:
-    from imu_sim_ros.sensors.imu.model import Imu
-
-    return Imu(mounted.own, mounted.environment, t0_ns)
 
 
 def readings(mounted: Mounted, encoding: str, *orientation: str) -> Payloads:
@@ -110,7 +103,7 @@ SENSOR = Sensor(
     quantity=NAME,
     section=ImuParameters,
     with_imu=True,
-    model=_model,
+    model=on_demand("imu_sim_ros.sensors.imu.model", "Imu"),
     topics=(
         Topic(IMU_TOPIC, TYPE, (), readings),
         topic(

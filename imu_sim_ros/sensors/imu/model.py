@@ -4,7 +4,7 @@
 """An IMU on a moving body: both triads, the temperature and the clock."""
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -13,14 +13,13 @@ import numpy as np
 
 from imu_sim_ros import timebase
 from imu_sim_ros.conventions import ERRORS, TRIADS
-from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.errors.response import TemperatureProfile
+from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.errors.terms import Surroundings
 from imu_sim_ros.sensors.errors.triad import Additions, Reading, Triad
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.ideal import IdealImu, Quadrature, quadrature
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.samples import Samples
+from imu_sim_ros.sensors.samples import Samples, joined
 from imu_sim_ros.sensors.timing import SampleTiming
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
@@ -36,29 +35,43 @@ AHEAD: Final = 64
 """Samples whose noise is made at once where given readings come one by one."""
 
 
+class _Ahead(NamedTuple):
+    """What samples ``first .. end - 1`` get whatever their ideal readings are."""
+
+    first: int
+    end: int
+    temperature: Array
+    """(end - first,) [degC]."""
+    additions: Sequence[Additions]
+    """Those of the gyroscope and of the accelerometer."""
+
+
 class Imu:
     """One IMU; its samples are read in order."""
 
     latest: Samples
     """What was read last."""
 
-    def __init__(self, imu: ImuParameters, environment: EnvironmentParameters, t0_ns: int) -> None:
+    def __init__(self, mounted: Mounted, t0_ns: int, _: object = None) -> None:
         """Set up all errors at their start.
 
         :param t0_ns: time of sample 0 [ns].
         """
+        imu, environment = mounted.own, mounted.environment
         seed, rate = environment.seed, environment.rate
         self._rate = rate
         self._averaged = imu.sampling == "averaged"
         self._quadrature: Quadrature | None = None
         self._ratio = int(imu.internal_ratio(rate))
         self._ideal = IdealImu(imu, environment)
-        self._temperature = TemperatureProfile(environment.temperature)
         self._triads = [Triad(triad, imu, seed, rate) for triad in TRIADS]
-        self._follows_force = any(triad.follows_force for triad in self._triads)
         self._timing = SampleTiming("", rate, imu, seed, t0_ns)
-        self._vibration = _vibration(imu, environment)
-        self._ahead: _Ahead | None = None
+        self._vibration: BoardVibration | None = None
+        if imu.vibration.there:
+            from imu_sim_ros.sensors.imu import vibration  # most sensors have no vehicle
+
+            self._vibration = vibration.BoardVibration(seed, imu.vibration, rate)
+        self._ahead = _Ahead(0, 0, np.empty(0), ())
         self.configure(imu)
 
     def configure(self, imu: ImuParameters) -> None:
@@ -86,65 +99,91 @@ class Imu:
     def read(self, window: Window, world: World) -> Samples:
         """Return the samples in a window, which begins where the last one ended."""
         first, true_t_ns, t = self._timing.times.within(window)
-        motion, ideal_gyro, ideal_accel = self._ideal_readings(first, t, world)
-        ideal = (ideal_gyro, ideal_accel)
-        temperature = self._temperature.at(t)
-        vibration = self._vibration.read(first, motion) if self._vibration else None
+        motion, *ideal = self._ideal_readings(first, t, world)
+        temperature = world.temperature.at(t)
+        vibration = None if self._vibration is None else self._vibration.read(first, motion)
         if self._ratio == 1:
-            gyro, accel = self._triad_readings(first, *ideal, temperature, vibration)
+            additions = self._additions(temperature, ideal[1])
+            made = self._triad_readings(first, ideal, additions, vibration)
         else:
-            gyro, accel = self._oversampled(first, len(t), world.trajectory, vibration)
-        return self._block(first, true_t_ns, motion, ideal, temperature, gyro, accel)
+            made = self._oversampled(first, len(t), world, vibration)
+        return self._samples(first, true_t_ns, motion, ideal, temperature, made)
 
     def apply(
-        self, first: int, true_t_ns: Times, motion: Motion, ideal_gyro: Array, ideal_accel: Array
+        self, true_t_ns: Times, motion: Motion, gyro: Array, accel: Array, world: World
     ) -> Samples:
-        """Return samples ``first .. first + n - 1`` of ideal readings that somebody gives.
+        """Return the next n samples of ideal readings that somebody gives.
 
         Errors that depend on time follow the samples' indices, so that they are those of
-        :meth:`read`; stamps, latency and losses are those of the given times.
+        :meth:`read`; stamps, latency and losses are those of the given times. Few samples at a time
+        get what is made for the rest of a chunk, many get their own.
 
         :param true_t_ns: (n,) of the samples [ns].
         :param motion: of the body at these times, NaN if it is not known.
-        :param ideal_gyro: (n m, 3) [rad/s]; an oversampled sensor has m = ratio readings inside
+        :param gyro: (n m, 3) ideal [rad/s]; an oversampled sensor has m = ratio readings inside
             for each sample, the last of them at its time, others 1.
-        :param ideal_accel: (n m, 3) [m/s^2].
+        :param accel: (n m, 3) ideal [m/s^2].
         """
-        m, count = self._ratio, len(true_t_ns)
-        ideal = (ideal_gyro, ideal_accel)
-        if m > 1:
-            last = slice(m - 1, None, m)
-            ideal = (ideal_gyro[last], ideal_accel[last])
-        vibration = self._vibration.read(first, motion) if self._vibration else None
-        if m > 1 or self._follows_force:
-            temperature = self._temperature_of(first, count)
-            inside = temperature if m == 1 else self._temperature_inside(first, count)
-            gyro, accel = self._triad_readings(first, ideal_gyro, ideal_accel, inside, vibration)
-            return self._block(first, true_t_ns, motion, ideal, temperature, gyro, accel)
-        parts: list[tuple[Array, Reading, Reading]] = []
-        for rows, own, additions in self._pieces(first, count):
-            shaken = None if vibration is None else vibration[rows]
-            pair = self._triad_readings(
-                first + rows.start, ideal_gyro[rows], ideal_accel[rows], own, shaken, additions
-            )
-            parts.append((own, *pair))
-        if len(parts) == 1:
-            return self._block(first, true_t_ns, motion, ideal, *parts[0])
-        temperatures, gyros, accels = zip(*parts, strict=True)
-        made = (np.concatenate(temperatures), _joined(gyros), _joined(accels))
-        return self._block(first, true_t_ns, motion, ideal, *made)
+        first, count, m = self._timing.position, len(true_t_ns), self._ratio
+        alone = m > 1 or any(triad.follows_force for triad in self._triads)
+        if not alone and self._ahead.end <= first and 0 < count < AHEAD:
+            end = first + AHEAD - first % AHEAD
+            temperature = world.temperature.at(self._timing.times.following(first, end - first).t)
+            additions = self._additions(temperature, None)
+            self._ahead = _Ahead(first, end, temperature, additions)
+        left = self._ahead.end - first
+        if 0 < left < count:
+            parts = []
+            for rows in (slice(0, left), slice(left, count)):
+                own = Motion(*(values[rows] for values in motion))
+                parts.append(self.apply(true_t_ns[rows], own, gyro[rows], accel[rows], world))
+            self.latest = joined(parts)
+            return self.latest
+        if left > 0:
+            rows = slice(first - self._ahead.first, first - self._ahead.first + count)
+            temperature = self._ahead.temperature[rows]
+            additions = [one.at(rows) for one in self._ahead.additions]
+        else:
+            temperature = world.temperature.at(self._timing.times.following(first, count).t)
+            inside = temperature
+            if m > 1:
+                inside = world.temperature.at(self._times_inside(first, first + count))
+            additions = self._additions(inside, accel)
+        vibration = None if self._vibration is None else self._vibration.read(first, motion)
+        made = self._triad_readings(first, (gyro, accel), additions, vibration)
+        ideal = (gyro[m - 1 :: m], accel[m - 1 :: m])
+        return self._samples(first, true_t_ns, motion, ideal, temperature, made)
 
-    def _block(
+    def _additions(self, temperature: Array, force: Array | None) -> list[Additions]:
+        """Return what the next readings get at a temperature (n,) [degC]."""
+        around = Surroundings(temperature - self._reference_temperature, force)
+        return [triad.additions(around) for triad in self._triads]
+
+    def _triad_readings(
+        self,
+        first: int,
+        ideal: Sequence[Array],
+        additions: Sequence[Additions],
+        vibration: Array | None,
+    ) -> list[Reading]:
+        """Return what gyroscope and accelerometer read."""
+        shaken = (None, None) if vibration is None else (vibration[:, :3], vibration[:, 3:])
+        return [
+            triad.read(first, own, ideal[1], added, self._timing.faults, shake)
+            for triad, own, added, shake in zip(self._triads, ideal, additions, shaken, strict=True)
+        ]
+
+    def _samples(
         self,
         first: int,
         true_t_ns: Times,
         motion: Motion,
-        ideal: tuple[Array, Array],
+        ideal: Sequence[Array],
         temperature: Array,
-        gyro: Reading,
-        accel: Reading,
+        made: Sequence[Reading],
     ) -> Samples:
         """Return n samples with stamps and transport."""
+        gyro, accel = made
         values: dict[str, Any] = {
             "gyro": gyro.reading,
             "accel": accel.reading,
@@ -158,49 +197,6 @@ class Imu:
         self.latest = self._timing.samples(first, true_t_ns, values)
         return self.latest
 
-    def _pieces(
-        self, first: int, count: int
-    ) -> Iterator[tuple[slice, Array, Sequence[Additions | None]]]:
-        """Yield consecutive rows of samples with their temperature and what the triads add.
-
-        Few samples at a time get what is made for the rest of a chunk, many get their own.
-        """
-        done = 0
-        while True:
-            at, left = first + done, count - done
-            ahead = self._ahead
-            if ahead is not None and at == ahead.end:
-                ahead = None
-            if ahead is None and 0 < left < AHEAD:
-                ahead = self._make_ahead(at)
-            self._ahead = ahead
-            if ahead is None:
-                yield slice(done, count), self._temperature_of(at, left), (None, None)
-                return
-            step = min(left, ahead.end - at)
-            own = slice(at - ahead.first, at - ahead.first + step)
-            additions = [one.at(own) for one in ahead.additions]
-            yield slice(done, done + step), ahead.temperature[own], additions
-            done += step
-            if done == count:
-                return
-
-    def _make_ahead(self, first: int) -> "_Ahead":
-        """Return what the samples up to the next multiple of a chunk get."""
-        end = first + AHEAD - first % AHEAD
-        temperature = self._temperature_of(first, end - first)
-        around = Surroundings(temperature - self._reference_temperature)
-        return _Ahead(first, end, temperature, [t.precompute(around) for t in self._triads])
-
-    def _temperature_of(self, first: int, count: int) -> Array:
-        """Return the temperature of samples by their index (count,) [degC]."""
-        t_ns = timebase.sample_times_ns(first, count, self._rate)
-        return self._temperature.at(timebase.seconds_since(t_ns, 0))
-
-    def _temperature_inside(self, first: int, count: int) -> Array:
-        """Return the temperature of the readings inside an oversampled sensor (count m,)."""
-        return self._temperature.at(self._times_inside(first, first + count))
-
     def _times_inside(self, begin: int, end: int) -> Array:
         """Return the times [s] of the readings inside for samples begin .. end - 1.
 
@@ -213,32 +209,9 @@ class Imu:
         missing = (end - begin) * self._ratio - len(t_ns)
         return timebase.seconds_since(np.concatenate([np.zeros(missing, np.int64), t_ns]), 0)
 
-    def _triad_readings(
-        self,
-        first: int,
-        ideal_gyro: Array,
-        ideal_accel: Array,
-        temperature: Array,
-        vibration: Array | None,
-        additions: Sequence[Additions | None] = (None, None),
-    ) -> tuple[Reading, Reading]:
-        offset = temperature - self._reference_temperature
-        shaken = (None, None) if vibration is None else (vibration[:, :3], vibration[:, 3:])
-        gyro, accel = (
-            triad.read(first, ideal, ideal_accel, offset, self._timing.faults, own, added)
-            for triad, ideal, own, added in zip(
-                self._triads,
-                (ideal_gyro, ideal_accel),
-                shaken,
-                additions,
-                strict=True,
-            )
-        )
-        return gyro, accel
-
     def _oversampled(
-        self, first: int, count: int, trajectory: Trajectory, vibration: Array | None
-    ) -> tuple[Reading, Reading]:
+        self, first: int, count: int, world: World, vibration: Array | None
+    ) -> list[Reading]:
         """Return the triads' samples, each the last of ``ratio`` readings at the internal rate.
 
         In pieces, so that the readings inside the sensor need no more memory than a block. Before
@@ -249,11 +222,14 @@ class Imu:
         for begin in range(first, first + max(count, 1), step):
             end = min(begin + step, first + count)
             t = self._times_inside(begin, end)
-            ideal = self._ideal.read(trajectory.sample(t))
+            ideal = self._ideal.read(world.trajectory.sample(t))
+            additions = self._additions(world.temperature.at(t), ideal[1])
             own = None if vibration is None else vibration[begin - first : end - first]
-            made.append(self._triad_readings(begin, *ideal, self._temperature.at(t), own))
-        gyro, accel = (_joined(readings) for readings in zip(*made, strict=True))
-        return gyro, accel
+            made.append(self._triad_readings(begin, ideal, additions, own))
+        return [
+            Reading(*(np.concatenate(parts) for parts in zip(*readings, strict=True)))
+            for readings in zip(*made, strict=True)
+        ]
 
     def _ideal_readings(self, first: int, t: Array, world: World) -> tuple[Motion, Array, Array]:
         """Return the motion at times t (n,) and what a perfect IMU reads, (n, 3) twice."""
@@ -272,17 +248,6 @@ class Imu:
             at_once = self._ideal.read(Motion(*(values[:1] for values in motion)))
             rate[:1], force[:1] = at_once
         return motion, rate, force
-
-
-class _Ahead(NamedTuple):
-    """What samples ``first .. end - 1`` get whatever their ideal readings are."""
-
-    first: int
-    end: int
-    temperature: Array
-    """(end - first,) [degC]."""
-    additions: list[Additions]
-    """Those of the gyroscope and of the accelerometer."""
 
 
 class _Nowhere:
@@ -304,16 +269,3 @@ def unknown_motion(count: int) -> Motion:
     """Return a motion of n states of which nothing is known: NaN."""
     vector, q_wb = np.broadcast_to(np.nan, (count, 3)), np.broadcast_to(np.nan, (count, 4))
     return Motion(vector, vector, vector, q_wb, vector, vector)
-
-
-def _joined(readings: Iterable[Reading]) -> Reading:
-    return Reading(*(np.concatenate(parts) for parts in zip(*readings, strict=True)))
-
-
-def _vibration(imu: ImuParameters, environment: EnvironmentParameters) -> "BoardVibration | None":
-    """Return the vehicle's vibration in the readings, if there is any."""
-    if not imu.vibration.there:
-        return None
-    from imu_sim_ros.sensors.imu.vibration import BoardVibration  # most sensors have no vehicle
-
-    return BoardVibration(environment.seed, imu.vibration, environment.rate)

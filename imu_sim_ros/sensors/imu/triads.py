@@ -306,8 +306,9 @@ class TriadParameters:
         """
         return np.square(self.noise_density) * rate + np.square(self.resolution) / 12.0
 
+    @property
     def gauss_markov(self) -> Array:
-        """Return the standard deviation (..., 3) of the Gauss-Markov bias, given in either form.
+        """The standard deviation (..., 3) of the Gauss-Markov bias, given in either form.
 
         A density b that drives it gives a stationary variance of ``b^2 tau / 2``.
         """
@@ -412,7 +413,7 @@ class TriadsParameters:
         found = [
             (3 * k + i, float(triad.correlation_time[i]), float(sigma))
             for k, triad in enumerate(triads)
-            for i, sigma in enumerate(triad.gauss_markov())
+            for i, sigma in enumerate(triad.gauss_markov)
         ]
         decades = round(np.log10(_LONGEST_FLICKER / shortest))
         times = np.geomspace(shortest, _LONGEST_FLICKER, max(2, decades + 1))

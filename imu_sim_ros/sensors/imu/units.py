@@ -19,14 +19,13 @@ from imu_sim_ros.random_streams import Streams, Units
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.flicker import CHUNK
 from imu_sim_ros.sensors.errors.realised import of_each, unit_of_seed
-from imu_sim_ros.sensors.errors.response import TemperatureProfile, is_constant
-from imu_sim_ros.sensors.errors.terms import Surroundings
+from imu_sim_ros.sensors.errors.terms import Surroundings, is_constant
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.imu.parameters import ImuParameters, instantaneous
 from imu_sim_ros.sensors.imu.triads import TriadParameters, names_as_in_triads
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
 from imu_sim_ros.sensors.parameters import OwnRateParameters
-from imu_sim_ros.sensors.world import SampleTimes
+from imu_sim_ros.sensors.world import SampleTimes, TemperatureProfile
 from imu_sim_ros.types import Array, Integers
 
 AHEAD: Final = CHUNK
@@ -199,7 +198,7 @@ class Triads:
         self._triads: dict[str, Triad] = {}
         for name in names:
             one = units.triad(name, slice(None))
-            self._triads[name] = Triad(name, imu, units.seeds, own.rate, one)
+            self._triads[name] = Triad(name, imu, units.seeds, own.rate)
             self._triads[name].take(unit_of_seed(one, name, units.unit_seeds))
         self._ahead = {name: Additions(None, _room(count), None) for name in names}
         self._make_others = dict(others or {})
@@ -276,7 +275,7 @@ class Triads:
             self._degrees[:, units] = temperature
             offset = temperature - self._reference
         for name, triad in self._triads.items():
-            made, kept = triad.precompute(Surroundings(offset), units), self._ahead[name]
+            made, kept = triad.additions(Surroundings(offset), units), self._ahead[name]
             kept.bias[:, units] = made.bias
             scale = self._kept(kept.scale, made.scale, 1.0, units)
             noise = self._kept(kept.noise, made.noise, 0.0, units)

@@ -3,7 +3,6 @@
 
 """The magnetometer as the rest of the package sees it: samples, topics, table, readings."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -13,7 +12,7 @@ import numpy as np
 from imu_sim_ros.conventions import Vector
 from imu_sim_ros.inputs.gate import FIELD
 from imu_sim_ros.inputs.tables import Encode, Table
-from imu_sim_ros.sensors.declaration import Model, Mounted, Sensor, SensorReadings, topic
+from imu_sim_ros.sensors.declaration import Sensor, SensorReadings, on_demand, topic
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters, MagnetometerSwitches
 from imu_sim_ros.sensors.recorded import RecordedSamples, read_samples
@@ -52,12 +51,6 @@ def _of_table(frame: str, encoding: str) -> Encode:
     from imu_sim_ros.bags.messages.encode import MagneticFieldEncoder
 
     return MagneticFieldEncoder(frame, encoding).encode
-
-
-def _model(mounted: Mounted, t0_ns: int, _: Mapping[str, Model]) -> Model:
-    from imu_sim_ros.sensors.magnetometer.model import Magnetometer  # most IMUs have none
-
-    return Magnetometer(mounted.own, mounted.environment, t0_ns)
 
 
 def _realised(parameters: MagnetometerParameters, seed: int, _: str) -> Any:
@@ -99,7 +92,7 @@ SENSOR = Sensor(
     quantity="magnetic_field",
     section=MagnetometerParameters,
     with_imu=True,
-    model=_model,
+    model=on_demand("imu_sim_ros.sensors.magnetometer.model", "Magnetometer"),
     topics=(
         topic(
             *(TOPIC, TYPE, "MagneticFieldEncoder"),

@@ -12,8 +12,10 @@ import numpy as np
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, MissingDependencyError
 from imu_sim_ros.rotation import rotate, rotate_inverse, transform
+from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.realised import with_constants, with_turn_on
+from imu_sim_ros.sensors.errors.terms import Surroundings
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.faults import Fault, FaultSchedule
 from imu_sim_ros.sensors.imu.parameters import ImuParameters, instantaneous
@@ -153,22 +155,20 @@ class MagneticErrors:
         first: int,
         ideal: Array,
         current: Array | None,
-        temperature_offset: Array,
-        faults: FaultSchedule | None,
-        additions: Additions | None = None,
+        additions: Additions,
+        faults: FaultSchedule | None = None,
     ) -> dict[str, Array]:
         """Return the next n samples and their truth, as a flight has them.
 
         :param ideal: (n, ..., 3) field in the IMU's axes [T].
         :param current: (n, ...) in the wires [A]; None: none.
-        :param temperature_offset: (n, ...) temperature above the reference [K].
-        :param additions: as for :meth:`Triad.read`.
+        :param additions, faults: as for :meth:`Triad.read`.
         """
         disturbance = np.broadcast_to(self.near.hard, ideal.shape)
         if current is not None:
             disturbance = disturbance + self.near.coupling * current[..., None]
         along = transform(self.near.response, ideal) + disturbance
-        made = self.triad.read(first, along, along, temperature_offset, faults, additions=additions)
+        made = self.triad.read(first, along, along, additions, faults)
         bias = made.bias + made.scale * disturbance
         return {"field": made.reading, "ideal_field": ideal, "bias": bias}
 
@@ -176,21 +176,21 @@ class MagneticErrors:
 class Magnetometer:
     """One magnetometer; its samples are read in order."""
 
-    def __init__(self, imu: ImuParameters, environment: EnvironmentParameters, t0_ns: int) -> None:
+    def __init__(self, mounted: Mounted, t0_ns: int, _: object = None) -> None:
         """Set up all errors at their start.
 
         :param t0_ns: time of the start [ns].
         """
+        imu, environment = mounted.own, mounted.environment
         own, seed = imu.magnetometer, environment.seed
         self._timing = SampleTiming(NAME, own.rate, imu, seed, t0_ns, own.time_offset, own.span)
         self._field = MagneticField(environment)
-        self.earth_w, self.interval = self._field.earth_w, 1.0 / imu.magnetometer.rate
+        self.earth_w, self.interval = self._field.earth_w, 1.0 / own.rate
         self._lever_arm_b = np.array(imu.lever_arm)
         self._r_ib = np.reshape(imu.mounting, (3, 3)).T
-        self._parameters: MagnetometerParameters = imu.magnetometer
-        unit = with_constants(imu.magnetometer, NAME, environment.seed)
-        triad = Triad(NAME, instantaneous(imu), environment.seed, imu.magnetometer.rate)
-        self._errors = MagneticErrors(triad, iron(unit))
+        self._parameters: MagnetometerParameters = own
+        triad = Triad(NAME, instantaneous(imu), seed, own.rate)
+        self._errors = MagneticErrors(triad, iron(with_constants(own, NAME, seed)))
         self.latest: Samples | None = None
         """What was read last."""
         self.configure(imu)
@@ -230,6 +230,7 @@ class Magnetometer:
         flows = bool(self._parameters.current_profile)
         current = current_at(self._parameters, samples.t) if flows else None
         offset = world.temperature.at(samples.t) - self._reference_temperature
-        values = self._errors.read(samples.first, ideal, current, offset, self._timing.faults)
+        additions = self._errors.triad.additions(Surroundings(offset))
+        values = self._errors.read(samples.first, ideal, current, additions, self._timing.faults)
         self.latest = self._timing.samples(samples.first, samples.true_t_ns, values)
         return self.latest

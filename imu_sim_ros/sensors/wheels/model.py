@@ -19,11 +19,10 @@ from imu_sim_ros import rotation
 from imu_sim_ros.random_streams import generator
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.errors.processes import Events
-from imu_sim_ros.sensors.errors.response import TemperatureProfile
 from imu_sim_ros.sensors.model import SensorModel
 from imu_sim_ros.sensors.wheels.parameters import WheelsParameters
 from imu_sim_ros.sensors.wheels.uncertainty import StatedCovariance, applied
-from imu_sim_ros.sensors.world import World
+from imu_sim_ros.sensors.world import TemperatureProfile, World
 from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array
 

@@ -15,6 +15,7 @@ from imu_sim_ros.sensors.gravity import EARTH_RATE, SEMI_MAJOR_AXIS, normal_grav
 from imu_sim_ros.sensors.imu.model import Imu
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
+from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.timebase import exact_rate
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
@@ -50,7 +51,7 @@ def read(
     """Return times, rates and forces of a perfect IMU."""
     own = parameters(**values)
     window = Window(Fraction(0), Fraction(count) / exact_rate(own.rate))
-    block = Imu(own.imu, own, 0).read(window, World(trajectory, own, 0))
+    block = Imu(mounted(own)["imu"], 0).read(window, World(trajectory, own, 0))
     assert np.array_equal(block.gyro, block.ideal_gyro)
     assert np.array_equal(block.accel, block.ideal_accel)
     return block.true_t_ns * 1e-9, block.gyro, block.accel
