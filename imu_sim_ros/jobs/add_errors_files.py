@@ -163,7 +163,12 @@ def add_errors_to_file(
     journal = Journal(path, arguments.switch("skip_bad_rows", skip_bad_rows))
     left_out = arguments.words("without", without)
     started = time.perf_counter()
-    job = _Job(path, target, form, topic, left_out, layers, written, journal)
+    names = [name.strip().lstrip("/") for name in form.topics if name.strip()]
+    unfit = [name for name in names if name not in OF_THE_ERROR_MODEL]
+    if unfit:
+        raise InputError([unknown("topic", name, OF_THE_ERROR_MODEL) for name in unfit])
+    added = USUAL if form.dataset else list(dict.fromkeys(names)) or USUAL
+    job = _Job(path, target, form, topic, added, left_out, layers, written, journal)
     written.add(target, kept=True)
     with written, tempfile.TemporaryDirectory(dir=written.where(target).parent) as folder:
         found, messages = job.run(Path(folder))
@@ -171,39 +176,24 @@ def add_errors_to_file(
     return ErrorsAdded(target, messages, found, wall_s, tuple(journal.lines))
 
 
+@dataclass(frozen=True)
 class _Job:
     """One output that is written."""
 
-    def __init__(
-        self,
-        source: Path,
-        path: Path,
-        form: Form,
-        input_topic: str | None,
-        without: Sequence[str],
-        layers: Mapping[str, object],
-        written: Outputs,
-        journal: Journal,
-    ) -> None:
-        """Take what is asked for.
-
-        :param input_topic: the ideal readings, or odometry; None: the only sensor_msgs/Imu.
-        :param without: topics of the input that are left out.
-        :raises InputError: with a line for each topic that is none of the sensor's.
-        """
-        self.source, self.path, self.form = source, path, form
-        self.input_topic, self.without = input_topic, without
-        self.layers, self.dataset = layers, form.dataset
-        self.written, self.journal = written, journal
-        names = [name.strip().lstrip("/") for name in form.topics if name.strip()]
-        problems = [
-            unknown("topic", name, OF_THE_ERROR_MODEL)
-            for name in names
-            if name not in OF_THE_ERROR_MODEL
-        ]
-        if problems:
-            raise InputError(problems)
-        self.added = USUAL if form.dataset else list(dict.fromkeys(names)) or USUAL
+    source: Path
+    path: Path
+    """Of the output."""
+    form: Form
+    """A dataset has room for one IMU."""
+    input_topic: str | None
+    """The ideal readings, or odometry; None: the only sensor_msgs/Imu."""
+    added: Sequence[str]
+    """Topics of the sensor, next to those of the input."""
+    without: Sequence[str]
+    """Topics of the input that are left out."""
+    layers: Mapping[str, object]
+    written: Outputs
+    journal: Journal
 
     def _text_rate(self) -> float:
         """Return the readings per second of a dataset [Hz]."""
@@ -224,12 +214,12 @@ class _Job:
         staged = self.written.where(self.path)
         if text_reader.is_text(self.source):
             with_rate(self.layers, self._text_rate)  # what is wrong with them, before work begins
-            if self.dataset is not None:
-                return self._text(staged, folder, self.dataset)
+            if self.form.dataset is not None:
+                return self._text(staged, folder, self.form.dataset)
             between = folder / "between.mcap"
             self._convert(self.source, between)
             return self._bag(between, staged)
-        if self.dataset is None:
+        if self.form.dataset is None:
             return self._bag(self.source, staged)
         noisy = folder / "noisy.mcap"
         found = self._bag(self.source, noisy)
@@ -238,7 +228,7 @@ class _Job:
 
     def _convert(self, source: Path, target: Path) -> None:
         """Convert text or bag into the other."""
-        form = Form(None if target.suffix == ".mcap" else self.dataset)
+        form = Form(None if target.suffix == ".mcap" else self.form.dataset)
         convert.write(source, target, form, Outputs([source]), self.journal, shown=False)
 
     def _bag(self, path: Path, target: Path) -> tuple[Counts, dict[str, int]]:
@@ -249,7 +239,7 @@ class _Job:
                 raise InputError(found)
             left_out = self._left_out(bag, source.name)
             copied = [t for t in bag.topics if resolved(t.name) not in left_out]
-            if self.dataset:
+            if self.form.dataset:
                 copied = [topic for topic in copied if topic.type != source.type]
             given = dict(self.form.renamed)
             names, renamed = names_in(bag, source, copied, self.added, given)
@@ -274,7 +264,7 @@ class _Job:
         return left_out
 
     def _writer(self, target: Path) -> Writer:
-        if self.dataset:
+        if self.form.dataset:
             return open_writer(target)
         writer = open_writer(target, *self.form.bag)
         self.written.describe(self.path, lambda: described(writer.topics))

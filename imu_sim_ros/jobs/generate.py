@@ -251,9 +251,8 @@ def generate(
     written = outputs(force, discard_partial, inputs)
     started = time.perf_counter()
     written.add(path, kept=True)
-    configs = truth_files.configs(path)
     if with_configs:
-        written.add(configs, companion_of=path)
+        written.add(truth_files.configs(path), companion_of=path)
     of_sensors: dict[str, list[Path]] = {}
     truths: dict[Path, str] = {}
     if dataset not in _WITHOUT_READINGS and not path.parent.is_file():  # one line will do
@@ -310,7 +309,8 @@ def generate(
                 companions[name] = stack.enter_context(closing(made))
             samples = _write(path, body, target, companions)
         if with_configs:
-            _write_configs(written.where(configs), path.name, body, names, format, journal)
+            folder = written.where(truth_files.configs(path))
+            _write_configs(folder, path.name, body, names, format, journal)
         size = sum(file.stat().st_size for file in target.files if file.is_file())
     wall_s = time.perf_counter() - started
     lines, notes = tuple(journal.lines), tuple(journal.notes)
@@ -387,7 +387,7 @@ def _write(path: Path, body: Body, target: Any, companions: Mapping[str, Compani
     :param target: receives all windows.
     :param companions: each receives the samples of one sensor, by its name.
     """
-    every, samples = imus_in(mounted(body.parameters)), 0
+    every, samples = imus_in(body.sensors), 0
     with (
         progress(f"writing {path}", lambda: body.total or 0) as advance,
         closing(prefetch(body.windows(BLOCK_SIZE))) as windows,

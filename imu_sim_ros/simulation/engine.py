@@ -127,7 +127,7 @@ class Body:
             from imu_sim_ros.trajectory.drive import elsewhere_on_earth  # most motions are none
 
             lines += elsewhere_on_earth(self.trajectory, p.latitude_deg, p.longitude_deg)
-        for name, one in mounted(p).items():
+        for name, one in self.sensors.items():
             if name in self._models and not (elsewhere and one.sensor.apart):
                 lines += one.sensor.warnings(one, self.world, duration)
         for one in every:
@@ -145,7 +145,7 @@ class Body:
         recorded, lines = self._recorded, list[str]()
         if recorded is not None:
             lines += recorded.repairs + recorded.report.lines()
-        for one in mounted(self.parameters).values():
+        for one in self.sensors.values():
             lines += one.sensor.notes(one)
         note = self.note_of_scene(elsewhere)
         return [*lines, note] if note else lines
@@ -155,7 +155,7 @@ class Body:
 
         :param elsewhere: as in :meth:`warnings`.
         """
-        sensors = [mounted(self.parameters)[name].sensor for name in self._models]
+        sensors = [self.sensors[name].sensor for name in self._models]
         seen = any(one.sees and not (elsewhere and one.apart) for one in sensors)
         return self.world.scene.note if seen else ""
 
@@ -164,15 +164,15 @@ class Body:
         self._now = Fraction(0)
         p = self.parameters
         self.world = World(self.trajectory, p, self.t0_ns, self._made_scene, self._threads)
-        sensors = mounted(p)
-        self._models = models(sensors, self._wanted, self.t0_ns)
+        self.sensors = mounted(p)
+        self._models = models(self.sensors, self._wanted, self.t0_ns)
         for model in self._models.values():
             if isinstance(model, Imu):
                 model.prepare(self.trajectory)
-        shown = self._wanted.union(imus_in(sensors))
+        shown = self._wanted.union(imus_in(self.sensors))
         self._shown = [name for name in self._models if name in shown]
         self._longest = min(
-            getattr(sensors[name].own, "longest_window", math.inf) for name in self._shown
+            getattr(self.sensors[name].own, "longest_window", math.inf) for name in self._shown
         )
 
     def _made_scene(self, world: World) -> "Scene":
@@ -215,10 +215,9 @@ class Body:
         ]
         if problems:
             raise ConfigurationError(problems)
-        self.parameters = parameters
-        sensors = mounted(parameters)
+        self.parameters, self.sensors = parameters, mounted(parameters)
         for name, model in self._models.items():
-            model.configure(sensors[name].own)
+            model.configure(self.sensors[name].own)
 
     def inject(self, fault: Fault, delay: float = 0.0, imu: str = "") -> dict[str, int]:
         """Let a fault begin.
@@ -230,10 +229,9 @@ class Body:
         """
         if not (math.isfinite(delay) and delay >= 0.0):
             raise ConfigurationError(f"fault delay = {delay}: must be at least 0 s")
-        sensors = mounted(self.parameters)
-        hit = [name for name, one in sensors.items() if one.takes(fault)]
+        hit = [name for name, one in self.sensors.items() if one.takes(fault)]
         if not hit:
-            known = dict.fromkeys(part for one in sensors.values() for part in one.faulty)
+            known = dict.fromkeys(part for one in self.sensors.values() for part in one.faulty)
             raise ConfigurationError(
                 f"fault triad = {fault.triad!r}: {suggestion(fault.triad, list(known))}"
             )
@@ -244,10 +242,10 @@ class Body:
                     f"fault triad = {fault.triad}: this simulation has no {fault.triad}"
                 )
             # One that no IMU has with it is hit whichever IMU is meant.
-            own = sensors[name]
+            own = self.sensors[name]
             of_imu = own.space.rstrip("/") if own.sensor.with_imu else imu or next(iter(every))
             if imu in ("", of_imu):
-                sampled = sensors[name].environment.rate
+                sampled = own.environment.rate
                 first = self.taken(sampled) + timebase.sample_count(delay, sampled)
                 self._models[name].inject(fault, first / timebase.exact_rate(sampled))
                 t_ns = timebase.sample_times_ns(first, 1, sampled, self.t0_ns)

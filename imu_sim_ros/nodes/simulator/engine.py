@@ -84,7 +84,7 @@ class Engine:
         self._run = self._unacknowledged = 0
         self._stopped = False
         self._lock = threading.Lock()
-        self._changes: list[Callable[[PublishQueue], None]] = []
+        self._changes: list[Callable[[], None]] = []
         self._blocks: queue.SimpleQueue[_Block | None] = queue.SimpleQueue()
         self._room = threading.Semaphore(_BLOCKS_AHEAD)
         self._threads = [
@@ -106,8 +106,8 @@ class Engine:
         for thread in self._threads:
             thread.join(_LONGEST_END)
 
-    def change(self, change: Callable[[PublishQueue], None]) -> None:
-        """Have a function change the queue before the next block is computed."""
+    def change(self, change: Callable[[], None]) -> None:
+        """Have a function change what is published, before the next block is computed."""
         with self._lock:
             self._changes.append(change)
 
@@ -170,7 +170,7 @@ class Engine:
         with self._lock:
             changes, self._changes = self._changes, []
         for change in changes:
-            change(self._queue)
+            change()
         return bool(changes)
 
     def _block_length(self) -> float:

@@ -93,7 +93,7 @@ class Simulator(ConfiguredNode):
         self._diagnostics = create(self, DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
         self._apart = self._made_apart(parameters)
         outputs = [*self._outputs(parameters), *(self._apart.outputs if self._apart else ())]
-        body = Body(parameters, _read_poses, sensors={name for name, *_ in outputs})
+        self._body = body = Body(parameters, _read_poses, sensors={name for name, *_ in outputs})
         self._remarks += body.warnings(elsewhere=True)
         self._notes += body.notes(elsewhere=True)
         self._descriptions = self._described(parameters)
@@ -352,7 +352,7 @@ class Simulator(ConfiguredNode):
             self._inject(new)
         self.engine.pacer.configure(new.real_time_factor, new.catch_up)
         if any(name.partition(".")[0] not in _OF_THE_NODE for name in self.changed):
-            self.engine.change(lambda queue: queue.update(new))
+            self.engine.change(lambda: self._body.update(new))
             for name, simulated in imus(new).items():
                 sensor_description.publish(self._descriptions[name], simulated)
 
@@ -360,8 +360,8 @@ class Simulator(ConfiguredNode):
         wanted = parameters.inject
         fault = wanted_fault(wanted, parameters.publish)
 
-        def begin(queue: PublishQueue) -> None:
-            for imu, t_ns in queue.inject(fault, wanted.delay, wanted.imu).items():
+        def begin() -> None:
+            for imu, t_ns in self._body.inject(fault, wanted.delay, wanted.imu).items():
                 stamp = Time(nanoseconds=t_ns).to_msg()
                 self._faults.publish(fault_message(f"{self.get_name()}: fault", fault, imu, stamp))
 

@@ -12,10 +12,7 @@ import numpy as np
 
 from imu_sim_ros import timebase
 from imu_sim_ros.bags.messages.blocks import as_list
-from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.simulation.engine import Body
-from imu_sim_ros.simulation.parameters import SimulationParameters
-from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.simulation.topics import Encode
 from imu_sim_ros.types import Times
 
@@ -48,26 +45,20 @@ class BodyStream:
 
     def __init__(self, body: Body, outputs: Sequence[tuple[str, Encode, Send]]) -> None:
         """Connect sensors, by name, with their topics."""
-        self.body, self._outputs = body, outputs
-        self._sensors = mounted(body.parameters)
+        self._body, self._outputs = body, outputs
 
     def restart(self, t0_ns: int) -> None:
         """Return to the first samples: the same follow again."""
-        self.body.t0_ns = t0_ns
-        self.body.reset()
+        self._body.t0_ns = t0_ns
+        self._body.reset()
 
     def advance(self, end: float) -> Iterator[Piece]:
         """Yield the messages of the samples before ``end``."""
-        read = self.body.until(Fraction(repr(float(end))))
+        read = self._body.until(Fraction(repr(float(end))))
         for sensor, encode, send in self._outputs:
-            messages = encode(read[sensor], self._sensors[sensor].valid)
+            messages = encode(read[sensor], self._body.sensors[sensor].valid)
             if len(messages.due_t_ns):
                 yield Piece(messages.due_t_ns, send, as_list(messages.made()))
-
-    def update(self, parameters: SimulationParameters) -> None:
-        """Take new values of live parameters."""
-        self.body.update(parameters)
-        self._sensors = mounted(parameters)
 
 
 class TickStream:
@@ -110,11 +101,6 @@ class PublishQueue:
         self.restart(0)
 
     @property
-    def bodies(self) -> list[BodyStream]:
-        """The streams that are bodies with sensors."""
-        return [stream for stream in self._streams if isinstance(stream, BodyStream)]
-
-    @property
     def finished(self) -> bool:
         """Whether every message has been yielded."""
         return self._end >= self._duration
@@ -126,21 +112,6 @@ class PublishQueue:
         self._held: list[Piece] = []
         for stream in self._streams:
             stream.restart(t0_ns)
-
-    def update(self, parameters: SimulationParameters) -> None:
-        """Pass new live parameters to the sensors."""
-        for stream in self.bodies:
-            stream.update(parameters)
-
-    def inject(self, fault: Fault, delay: float, imu: str = "") -> dict[str, int]:
-        """Start a fault; returns the time of the first sample it hits [ns] by IMU.
-
-        :param imu: the IMU's name; empty: all.
-        """
-        times: dict[str, int] = {}
-        for stream in self.bodies:
-            times |= stream.body.inject(fault, delay, imu)
-        return times
 
     def next_groups(self, length: float) -> list[Group]:
         """Return the entries due in the next ``length`` seconds, in order."""

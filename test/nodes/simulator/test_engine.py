@@ -72,7 +72,7 @@ def test_time_zero_is_chosen_once(what):
     run = Run(speed=0.0 if what == "as fast as possible" else 1.0)
     changes = []
     if what == "behind a change":
-        run.engine.change(changes.append)
+        run.engine.change(lambda: changes.append(what))
     run.play()
     assert len(run.leads) == 1
     assert len(changes) == (what == "behind a change")

@@ -31,25 +31,26 @@ def _stamp(payload: bytes) -> Any:
     return np.frombuffer(payload, dtype="<u4", count=2, offset=4)
 
 
-def queue_of(**imu: float) -> PublishQueue:
+def queue_of(**imu: float) -> tuple[PublishQueue, Body]:
     given = {f"imu.{name}": value for name, value in imu.items()}
     parameters = load_simulation({"rate": RATE, "imu.preset": "perfect", **given})
     encode = topics.offered(mounted(parameters))[IMU_TOPIC].encoder()
-    queue = PublishQueue([BodyStream(Body(parameters), [("imu", encode, len)])], math.inf)
+    body = Body(parameters)
+    queue = PublishQueue([BodyStream(body, [("imu", encode, len)])], math.inf)
     queue.restart(0)
-    return queue
+    return queue, body
 
 
 @pytest.mark.parametrize(
     "latency", [{"latency": 10.0}, {"latency": 5.0, "latency_jitter": 1.0}], ids=["same", "random"]
 )
 def test_a_lowered_latency_lets_go_of_everything_at_once(latency: dict[str, float]) -> None:
-    queue = queue_of(**latency)
+    queue, body = queue_of(**latency)
     assert queue.next_groups(1.0) == []
     lower = load_simulation(
         {"rate": RATE, "imu.preset": "perfect"}, {"imu.latency": 0.001, "imu.latency_jitter": 0.0}
     )
-    queue.update(lower)
+    body.update(lower)
     groups = queue.next_groups(1.0)
     assert stamps(groups) == [5_000_000 * k for k in range(400)]
     due = [time_ns for time_ns, _ in groups]
@@ -59,10 +60,10 @@ def test_a_lowered_latency_lets_go_of_everything_at_once(latency: dict[str, floa
 
 
 def test_a_raised_latency_keeps_the_order_and_loses_nothing() -> None:
-    queue = queue_of(latency=0.5)
+    queue, body = queue_of(latency=0.5)
     groups = queue.next_groups(1.0)
     raised = load_simulation({"rate": RATE, "imu.preset": "perfect", "imu.latency": 2.0})
-    queue.update(raised)
+    body.update(raised)
     for _ in range(3):
         groups += queue.next_groups(1.0)
     assert stamps(groups) == [5_000_000 * k for k in range(len(stamps(groups)))]
