@@ -272,17 +272,18 @@ def right_jacobian_inverse(rotation_vector: ArrayLike) -> Array:
 def from_euler(roll_pitch_yaw: ArrayLike) -> Array:
     """Return ``q_wb`` (..., 4) of Euler angles (..., 3) [rad]: ``Rz(yaw) Ry(pitch) Rx(roll)``."""
     half = 0.5 * np.asarray(roll_pitch_yaw, dtype=np.float64)
-    cr, cp, cy = np.moveaxis(np.cos(half), -1, 0)
-    sr, sp, sy = np.moveaxis(np.sin(half), -1, 0)
-    return np.stack(
-        [
-            cr * cp * cy + sr * sp * sy,
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-        ],
-        axis=-1,
-    )
+    return _of_half_angles(np.sin(half), np.cos(half))
+
+
+def _of_half_angles(sines: Array, cosines: Array) -> Array:
+    """Return ``q_wb`` (..., 4) of the sines and cosines (..., 3) of half the Euler angles."""
+    (sr, sp, sy), (cr, cp, cy) = _parts(sines), _parts(cosines)
+    result = np.empty((*sr.shape, 4), order="F")
+    result[..., 0] = cr * cp * cy + sr * sp * sy
+    result[..., 1] = sr * cp * cy - cr * sp * sy
+    result[..., 2] = cr * sp * cy + sr * cp * sy
+    result[..., 3] = cr * cp * sy - sr * sp * cy
+    return result
 
 
 def to_euler(q_wb: ArrayLike) -> Array:
@@ -312,6 +313,32 @@ def body_rates_to_euler_rates(roll_pitch_yaw: ArrayLike) -> Array:
     one, zero = np.ones_like(sr), np.zeros_like(sr)
     rows = [[one, sr * tp, cr * tp], [zero, cr, -sr], [zero, sr / cp, cr / cp]]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def euler_motion(angles: Array, first: Array, second: Array) -> tuple[Array, Array, Array]:
+    """Return q_wb (n, 4), omega_b (n, 3) and alpha_b (n, 3) of Euler angles over time.
+
+    ``omega_b = E d/dt (roll, pitch, yaw)`` (lecture eq. 37); alpha_b is its derivative.
+
+    :param angles: (n, 3) roll, pitch, yaw [rad].
+    :param first: (n, 3) their first derivatives [rad/s].
+    :param second: (n, 3) their second derivatives [rad/s^2].
+    """
+    half = 0.5 * angles
+    sines, cosines = np.sin(half), np.cos(half)
+    twice = 2.0 * sines
+    (sr, sp, _), (cr, cp, _) = (twice * cosines).T, (1.0 - twice * sines).T
+    (roll1, pitch1, yaw1), (roll2, pitch2, yaw2) = first.T, second.T
+    across, down, turn = sr * cp, cr * cp, yaw1 * pitch1
+    omega, alpha = (np.empty(angles.shape, order="F") for _ in range(2))
+    x, y, z = omega.T
+    x[:] = roll1 - yaw1 * sp
+    y[:] = pitch1 * cr + yaw1 * across
+    z[:] = yaw1 * down - pitch1 * sr
+    alpha[:, 0] = roll2 - yaw2 * sp - turn * cp
+    alpha[:, 1] = pitch2 * cr + yaw2 * across + roll1 * z - turn * sp * sr
+    alpha[:, 2] = yaw2 * down - pitch2 * sr - roll1 * y - turn * sp * cr
+    return _of_half_angles(sines, cosines), omega, alpha
 
 
 def cumulative_product(q: ArrayLike) -> Array:

@@ -1,15 +1,16 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From parameters to a trajectory, with its lead-in; whether a sensor could follow it."""
+"""From parameters to a trajectory: a motion cut, repeated, slowed, with rests and vibration."""
 
 import math
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from imu_sim_ros import rotation
+from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.poses import read_poses
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import (
@@ -17,8 +18,154 @@ from imu_sim_ros.trajectory.parameters import (
     PoseReader,
     TrajectoryParameters,
 )
-from imu_sim_ros.trajectory.retime import retimed
+from imu_sim_ros.trajectory.profile import Derivatives, Phase, RateProfile, smooth_step
 from imu_sim_ros.types import Array
+
+
+def build_trajectory(
+    parameters: TrajectoryParameters,
+    pose_reader: PoseReader = read_poses,
+    given: Trajectory | None = None,
+) -> Trajectory:
+    """Return the trajectory that the parameters describe: a motion cut, repeated, and so on.
+
+    :param parameters: the section ``trajectory`` of a simulation.
+    :param pose_reader: reads a file of poses; the default reads text files only.
+    :param given: the bare motion of the type ``given``.
+    :raises ConfigurationError: for parameters that do not describe a motion.
+    :raises InputError: for a file of poses that cannot be used.
+    """
+    p = parameters
+    trajectory = p.motion(pose_reader) if given is None else given
+    if p.length:
+        if p.length > trajectory.duration:
+            raise ConfigurationError(
+                f"trajectory.length = {p.length:g}: the motion lasts {trajectory.duration:g} s"
+            )
+        trajectory = Cut(trajectory, p.length)
+    if p.repeat != 1:
+        trajectory = _repeated(trajectory, p)
+    before = p.rest_before + p.lead_in.duration
+    if before or p.rest_after or p.time_scale != 1.0:
+        trajectory = Retimed(trajectory, _rests(trajectory.duration, before, p))
+    if p.lead_in.rest > 0.0:
+        trajectory = LeadIn(trajectory, p.lead_in)
+    v = p.vibration
+    if any(v.acceleration + v.noise_rms + v.angular_rate + v.angular_noise_rms):
+        from imu_sim_ros.trajectory.vibration import Vibrating, Vibration
+
+        trajectory = Vibrating(trajectory, Vibration(v))
+    return trajectory
+
+
+# What ends that meet may differ by: position [m], velocity [m/s], attitude [rad], rate [rad/s].
+_MEETING: Final = 1e-6
+_HALF_TURN: Final = 0.34375  # integral of 1 - 2 smooth_step over [0, 1/2]
+
+
+class TimeMap(Protocol):
+    """Time within a motion as a function of the time outside."""
+
+    @property
+    def duration(self) -> float:
+        """Length outside [s]."""
+
+    @property
+    def fastest(self) -> float:
+        """The highest rate at which time within the motion passes."""
+
+    def sample(self, t: Array) -> Derivatives:
+        """Return the time within the motion, its rate and its acceleration at times t (n,)."""
+
+
+class Retimed:
+    """A motion whose time is mapped by u(t), with the chain rule's derivatives."""
+
+    def __init__(self, inner: Trajectory, time_map: TimeMap) -> None:
+        self.inner = inner
+        self._time_map = time_map
+        self.duration = time_map.duration
+        self.highest_frequency = inner.highest_frequency * time_map.fastest
+
+    def sample(self, t: Array) -> Motion:
+        """Return the motion at times t (n,) [s]."""
+        u, rate, acceleration = (x[:, None] for x in self._time_map.sample(t))
+        p, v, a, q_wb, omega, alpha = self.inner.sample(u[:, 0])
+        square = rate * rate
+        return Motion(
+            p,
+            rate * v,
+            square * a + acceleration * v,
+            q_wb,
+            rate * omega,
+            square * alpha + acceleration * omega,
+        )
+
+
+class Cut:
+    """The beginning of a motion."""
+
+    def __init__(self, inner: Trajectory, duration: float) -> None:
+        self.inner = inner
+        self.duration = duration
+        self.highest_frequency = inner.highest_frequency
+
+    def sample(self, t: Array) -> Motion:
+        """Return the motion at times t (n,) [s]."""
+        return self.inner.sample(t)
+
+
+class Loop:
+    """The time map of a motion that starts again when it has ended."""
+
+    def __init__(self, length: float, passes: float) -> None:
+        """Take the length of one pass [s] and the number of passes, which may be infinite."""
+        self._length = length
+        self._passes = passes
+        self.duration = length * passes
+        self.fastest = 1.0
+
+    def sample(self, t: Array) -> Derivatives:
+        """Return the time within the motion."""
+        passed = np.clip(np.floor(t / self._length), 0.0, self._passes - 1.0)
+        return Derivatives(t - passed * self._length, np.ones_like(t), np.zeros_like(t))
+
+
+class ThereAndBack:
+    """The time map of a motion that runs to its end, turns smoothly and runs back.
+
+    Time within the motion slows down, stops at the very end and runs backwards, over the
+    given time; so any motion can be repeated without a jump.
+    """
+
+    def __init__(self, length: float, passes: float, turn: float) -> None:
+        """Take the length of one pass [s], the number of passes and the time of a turn [s]."""
+        self._length = length
+        self._passes = passes
+        self._turn = turn
+        self._overlap = _HALF_TURN * turn  # how much of the motion lies within half a turn
+        self._straight = length - 2.0 * self._overlap
+        self._period = self._straight + turn
+        self.duration = (passes - 1.0) * self._period + length
+        self.fastest = 1.0
+
+    def sample(self, t: Array) -> Derivatives:
+        """Return the time within the motion."""
+        elapsed = t - self._overlap
+        passed = np.clip(np.floor(elapsed / self._period), 0.0, self._passes - 1.0)
+        elapsed = elapsed - passed * self._period
+        turning = (elapsed > self._straight) & (passed < self._passes - 1.0)
+        x = np.where(turning, (elapsed - self._straight) / self._turn, 0.0)
+        step = smooth_step(x)
+        straight = np.where(turning, self._straight, elapsed)
+        u = self._overlap + straight + self._turn * (x - 2.0 * step.integral)
+        backward = passed % 2.0 == 1.0
+        sign = np.where(backward, -1.0, 1.0)
+        return Derivatives(
+            np.where(backward, self._length - u, u),
+            sign * (1.0 - 2.0 * step.value),
+            sign * (-2.0 / self._turn) * step.slope,
+        )
 
 
 class LeadIn:
@@ -32,16 +179,9 @@ class LeadIn:
         """Displace a motion that rests from 0 until the jerk is over."""
         self.inner = inner
         self._parameters = parameters
-
-    @property
-    def duration(self) -> float:
-        """Length [s]."""
-        return self.inner.duration
-
-    @property
-    def highest_frequency(self) -> float:
-        """Highest frequency of motion and jerk, a smooth bump of at most four periods [Hz]."""
-        return max(self.inner.highest_frequency, 4.0 / self._parameters.jerk_time)
+        self.duration = inner.duration
+        # The jerk is a smooth bump of at most four periods.
+        self.highest_frequency = max(inner.highest_frequency, 4.0 / parameters.jerk_time)
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
@@ -59,6 +199,66 @@ class LeadIn:
             velocity=motion.velocity + first[:, None] * d,
             acceleration=motion.acceleration + second[:, None] * d,
         )
+
+
+def _repeated(inner: Trajectory, parameters: TrajectoryParameters) -> Retimed:
+    """Return a motion several times; ``trajectory.repeat`` is 0 for a motion without end."""
+    passes = parameters.repeat or math.inf
+    if math.isinf(inner.duration):
+        raise ConfigurationError(
+            f"trajectory.repeat = {parameters.repeat}: the motion has no end; "
+            "trajectory.length gives it one"
+        )
+    if parameters.repeat_mode == "loop":
+        _check_closed(inner, parameters.repeat)
+        return Retimed(inner, Loop(inner.duration, passes))
+    turn = parameters.rest_transition
+    if inner.duration < 2.0 * _HALF_TURN * turn:
+        raise ConfigurationError(_too_short(turn, inner.duration))
+    return Retimed(inner, ThereAndBack(inner.duration, passes, turn))
+
+
+def _check_closed(inner: Trajectory, repeat: int) -> None:
+    ends = inner.sample(np.array([0.0, inner.duration]))
+    step = np.linalg.norm(ends.position[1] - ends.position[0])
+    turn = 2.0 * np.arccos(min(1.0, abs(float(np.sum(ends.q_wb[0] * ends.q_wb[1])))))
+    speed = np.linalg.norm(ends.velocity[1] - ends.velocity[0])
+    rate = np.linalg.norm(ends.angular_velocity[1] - ends.angular_velocity[0])
+    # The arc cosine near 1 is good to 1e-8 only.
+    if max(step, turn, speed, rate) > _MEETING:
+        raise ConfigurationError(
+            f"trajectory.repeat = {repeat}: the motion ends {step:.3g} m, {speed:.3g} m/s, "
+            f"{turn:.3g} rad and {rate:.3g} rad/s from its start; "
+            "trajectory.repeat_mode there_and_back repeats any motion"
+        )
+
+
+def _rests(length: float, before: float, parameters: TrajectoryParameters) -> RateProfile:
+    """Return the time map of a motion of the given length [s] after a rest [s] and before one."""
+    after = parameters.rest_after
+    ramp, scale = parameters.rest_transition, parameters.time_scale
+    if math.isinf(length) and after > 0.0:
+        raise ConfigurationError(
+            f"trajectory.rest_after = {after:g}: the motion has no end; "
+            "trajectory.length gives it one"
+        )
+    ramps = ((before > 0.0) + (after > 0.0)) * ramp
+    cruise = length / scale - 0.5 * ramps
+    if cruise < 0.0:
+        raise ConfigurationError(_too_short(ramp, length))
+    phases = [Phase(cruise, scale, scale)]
+    if before > 0.0:
+        phases = [Phase(before, 0.0, 0.0), Phase(ramp, 0.0, scale), *phases]
+    if after > 0.0:
+        phases += [Phase(ramp, scale, 0.0), Phase(after, 0.0, 0.0)]
+    return RateProfile(phases)
+
+
+def _too_short(transition: float, length: float) -> str:
+    return (
+        f"trajectory.rest_transition = {transition:g}: must be shorter for a motion that lasts "
+        f"{length:g} s"
+    )
 
 
 _LONGEST_LOOK: Final = 3600.0  # s
@@ -87,69 +287,33 @@ def implausible(
     if not (np.any(gyroscope_range) or np.any(accelerometer_range)):
         return []
     end = min(duration, trajectory.duration, _LONGEST_LOOK)
-    rates, forces, times = np.zeros(3), np.zeros(3), np.zeros((2, 3))
     samples = max(1, min(_SAMPLES, math.ceil(end * rate)))
+    # Rows are the triads, columns the axes.
+    peaks, times = np.zeros((2, 3)), np.zeros((2, 3))
     for first in range(0, samples, _BLOCK):
-        last = min(first + _BLOCK, samples)
-        t: Array = np.arange(first, last, dtype=np.float64) * (end / samples)
+        t: Array = np.arange(first, min(first + _BLOCK, samples), dtype=np.float64)
+        t *= end / samples
         motion = trajectory.sample(t)
         force = rotation.rotate_inverse(motion.q_wb, motion.acceleration - np.asarray(gravity))
-        _keep_peaks(rates, times[0], motion.angular_velocity, t)
-        _keep_peaks(forces, times[1], force, t)
-    return [
-        f"the motion exceeds the {triad}'s range: {quantity} {peaks[k]:.4g} {unit} on "
-        f"{'xyz'[k]} at {at[k]:.3f} s, range {limits[k]:.4g} {unit}"
-        for triad, quantity, unit, peaks, at, limits in (
-            ("gyroscope", "rate", "rad/s", rates, times[0], _limits(gyroscope_range)),
-            (
-                "accelerometer",
-                "specific force",
-                "m/s^2",
-                forces,
-                times[1],
-                _limits(accelerometer_range),
-            ),
+        for triad, values in enumerate((motion.angular_velocity, force)):
+            sizes = np.abs(values)
+            rows = np.argmax(sizes, axis=0)
+            largest = sizes[rows, np.arange(3)]
+            higher = largest > peaks[triad]
+            peaks[triad, higher], times[triad, higher] = largest[higher], t[rows][higher]
+    lines = []
+    for triad, (name, quantity, unit, given) in enumerate(
+        (
+            ("gyroscope", "rate", "rad/s", gyroscope_range),
+            ("accelerometer", "specific force", "m/s^2", accelerometer_range),
         )
-        for k in [int(np.argmax(peaks / limits))]
-        if peaks[k] > limits[k]
-    ]
-
-
-def _limits(ranges: ArrayLike) -> Array:
-    values = np.broadcast_to(np.asarray(ranges, dtype=np.float64), (3,))
-    return np.where(values > 0.0, values, np.inf)
-
-
-def _keep_peaks(peaks: Array, times: Array, values: Array, t: Array) -> None:
-    """Raise peaks (3,), and the times at which they occur, to those of values (n, 3)."""
-    size = np.abs(values)
-    rows = np.argmax(size, axis=0)
-    largest = size[rows, np.arange(3)]
-    higher = largest > peaks
-    peaks[higher] = largest[higher]
-    times[higher] = t[rows][higher]
-
-
-def build_trajectory(
-    parameters: TrajectoryParameters,
-    pose_reader: PoseReader = read_poses,
-    given: Trajectory | None = None,
-) -> Trajectory:
-    """Return the trajectory that the parameters describe.
-
-    :param parameters: the section ``trajectory`` of a simulation.
-    :param pose_reader: reads a file of poses; the default reads text files only.
-    :param given: the bare motion of the type ``given``.
-    :raises ConfigurationError: for parameters that do not describe a motion.
-    :raises InputError: for a file of poses that cannot be used.
-    """
-    bare = parameters.motion(pose_reader) if given is None else given
-    trajectory = retimed(bare, parameters)
-    if parameters.lead_in.rest > 0.0:
-        trajectory = LeadIn(trajectory, parameters.lead_in)
-    v = parameters.vibration
-    if any(v.acceleration + v.noise_rms + v.angular_rate + v.angular_noise_rms):
-        from imu_sim_ros.trajectory.vibration import Vibrating, Vibration
-
-        return Vibrating(trajectory, Vibration(v))
-    return trajectory
+    ):
+        limits = np.broadcast_to(np.asarray(given, dtype=np.float64), (3,))
+        limits = np.where(limits > 0.0, limits, np.inf)
+        k = int(np.argmax(peaks[triad] / limits))
+        if peaks[triad, k] > limits[k]:
+            lines.append(
+                f"the motion exceeds the {name}'s range: {quantity} {peaks[triad, k]:.4g} {unit} "
+                f"on {'xyz'[k]} at {times[triad, k]:.3f} s, range {limits[k]:.4g} {unit}"
+            )
+    return lines

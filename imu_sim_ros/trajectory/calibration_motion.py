@@ -37,29 +37,23 @@ class Turn(NamedTuple):
 class CalibrationMotion:
     """A body at a fixed position that turns about one body axis after the other."""
 
+    highest_frequency = 0.0
+    """Turns are smooth over the time between two readings."""
+
     def __init__(self, first_q_wb: Array, turns: Sequence[Turn]) -> None:
         """Take the attitude (4,) at the start and the turns, one after another."""
         self._profile = RateProfile([turn.phase for turn in turns])
+        self.duration = self._profile.duration
         self._axes = np.array([turn.axis for turn in turns])
         changes = np.array([turn.phase.change for turn in turns])
         self._angles = np.concatenate([[0.0], np.cumsum(changes)[:-1]])
         steps = rotation.exp(changes[:-1, None] * self._axes[:-1])
         self._q_wb = rotation.cumulative_product(np.concatenate([first_q_wb[None], steps]))
 
-    @property
-    def duration(self) -> float:
-        """Length [s]."""
-        return self._profile.duration
-
-    @property
-    def highest_frequency(self) -> float:
-        """0: turns are smooth over the time between two readings."""
-        return 0.0
-
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
         k = self._profile.locate(t)
-        angle, rate, acceleration = (np.asarray(x) for x in self._profile.sample(t))
+        angle, rate, acceleration = self._profile.sample(t)
         axis = self._axes[k]
         turned = (angle - self._angles[k])[:, None] * axis
         still = np.broadcast_to(np.zeros(3), axis.shape)

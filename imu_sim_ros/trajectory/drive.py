@@ -14,6 +14,7 @@ from typing import Final
 
 import numpy as np
 
+from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.trajectory.bspline import DEGREE
 from imu_sim_ros.trajectory.ground import (
@@ -26,7 +27,7 @@ from imu_sim_ros.trajectory.ground import (
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import DriveParameters
 from imu_sim_ros.trajectory.path import Path, UniformSpline, find_path
-from imu_sim_ros.trajectory.profile import Derivatives, attitude
+from imu_sim_ros.trajectory.profile import Derivatives
 from imu_sim_ros.trajectory.route import MOST_POINTS, Route, read_route
 from imu_sim_ros.trajectory.schedule import Visits, driven, find_schedule
 from imu_sim_ros.trajectory.vibration import Vibrating, Vibration
@@ -44,6 +45,9 @@ _RESPONSE_STEPS: Final = 40.0
 class Drive:
     """The motion of a drive; ``route`` has the waypoints, ``path`` and ``schedule`` the way."""
 
+    highest_frequency = 0.0
+    """The polynomials are smooth over the time between two readings."""
+
     def __init__(self, parameters: DriveParameters) -> None:
         """Read the files, and find path and schedule.
 
@@ -57,19 +61,10 @@ class Drive:
             self.route.waypoints, p.turning_radius, p.deviation, _PREFIX, backward
         )
         self.schedule = find_schedule(self.path, p, visits, _PREFIX)
+        self.duration = self.schedule.length
         self._ground = _ground(p, self.path, self.route.heights)
         self._suspension = _suspension(self.path, self.schedule, p)
         self._headings = self._unwrapped()
-
-    @property
-    def duration(self) -> float:
-        """Length [s]."""
-        return self.schedule.length
-
-    @property
-    def highest_frequency(self) -> float:
-        """0: the polynomials are smooth over the time between two readings."""
-        return 0.0
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
@@ -88,15 +83,11 @@ class Drive:
         yaw = _yaw(facing * first, facing * second, facing * third)
         pitch = _pitch(first, second, third, (facing * rise, facing * curve, facing * kink))
         roll = _roll(pitch, _across([values[1:] for values in ground[:3]], yaw))
-        yaw = yaw._replace(value=self._continued(u, np.asarray(yaw.value)))
-        roll, pitch, yaw = (_in_time(x, rate, change) for x in (roll, pitch, yaw))
+        yaw = yaw._replace(value=self._continued(u, yaw.value))
+        angles = np.array([_in_time(x, rate, change) for x in (roll, pitch, yaw)])
         if self._suspension is not None:
-            leaning = self._suspension.sample(t, 2)
-            roll, pitch = (
-                Derivatives(*(x + lean[k] for x, lean in zip(angle, leaning, strict=True)))
-                for k, angle in enumerate((roll, pitch))
-            )
-        return Motion(p, v, a, *attitude(roll, pitch, yaw, len(t)))
+            angles[:2] += np.array(self._suspension.sample(t, 2)).swapaxes(0, 1)
+        return Motion(p, v, a, *rotation.euler_motion(*angles.transpose(1, 2, 0)))
 
     def way(self, t: Array) -> Derivatives:
         """Return the way along the path [m], its rate and the rate of that, at times t (n,)."""

@@ -3,8 +3,10 @@
 
 """Trajectories in closed form: static, thrown, harmonic, on a turning disc, waypoints."""
 
+import itertools
 import math
-from typing import Any, Final
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -14,26 +16,18 @@ from imu_sim_ros.trajectory.parameters import (
     FreeFallParameters,
     HarmonicParameters,
     PolarParameters,
+    SeriesParameters,
     StaticParameters,
     WaypointsParameters,
 )
-from imu_sim_ros.trajectory.profile import Derivatives, attitude
-from imu_sim_ros.trajectory.series import SeriesSet
 from imu_sim_ros.types import Array
 
 
 class _Endless:
-    """A motion without end, smooth over any interval."""
+    """A motion without end; one of sinusoids states their highest frequency."""
 
-    @property
-    def duration(self) -> float:
-        """Infinite."""
-        return math.inf
-
-    @property
-    def highest_frequency(self) -> float:
-        """0."""
-        return 0.0
+    duration = math.inf
+    highest_frequency = 0.0
 
 
 class Static(_Endless):
@@ -81,26 +75,84 @@ class FreeFall(_Endless):
         )
 
 
+class _Wave(NamedTuple):
+    """``sine sin(w t) + cosine cos(w t)``."""
+
+    number: int
+    """Of its frequency w."""
+    w: float
+    sine: float
+    cosine: float
+
+
+class _Coordinates:
+    """Functions of time, each ``sum c_k t^k + sum A_j sin(w_j t + phase_j)``.
+
+    They share the sine and cosine of each distinct frequency: ``A sin(w t + phase)`` is
+    ``A cos(phase) sin(w t) + A sin(phase) cos(w t)``, so that the lecture's six coordinates cost
+    three sines and three cosines.
+    """
+
+    def __init__(self, series: Sequence[SeriesParameters]) -> None:
+        w = sorted({one for each in series for one in each.angular_frequency})
+        self._frequencies = np.array(w)
+        self.highest_frequency = max(w, default=0.0) / (2.0 * math.pi)
+        """Of the sinusoids [Hz]."""
+        self._waves = [
+            [
+                _Wave(w.index(one), one, float(a * np.cos(phase)), float(a * np.sin(phase)))
+                for a, one, phase in zip(
+                    each.amplitude,
+                    each.angular_frequency,
+                    each.phase or (0.0,) * len(each.amplitude),
+                    strict=True,
+                )
+            ]
+            for each in series
+        ]
+        degree = max((len(each.polynomial) for each in series), default=1)
+        powers: Array = np.arange(degree, dtype=np.float64)
+        c = np.zeros((3, len(series), degree))
+        for row, each in zip(c[0], series, strict=True):
+            row[: len(each.polynomial)] = each.polynomial
+        for before, after in itertools.pairwise(c):
+            after[:, :-1] = (powers * before)[:, 1:]
+        self._polynomials = c
+        """(3, k, degree + 1) coefficients of k functions and of their derivatives."""
+
+    def sample(self, t: Array) -> Array:
+        """Return k functions and their first two derivatives at times t (n,): (3, n, k)."""
+        angles = self._frequencies[:, None] * t
+        sines, cosines = np.sin(angles), np.cos(angles)
+        table = np.zeros((*self._polynomials.shape[:2], len(t)))
+        for power in range(self._polynomials.shape[2] - 1, -1, -1):
+            table *= t
+            table += self._polynomials[:, :, power, None]
+        for (value, first, second), waves in zip(table.swapaxes(0, 1), self._waves, strict=True):
+            for number, w, a, b in waves:
+                sine, cosine = sines[number], cosines[number]
+                wave = a * sine + b * cosine
+                value += wave
+                first += w * a * cosine - w * b * sine
+                second -= w * w * wave
+        return table.swapaxes(1, 2)
+
+
 class Harmonic(_Endless):
     """Position and Euler angles in closed form (lecture, section 5, first method), without end."""
 
     def __init__(self, parameters: HarmonicParameters) -> None:
         p = parameters
-        self._coordinates = SeriesSet([p.x, p.y, p.z, p.roll, p.pitch, p.yaw])
-        rates = [abs(sum(angle.polynomial[1:2])) for angle in (p.roll, p.pitch, p.yaw)]
-        self._spin = max(rates) / (2.0 * math.pi)
-
-    @property
-    def highest_frequency(self) -> float:
-        """Highest frequency of the coordinates, and of gravity in a steadily turning body [Hz]."""
-        return max(self._coordinates.highest_frequency, self._spin)
+        self._coordinates = _Coordinates([p.x, p.y, p.z, p.roll, p.pitch, p.yaw])
+        # Gravity turns in a steadily turning body.
+        spin = max(abs(sum(angle.polynomial[1:2])) for angle in (p.roll, p.pitch, p.yaw))
+        self.highest_frequency = max(self._coordinates.highest_frequency, spin / (2.0 * math.pi))
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
-        table, (*_, roll, pitch, yaw) = self._coordinates.sample(t)
-        position, velocity, acceleration = table[:, :3]
-        attitudes = attitude(roll, pitch, yaw, len(t))
-        return Motion(position.T, velocity.T, acceleration.T, *attitudes)
+        table = self._coordinates.sample(t)
+        position, velocity, acceleration = table[:, :, :3]
+        return Motion(position, velocity, acceleration, *rotation.euler_motion(*table[:, :, 3:]))
 
 
 class Polar(_Endless):
@@ -112,30 +164,29 @@ class Polar(_Endless):
     """
 
     def __init__(self, parameters: PolarParameters) -> None:
-        self._coordinates = SeriesSet([parameters.radius, parameters.angle])
+        self._coordinates = _Coordinates([parameters.radius, parameters.angle])
         self._height = parameters.height
-
-    @property
-    def highest_frequency(self) -> float:
-        """Highest frequency of radius and angle [Hz]; the turn of an upright body adds none."""
-        return self._coordinates.highest_frequency
+        # The turn of an upright body adds no frequency.
+        self.highest_frequency = self._coordinates.highest_frequency
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
-        n = len(t)
-        _, (r, angle) = self._coordinates.sample(t)
-        along, across = (
-            r.second - r.value * angle.first * angle.first,
-            2.0 * r.first * angle.first + r.value * angle.second,
-        )
-        c, s = np.cos(angle.value), np.sin(angle.value)
-        p, v, a = np.zeros((3, n, 3))
-        p[:, 0], p[:, 1], p[:, 2] = r.value * c, r.value * s, self._height
-        sweep = r.value * angle.first
-        v[:, 0], v[:, 1] = r.first * c - sweep * s, r.first * s + sweep * c
+        (r, angle), (r1, angle1), (r2, angle2) = self._coordinates.sample(t).swapaxes(1, 2)
+        along, across = r2 - r * angle1 * angle1, 2.0 * r1 * angle1 + r * angle2
+        c, s = np.cos(angle), np.sin(angle)
+        p, v, a = np.zeros((3, len(t), 3))
+        p[:, 0], p[:, 1], p[:, 2] = r * c, r * s, self._height
+        sweep = r * angle1
+        v[:, 0], v[:, 1] = r1 * c - sweep * s, r1 * s + sweep * c
         a[:, 0], a[:, 1] = along * c - across * s, along * s + across * c
-        level = Derivatives(0.0, 0.0, 0.0)
-        return Motion(p, v, a, *attitude(level, level, angle, n))
+        return Motion(p, v, a, *_heading(angle, angle1, angle2))
+
+
+def _heading(yaw: Array, first: Array, second: Array) -> tuple[Array, Array, Array]:
+    """Return q_wb, omega_b and alpha_b of an upright body from its yaw and the derivatives (n,)."""
+    angles = np.zeros((3, 3, len(yaw)))
+    angles[:, 2] = yaw, first, second
+    return rotation.euler_motion(*angles.swapaxes(1, 2))
 
 
 _DEGREE: Final = 5
@@ -150,6 +201,9 @@ class Waypoints:
     alike until the peaks of speed, acceleration and turn rate are within their limits.
     """
 
+    highest_frequency = 0.0
+    """The polynomials are smooth over the time between two readings."""
+
     def __init__(self, parameters: WaypointsParameters) -> None:
         positions = np.array(parameters.positions).reshape(-1, 3)
         headings = np.array(parameters.headings or (0.0,) * len(positions))
@@ -161,24 +215,13 @@ class Waypoints:
         self.times: Array = times
         """(n,) when the body is at each waypoint [s]."""
         self._splines = _splines(times, coordinates)
-
-    @property
-    def duration(self) -> float:
-        """Time of the last waypoint [s]."""
-        return float(self.times[-1])
-
-    @property
-    def highest_frequency(self) -> float:
-        """0: the polynomials are smooth over the time between two readings."""
-        return 0.0
+        self.duration = float(times[-1])
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
-        value, first, second = (spline(t) for spline in self._splines)
-        yaw = Derivatives(*(np.ascontiguousarray(x[:, 3]) for x in (value, first, second)))
-        level = Derivatives(0.0, 0.0, 0.0)
-        p, v, a = (np.ascontiguousarray(x[:, :3]) for x in (value, first, second))
-        return Motion(p, v, a, *attitude(level, level, yaw, len(t)))
+        table = np.array([spline(t) for spline in self._splines])
+        position, velocity, acceleration = table[:, :, :3]
+        return Motion(position, velocity, acceleration, *_heading(*table[:, :, 3]))
 
 
 def _splines(times: Array, coordinates: Array) -> list[Any]:

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Euler angles over time, and quantities whose rate changes smoothly from one value to the next."""
+"""Quantities whose rate changes smoothly from one value to the next."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -12,11 +12,11 @@ from imu_sim_ros.types import Array, Integers
 
 
 class Derivatives(NamedTuple):
-    """A function of time and its first two derivatives; floats if they are constant."""
+    """A function of time and its first two derivatives, each (n,)."""
 
-    value: Array | float
-    first: Array | float
-    second: Array | float
+    value: Array
+    first: Array
+    second: Array
 
 
 class Phase(NamedTuple):
@@ -96,66 +96,3 @@ def smooth_step(x: Array) -> Step:
         30.0 * (x * (1.0 - x)) * (x * (1.0 - x)),
         cube * x * (2.5 + x * (x - 3.0)),
     )
-
-
-def attitude(
-    roll: Derivatives, pitch: Derivatives, yaw: Derivatives, n: int
-) -> tuple[Array, Array, Array]:
-    """Return q_wb (n, 4), omega_b (n, 3) and its time derivative alpha_b (n, 3).
-
-    ``omega_b = E(roll, pitch) d/dt (roll, pitch, yaw)`` is the lecture's eq. 37; alpha_b is that
-    equation differentiated once more in closed form.
-
-    :param roll: angle [rad] and its first and second time derivatives, arrays (n,) or floats.
-    :param pitch: likewise.
-    :param yaw: likewise.
-    :param n: number of times.
-    """
-    # Components first and in place, for the processor's cache.
-    half = [0.5 * angle.value for angle in (roll, pitch, yaw)]
-    sines, cosines = [np.sin(angle) for angle in half], [np.cos(angle) for angle in half]
-    q_wb = _quaternion(sines, cosines, n)
-    # Full angles from half angles: four products instead of four more sines.
-    (sr, cr), (sp, cp) = (_doubled(s, c) for s, c in zip(sines[:2], cosines[:2], strict=True))
-    sr_cp, cr_cp = sr * cp, cr * cp
-    omega, alpha, product = np.empty((3, n)), np.empty((3, n)), np.empty(n)
-    np.subtract(roll.first, np.multiply(yaw.first, sp, out=product), out=omega[0])
-    np.multiply(pitch.first, cr, out=omega[1])
-    omega[1] += np.multiply(yaw.first, sr_cp, out=product)
-    np.multiply(yaw.first, cr_cp, out=omega[2])
-    omega[2] -= np.multiply(pitch.first, sr, out=product)
-    turn = yaw.first * pitch.first
-    np.subtract(roll.second, np.multiply(yaw.second, sp, out=product), out=alpha[0])
-    alpha[0] -= np.multiply(turn, cp, out=product)
-    turn = turn * sp
-    np.multiply(pitch.second, cr, out=alpha[1])
-    alpha[1] += np.multiply(yaw.second, sr_cp, out=product)
-    alpha[1] += np.multiply(roll.first, omega[2], out=product)
-    alpha[1] -= np.multiply(turn, sr, out=product)
-    np.multiply(yaw.second, cr_cp, out=alpha[2])
-    alpha[2] -= np.multiply(pitch.second, sr, out=product)
-    alpha[2] -= np.multiply(roll.first, omega[1], out=product)
-    alpha[2] -= np.multiply(turn, cr, out=product)
-    return q_wb.T, omega.T, alpha.T
-
-
-def _doubled(sine: Array | float, cosine: Array | float) -> tuple[Array | float, Array | float]:
-    """Return sine and cosine of twice an angle."""
-    twice = 2.0 * sine
-    return twice * cosine, 1.0 - twice * sine
-
-
-def _quaternion(sines: Sequence[Array | float], cosines: Sequence[Array | float], n: int) -> Array:
-    """Return q_wb (4, n) from the sines and cosines of half the roll, pitch and yaw."""
-    (sr, sp, sy), (cr, cp, cy) = sines, cosines
-    cc, ss, sc, cs = cr * cp, sr * sp, sr * cp, cr * sp
-    q_wb, product = np.empty((4, n)), np.empty(n)
-    np.multiply(cc, cy, out=q_wb[0])
-    q_wb[0] += np.multiply(ss, sy, out=product)
-    np.multiply(sc, cy, out=q_wb[1])
-    q_wb[1] -= np.multiply(cs, sy, out=product)
-    np.multiply(cs, cy, out=q_wb[2])
-    q_wb[2] += np.multiply(sc, sy, out=product)
-    np.multiply(cc, sy, out=q_wb[3])
-    q_wb[3] -= np.multiply(ss, cy, out=product)
-    return q_wb

@@ -184,18 +184,9 @@ class Vibrating:
         """
         self.inner = inner
         self._vibration, self._way, self._speed = vibration, way, speed
-
-    @property
-    def duration(self) -> float:
-        """Length [s]."""
-        return self.inner.duration
-
-    @property
-    def highest_frequency(self) -> float:
-        """Highest frequency of motion and vibration [Hz]."""
-        vibration = self._vibration
-        return max(
-            self.inner.highest_frequency,
+        self.duration = inner.duration
+        self.highest_frequency = max(
+            inner.highest_frequency,
             vibration.shift.highest_frequency,
             vibration.turn.highest_frequency,
         )
@@ -243,7 +234,7 @@ def _in_time(
     """Return a function (n, 3) of a clock that runs unevenly, and its derivatives by time."""
     if clock is None:
         return function(t)
-    value, rate, acceleration = (np.asarray(x) for x in clock)
+    value, rate, acceleration = clock
     result, first, second = function(value)
     rate = rate[:, None]
     return result, first * rate, second * rate**2 + first * acceleration[:, None]
