@@ -5,6 +5,7 @@
 
 import errno
 import fcntl
+import glob
 import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -256,6 +257,8 @@ class Outputs:
         self.force, self.discard_partial = force, discard_partial
         self._inputs = [Path(path) for path in inputs]
         self._targets: list[Target] = []
+        self._staged: list[Target] = []
+        """The targets with staging folders of their own."""
         self._made: list[Path] = []
         self._locks: list[int] = []
 
@@ -280,6 +283,8 @@ class Outputs:
         if endings and target.final.suffix.lower() not in endings:
             raise InputError(f"{path}: must end in {' or '.join(endings)}")
         self._targets.append(target)
+        if of is None:
+            self._staged.append(target)
         return target.path
 
     def where(self, path: str | Path) -> Path:
@@ -300,6 +305,7 @@ class Outputs:
         """
         target = Target(Path(folder), tuple(names))
         self._targets.append(target)
+        self._staged.append(target)
         return target.path
 
     def __enter__(self) -> "Outputs":
@@ -307,36 +313,40 @@ class Outputs:
         problems += self._collisions()
         if problems:
             raise InputError(problems)
-        try:
-            for target in self._staged:
-                self._stage(target)
-        except BaseException:
-            self._clear()
-            raise
+        for target in self._staged:
+            folder = target.staging
+            try:
+                missing = [p for p in (folder.parent, *folder.parent.parents) if not p.exists()]
+                for parent in reversed(missing):
+                    parent.mkdir(exist_ok=True)
+                    self._made.append(parent)
+                if os.path.lexists(folder):
+                    self._remove_stale(folder)
+                folder.mkdir()
+                lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+                self._locks.append(lock)
+                _locked(lock)
+            except BaseException as error:
+                self._clear()
+                if isinstance(error, OSError):
+                    raise system_error(target.final, error) from None
+                raise
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         with self._undisturbed():
-            self._end(error)
-
-    def _end(self, error: BaseException | None) -> None:
-        try:
-            if error is None:
-                self._commit()
-            elif not isinstance(error, Exception) and not self.discard_partial:
-                error.args = (*error.args, *self._keep_parts())
-        finally:
-            self._clear()
-        if isinstance(error, OSError) and error.errno in _FULL and error.filename is None:
-            # The error of a write has no file name; the failed one is among these.
-            error.filename = ", ".join(str(target.final) for target in self._targets)
-        if isinstance(error, ImuSimError):
-            raise type(error)([self._finally_named(line) for line in error.problems]) from None
-
-    @property
-    def _staged(self) -> list[Target]:
-        """The targets with staging folders of their own."""
-        return [target for target in self._targets if target.companion_of is None]
+            try:
+                if error is None:
+                    self._commit()
+                elif not isinstance(error, Exception) and not self.discard_partial:
+                    error.args = (*error.args, *self._keep_parts())
+            finally:
+                self._clear()
+            if isinstance(error, OSError) and error.errno in _FULL and error.filename is None:
+                # The error of a write has no file name; the failed one is among these.
+                error.filename = ", ".join(str(target.final) for target in self._targets)
+            if isinstance(error, ImuSimError):
+                raise type(error)([self._finally_named(line) for line in error.problems]) from None
 
     def _problems(self, target: Target) -> Iterator[str]:
         """Yield the problems of a target, at most one line for each of its paths."""
@@ -357,28 +367,26 @@ class Outputs:
                 yield f"{final}: {there} is not a folder"
                 return
             for place in target.places():
-                yield from self._refusal(place)
+                taken = [place] if os.path.lexists(place) else []
+                if place.suffix:  # the files of an output that is split
+                    pattern = f"{glob.escape(place.stem)}_*{glob.escape(place.suffix)}"
+                    taken += [
+                        part
+                        for part in place.parent.glob(pattern)
+                        if part.stem.removeprefix(place.stem + "_").isdecimal()
+                    ]
+                for path in taken[:1]:
+                    used = self._input_in(path)
+                    if used:
+                        yield f"{place}: {used}; an input is never overwritten"
+                    elif not path.is_symlink() and not path.is_file() and not path.is_dir():
+                        yield f"{place}: exists and is neither a file nor a folder"
+                    elif not self.force:
+                        yield f"{path}: already exists; --force replaces it"
+                    elif path.is_dir() and not path.is_symlink():
+                        yield from _irreplaceable(path)
         except OSError as error:
             yield f"{final}: {error.strerror or error}"
-
-    def _refusal(self, place: Path) -> Iterator[str]:
-        taken = [place] if os.path.lexists(place) else []
-        if place.suffix:  # the files of an output that is split
-            taken += [
-                part
-                for part in place.parent.glob(f"{_escaped(place.stem)}_*{_escaped(place.suffix)}")
-                if part.stem.removeprefix(place.stem + "_").isdecimal()
-            ]
-        for path in taken[:1]:
-            used = self._input_in(path)
-            if used:
-                yield f"{place}: {used}; an input is never overwritten"
-            elif not path.is_symlink() and not path.is_file() and not path.is_dir():
-                yield f"{place}: exists and is neither a file nor a folder"
-            elif not self.force:
-                yield f"{path}: already exists; --force replaces it"
-            elif path.is_dir() and not path.is_symlink():
-                yield from _irreplaceable(path)
 
     def _input_in(self, place: Path) -> str:
         """Return the input that is this existing file or folder, is in it, or contains it."""
@@ -411,23 +419,6 @@ class Outputs:
                         yield f"{place}: another output is {shown}"
                 seen.append((real, place, not target.names))
 
-    def _stage(self, target: Target) -> None:
-        """Make the parents and the staging folder, and hold a lock on it."""
-        staging = target.staging
-        try:
-            missing = [p for p in (staging.parent, *staging.parent.parents) if not p.exists()]
-            for folder in reversed(missing):
-                folder.mkdir(exist_ok=True)
-                self._made.append(folder)
-            if os.path.lexists(staging):
-                self._remove_stale(staging)
-            staging.mkdir()
-            lock = os.open(staging, os.O_RDONLY | os.O_DIRECTORY)
-            self._locks.append(lock)
-            _locked(lock)
-        except OSError as error:
-            raise system_error(target.final, error) from None
-
     def _remove_stale(self, staging: Path) -> None:
         """Remove the remains of a killed run, with ``force``; never the output of a running one."""
         if staging.is_dir() and not staging.is_symlink():
@@ -454,17 +445,17 @@ class Outputs:
                 if target.names:
                     folder.mkdir(exist_ok=True)
                 for entry in sorted(target.staging.iterdir()):
-                    self._rename(entry, folder / entry.name)
+                    place = folder / entry.name
+                    if os.path.lexists(place):
+                        if not self.force:
+                            raise InputError(
+                                f"{place}: appeared in the meantime; nothing is overwritten"
+                            )
+                        if place.is_dir() and not place.is_symlink():
+                            place.rename(active_path(entry))  # removed with the staging folder
+                    entry.rename(place)
             except OSError as error:
                 raise system_error(target.final, error) from None
-
-    def _rename(self, entry: Path, place: Path) -> None:
-        if os.path.lexists(place):
-            if not self.force:
-                raise InputError(f"{place}: appeared in the meantime; nothing is overwritten")
-            if place.is_dir() and not place.is_symlink():
-                place.rename(active_path(entry))  # removed with the staging folder
-        entry.rename(place)
 
     def _keep_parts(self) -> list[str]:
         """Rename the complete parts of an interrupted run, and describe their contents."""
@@ -520,11 +511,6 @@ class Outputs:
             shown = f"{target.final}" if target.names else f"{target.final.parent}"
             line = line.replace(f"{target.staging}/", "" if shown == "." else f"{shown}/")
         return line
-
-
-def _escaped(words: str) -> str:
-    """Return a string that a glob pattern matches literally."""
-    return "".join(f"[{letter}]" if letter in "*?[" else letter for letter in words)
 
 
 def _locked(descriptor: int) -> bool:
