@@ -249,7 +249,7 @@ class McapWriter(ChunkWriter):
 
         from imu_sim_ros.bags import rosbag2_metadata as metadata
 
-        content = metadata.document("mcap", self.topics, [metadata.part(self.path, self.topics)])
+        content = metadata.document("mcap", self.topics, [self])
         text = yaml.safe_dump(content, sort_keys=False)
         entries = {"serialized_metadata": text, "ROS_DISTRO": content["ros_distro"]}
         record = _packed(Metadata(name="rosbag2", metadata=entries))

@@ -5,47 +5,36 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from imu_sim_ros.bags.messages.schemas import qos_profiles
-from imu_sim_ros.bags.writer import BagTopic
+from imu_sim_ros.bags.writer import EMPTY, BagTopic, Writer
 
 FILE_NAME: Final = "metadata.yaml"
 VERSION: Final = 9
-_NO_START: Final = 2**63 - 1
 
 
-class Part(NamedTuple):
-    """One file of a bag."""
-
-    name: str
-    start_ns: int
-    duration_ns: int
-    messages: int
-
-
-def part(path: Path, topics: Sequence[BagTopic]) -> Part:
-    """Return the metadata of one file."""
-    filled = [topic for topic in topics if topic.count]
-    start = min((topic.first_ns for topic in filled), default=_NO_START)
-    end = max((topic.last_ns for topic in filled), default=start)
-    return Part(path.name, start, end - start, sum(topic.count for topic in filled))
-
-
-def document(storage: str, topics: Sequence[BagTopic], parts: Sequence[Part]) -> dict[str, Any]:
+def document(storage: str, topics: Sequence[BagTopic], files: Sequence[Writer]) -> dict[str, Any]:
     """Return the content of metadata.yaml below its root.
 
     :param storage: mcap or sqlite3.
+    :param topics: of the bag.
+    :param files: the writers of its files, each with the messages of its own.
     """
-    filled = [entry for entry in parts if entry.messages]
-    start = min((entry.start_ns for entry in filled), default=_NO_START)
-    end = max((entry.start_ns + entry.duration_ns for entry in filled), default=start)
+    parts = []
+    for file in files:
+        filled = [topic for topic in file.topics if topic.count]
+        start = min((topic.first_ns for topic in filled), default=EMPTY[1])
+        end = max((topic.last_ns for topic in filled), default=start)
+        parts.append((file.path.name, start, end, file.count))
+    start = min((start for _, start, _, count in parts if count), default=EMPTY[1])
+    end = max((end for _, _, end, count in parts if count), default=start)
     return {
         "version": VERSION,
         "storage_identifier": storage,
         "duration": {"nanoseconds": end - start},
         "starting_time": {"nanoseconds_since_epoch": start},
-        "message_count": sum(entry.messages for entry in filled),
+        "message_count": sum(count for *_, count in parts),
         "topics_with_message_count": [
             {
                 "topic_metadata": {
@@ -61,15 +50,15 @@ def document(storage: str, topics: Sequence[BagTopic], parts: Sequence[Part]) ->
         ],
         "compression_format": "",
         "compression_mode": "",
-        "relative_file_paths": [entry.name for entry in parts],
+        "relative_file_paths": [name for name, *_ in parts],
         "files": [
             {
-                "path": entry.name,
-                "starting_time": {"nanoseconds_since_epoch": entry.start_ns},
-                "duration": {"nanoseconds": entry.duration_ns},
-                "message_count": entry.messages,
+                "path": name,
+                "starting_time": {"nanoseconds_since_epoch": start},
+                "duration": {"nanoseconds": end - start},
+                "message_count": count,
             }
-            for entry in parts
+            for name, start, end, count in parts
         ],
         "custom_data": None,
         "ros_distro": "jazzy",

@@ -14,13 +14,11 @@ import numpy as np
 from imu_sim_ros.bags import rosbag2_metadata as rosbag2_metadata
 from imu_sim_ros.bags.messages.blocks import RowTemplate
 from imu_sim_ros.bags.outputs import make_folder
-from imu_sim_ros.bags.writer import BagTopic, Block, Writer, tally, time_order
+from imu_sim_ros.bags.writer import MAX_PARTS, BagTopic, Block, Writer, tally, time_order
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.types import Integers
 
 _NEVER: Final = 2**63 - 1
-MAX_PARTS: Final = 10_000
-"""More files in one folder are a mistake in the splitting."""
 
 
 class PartsWriter(Writer):
@@ -222,8 +220,7 @@ class Rosbag2Writer(PartsWriter):
             shutil.rmtree(self.path, ignore_errors=True)
 
     def _describe(self) -> None:
-        parts = [rosbag2_metadata.part(part.path, part.topics) for part in self._parts]
-        content = rosbag2_metadata.document(self._storage, self.topics, parts)
+        content = rosbag2_metadata.document(self._storage, self.topics, self._parts)
         rosbag2_metadata.write(self.path, content)
 
     def abandon(self) -> list[Path]:
@@ -232,19 +229,3 @@ class Rosbag2Writer(PartsWriter):
             shutil.rmtree(self.path, ignore_errors=True)
             return []
         return [self.path]
-
-
-def check_split(split_duration: float, period: float, duration: float) -> None:
-    """Refuse parts that are shorter than the time between two messages, or very many.
-
-    :param split_duration: of one part [s]; 0: no parts.
-    :param period: between two messages [s].
-    :param duration: of all [s].
-    :raises InputError: with what is allowed.
-    """
-    shortest = max(period, duration / MAX_PARTS)
-    if 0.0 < split_duration < shortest:
-        raise InputError(
-            f"--split-duration {split_duration:g}s: must be at least {shortest:g} s, which gives "
-            f"every message a part of its own, or {MAX_PARTS} parts"
-        )

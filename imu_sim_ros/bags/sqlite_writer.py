@@ -165,8 +165,7 @@ class SqliteWriter(Writer):
         """Store the metadata."""
         import yaml
 
-        part = rosbag2_metadata.part(self.path, self.topics)
-        content = rosbag2_metadata.document("sqlite3", self.topics, [part])
+        content = rosbag2_metadata.document("sqlite3", self.topics, [self])
         self._execute(
             "INSERT INTO metadata (metadata_version, metadata) VALUES (?, ?)",
             (rosbag2_metadata.VERSION, yaml.safe_dump(content, sort_keys=False)),

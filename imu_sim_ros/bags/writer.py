@@ -166,11 +166,6 @@ class Writer(ABC):
             self.stop()
 
 
-def storage_of(path: Path) -> str:
-    """Return the storage that a name implies: ros1 for ``.bag``, else mcap."""
-    return "ros1" if path.suffix == ".bag" else "mcap"
-
-
 def open_writer(
     path: str | Path,
     storage: str | None = None,
@@ -193,25 +188,24 @@ def open_writer(
     from imu_sim_ros.bags.split import PartsWriter, Rosbag2Writer
 
     path = Path(path)
-    check_writer(path, storage, compression)
-    storage, compression = storage or storage_of(path), compression or "none"
+    container, compressed = check_writer(path, storage, compression)
+    single = container == "ros1" or path.suffix == ".mcap"
     split_ns = round(split_duration * 1e9)
 
     def open_file(file: Path) -> Writer:
-        single = path.suffix in (".mcap", ".bag") or storage == "ros1"
-        if storage == "ros1":
+        if container == "ros1":
             from imu_sim_ros.bags.ros1_writer import Rosbag1Writer
 
-            return Rosbag1Writer(file, compression)
-        if storage == "sqlite3":
+            return Rosbag1Writer(file, compressed)
+        if container == "sqlite3":
             from imu_sim_ros.bags.sqlite_writer import SqliteWriter
 
             return SqliteWriter(file)
         from imu_sim_ros.bags.mcap_writer import McapWriter
 
-        return McapWriter(file, compression, renamed=single)
+        return McapWriter(file, compressed, renamed=single)
 
-    if storage == "ros1" or path.suffix == ".mcap":
+    if single:
         if not (split_ns or split_size):
             return open_file(path)
         refuse_existing(path)
@@ -221,15 +215,16 @@ def open_writer(
             split_ns,
             split_size,
         )
-    return Rosbag2Writer(path, storage, open_file, split_ns, split_size)
+    return Rosbag2Writer(path, container, open_file, split_ns, split_size)
 
 
-def check_writer(path: Path, storage: str | None, compression: str | None) -> None:
-    """Check the options of a bag.
+def check_writer(path: Path, storage: str | None, compression: str | None) -> tuple[str, str]:
+    """Return the storage and the compression of a bag, by its name if they are not given.
 
     :raises InputError: for a name, a storage and a compression that contradict each other.
     """
-    storage, compression = storage or storage_of(path), compression or "none"
+    storage = storage or ("ros1" if path.suffix == ".bag" else "mcap")
+    compression = compression or "none"
     if storage not in STORAGES:
         raise InputError(f"storage {storage!r}: {suggestion(storage, STORAGES)}")
     if compression not in COMPRESSIONS[storage]:
@@ -240,6 +235,27 @@ def check_writer(path: Path, storage: str | None, compression: str | None) -> No
         raise InputError(f"{path}: a .mcap file has the storage mcap, not {storage}")
     if path.suffix == ".bag" and storage != "ros1":
         raise InputError(f"{path}: a .bag file is a ROS 1 bag; give {storage} a folder's name")
+    return storage, compression
+
+
+MAX_PARTS: Final = 10_000
+"""More files in one folder are a mistake in the splitting."""
+
+
+def check_split(split_duration: float, period: float, duration: float) -> None:
+    """Refuse parts that are shorter than the time between two messages, or very many.
+
+    :param split_duration: of one part [s]; 0: no parts.
+    :param period: between two messages [s].
+    :param duration: of all [s].
+    :raises InputError: with what is allowed.
+    """
+    shortest = max(period, duration / MAX_PARTS)
+    if 0.0 < split_duration < shortest:
+        raise InputError(
+            f"--split-duration {split_duration:g}s: must be at least {shortest:g} s, which gives "
+            f"every message a part of its own, or {MAX_PARTS} parts"
+        )
 
 
 def described(topics: Iterable[BagTopic]) -> str:

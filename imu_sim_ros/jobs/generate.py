@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Annotated, Any, Final
 
 from imu_sim_ros import arguments
-from imu_sim_ros.bags.split import check_split
 from imu_sim_ros.bags.threads import prefetch, threads
+from imu_sim_ros.bags.writer import check_split
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets import truth_files
 from imu_sim_ros.datasets.forms import (

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final, NamedTuple, TypeGuard
 
 from imu_sim_ros import arguments
 from imu_sim_ros.bags.outputs import Outputs
-from imu_sim_ros.bags.text.writer import dataset_form
+from imu_sim_ros.bags.text.writer import DATASET_SUFFIXES
 from imu_sim_ros.bags.writer import COMPRESSED, COMPRESSIONS, STORAGES, check_writer
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
@@ -167,9 +167,17 @@ def checked_form(
     path = arguments.path("path", output, _OUTPUT_PATH)
     if not path.name:  # the files next to it are named after it
         raise InputError(f"{str(path)!r}: is not a file name")
-    dataset = dataset_form(path, format, bag._asdict())
+    dataset = format or DATASET_SUFFIXES.get(path.suffix.lower())
     if dataset is None:
         check_writer(path, storage, compression)
+        return path, Form(None, bag, written, renamed)
+    unfit = [
+        f"--{name.replace('_', '-')}: does not apply to {dataset}"
+        for name, value in bag._asdict().items()
+        if value
+    ]
+    if unfit:
+        raise InputError(unfit)
     return path, Form(dataset, bag, written, renamed)
 
 

@@ -42,8 +42,8 @@ _COVARIANCE_TYPE_DIAGONAL: Final = 2
 _SOURCE_DOPPLER: Final = 4
 """gps_msgs/GPSStatus"""
 _STAMP: Final = struct.Struct("<II")
-_UNKNOWN: Final = bytes(36 * 8)
-"""A (6, 6) covariance of zeros."""
+_POSE: Final = struct.Struct("<7d")
+_TWIST: Final = struct.Struct("<6d")
 ROS_ORDER: Final = [1, 2, 3, 0]
 """Where (x, y, z, w) stand in (w, x, y, z)."""
 
@@ -82,33 +82,32 @@ class Encoder:
         :param constant: the numbers of fields, (m,) or one.
         """
         self.layout: Layout = layout(self.type_name, encoding, texts)
-        dtype = self.layout.dtype
-        self._fields = {
-            name: (dtype[name].base, len(dtype[name].shape) + 1, self.layout.offset(name))
-            for name in dtype.names or ()
-        }
+        fields = (self.layout.dtype.fields or {}).items()
+        self._fields = {name: (place[0], place[1]) for name, place in fields}
         self._template = self.layout.template
-        self._template = self._with(constant)
+        self._template = self._row(constant)
 
     def encode(self, *columns: Any, **named: Any) -> Bytes:
         """Return messages (n, size) of what ``pattern`` takes."""
         return side_by_side([self.pattern(*columns, **named)])
 
-    def _stamped(self, t_ns: int) -> bytearray:
+    def _stamp(self, t_ns: int) -> tuple[int, int]:
+        """Return the seconds and nanoseconds of one stamp, in less time than :func:`seconds`."""
         second, nanosecond = divmod(t_ns, NANOSECONDS_PER_SECOND)
         if not 0 <= second <= _LAST_SECOND[self.layout.encoding]:
             seconds(np.array([t_ns]), self.layout.encoding)  # raises
-        message = bytearray(self._template)
-        _STAMP.pack_into(message, self._fields["sec"][2], second, nanosecond)
-        return message
+        return second, nanosecond
 
-    def _with(self, constant: Mapping[str, ArrayLike]) -> bytes:
-        """Return the template with some of its numbers."""
-        template = np.zeros(1, self.layout.dtype)
-        template.view(np.uint8)[:] = np.frombuffer(self._template, np.uint8)
-        for name, values in constant.items():
-            template[name][...] = values
-        return template.tobytes()
+    def _row(self, numbers: Mapping[str, ArrayLike]) -> bytes:
+        """Return the template with some of its numbers: (m,) or one for each field."""
+        row = bytearray(self._template)
+        for name, given in numbers.items():
+            field, offset = self._fields[name]
+            values = np.asarray(given, field.base)
+            if values.nbytes != field.itemsize:
+                values = np.broadcast_to(values, field.shape)
+            row[offset : offset + field.itemsize] = values.tobytes()
+        return bytes(row)
 
     def _row_template(self, t_ns: Times, **numbers: ArrayLike) -> RowTemplate:
         """Return n messages with texts, stamps and some of their fields; the others are constant.
@@ -117,30 +116,19 @@ class Encoder:
             else (m,) or one number.
         """
         t_ns = np.asarray(t_ns, dtype=np.int64)
-        if len(t_ns) == 1:
-            return RowTemplate(self._single(int(t_ns[0]), numbers), (), 1)
+        if len(t_ns) == 1:  # the same bytes: a fifth of the time for readings that come live
+            second, nanosecond = self._stamp(int(t_ns[0]))
+            return RowTemplate(self._row({"sec": second, "nanosec": nanosecond, **numbers}), (), 1)
         stamp = zip(("sec", "nanosec"), seconds(t_ns, self.layout.encoding), strict=True)
         columns, constant = [], {}
         for name, given in (*stamp, *numbers.items()):
+            field, offset = self._fields[name]
             values = np.asarray(given)
-            dtype, dimensions, offset = self._fields[name]
-            if values.ndim == dimensions:
-                columns.append(Column(offset, values.astype(dtype, copy=False)))
+            if values.ndim > field.ndim:
+                columns.append(Column(offset, values.astype(field.base, copy=False)))
             else:
                 constant[name] = values
-        return RowTemplate(self._with(constant) if constant else self._template, columns, len(t_ns))
-
-    def _single(self, t_ns: int, numbers: Mapping[str, ArrayLike]) -> bytes:
-        """Return one message, the same bytes: a fifth of the time for readings that come live."""
-        message = self._stamped(t_ns)
-        for name, given in numbers.items():
-            dtype, _, offset = self._fields[name]
-            values = np.asarray(given, dtype)
-            field = self.layout.dtype[name]
-            if values.nbytes != field.itemsize:
-                values = np.broadcast_to(values, field.shape)
-            message[offset : offset + field.itemsize] = values.tobytes()
-        return bytes(message)
+        return RowTemplate(self._row(constant), columns, len(t_ns))
 
 
 class _OfFrame(Encoder):
@@ -214,14 +202,6 @@ class OdometryEncoder(Encoder):
 
     def __init__(self, frame_id: str, child_frame_id: str, encoding: str = "cdr") -> None:
         super().__init__((frame_id, child_frame_id), encoding)
-        template = self.layout.template
-        stamp, pose = self.layout.offset("sec"), self.layout.offset("position")
-        self._header = template[:stamp]
-        self._texts = template[stamp + _STAMP.size : pose]
-        covariance = f"{len(_UNKNOWN)}s"
-        self._message = struct.Struct(
-            f"<{len(self._header)}sII{len(self._texts)}s7d{covariance}6d{covariance}"
-        )
 
     def pattern(
         self,
@@ -270,21 +250,23 @@ class OdometryEncoder(Encoder):
         pose_covariance: Array | None = None,
         twist_covariance: Array | None = None,
     ) -> bytes:
-        """Return one message with the bytes that :meth:`encode` gives it, in a tenth of the time.
+        """Return one message with the bytes that :meth:`encode` gives it, in a fifth of the time.
 
         The arguments are rows of those of :meth:`pattern`.
         """
-        second, nanosecond = divmod(t_ns, NANOSECONDS_PER_SECOND)
-        if not 0 <= second <= _LAST_SECOND[self.layout.encoding]:
-            seconds(np.array([t_ns]), self.layout.encoding)  # raises
+        row = bytearray(self._template)
         w, x, y, z = q_wb
-        return self._message.pack(
-            self._header, second, nanosecond, self._texts,
-            *position, x, y, z, w,
-            _UNKNOWN if pose_covariance is None else pose_covariance.tobytes(),
-            *velocity_b, *angular_velocity_b,
-            _UNKNOWN if twist_covariance is None else twist_covariance.tobytes(),
-        )  # fmt: skip
+        _STAMP.pack_into(row, self._fields["sec"][1], *self._stamp(t_ns))
+        _POSE.pack_into(row, self._fields["position"][1], *position, x, y, z, w)
+        _TWIST.pack_into(row, self._fields["linear"][1], *velocity_b, *angular_velocity_b)
+        for name, covariance in (
+            ("pose_covariance", pose_covariance),
+            ("twist_covariance", twist_covariance),
+        ):
+            if covariance is not None:
+                field, offset = self._fields[name]
+                row[offset : offset + field.itemsize] = covariance.tobytes()
+        return bytes(row)
 
 
 class PoseStampedEncoder(_OfFrame):

@@ -4,26 +4,21 @@
 """Message definitions: text, digest and quality of service that a bag carries for its topics."""
 
 import re
-from collections.abc import Iterable
-from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
-
-from imu_sim_ros.bags.messages.definitions.gps import ROS1_PACKAGE
-from imu_sim_ros.bags.messages.definitions.ros1 import MD5_SUMS, full_text
-from imu_sim_ros.bags.messages.definitions.ros2 import RIHS01, joined_text
-from imu_sim_ros.errors import InputError
-
-if TYPE_CHECKING:
-    from rosbags.typesys.store import Typestore
-
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache
 from types import SimpleNamespace
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.bags.messages.definitions import ros1, ros2
+from imu_sim_ros.bags.messages.definitions.gps import ROS1_PACKAGE
+from imu_sim_ros.errors import InputError
 from imu_sim_ros.parameters.yaml_text import parse_yaml
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
 
 
 class Schema(NamedTuple):
@@ -67,8 +62,12 @@ def schema(type_name: str, encoding: str, types: "Typestore | None" = None) -> S
     :param types: where the type is looked up; by default the types that come with ROS.
     :raises InputError: for a type that is not known.
     """
-    if types is None and (found := _written(type_name, encoding)) is not None:
-        return found
+    short = type_name.replace("/msg/", "/")
+    name = short if encoding == "cdr" else ros1_name(type_name)
+    if types is None and short in ros2.RIHS01:  # this package writes it
+        if encoding == "cdr":
+            return Schema(joined_text(name, ros2.TEXTS), ros2.RIHS01[name])
+        return Schema(joined_text(name, ros1.TEXTS, "\n"), ros1.MD5_SUMS[name])
     standard = known_types(encoding)
     if type_name not in standard.fielddefs and encoding == "ros1":
         # Noetic's types are known without tf2_msgs, whose fields are those of ROS 2.
@@ -80,10 +79,35 @@ def schema(type_name: str, encoding: str, types: "Typestore | None" = None) -> S
         text, _ = types.generate_msgdef(type_name, ros_version=2)
         return Schema(text, types.hash_rihs01(type_name))
     text, md5 = types.generate_msgdef(type_name, ros_version=1)
-    own = standard.fielddefs.get(type_name)
-    full = full_text(ros1_name(type_name))
-    # The text with its comments, unless the bag's type of that name is another one.
-    return Schema(full if full and own == types.fielddefs[type_name] else text, md5)
+    if name in ros1.MD5_SUMS and standard.fielddefs.get(type_name) == types.fielddefs[type_name]:
+        # With its comments, for the bag's type of that name is no other one.
+        text = joined_text(name, ros1.TEXTS, "\n")
+    return Schema(text, md5)
+
+
+def joined_text(name: str, texts: Mapping[str, str], end: str = "") -> str:
+    """Return the definition of a type with those that it contains, in the order of its fields.
+
+    :param name: for instance sensor_msgs/Imu.
+    :param texts: definitions by name.
+    :param end: behind each of them.
+    """
+    found: list[str] = []
+    waiting = [name]
+    while waiting:
+        one = waiting.pop()
+        if one in found:
+            continue
+        found.append(one)
+        package = one.partition("/")[0]
+        kinds = [
+            line.split()[0].partition("[")[0] for line in texts[one].splitlines() if line.strip()
+        ]
+        # ROS 1 leaves out the package of neighbours, and of Header.
+        names = [(kind, f"{package}/{kind}", f"std_msgs/{kind}") for kind in kinds]
+        waiting += reversed([n for each in names for n in each if n in texts])
+    parts = [texts[name], *(f"MSG: {other}\n{texts[other]}" for other in found[1:])]
+    return f"{end}{'=' * 80}\n".join(parts) + end
 
 
 def definitions(type_name: str, encoding: str) -> dict[str, str]:
@@ -94,18 +118,6 @@ def definitions(type_name: str, encoding: str) -> dict[str, str]:
     whole = schema(type_name, encoding).text
     first, *others = re.split(r"^=+\nMSG: ", whole, flags=re.MULTILINE)
     return {"": first, **{part: text for part, _, text in (o.partition("\n") for o in others)}}
-
-
-def _written(type_name: str, encoding: str) -> Schema | None:
-    """Return the definition of a type that this package writes; None for any other one."""
-    name = type_name.replace("/msg/", "/")
-    if name not in RIHS01:
-        return None
-    if encoding == "cdr":
-        return Schema(joined_text(name), RIHS01[name])
-    name = ros1_name(type_name)
-    text = full_text(name)
-    return Schema(text, MD5_SUMS[name]) if text else None
 
 
 def typestore(schemas: Iterable[tuple[str, Schema]], encoding: str) -> "Typestore":

@@ -7,7 +7,7 @@ Times are exact nanoseconds; numbers have as many digits as a float64 needs.
 """
 
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -105,23 +105,7 @@ class TextFile:
 
 
 DATASET_SUFFIXES: Final = {".csv": "csv", ".tum": "tum", ".txt": "tum"}
-
-
-def dataset_form(path: Path, named: str | None, of_bags: Mapping[str, object]) -> str | None:
-    """Return the form of the dataset that a name or a suffix implies; None for a bag.
-
-    :param of_bags: arguments of :func:`open_writer`.
-    :raises InputError: for options of bags with a dataset.
-    """
-    result = named or DATASET_SUFFIXES.get(path.suffix.lower())
-    unfit = [
-        f"--{name.replace('_', '-')}: does not apply to {result}"
-        for name in of_bags
-        if result and of_bags[name]
-    ]
-    if unfit:
-        raise InputError(unfit)
-    return result
+"""Forms by the names of files."""
 
 
 class Dataset:

@@ -22,8 +22,14 @@ GPS_FIX = "gps_msgs/GPSFix"
 LIVOX = "livox_ros_driver2/CustomMsg"
 
 
-@pytest.mark.parametrize("encoding", ["cdr", "ros1"])
-@pytest.mark.parametrize("name", sorted(set(RIHS01) - {GPS_FIX, LIVOX}))
+@pytest.mark.parametrize(
+    ("name", "encoding"),
+    sorted(
+        {(name, encoding) for name in RIHS01 for encoding in ("cdr", "ros1")}
+        - {(name, encoding) for name in (GPS_FIX, LIVOX) for encoding in ("cdr", "ros1")}
+        - {("tf2_msgs/TFMessage", "ros1")}  # which rosbags does not know
+    ),
+)
 def test_texts_and_digests_are_those_of_rosbags(name, encoding):
     name = ros2_name(name)
     ours, theirs = schema(name, encoding), schema(name, encoding, known_types(encoding))

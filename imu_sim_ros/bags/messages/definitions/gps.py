@@ -68,5 +68,4 @@ ROS1: Final = {
         line for line in _STATUS.splitlines(keepends=True) if "RTK" not in line
     ),
 }
-NESTED: Final = {"gps_common/GPSFix": ("std_msgs/Header", "gps_common/GPSStatus")}
 MD5_SUMS: Final = {"gps_common/GPSFix": "3db3d0a7bc53054c67c528af84710b70"}

@@ -32,7 +32,4 @@ ROS1: Final = {
     "livox_ros_driver2/CustomMsg": f"Header header\n{_FIELDS}CustomPoint[] points\n",
     "livox_ros_driver2/CustomPoint": _POINT,
 }
-NESTED: Final = {
-    "livox_ros_driver2/CustomMsg": ("std_msgs/Header", "livox_ros_driver2/CustomPoint")
-}
 MD5_SUMS: Final = {"livox_ros_driver2/CustomMsg": "e4d6829bdfe657cb6c21a746c86b21a6"}

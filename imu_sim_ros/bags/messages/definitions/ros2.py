@@ -20,6 +20,12 @@ TEXTS: Final[dict[str, str]] = {
     "geometry_msgs/PoseStamped": ("std_msgs/Header header\ngeometry_msgs/Pose pose\n"),
     "geometry_msgs/PoseWithCovariance": ("geometry_msgs/Pose pose\nfloat64[36] covariance\n"),
     "geometry_msgs/Quaternion": ("float64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"),
+    "geometry_msgs/Transform": (
+        "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n"
+    ),
+    "geometry_msgs/TransformStamped": (
+        "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform\n"
+    ),
     "geometry_msgs/Twist": ("geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular\n"),
     "geometry_msgs/TwistWithCovariance": ("geometry_msgs/Twist twist\nfloat64[36] covariance\n"),
     "geometry_msgs/TwistWithCovarianceStamped": (
@@ -140,6 +146,7 @@ TEXTS: Final[dict[str, str]] = {
         "uint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify\n"
     ),
     "sensor_msgs/Temperature": ("std_msgs/Header header\nfloat64 temperature\nfloat64 variance\n"),
+    "tf2_msgs/TFMessage": ("geometry_msgs/TransformStamped[] transforms\n"),
     "std_msgs/Header": ("builtin_interfaces/Time stamp\nstring frame_id\n"),
 }
 """Definition of each type by name, without the types that it contains."""
@@ -193,26 +200,8 @@ RIHS01: Final[dict[str, str]] = {
     "sensor_msgs/Temperature": (
         "RIHS01_72514a14126ab9f8a9abec974c78e5610a367b59db5da355ff1fb982d5bad4b8"
     ),
+    "tf2_msgs/TFMessage": (
+        "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
+    ),
 }
 """Hash of each type that is written as a message."""
-
-_SEPARATOR: Final = "=" * 80
-
-
-def joined_text(name: str) -> str:
-    """Return the definition of a type with those that it contains, in the order of its fields.
-
-    :param name: for instance sensor_msgs/Imu.
-    """
-    others = "".join(f"{_SEPARATOR}\nMSG: {other}\n{TEXTS[other]}" for other in _nested(name))
-    return TEXTS[name] + others
-
-
-def _nested(name: str) -> dict[str, None]:
-    """Return the types within a type, each once, where it occurs first."""
-    found: dict[str, None] = {}
-    for line in TEXTS[name].splitlines():
-        inner = line.split()[0].partition("[")[0]
-        if inner in TEXTS:
-            found |= {other: None for other in (inner, *_nested(inner)) if other not in found}
-    return found
