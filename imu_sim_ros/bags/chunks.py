@@ -53,7 +53,7 @@ class Stored(NamedTuple):
     """Topics with their messages in it, and the first and the last time of these."""
 
 
-class Table(NamedTuple):
+class Simultaneous(NamedTuple):
     """Records of topics with the same times: row k has those of time k, side by side."""
 
     t_ns: Times
@@ -241,7 +241,7 @@ class ChunkWriter(Writer):
 
         They are pieces of time of about equal size.
         """
-        tables: list[Table] = []
+        tables: list[Simultaneous] = []
         for topic, t_ns, payloads in blocks:
             records = self._records(topic, topic.count, t_ns, payloads)
             size = sum(len(part.template) for part in records)
@@ -250,7 +250,7 @@ class ChunkWriter(Writer):
                 tables[-1].topics.append((topic, size))
                 tables[-1].rows.extend(records)
             else:
-                tables.append(Table(t_ns, [(topic, size)], records))
+                tables.append(Simultaneous(t_ns, [(topic, size)], records))
         total = sum(len(table.t_ns) * size for table in tables for _, size in table.topics)
         longest = max((table.t_ns for table in tables), key=len)
         count = min(max(1, round(total / CHUNK_BYTES)), len(longest))
@@ -300,7 +300,7 @@ class ChunkWriter(Writer):
             start = stop
 
 
-def merged(tables: Sequence[tuple[Table, slice]]) -> Chunk:
+def merged(tables: Sequence[tuple[Simultaneous, slice]]) -> Chunk:
     """Return rows of tables by time; of equal times those of the first table first.
 
     What follows each other from one of them is copied at once.
