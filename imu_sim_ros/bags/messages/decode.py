@@ -77,7 +77,7 @@ def decode_block(block: MessageBlock, encoding: str, names: Sequence[str]) -> De
         name: np.empty((count, *first.dtype[name].shape), dtype=np.float64) for name in names
     }
     for form, _, rows, payloads in groups:
-        values = form.view(payloads)
+        values = payloads.view(form.dtype)[:, 0]
         seconds = values["sec"].astype(np.int64) * NANOSECONDS_PER_SECOND
         t_ns[rows] = seconds + values["nanosec"]
         for name in names:
@@ -170,10 +170,11 @@ def _groups(type_name: str, encoding: str, payloads: Payloads) -> list[_Group]:
     groups = []
     for (size, texts), rows in members.items():
         form = layout(type_name, encoding, texts)
+        whole = len(form.template)
         table = np.frombuffer(b"".join(messages[k] for k in rows), np.uint8).reshape(-1, size)
-        if not form.size <= size <= form.size + 3:
-            raise ValueError(f"{size} bytes instead of {form.size}")
-        own = np.ascontiguousarray(table[:, : form.size])
+        if not whole <= size <= whole + 3:
+            raise ValueError(f"{size} bytes instead of {whole}")
+        own = np.ascontiguousarray(table[:, :whole])
         groups.append(_Group(form, texts, np.array(rows), own))
     return groups
 
@@ -195,9 +196,9 @@ def transcode(block: MessageBlock, source: str, target: str) -> Payloads | None:
         return None
     form, texts, _, payloads = groups[0]
     result = layout(type_name, target, texts)
-    rows = np.empty((len(payloads), result.size), np.uint8)
+    rows = np.empty((len(payloads), len(result.template)), np.uint8)
     rows[:] = np.frombuffer(result.template, np.uint8)
-    new, old = result.view(rows), form.view(payloads)
+    new, old = rows.view(result.dtype)[:, 0], payloads.view(form.dtype)[:, 0]
     for name in result.dtype.names or ():
         if name in (form.dtype.names or ()):
             new[name] = old[name]

@@ -18,7 +18,6 @@ from functools import cache, lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.schemas import definitions
 from imu_sim_ros.conventions import AXES
@@ -122,16 +121,12 @@ class Layout(NamedTuple):
     fixed: tuple[tuple[int, int], ...]
     """Spans (start, stop) where every message of this layout has the template's bytes."""
 
-    @property
-    def size(self) -> int:
-        """Bytes of one message."""
-        return self.dtype.itemsize
-
     def matches(self, payloads: Bytes) -> bool:
         """Return whether all payloads (n, size) have this layout's texts and header."""
-        if payloads.shape[1] != self.size:
+        size = self.dtype.itemsize
+        if payloads.shape[1] != size:
             return False
-        words = _words(self.size, self.fixed)
+        words = _words(size, self.fixed)
         rows, template = payloads.view(words)[:, 0], np.frombuffer(self.template, words)
         return all(bool(np.all(rows[name] == template[name])) for name in words.names or ())
 
@@ -148,10 +143,6 @@ class Layout(NamedTuple):
             form += f"{self.offset(name) - end}x{count}{numbers.base.char}"
             end = self.offset(name) + numbers.itemsize
         return struct.Struct(form)
-
-    def view(self, payloads: Bytes) -> NDArray[np.void]:
-        """Return payloads (n, size) as structured messages (n,), without a copy."""
-        return payloads.view(self.dtype)[:, 0]
 
 
 class LayoutBuilder:

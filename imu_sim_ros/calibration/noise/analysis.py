@@ -3,7 +3,7 @@
 
 """Allan analysis of an IMU at rest: from messages to noise parameters."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -36,7 +36,7 @@ from imu_sim_ros.calibration.noise.terms import (
 from imu_sim_ros.calibration.record import AXES, ReadingsBlock, Record, Timing
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Mask
 
 SHORTEST: Final = 60.0
 """Seconds at rest below which there is no result."""
@@ -121,30 +121,36 @@ def analyse(
     sums = _summed(record, bags, advance)
     if sums is None:
         raise InputError("no Imu messages")
+    # A constant zero is not a measurement. Another constant may be noise below resolution, which is
+    # no fault of a record in which other axes change; if none does there is nothing to analyse.
+    constant = record.constant_axes()
+    dead = [k for k in constant if len(constant) == len(AXES) or record.lowest.value[k] == 0.0]
     if sums.longest < SHORTEST * record.rate:
-        raise InputError(_problems(record, sums, None))
+        raise InputError(_problems(record, sums, None, dead))
     timing = record.timing()
     lost = sums.losses.samples / sums.samples
     spectrum = sums.spectrum.result().at_rate(timing.rate).with_losses(lost)
-    problems = _problems(record, sums, spectrum)
+    problems = _problems(record, sums, spectrum, dead)
     if problems and not force:
         raise InputError(problems)
     # What never changes bounds no noise.
     reasons = {
         axis: f"always {record.lowest.value[axis] + 0.0:g}: a dead axis, or noise far below the "
         "resolution"
-        for axis in record.constant_axes()
+        for axis in constant
     }
     bands = [None if k in reasons else usable_band(spectrum, k) for k in range(6)]
     lines, doubtful = sums.spectrum.lines, sums.spectrum.doubtful
     smoother = sums.spectrum.result(doubtful=False).at_rate(timing.rate).with_losses(lost)
-    cases = (_Case(spectrum, lines), _Case(smoother, lines + doubtful))
-    noise = [
-        None if band is None else _rounded(_noise(cases, k, band, model), record, k)
-        for k, band in enumerate(bands)
-    ]
+    noise: list[AxisNoise | None] = []
+    for k, band in enumerate(bands):
+        if band is None:
+            noise.append(None)
+        else:
+            found = _noise((spectrum, smoother), lines, doubtful, k, band.used, model)
+            noise.append(_rounded(found, record, k))
     warnings = [
-        *_record_warnings(record, timing, sums.longest / record.rate, reasons),
+        *_record_warnings(record, timing, sums.longest / record.rate, reasons, dead),
         *problems,
         *_noise_warnings(bands, lines, doubtful, noise, timing.rate),
     ]
@@ -188,24 +194,27 @@ def _summed(
     return sums
 
 
-class _Case(NamedTuple):
-    """A spectrum and the slow lines that were taken out of it."""
+def _noise(
+    spectra: tuple[Spectrum, Spectrum],
+    lines: Sequence[Line],
+    doubtful: Sequence[Line],
+    axis: int,
+    used: Mask,
+    model: str,
+) -> AxisNoise:
+    """Return the random error of an axis: what holds with its doubtful lines and without them.
 
-    spectrum: Spectrum
-    lines: list[Line]
-
-
-def _noise(cases: tuple[_Case, _Case], axis: int, band: UsableBand, model: str) -> AxisNoise:
-    """Return the random error of an axis: what holds with its doubtful lines and without them."""
+    :param spectra: with the doubtful lines and without them; the others were taken out of both.
+    :param used: (m,) rows of the spectra.
+    """
     of_model = estimate if model == "standard" else estimate_gauss_markov
-
-    def found(case: _Case, lines: list[Line]) -> AxisNoise:
-        used = band.used & ~case.spectrum.around(lines)
-        return of_model(case.spectrum.rows(used), axis)
-
-    certain, all_lines = ([line for line in case.lines if line.axis == axis] for case in cases)
-    noise = found(cases[0], certain)
-    return noise if certain == all_lines else either(noise, found(cases[1], all_lines))
+    with_them, without = spectra
+    certain, maybe = ([n for n in some if n.axis == axis] for some in (lines, doubtful))
+    noise = of_model(with_them.rows(used & ~with_them.around(certain)), axis)
+    if not maybe:
+        return noise
+    other = of_model(without.rows(used & ~without.around(certain + maybe)), axis)
+    return either(noise, other)
 
 
 def _rounded(noise: AxisNoise, record: Record, axis: int) -> AxisNoise:
@@ -249,24 +258,18 @@ def _doubt(deviation: float, step: float) -> float:
     return float(share / max(x + 1.0 / 12.0, 1e-12))
 
 
-def _dead_axes(record: Record) -> list[int]:
-    """Return the constant axes that prevent an analysis.
+def _problems(
+    record: Record, sums: _Sums, spectrum: Spectrum | None, dead: Sequence[int]
+) -> list[str]:
+    """Return a line for each reason why an analysis would be meaningless.
 
-    A constant zero is not a measurement. Another constant may be noise below resolution, which is
-    no fault of a record in which other axes change; if none does there is nothing to analyse.
+    :param spectrum: None: the record is too short for one.
+    :param dead: axes that are not measured.
     """
-    constant = record.constant_axes()
-    if len(constant) == len(AXES):
-        return constant
-    return [k for k in constant if record.lowest.value[k] == 0.0]
-
-
-def _problems(record: Record, sums: _Sums, spectrum: Spectrum | None) -> list[str]:
-    """Return a line for each reason why an analysis would be meaningless."""
     problems = [
         f"{AXES[k]}: always {record.lowest.value[k] + 0.0:g}: a missing or dead axis, or no noise "
         "at all; all six axes must be measured (--skip-checks leaves it out)"
-        for k in _dead_axes(record)
+        for k in dead
     ]
     rest, lines = record.rest, sums.spectrum.lines
     swaying = {n.axis for n in lines if rest.sways(n.axis, n.amplitude, 1.0 / n.frequency)}
@@ -303,12 +306,17 @@ def _problems(record: Record, sums: _Sums, spectrum: Spectrum | None) -> list[st
 
 
 def _record_warnings(
-    record: Record, timing: Timing, longest: float, reasons: Mapping[int, str]
+    record: Record,
+    timing: Timing,
+    longest: float,
+    reasons: Mapping[int, str],
+    dead: Collection[int],
 ) -> Iterator[str]:
     """Yield what a reader should know of the record: of its stamps, its readings, its rest.
 
     :param longest: the longest piece [s].
     :param reasons: by axis why it is not analysed.
+    :param dead: axes that are problems already.
     """
     if timing.filled:
         yield (
@@ -334,7 +342,7 @@ def _record_warnings(
                 f"{AXES[axis]}: its mean is {mean:.3g} rad/s, a large bias or a turning table; "
                 "a steady rate does not change the noise"
             )
-    noise, saturated, dead = record.rest.noise(), record.saturated_axes(), _dead_axes(record)
+    noise, saturated = record.rest.noise(), record.saturated_axes()
     for axis, step in enumerate(record.steps.step):
         if axis in reasons:
             if axis not in dead:

@@ -252,19 +252,16 @@ def merged(data: Data, design: Array, every: int) -> tuple[Data, Array]:
         return data, design
     starts = np.arange(0, len(rows), every)
     freedom = np.add.reduceat(data.freedom[rows], starts)
-
-    def means(values: Array) -> Array:
-        weighted = (values[rows].T * data.freedom[rows]).T
-        sums = np.add.reduceat(weighted, starts, axis=0)
-        return np.concatenate([values[single], (sums.T / freedom).T])
-
+    columns = np.column_stack([data.power, design])
+    sums = np.add.reduceat(columns[rows] * data.freedom[rows, None], starts, axis=0)
+    columns = np.concatenate([columns[single], sums / freedom[:, None]])
     zeros = np.zeros(len(starts))
     return Data(
-        means(data.power),
+        columns[:, 0].copy(),
         np.concatenate([data.freedom[single], freedom]),
         np.concatenate([data.amplitude[single], zeros]),
         np.concatenate([data.trend[single], zeros]),
-    ), means(design)
+    ), columns[:, 1:].copy()
 
 
 class Interval(NamedTuple):

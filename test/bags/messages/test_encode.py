@@ -230,7 +230,7 @@ def test_one_other_byte_where_all_are_alike_is_noticed(frame, encoding):
     form = layouts.layout(encode.ODOMETRY, encoding, texts)
     alike = {k for start, stop in form.fixed for k in range(start, stop)}
     assert form.matches(rows)
-    for k in range(form.size):
+    for k in range(len(form.template)):
         other = rows.copy()
         other[-1, k] ^= 1
         assert form.matches(other) == (k not in alike), k

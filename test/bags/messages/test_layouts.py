@@ -43,8 +43,8 @@ def test_fields_are_where_rosbags_puts_them(type_name: str, encoding: str) -> No
     serialise = store.serialize_cdr if encoding == "cdr" else store.serialize_ros1
     content = bytes(serialise(made, type_name))
     found = layout(type_name, encoding, raw_texts(type_name, encoding, content))
-    assert found.size == len(content)
-    values = found.view(np.frombuffer(content, np.uint8)[None])[0]
+    assert len(found.template) == len(content)
+    values = np.frombuffer(content, found.dtype)[0]
     names = sorted(found.dtype.names or (), key=found.offset)
     read = np.concatenate([np.ravel(values[name]) for name in names])
     arrays = {name for name in names if name.startswith("satellite_")}
