@@ -93,7 +93,11 @@ def bag_to_bag(
     :returns: a line for each topic and type whose fields differ in the other generation of ROS.
     """
     with errors_naming(bag.path):
-        translate = _translator(bag, writer, topics)
+        translate = (
+            _Translator(writer.encoding)
+            if bag.encoding == writer.encoding
+            else _Between(bag.encoding, writer.encoding, topics)
+        )
     handles: dict[TopicInfo, BagTopic] = {}
     lines: list[str] = []
     keeps_seq = bag.encoding == "ros1"
@@ -182,12 +186,6 @@ class _Between(_Translator):
         with errors_naming(Path(block.topic.name)):
             convert = self._convert(type_name)
             return [bytes(convert(message)) for message in as_list(block.payloads)]
-
-
-def _translator(bag: Bag, writer: Writer, topics: Sequence[TopicInfo]) -> _Translator:
-    if bag.encoding == writer.encoding:
-        return _Translator(writer.encoding)
-    return _Between(bag.encoding, writer.encoding, topics)
 
 
 def text_to_bag(

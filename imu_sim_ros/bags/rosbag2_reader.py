@@ -13,11 +13,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros.bags import rosbag2_metadata as rosbag2_metadata
 from imu_sim_ros.bags.mcap_reader import McapBag
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
 from imu_sim_ros.bags.messages.schemas import Schema
 from imu_sim_ros.bags.reader import Bag, Timed, errors_naming
+from imu_sim_ros.bags.rosbag2_metadata import FILE_NAME
 from imu_sim_ros.bags.sqlite_pages import MessagePages
 from imu_sim_ros.errors import InputError, MachineError
 from imu_sim_ros.inputs.rows import is_present, open_regular, read_text
@@ -302,7 +302,7 @@ def read_metadata(folder: Path) -> dict[str, Any]:
 
     :raises InputError: if it is missing or has another form.
     """
-    file = folder / rosbag2_metadata.FILE_NAME
+    file = folder / FILE_NAME
     if not is_present(file):
         hint = (
             "; convert_bag --recover recovers the complete messages" if _files_found(folder) else ""

@@ -22,7 +22,7 @@ from imu_sim_ros.conventions import IMU_FRAME, IMU_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import Skipped, Warned
 from imu_sim_ros.inputs.tables import Encode, Table, Tables
-from imu_sim_ros.types import Array, Bytes, Times
+from imu_sim_ros.types import Array, Times
 
 
 class TableRows(NamedTuple):
@@ -206,29 +206,29 @@ def streams_of_tables(
         topic = writer.add_topic(renamed.get(full, full), table.type)
         if table.encoder is None:
             encoder = ImuEncoder(frame, writer.encoding)
-            messages = _orientations(path, name, table, imu, encoder, skipped)
+            made.append(_orientations(path, name, table, imu, topic, encoder, skipped))
         else:
             encode = table.encoder(frame, writer.encoding)
-            messages = _measurements(path, name, table, encode, skipped)
-        made.append(_blocks_of(topic, messages))
+            made.append(_measurements(path, name, table, topic, encode, skipped))
     return made
 
 
-def _blocks_of(topic: BagTopic, messages: Iterator[tuple[Times, Bytes]]) -> Iterator[list[Block]]:
-    for t_ns, payloads in messages:
-        yield [Block(topic, t_ns, payloads)]
-
-
 def _measurements(
-    path: Path, name: str, table: Table, encode: Encode, skipped: Skipped | None
-) -> Iterator[tuple[Times, Bytes]]:
+    path: Path, name: str, table: Table, topic: BagTopic, encode: Encode, skipped: Skipped | None
+) -> Iterator[list[Block]]:
     for t_ns, values, _ in blocks(path, table, name, skipped=skipped):
-        yield t_ns, encode(t_ns, values)
+        yield [Block(topic, t_ns, encode(t_ns, values))]
 
 
 def _orientations(
-    path: Path, name: str, table: Table, imu: str, encoder: ImuEncoder, skipped: Skipped | None
-) -> Iterator[tuple[Times, Bytes]]:
+    path: Path,
+    name: str,
+    table: Table,
+    imu: str,
+    topic: BagTopic,
+    encoder: ImuEncoder,
+    skipped: Skipped | None,
+) -> Iterator[list[Block]]:
     """Yield the readings again, with the orientations of equal stamps.
 
     :raises InputError: for a stamp that no reading has, unless bad rows are skipped.
@@ -257,4 +257,5 @@ def _orientations(
             skipped(len(missing))
         stamps, rows, q_wi = stamps[found], rows[found], q_wi[found]
         if len(stamps):
-            yield stamps, encoder.encode(stamps, gyro[rows], accel[rows], q_wi)
+            readings_again = encoder.encode(stamps, gyro[rows], accel[rows], q_wi)
+            yield [Block(topic, stamps, readings_again)]

@@ -47,7 +47,7 @@ _SUFFIXES: Final = (".csv", ".txt", ".tum")
 def is_text(path: Path) -> bool:
     """Return whether a path is a EuRoC folder, a folder of kalibr's CSV files, or a text file."""
     if path.is_dir():
-        return bool(_imu_files(path)) or _state_path(path) is not None
+        return bool(_tables(path, "imu")) or _table(path, _STATE_FOLDER) is not None
     return path.suffix.lower() in _SUFFIXES and path.is_file()
 
 
@@ -92,7 +92,7 @@ def state_file(path: Path) -> Path:
 
     :raises InputError: if there is none.
     """
-    found = _state_path(path) if path.is_dir() else path
+    found = _table(path, _STATE_FOLDER) if path.is_dir() else path
     if found is None:
         raise InputError(f"{path}: has no {_STATE_FOLDER}/data.csv")
     return found
@@ -115,7 +115,7 @@ def state_blocks(
 
 def has_states(path: Path) -> bool:
     """Return whether a folder has states in addition to its readings."""
-    return path.is_dir() and _state_path(path) is not None
+    return path.is_dir() and _table(path, _STATE_FOLDER) is not None
 
 
 def pose_file(path: Path) -> Path | None:
@@ -131,7 +131,7 @@ def pose_file(path: Path) -> Path | None:
 
 def imu_names(path: Path) -> list[str]:
     """Return the names of the IMUs of a folder: imu0, imu1; none of a file."""
-    return sorted(_imu_files(path)) if path.is_dir() else []
+    return sorted(_tables(path, "imu")) if path.is_dir() else []
 
 
 def imu_file(path: Path, name: str | None) -> Path:
@@ -141,7 +141,7 @@ def imu_file(path: Path, name: str | None) -> Path:
     """
     if not path.is_dir():
         return path
-    found = _imu_files(path)
+    found = _tables(path, "imu")
     if name is not None:
         if name not in found:
             raise InputError(f"{path}: has no sensor {name}; it has {', '.join(found) or 'none'}")
@@ -150,11 +150,6 @@ def imu_file(path: Path, name: str | None) -> Path:
         words = f"several, name one of {', '.join(found)}" if found else "no imu0"
         raise InputError(f"{path}: IMU data: {words}")
     return next(iter(found.values()))
-
-
-def _imu_files(folder: Path) -> dict[str, Path]:
-    """Return the files of IMUs by name."""
-    return _tables(folder, "imu")
 
 
 def _tables_in(path: Path, known: Tables) -> dict[str, tuple[str, Path]]:
@@ -189,11 +184,8 @@ def sensor_folders(place: Path, kind: str) -> list[str]:
     return [n for n in names if n.removeprefix(kind).isdigit() or (place / n).is_dir()]
 
 
-def _state_path(folder: Path) -> Path | None:
-    return _table(folder, _STATE_FOLDER)
-
-
 def _table(folder: Path, name: str) -> Path | None:
+    """Return the table of a sensor's folder, if there is one."""
     for place in places(folder):
         file = place / name / "data.csv"
         if is_present(file):
