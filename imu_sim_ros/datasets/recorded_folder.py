@@ -18,7 +18,6 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros import rotation
 from imu_sim_ros.bags.messages.encode_cameras import (
     CAMERA_INFO,
     COMPRESSED_IMAGE,
@@ -151,10 +150,7 @@ class FolderImages:
         poses = np.stack([c.described.pose for c in fixed if c.described.pose is not None])
         names = [(BODY_FRAME, c.frame) for c in fixed]
         t_ns = np.array([min(int(c.images.t_ns[0]) for c in fixed)])
-        q = rotation.from_matrix(poses[:, :3, :3])
-        rows = TransformsEncoder(names, writer.encoding).encode(
-            t_ns, poses[None, :, :3, 3], q[None]
-        )
+        rows = TransformsEncoder(names, writer.encoding).encode_fixed(t_ns, poses)
         name = renamed.get(TF_STATIC_TOPIC, TF_STATIC_TOPIC)
         yield [Block(writer.add_topic(name, TF_MESSAGE, [LATCHED]), t_ns, rows)]
 

@@ -21,7 +21,6 @@ from imu_sim_ros.conventions import (
     TEMPERATURE_TOPIC,
     TF_STATIC_TOPIC,
 )
-from imu_sim_ros.rotation import from_matrix
 from imu_sim_ros.sensors.declaration import Mounted, Payloads, Topic
 from imu_sim_ros.sensors.deferred import Results
 from imu_sim_ros.sensors.orientation.declaration import TOPIC as ORIENTATION_TOPIC
@@ -118,15 +117,13 @@ def _mounts(sensors: Mapping[str, Mounted], encoding: str) -> Payloads:
     found, body_frame = mounts(sensors), sensors[POSE].frame
     frames = TransformsEncoder([(body_frame, frame) for frame in found], encoding)
     poses = np.reshape([*found.values()], (-1, 4, 4))
-    arms, rotations = poses[:, :3, 3], from_matrix(poses[:, :3, :3])
     written = not found
 
     def payloads(read: Any, _: Any, __: Any) -> RowTemplate:
         nonlocal written
         t_ns = read.true_t_ns[: 0 if written else 1]
         written = written or len(t_ns) > 0
-        many = [np.broadcast_to(one, (len(t_ns), *one.shape)) for one in (arms, rotations)]
-        return as_row_template(frames.encode(t_ns, *many))
+        return as_row_template(frames.encode_fixed(t_ns, poses))
 
     return payloads
 

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from imu_sim_ros.bags.messages.blocks import Column, RowTemplate
 from imu_sim_ros.bags.messages.encode import ROS_ORDER, seconds
 from imu_sim_ros.bags.messages.layouts import LayoutBuilder
-from imu_sim_ros.types import Bytes, Times
+from imu_sim_ros.rotation import from_matrix
+from imu_sim_ros.types import Array, Bytes, Times
 
 TF_MESSAGE: Final = "tf2_msgs/msg/TFMessage"
 JOINT_STATE: Final = "sensor_msgs/msg/JointState"
@@ -67,6 +68,14 @@ class TransformsEncoder:
             fields[f"translation_{k}"] = translation[:, k]
             fields[f"rotation_{k}"] = q[:, k]
         return rows
+
+    def encode_fixed(self, t_ns: Times, poses: Array) -> Bytes:
+        """Return messages (n, size) of transforms that do not change.
+
+        :param t_ns: (n,) stamps.
+        :param poses: (m, 4, 4), each maps coordinates in the child to its parent.
+        """
+        return self.encode(t_ns, poses[None, :, :3, 3], from_matrix(poses[:, :3, :3])[None])
 
 
 class JointStateEncoder:

@@ -9,27 +9,9 @@ import time
 from collections.abc import Callable
 from typing import Final, NamedTuple
 
-from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.nodes.lifetime import Fail, SupervisedThread
 from imu_sim_ros.nodes.simulator.pacing import Pacer, SampleAction
 from imu_sim_ros.nodes.simulator.publish_queue import Group, PublishQueue
-from imu_sim_ros.sensors import sensors_of_imus
-from imu_sim_ros.sensors.faults import Fault
-from imu_sim_ros.simulation.playback import InjectParameters, PublishParameters
-
-
-def wanted_fault(wanted: InjectParameters, publish: PublishParameters) -> Fault:
-    """Return the requested fault.
-
-    :raises ConfigurationError: for a fault that cannot be, and a sensor that is not published.
-    """
-    for sensor in sensors_of_imus():
-        if sensor.name == wanted.triad and not getattr(publish, sensor.quantity):
-            raise ConfigurationError(
-                f"inject.triad = {wanted.triad}: needs publish.{sensor.quantity}, which is false"
-            )
-    return wanted.fault()
-
 
 _LEAD_NS: Final = 10_000_000
 """The first sample is due this long after time zero is chosen: its block has to be computed."""

@@ -36,7 +36,7 @@ from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import Counter, check_overrides, create
 from imu_sim_ros.nodes.simulator import transforms as transforms
 from imu_sim_ros.nodes.simulator.diagnostics import Histogram, StreamReport
-from imu_sim_ros.nodes.simulator.engine import Engine, wanted_fault
+from imu_sim_ros.nodes.simulator.engine import Engine
 from imu_sim_ros.nodes.simulator.pacing import Pacer, RosClockPacer, Settling, Stall
 from imu_sim_ros.nodes.simulator.publish_queue import (
     BodyStream,
@@ -46,6 +46,7 @@ from imu_sim_ros.nodes.simulator.publish_queue import (
 )
 from imu_sim_ros.nodes.simulator.serial_line import PseudoTerminal, SerialEncode
 from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.declaration import Topic
 from imu_sim_ros.simulation import topics
 from imu_sim_ros.simulation.engine import Body
@@ -222,7 +223,7 @@ class Simulator(ConfiguredNode):
         return [TickStream(rate, lambda t, _: [row.tobytes() for row in encoder.encode(t)], send)]
 
     def _publish_mounts(self, parameters: SimulatorParameters) -> None:
-        sensors = [transforms.Mount(*one) for one in mounts(mounted(parameters)).items()]
+        sensors = mounts(mounted(parameters))
         t_ns = int(self.get_clock().now().nanoseconds)
         try:
             # Kept: later subscribers get it from the publisher.
@@ -357,8 +358,18 @@ class Simulator(ConfiguredNode):
                 sensor_description.publish(self._descriptions[name], simulated)
 
     def _inject(self, parameters: SimulatorParameters) -> None:
+        """Let the fault that is asked for begin with the next block.
+
+        :raises ConfigurationError: for one that cannot be, and a sensor that is not published.
+        """
         wanted = parameters.inject
-        fault = wanted_fault(wanted, parameters.publish)
+        for sensor in sensors_of_imus():
+            if sensor.name == wanted.triad and not getattr(parameters.publish, sensor.quantity):
+                raise ConfigurationError(
+                    f"inject.triad = {wanted.triad}: needs publish.{sensor.quantity}, which is "
+                    "false"
+                )
+        fault = wanted.fault()
 
         def begin() -> None:
             for imu, t_ns in self._body.inject(fault, wanted.delay, wanted.imu).items():

@@ -3,13 +3,13 @@
 
 """Transforms for tf: the moving body in the world, and frames that are fixed to the body."""
 
-from collections.abc import Callable, Iterable
-from typing import Any, Final, NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any, Final
 
 import numpy as np
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from imu_sim_ros import rotation, timebase
+from imu_sim_ros import timebase
 from imu_sim_ros.bags.messages.transforms import TransformsEncoder
 from imu_sim_ros.conventions import TF_STATIC_TOPIC
 from imu_sim_ros.nodes.publishing import create
@@ -22,29 +22,17 @@ QOS: Final = QoSProfile(depth=100)
 STATIC_QOS: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-class Mount(NamedTuple):
-    """A frame that is fixed to the body."""
-
-    frame: str
-    pose: Array
-    """(4, 4) T_bf: maps coordinates in the frame to the body."""
-
-
-def publish_mounts(node: Any, body_frame: str, mounts: Iterable[Mount], t_ns: int) -> Any:
+def publish_mounts(node: Any, body_frame: str, mounts: Mapping[str, Array], t_ns: int) -> Any:
     """Publish the fixed transforms once, latched, and return the publisher.
 
-    What coincides with the body's own frame needs no transform.
-
+    :param mounts: poses T_bf (4, 4), which map coordinates in a frame to the body.
     :param t_ns: the stamp [ns]; tf takes a static transform at all times.
     :returns: None if there is nothing to publish.
     """
-    elsewhere = [mount for mount in mounts if mount.frame != body_frame]
-    if not elsewhere:
+    if not mounts:
         return None
-    poses = np.stack([mount.pose for mount in elsewhere])
-    encoder = TransformsEncoder([(body_frame, mount.frame) for mount in elsewhere])
-    q = rotation.from_matrix(poses[:, :3, :3])
-    rows = encoder.encode(np.array([t_ns]), poses[None, :, :3, 3], q[None])
+    encoder = TransformsEncoder([(body_frame, frame) for frame in mounts])
+    rows = encoder.encode_fixed(np.array([t_ns]), np.stack([*mounts.values()]))
     publisher = create(node, encoder.type_name, TF_STATIC_TOPIC, STATIC_QOS)
     publisher.publish(rows[0].tobytes())
     return publisher
