@@ -31,7 +31,7 @@ from typing import Annotated, Any, TypeVar, get_args, get_origin
 
 from imu_sim_ros import timebase
 from imu_sim_ros.errors import ImuSimError
-from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.yaml_text import parse_yaml
 
 
 class Text(str):
@@ -104,7 +104,7 @@ def assignment(words: str) -> tuple[str, object]:
     if not equals or not name.strip():
         raise ValueError(f"{words!r} is not of the form key=value")
     try:
-        return name.strip(), files.parse_yaml(value) if value.strip() else ""
+        return name.strip(), parse_yaml(value) if value.strip() else ""
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from None
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros import program, signals, startup
 from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import parameters
+from imu_sim_ros.parameters.yaml_text import parse_yaml
 from imu_sim_ros.simulation.playback import InjectParameters
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ EXAMPLES: Final = """
 def _value(words: str) -> list[float]:
     """Return three numbers; a single one applies to all axes."""
     try:
-        value = files.parse_yaml(words)
+        value = parse_yaml(words)
         numbers = value if isinstance(value, list) else [value] * 3
         if len(numbers) == 3 and not any(isinstance(entry, bool | str) for entry in numbers):
             return [float(entry) for entry in numbers]
@@ -135,7 +135,7 @@ def _changes(words: list[str]) -> dict[str, bool | int | float | str]:
     found: dict[str, bool | int | float | str] = {}
     for name, text in zip(names, values, strict=False):
         try:
-            value = files.parse_yaml(text)
+            value = parse_yaml(text)
         except ValueError as error:
             problems.append(f"{name}: {error}")
             continue

@@ -21,6 +21,7 @@ from imu_sim_ros.nodes.help import of_other_nodes
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import EMPTY_LIST
 from imu_sim_ros.parameters.sections import OF_EVERY_NODE, bad_values, parameters, unknown
+from imu_sim_ros.parameters.yaml_text import parse_yaml
 from imu_sim_ros.sensors import named_sensors
 
 _RULE = re.compile(r"(?P<name>(?:[^\s:]+:)?[^\s:=]+):=(?P<value>.*)", re.DOTALL)
@@ -126,7 +127,7 @@ def _rule(rule: str, _: Path) -> str:
     if not is_list and match["name"].rpartition(":")[2] not in OF_EVERY_NODE:
         return rule
     try:
-        value = files.parse_yaml(match["value"])
+        value = parse_yaml(match["value"])
     except ValueError as error:
         raise ConfigurationError(f"{match['name']}: {error}") from None
     problems: list[str] = []
@@ -145,7 +146,7 @@ def _file(name: str, folder: Path) -> str:
         raise ConfigurationError("--params-file: a file is missing")
     path = Path(name)
     try:
-        tree = files.parse_yaml(read_text(path))
+        tree = parse_yaml(read_text(path))
     except InputError as error:
         raise ConfigurationError(error.problems) from None
     except ValueError as error:

@@ -16,10 +16,9 @@ from rclpy.parameter import Parameter as RosParameter
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.nodes.help import of_other_nodes
 from imu_sim_ros.nodes.lifetime import Lifetime
-from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import Layering, build_layered
 from imu_sim_ros.parameters.kinds import Parameter, Value
-from imu_sim_ros.parameters.sections import build, flatten, parameters, unknown
+from imu_sim_ros.parameters.sections import build, flatten, is_of_ros, parameters, unknown
 from imu_sim_ros.random_streams import seed_of_node
 
 _TYPES = {
@@ -137,7 +136,7 @@ class ConfiguredNode(Node):
         """Return the values of the command line, and undeclare what ROS declared from them."""
         given: dict[str, object] = {}
         for name, parameter in self.get_parameters_by_prefix("").items():
-            if not files.is_of_ros(name):
+            if not is_of_ros(name):
                 given[name] = plain(parameter)  # type: ignore[arg-type]  # rclpy says: of values
                 self.undeclare_parameter(name)
         return given

@@ -19,8 +19,7 @@ from imu_sim_ros.inputs.rows import is_present, read_text
 from imu_sim_ros.names import printable, unknown
 from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.parameters.sections import build, flatten
-from imu_sim_ros.parameters.sections import is_of_ros as is_of_ros
-from imu_sim_ros.parameters.yaml_text import parse_yaml as parse_yaml
+from imu_sim_ros.parameters.yaml_text import parse_yaml
 
 _T = TypeVar("_T")
 
@@ -195,19 +194,23 @@ def dotted(tree: object, where: str, prefix: str = "") -> dict[str, object]:
     return result
 
 
-def build_layered(cls: type[_T], layering: Layering, given: Mapping[str, object]) -> _T:
+def build_layered(cls: type[_T], layering: Layering, *layers: Mapping[str, object]) -> _T:
     """Return the section from given values over those of the files that they name.
 
+    :param layers: of given values, later ones above earlier ones.
     :raises ConfigurationError: with one line per problem; a file that cannot be
         found hides no other problem.
     """
+    given: dict[str, object] = {}
+    for values in layers:
+        given.update(values)
     try:
-        values = layering(given)
+        every = layering(given)
     except ConfigurationError as error:
         others = _other_problems(cls, layering, given)
         problems = dict.fromkeys([*error.problems, *others])
         raise ConfigurationError(list(problems)) from None
-    return build(cls, values)
+    return build(cls, every)
 
 
 def _other_problems(cls: type, layering: Layering, given: Mapping[str, object]) -> list[str]:

@@ -16,6 +16,7 @@ from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.names import shown, suggestion
+from imu_sim_ros.parameters.yaml_text import parse_yaml
 
 Vector: TypeAlias = tuple[float, float, float]
 Matrix: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
@@ -193,8 +194,6 @@ def entries(value: object) -> object:
     """
     if not isinstance(value, str) or not value.lstrip().startswith("["):
         return value
-    from imu_sim_ros.parameters.yaml_text import parse_yaml
-
     return parse_yaml(value)
 
 

@@ -246,10 +246,7 @@ def load_simulation(*layers: Mapping[str, object]) -> SimulationParameters:
 
     :raises ConfigurationError: with a line for each problem.
     """
-    given: dict[str, object] = {}
-    for values in layers:
-        given.update(values)
-    return build_layered(SimulationParameters, layered, given)
+    return build_layered(SimulationParameters, layered, *layers)
 
 
 def layered(given: Mapping[str, object]) -> dict[str, object]:

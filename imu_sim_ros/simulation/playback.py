@@ -11,7 +11,6 @@ from typing import Any, Final
 from imu_sim_ros import timebase
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.names import suggestion
-from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.parameters.kinds import (
     Vector,
@@ -22,7 +21,7 @@ from imu_sim_ros.parameters.kinds import (
     text,
     vector,
 )
-from imu_sim_ros.parameters.sections import section, shared
+from imu_sim_ros.parameters.sections import is_of_ros, section, shared
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.declaration import Sensor
 from imu_sim_ros.sensors.faults import Fault
@@ -233,10 +232,7 @@ def load_simulator(*layers: Mapping[str, object]) -> SimulatorParameters:
 
     :raises ConfigurationError: with a line for each problem.
     """
-    given: dict[str, object] = {}
-    for values in layers:
-        given.update(values)
-    return build_layered(SimulatorParameters, layered, given)
+    return build_layered(SimulatorParameters, layered, *layers)
 
 
 def of_the_node(given: Mapping[str, object]) -> list[str]:
@@ -249,4 +245,4 @@ def of_the_node(given: Mapping[str, object]) -> list[str]:
         for cls in (SimulatorParameters, SimulationParameters)
     )
     node = every - samples
-    return [name for name in given if name.partition(".")[0] in node or files.is_of_ros(name)]
+    return [name for name in given if name.partition(".")[0] in node or is_of_ros(name)]

@@ -8,6 +8,7 @@ What every kind has: repetition, rests, vibration, lead-in, stands in the first 
 
 import os
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
@@ -799,8 +800,10 @@ def trajectory_layer(name_or_file: str) -> dict[str, object]:
         route to drive (GPX or KML), or recorded poses: a text file, or a bag.
     """
     path = Path(name_or_file)
-    if not names_a_file(name_or_file) and _is_kind(name_or_file):
-        return {"trajectory.type": name_or_file}
+    if not names_a_file(name_or_file):
+        with suppress(ConfigurationError):  # it is no kind either
+            find_trajectory(name_or_file)
+            return {"trajectory.type": name_or_file}
     if name_or_file not in files.names("trajectories") and path.is_dir():
         return {"trajectory.type": "poses", "trajectory.file": str(path)}
     path = files.find("trajectories", name_or_file)
@@ -808,11 +811,3 @@ def trajectory_layer(name_or_file: str) -> dict[str, object]:
         return files.load(path)
     kind = "drive" if path.suffix.lower() in (".gpx", ".kml") else "poses"
     return {"trajectory.type": kind, "trajectory.file": str(path)}
-
-
-def _is_kind(name: str) -> bool:
-    try:
-        find_trajectory(name)
-    except ConfigurationError:
-        return False
-    return True

@@ -14,6 +14,7 @@ import imu_sim_ros as ims
 from imu_sim_ros.commands import allan, generate
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build
+from imu_sim_ros.parameters.yaml_text import parse_yaml
 from imu_sim_ros.progress import Watcher, watched_by
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 
@@ -111,7 +112,7 @@ def test_files(bag, tmp_path, capsys):
 def test_imu_utils_in_both_meanings(bag, tmp_path):
     assert allan.main([str(bag), "-o", str(tmp_path), "--quiet"]) == 0
     discrete, continuous = (
-        files.parse_yaml((tmp_path / name).read_text().split("---\n")[1])
+        parse_yaml((tmp_path / name).read_text().split("---\n")[1])
         for name in ("imu_utils.yaml", "imu_utils_continuous.yaml")
     )
     ratio = discrete["Gyr"]["x-axis"]["gyr_n"] / continuous["Gyr"]["x-axis"]["gyr_n"]

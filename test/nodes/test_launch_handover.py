@@ -18,6 +18,7 @@ from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.nodes import launching
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten, parameters
+from imu_sim_ros.parameters.yaml_text import parse_yaml
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import layered
 from imu_sim_ros.simulation.playback import SimulatorParameters, load_simulator
@@ -85,9 +86,9 @@ def test_every_list_is_read_from_a_file_as_launch_ros_writes_it(tmp_path, node, 
 @pytest.mark.parametrize("tag", ["!!python/name:os.system", "!!python/object/new:tuple [[1]]"])
 def test_no_other_tag_of_python_is_read(tag):
     with pytest.raises(ValueError, match="could not determine a constructor"):
-        files.parse_yaml(f"a: {tag}")
+        parse_yaml(f"a: {tag}")
     with pytest.raises(ValueError, match="expected a sequence node"):
-        files.parse_yaml("a: !!python/tuple {b: 1}")
+        parse_yaml("a: !!python/tuple {b: 1}")
 
 
 @pytest.mark.parametrize("run", [run for run in CAPTURED if run != "user"])

@@ -14,6 +14,7 @@ from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
+from imu_sim_ros.parameters.yaml_text import parse_yaml
 from imu_sim_ros.sensors import catalogue
 from imu_sim_ros.sensors.errors.response import variance_discrete
 from imu_sim_ros.simulation.engine import Body
@@ -67,7 +68,7 @@ def test_every_number_has_a_source_and_follows_from_it(kind: str, preset: str) -
         assert f"# {source} " in header
         computed = eval(expression, {"__builtins__": {}}, dict(UNITS))
         # Five digits are written.
-        assert np.allclose(files.parse_yaml(value), computed, rtol=5e-5, atol=0.0)
+        assert np.allclose(parse_yaml(value), computed, rtol=5e-5, atol=0.0)
 
 
 @pytest.mark.parametrize("preset", PRESETS)
