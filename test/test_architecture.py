@@ -211,7 +211,7 @@ def test_the_front_door_opens_what_the_type_checker_sees():
 
 @over(modules())
 def test_no_heavy_import_at_the_top_of_what_a_node_starts_with(path):
-    if room_of(path) in {"calibration", "plots"}:
+    if room_of(path) in {"calibration", "plots"} or path.stem == "yaml_loader":  # by the first text
         return
     tree = parsed(path)
     top_level = [node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]

@@ -8,7 +8,7 @@ import shutil
 import pytest
 
 from imu_sim_ros.commands import campaign, convert_bag, generate
-from imu_sim_ros.parameters import yaml_text
+from imu_sim_ros.parameters import yaml_loader
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 
 DIGITS = "1" * 200_000
@@ -35,7 +35,7 @@ def test_the_number_of_values_is_bounded():
 
 @pytest.mark.parametrize("row", ["- 1\n", "? a\n", "- {a: 1, b: 2}\n", "- - - -\n"])
 def test_values_are_counted_whatever_holds_them(row, monkeypatch):
-    monkeypatch.setattr(yaml_text, "_MAX_VALUES", 2_000)
+    monkeypatch.setattr(yaml_loader, "_MAX_VALUES", 2_000)
     with pytest.raises(ValueError, match="over 2,000 values"):
         parse_yaml(row * 2_001)
     assert parse_yaml("- 1\n" * 1_900) == [1] * 1_900
@@ -50,7 +50,7 @@ def test_what_a_bag_of_ten_thousand_files_needs_is_read():
     assert len(parse_yaml(text)["files"]) == 10_000
 
 
-@pytest.mark.parametrize("libyaml", [True, False])
+@pytest.mark.parametrize("loader", yaml_loader.LOADERS)
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
@@ -62,18 +62,12 @@ def test_what_a_bag_of_ten_thousand_files_needs_is_read():
         ("a: \0", "x0000"),
     ],
 )
-def test_the_same_is_refused_with_libyaml_and_without(monkeypatch, text, reason, libyaml):
-    import yaml
-
-    if libyaml and not yaml.__with_libyaml__:
-        pytest.skip("this PyYAML has no libyaml")
-    monkeypatch.setattr(yaml, "__with_libyaml__", libyaml)
-    yaml_text._class.cache_clear()
-    yaml_text._parsed.cache_clear()
+def test_the_same_is_refused_with_libyaml_and_without(monkeypatch, text, reason, loader):
+    monkeypatch.setattr(yaml_loader, "LOADERS", [loader])
+    yaml_loader.content.cache_clear()
     with pytest.raises(ValueError, match=reason):
         parse_yaml(text)
     assert parse_yaml("a: [5e-4, -.2, !!python/tuple [1]]") == {"a": [5e-4, -0.2, [1]]}
-    yaml_text._class.cache_clear()
 
 
 LARGE = "# comment\n" * 500_000

@@ -1,0 +1,147 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""PyYAML's safe loader, which reads numbers as ROS does, counts values, and refuses repeated names.
+
+It stands apart from :mod:`imu_sim_ros.parameters.yaml_text` so that PyYAML is imported with the
+first text.
+"""
+
+import re
+from functools import lru_cache
+from typing import Any, ClassVar, Final
+
+import yaml
+from yaml.composer import Composer
+from yaml.constructor import SafeConstructor
+from yaml.resolver import Resolver
+
+_FLOAT: Final = "tag:yaml.org,2002:float"
+_NUMBERS: Final = ("tag:yaml.org,2002:int", _FLOAT)
+_MERGE: Final = "tag:yaml.org,2002:merge"
+_DEEPEST: Final = 32
+_MAX_ALIASES: Final = 100
+_MAX_VALUES: Final = 200_000
+_LONGEST_NUMBER: Final = 400
+"""[letters] of one value that is read as a number."""
+_SOURCE: Final = ' in "<unicode string>",'
+_LONGEST_REASON: Final = 200
+
+
+def _refused(words: str, mark: Any) -> Exception:
+    return yaml.MarkedYAMLError(None, None, words, mark)
+
+
+class _Rules(Composer, SafeConstructor, Resolver):
+    """What is read otherwise than by PyYAML, and what is refused."""
+
+    depth = aliases = values = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        parser: Any = self  # the other base of each loader
+        mark = parser.peek_event().start_mark
+        self.aliases += parser.check_event(yaml.AliasEvent)
+        if self.aliases > _MAX_ALIASES:
+            raise _refused(f"over {_MAX_ALIASES} aliases", mark)
+        self.values += 1
+        if self.values > _MAX_VALUES:
+            raise _refused(f"over {_MAX_VALUES:,} values", mark)
+        self.depth += 1
+        if self.depth > _DEEPEST:
+            raise _refused(f"nested over {_DEEPEST} deep", mark)
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+        seen = set()
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode) and key.tag != _MERGE:
+                if key.value in seen:
+                    raise _refused(f"{key.value!r} is given twice", key.start_mark)
+                seen.add(key.value)
+        return super().construct_mapping(node, deep=True)
+
+    def construct_list(self, node: Any) -> Any:
+        """Return the whole list: without it, an alias inside it would contain itself."""
+        return self.construct_sequence(node, deep=True)
+
+    def construct_scalar(self, node: Any) -> Any:
+        if node.tag in _NUMBERS and len(str(node.value)) > _LONGEST_NUMBER:
+            raise _refused(f"a number of {len(node.value)} letters", node.start_mark)
+        return super().construct_scalar(node)
+
+    yaml_constructors: ClassVar = {
+        **SafeConstructor.yaml_constructors,
+        "tag:yaml.org,2002:python/tuple": construct_list,
+        "tag:yaml.org,2002:seq": construct_list,
+        "tag:yaml.org,2002:map": construct_mapping,
+    }
+
+
+_EXPONENT: Final = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)[eE][-+]?\d+$")
+_POINT_FIRST: Final = re.compile(r"[-+]?\.\d+([eE][-+]?\d+)?$")
+_Rules.add_implicit_resolver(_FLOAT, _EXPONENT, list("-+.0123456789"))
+_Rules.add_implicit_resolver(_FLOAT, _POINT_FIRST, list("-+."))
+
+
+class _PythonLoader(_Rules, yaml.SafeLoader):
+    """The loader without libyaml."""
+
+
+LOADERS: list[Any] = [_PythonLoader]
+"""The first one is used."""
+if yaml.__with_libyaml__:
+    from yaml._yaml import CParser
+
+    class _CLoader(_Rules, CParser):
+        """The loader with libyaml, which is seven times faster."""
+
+        def __init__(self, text: str) -> None:
+            CParser.__init__(self, text)
+            for base in (Composer, SafeConstructor, Resolver):
+                base.__init__(self)
+
+    LOADERS.insert(0, _CLoader)
+
+
+@lru_cache(maxsize=32)
+def content(text: str) -> Any:
+    """Return the content of a text; presets are read for every run of a study.
+
+    :raises ValueError: with the reason in one line.
+    """
+    try:
+        loader = LOADERS[0](text)
+        try:
+            node = loader.get_single_node()
+            if node is None:
+                return None
+            _size(node, {})
+            return loader.construct_document(node)
+        finally:
+            loader.dispose()
+    except yaml.YAMLError as error:
+        raise ValueError(" ".join(str(error).split()).replace(_SOURCE, ",")) from None
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+        # PyYAML's own constructors trip over !!timestamp 1, !!bool x, 2020-99-99.
+        words = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(words[:_LONGEST_REASON]) from None
+
+
+def _size(node: Any, sizes: dict[int, int]) -> int:
+    """Return how many values a node has once its aliases are written out.
+
+    :param sizes: of the nodes that are known, by their id; 0 while a node's own is counted.
+    """
+    known = sizes.get(id(node))
+    if known == 0:
+        raise ValueError("a value that contains itself")
+    if known is None:
+        sizes[id(node)] = 0
+        children = node.value if isinstance(node.value, list) else ()
+        parts = [part for one in children for part in (one if isinstance(one, tuple) else (one,))]
+        known = sizes[id(node)] = 1 + sum(_size(part, sizes) for part in parts)
+        if known > _MAX_VALUES:
+            raise ValueError(f"over {_MAX_VALUES:,} values")
+    return known
