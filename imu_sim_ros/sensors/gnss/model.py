@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
+from numpy.random import Generator
 
 from imu_sim_ros import rotation
 from imu_sim_ros.random_streams import axis_generators
@@ -30,13 +31,15 @@ STATUS: Final = (0, 1, 2, 2)
 class Receiver(SensorModel):
     """Fixes and velocities of one antenna."""
 
+    parameters: GnssParameters
+
     def __init__(self, mounted: Mounted, t0_ns: int, _: Mapping[str, Any]) -> None:
         """Set up all errors at their start."""
         super().__init__(mounted, t0_ns)
-        name, environment, p = mounted.name, mounted.environment, self._own_parameters
+        name, environment, p = mounted.name, mounted.environment, self.parameters
         seed, dt = environment.seed, 1.0 / p.rate
         self._environment = environment
-        self._earth = CurvedEarth(environment)
+        self._earth = CurvedEarth(environment) if environment.curved_earth else None
         self._white = axis_generators(seed, f"{name}.white_noise")
         self._slow = GaussMarkovBank(seed, f"{name}.gauss_markov", p.correlation_time, dt)
         self._steps = axis_generators(seed, f"{name}.random_walk")
@@ -55,18 +58,23 @@ class Receiver(SensorModel):
             self._observer = Observer(raw, environment, sky.broadcast, sky.start, name, dt)
 
     def measure(self, t: Array, world: World) -> Mapping[str, Array]:
-        """Return place and velocity of the antenna as read, and the truth of both."""
-        p, motion = self._own_parameters, world.motion(t)
+        """Return position and velocity of the antenna as read, and the truth of both."""
+        p, motion = self.parameters, world.motion(t)
         ideal = self.position(motion)
-        mode = self._mode(t)
+        changes = np.reshape(p.mode_changes, (-1, 2))
+        modes = np.concatenate([[MODES.index(p.mode)], changes[:, 1] - 1.0]).astype(np.int64)
+        mode = modes[np.searchsorted(changes[:, 0], t, side="right")]
         seen = self._sky.over(t, ideal) if self._sky else constant(p, len(t))
         sigma = self._sigma(mode, seen)
         error = self._error(sigma)
         velocity = self._velocity(motion)
-        noise = p.velocity_sigma * self._numbers(self._of_velocity, len(t))
+        noise = p.velocity_sigma * _numbers(self._of_velocity, len(t))
         mode = np.where(self._is_out(t, ideal) | ~seen.usable, -1, mode).astype(np.int64)
         measured = seen.used * (mode >= 0)
-        raw = self._observer.measure(t, ideal, velocity, measured) if self._observer else None
+        if self._observer is not None:
+            raw = self._observer.measure(t, ideal, velocity, measured)
+        else:
+            raw = _without_satellites(len(t))
         return {
             "position": ideal + error,
             "ideal_position": ideal,
@@ -77,11 +85,11 @@ class Receiver(SensorModel):
             "satellites": seen.satellites,
             "used": seen.used,
             "dilution": seen.dilution,
-            **(Observer.nothing(len(t)) if raw is None else raw),
+            **raw,
         }
 
     def complete(self, values: Mapping[str, Array]) -> Mapping[str, Array]:
-        """Return latitudes and so on of the places as read."""
+        """Return latitudes and so on of the positions as read."""
         mode = values["mode"]
         read, true = (
             np.stack(geodetic(self._environment, values[name]), axis=1)
@@ -91,7 +99,7 @@ class Receiver(SensorModel):
         fixed = mode >= 0
         known = self._last_known(np.column_stack([values["position"], read]), fixed)
         diluted = np.where(fixed[:, None], values["dilution"], UNUSABLE)
-        speed = self._own_parameters.covariance_factor * self._own_parameters.velocity_sigma**2
+        speed = self.parameters.covariance_factor * self.parameters.velocity_sigma**2
         return {
             **values,
             "error": values["position"] - values["ideal_position"],
@@ -120,27 +128,11 @@ class Receiver(SensorModel):
 
     def sent(self, values: Mapping[str, Array]) -> Mask | None:
         """Return which samples become messages."""
-        return values["mode"] >= 0 if self._own_parameters.silent else None
-
-    @property
-    def _own_parameters(self) -> GnssParameters:
-        assert isinstance(self.parameters, GnssParameters)
-        return self.parameters
-
-    @staticmethod
-    def _numbers(streams: list[Any], count: int) -> Array:
-        return np.stack([stream.standard_normal(count) for stream in streams], axis=1)
-
-    def _mode(self, t: Array) -> Integers:
-        """Return the index in MODES of n samples."""
-        p = self._own_parameters
-        changes = np.reshape(p.mode_changes, (-1, 2))
-        numbers = np.concatenate([[MODES.index(p.mode)], changes[:, 1] - 1.0]).astype(np.int64)
-        return numbers[np.searchsorted(changes[:, 0], t, side="right")]
+        return values["mode"] >= 0 if self.parameters.silent else None
 
     def _sigma(self, mode: Integers, seen: Geometry) -> Array:
         """Return the standard deviations (n, 3) of the error that the geometry explains."""
-        p = self._own_parameters
+        p = self.parameters
         horizontal = math.sqrt(2.0) / p.hdop * np.array(p.horizontal_sigma)[mode]
         ranges = np.stack(
             [horizontal, horizontal, np.array(p.vertical_sigma)[mode] / p.vdop], axis=1
@@ -150,12 +142,12 @@ class Receiver(SensorModel):
 
     def _error(self, sigma: Array) -> Array:
         """Return the error (n, 3) east, north, up of the next samples."""
-        p, count = self._own_parameters, len(sigma)
-        white = self._numbers(self._white, count)
+        p, count = self.parameters, len(sigma)
+        white = _numbers(self._white, count)
         slow = self._slow.next_block(count)
         error = sigma * (math.sqrt(p.white_share) * white + math.sqrt(1.0 - p.white_share) * slow)
         if p.random_walk:
-            steps = p.random_walk * math.sqrt(self._dt) * self._numbers(self._steps, count)
+            steps = p.random_walk * math.sqrt(self._dt) * _numbers(self._steps, count)
             # Summed in one order, so that blocks of any size give the same bits.
             walked = np.cumsum(np.concatenate([self._walked, steps]), axis=0)[1:]
             self._walked = walked[-1:] if count else self._walked
@@ -163,7 +155,7 @@ class Receiver(SensorModel):
         numbers = self._jumps.next(count)
         for k in np.unique(numbers[numbers > 0]):
             if k > self._jumped:
-                self._jump = p.multipath_sigma * self._numbers(self._sizes, 1)[0]
+                self._jump = p.multipath_sigma * _numbers(self._sizes, 1)[0]
                 self._jumped = int(k)
             error[numbers == k] += self._jump
         return error
@@ -171,19 +163,36 @@ class Receiver(SensorModel):
     def _velocity(self, motion: Motion) -> Array:
         """Return the antenna's velocity (n, 3), east, north, up."""
         v = motion.velocity
-        if self._environment.curved_earth:
+        if self._earth is not None:
             v = self._earth.over_ground(motion).velocity
         return v + rotation.rotate(motion.q_wb, np.cross(motion.angular_velocity, self.lever_arm_b))
 
     def _is_out(self, t: Array, position: Array) -> Mask:
         """Return whether there is no fix, by time, by position, or by chance."""
-        p = self._own_parameters
+        p = self.parameters
         out = self._random.next(len(t)) > 0
         for start, length in np.reshape(p.outages, (-1, 2)):
             out |= (t >= start) & (t < start + length)
         for box in np.reshape(p.outage_boxes, (-1, 6)):
             out |= ((position >= box[:3]) & (position <= box[3:])).all(axis=1)
         return out
+
+
+def _numbers(streams: list[Generator], count: int) -> Array:
+    """Return standard normal numbers (count, k) of k streams."""
+    return np.stack([stream.standard_normal(count) for stream in streams], axis=1)
+
+
+def _without_satellites(count: int) -> dict[str, Any]:
+    """Return the raw measurements, and their truth, of n times at which none are made."""
+    return {
+        "tag_ns": np.zeros(count, np.int64),
+        **{name: np.empty((count, 0, 0)) for name in ("pseudorange", "carrier_phase", "doppler")},
+        "lock": np.empty((count, 0), np.int64),
+        **{name: np.empty((count, 0)) for name in ("elevation", "ideal_range", "satellite_clock")},
+        "receiver_clock": np.zeros(count),
+        **{name: np.empty((count, 0)) for name in ("ionosphere", "troposphere")},
+    }
 
 
 def nowhere(mounted: Mounted, world: World, _: float) -> list[str]:

@@ -20,7 +20,6 @@ import numpy as np
 
 from imu_sim_ros.random_streams import generator, generator_at
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.gnss.broadcast import SATELLITES, Broadcast
 from imu_sim_ros.sensors.gnss.parameters import RawParameters
 from imu_sim_ros.sensors.gnss.satellites import (
     EARTH_RATE,
@@ -30,6 +29,7 @@ from imu_sim_ros.sensors.gnss.satellites import (
     GpsTime,
     orbits,
 )
+from imu_sim_ros.sensors.gnss.sky import SATELLITES, Broadcast
 from imu_sim_ros.sensors.gravity import earth_fixed, east_north_up, geodetic
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.types import Array, Integers, Mask
@@ -44,10 +44,6 @@ _FLIGHT_TIME: Final = 0.075
 _FLIGHT_STEPS: Final = 3
 """Each leaves a hundred-thousandth of the error."""
 _TICK_NS: Final = 100
-_OF_EACH_SIGNAL: Final = ("pseudorange", "carrier_phase", "doppler")
-_OF_EACH_SATELLITE: Final = (
-    *("elevation", "ideal_range", "satellite_clock", "ionosphere", "troposphere"),
-)
 _AMBIGUITY: Final = 1_000_000
 """Ambiguities are drawn below this [cycles]."""
 
@@ -263,15 +259,6 @@ class Observer:
             "ionosphere": ionosphere,
             "troposphere": troposphere,
         }
-
-    @staticmethod
-    def nothing(count: int) -> Mapping[str, Any]:
-        """Return the measurements of no satellite at n times."""
-        three = {name: np.empty((count, 0, 0)) for name in _OF_EACH_SIGNAL}
-        two = {name: np.empty((count, 0)) for name in _OF_EACH_SATELLITE}
-        lock = np.empty((count, 0), np.int64)
-        tag_ns = np.zeros(count, np.int64)
-        return {**three, **two, "lock": lock, "tag_ns": tag_ns, "receiver_clock": np.zeros(count)}
 
     def _clock(self, count: int) -> Array:
         """Return the receiver's clock error (n,) [s] at the next times."""

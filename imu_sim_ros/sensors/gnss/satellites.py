@@ -139,13 +139,6 @@ class Ephemerides(NamedTuple):
         """Return some of them, in this order."""
         return self._replace(**{name: values[rows] for name, values in self._asdict().items()})
 
-    def age(self, week: int, second: Array) -> Array:
-        """Return times since the reference times of the orbits [s].
-
-        :param second: since the beginning of a week, (..., k) or one for all.
-        """
-        return second - (self.toe + WEEK * (self.week - week).astype(np.float64))
-
 
 class Orbits(NamedTuple):
     """Where k satellites are at times (..., k)."""
@@ -162,7 +155,7 @@ def orbits(satellites: Ephemerides, week: int, second: Array) -> Orbits:
     :param second: GPS times (..., k) since the beginning of the week [s].
     """
     s = satellites
-    tk = s.age(week, second)
+    tk = second - (s.toe + WEEK * (s.week - week).astype(np.float64))
     a = s.sqrt_a * s.sqrt_a
     mean = s.m0 + (np.sqrt(_GRAVITATION / a**3) + s.delta_n) * tk
     anomaly = mean

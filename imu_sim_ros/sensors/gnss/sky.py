@@ -3,18 +3,32 @@
 
 """What a receiver sees of the satellites: which are in use, and how they dilute its precision."""
 
+from collections.abc import Iterator
+from datetime import timedelta
+from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.gnss.broadcast import SATELLITES, Broadcast
+from imu_sim_ros.sensors.gnss import rinex
 from imu_sim_ros.sensors.gnss.parameters import GnssParameters
-from imu_sim_ros.sensors.gnss.satellites import gps_time, orbits
+from imu_sim_ros.sensors.gnss.satellites import (
+    GPS_EPOCH,
+    VALIDITY,
+    WEEK,
+    Ephemerides,
+    GpsTime,
+    almanac,
+    gps_time,
+    orbits,
+)
 from imu_sim_ros.sensors.gravity import earth_fixed, east_north_up, geodetic
 from imu_sim_ros.types import Array, Integers, Mask
 
+SATELLITES: Final = 32
+"""Numbers that a satellite of GPS may have: 1 to this."""
 RENEWED: Final = 10.0
 """[s] The geometry is that of the first fix in each interval of this length."""
 UNUSABLE: Final = 99.99
@@ -23,7 +37,70 @@ _LEAST: Final = 4
 """Satellites that place and clock need."""
 
 
-Used = NDArray[np.int64]
+class Broadcast:
+    """Which ephemeris of each satellite holds when: the one whose reference time is nearest."""
+
+    def __init__(self, file: str, start: GpsTime) -> None:
+        """Read a file; without one the satellites are those of :func:`almanac`.
+
+        :param file: of RINEX navigation data, version 2 or 3; empty: none.
+        :param start: of the run.
+        :raises ConfigurationError: for a file that cannot be read or has nothing for the start.
+        """
+        self.ionosphere: Array | None = None
+        self._known: Ephemerides | None = None
+        if not file:
+            return
+        try:
+            self._known, self.ionosphere = rinex.read_navigation(Path(file))
+        except InputError as error:
+            raise ConfigurationError([f"gnss.ephemeris: {one}" for one in error.problems]) from None
+        self._toe = self._known.toe + WEEK * self._known.week.astype(np.float64)
+        if (self._nearest(start, np.zeros(1)) < 0).all():
+            first, last = _shown(float(self._toe.min())), _shown(float(self._toe.max()))
+            raise ConfigurationError(
+                f"gnss.ephemeris = {file}: holds GPS from {first} to {last}; the run begins at "
+                f"{_shown(start.week * WEEK + start.second)} (start_time, taken as Unix time)"
+            )
+
+    def sets(self, start: GpsTime, t: Array) -> Iterator[tuple[Integers, Ephemerides]]:
+        """Yield rows of times (n,) since the start [s], with the ephemerides that hold then."""
+        if self._known is not None:
+            kinds, number = np.unique(self._nearest(start, t), axis=0, return_inverse=True)
+            for k, rows in enumerate(kinds):
+                yield np.flatnonzero(np.ravel(number) == k), self._known.take(rows[rows >= 0])
+            return
+        nearest = np.round((start.second + t) / VALIDITY).astype(np.int64)
+        for one in np.unique(nearest):
+            carry, toe = divmod(int(one) * VALIDITY, WEEK)
+            known = almanac(start.week + int(carry), float(toe))
+            yield np.flatnonzero(nearest == one), known
+
+    def written(self, start: GpsTime, last: float) -> list[Ephemerides]:
+        """Return all that holds until a time since the start [s]."""
+        if self._known is not None:
+            return [self._known]
+        times = np.append(np.arange(0.0, last, VALIDITY / 2.0), last)
+        return [known for _, known in self.sets(start, times)]
+
+    def _nearest(self, start: GpsTime, t: Array) -> Integers:
+        """Return which ephemeris of each satellite holds at times (n,): (n, k); -1: none."""
+        assert self._known is not None
+        at = start.week * WEEK + start.second + t
+        found = np.full((len(t), SATELLITES), -1)
+        for prn in np.unique(self._known.prn):
+            own = np.flatnonzero(self._known.prn == prn)
+            own = own[np.argsort(self._toe[own], kind="stable")]
+            toe = self._toe[own]
+            chosen = np.searchsorted(0.5 * (toe[1:] + toe[:-1]), at)
+            valid = np.abs(at - toe[chosen]) <= VALIDITY
+            found[:, prn - 1] = np.where(valid, own[chosen], -1)
+        return found
+
+
+def _shown(second: float) -> str:
+    """Return a GPS time as text."""
+    return f"{GPS_EPOCH + timedelta(seconds=second):%Y-%m-%d %H:%M:%S} GPS time"
 
 
 class Geometry(NamedTuple):
@@ -91,7 +168,7 @@ class Sky:
         self._masks = np.concatenate([[parameters.elevation_mask_deg], boxes[:, 6]])
         self._masks = np.radians(np.maximum(self._masks, parameters.elevation_mask_deg))
         self._interval = -1
-        self._last: tuple[Used, Array] | None = None
+        self._last: tuple[Integers, Array] | None = None
 
     def over(self, t: Array, position: Array) -> Geometry:
         """Return what the next n fixes are made of.
@@ -101,28 +178,22 @@ class Sky:
         """
         intervals = np.floor(t / RENEWED).astype(np.int64)
         new, first, rows = np.unique(intervals, return_index=True, return_inverse=True)
-        used, found = self._of_intervals(new, t[first], position[first])
+        if self._last is not None and len(new) and new[0] == self._interval:
+            # The interval that the last block ended in keeps the geometry of its first fix.
+            seen = self._seen(t[first[1:]], position[first[1:]])
+            used, found = (np.concatenate(both) for both in zip(self._last, seen, strict=True))
+        else:
+            used, found = self._seen(t[first], position[first])
+        if len(new):
+            self._interval, self._last = int(new[-1]), (used[-1:], found[-1:])
         level = self._level(position)
         bits = used[rows, level]
         return Geometry(
             bits @ (1 << np.arange(bits.shape[1])), bits.sum(axis=1), found[rows, level]
         )
 
-    def _of_intervals(self, new: Integers, t: Array, position: Array) -> tuple[Used, Array]:
-        """Return satellites in use (m, levels, 32) and dilutions (m, levels, 4) of intervals.
-
-        The interval that the last block ended in keeps the geometry of its first fix.
-        """
-        kept = self._last if len(new) and new[0] == self._interval else None
-        skipped = int(kept is not None)
-        parts = [kept] if kept is not None else []
-        parts.append(self._seen(t[skipped:], position[skipped:]))
-        used, found = (np.concatenate(both) for both in zip(*parts, strict=True))
-        if len(new):
-            self._interval, self._last = int(new[-1]), (used[-1:], found[-1:])
-        return used, found
-
-    def _seen(self, t: Array, position: Array) -> tuple[Used, Array]:
+    def _seen(self, t: Array, position: Array) -> tuple[Integers, Array]:
+        """Return satellites in use (m, levels, 32) and dilutions (m, levels, 4) at m times."""
         used = np.zeros((len(t), len(self._masks), SATELLITES), np.int64)
         if not len(t):
             return used, np.zeros((0, len(self._masks), 4))

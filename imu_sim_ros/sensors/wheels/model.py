@@ -89,10 +89,12 @@ def point_twist(motion: Motion, lever_arm: Array, q_bs: Array) -> tuple[Array, A
 class Odometer(SensorModel):
     """Encoders of all wheels, and the odometry that a robot computes from them."""
 
+    parameters: WheelsParameters
+
     def __init__(self, mounted: Mounted, t0_ns: int, _: Mapping[str, Any]) -> None:
         """Set up all errors at their start; the angles and the pose are 0 at the first reading."""
         super().__init__(mounted, t0_ns)
-        name, environment, p = mounted.name, mounted.environment, self._own_parameters
+        name, environment, p = mounted.name, mounted.environment, self.parameters
         seed = environment.seed
         self._dt = 1.0 / p.rate
         self._unit = realised_wheels(p, seed, name)
@@ -109,8 +111,6 @@ class Odometer(SensorModel):
         self._steering = generator(seed, f"{name}.steering")
         self._patches = Events(seed, f"{name}.patch", p.patch_rate, p.patch_duration, self._dt)
         self._patched, self._patch = 0, np.zeros(p.wheels)
-        touching = wheel_positions(p.model, *self._unit.true_base)
-        self._wheels = self.lever_arm_b + rotation.rotate(self.q_bs[None], touching)
         ambient = dataclasses.replace(
             environment.temperature, power=0.0, time_constant=p.temperature_time_constant
         )
@@ -124,7 +124,7 @@ class Odometer(SensorModel):
 
     def measure(self, t: Array, world: World) -> Mapping[str, Array]:
         """Return the twist as read, means over the interval before each reading, and all truth."""
-        p, motion = self._own_parameters, world.motion(t)
+        p, motion = self.parameters, world.motion(t)
         velocity, rate = point_twist(motion, self.lever_arm_b, self.q_bs)
         omega, alpha = (
             rotation.rotate_inverse(self.q_bs[None], one)
@@ -134,11 +134,16 @@ class Odometer(SensorModel):
         mean = self._mean(twist, np.column_stack([rate[:, :2], alpha[:, 2]]))
         slipped = mean * np.array([1.0, 1.0, 1.0 + p.turn_slip])
         rims = applied(self._rims, slipped)
-        ratio = self._patch_ratios(len(t)) + self._box_ratios(motion)
+        ratio = self._patch_ratios(len(t))
+        if p.patch_boxes:
+            ratio += self._box_ratios(motion)
         rims = rims * (1.0 + ratio)
-        rims = rims + self._random_slip(rims)
+        drawn = np.column_stack([one.standard_normal(len(t)) for one in self._slips])
+        rims = rims + p.slip_noise * np.sqrt(np.abs(rims) / self._dt) * drawn
         temperature = self._temperature.at(t)
-        radius = self._radii(temperature)
+        warmer = temperature[:, None] - p.reference_temperature
+        grown = 1.0 + p.radius_temperature_coefficient * warmer
+        radius = np.array(self._unit.true_radii) * grown
         ideal, angle, speed = self._turn(rims / radius)
         read = applied(self._to_twist, p.radius * speed)
         with_slip = applied(self._to_true_twist, rims)
@@ -178,11 +183,6 @@ class Odometer(SensorModel):
             "pose_covariance": self._stated.of_pose(pose, twist, angle),
         }
 
-    @property
-    def _own_parameters(self) -> WheelsParameters:
-        assert isinstance(self.parameters, WheelsParameters)
-        return self.parameters
-
     def _mean(self, twist: Array, rate: Array) -> Array:
         """Return means over the intervals before n samples, by cubic Hermite polynomials."""
         if not len(twist):
@@ -200,41 +200,29 @@ class Odometer(SensorModel):
         for k in sorted(set(numbers[numbers > 0].tolist())):
             if k > self._patched:
                 share = np.array([one.random() for one in self._of_patch])
-                self._patch, self._patched = self._own_parameters.patch_slip * share, int(k)
+                self._patch, self._patched = self.parameters.patch_slip * share, int(k)
             ratio[numbers == k] = self._patch
         return ratio
 
     def _box_ratios(self, motion: Motion) -> Array:
-        """Return how much faster each wheel is where it touches the ground (count, m)."""
-        boxes = self._own_parameters.patch_boxes
-        ratio = np.zeros((len(motion.position), len(self._wheels)))
-        if not boxes:
-            return ratio
-        for k, wheel in enumerate(self._wheels):
+        """Return how much faster each wheel is in boxes where it touches the ground (count, m)."""
+        p = self.parameters
+        touching = wheel_positions(p.model, *self._unit.true_base)
+        wheels = self.lever_arm_b + rotation.rotate(self.q_bs[None], touching)
+        ratio = np.zeros((len(motion.position), len(wheels)))
+        for k, wheel in enumerate(wheels):
             at = motion.position + rotation.rotate(motion.q_wb, wheel[None])
-            for box in np.reshape(boxes, (-1, 7)):
+            for box in np.reshape(p.patch_boxes, (-1, 7)):
                 inside = ((at >= box[:3]) & (at <= box[3:6])).all(axis=1)
                 ratio[:, k] = np.maximum(ratio[:, k], box[6] * inside)
         return ratio
-
-    def _radii(self, temperature: Array) -> Array:
-        """Return the true radii (n, m) at temperatures (n,)."""
-        p = self._own_parameters
-        warmer = temperature[:, None] - p.reference_temperature
-        grown: Array = 1.0 + p.radius_temperature_coefficient * warmer
-        return np.array(self._unit.true_radii) * grown
-
-    def _random_slip(self, rims: Array) -> Array:
-        """Return what random slip adds to the speeds (n, m) of the rims."""
-        noise = np.column_stack([one.standard_normal(len(rims)) for one in self._slips])
-        return self._own_parameters.slip_noise * np.sqrt(np.abs(rims) / self._dt) * noise
 
     def _turn(self, speed: Array) -> tuple[tuple[Array, Array], Array, Array]:
         """Return true angles and speeds of n samples of m wheels, then both as read.
 
         :param speed: (n, m) means over the intervals [rad/s].
         """
-        noise = self._own_parameters.encoder_noise
+        noise = self.parameters.encoder_noise
         if not len(speed):
             return (speed, speed), speed, speed
         if self._is_at_start:
@@ -249,12 +237,12 @@ class Odometer(SensorModel):
 
     def _counted(self, angle: Array) -> Array:
         """Return angles as whole counts give them."""
-        ticks = self._own_parameters.ticks
+        ticks = self.parameters.ticks
         return np.rint(angle * (ticks / math.tau)) * (math.tau / ticks) if ticks else angle
 
     def _steer(self, twist: Array) -> tuple[Array, Array]:
         """Return the steering's angle and rate (n, 2) that turn the vehicle so; then as read."""
-        p, wheelbase = self._own_parameters, self._unit.true_base[1]
+        p, wheelbase = self.parameters, self._unit.true_base[1]
         moves = twist[:, 0] != 0.0
         ratio = np.divide(twist[:, 2], twist[:, 0], out=np.zeros(len(twist)), where=moves)
         true = np.clip(np.arctan(wheelbase * ratio), -p.steering_limit, p.steering_limit)

@@ -74,9 +74,11 @@ class StatedCovariance:
             + [0.01 * parameters.base_sigma_percent]
             + [parameters.steering_offset_sigma] * steered
         )
-        # The first vehicle is that of the readings, without errors.
-        drawn = constants[:, None] * spread_normals(_PAIRS, len(constants))
-        self._constants = np.insert(drawn, 0, 0.0, axis=1) if constants.any() else None
+        self._constants: Array | None = None
+        if constants.any():
+            drawn = constants[:, None] * spread_normals(_PAIRS, len(constants))
+            # The first vehicle is that of the readings, without errors.
+            self._constants = np.insert(drawn, 0, 0.0, axis=1)
         self._vehicles = np.zeros((3, 1 + 2 * _PAIRS))
         self._pose: Array | None = None
         self._white = np.zeros(6)
