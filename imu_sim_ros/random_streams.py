@@ -9,6 +9,7 @@ they do not depend on the size of the blocks either.
 """
 
 import ctypes
+import math
 import zlib
 from typing import Any, Final, TypeAlias
 
@@ -87,7 +88,28 @@ def initial_states(seed: Seed, *sources: str) -> Words:
     keys = np.array([zlib.crc32(name) for name in names], np.uint32)
     shape = np.broadcast_shapes(seeds.shape, keys.shape)
     words = [np.broadcast_to(word, shape) for word in (low, high, np.uint32(0), np.uint32(0), keys)]
-    pool = _mixed(words)
+    constant = _INIT_A
+
+    def hashed(value: _Words32) -> _Words32:
+        nonlocal constant
+        value = value ^ np.uint32(constant)
+        constant = constant * _MULT_A & _WORD
+        value = value * np.uint32(constant)
+        return value ^ (value >> np.uint32(_XSHIFT))
+
+    def mixed(x: _Words32, y: _Words32) -> _Words32:
+        result = np.uint32(_MIX_L) * x - np.uint32(_MIX_R) * y
+        return result ^ (result >> np.uint32(_XSHIFT))
+
+    # SeedSequence.mix_entropy: a pool of four words from those of the entropy.
+    pool = [hashed(word) for word in words[:_POOL]]
+    for source in range(_POOL):
+        for target in range(_POOL):
+            if source != target:
+                pool[target] = mixed(pool[target], hashed(pool[source]))
+    for word in words[_POOL:]:
+        for target in range(_POOL):
+            pool[target] = mixed(pool[target], hashed(word))
     made, constant = [], _INIT_B
     for k in range(6):  # SeedSequence.generate_state: three words of 64 bits
         value = pool[k % _POOL] ^ np.uint32(constant)
@@ -105,32 +127,6 @@ def initial_states(seed: Seed, *sources: str) -> Words:
     return np.stack([a, b, c, counter], axis=-1)
 
 
-def _mixed(words: list[_Words32]) -> list[_Words32]:
-    """Return SeedSequence's pool of four words from the words of entropy."""
-    constant = _INIT_A
-
-    def hashed(value: _Words32) -> _Words32:
-        nonlocal constant
-        value = value ^ np.uint32(constant)
-        constant = constant * _MULT_A & _WORD
-        value = value * np.uint32(constant)
-        return value ^ (value >> np.uint32(_XSHIFT))
-
-    def mixed(x: _Words32, y: _Words32) -> _Words32:
-        result = np.uint32(_MIX_L) * x - np.uint32(_MIX_R) * y
-        return result ^ (result >> np.uint32(_XSHIFT))
-
-    pool = [hashed(word) for word in words[:_POOL]]
-    for source in range(_POOL):
-        for target in range(_POOL):
-            if source != target:
-                pool[target] = mixed(pool[target], hashed(pool[source]))
-    for word in words[_POOL:]:
-        for target in range(_POOL):
-            pool[target] = mixed(pool[target], hashed(word))
-    return pool
-
-
 class Streams:
     """Numbers of sources: a random stream for each axis of one unit, or of each unit of a batch.
 
@@ -146,21 +142,20 @@ class Streams:
         :param numbers: ``standard_normal``, or ``random``, from 0 to 1.
         """
         self._seed, self._sources = seed, sources
-        states = initial_states(seed, *sources)
-        self._indices = np.arange(states.size // 4).reshape(states.shape[:-1])
+        shape = (*np.shape(seed), len(AXES) * len(sources))
+        self._indices = np.arange(math.prod(shape)).reshape(shape)
         """(*units, 3 m) of the streams in the list of states."""
-        self._states = _as_bytes(states)
+        self._states = [b""] * self._indices.size
+        self.begin(...)
         bits = SFC64(0)
         self._draw = getattr(Generator(bits), numbers)
         self._state = (ctypes.c_char * _BYTES).from_address(bits.ctypes.state_address)
 
     def begin(self, units: Units) -> None:
-        """Begin the streams of some units of a batch again, from their present seeds."""
-        states = initial_states(np.asarray(self._seed)[units], *self._sources)
-        for index, state in zip(
-            self._indices[units].ravel().tolist(), _as_bytes(states), strict=True
-        ):
-            self._states[index] = state
+        """Let the streams of some units begin, or begin again, from their present seeds."""
+        states = initial_states(np.asarray(self._seed)[units], *self._sources).tobytes()
+        for k, index in enumerate(self._indices[units].ravel().tolist()):
+            self._states[index] = states[k * _BYTES : (k + 1) * _BYTES]
 
     def next(self, count: int, units: Units = ..., axes: Any = slice(None)) -> Array:
         """Return the next numbers (count, *units, axes) of some units and axes, by source."""
@@ -173,9 +168,3 @@ class Streams:
             draw(out=own)
             states[index] = generator.raw
         return numbers
-
-
-def _as_bytes(states: Words) -> list[bytes]:
-    """Return states (..., 4) as a list."""
-    memory = states.tobytes()
-    return [memory[begin : begin + _BYTES] for begin in range(0, len(memory), _BYTES)]

@@ -22,8 +22,6 @@ from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.gravity import gravity_vector
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.imu.model import AHEAD, NOWHERE, Imu, unknown_motion
-from imu_sim_ros.sensors.pose.declaration import NAME as POSE
-from imu_sim_ros.sensors.pose.model import pose_samples
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.error_input import (
     Conventions,
@@ -192,8 +190,7 @@ class ErrorModel(GivenSensor[GivenReadings, dict[str, Any]]):
     def _apply(self, imu: Imu, given: GivenReadings, gyro: Array, accel: Array) -> dict[str, Any]:
         """Return the next samples, which are those of readings (n m, 3) inside the sensor."""
         first, self.position = self.position, self.position + len(given.t_ns)
-        block = imu.apply(given.t_ns, self._motion(given), gyro, accel, self._world)
-        read = {IMU: block, POSE: pose_samples(block.true_t_ns, block.motion)}
+        read = {IMU: imu.apply(given.t_ns, self._motion(given), gyro, accel, self._world)}
         if self._others:
             rate = timebase.exact_rate(self.parameters.rate)
             window = Window(first / rate, self.position / rate)

@@ -51,7 +51,8 @@ class Additions(NamedTuple):
 
     def at(self, rows: slice) -> "Additions":
         """Return some consecutive ones."""
-        scale, noise = (None if one is None else one[rows] for one in (self.scale, self.noise))
+        scale = None if self.scale is None else self.scale[rows]
+        noise = None if self.noise is None else self.noise[rows]
         return Additions(scale, self.bias[rows], noise)
 
 

@@ -121,9 +121,11 @@ class IdealImu:
         centrifugal term is a part of gravity. The world is flat, unless `curved_earth` is set
         (:class:`imu_sim_ros.sensors.gravity.CurvedEarth`).
         """
-        if _at_rest(motion):
+        n = len(motion.q_wb)
+        if n > 1 and not any(
+            values.strides[0] for values in motion
+        ):  # one row stands for all times
             rate, force = self.read(Motion(*(values[:1] for values in motion)))
-            n = len(motion.q_wb)
             return np.broadcast_to(rate, (n, 3)), np.broadcast_to(force, (n, 3))
         rate, force = self._of_the_body(motion)
         rate_i, force_i = transform(self._r_ib, rate), transform(self._r_ib, force)
@@ -215,11 +217,3 @@ def size_effect(positions: Array, omega: Array, alpha: Array) -> Array:
         own += w[k] * (w[i] * r[i] + w[j] * r[j])
         own -= r[k] * (w[i] * w[i] + w[j] * w[j])
     return result
-
-
-def _at_rest(motion: Motion) -> bool:
-    """Return whether a motion is one row that stands for all times (see the static trajectory)."""
-    first, *others = motion
-    if first.strides[0] != 0 or len(first) < 2:
-        return False
-    return all(values.strides[0] == 0 for values in others)

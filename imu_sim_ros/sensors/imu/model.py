@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 _INTERNAL_READINGS: Final = 16384
 """Generated at a time inside an oversampled sensor."""
+_ERRORS: Final = [(f"gyro_{error}", f"accel_{error}") for error in ERRORS]
 AHEAD: Final = 64
 """Samples whose noise is made at once where given readings come one by one."""
 
@@ -82,6 +83,9 @@ class Imu:
         self._reference_temperature = imu.reference_temperature
         for triad in self._triads:
             triad.configure(imu)
+        follows = any(triad.follows_force for triad in self._triads)
+        self._made_ahead = self._ratio == 1 and not follows
+        """Whether what is added to given readings can be made before them."""
         self._timing.configure(imu)
 
     def prepare(self, trajectory: Trajectory) -> None:
@@ -125,8 +129,7 @@ class Imu:
         :param accel: (n m, 3) ideal [m/s^2].
         """
         first, count, m = self._timing.position, len(true_t_ns), self._ratio
-        alone = m > 1 or any(triad.follows_force for triad in self._triads)
-        if not alone and self._ahead.end <= first and 0 < count < AHEAD:
+        if self._made_ahead and self._ahead.end <= first and 0 < count < AHEAD:
             end = first + AHEAD - first % AHEAD
             temperature = world.temperature.at(self._timing.times.following(first, end - first).t)
             additions = self._additions(temperature, None)
@@ -192,8 +195,8 @@ class Imu:
             "ideal_accel": ideal[1],
             "motion": motion,
         }
-        for k, error in enumerate(ERRORS):
-            values[f"gyro_{error}"], values[f"accel_{error}"] = gyro[1 + k], accel[1 + k]
+        for (of_gyro, of_accel), *errors in zip(_ERRORS, gyro[1:], accel[1:], strict=True):
+            values[of_gyro], values[of_accel] = errors
         self.latest = self._timing.samples(first, true_t_ns, values)
         return self.latest
 

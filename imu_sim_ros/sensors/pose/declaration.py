@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The true pose as the rest of the package sees it: its topics."""
+"""The true pose: the body's motion as samples without any error, and its topics."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
@@ -21,10 +21,12 @@ from imu_sim_ros.sensors.declaration import (
     Sensor,
     SensorReadings,
     Topic,
-    on_demand,
 )
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.gravity import geodetic
+from imu_sim_ros.sensors.model import FixedModel
+from imu_sim_ros.sensors.samples import Samples
+from imu_sim_ros.sensors.world import SampleTimes, Window, World
 from imu_sim_ros.types import Array
 
 if TYPE_CHECKING:
@@ -32,6 +34,19 @@ if TYPE_CHECKING:
 
 NAME: Final = "pose"
 _TRANSFORMS: Final = "tf2_msgs/msg/TFMessage"
+
+
+class Pose(FixedModel):
+    """The body's motion at the rate of the simulation."""
+
+    def __init__(self, mounted: Mounted, t0_ns: int, _: object) -> None:
+        self._times = SampleTimes(mounted.environment.rate, t0_ns)
+
+    def read(self, window: Window, world: World) -> Samples:
+        """Return the samples in a window."""
+        _, true_t_ns, t = self._times.within(window)
+        every = np.arange(len(true_t_ns))
+        return Samples(true_t_ns, true_t_ns, true_t_ns, every, world.motion(t)._asdict())
 
 
 @dataclass(frozen=True, repr=False)
@@ -88,7 +103,7 @@ SENSOR = Sensor(
     name=NAME,
     quantity=NAME,
     section=EnvironmentParameters,
-    model=on_demand("imu_sim_ros.sensors.pose.model", "Pose"),
+    model=Pose,
     topics=(
         Topic(TRUTH_TOPIC, "nav_msgs/msg/Odometry", ("ground_truth",), _odometry, truth=True),
         Topic(
