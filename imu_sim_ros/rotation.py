@@ -119,6 +119,19 @@ def cross(a: ArrayLike, b: ArrayLike) -> Array:
     return result
 
 
+def pose_matrix(r_ab: ArrayLike, p_ab: ArrayLike) -> Array:
+    """Return T_ab (4, 4), which maps coordinates in b to a: ``p_a = R_ab @ p_b + p_ab``."""
+    result = np.eye(4)
+    result[:3, :3], result[:3, 3] = r_ab, p_ab
+    return result
+
+
+def inverse_pose(t_ab: Array) -> Array:
+    """Return T_ba of T_ab (4, 4), exact in its last row."""
+    r_ba = t_ab[:3, :3].T
+    return pose_matrix(r_ba, -r_ba @ t_ab[:3, 3])
+
+
 def transform(matrix: Array, v: Array) -> Array:
     """Return ``M @ v`` (..., 3) of vectors (..., 3); zeros and ones of one M cost nothing.
 

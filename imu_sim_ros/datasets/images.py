@@ -26,6 +26,7 @@ from imu_sim_ros.conventions import IMAGE_TOPIC
 from imu_sim_ros.datasets.bodies import add_tables
 from imu_sim_ros.datasets.columns import Tables
 from imu_sim_ros.errors import InputError, system_error
+from imu_sim_ros.rotation import pose_matrix
 from imu_sim_ros.sensors.camera.declaration import cameras_in
 from imu_sim_ros.sensors.camera.images.files import png
 from imu_sim_ros.sensors.camera.images.flow import kitti_flow
@@ -281,8 +282,7 @@ def write_png(path: Path, image: NDArray[Any]) -> None:
 def _sensor_yaml(camera: CameraParameters, comment: str) -> str:
     """Return EuRoC's description of a camera."""
     model = CameraModel(camera)
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = camera.pose()
+    matrix = pose_matrix(*camera.pose())
     k = (*camera.distortion, 0.0, 0.0, 0.0, 0.0)[: max(4, len(camera.distortion))]
     intrinsics = ", ".join(decimal(x) for x in (model.fx, model.fy, model.cx, model.cy))
     shape = {"unified": f"xi: {decimal(camera.xi)}\n"}.get(camera.model, "")

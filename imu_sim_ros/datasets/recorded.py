@@ -30,6 +30,7 @@ from imu_sim_ros.inputs.rows import (
     shortened,
 )
 from imu_sim_ros.parameters.yaml_text import parse_yaml
+from imu_sim_ros.rotation import inverse_pose
 from imu_sim_ros.sensors.camera.images.files import JPEG, PNG, Size, decoded, examined, png
 from imu_sim_ros.sensors.parameters import rotation_problems
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
@@ -118,15 +119,7 @@ def read_camchain(path: Path, camera: str) -> Description:
     count = len(_SHAPES[model])
     numbers = keys.numbers("intrinsics", (count + 4,))
     info = keys.info(model, numbers[:count], numbers[count:], "distortion_coeffs")
-    return keys.finished(info, None if t_ci is None else inverse(t_ci))
-
-
-def inverse(pose: Array) -> Array:
-    """Return the transform (4, 4) the other way."""
-    result = np.eye(4)
-    result[:3, :3] = pose[:3, :3].T
-    result[:3, 3] = -pose[:3, :3].T @ pose[:3, 3]
-    return result
+    return keys.finished(info, None if t_ci is None else inverse_pose(t_ci))
 
 
 def _mapping(path: Path) -> dict[str, Any]:

@@ -274,9 +274,8 @@ def fixed_transforms(message: Any) -> Transforms:
     found: Transforms = {}
     for t in message.transforms:
         q, p = t.transform.rotation, t.transform.translation
-        pose = np.eye(4)
-        pose[:3, :3] = rotation.to_matrix(np.array([[q.w, q.x, q.y, q.z]]))[0]
-        pose[:3, 3] = (p.x, p.y, p.z)
+        matrix = rotation.to_matrix(np.array([[q.w, q.x, q.y, q.z]]))[0]
+        pose = rotation.pose_matrix(matrix, (p.x, p.y, p.z))
         found[t.child_frame_id] = (t.header.frame_id, pose)
     return found
 

@@ -13,10 +13,11 @@ from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.read import decoded_blocks, decoded_messages, open_bag
 from imu_sim_ros.bags.text.reader import imu_file, is_text, state_file
 from imu_sim_ros.conventions import GRAVITY, TF_STATIC_TOPIC
-from imu_sim_ros.datasets.recorded import inverse, read_sensor_yaml
+from imu_sim_ros.datasets.recorded import read_sensor_yaml
 from imu_sim_ros.datasets.recorded_bag import Transforms, ancestors, fixed_transforms, to_root
 from imu_sim_ros.datasets.truth_files import simulation_of
 from imu_sim_ros.inputs.rows import is_present
+from imu_sim_ros.rotation import inverse_pose
 from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
 from imu_sim_ros.simulation.parameters import SampledParameters
 from imu_sim_ros.types import Array
@@ -106,7 +107,7 @@ def _recorded_mount(
     of_truth = _of_folder(state_file(path).parent) if with_truth else None
     if of_imu is None:
         return _RecordedMount()
-    return _RecordedMount(of_imu if of_truth is None else inverse(of_truth) @ of_imu)
+    return _RecordedMount(of_imu if of_truth is None else inverse_pose(of_truth) @ of_imu)
 
 
 def _of_folder(folder: Path) -> Array | None:
@@ -149,7 +150,7 @@ def pose_between(transforms: Transforms, frame: str, body: str) -> Array | None:
     of_frame, of_body = ancestors(transforms, frame), ancestors(transforms, body)
     for shared, pose in of_frame.items():
         if shared in of_body:
-            return inverse(of_body[shared]) @ pose
+            return inverse_pose(of_body[shared]) @ pose
     return None
 
 

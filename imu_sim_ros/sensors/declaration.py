@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from imu_sim_ros.inputs.tables import Table
+from imu_sim_ros.rotation import pose_matrix
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.world import Window, World
@@ -146,10 +147,7 @@ def topic(
 
 def mount_of(own: Any) -> Array:
     """Return the pose T_bs (4, 4) that ``lever_arm`` and ``mounting`` describe."""
-    pose_bs = np.eye(4)
-    pose_bs[:3, :3] = np.reshape(own.mounting, (3, 3))
-    pose_bs[:3, 3] = own.lever_arm
-    return pose_bs
+    return pose_matrix(np.reshape(own.mounting, (3, 3)), own.lever_arm)
 
 
 def on_demand(module: str, name: str) -> Callable[..., Any]:

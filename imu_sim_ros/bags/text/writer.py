@@ -19,6 +19,7 @@ from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.names import suggestion
+from imu_sim_ros.rotation import pose_matrix
 from imu_sim_ros.types import Array, Times
 
 POSES_OF_TABLES: Final = "groundtruth.tum"
@@ -302,7 +303,6 @@ def write_euroc_table(
 
 
 def _pose(r: Array, p: Array) -> str:
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = r, p
+    matrix = pose_matrix(r, p)
     rows = ",\n         ".join(", ".join(decimal(value) for value in row) for row in matrix)
     return f"T_BS:\n  cols: 4\n  rows: 4\n  data: [{rows}]\n"

@@ -6,9 +6,9 @@
 from itertools import pairwise
 
 from imu_sim_ros.bags.text.decimals import decimal
-from imu_sim_ros.datasets.consumers.rig import RigValues, four, kind, listed, real
+from imu_sim_ros.datasets.consumers.rig import RigValues, four, kind, listed
 from imu_sim_ros.datasets.consumers.subject import Subject
-from imu_sim_ros.datasets.consumers.values import ImuValues, comment, remarks, rows
+from imu_sim_ros.datasets.consumers.values import ImuValues, comment, real, remarks, rows
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.scene_parameters import (
     AprilgridParameters,

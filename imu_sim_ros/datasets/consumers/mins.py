@@ -11,9 +11,10 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.datasets.consumers.aiding import SPEED, Aiding
-from imu_sim_ros.datasets.consumers.rig import listed, real
+from imu_sim_ros.datasets.consumers.rig import listed
 from imu_sim_ros.datasets.consumers.subject import Subject
-from imu_sim_ros.datasets.consumers.values import comment, rows
+from imu_sim_ros.datasets.consumers.values import comment, real, rows
+from imu_sim_ros.rotation import pose_matrix
 from imu_sim_ros.simulation.topics import resolved
 
 _PARTS: Final = ("system", "estimator", "imu", "init", "gps", "wheel")
@@ -202,9 +203,8 @@ def _wheel(body: Aiding) -> str:
         ]
     )
     share_r, share_b = 0.01 * p.radius_sigma_percent, 0.01 * p.base_sigma_percent
-    pose = np.eye(4)
-    pose[:3, :3] = body.rotation() @ np.reshape(p.mounting, (3, 3))
-    pose[:3, 3] = body.in_imu(p.lever_arm)
+    rotation = body.rotation() @ np.reshape(p.mounting, (3, 3))
+    pose = pose_matrix(rotation, body.in_imu(p.lever_arm))
     density = body.wheel_speed_density
     values = {
         "enabled": "true",

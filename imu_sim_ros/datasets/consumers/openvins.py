@@ -11,9 +11,9 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.bags.text.decimals import decimal
-from imu_sim_ros.datasets.consumers.rig import REST_THRESHOLD, RigValues, four, kind, listed, real
+from imu_sim_ros.datasets.consumers.rig import REST_THRESHOLD, RigValues, four, kind, listed
 from imu_sim_ros.datasets.consumers.subject import Subject
-from imu_sim_ros.datasets.consumers.values import ImuValues, comment, remarks, rows
+from imu_sim_ros.datasets.consumers.values import ImuValues, comment, real, remarks, rows
 from imu_sim_ros.types import Array
 
 _EXPRESSED: Final = (

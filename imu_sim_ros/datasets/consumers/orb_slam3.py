@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.datasets.consumers.rig import RigValues, four, kind, opencv_matrix, real
+from imu_sim_ros.datasets.consumers.rig import RigValues, four, kind, opencv_matrix
 from imu_sim_ros.datasets.consumers.subject import Subject
-from imu_sim_ros.datasets.consumers.values import ImuValues, comment, remarks
+from imu_sim_ros.datasets.consumers.values import ImuValues, comment, real, remarks
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 
 KINDS: Final = ("radtan", "equidistant")

@@ -10,10 +10,12 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros.bags.text.decimals import decimal
-from imu_sim_ros.datasets.consumers.values import ImuValues
+from imu_sim_ros.datasets.consumers.values import ImuValues, real
 from imu_sim_ros.parameters.sections import parameters
+from imu_sim_ros.rotation import inverse_pose, pose_matrix
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.scene_parameters import SceneParameters
+from imu_sim_ros.sensors.declaration import mount_of
 from imu_sim_ros.types import Array
 
 
@@ -36,17 +38,15 @@ class RigValues:
 
     def imu_camera(self, name: str) -> Array:
         """Return T_ic (4, 4), which maps coordinates from a camera to the IMU."""
-        imu = self.imu.imu
-        t_bi = _pose(np.reshape(imu.mounting, (3, 3)), np.asarray(imu.lever_arm))
-        return _inverse(t_bi) @ _pose(*self.cameras[name].pose())
+        return inverse_pose(mount_of(self.imu.imu)) @ pose_matrix(*self.cameras[name].pose())
 
     def between(self, first: str, second: str) -> Array:
         """Return T (4, 4), which maps coordinates from the second camera to the first."""
-        return _inverse(self.imu_camera(first)) @ self.imu_camera(second)
+        return inverse_pose(self.imu_camera(first)) @ self.imu_camera(second)
 
     def camera_imu(self, name: str) -> Array:
         """Return T_ci (4, 4), which maps coordinates from the IMU to a camera."""
-        return _inverse(self.imu_camera(name))
+        return inverse_pose(self.imu_camera(name))
 
     def fits(self, *models: str) -> bool:
         """Return whether all cameras are of the models named by :func:`kind`."""
@@ -118,12 +118,6 @@ def four(camera: CameraParameters) -> list[float]:
     return [*camera.distortion, 0.0, 0.0, 0.0, 0.0][:4]
 
 
-def real(value: float) -> str:
-    """Return a number that YAML readers parse as floating point."""
-    words = decimal(value)
-    return words if "." in words else f"{words}.0"
-
-
 def listed(values: Iterator[float] | list[float] | tuple[float, ...]) -> str:
     """Return numbers as a list of YAML."""
     return f"[{', '.join(real(value) for value in values)}]"
@@ -139,18 +133,6 @@ def opencv_matrix(matrix: Array, code: str = "d") -> str:
     return (
         f"!!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: {code}\n   data: [{data}]\n"
     )
-
-
-def _pose(r: Array, p: Array) -> Array:
-    result = np.eye(4)
-    result[:3, :3], result[:3, 3] = r, p
-    return result
-
-
-def _inverse(t: Array) -> Array:
-    """Return the inverse of a rigid motion, exact in its last row."""
-    r = t[:3, :3].T
-    return _pose(r, -r @ t[:3, 3])
 
 
 REST_THRESHOLD: Final = 0.5

@@ -189,9 +189,10 @@ def comment(lines: Iterator[str] | list[str]) -> str:
 
 def rows(matrix: Array, indent: str) -> str:
     """Return a matrix as YAML, a list for each row, all of it floating point."""
-    return "".join(f"{indent}- [ {', '.join(map(_floating, row.tolist()))} ]\n" for row in matrix)
+    return "".join(f"{indent}- [ {', '.join(map(real, row.tolist()))} ]\n" for row in matrix)
 
 
-def _floating(value: float) -> str:
+def real(value: float) -> str:
+    """Return a number that YAML readers parse as floating point."""
     words = decimal(value)
     return words if "." in words else f"{words}.0"

@@ -12,9 +12,9 @@ from collections.abc import Iterator
 from typing import Final
 
 from imu_sim_ros.bags.text.decimals import decimal
-from imu_sim_ros.datasets.consumers.rig import RigValues, four, kind, opencv_matrix, real
+from imu_sim_ros.datasets.consumers.rig import RigValues, four, kind, opencv_matrix
 from imu_sim_ros.datasets.consumers.subject import Subject
-from imu_sim_ros.datasets.consumers.values import ImuValues, comment, remarks
+from imu_sim_ros.datasets.consumers.values import ImuValues, comment, real, remarks
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 
 

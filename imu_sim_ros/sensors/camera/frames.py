@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
+from imu_sim_ros.rotation import pose_matrix
 from imu_sim_ros.sensors.camera.mesh_scene import mesh_warnings
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
 from imu_sim_ros.sensors.camera.scene_parameters import body_names
@@ -111,9 +112,7 @@ class Camera(FixedModel):
 
 def mount(p: CameraParameters) -> Array:
     """Return the pose T_bc (4, 4) of a camera."""
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = p.pose()
-    return pose
+    return pose_matrix(*p.pose())
 
 
 def warnings(mounted: Mounted, world: World, _: float) -> list[str]:
