@@ -118,7 +118,8 @@ test-tools: build .venv/test-installed
 
 test: build .venv/test-installed test-floor
 	@echo "make: all tests"
-	$(CLEAN) $(ONE_THREAD) $(BIN)/$(PYTEST) -m "not slow"
+	# All of test/fuzz is slow; each process would import it, and Hypothesis read the whole package.
+	$(CLEAN) $(ONE_THREAD) $(BIN)/$(PYTEST) -m "not slow" --ignore test/fuzz
 
 # As well the tests marked slow: statistics over many runs, and hostile inputs in full.
 test-all: build .venv/test-installed test-floor

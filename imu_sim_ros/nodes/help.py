@@ -4,32 +4,51 @@
 """Help, version and tab completion of the nodes. Needs no ROS."""
 
 import argparse
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Final, NamedTuple
 
 from imu_sim_ros import __version__, completion, program
-from imu_sim_ros.bags.recorder_parameters import RecorderParameters
-from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.parameters.kinds import Parameter
 from imu_sim_ros.parameters.sections import parameters
-from imu_sim_ros.sensors.registry import all_sensors
-from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
-from imu_sim_ros.simulation.playback import SimulatorParameters
 
 
 class NodeHelp(NamedTuple):
     """The help of a node."""
 
     text: str
-    section: type
-    """Its parameters."""
+    section: Callable[[], type]
+    """Returns its parameters, which a node that runs does not import of the others."""
     examples: tuple[str, ...]
+
+
+def _simulator() -> type:
+    from imu_sim_ros.simulation.playback import SimulatorParameters
+
+    return SimulatorParameters
+
+
+def _integrator() -> type:
+    from imu_sim_ros.navigation.parameters import IntegratorParameters
+
+    return IntegratorParameters
+
+
+def _error_model() -> type:
+    from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
+
+    return ErrorNodeParameters
+
+
+def _recorder() -> type:
+    from imu_sim_ros.bags.recorder_parameters import RecorderParameters
+
+    return RecorderParameters
 
 
 PROGRAMS: Final = {
     "simulator": NodeHelp(
         "Publish the readings of simulated sensors together with the ground truth.",
-        SimulatorParameters,
+        _simulator,
         (
             "simulator --imu mpu6000 --trajectory figure_eight --rate 400",
             "simulator --trajectory flight.csv --ros-args -r imu/data_raw:=/imu0",
@@ -44,7 +63,7 @@ the errors against ground_truth/odom, dead_reckoned/position_error and
 dead_reckoned/attitude_error. The noise for the covariance comes from imu.* or, if none is given,
 from imu/data_raw/parameters, which the simulator publishes. The service ~/reset starts again at
 initial_state.""",
-        IntegratorParameters,
+        _integrator,
         (
             "integrator --initial_state truth --error true",
             "integrator --method rk4 --path_rate 5 --ros-args -r imu/data_raw:=/imu0",
@@ -57,7 +76,7 @@ The node subscribes to imu/ideal (sensor_msgs/Imu), or with --odometry true to o
 (nav_msgs/Odometry), and publishes imu/data_raw; on request also imu/data, imu/temperature and the
 ground truth of readings and biases. Declare the input with --input.gravity, --input.axes and so on.
 The service ~/reset starts again with the next reading.""",
-        ErrorNodeParameters,
+        _error_model,
         (
             "error_model --imu bmi088 --rate 1000 --seed 3 --ros-args -r imu/ideal:=/imu",
             "error_model --imu adis16448 --rate 250 --publish.biases true",
@@ -73,7 +92,7 @@ folder named after the time; NAME.bag is ROS 1), -d is --duration and accepts un
 
 If the recorder is killed, at most the last second is lost; convert_bag --recover makes a complete
 bag. The exit status is 0 after Ctrl-C, SIGTERM, duration or max_size, and 1 if writing failed.""",
-        RecorderParameters,
+        _recorder,
         (
             "recorder",
             "recorder -o flight imu/data_raw /ground_truth/odom",
@@ -125,8 +144,10 @@ def parser(name: str) -> argparse.ArgumentParser:
     result.add_argument("--debug", action="store_true", help="show the traceback of an error")
     result.add_argument("--version", action="store_true", help="print the package's version")
     group = result.add_argument_group("parameters (* may change while the node runs)")
-    known = dict(parameters(program.section))
+    known = dict(parameters(program.section()))
     if name == "simulator":
+        from imu_sim_ros.sensors.registry import all_sensors
+
         for sensor in all_sensors()[0]:
             own = parameters(sensor.section)
             known |= {f"{sensor.name}.{key}": parameter for key, parameter in own.items()}
@@ -143,7 +164,7 @@ def of_other_nodes(section: type, names: Iterable[str]) -> list[str]:
     rest = [name for name in names if name not in own]
     if not rest:
         return []
-    others = {name for program in PROGRAMS.values() for name in parameters(program.section)}
+    others = {name for program in PROGRAMS.values() for name in parameters(program.section())}
     passed_over: Mapping[str, Parameter] = getattr(section, "passed_over", dict)()
     return [name for name in rest if name in others and name not in passed_over]
 

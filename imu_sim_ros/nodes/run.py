@@ -57,7 +57,7 @@ def main(name: str, create: Callable[[], Program], arguments: Sequence[str] | No
                     "nodes of its ROS domain may hang until it is removed",
                     file=sys.stderr,
                 )
-            section = help.PROGRAMS[name].section
+            section = help.PROGRAMS[name].section()
             program = _start(ros_arguments(arguments, section, Path(folder)), create)
         _spin(program, watch)
         error = program.lifetime.failure

@@ -41,12 +41,12 @@ def test_examples_end_the_help_and_are_accepted(
     tail = help.parser(name).format_help().partition("examples:\n")[2]
     lines = [line.strip() for line in tail.splitlines()]
     assert len(lines) >= 2
-    known = set(parameters(help.PROGRAMS[name].section))
+    known = set(parameters(help.PROGRAMS[name].section()))
     for line in lines:
         program, *words = shlex.split(line)
         assert program == name
         plain = recorder.plain_arguments(words) if name == "recorder" else words
-        made = ros_arguments(plain, help.PROGRAMS[name].section, tmp_path)
+        made = ros_arguments(plain, help.PROGRAMS[name].section(), tmp_path)
         given = dict(
             word.split(":=", 1) for before, word in itertools.pairwise(made) if before == "-p"
         )
