@@ -252,7 +252,11 @@ def read_poses(
         file = path if path.is_file() else text_reader.state_file(path)
         return read_pose_file(file, topic, skip_bad_rows, covariance)
     with open_bag(path, recover) as bag:
-        types = {info.type for info in bag.topics if topic is None or _same(info.name, topic)}
+        types = {
+            info.type
+            for info in bag.topics
+            if topic is None or info.name.lstrip("/") == topic.lstrip("/")
+        }
     type_name = POSE_STAMPED if POSE_STAMPED in types and ODOMETRY not in types else ODOMETRY
     counts: list[int] = []
     skipped = counts.append if skip_bad_rows else None
@@ -360,7 +364,3 @@ def _times() -> Times:
 
 def _rows(columns: int) -> Array:
     return np.empty((0, columns))
-
-
-def _same(name: str, other: str) -> bool:
-    return name.lstrip("/") == other.lstrip("/")

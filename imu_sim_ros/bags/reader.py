@@ -39,6 +39,7 @@ DAMAGE: Final = (
 _LONGEST_REASON: Final = 200
 _SEARCHED_BYTES: Final = 1 << 20
 _LONGEST_MATCH: Final = 64
+_BAG_LIBRARIES: Final = ("mcap", "rosbags", "lz4", "zstandard")
 END_NS: Final = 2**63 - 1
 """After all messages."""
 _LARGEST_CHUNK: Final = 1 << 30
@@ -73,14 +74,11 @@ def errors_naming(path: Path, hint: str = "") -> Iterator[None]:
     except OSError as error:
         raise system_error(path, error) from error
     except Exception as error:
-        if not isinstance(error, (*DAMAGE, sqlite3.Error)) and not _of_bag_library(error):
+        library = type(error).__module__.partition(".")[0]
+        if not isinstance(error, (*DAMAGE, sqlite3.Error)) and library not in _BAG_LIBRARIES:
             raise
         words = " ".join(str(error).split())[:_LONGEST_REASON] or type(error).__name__
         raise InputError(f"{path}: damaged: {words}{hint}") from error
-
-
-def _of_bag_library(error: Exception) -> bool:
-    return type(error).__module__.partition(".")[0] in ("mcap", "rosbags", "lz4", "zstandard")
 
 
 class Bag(AbstractContextManager["Bag"], ABC):
@@ -313,32 +311,46 @@ def decompress(data: _Packed, compression: str, size: int, torn: bool = False) -
     """
     if size > min(_LARGEST_CHUNK, max(_ALWAYS_ALLOWED, _LARGEST_RATIO * len(data))):
         raise ValueError(f"{size} bytes in {len(data)} compressed ones exceed the limit")
-    content = data if compression in ("", "none") else _decompressed(data, compression, size, torn)
+    content: bytes | _Packed = data
+    if compression not in ("", "none"):
+        unpacked = bytearray()
+        try:
+            for part in _stepwise(data, compression):
+                unpacked += part
+                if len(unpacked) > size:  # it holds more than it says
+                    break
+        except (RuntimeError, OSError, EOFError, ValueError) as error:
+            if not torn:
+                raise ValueError(str(error)) from None
+        content = bytes(unpacked)
     if not torn and len(content) != size:
         raise ValueError("it does not have the expected size")
     return content
 
 
-def _decompressed(data: bytes | memoryview, compression: str, size: int, torn: bool) -> bytes:
-    """Return the content, or a little more than its size if it is larger than stated."""
-    content = bytearray()
-    try:
-        for part in _stepwise(data, compression):
-            content += part
-            if len(content) > size:
-                break
-    except (RuntimeError, OSError, EOFError, ValueError) as error:
-        if not torn:
-            raise ValueError(str(error)) from None
-    return bytes(content)
-
-
 def _stepwise(data: bytes | memoryview, compression: str) -> Iterator[bytes]:
     """Yield the content in steps of a bounded size, of one stream."""
     if compression == "zstd":
-        yield from _zstd_steps(data)
+        import zstandard
+
+        reader = zstandard.ZstdDecompressor().stream_reader(data)
+        try:
+            while unpacked := reader.read(_UNPACKED_BYTES):
+                yield unpacked
+        except zstandard.ZstdError as error:
+            raise ValueError(str(error)) from None
         return
-    stream = _stream(compression)
+    stream: Any
+    if compression == "lz4":
+        import lz4.frame
+
+        stream = lz4.frame.LZ4FrameDecompressor()
+    elif compression == "bz2":
+        import bz2
+
+        stream = bz2.BZ2Decompressor()
+    else:
+        raise ValueError(f"chunks are compressed by {compression[:20]!r}, which is not supported")
     position = 0
     while not stream.eof:
         part: bytes | memoryview = b""
@@ -348,27 +360,3 @@ def _stepwise(data: bytes | memoryview, compression: str) -> Iterator[bytes]:
             if not part:
                 return
         yield stream.decompress(part, _UNPACKED_BYTES)
-
-
-def _zstd_steps(data: bytes | memoryview) -> Iterator[bytes]:
-    import zstandard
-
-    stream = zstandard.ZstdDecompressor().stream_reader(data)
-    try:
-        while part := stream.read(_UNPACKED_BYTES):
-            yield part
-    except zstandard.ZstdError as error:
-        raise ValueError(str(error)) from None
-
-
-def _stream(compression: str) -> Any:
-    """Return an object that decompresses in steps of a bounded size."""
-    if compression == "lz4":
-        import lz4.frame
-
-        return lz4.frame.LZ4FrameDecompressor()
-    if compression == "bz2":
-        import bz2
-
-        return bz2.BZ2Decompressor()
-    raise ValueError(f"chunks are compressed by {compression[:20]!r}, which is not supported")

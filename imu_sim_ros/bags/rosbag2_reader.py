@@ -101,7 +101,11 @@ class SqliteBag(Bag):
                     "encoding FROM message_definitions"
                 )
             }
-        counts = self._counts()
+        if self._recover:
+            counts = self._scan()
+        else:
+            statement = "SELECT topic_id, count(*) FROM messages GROUP BY topic_id"
+            counts = dict(self._database.execute(statement).fetchall())
         qos = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
         rows = self._database.execute(f"SELECT id, name, type, {qos} FROM topics ORDER BY id")
         topics = rows.fetchmany(_MAX_TOPICS)
@@ -133,12 +137,6 @@ class SqliteBag(Bag):
         if not plain or any(column[6] for column in columns):
             raise InputError(f"{self.path}: {name} is not a plain table")
         return {column[1] for column in columns}
-
-    def _counts(self) -> dict[int, int]:
-        if self._recover:
-            return self._scan()
-        statement = "SELECT topic_id, count(*) FROM messages GROUP BY topic_id"
-        return dict(self._database.execute(statement).fetchall())
 
     def _scan(self) -> dict[int, int]:
         """Read and count all messages; those of a damaged file page by page."""

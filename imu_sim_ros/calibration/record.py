@@ -113,7 +113,7 @@ class Record:
                 yield from self.rest.add(None)
 
     def _pieces(self, t_ns: Times, y: Array) -> Iterator[Array | None]:
-        """Take messages in the order of their stamps; yield them cut where there are gaps."""
+        """Take messages, note what they are like, and yield them cut where there are gaps."""
         if not self.samples:
             self._interval = sampling_interval(t_ns)
             self.rate = 1e9 / self._interval
@@ -134,7 +134,13 @@ class Record:
             t_ns, y = t_ns[new], y[new]
             if not len(y):  # nothing but repetitions of the message before
                 return
-        self._look_at(y)
+        self.samples += len(y)
+        columns = np.ascontiguousarray(y.T)
+        self._sum += columns.sum(axis=1)
+        self._square += np.einsum("an,an->a", columns, columns)
+        self.lowest.take(columns)
+        self.highest.take(columns)
+        self.steps.look(columns)
         missing = self._clock.missing(t_ns)
         steps = np.diff(t_ns, prepend=t_ns[0] if self._last_ns is None else self._last_ns)
         self._last_ns = int(t_ns[-1])
@@ -161,16 +167,6 @@ class Record:
                 piece = np.full((int(there[-1]) + 1, y.shape[1]), np.nan)
                 piece[there] = y[start:stop]
                 yield piece
-
-    def _look_at(self, y: Array) -> None:
-        """Note the values of readings (n, 6)."""
-        self.samples += len(y)
-        columns = np.ascontiguousarray(y.T)
-        self._sum += columns.sum(axis=1)
-        self._square += np.einsum("an,an->a", columns, columns)
-        self.lowest.take(columns)
-        self.highest.take(columns)
-        self.steps.look(columns)
 
     def timing(self) -> Timing:
         """Return rate, jitter and losses."""
@@ -458,9 +454,9 @@ class RestCheck:
         if count < 8:
             yield y
             return
-        mean, variance = _by_window(y[: count * self._window].reshape(count, self._window, 6))
-        if np.isnan(mean[:, 0]).any():
-            mean, variance = self._with_losses(y[: count * self._window], count)
+        whole = y[: count * self._window]
+        lossy = np.isnan(whole[:, 0]).any()
+        mean, variance = (self._with_losses if lossy else self._without_losses)(whole, count)
         typical = np.median(variance, axis=0)
         self._note_motion(mean, typical, begin)
         bad = self._disturbances(mean, variance, typical, begin)
@@ -478,6 +474,19 @@ class RestCheck:
             yield y[start:stop]
         if samples[-1]:
             yield None
+
+    def _without_losses(self, y: Array, count: int) -> tuple[Array, Array]:
+        """Return means and variances (windows, 6) of so many windows of readings.
+
+        With the samples first NumPy adds long rows, four times as fast as six numbers at a time.
+        """
+        windows = y.reshape(count, self._window, 6).transpose(1, 0, 2)
+        rows = np.ascontiguousarray(windows).reshape(self._window, -1)
+        mean = np.add.reduce(rows, axis=0) / self._window
+        rows -= mean
+        rows *= rows
+        variance = np.add.reduce(rows, axis=0) / self._window
+        return mean.reshape(count, 6), variance.reshape(count, 6)
 
     def _with_losses(self, y: Array, count: int) -> tuple[Array, Array]:
         """Return means and variances (windows, 6) of the readings that are there.
@@ -557,17 +566,3 @@ class RestCheck:
             seconds = self._window / self._rate
             self.disturbed.append(Movement(axis, begin + k * seconds, begin + end * seconds, size))
         return np.convolve(bad, np.ones(3), mode="same") > 0.5
-
-
-def _by_window(windows: Array) -> tuple[Array, Array]:
-    """Return means and variances (windows, 6) of windows (windows, samples, 6).
-
-    With the samples first NumPy adds long rows, four times as fast as six numbers at a time.
-    """
-    count, samples, axes = windows.shape
-    rows = np.ascontiguousarray(windows.transpose(1, 0, 2)).reshape(samples, -1)
-    mean = np.add.reduce(rows, axis=0) / samples
-    rows -= mean
-    rows *= rows
-    variance = np.add.reduce(rows, axis=0) / samples
-    return mean.reshape(count, axes), variance.reshape(count, axes)
