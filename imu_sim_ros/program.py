@@ -20,9 +20,7 @@ from imu_sim_ros.completion import complete
 from imu_sim_ros.errors import Remark, explain
 from imu_sim_ros.json_text import as_json
 from imu_sim_ros.names import unknown
-from imu_sim_ros.parameters import files
 from imu_sim_ros.progress import Watcher, watched_by
-from imu_sim_ros.signatures import assignment, reader
 from imu_sim_ros.text_tables import TextTable, print_lines
 
 
@@ -81,34 +79,6 @@ def add_options(parser: Any, options: Mapping[str, Any]) -> None:
         if title is not None and title not in groups:
             groups[title] = parser.add_argument_group(title)
         groups.get(title, parser).add_argument(*names, **keywords)
-
-
-_PARAMETERS: Final = {
-    "--params-file FILE": {
-        "type": str,
-        "action": "append",
-        "default": [],
-        "help": "ROS 2 parameter file or kalibr imu.yaml; repeatable",
-    },
-    "--set KEY=VALUE": {
-        "type": reader(assignment),
-        "action": "append",
-        "default": [],
-        "help": "set one parameter, e.g. imu.gyroscope_bias=[0.01,0,0]; repeatable",
-    },
-}
-
-
-def add_parameter_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments that set parameters: files and single values."""
-    add_options(parser.add_argument_group("parameters (later ones win)"), _PARAMETERS)
-
-
-def parameter_layers(
-    arguments: argparse.Namespace, node: str
-) -> tuple[dict[str, object], dict[str, object]]:
-    """Return what files give to a node, and what ``--set`` does; all bad files are reported."""
-    return files.load_all(arguments.params_file, node), dict(arguments.set)
 
 
 def given(arguments: argparse.Namespace, *names: str) -> dict[str, Any]:

@@ -14,7 +14,9 @@ from typing import Final
 from imu_sim_ros import program
 from imu_sim_ros.commands.common import FORCE, output_and_plot, save_plot
 from imu_sim_ros.jobs.dead_reckon import dead_reckon, dead_reckon_all, lines, plot_tracks
-from imu_sim_ros.signatures import arguments_of, call
+from imu_sim_ros.jobs.writing import PARAMETERS
+from imu_sim_ros.parameters import files
+from imu_sim_ros.signatures import arguments_of, assignment, call, reader
 
 EXAMPLES: Final = """
 dead_reckon flight.mcap --all
@@ -30,16 +32,28 @@ _ARGUMENTS: Final = {
     "--plot FILE": "write a plot: paths, and error over time",
     **FORCE,
     **program.JSON_AND_QUIET,
+    "--params-file FILE": {
+        "type": str,
+        "action": "append",
+        "default": [],
+        "help": "ROS 2 parameter file or kalibr imu.yaml; repeatable",
+        "group": PARAMETERS,
+    },
+    "--set KEY=VALUE": {
+        "type": reader(assignment),
+        "action": "append",
+        "default": [],
+        "help": "set one parameter, e.g. imu.gyroscope_bias=[0.01,0,0]; repeatable",
+        "group": PARAMETERS,
+    },
 }
 
 
 def parser() -> program.Parser:
     """Return the command's arguments."""
-    result = program.Parser(
+    return program.Parser(
         "dead_reckon", description=__doc__, examples=EXAMPLES, arguments=_ARGUMENTS
     )
-    program.add_parameter_arguments(result)
-    return result
 
 
 def run(arguments: argparse.Namespace) -> None:
@@ -47,7 +61,7 @@ def run(arguments: argparse.Namespace) -> None:
     # A node's file may ask for the covariance, which no result of this program states.
     below, above = (
         {name: value for name, value in layer.items() if (name, value) != ("covariance", True)}
-        for layer in program.parameter_layers(arguments, "integrator")
+        for layer in (files.load_all(arguments.params_file, "integrator"), dict(arguments.set))
     )
     with output_and_plot(arguments) as written:
         if arguments.all:

@@ -47,7 +47,7 @@ def renaming(words: str) -> tuple[str, str]:
 
 
 OUTPUT: Final = Heading("output")
-_PARAMETERS: Final = Heading("parameters (later ones win)")
+PARAMETERS: Final = Heading("parameters (later ones win)")
 _COMPRESSION: Final = "; ".join(f"{one}: {', '.join(names)}" for one, names in COMPRESSIONS.items())
 
 Output = Annotated[
@@ -95,14 +95,14 @@ ParameterFiles = Annotated[
     "--params-file FILE",
     str,
     Text("ROS 2 parameter file or kalibr imu.yaml; repeatable"),
-    _PARAMETERS,
+    PARAMETERS,
 ]
 Parameters = Annotated[
     Any,
     "--set KEY=VALUE",
     assignment,
     Text("set one parameter, e.g. imu.gyroscope_bias=[0.01,0,0]; repeatable"),
-    _PARAMETERS,
+    PARAMETERS,
 ]
 SkipBadRows = Annotated[
     bool,

@@ -20,7 +20,7 @@ from imu_sim_ros.sensors.camera.target import HORIZON, TURNS, suiting
 from imu_sim_ros.sensors.camera.view import View, view_of
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.parameters import has_scene, load_simulation
-from imu_sim_ros.simulation.sensors import arms_of_seeing, mounted
+from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.trajectory.parameters import TourParameters
 
 
@@ -35,7 +35,9 @@ def scene_around(world: World) -> Scene:
     described: SceneParameters = parameters.rig.scene
     sensors, trajectory = mounted(parameters), world.trajectory
     # A scene belongs to the trajectory, however much of it is flown.
-    arms, span = arms_of_seeing(sensors), scene_span(described, trajectory.duration)
+    span = scene_span(described, trajectory.duration)
+    seeing = [one for one in sensors.values() if one.sensor.sees]
+    arms = np.reshape([one.sensor.mount(one.own)[:3, 3] for one in seeing], (-1, 3))
     views = [view_of(one, world, span) for one in cameras_in(sensors).values()]
     scene = build_scene(described, arms, views, trajectory, span)
     longest = min(parameters.duration or trajectory.duration, trajectory.duration)

@@ -11,8 +11,6 @@ from collections import Counter
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
-import numpy as np
-
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors import sensors_of_imus
@@ -58,12 +56,6 @@ def mounted(parameters: SampledParameters) -> dict[str, Mounted]:
             raise ConfigurationError(taken)
         found |= group
     return found
-
-
-def arms_of_seeing(sensors: Mapping[str, Mounted]) -> Array:
-    """Return the positions (k, 3) in the body of all sensors that see or range [m]."""
-    arms = [one.sensor.mount(one.own)[:3, 3] for one in sensors.values() if one.sensor.sees]
-    return np.reshape(arms, (-1, 3))
 
 
 def imus_in(sensors: Mapping[str, Mounted]) -> list[str]:

@@ -31,7 +31,7 @@ from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.simulation.sensors import mounted
-from imu_sim_ros.simulation.topics import Messages, delivered_rows, offered
+from imu_sim_ros.simulation.topics import Encode, Messages, delivered_rows, offered
 
 TOKEN: Final = struct.Struct("<qq")
 """Number of a sample, and its true time [ns]."""
@@ -173,16 +173,16 @@ class SensorProcess:
             self._fail(MachineError(f"{self.name}: the sensor's process ended, status {status}"))
 
 
-class TokenEncoder:
-    """Turns samples into the requests for what a process publishes of them."""
+def requests(read: Any, _: Any) -> Messages:
+    """Return a token for each sample that is delivered, due when its driver lets it go.
 
-    def __call__(self, read: Any, _: Any) -> Messages:
-        """Return a token for each sample that is delivered, due when its driver lets it go."""
-        rows = delivered_rows(read)
-        numbers = read.first + np.arange(len(read.t_ns))[rows]
-        tokens = zip(numbers.tolist(), read.true_t_ns[rows].tolist(), strict=True)
-        packed = [TOKEN.pack(*token) for token in tokens]
-        return Messages(read.t_ns[rows], read.release_t_ns[rows], packed)
+    It requests what a process publishes of the sample.
+    """
+    rows = delivered_rows(read)
+    numbers = read.first + np.arange(len(read.t_ns))[rows]
+    tokens = zip(numbers.tolist(), read.true_t_ns[rows].tolist(), strict=True)
+    packed = [TOKEN.pack(*token) for token in tokens]
+    return Messages(read.t_ns[rows], read.release_t_ns[rows], packed)
 
 
 def groups_apart(sensors: Mapping[str, Mounted]) -> dict[str, list[str]]:
@@ -209,7 +209,7 @@ class SensorsApart:
         self.topics: list[str] = []
         """Full names of all topics that the processes publish."""
         self.counters: list[RemoteCounter] = []
-        self.outputs: list[tuple[str, TokenEncoder, Callable[[bytes], None]]] = []
+        self.outputs: list[tuple[str, Encode, Callable[[bytes], None]]] = []
         """The sensor at whose samples each process publishes, and what requests it."""
         self._processes: list[SensorProcess] = []
         self._requested_at = 0.0
@@ -237,7 +237,7 @@ class SensorsApart:
                 RemoteCounter(topic, process, partial(node.count_subscribers, full))
                 for topic, full in names.items()
             ]
-            self.outputs.append((name, TokenEncoder(), process.send))
+            self.outputs.append((name, requests, process.send))
 
     @property
     def ready(self) -> bool:

@@ -44,7 +44,7 @@ from imu_sim_ros.nodes.simulator.publish_queue import (
     Stream,
     TickStream,
 )
-from imu_sim_ros.nodes.simulator.serial_line import PseudoTerminal, SerialEncode
+from imu_sim_ros.nodes.simulator.serial_line import PseudoTerminal, messages
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.declaration import Topic
@@ -169,12 +169,11 @@ class Simulator(ConfiguredNode):
                 found.append((topic.name, topic.encoder(), self._counted(name, topic.topic.type)))
         for name, one in sensors.items():
             serial = one.sensor.serial
-            where = serial.where(one.own) if serial else ""
-            if where:
+            if serial and (where := serial.where(one.own)):
                 terminal = PseudoTerminal(where)
                 self._terminals.append(terminal)
                 self._notes.append(f"{name}: serial line on {terminal.name}")
-                found.append((name, SerialEncode(one.sensor), terminal.send))
+                found.append((name, messages(serial), terminal.send))
         return found
 
     def _can_publish(self, topic: Topic) -> bool:

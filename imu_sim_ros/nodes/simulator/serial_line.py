@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.sensors.declaration import Sensor
-from imu_sim_ros.simulation.topics import Messages
+from imu_sim_ros.sensors.declaration import Serial
+from imu_sim_ros.simulation.topics import Encode, Messages
 
 PLAIN: Final = "pty"
 """Value in place of a link if there is none."""
@@ -92,15 +92,12 @@ class PseudoTerminal:
         link.symlink_to(self.path)
 
 
-class SerialEncode:
-    """Turns samples into the messages of a sensor with a serial line."""
+def messages(serial: Serial) -> Encode:
+    """Return what turns samples into the messages of a serial line: those that are delivered."""
 
-    def __init__(self, sensor: Sensor) -> None:
-        assert sensor.serial is not None
-        self._lines = sensor.serial.lines
-
-    def __call__(self, read: Any, _: Any) -> Messages:
-        """Return the messages of the delivered samples."""
+    def encode(read: Any, _: Any) -> Messages:
         rows = read.delivered
-        lines = [line.encode("ascii") for line in self._lines(read, rows)]
+        lines = [line.encode("ascii") for line in serial.lines(read, rows)]
         return Messages(read.t_ns[rows], read.release_t_ns[rows], lines)
+
+    return encode
