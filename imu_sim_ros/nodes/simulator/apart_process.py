@@ -49,7 +49,7 @@ AHEAD: Final = 8
 """Samples that wait to be published: 3 MB of frames of 752 x 480."""
 _NICE: Final = 5
 _RENDERING_NICE: Final = 5
-"""TableRows that of the process."""
+"""Added to that of the process."""
 _POLL: Final = 0.05
 """[s] between two looks at the subscribers."""
 _BEHIND: Final = 20
@@ -70,13 +70,14 @@ class Made(NamedTuple):
 class SampleQueue:
     """The messages of a sensor's samples, made ahead in one thread and taken by another."""
 
-    def __init__(self, make: Callable[[int], Made | None]):
+    def __init__(self, make: Callable[[int], Made | None], exists: Callable[[int], bool]) -> None:
         """Set up.
 
         :param make: returns the messages of a sample, stamped as if time zero were ORIGIN_NS; None
             for one that will never be requested.
+        :param exists: whether a sample lies before the end of the run.
         """
-        self._make = make
+        self._make, self._exists = make, exists
         self._made: dict[int, Made] = {}
         self._next = self._wanted = 0
         self._run = 0
@@ -86,7 +87,7 @@ class SampleQueue:
         """Make messages endlessly."""
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: len(self._made) < AHEAD)
+                self._changed.wait_for(lambda: len(self._made) < AHEAD and self._exists(self._next))
                 number, run_number = self._next, self._run
             made = self._make(number)
             with self._changed:
@@ -97,9 +98,15 @@ class SampleQueue:
                     self._changed.notify_all()
 
     def wait_for_first(self) -> None:
-        """Wait until half of those made ahead are ready, or the first 100 samples are lost."""
+        """Wait until half of those made ahead, or all, are ready, or the first 100 are lost."""
         with self._changed:
-            self._changed.wait_for(lambda: len(self._made) >= AHEAD // 2 or self._next > 100)
+            self._changed.wait_for(
+                lambda: (
+                    len(self._made) >= AHEAD // 2
+                    or self._next > 100
+                    or not self._exists(self._next)
+                )
+            )
 
     def take(self, number: int) -> Made:
         """Return the messages of a sample, and discard it and all before it."""
@@ -148,7 +155,7 @@ class SensorNode:
         self._world = World(trajectory, parameters, ORIGIN_NS, scene_around)
         self._models = models(self._sensors, {self.name, *start["members"]}, ORIGIN_NS)
         self._members: list[str] = start["members"]
-        self.samples = SampleQueue(self._make)
+        self.samples = SampleQueue(self._make, lambda k: self._times.time(k) < self._duration)
 
     def _publishers(self, names: dict[str, str]) -> Iterator[tuple[str, Counter]]:
         """Yield a publisher for each topic of this process."""
@@ -198,8 +205,6 @@ class SensorNode:
 
     def _make(self, number: int) -> Made | None:
         window = Window(self._times.time(number), self._times.time(number + 1))
-        if window.begin >= self._duration:
-            return None
         read = {self.name: self._models[self.name].read(window, self._world)}
         if not len(read[self.name].delivered):
             return None

@@ -8,7 +8,7 @@ reliable, without decoding. CPU is that of the whole publishing process, of one 
 ``--duration`` seconds after a warm-up; counts are those of both together. The lateness is that of
 the publishing call behind its deadline, said by the publisher itself.
 
-TableRows it stand, over a third of the time, what a simple node does (an rclpy timer and message
+Next to it stand, over a third of the time, what a simple node does (an rclpy timer and message
 objects) and the least that a Python process can do on this machine: a loop that sleeps and
 publishes the same bytes again and again, with nothing computed and with the simulator's profile of
 Fast DDS.

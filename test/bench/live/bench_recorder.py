@@ -8,7 +8,7 @@ every message counts. CPU is that of the whole recording (or integrating) proces
 flow, of one core, its start not counted; lost is what was published and is not in the bag, or has
 no odometry. ``--duration`` is the time of each row.
 
-TableRows them stands the least that a Python process can do: a loop that sleeps for 2 ms, takes the
+Next to them stands the least that a Python process can do: a loop that sleeps for 2 ms, takes the
 readings that have arrived and publishes the same Odometry for each of them, nothing computed.
 """
 

@@ -6,6 +6,7 @@
 import os
 import signal
 import struct
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -226,6 +227,26 @@ def test_what_is_wrong_with_a_camera_is_one_line(start):
     assert node.status() == 2
     assert "scene.type = 'cloud': has points and lines only" in node.output
     assert "Traceback" not in node.output
+
+
+def test_frames_are_made_ahead_up_to_the_end_of_the_run_and_again_after_a_reset():
+    from imu_sim_ros.nodes.simulator.apart_process import Made, SampleQueue
+
+    beyond, made = threading.Event(), []
+
+    def make(number: int) -> Made:
+        made.append(number)
+        if number >= 5:
+            beyond.set()
+        return Made(number, [])
+
+    queue = SampleQueue(make, lambda number: number < 5)
+    threading.Thread(target=queue.work, daemon=True).start()
+    queue.wait_for_first()
+    for _ in range(2):
+        assert [queue.take(number).true_t_ns for number in range(5)] == list(range(5))
+    assert not beyond.wait(0.2)
+    assert made == [*range(5), *range(5)]
 
 
 def children(pid: int) -> list[int]:
