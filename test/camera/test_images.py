@@ -513,7 +513,7 @@ def levels_of(atlas, m, patch):
         if scale.any():
             level = round(float(np.log2(atlas.size[m, 0] / scale[0])))
             assert scale == pytest.approx(atlas.size[m] / 2.0**level)
-            assert offset == pytest.approx(atlas.place[m, level] - 0.5)
+            assert offset == pytest.approx(atlas.corner[m, level] - 0.5)
             found.append(level)
     return found
 

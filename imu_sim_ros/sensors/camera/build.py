@@ -164,9 +164,9 @@ def _path(arms: Array, trajectory: Trajectory, duration: float) -> Array:
 def _passage(arms: Array, trajectory: Trajectory, duration: float) -> Passage:
     t = np.linspace(0.0, duration, _LOOKS)
     motion = trajectory.sample(np.clip(t, 0.0, trajectory.duration))
-    places = motion.position + rotation.rotate(motion.q_wb, arms[:, None])
+    positions = motion.position + rotation.rotate(motion.q_wb, arms[:, None])
     foot = float(motion.position[:, 2].min())
-    return Passage(t, places, duration >= trajectory.duration, foot)
+    return Passage(t, positions, duration >= trajectory.duration, foot)
 
 
 def _room(p: RoomParameters, path: Array) -> Scene:
@@ -236,8 +236,8 @@ def _crowd(p: PlaceParameters, place: Place, site: Site, passage: Passage) -> Cr
     return Crowd(bodies, site, points, sunlight(place.surfaces(), place.sky, place.lighting))
 
 
-def _shown(place: Array) -> str:
-    return "(" + ", ".join(f"{x:.2f}" for x in place) + ")"
+def _shown(position: Array) -> str:
+    return "(" + ", ".join(f"{x:.2f}" for x in position) + ")"
 
 
 def _box(

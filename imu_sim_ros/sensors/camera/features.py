@@ -45,15 +45,20 @@ class _Observed(NamedTuple):
     t_ns: int
     id: Integers
     uv: Array
-    place: Array
-    """(n, 2) normalised."""
+    normalised: Array
+    """(n, 2) normalised coordinates."""
     landmark: Integers
     body: Integers
 
     def at(self, rows: Mask) -> "_Observed":
         """Return some of the features."""
-        uv, place = self.uv[rows], self.place[rows]
-        return _Observed(self.t_ns, self.id[rows], uv, place, self.landmark[rows], self.body[rows])
+        return self._replace(
+            id=self.id[rows],
+            uv=self.uv[rows],
+            normalised=self.normalised[rows],
+            landmark=self.landmark[rows],
+            body=self.body[rows],
+        )
 
 
 class _Ids:
@@ -110,15 +115,17 @@ class FeatureStream:
 
     def _messages(self, found: list[Tracks]) -> Iterator[FeatureMessage]:
         frames = found[0].frames
-        places = [_normalised(t, tracks) for t, tracks in zip(self._trackers, found, strict=True)]
+        normalised = [
+            _normalised(t, tracks) for t, tracks in zip(self._trackers, found, strict=True)
+        ]
         for k in np.flatnonzero(frames.delivered).tolist():
             withheld = self._before[0] is None
             sending: list[tuple[int, _Observed, Array]] = []
             sent = None
-            for camera, (tracks, place) in enumerate(zip(found, places, strict=True)):
+            for camera, (tracks, own) in enumerate(zip(found, normalised, strict=True)):
                 if not tracks.frames.delivered[k]:
                     continue
-                now = _frame(tracks, place, k)
+                now = _frame(tracks, own, k)
                 speed, again = _speed(now, self._before[camera])
                 if camera and self._layout == "fusion" and sent is not None:
                     # VINS-Fusion asserts that what its right camera sees the left one does.
@@ -138,13 +145,13 @@ class FeatureStream:
         self, camera: int, seen: _Observed, speed: Array, ids: Integers, true_t_ns: int
     ) -> Array:
         """Return points and channels (n, 3 + m)."""
-        points = np.column_stack([seen.place, np.ones(len(ids))])
+        points = np.column_stack([seen.normalised, np.ones(len(ids))])
         body = [seen.body] * self._moving
         if self._layout == "mono":
             cameras = len(self._trackers)
             identity = (ids % (_EXACT_IDS // cameras)) * cameras + camera
             return np.column_stack([points, identity, seen.uv, speed, *body])
-        truth = self._trackers[camera].places(seen.landmark, true_t_ns)
+        truth = self._trackers[camera].positions(seen.landmark, true_t_ns)
         which = np.full(len(ids), float(camera))
         return np.column_stack([points, ids % _EXACT_IDS, which, seen.uv, speed, truth, *body])
 
@@ -157,23 +164,23 @@ def _normalised(tracker: Tracker, tracks: Tracks) -> Array:
     return rays.direction[:, :2] / z[:, None]
 
 
-def _frame(tracks: Tracks, place: Array, k: int) -> _Observed:
-    """Return the features of frame k that have a normalised place, by id."""
+def _frame(tracks: Tracks, normalised: Array, k: int) -> _Observed:
+    """Return the features of frame k that have normalised coordinates, by id."""
     part = slice(*np.searchsorted(tracks.frame, [k, k + 1]))
-    rows = np.flatnonzero(np.isfinite(place[part, 0])) + part.start
+    rows = np.flatnonzero(np.isfinite(normalised[part, 0])) + part.start
     rows = rows[np.argsort(tracks.id[rows], kind="stable")]
     t_ns = int(tracks.frames.t_ns[k])
-    columns = (tracks.id, tracks.uv, place, tracks.landmark, tracks.body)
+    columns = (tracks.id, tracks.uv, normalised, tracks.landmark, tracks.body)
     return _Observed(t_ns, *(column[rows] for column in columns))
 
 
 def _speed(now: _Observed, before: _Observed | None) -> tuple[Array, Mask]:
     """Return the normalised velocities (n, 2) [1/s], and which features were there before."""
     if before is None or not len(before.id):
-        return np.zeros_like(now.place), np.zeros(len(now.id), dtype=bool)
+        return np.zeros_like(now.normalised), np.zeros(len(now.id), dtype=bool)
     at = np.searchsorted(before.id, now.id).clip(0, len(before.id) - 1)
     again = before.id[at] == now.id
-    speed = (now.place - before.place[at]) / ((now.t_ns - before.t_ns) * 1e-9)
+    speed = (now.normalised - before.normalised[at]) / ((now.t_ns - before.t_ns) * 1e-9)
     return speed, again
 
 

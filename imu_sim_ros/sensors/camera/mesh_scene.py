@@ -172,6 +172,6 @@ def _boxes(mesh: Mesh, path: Array) -> str:
     )
 
 
-def _shown(place: Array) -> str:
-    digits = 2 if float(np.abs(place).max()) < 1e4 else 0
-    return "(" + ", ".join(f"{x:.{digits}f}" for x in place) + ")"
+def _shown(position: Array) -> str:
+    digits = 2 if float(np.abs(position).max()) < 1e4 else 0
+    return "(" + ", ".join(f"{x:.{digits}f}" for x in position) + ")"

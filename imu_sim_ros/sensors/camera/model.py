@@ -64,8 +64,8 @@ def radtan_by_coefficients(m: Array, count: int) -> Array:
     x, y = m[:, 0], m[:, 1]
     s = x * x + y * y
     result = np.empty((len(m), 2, 5))
-    for place, power in ((0, s), (1, s * s), (4, s * s * s)):
-        result[:, :, place] = m * power[:, None]
+    for column, power in ((0, s), (1, s * s), (4, s * s * s)):
+        result[:, :, column] = m * power[:, None]
     result[:, 0, 2], result[:, 1, 2] = 2.0 * x * y, s + 2.0 * y * y
     result[:, 0, 3], result[:, 1, 3] = s + 2.0 * x * x, 2.0 * x * y
     return result[:, :, :count]

@@ -149,8 +149,8 @@ def _boards(
         pitch = there.tag_size * (1.0 + there.tag_spacing)
         extent = np.array([there.columns, there.rows]) * pitch - there.tag_size * there.tag_spacing
         corner = np.round(center - 0.5 * r_wt[:, :2] @ extent, 4)
-        placed = {"position": tuple(corner.tolist()), "orientation": tuple(r_wt.ravel().tolist())}
-        return AprilgridParameters(**{**placed, **values})
+        pose = {"position": tuple(corner.tolist()), "orientation": tuple(r_wt.ravel().tolist())}
+        return AprilgridParameters(**{**pose, **values})
 
     sizes = _GROWTH
     if "tag_size" not in own:

@@ -112,7 +112,7 @@ class Tracker:
             np.searchsorted(self._first, seen.landmark, side="right"),
         )
 
-    def places(self, landmark: Rows, t_ns: int) -> Array:
+    def positions(self, landmark: Rows, t_ns: int) -> Array:
         """Return where landmarks (n,) are in the world at a time [ns]: (n, 3)."""
         at_rest = landmark < len(self.scene.landmarks)
         result = self.scene.landmarks[np.where(at_rest, landmark, 0)]
@@ -268,9 +268,9 @@ class Tracker:
         cells = p.grid_rows * p.grid_columns
         cell = row.clip(0, p.grid_rows - 1) * p.grid_columns + column.clip(0, p.grid_columns - 1)
         priority = self._priority[seen.landmark]
-        place = _rank(seen.frame * cells + cell, priority)
+        rank = _rank(seen.frame * cells + cell, priority)
         # The best of every cell come before the second best of any.
-        order = place * len(self._priority) + priority
+        order = rank * len(self._priority) + priority
         keep = _rank(seen.frame, order) < p.max_features
         return _kept(seen, keep)
 

@@ -37,7 +37,7 @@ class Planes(NamedTuple):
     vectors: Single
     """(m, n, 3, 3) of n / (n (o - c)), a / a^2 and b / b^2, the x, y, z."""
     start: Single
-    """(m, n, 2) s and r of the camera's own place."""
+    """(m, n, 2) s and r of the camera itself."""
 
     @classmethod
     def of(cls, surfaces: Surfaces, normals: Array, position: Array, r_wc: Array) -> "Planes":
@@ -80,11 +80,11 @@ class Planes(NamedTuple):
         """
         vectors, start = self.seen(which, rows)
         dots = _dots(vectors, rays)
-        inverse, places = dots[0], dots[1:]
+        inverse, positions = dots[0], dots[1:]
         in_front = inverse > IN_FRONT
-        places *= _ONE / np.where(in_front, inverse, _ONE)
-        places += start
-        return in_front, inverse, places
+        positions *= _ONE / np.where(in_front, inverse, _ONE)
+        positions += start
+        return in_front, inverse, positions
 
     def linear(self, which: Integers, rays: Single, rows: Integers) -> Single:
         """Return 1 / t, s / t and r / t (3, p, k) of rays (3, p, k): linear in the ray."""
@@ -180,12 +180,12 @@ _NEXT: Final = np.float32(4.0) ** np.arange(1, LEVELS - 1, dtype=np.float32)
 
 PATCH: Final = np.dtype(
     [
-        # Where places s and r lie in the atlas, scale s + offset [texels], in one level or in two.
+        # Where s and r lie in the atlas, scale s + offset [texels], in one level or in two.
         ("scale", np.float32, (2, 2)),
         ("offset", np.float32, (2, 2)),
         ("share", np.int64),  # of the second, in 1 / SHARES
         ("along", np.float32, 2),  # the longer axis of a pixel's footprint in s and r
-        ("doublings", np.int64),  # 1, 2, 4 or 8 places along it are looked at: 2 to this power
+        ("doublings", np.int64),  # 1, 2, 4 or 8 points along it are looked at: 2 to this power
         # How 1 / t, s / t and r / t differ from a pixel to that on its right, and below.
         ("steps", np.float32, (2, 3)),
         # 1 / what s / t or (1 - s) / t, r / t or (1 - r) / t change in half a pixel at most.
@@ -198,7 +198,7 @@ PATCH: Final = np.dtype(
 
 
 def patches(
-    places: Single,
+    positions: Single,
     linear: Single,
     atlas: Atlas,
     number: Integers,
@@ -207,7 +207,7 @@ def patches(
 ) -> NDArray[np.void]:
     """Return how p pairs are seen.
 
-    :param places: (3, 2, p) of each of the probes s and r.
+    :param positions: (3, 2, p) of each of the probes s and r.
     :param linear: (3, 3, p) of each of the probes 1 / t, s / t and r / t.
     :param number: (p,) of the rectangles' textures in the atlas.
     :param areas: levels suit the width of a pixel's footprint, with looks along its length; else
@@ -215,7 +215,7 @@ def patches(
     """
     result = np.zeros(len(number), PATCH)
     size = atlas.size[number].T
-    texels = places * size
+    texels = positions * size
     steps = texels[1:] - texels[:1]
     if areas:
         square, length, along = _footprint(steps)
@@ -235,7 +235,7 @@ def patches(
     for k, each in enumerate((level, level + 1)[: 1 + trilinear]):
         result["scale"][:, k] = (size * _FACTOR[each]).T
         # Texel k of a level covers k to k + 1 in its own units; a look-up at k is its centre.
-        result["offset"][:, k] = atlas.place[number, each] - _HALF
+        result["offset"][:, k] = atlas.corner[number, each] - _HALF
     if areas:
         result["doublings"] = np.searchsorted(LOOKS, length * _FACTOR[level])
     return result

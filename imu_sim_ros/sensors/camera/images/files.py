@@ -143,10 +143,10 @@ def _stated(data: bytes) -> tuple[int, int]:
         width, height, _ = words  # and the pixels
         return int(width[:9]), int(height[:9])
     order = {b"II*\0": "<", b"MM\0*": ">"}[data[:4]]
-    (place,) = struct.unpack_from(f"{order}I", data, 4)
-    (count,) = struct.unpack_from(f"{order}H", data, place)
+    (directory,) = struct.unpack_from(f"{order}I", data, 4)
+    (count,) = struct.unpack_from(f"{order}H", data, directory)
     sizes = {}
-    for at in range(place + 2, place + 2 + 12 * count, 12):
+    for at in range(directory + 2, directory + 2 + 12 * count, 12):
         tag, kind = struct.unpack_from(f"{order}HH", data, at)
         if tag in (256, 257):
             (sizes[tag],) = struct.unpack_from(f"{order}{'H' if kind == 3 else 'I'}", data, at + 8)

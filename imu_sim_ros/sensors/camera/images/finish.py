@@ -42,18 +42,18 @@ class Glossy(NamedTuple):
         """Find them.
 
         :param face: (p,) of the pairs; -1: none that may be glossy.
-        :param probes: inverse distance (3, p) and place (3, 2, p) of the probes, row (p,) of the
+        :param probes: inverse distance (3, p) and position (3, 2, p) of the probes, row (p,) of the
             first.
         """
         number = np.flatnonzero(face >= 0)
-        inverse, places = (each.take(number, axis=-1) for each in probes[:2])
+        inverse, positions = (each.take(number, axis=-1) for each in probes[:2])
         rows = probes[2].take(number)[:, None]
         start, height = _eye(planes, pairs.which.take(number), rows)
-        steps = np.abs(places[1:] - places[0]).sum(axis=0)
+        steps = np.abs(positions[1:] - positions[0]).sum(axis=0)
         turning = np.abs(inverse[1:] - inverse[0]).sum(axis=0)
         steps[:, inverse[0] <= _TURNING * turning] = _ANYWHERE
         own = face[number]
-        sights = polish.sights(own, places[0, ..., None], start, height)
+        sights = polish.sights(own, positions[0, ..., None], start, height)
         found = polish.active(own, sights, steps, angle)
         first = np.searchsorted(number[found.pair], np.arange(len(face) + 1))
         return cls(first, found.region, found.lit, polish.sheen)

@@ -101,10 +101,10 @@ class Imager:
         """
         p = self.view.parameters
         stream = self.view.stream("image_noise", number)
-        places = stream.integers(0, 1 << 16, level.shape, dtype=np.uint16)
+        drawn = stream.integers(0, 1 << 16, level.shape, dtype=np.uint16)
         if p.shot_noise == 0.0 and factor == 1.0:
-            return self._read_noise.take(places)
-        noise = normal_quantiles().take(places)
+            return self._read_noise.take(drawn)
+        noise = normal_quantiles().take(drawn)
         variance = level * np.float32(factor * p.shot_noise**2 / _FULL)
         variance += np.float32((factor * p.read_noise) ** 2)
         noise *= np.sqrt(variance, out=variance)

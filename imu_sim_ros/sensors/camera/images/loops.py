@@ -5,8 +5,8 @@
 
 For each pixel, of the rectangles that may be in its cell the nearest one; its texture along the
 pixel's footprint, in the shadows of bodies, with its gloss. Where an edge, or the line in which two
-planes meet, may cross a pixel, what is seen at eight places of it. ``1 / t``, ``s / t`` and
-``r / t`` are linear in the ray, so a pixel's steps to its neighbours give them at each place.
+planes meet, may cross a pixel, what is seen at eight points of it. ``1 / t``, ``s / t`` and
+``r / t`` are linear in the ray, so a pixel's steps to its neighbours give them at each point.
 
 Real numbers have 32 bits, and no product and sum become one step: the bits of a picture are the
 same on every processor. All functions that call each other are in this file (:func:`compiled`).
@@ -48,14 +48,14 @@ SHARES: Final = 256
 """Steps of the share of the coarser of two levels."""
 IN_FRONT: Final = np.float32(1e-6)
 """Least 1 / t of what is in front of the camera."""
-PLACES: Final = np.array(
+POINTS: Final = np.array(
     [(1, -3), (-1, 3), (5, 1), (-3, -5), (-5, 5), (-7, -1), (3, 7), (7, -7)], np.float32
 ) / np.float32(16)
 """Columns and rows (8, 2) [px]: one in each eighth of both, their mean in the middle."""
 LOOKS: Final = np.array([1.5, 3.0, 6.0], np.float32)
 """Lengths [texels] above which a footprint is looked at 2, 4, 8 times: steps of 0.75 to 1.5."""
 _OF_PARTS: Final = 2
-"""Doublings of the places that a part of a pixel looks at, whatever its footprint."""
+"""Doublings of the points that a part of a pixel looks at, whatever its footprint."""
 _MOST_SQUARED: Final = np.float32(4.0 ** len(LOOKS))
 _GRAZING: Final = 1e-6
 """Least cosine between a ray and a normal that counts in a pixel's footprint."""
@@ -65,7 +65,7 @@ _SLANT: Final = np.float32(2.0)
 """By which a lobe that meets a lamp at a slant is wider at most."""
 _NARROWEST: Final = np.float32(1e-6)
 _STEPS: Final = np.float32(32.0)
-"""Steps of a texel in which places are told."""
+"""Steps of a texel in which positions are told."""
 _WHITE: Final = np.float32(255.0)
 _ONE_OF_WHITE: Final = np.float32(1.0 / 255.0)
 _ZERO: Final = np.float32(0.0)
@@ -122,9 +122,9 @@ def candidates(
                 if possible:
                     for row in range(i * TILE, min((i + 1) * TILE, height)):
                         for column in range(j * TILE, min((j + 1) * TILE, width)):
-                            place = found[min(count, len(found) - 1)]
+                            slot = found[min(count, len(found) - 1)]
                             if _candidate(
-                                place, vectors, start, m, rays, rows, row, column, bent, slack
+                                slot, vectors, start, m, rays, rows, row, column, bent, slack
                             ):
                                 count += 1
     return count
@@ -151,7 +151,7 @@ def _range(
 
 @part
 def _candidate(
-    place: Any,
+    slot: Any,
     vectors: Single,
     start: Single,
     m: int,
@@ -184,9 +184,9 @@ def _candidate(
             hides = least > _TWO * IN_FRONT
         else:
             hides = hides and least > _ZERO
-    place.cell, place.which = row * (rays.shape[2] - 1) + column, m
-    place.nearest, place.hiding = nearest, hiding if hides else -_ONE
-    corners = place.corners
+    slot.cell, slot.which = row * (rays.shape[2] - 1) + column, m
+    slot.nearest, slot.hiding = nearest, hiding if hides else -_ONE
+    corners = slot.corners
     corners[0], corners[1], corners[2], corners[3] = a[0], b[0], c[0], d[0]
     return True
 
@@ -239,9 +239,9 @@ def arrange(
         cell = found[j].cell
         if cell >= 0:
             front[cell] -= 1
-            place = front[cell]
-            pairs.cell[place], pairs.which[place] = cell, found[j].which
-            pairs.fills[place] = found[j].hiding > _ZERO
+            slot = front[cell]
+            pairs.cell[slot], pairs.which[slot] = cell, found[j].which
+            pairs.fills[slot] = found[j].hiding > _ZERO
     return pairs.first[-1]
 
 
@@ -292,11 +292,11 @@ def paint(
             found[:] = -1
             front[:] = _ZERO
             for p in range(begin, end):
-                _see_at_places(found, front, vectors, start, which[p], patches[p], p, k, ray)
-            total[:] = len(PLACES) // 2
-            for place in range(len(PLACES)):
-                p = found[place]
-                count = _count(found, place, p)
+                _see_at_points(found, front, vectors, start, which[p], patches[p], p, k, ray)
+            total[:] = len(POINTS) // 2
+            for point in range(len(POINTS)):
+                p = found[point]
+                count = _count(found, point, p)
                 if p == own:
                     _add(total, value, 1)
                 elif p < 0:
@@ -310,16 +310,16 @@ def paint(
                     _polish(other, added, gloss, vectors, start, which[p], p, k, s, r)
                     _add(total, other, count)
             for c in range(colours):
-                picture[row, column, c] = total[c] // len(PLACES)
+                picture[row, column, c] = total[c] // len(POINTS)
 
 
 @part
-def _count(found: Integers, place: int, p: int) -> int:
-    """Return how many places see a pair; 0: one before this has counted them."""
+def _count(found: Integers, point: int, p: int) -> int:
+    """Return how many points see a pair; 0: one before this has counted them."""
     count = 0
     for j in range(len(found)):
         if found[j] == p:
-            if j < place:
+            if j < point:
                 return 0
             count += 1
     return count
@@ -418,7 +418,7 @@ def _meet(
 
 @part
 def _inside(patch: Any, n: np.float32, s: np.float32, r: np.float32) -> np.float32:
-    """Return how far inside a rectangle a place on its plane is, in halves of a pixel about."""
+    """Return how far inside a rectangle a point on its plane is, in halves of a pixel about."""
     across, up = min(_ONE - s, s) * patch.inside[0], min(_ONE - r, r) * patch.inside[1]
     return min(across, up) * n
 
@@ -449,7 +449,7 @@ def _at_edge(
 
 
 @part
-def _see_at_places(
+def _see_at_points(
     found: Integers,
     front: Single,
     vectors: Single,
@@ -460,7 +460,7 @@ def _see_at_places(
     k: int,
     ray: "Ray",
 ) -> None:
-    """Put the number of a pair where it is the nearest at the places of a pixel (8,).
+    """Put the number of a pair where it is the nearest at the points of a pixel (8,).
 
     Of equals the first.
 
@@ -471,21 +471,21 @@ def _see_at_places(
         s *= n
         r *= n
         steps = patch.steps
-        for place in range(len(PLACES)):
-            x, y = PLACES[place, 0], PLACES[place, 1]
+        for point in range(len(POINTS)):
+            x, y = POINTS[point, 0], POINTS[point, 1]
             away = n + (x * steps[0, 0] + y * steps[1, 0])
             across = s + (x * steps[0, 1] + y * steps[1, 1])
             up = r + (x * steps[0, 2] + y * steps[1, 2])
             inside = across >= _ZERO and across <= away and up >= _ZERO and up <= away
-            if inside and away > front[place]:
-                front[place], found[place] = away, p
+            if inside and away > front[point]:
+                front[point], found[point] = away, p
 
 
 @part
 def look_up(
     value: Integers, atlas: Bytes, patch: Any, s: np.float32, r: np.float32, doublings: int
 ) -> None:
-    """Put the mean (colours,) of 1, 2, 4, ... places along a pixel's footprint on a texture."""
+    """Put the mean (colours,) of 1, 2, 4, ... points along a pixel's footprint on a texture."""
     count = 1 << doublings
     value[:] = count >> 1
     for j in range(count):
@@ -503,7 +503,7 @@ def look_up(
 
 @part
 def _step_along(j: int, count: int) -> np.float32:
-    """Return where on a footprint the j-th of some places is, from its middle, in its length."""
+    """Return where on a footprint the j-th of some points is, from its middle, in its length."""
     return (np.float32(j) + _HALF) / np.float32(count) - _HALF
 
 
@@ -511,7 +511,7 @@ def _step_along(j: int, count: int) -> np.float32:
 def _texel(
     patch: Any, level: int, s: np.float32, r: np.float32, step: np.float32
 ) -> tuple[int, int]:
-    """Return column and row in the atlas [1/32 texel] of a place along a footprint.
+    """Return column and row in the atlas [1/32 texel] of a point along a footprint.
 
     :param step: from its middle, in its length. No look leaves the rectangle.
     """
@@ -523,14 +523,14 @@ def _texel(
 
 
 @part
-def in_steps(place: np.float32) -> int:
+def in_steps(position: np.float32) -> int:
     """Return the nearest steps of 1/32 texel, of two the even one."""
-    return np.int64(np.rint(place * _STEPS))
+    return np.int64(np.rint(position * _STEPS))
 
 
 @part
 def bilinear(atlas: Bytes, x: int, y: int, colour: int) -> int:
-    """Return a value between four texels, in integers, from a place in 1/32 texel."""
+    """Return a value between four texels, in integers, at a point in 1/32 texel."""
     column, row, right, down = x >> 5, y >> 5, x & 31, y & 31
     column = min(max(column, 0), atlas.shape[1] - 1)
     row = min(max(row, 0), atlas.shape[0] - 1)
@@ -571,7 +571,7 @@ def _shade(
 def light_left(
     s: np.float32, r: np.float32, length: np.float32, radius: np.float32, depth: np.float32
 ) -> np.float32:
-    """Return the share of the light that is left at a place of a shadow's floor.
+    """Return the share of the light that is left at a point of a shadow's floor.
 
     ``1 - depth (1 - (d / radius)^2)^2`` at a distance d from a line.
     """
@@ -613,7 +613,7 @@ def _polish(
     s: np.float32,
     r: np.float32,
 ) -> None:
-    """Change a value (colours,) by the gloss of the region that a place of a pair lies in.
+    """Change a value (colours,) by the gloss of the region that a point of a pair lies in.
 
     Of several the last counts: what lies on another comes after it.
 
@@ -640,7 +640,7 @@ def shine(
     sheen: "Sheen",
     m: int,
     lit: Mask,
-    place: tuple[np.float32, np.float32],
+    point: tuple[np.float32, np.float32],
     foot: tuple[np.float32, np.float32],
     height: np.float32,
 ) -> np.float32:
@@ -650,12 +650,12 @@ def shine(
 
     :param m: number of the glossy region.
     :param lit: (sources,) whose highlight may be there.
-    :param place: s and r of what is seen.
+    :param point: s and r of what is seen.
     :param foot: those of the eye's foot on the plane; ``height`` above it [m].
     """
     region = sheen.regions[m]
     face = sheen.faces[region.face]
-    across, up = (place[0] - foot[0]) * face.sides[0], (place[1] - foot[1]) * face.sides[1]
+    across, up = (point[0] - foot[0]) * face.sides[0], (point[1] - foot[1]) * face.sides[1]
     away = np.sqrt(across * across + up * up + height * height)
     specular = _reflectance(height / away, region.normal)
     share = max(specular - region.base, _ZERO) * region.smooth
@@ -669,8 +669,8 @@ def shine(
         if lit[j]:
             source, sight = sheen.sources[j], sheen.sights[region.face, j]
             near = source.near
-            x = sight.place[0] - near * face.sides[0] * place[0]
-            y = sight.place[1] - near * face.sides[1] * place[1]
+            x = sight.place[0] - near * face.sides[0] * point[0]
+            y = sight.place[1] - near * face.sides[1] * point[1]
             to = (x, y, sight.place[2])
             distance = np.sqrt(to[0] * to[0] + to[1] * to[1] + to[2] * to[2])
             ray = (across, up, height)
@@ -680,7 +680,7 @@ def shine(
                 floor = sheen.floor[m, j]
                 light = _of_sun(ray, away, to, distance, region.doublings, floor)
             if light > _ZERO:
-                power = light_at(sheen.light, face, j, place[0], place[1]) * region.gain
+                power = light_at(sheen.light, face, j, point[0], point[1]) * region.gain
                 power /= max(height / away, to[2] / max(distance, _NARROWEST))
                 bright = _mirrored(power, near) * light * specular
                 for c in range(len(added)):
@@ -711,11 +711,11 @@ def _of_lamp(
     for k in range(2):
         half = source.halves[k]
         side = _along(sight.axes[k], ray)
-        place = far * side - _along(sight.axes[k], to)
+        offset = far * side - _along(sight.axes[k], to)
         slant = side / steepness
         slant = min(np.sqrt(slant * slant + _ONE), _SLANT)
         width = _ONE / max(wide * slant, _NARROWEST)
-        share *= _step((half - place) * width) + _step((half + place) * width)
+        share *= _step((half - offset) * width) + _step((half + offset) * width)
         share /= _TWO * _step(half * width)
     return share
 
@@ -726,9 +726,9 @@ def _along(axis: Single, vector: "Ray") -> np.float32:
 
 
 @part
-def _step(place: np.float32) -> np.float32:
+def _step(x: np.float32) -> np.float32:
     """Return a smooth step from -1/2 to 1/2 between -1 and 1, whose slope has the variance 1/5."""
-    x = min(max(place, -_ONE), _ONE)
+    x = min(max(x, -_ONE), _ONE)
     return x * (_THREE_QUARTERS - _QUARTER * x * x)
 
 
@@ -756,7 +756,7 @@ def _of_sun(
 
 @part
 def light_at(light: Single, face: Any, source: int, s: np.float32, r: np.float32) -> np.float32:
-    """Return the light of a source at a place of a face, interpolated between its points."""
+    """Return the light of a source at a point of a face, interpolated between its points."""
     rows, columns = face.shape[0], face.shape[1]
     low, down = _between(r, rows)
     left, across = _between(s, columns)
@@ -771,9 +771,9 @@ def light_at(light: Single, face: Any, source: int, s: np.float32, r: np.float32
 
 
 @part
-def _between(place: np.float32, count: int) -> tuple[int, np.float32]:
-    """Return the part before a place from 0 to 1 among even parts, and how far the next one is."""
-    at = min(max(place * np.float32(count) - _HALF, _ZERO), np.float32(count - 1))
+def _between(share: np.float32, count: int) -> tuple[int, np.float32]:
+    """Return the part before a share from 0 to 1 among even parts, and how far the next one is."""
+    at = min(max(share * np.float32(count) - _HALF, _ZERO), np.float32(count - 1))
     whole = np.int64(at)
     return whole, at - np.float32(whole)
 
@@ -797,8 +797,8 @@ def paint_mesh(
     """
     image, size, corner = textures
     texel = space[0][0, : image.shape[2]]
-    place, along = space[1][0, :2], space[1][1, :2]
-    textured, tinted = len(triangles.places) > 0, len(triangles.tints) > 0
+    uv, along = space[1][0, :2], space[1][1, :2]
+    textured, tinted = len(triangles.uv) > 0, len(triangles.tints) > 0
     shaded = len(triangles.shades) > 0
     for n in range(len(values)):
         if seen.nothing[n]:
@@ -808,19 +808,19 @@ def paint_mesh(
         if textured:
             texture = triangles.texture[m]
             for k in range(2):
-                place[k] = _on_triangle(triangles.places, k, m, seen.place, n)
+                uv[k] = _on_triangle(triangles.uv, k, m, seen.point, n)
             square, length = _footprint(along, seen, n, pitch[n], triangles, size[texture], modes)
             level, share = _level(square, modes)
             doublings = 0
             for least in LOOKS:
                 doublings += length * _halved(level) > least
-            _repeat(texel, image, size[texture], corner[texture], place, along, doublings,
+            _repeat(texel, image, size[texture], corner[texture], uv, along, doublings,
                     level, share)  # fmt: skip
         for c in range(len(texel)):
             if not tinted and not shaded:
                 values[n, c] = texel[c]
                 continue
-            value = _on_triangle(triangles.tints, c, m, seen.place, n) if tinted else _WHITE
+            value = _on_triangle(triangles.tints, c, m, seen.point, n) if tinted else _WHITE
             if textured:
                 value *= np.float32(texel[c])
                 value *= _ONE_OF_WHITE
@@ -830,11 +830,11 @@ def paint_mesh(
 
 
 @part
-def _on_triangle(coefficients: Single, k: int, m: int, place: Single, n: int) -> np.float32:
+def _on_triangle(coefficients: Single, k: int, m: int, point: Single, n: int) -> np.float32:
     """Return one of the functions on a triangle where a ray meets it."""
     value = coefficients[4 * k + 3, m]
     for j in range(3):
-        value += coefficients[4 * k + j, m] * place[j, n]
+        value += coefficients[4 * k + j, m] * point[j, n]
     return value
 
 
@@ -868,7 +868,7 @@ def _footprint(
     for k in range(2):
         slope = _ZERO
         for j in range(3):
-            slope += triangles.places[4 * k + j, m] * seen.way[n, j]
+            slope += triangles.uv[4 * k + j, m] * seen.way[n, j]
         along[k] = slope * factor
         texels = along[k] * size[k]
         square += texels * texels
@@ -902,13 +902,13 @@ def _repeat(
     image: Bytes,
     size: Single,
     corner: Single,
-    place: Single,
+    uv: Single,
     along: Single,
     doublings: int,
     level: int,
     share: int,
 ) -> None:
-    """Put the mean (colours,) of 1, 2, 4, ... places along a footprint on a texture that repeats.
+    """Put the mean (colours,) of 1, 2, 4, ... points along a footprint on a texture that repeats.
 
     :param corner: (LEVELS, 2) of the levels of the texture.
     """
@@ -916,7 +916,7 @@ def _repeat(
     value[:] = count >> 1
     for j in range(count):
         step = _step_along(j, count)
-        s, r = place[0] + step * along[0], place[1] + step * along[1]
+        s, r = uv[0] + step * along[0], uv[1] + step * along[1]
         s, r = s - np.floor(s), r - np.floor(r)
         x, y = _repeated(s, size, corner, 0, level), _repeated(r, size, corner, 1, level)
         for c in range(len(value)):
@@ -931,5 +931,5 @@ def _repeat(
 
 
 @part
-def _repeated(place: np.float32, size: Single, corner: Single, axis: int, level: int) -> int:
-    return in_steps(size[axis] * place * _halved(level) + (corner[level, axis] - _HALF))
+def _repeated(share: np.float32, size: Single, corner: Single, axis: int, level: int) -> int:
+    return in_steps(size[axis] * share * _halved(level) + (corner[level, axis] - _HALF))

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What the triangles of a mesh look like: functions of the place on each, and its textures."""
+"""What the triangles of a mesh look like: functions of the point on each, and its textures."""
 
 from collections.abc import Iterator
 from typing import Final, NamedTuple
@@ -28,7 +28,7 @@ class Triangles(NamedTuple):
 
     texture: Numbers
     """(m,) number of each triangle's texture in the atlas."""
-    places: Single
+    uv: Single
     """(8, m) coefficients of u and v; (0, 0): nothing has a texture."""
     density: Single
     """(m,) square of the texels along a metre where they are densest."""
@@ -39,7 +39,7 @@ class Triangles(NamedTuple):
 
 
 class Look:
-    """The textures of a mesh, and per triangle where on them, and in what colour, a place is.
+    """The textures of a mesh, and per triangle where on them, and in what colour, a point is.
 
     A value on triangle j at p is ``(coefficients[:3, j] * p).sum() + coefficients[3, j]``, p from
     ``middle`` on.
@@ -65,10 +65,10 @@ class Look:
         )
         for part, gradient in _gradients(mesh, middle):
             if self.textured:
-                self.triangles.places[:, part] = gradient(mesh.places[part])
+                self.triangles.uv[:, part] = gradient(mesh.places[part])
                 size = self.atlas.size[self.triangles.texture[part]].T.astype(np.float64)
-                places = self.triangles.places[:, part]
-                self.triangles.density[part] = _density(places, size)
+                uv = self.triangles.uv[:, part]
+                self.triangles.density[part] = _density(uv, size)
             if tinted:
                 self.triangles.tints[:, part] = gradient(colours[part])
 
@@ -90,7 +90,7 @@ def _atlas(mesh: Mesh, colour: bool) -> Atlas:
 
 
 class _Gradient:
-    """Turns values at the corners of triangles into functions of the place."""
+    """Turns values at the corners of triangles into functions of the point."""
 
     def __init__(self, corners: Array) -> None:
         first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
@@ -117,15 +117,15 @@ def _gradients(mesh: Mesh, middle: Array) -> Iterator[tuple[slice, _Gradient]]:
         yield part, _Gradient(mesh.vertices[mesh.faces[part]] - middle)
 
 
-def _density(places: Single, size: Array) -> Array:
+def _density(uv: Single, size: Array) -> Array:
     """Return the square of the texels along a metre (m,): the largest singular value.
 
-    :param places: (8, m) coefficients of u and v.
+    :param uv: (8, m) coefficients of u and v.
     :param size: (2, m) columns and rows of the textures.
     """
-    u, v = places[:3] * size[0], places[4:7] * size[1]
-    uu, vv, uv = (u * u).sum(axis=0), (v * v).sum(axis=0), (u * v).sum(axis=0)
-    largest: Array = 0.5 * (uu + vv) + np.sqrt(0.25 * (uu - vv) ** 2 + uv * uv)
+    u, v = uv[:3] * size[0], uv[4:7] * size[1]
+    uu, vv, both = (u * u).sum(axis=0), (v * v).sum(axis=0), (u * v).sum(axis=0)
+    largest: Array = 0.5 * (uu + vv) + np.sqrt(0.25 * (uu - vv) ** 2 + both * both)
     return largest
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.places.geometry import Floats
 from imu_sim_ros.places.mesh import MeshCaster
-from imu_sim_ros.sensors.camera.images.loops import PLACES, paint_mesh, space
+from imu_sim_ros.sensors.camera.images.loops import POINTS, paint_mesh, space
 from imu_sim_ros.sensors.camera.images.mesh_look import Look
 from imu_sim_ros.sensors.camera.images.rays import PixelRays
 from imu_sim_ros.sensors.camera.images.renderer import rounded
@@ -40,7 +40,7 @@ class Met(NamedTuple):
     """(n,) infinite: nothing."""
     along: Array
     """(n,) the triangle's normal times the ray's direction."""
-    place: Single
+    point: Single
     """(3, n) where, from the mesh's middle [m]."""
     way: Single
     """(n, 3) unit vectors along the rays in the world."""
@@ -52,7 +52,7 @@ class Met(NamedTuple):
             self.nothing.take(which),
             self.distance.take(which),
             self.along.take(which),
-            self.place.take(which, axis=1),
+            self.point.take(which, axis=1),
             self.way.take(which, axis=0),
         )
 
@@ -78,7 +78,7 @@ class MeshRenderer:
         self._caster, self._look, self._trilinear = caster, look, trilinear
         self._areas = areas
         self._rays = PixelRays(model, scale)
-        self.rows = self._rays.row_places
+        self.rows = self._rays.row_positions
         """Row of the image of each row of rays."""
         self._pitches: dict[int, NDArray[np.float16]] = {}
 
@@ -123,12 +123,12 @@ class MeshRenderer:
         own = row + rows.start if len(position) > 1 else np.zeros(len(row), np.int64)
         turn, eye = r_wc[own].astype(np.float32), position[own]
         total = np.zeros((len(pixel), *picture.shape[2:]), np.uint16)
-        part = _RAYS_OF_EDGES // len(PLACES)
+        part = _RAYS_OF_EDGES // len(POINTS)
         for first in range(0, len(pixel), part):
             some = slice(first, first + part)
             middle = rays[:, row[some], column[some]]
             x, y = (each[:, some, None] for each in steps)
-            ray = middle[..., None] + x * PLACES[:, 0] + y * PLACES[:, 1]
+            ray = middle[..., None] + x * POINTS[:, 0] + y * POINTS[:, 1]
             way = np.stack(
                 [sum(turn[some, k, j, None] * ray[j] for j in range(3)) for k in range(3)]
             )
@@ -138,8 +138,8 @@ class MeshRenderer:
             values = self._painted(met, pitch.take(pixel[some]).repeat(count))
             values = values.reshape(-1, count, *picture.shape[2:])
             total[some] = values.sum(axis=1, dtype=np.uint16)
-        total += len(PLACES) // 2
-        picture.reshape(-1, *picture.shape[2:])[pixel] = total // len(PLACES)
+        total += len(POINTS) // 2
+        picture.reshape(-1, *picture.shape[2:])[pixel] = total // len(POINTS)
 
     def _at_edges(self, picture: Bytes, seen: Met, eyes: Array) -> Mask:
         """Tell which pixels (h w,) differ from a neighbour that sees another surface.
@@ -213,16 +213,16 @@ class MeshRenderer:
         nothing = hits.surface < 0
         start = eye - self._caster.middle
         distance = np.where(nothing, 0.0, hits.distance)
-        place = np.empty((3, len(ways)), np.float32)
+        point = np.empty((3, len(ways)), np.float32)
         for k in range(3):
-            place[k] = start[:, k] + distance * ways[:, k]
+            point[k] = start[:, k] + distance * ways[:, k]
         number = np.where(nothing, 0, hits.surface)
-        return Met(number, nothing, hits.distance, along, place, ways)
+        return Met(number, nothing, hits.distance, along, point, ways)
 
     def _painted(self, seen: Met, pitch: Single) -> Bytes:
         """Return the values (n,) or (n, 3) of rays."""
         atlas, image = self._look.atlas, self._look.image
-        textures = image.reshape(*image.shape[:2], -1), atlas.size, atlas.place
+        textures = image.reshape(*image.shape[:2], -1), atlas.size, atlas.corner
         values = np.empty((len(seen.number), textures[0].shape[2]), np.uint8)
         modes, triangles = (self._trilinear, self._areas), self._look.triangles
         paint_mesh(values, seen, pitch, triangles, textures, modes, space())

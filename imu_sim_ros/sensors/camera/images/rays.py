@@ -34,7 +34,7 @@ class PixelRays:
         """
         self._model, self.scale = model, scale
         self.shape = self.height, self.width = model.height * scale, model.width * scale
-        self.row_places = (np.arange(self.height) + 0.5) / scale - 0.5
+        self.row_positions = (np.arange(self.height) + 0.5) / scale - 0.5
         """Row of the image of each row of rays."""
         self._columns = (np.arange(self.width) + 0.5) / scale - 0.5
 
@@ -53,19 +53,19 @@ class PixelRays:
         """Return the rays of a band (3, rows, width)."""
         return self._kept[number] if self._kept is not None else self._found(number)
 
-    def at(self, *places: tuple[Integers, Integers]) -> list[Single]:
+    def at(self, *wanted: tuple[Integers, Integers]) -> list[Single]:
         """Return the rays (3, a, b) of rows (a,) in ascending order and columns (b,), of each."""
-        parts: list[list[Single]] = [[] for _ in places]
+        parts: list[list[Single]] = [[] for _ in wanted]
         for number, band in enumerate(self.bands):
             rays, span = self.of_band(number), self.rows(band)
-            for (rows, columns), found in zip(places, parts, strict=True):
+            for (rows, columns), found in zip(wanted, parts, strict=True):
                 inside = rows[(rows >= span.start) & (rows < span.stop)] - span.start
                 found.append(rays[:, inside[:, None], columns])
         return [np.concatenate(found, axis=1) for found in parts]
 
     def between(self, rows: Array, columns: Array) -> Single:
         """Return the rays (3, a, b) of rows (a,) and columns (b,) that need not be whole."""
-        u, v = ((places + 0.5) / self.scale - 0.5 for places in (columns, rows))
+        u, v = ((ray + 0.5) / self.scale - 0.5 for ray in (columns, rows))
         grid = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
         return self._through(grid, len(rows))
 
@@ -84,7 +84,7 @@ class PixelRays:
         return [self._found(number) for number in range(len(self.bands))]
 
     def _found(self, number: int) -> Single:
-        rows = self.row_places[self.rows(self.bands[number])]
+        rows = self.row_positions[self.rows(self.bands[number])]
         grid = np.stack(np.meshgrid(self._columns, rows), axis=-1).reshape(-1, 2)
         return self._through(grid, len(rows))
 

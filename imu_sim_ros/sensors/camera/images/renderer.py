@@ -92,7 +92,7 @@ class Renderer:
         if atlas.polish is not None:
             self._shining[atlas.polish.face] = atlas.polish.face
         self._rays = PixelRays(model, scale)
-        self.rows = self._rays.row_places
+        self.rows = self._rays.row_positions
         """Row of the image of each row of rays."""
         self.bands = self._rays.bands
         corners, self._probes = corners_and_probes(self._rays, areas)
@@ -185,14 +185,14 @@ class Renderer:
         ]
         # One probe after the other in memory: loops are long.
         inverse = np.stack([one[1] for one in met])[..., 0]
-        places = np.stack([one[2] for one in met])[..., 0]
+        positions = np.stack([one[2] for one in met])[..., 0]
         linear = [
             planes.linear(pairs.which, rays.take(pairs.cell, axis=1)[..., None], row[:, None])
             for rays, row in zip(self._probes.rays, rows, strict=True)
         ]
         texture = numbers[pairs.which]
         seen = patches(
-            places,
+            positions,
             np.stack(linear)[..., 0],
             self.atlas,
             texture,
@@ -201,14 +201,14 @@ class Renderer:
         )
         polish, gloss = self.atlas.polish, Glossy.none(len(pairs.cell))
         if polish is not None:
-            face, probes = self._shining[texture], (inverse, places, rows[0])
+            face, probes = self._shining[texture], (inverse, positions, rows[0])
             gloss = Glossy.of(polish, planes, face, pairs, probes, self._cell_angle)
         cells = self._grid.rows * self._grid.columns
         shades = Shades.of(cells, planes.none(), list(self._shadows(eyes)))
         return Visible(planes, pairs, seen, shades, gloss)
 
     def _facing(self, k: int, position: Array, r_wc: Array) -> Integers:
-        """Return the surfaces whose front is seen from one of some places (n, 3).
+        """Return the surfaces whose front is seen from one of some positions (n, 3).
 
         A surface is not seen if all its corners lie beyond one side of the cone of all rays.
         """

@@ -56,7 +56,7 @@ class Atlas(NamedTuple):
     """(height, width) grey values, or (height, width, 3) red, green and blue."""
     size: Single
     """(m, 2) columns and rows of each surface's texture."""
-    place: Single
+    corner: Single
     """(m, LEVELS, 2) column and row of each level's first texel."""
     polish: Polish | None = None
     """Gloss of the first surfaces; None: all is matt."""
@@ -124,14 +124,14 @@ def assembled(
     further: Sequence[tuple[int, int]] = (),
     repeat: bool = False,
 ) -> Atlas:
-    """Return textures of some rows and columns, each made when it is put into its place.
+    """Return textures of some rows and columns, each made when it is put there.
 
     :param further: shapes that come after the others, and move none of them.
     :param repeat: beyond an edge lies the opposite one, not the edge itself.
     """
-    corners, height, width = _places(shapes)
+    corners, height, width = _corners(shapes)
     if further:
-        more, more_height, more_width = _places(further)
+        more, more_height, more_width = _corners(further)
         corners += [(row + height, column) for row, column in more]
         height, width = height + more_height, max(width, more_width)
         shapes = [*shapes, *further]
@@ -142,8 +142,8 @@ def assembled(
             level = _next_level(level) if k else level
             _put(image, level, row, column, repeat)
     size = np.array(shapes, dtype=np.float32).reshape(-1, 2)[:, ::-1]
-    place = np.array(corners, dtype=np.float32).reshape(len(shapes), LEVELS, 2)[..., ::-1]
-    return Atlas(image, size, place + np.float32(_EDGE))
+    corner = np.array(corners, dtype=np.float32).reshape(len(shapes), LEVELS, 2)[..., ::-1]
+    return Atlas(image, size, corner + np.float32(_EDGE))
 
 
 def _put(image: Bytes, level: Bytes, row: int, column: int, repeat: bool) -> None:
@@ -156,7 +156,7 @@ def _put(image: Bytes, level: Bytes, row: int, column: int, repeat: bool) -> Non
     there[0], there[-1] = there[before], there[after]
 
 
-def _places(shapes: Sequence[tuple[int, int]]) -> tuple[list[tuple[int, int]], int, int]:
+def _corners(shapes: Sequence[tuple[int, int]]) -> tuple[list[tuple[int, int]], int, int]:
     """Return row and column of all levels of textures, and height and width of them all."""
     of_levels = [shape for height, width in shapes for shape in _shapes_of_levels(height, width)]
     corners, height = _packed([(rows + 2 * _EDGE, cols + 2 * _EDGE) for rows, cols in of_levels])
