@@ -174,12 +174,46 @@ class McapWriter(ChunkWriter):
         return [struct.pack("<BQ", CHUNK, length) + header, compressed, *indexes]
 
     def _finish(self) -> None:
+        import yaml
         from mcap.data_stream import RecordBuilder
         from mcap.opcode import Opcode
-        from mcap.records import DataEnd, Footer, Statistics, SummaryOffset
+        from mcap.records import (
+            ChunkIndex,
+            DataEnd,
+            Footer,
+            Metadata,
+            MetadataIndex,
+            Statistics,
+            SummaryOffset,
+        )
 
-        metadata_index = self._write_metadata()
-        self.file.write(_packed(DataEnd(0)))
+        from imu_sim_ros.bags import rosbag2_metadata
+
+        # What rosbag2 stores in each of its files. Jazzy reads the first entry; the second is that
+        # of Humble and Iron.
+        content = rosbag2_metadata.document("mcap", self.topics, [self])
+        text = yaml.safe_dump(content, sort_keys=False)
+        entries = {"serialized_metadata": text, "ROS_DISTRO": content["ros_distro"]}
+        metadata = _packed(Metadata(name="rosbag2", metadata=entries))
+        metadata_index = MetadataIndex(self.file.position, len(metadata), "rosbag2")
+        self.file.write(metadata, _packed(DataEnd(0)))
+        chunk_indexes = []
+        for position, (head, compressed, *indexes), size, topics in self._written:
+            channels = [topic.index + 1 for topic, *_ in topics]
+            begins = accumulate(indexes, initial=position + head + compressed)
+            chunk_indexes.append(
+                ChunkIndex(
+                    chunk_length=head + compressed,
+                    chunk_start_offset=position,
+                    compression=self._compression,
+                    compressed_size=compressed,
+                    message_end_time=max(last_ns for *_, last_ns in topics),
+                    message_index_length=sum(indexes),
+                    message_index_offsets=dict(zip(channels, begins, strict=False)),
+                    message_start_time=min(first_ns for _, _, first_ns, _ in topics),
+                    uncompressed_size=size,
+                )
+            )
         filled = [topic for topic in self.topics if topic.count]
         statistics = Statistics(
             attachment_count=0,
@@ -199,7 +233,7 @@ class McapWriter(ChunkWriter):
             (Opcode.SCHEMA, list(self._schemas.values())),
             (Opcode.CHANNEL, self._channels),
             (Opcode.STATISTICS, [statistics]),
-            (Opcode.CHUNK_INDEX, self._chunk_indexes()),
+            (Opcode.CHUNK_INDEX, chunk_indexes),
             (Opcode.METADATA_INDEX, [metadata_index]),
         ):
             start = builder.count
@@ -215,47 +249,6 @@ class McapWriter(ChunkWriter):
         footer = struct.pack("<BQQQ", Opcode.FOOTER, 8 + 8 + 4, summary_start, offset_start)
         crc = zlib.crc32(footer, zlib.crc32(summary))
         self.file.write(summary, _packed(Footer(summary_start, offset_start, crc)), MAGIC)
-
-    def _chunk_indexes(self) -> list[Any]:
-        """Return where the chunks, and the indexes of their topics, are."""
-        from mcap.records import ChunkIndex
-
-        found = []
-        for position, (head, compressed, *indexes), size, topics in self._written:
-            channels = [topic.index + 1 for topic, *_ in topics]
-            begins = accumulate(indexes, initial=position + head + compressed)
-            found.append(
-                ChunkIndex(
-                    chunk_length=head + compressed,
-                    chunk_start_offset=position,
-                    compression=self._compression,
-                    compressed_size=compressed,
-                    message_end_time=max(last_ns for *_, last_ns in topics),
-                    message_index_length=sum(indexes),
-                    message_index_offsets=dict(zip(channels, begins, strict=False)),
-                    message_start_time=min(first_ns for _, _, first_ns, _ in topics),
-                    uncompressed_size=size,
-                )
-            )
-        return found
-
-    def _write_metadata(self) -> Any:
-        """Write the metadata that rosbag2 stores in each of its files, with the ROS distribution.
-
-        Jazzy reads the first entry; the second is that of Humble and Iron.
-        """
-        import yaml
-        from mcap.records import Metadata, MetadataIndex
-
-        from imu_sim_ros.bags import rosbag2_metadata as metadata
-
-        content = metadata.document("mcap", self.topics, [self])
-        text = yaml.safe_dump(content, sort_keys=False)
-        entries = {"serialized_metadata": text, "ROS_DISTRO": content["ros_distro"]}
-        record = _packed(Metadata(name="rosbag2", metadata=entries))
-        offset = self.file.position
-        self.file.write(record)
-        return MetadataIndex(offset=offset, length=len(record), name="rosbag2")
 
 
 def _packed(record: Any) -> bytes:

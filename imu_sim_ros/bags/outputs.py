@@ -193,35 +193,27 @@ _FILES_LOOKED_AT: Final = 100_000
 
 @dataclass
 class Target:
-    """One output: its target, and where it is written until it is complete."""
+    """One output, and where it is written until it is complete."""
 
     final: Path
-    names: tuple[str, ...] = ()
-    """The files to put into the folder ``final``, which may exist; none: it is made as a whole."""
+    """Its name in the end: that of a file or of a folder that is made as a whole, or that of a
+    folder, which may exist, for some files."""
+    folder: Path
+    """The folder, in the end, of what is in ``staging``."""
+    places: list[Path]
+    """Every path that will be written."""
+    staging: Path
+    """The folder that is renamed from; it lies next to the target."""
+    path: Path
+    """Path for writing."""
     kept: bool = False
     """When the program is interrupted, the complete part is kept under a partial name."""
-    described: Callable[[], str] = field(default=lambda: "what was written before")
-    """Describes the contents of a kept part."""
     companion_of: "Target | None" = None
     """An output of the same folder, in whose staging folder this one is written: a program that is
     killed leaves one folder. With ``kept`` it is complete before that one's first part, and kept
     under the name of that part."""
-
-    @property
-    def staging(self) -> Path:
-        """The folder that is renamed from; it lies next to the target."""
-        if self.companion_of is not None:
-            return self.companion_of.staging
-        return self.final.parent / (self.final.name + ACTIVE_SUFFIX)
-
-    @property
-    def path(self) -> Path:
-        """Path for writing."""
-        return self.staging if self.names else self.staging / self.final.name
-
-    def places(self) -> list[Path]:
-        """Return every path that will be written."""
-        return [self.final / name for name in self.names] or [self.final]
+    described: Callable[[], str] = field(default=lambda: "what was written before")
+    """Describes the contents of a kept part."""
 
 
 class Outputs:
@@ -257,8 +249,6 @@ class Outputs:
         self.force, self.discard_partial = force, discard_partial
         self._inputs = [Path(path) for path in inputs]
         self._targets: list[Target] = []
-        self._staged: list[Target] = []
-        """The targets with staging folders of their own."""
         self._made: list[Path] = []
         self._locks: list[int] = []
 
@@ -278,14 +268,14 @@ class Outputs:
         :param companion_of: an output of the same folder that was added before.
         :returns: the path for writing. Siblings with its stem (``NAME_0.bag``) are renamed as well.
         """
-        of = None if companion_of is None else self._target(companion_of)
-        target = Target(Path(path), kept=kept, companion_of=of)
-        if endings and target.final.suffix.lower() not in endings:
+        final = Path(path)
+        if endings and final.suffix.lower() not in endings:
             raise InputError(f"{path}: must end in {' or '.join(endings)}")
-        self._targets.append(target)
-        if of is None:
-            self._staged.append(target)
-        return target.path
+        of = None if companion_of is None else self._target(companion_of)
+        staging = of.staging if of else final.parent / (final.name + ACTIVE_SUFFIX)
+        there = staging / final.name
+        self._targets.append(Target(final, final.parent, [final], staging, there, kept, of))
+        return there
 
     def where(self, path: str | Path) -> Path:
         """Return the path for writing an output that was added."""
@@ -303,10 +293,11 @@ class Outputs:
 
         :returns: the folder to write them to.
         """
-        target = Target(Path(folder), tuple(names))
-        self._targets.append(target)
-        self._staged.append(target)
-        return target.path
+        final = Path(folder)
+        staging = final.parent / (final.name + ACTIVE_SUFFIX)
+        places = [final / name for name in names]
+        self._targets.append(Target(final, final, places, staging, staging))
+        return staging
 
     def __enter__(self) -> "Outputs":
         problems = [problem for target in self._targets for problem in self._problems(target)]
@@ -348,6 +339,11 @@ class Outputs:
             if isinstance(error, ImuSimError):
                 raise type(error)([self._finally_named(line) for line in error.problems]) from None
 
+    @property
+    def _staged(self) -> list[Target]:
+        """The targets with staging folders of their own."""
+        return [target for target in self._targets if target.companion_of is None]
+
     def _problems(self, target: Target) -> Iterator[str]:
         """Yield the problems of a target, at most one line for each of its paths."""
         final = target.final
@@ -359,14 +355,14 @@ class Outputs:
             if len(os.fsencode(final.name)) > longest:
                 yield f"{final.name[:40]}...: the name is longer than {longest} bytes"
                 return
-            if target.names and os.path.lexists(final) and not final.is_dir():
+            if target.places != [final] and os.path.lexists(final) and not final.is_dir():
                 yield f"{final}: exists and is not a folder"
                 return
             there = next(folder for folder in final.absolute().parents if os.path.lexists(folder))
             if not there.is_dir():
                 yield f"{final}: {there} is not a folder"
                 return
-            for place in target.places():
+            for place in target.places:
                 taken = [place] if os.path.lexists(place) else []
                 if place.suffix:  # the files of an output that is split
                     pattern = f"{glob.escape(place.stem)}_*{glob.escape(place.suffix)}"
@@ -407,7 +403,7 @@ class Outputs:
         """Yield targets that are, or lie in, one another."""
         seen: list[tuple[Path, Path, bool]] = []
         for target in self._targets:
-            for place in target.places():
+            for place in target.places:
                 try:
                     real = Path(os.path.realpath(place.parent)) / place.name
                 except OSError:
@@ -417,7 +413,7 @@ class Outputs:
                         yield f"{place}: two outputs would have this name"
                     elif whole and (other in real.parents or real in other.parents):
                         yield f"{place}: another output is {shown}"
-                seen.append((real, place, not target.names))
+                seen.append((real, place, target.places == [target.final]))
 
     def _remove_stale(self, staging: Path) -> None:
         """Remove the remains of a killed run, with ``force``; never the output of a running one."""
@@ -440,12 +436,11 @@ class Outputs:
     def _commit(self) -> None:
         """Rename everything into place."""
         for target in self._staged:
-            folder = target.final if target.names else target.final.parent
             try:
-                if target.names:
-                    folder.mkdir(exist_ok=True)
-                for entry in sorted(target.staging.iterdir()):
-                    place = folder / entry.name
+                entries = sorted(target.staging.iterdir())
+                target.folder.mkdir(exist_ok=True)
+                for entry in entries:
+                    place = target.folder / entry.name
                     if os.path.lexists(place):
                         if not self.force:
                             raise InputError(
@@ -508,8 +503,8 @@ class Outputs:
     def _finally_named(self, line: str) -> str:
         """Return a line with the targets' names in place of the staging ones."""
         for target in self._targets:
-            shown = f"{target.final}" if target.names else f"{target.final.parent}"
-            line = line.replace(f"{target.staging}/", "" if shown == "." else f"{shown}/")
+            shown = "" if target.folder == Path() else f"{target.folder}/"
+            line = line.replace(f"{target.staging}/", shown)
         return line
 
 
