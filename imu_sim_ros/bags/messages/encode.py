@@ -76,12 +76,12 @@ class Encoder:
     pattern: Callable[..., RowTemplate]
     """Each encoder's own: returns n messages of stamps (n,) and its columns."""
 
-    def __init__(self, texts: tuple[str, ...], encoding: str, **constant: ArrayLike) -> None:
+    def __init__(self, layout: Layout, **constant: ArrayLike) -> None:
         """Set up what all messages have in common.
 
         :param constant: the numbers of fields, (m,) or one.
         """
-        self.layout: Layout = layout(self.type_name, encoding, texts)
+        self.layout = layout
         fields = (self.layout.dtype.fields or {}).items()
         self._fields = {name: (place[0], place[1]) for name, place in fields}
         self._template = self.layout.template
@@ -135,7 +135,7 @@ class _OfFrame(Encoder):
     """Messages whose only string is the frame in their header."""
 
     def __init__(self, frame_id: str, encoding: str = "cdr") -> None:
-        super().__init__((frame_id,), encoding)
+        super().__init__(layout(self.type_name, encoding, (frame_id,)))
 
 
 class ImuEncoder(Encoder):
@@ -156,8 +156,7 @@ class ImuEncoder(Encoder):
         :param accel_covariance: likewise [(m/s^2)^2].
         """
         super().__init__(
-            (frame_id,),
-            encoding,
+            layout(self.type_name, encoding, (frame_id,)),
             orientation=(0.0, 0.0, 0.0, 1.0),
             orientation_covariance=(-1.0, *[0.0] * 8),
             angular_velocity_covariance=_matrix3(gyro_covariance).ravel(),
@@ -201,7 +200,7 @@ class OdometryEncoder(Encoder):
     type_name = ODOMETRY
 
     def __init__(self, frame_id: str, child_frame_id: str, encoding: str = "cdr") -> None:
-        super().__init__((frame_id, child_frame_id), encoding)
+        super().__init__(layout(self.type_name, encoding, (frame_id, child_frame_id)))
 
     def pattern(
         self,
@@ -398,7 +397,7 @@ class GpsFixEncoder(Encoder):
     type_name = GPS_FIX
 
     def __init__(self, frame_id: str, encoding: str = "cdr") -> None:
-        super().__init__((frame_id, frame_id), encoding)
+        super().__init__(layout(self.type_name, encoding, (frame_id, frame_id)))
 
     def pattern(
         self,
@@ -440,7 +439,7 @@ class ClockEncoder(Encoder):
     type_name = CLOCK
 
     def __init__(self, encoding: str = "cdr") -> None:
-        super().__init__((), encoding)
+        super().__init__(layout(self.type_name, encoding))
 
     def pattern(self, t_ns: Times) -> RowTemplate:
         """Return n messages of times (n,)."""

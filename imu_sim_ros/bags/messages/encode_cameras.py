@@ -55,7 +55,6 @@ class StampedBuilder(LayoutBuilder):
 
     def __init__(self, frame_id: str, encoding: str) -> None:
         super().__init__(encoding)
-        self._encoding = encoding
         self.field("stamp", "header")
         self.text(frame_id)
 
@@ -71,7 +70,7 @@ class StampedBuilder(LayoutBuilder):
 
         :raises InputError: for a stamp that a message cannot hold.
         """
-        second, nanosecond = seconds(np.array([t_ns]), self._encoding)
+        second, nanosecond = seconds(np.array([t_ns]), self.encoding)
         result = bytearray(self.template)
         for name, value in (("sec", second), ("nanosec", nanosecond)):
             at = self.offsets[self.names.index(name)]

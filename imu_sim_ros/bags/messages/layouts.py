@@ -149,7 +149,7 @@ class LayoutBuilder:
     """Collects fields at their offsets."""
 
     def __init__(self, encoding: str) -> None:
-        self.cdr = encoding == "cdr"
+        self.encoding, self.cdr = encoding, encoding == "cdr"
         self.names: list[str] = []
         self.formats: list[object] = []
         self.offsets: list[int] = []
@@ -202,9 +202,9 @@ class LayoutBuilder:
         self.length(len(content))
         self.constant(content)
 
-    def dtype(self) -> np.dtype[np.void]:
-        """Return the structured type of the size of a message."""
-        return np.dtype(
+    def layout(self, type_name: str) -> Layout:
+        """Return the layout of a type with these fields."""
+        dtype = np.dtype(
             {
                 "names": self.names,
                 "formats": self.formats,
@@ -212,6 +212,7 @@ class LayoutBuilder:
                 "itemsize": len(self.template),
             }
         )
+        return Layout(type_name, self.encoding, dtype, bytes(self.template), tuple(self.fixed))
 
 
 @lru_cache(maxsize=64)
@@ -251,9 +252,7 @@ def layout(type_name: str, encoding: str, texts: Sequence[str | bytes] = ()) -> 
             builder.text(next(remaining))
         else:
             builder.field(name, kind, count, _suffix(name, kind))
-    return Layout(
-        type_name, encoding, builder.dtype(), bytes(builder.template), tuple(builder.fixed)
-    )
+    return builder.layout(type_name)
 
 
 @lru_cache

@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from imu_sim_ros.bags.messages.blocks import Column, RowTemplate
-from imu_sim_ros.bags.messages.encode import ROS_ORDER, seconds
+from imu_sim_ros.bags.messages.blocks import RowTemplate
+from imu_sim_ros.bags.messages.encode import ROS_ORDER, Encoder, seconds
 from imu_sim_ros.bags.messages.layouts import LayoutBuilder
 from imu_sim_ros.rotation import from_matrix
 from imu_sim_ros.types import Array, Bytes, Times
@@ -37,9 +37,7 @@ class TransformsEncoder:
             builder.text(child)
             builder.field("translation", "f8", 3, f"_{k}")
             builder.field("rotation", "f8", 4, f"_{k}")
-        self._count, self._encoding = len(frames), encoding
-        self._dtype = builder.dtype()
-        self._template = np.frombuffer(bytes(builder.template), np.uint8)
+        self._count, self._layout = len(frames), builder.layout(self.type_name)
 
     @staticmethod
     def stamp_offset() -> int:
@@ -58,11 +56,10 @@ class TransformsEncoder:
         :raises InputError: for stamps that a message cannot hold.
         """
         t_ns = np.asarray(t_ns, dtype=np.int64)
-        second, nanosecond = seconds(t_ns, self._encoding)
+        second, nanosecond = seconds(t_ns, self._layout.encoding)
         translation, q = np.asarray(translation), np.asarray(q)[..., ROS_ORDER]
-        rows = np.empty((len(t_ns), len(self._template)), np.uint8)
-        rows[:] = self._template
-        fields: NDArray[np.void] = rows.view(self._dtype)[:, 0]
+        rows = np.tile(np.frombuffer(self._layout.template, np.uint8), (len(t_ns), 1))
+        fields: NDArray[np.void] = rows.view(self._layout.dtype)[:, 0]
         for k in range(self._count):
             fields[f"sec_{k}"], fields[f"nanosec_{k}"] = second, nanosecond
             fields[f"translation_{k}"] = translation[:, k]
@@ -78,7 +75,7 @@ class TransformsEncoder:
         return self.encode(t_ns, poses[None, :, :3, 3], from_matrix(poses[:, :3, :3])[None])
 
 
-class JointStateEncoder:
+class JointStateEncoder(Encoder):
     """sensor_msgs/JointState of the same joints in each message; efforts are left empty."""
 
     type_name = JOINT_STATE
@@ -98,9 +95,7 @@ class JointStateEncoder:
             builder.length(len(joints))
             builder.field(name, "f8", len(joints))
         builder.length(0)
-        self._encoding, self._template = encoding, bytes(builder.template)
-        self._offsets = dict(zip(builder.names, builder.offsets, strict=True))
-        self._formats = {"sec": "<i4" if encoding == "cdr" else "<u4", "nanosec": "<u4"}
+        super().__init__(builder.layout(self.type_name))
 
     def pattern(self, t_ns: Times, position: ArrayLike, velocity: ArrayLike) -> RowTemplate:
         """Return n messages.
@@ -110,12 +105,4 @@ class JointStateEncoder:
         :param velocity: (n, m) [rad/s].
         :raises InputError: for stamps that a message cannot hold.
         """
-        t_ns = np.asarray(t_ns, dtype=np.int64)
-        stamps = zip(("sec", "nanosec"), seconds(t_ns, self._encoding), strict=True)
-        columns = [
-            Column(self._offsets[name], values.astype(self._formats[name]))
-            for name, values in stamps
-        ]
-        for name, given in (("position", position), ("velocity", velocity)):
-            columns.append(Column(self._offsets[name], np.asarray(given, dtype="<f8")))
-        return RowTemplate(self._template, columns, len(t_ns))
+        return self._row_template(t_ns, position=position, velocity=velocity)
