@@ -67,11 +67,6 @@ class ChunkWriter(Writer):
     """Collects messages until a chunk is full; containers define records and chunks."""
 
     def __init__(self, path: Path, compression: str, renamed: bool) -> None:
-        """Open the file.
-
-        :param compression: of chunks, which takes threads of its own; none of ``none``, whose
-            checksum is quickest where the records are still in the cache.
-        """
         super().__init__(path)
         self._compression = compression
         self.file = OutputFile(path, renamed)
@@ -86,8 +81,10 @@ class ChunkWriter(Writer):
         self._before = b""
         """What stands before the records of the next chunk."""
         self._pipeline: Pipeline[Chunk, Sequence[bytes | memoryview]] | None = None
-        if compression not in ("", "none"):
-            self._pipeline = Pipeline(self._pack, self._store, min(cores(), _MAX_WORKERS))
+        """Threads that take the chunks, once a file has as much as one; a small file does without.
+
+        They leave half of the time to the thread that writes, even without compression.
+        """
 
     @abstractmethod
     def _records(
@@ -135,6 +132,9 @@ class ChunkWriter(Writer):
                 self._pending.append((topic, t_ns, rows))
                 self._pending_bytes += rows.count * len(rows.template)
         if self._pending_bytes >= CHUNK_BYTES:
+            if self._pipeline is None:
+                workers = 1 if self._compression in ("", "none") else min(cores(), _MAX_WORKERS)
+                self._pipeline = Pipeline(self._pack, self._store, workers)
             self._emit()
 
     def flush(self, durable: bool = False) -> None:
@@ -307,26 +307,29 @@ def merged(tables: Sequence[tuple[Simultaneous, slice]]) -> Chunk:
     """
     times = [table.t_ns[rows] for table, rows in tables]
     content = [side_by_side(table.rows, rows) for table, rows in tables]
-    counts = [len(t_ns) for t_ns in times]
-    order = time_order(times)
-    owner = np.repeat(np.arange(len(tables)), counts)[order]
-    row = order - np.cumsum([0, *counts[:-1]])[owner]
     widths = np.array([rows.shape[1] for rows in content])
-    ends = np.cumsum(widths[owner])
-    begins = ends - widths[owner]
-    messages = []
-    for k, (table, _) in enumerate(tables):
-        offsets = begins[owner == k]
-        for topic, size in table.topics:
-            messages.append(Indexed(topic, times[k], offsets))
-            offsets = offsets + size
     if len(tables) == 1:
-        return Chunk(content[0].reshape(-1), messages)
-    starts = np.flatnonzero(np.concatenate([[True], owner[1:] != owner[:-1]]))
-    sources = owner[starts]
-    first = (row[starts] * widths[sources]).tolist()
-    last = ((row[np.append(starts[1:], len(owner)) - 1] + 1) * widths[sources]).tolist()
-    memory = [memoryview(rows.reshape(-1).data) for rows in content]
-    pieces = zip(sources.tolist(), first, last, strict=True)
-    joined = b"".join([memory[k][begin:end] for k, begin, end in pieces])
-    return Chunk(np.frombuffer(joined, np.uint8), messages)
+        records = content[0].reshape(-1)
+        places = [widths[0] * np.arange(len(times[0]))]
+    else:
+        counts = [len(t_ns) for t_ns in times]
+        order = time_order(times)
+        owner = np.repeat(np.arange(len(tables)), counts)[order]
+        row = order - np.cumsum([0, *counts[:-1]])[owner]
+        ends = np.cumsum(widths[owner])
+        places = [(ends - widths[owner])[owner == k] for k in range(len(tables))]
+        starts = np.flatnonzero(np.concatenate([[True], owner[1:] != owner[:-1]]))
+        sources = owner[starts]
+        first = (row[starts] * widths[sources]).tolist()
+        last = ((row[np.append(starts[1:], len(owner)) - 1] + 1) * widths[sources]).tolist()
+        memory = [memoryview(rows.reshape(-1).data) for rows in content]
+        pieces = zip(sources.tolist(), first, last, strict=True)
+        joined = b"".join([memory[k][begin:end] for k, begin, end in pieces])
+        records = np.frombuffer(joined, np.uint8)
+    messages = []
+    for (table, _), t_ns, place in zip(tables, times, places, strict=True):
+        offsets = place
+        for topic, size in table.topics:
+            messages.append(Indexed(topic, t_ns, offsets))
+            offsets = offsets + size
+    return Chunk(records, messages)

@@ -7,7 +7,6 @@ import shutil
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
@@ -17,8 +16,6 @@ from imu_sim_ros.bags.outputs import make_folder
 from imu_sim_ros.bags.writer import MAX_PARTS, BagTopic, Block, Writer, tally, time_order
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.types import Integers
-
-_NEVER: Final = 2**63 - 1
 
 
 class PartsWriter(Writer):
@@ -67,7 +64,7 @@ class PartsWriter(Writer):
             within, past = self._divided_by_time(blocks)
             now, later = self._divided_by_size(within, part)
             part.write_blocks([Block(part.topics[b.topic.index], b.t_ns, b.payloads) for b in now])
-            if (past and not later) or self._full():
+            if (past and not later) or 0 < self._split_bytes <= part.size:
                 self._end_part()
             blocks = later + past
 
@@ -86,26 +83,18 @@ class PartsWriter(Writer):
                 _add(self._parts[-1], topic, before)
         return self._parts[-1]
 
-    def _full(self) -> bool:
-        return 0 < self._split_bytes <= self._parts[-1].size
-
-    def _boundary(self, t_ns: int) -> int:
-        """Return the time at which the part ends; its first message decides on that."""
-        if not self._split_ns:
-            return _NEVER
-        if self._end_ns is None:
-            self._end_ns = t_ns + self._split_ns
-        return self._end_ns
-
     def _divided_by_time(self, blocks: list[Block]) -> tuple[list[Block], list[Block]]:
-        """Return the messages before the part's end, and those after it.
+        """Return the messages before the part's end, on which its first one decides, and others.
 
         If times run backwards, the part changes at the first message past its end.
         """
-        end_ns = self._boundary(min(int(block.t_ns.min()) for block in blocks))
+        if not self._split_ns:
+            return blocks, []
+        if self._end_ns is None:
+            self._end_ns = min(int(block.t_ns.min()) for block in blocks) + self._split_ns
         counts = []
         for block in blocks:
-            past = np.flatnonzero(block.t_ns >= end_ns)
+            past = np.flatnonzero(block.t_ns >= self._end_ns)
             counts.append(int(past[0]) if len(past) else len(block.t_ns))
         return _divided(blocks, counts)
 
