@@ -4,7 +4,6 @@
 """The barometer of an IMU: the standard atmosphere at the IMU's height, and its errors."""
 
 import math
-from fractions import Fraction
 from typing import Final
 
 import numpy as np
@@ -16,14 +15,12 @@ from imu_sim_ros.rotation import rotate
 from imu_sim_ros.sensors.barometer.parameters import BarometerParameters
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.environment import AtmosphereParameters
-from imu_sim_ros.sensors.errors.terms import Surroundings
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
-from imu_sim_ros.sensors.faults import Fault, FaultSchedule
-from imu_sim_ros.sensors.imu.parameters import ImuParameters, instantaneous
-from imu_sim_ros.sensors.samples import Samples
-from imu_sim_ros.sensors.timing import SampleTiming
-from imu_sim_ros.sensors.world import Sampled, Window, World
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.sensors.faults import FaultSchedule
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.with_imu import SensorWithImu
+from imu_sim_ros.sensors.world import Sampled, World
+from imu_sim_ros.types import Array
 
 EARTH_RADIUS: Final = 6356766.0
 """[m] of the geopotential height."""
@@ -117,13 +114,9 @@ class PressureErrors:
     They are those of a triad's first axis.
     """
 
-    def __init__(self, triad: Triad) -> None:
-        """Take the sensor's own errors; :meth:`configure` gives its limits."""
-        self.triad = triad
-        self._limits: tuple[ArrayLike, ArrayLike] = (0.0, math.inf)
-
-    def configure(self, minimum: ArrayLike, maximum: ArrayLike) -> None:
-        """Take the lowest and the highest pressure [Pa] that can be read; 0: no limit."""
+    def __init__(self, triad: Triad, minimum: ArrayLike, maximum: ArrayLike) -> None:
+        """Take the sensor's own errors, and the limits of what it reads [Pa]; 0: none."""
+        self._triad = triad
         self._limits = (minimum, np.where(np.asarray(maximum) > 0.0, maximum, math.inf))
 
     def read(
@@ -143,61 +136,39 @@ class PressureErrors:
         values = np.empty((*ideal.shape, 3), order="F")
         values[..., 1:] = 0.0
         values[..., 0] = ideal if gust is None else ideal + gust
-        made = self.triad.read(first, values, values, additions, faults)
+        made = self._triad.read(first, values, values, additions, faults)
         bias = made.bias[..., 0] if gust is None else made.bias[..., 0] + gust
         reading = np.clip(made.reading[..., 0], *self._limits)
         return {"pressure": reading, "ideal_pressure": ideal, "bias": bias}
 
 
-class Barometer:
-    """One barometer; its samples are read in order."""
+class Barometer(SensorWithImu):
+    """One barometer."""
 
     def __init__(self, mounted: Mounted, t0_ns: int, _: object = None) -> None:
         """Set up all errors at their start.
 
         :param t0_ns: time of the start [ns].
         """
-        imu, environment = mounted.own, mounted.environment
-        own, seed = imu.barometer, environment.seed
-        self._timing = SampleTiming(NAME, own.rate, imu, seed, t0_ns, own.time_offset, own.span)
+        super().__init__(mounted, t0_ns)
+        environment = mounted.environment
         self._atmosphere = Atmosphere(environment.atmosphere)
         self._height = environment.height
-        self._lever_arm_b = np.array(imu.lever_arm)
-        self._gusts = gusts(own, seed)
-        self._errors = PressureErrors(Triad(NAME, instantaneous(imu), seed, own.rate))
-        self.configure(imu)
+        self._gusts = gusts(mounted.own.barometer, environment.seed)
 
     def configure(self, imu: ImuParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
-        self._reference_temperature = imu.reference_temperature
-        self._timing.configure(imu)
-        self._errors.configure(imu.barometer.minimum, imu.barometer.maximum)
-        self._errors.triad.configure(instantaneous(imu))
+        super().configure(imu)
+        self._errors = PressureErrors(self.triad, imu.barometer.minimum, imu.barometer.maximum)
 
-    def inject(self, fault: Fault, begin: Fraction) -> None:
-        """Let a fault begin with the first sample not before a time since the start [s]."""
-        self._timing.inject(fault, begin)
-
-    def read(self, window: Window, world: World) -> Samples:
-        """Return the samples in a window, which begins where the last one ended."""
-        samples = self._timing.times.within(window)
-        motion = world.motion(samples.t)
-        arm_w = rotate(motion.q_wb, self._lever_arm_b)
+    def ideal(self, t: Array, world: World) -> Array:
+        """Return the pressure of the still air at the IMU (n,) [Pa]."""
+        motion = world.motion(t)
+        arm_w = rotate(motion.q_wb, self.lever_arm_b)
         # In a curved world, too, z is the height above the origin's (CurvedEarth).
-        ideal = self._atmosphere.pressure(self._height + motion.position[:, 2] + arm_w[:, 2])
-        return self._read(samples, ideal, world)
+        return self._atmosphere.pressure(self._height + motion.position[:, 2] + arm_w[:, 2])
 
-    def apply(self, true_t_ns: Times, ideal: Array, world: World) -> Samples:
-        """Return the next n samples of ideal pressures that somebody gives.
-
-        :param true_t_ns: (n,) of the samples [ns].
-        :param ideal: (n,) of the still air at the IMU [Pa].
-        """
-        return self._read(self._timing.given(true_t_ns), ideal, world)
-
-    def _read(self, samples: Sampled, ideal: Array, world: World) -> Samples:
+    def measure(self, samples: Sampled, ideal: Array, additions: Additions) -> dict[str, Array]:
+        """Return pressures and biases [Pa] of the next n samples."""
         gust = None if self._gusts is None else self._gusts.next(len(samples.t))
-        offset = world.temperature.at(samples.t) - self._reference_temperature
-        additions = self._errors.triad.additions(Surroundings(offset))
-        values = self._errors.read(samples.first, ideal, gust, additions, self._timing.faults)
-        return self._timing.samples(samples.first, samples.true_t_ns, values)
+        return self._errors.read(samples.first, ideal, gust, additions, self.timing.faults)

@@ -203,9 +203,9 @@ class BarometerBatch:
         self._draw(np.arange(units.count))
         flows = {"gust": self._blow} if any(one.gust_rate for one in own) else {}
         self._triads = Triads(units, [BAROMETER], own[0], flows)
-        self._errors = PressureErrors(self._triads[BAROMETER])
         limits = [np.array([getattr(one, name) for one in own]) for name in ("minimum", "maximum")]
-        self._errors.configure(*(limit[which] for limit in limits))
+        low, high = (limit[which] for limit in limits)
+        self._errors = PressureErrors(self._triads[BAROMETER], low, high)
 
     def _draw(self, units: Integers) -> None:
         """Let the gusts of some units begin; each is a process of its own."""

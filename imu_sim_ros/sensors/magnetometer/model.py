@@ -4,7 +4,6 @@
 """The magnetometer of an IMU, from the field of the world to the digital output."""
 
 import math
-from fractions import Fraction
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -15,15 +14,13 @@ from imu_sim_ros.rotation import rotate, rotate_inverse, transform
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.realised import with_constants, with_turn_on
-from imu_sim_ros.sensors.errors.terms import Surroundings
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
-from imu_sim_ros.sensors.faults import Fault, FaultSchedule
-from imu_sim_ros.sensors.imu.parameters import ImuParameters, instantaneous
+from imu_sim_ros.sensors.faults import FaultSchedule
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
-from imu_sim_ros.sensors.samples import Samples
-from imu_sim_ros.sensors.timing import SampleTiming
-from imu_sim_ros.sensors.world import Sampled, Window, World
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.sensors.with_imu import SensorWithImu
+from imu_sim_ros.sensors.world import Sampled, World
+from imu_sim_ros.types import Array
 
 MU0_OVER_4_PI: Final = 1e-7
 """[T m/A]; the value measured in the SI of 2019 agrees to nine digits."""
@@ -148,7 +145,7 @@ class MagneticErrors:
 
     def __init__(self, triad: Triad, near: Iron) -> None:
         """Take the sensor's own errors, and what is near it."""
-        self.triad, self.near = triad, near
+        self._triad, self.near = triad, near
 
     def read(
         self,
@@ -168,69 +165,40 @@ class MagneticErrors:
         if current is not None:
             disturbance = disturbance + self.near.coupling * current[..., None]
         along = transform(self.near.response, ideal) + disturbance
-        made = self.triad.read(first, along, along, additions, faults)
+        made = self._triad.read(first, along, along, additions, faults)
         bias = made.bias + made.scale * disturbance
         return {"field": made.reading, "ideal_field": ideal, "bias": bias}
 
 
-class Magnetometer:
-    """One magnetometer; its samples are read in order."""
+class Magnetometer(SensorWithImu):
+    """One magnetometer."""
 
     def __init__(self, mounted: Mounted, t0_ns: int, _: object = None) -> None:
         """Set up all errors at their start.
 
         :param t0_ns: time of the start [ns].
         """
+        super().__init__(mounted, t0_ns)
         imu, environment = mounted.own, mounted.environment
-        own, seed = imu.magnetometer, environment.seed
-        self._timing = SampleTiming(NAME, own.rate, imu, seed, t0_ns, own.time_offset, own.span)
+        self._parameters: MagnetometerParameters = imu.magnetometer
         self._field = MagneticField(environment)
-        self.earth_w, self.interval = self._field.earth_w, 1.0 / own.rate
-        self._lever_arm_b = np.array(imu.lever_arm)
+        self.earth_w, self.interval = self._field.earth_w, 1.0 / self._parameters.rate
         self._r_ib = np.reshape(imu.mounting, (3, 3)).T
-        self._parameters: MagnetometerParameters = own
-        triad = Triad(NAME, instantaneous(imu), seed, own.rate)
-        self._errors = MagneticErrors(triad, iron(with_constants(own, NAME, seed)))
-        self.latest: Samples | None = None
-        """What was read last."""
-        self.configure(imu)
-
-    def configure(self, imu: ImuParameters) -> None:
-        """Take new values of live parameters, from the next sample on."""
-        self._reference_temperature = imu.reference_temperature
-        self._timing.configure(imu)
-        self._errors.triad.configure(instantaneous(imu))
+        unit = with_constants(self._parameters, NAME, environment.seed)
+        self._errors = MagneticErrors(self.triad, iron(unit))
 
     def calibration(self, unit: ImuParameters) -> tuple[Array, Array]:
         """Return M (3, 3) and b (3,) [T] of ``reading = M B + b`` for a realised IMU."""
         return unit.magnetometer.response_and_bias()
 
-    def inject(self, fault: Fault, begin: Fraction) -> None:
-        """Let a fault begin with the first sample not before a time since the start [s]."""
-        self._timing.inject(fault, begin)
+    def ideal(self, t: Array, world: World) -> Array:
+        """Return the field in the IMU's axes (n, 3) [T]."""
+        motion = world.motion(t)
+        position = motion.position + rotate(motion.q_wb, self.lever_arm_b)
+        return transform(self._r_ib, rotate_inverse(motion.q_wb, self._field.at(t, position)))
 
-    def read(self, window: Window, world: World) -> Samples:
-        """Return the samples in a window, which begins where the last one ended."""
-        samples = self._timing.times.within(window)
-        motion = world.motion(samples.t)
-        position = motion.position + rotate(motion.q_wb, self._lever_arm_b)
-        field_w = self._field.at(samples.t, position)
-        ideal = transform(self._r_ib, rotate_inverse(motion.q_wb, field_w))
-        return self._read(samples, ideal, world)
-
-    def apply(self, true_t_ns: Times, ideal: Array, world: World) -> Samples:
-        """Return the next n samples of ideal fields that somebody gives.
-
-        :param true_t_ns: (n,) of the samples [ns].
-        :param ideal: (n, 3) in the IMU's axes [T].
-        """
-        return self._read(self._timing.given(true_t_ns), ideal, world)
-
-    def _read(self, samples: Sampled, ideal: Array, world: World) -> Samples:
+    def measure(self, samples: Sampled, ideal: Array, additions: Additions) -> dict[str, Array]:
+        """Return fields and biases [T] of the next n samples."""
         flows = bool(self._parameters.current_profile)
         current = current_at(self._parameters, samples.t) if flows else None
-        offset = world.temperature.at(samples.t) - self._reference_temperature
-        additions = self._errors.triad.additions(Surroundings(offset))
-        values = self._errors.read(samples.first, ideal, current, additions, self._timing.faults)
-        self.latest = self._timing.samples(samples.first, samples.true_t_ns, values)
-        return self.latest
+        return self._errors.read(samples.first, ideal, current, additions, self.timing.faults)
