@@ -12,7 +12,13 @@ import numpy as np
 from imu_sim_ros.bags.mcap_reader import McapBag
 from imu_sim_ros.bags.messages import schemas
 from imu_sim_ros.bags.messages.blocks import TopicInfo, as_list
-from imu_sim_ros.bags.messages.decode import Decoded, MessageGate, decode_block, inside_order
+from imu_sim_ros.bags.messages.decode import (
+    Decoded,
+    MessageGate,
+    decode_block,
+    inside_order,
+    joined,
+)
 from imu_sim_ros.bags.messages.encode import (
     IMU,
     ODOMETRY,
@@ -331,11 +337,11 @@ def decoded_blocks(
                 waiting.append(passed)
                 count += len(passed.t_ns)
                 if count >= _LEAST:
-                    yield waiting[0].joined(waiting[1:])
+                    yield joined(waiting)
                     waiting, count = [], 0
     gate.settle(skipped, warned)
     if waiting:
-        yield waiting[0].joined(waiting[1:])
+        yield joined(waiting)
 
 
 def _unit(q: Array) -> Array:

@@ -46,17 +46,18 @@ class Decoded(NamedTuple):
         numbers = {name: values[rows] for name, values in self.numbers.items()}
         return Decoded(self.texts, self.record_t_ns[rows], self.t_ns[rows], numbers)
 
-    def joined(self, others: Sequence["Decoded"]) -> "Decoded":
-        """Return these messages and those that follow as one block."""
-        if not others:
-            return self
-        parts = [self, *others]
-        return Decoded(
-            self.texts,
-            np.concatenate([part.record_t_ns for part in parts]),
-            np.concatenate([part.t_ns for part in parts]),
-            {name: np.concatenate([part.numbers[name] for part in parts]) for name in self.numbers},
-        )
+
+def joined(parts: Sequence[Decoded]) -> Decoded:
+    """Return blocks of messages that follow each other as one; there must be one."""
+    first = parts[0]
+    if len(parts) == 1:
+        return first
+    return Decoded(
+        first.texts,
+        np.concatenate([part.record_t_ns for part in parts]),
+        np.concatenate([part.t_ns for part in parts]),
+        {name: np.concatenate([part.numbers[name] for part in parts]) for name in first.numbers},
+    )
 
 
 def decode_block(block: MessageBlock, encoding: str, names: Sequence[str]) -> Decoded:

@@ -131,10 +131,10 @@ def find_steady(
     mean, variance = windows.mean(axis=1), windows.var(axis=1)
     # Rounding hides the noise of windows in which all readings are the same.
     floor = np.maximum(np.quantile(variance, _QUIET, axis=0), _steps(y) ** 2 / 12.0)
-    judged = slice(0, 3) if rotating else slice(0, 6)
+    judged = np.arange(6) < (3 if rotating else 6)
     calm = np.all(variance[:, judged] <= _LOUDER * floor[judged] + _UNNOTICED[judged] ** 2, axis=1)
     sigma = np.sqrt(2.0 * floor / size) + _UNNOTICED
-    same = np.all(np.abs(np.diff(mean, axis=0)) <= _JUMP * sigma, axis=1, where=_mask(judged))
+    same = np.all(np.abs(np.diff(mean, axis=0)) <= _JUMP * sigma, axis=1, where=judged)
     label = np.cumsum(np.concatenate([[True], ~(same & calm[1:] & calm[:-1])]))
     least = max(round(shortest / (size * interval)), 4)
     runs = [run for run in _runs(label, calm) if run[1] - run[0] >= least]
@@ -155,12 +155,6 @@ def _steps(y: Array) -> Array:
     change = np.abs(np.diff(y, axis=0))
     found: Array = np.where(change > 0.0, change, np.inf).min(axis=0)
     return np.where(np.isfinite(found), found, 0.0)
-
-
-def _mask(judged: slice) -> Mask:
-    mask = np.zeros(6, dtype=bool)
-    mask[judged] = True
-    return mask
 
 
 def _runs(label: Integers, calm: Mask) -> list[tuple[int, int]]:

@@ -101,9 +101,9 @@ def known_rates(steady: Steady, rates: Array) -> tuple[Steady, Array]:
     :param rates: magnitudes the table was set to [rad/s].
     :raises InputError: if no stretch is at rest.
     """
-    still = np.linalg.norm(steady.gyro - _usual(steady.gyro), axis=1) < _TURNING + 6.0 * (
-        np.linalg.norm(steady.gyro_sigma, axis=1)
-    )
+    at_rest = np.median(steady.gyro, axis=0)  # stretches turn both ways
+    noise = np.linalg.norm(steady.gyro_sigma, axis=1)
+    still = np.linalg.norm(steady.gyro - at_rest, axis=1) < _TURNING + 6.0 * noise
     if not still.any():
         raise InputError("no stretch at rest: the table must rest between the rates")
     excess = steady.gyro - np.mean(steady.gyro[still], axis=0)
@@ -133,8 +133,3 @@ def true_rates(steady: Steady, t_ns: Integers, angular_velocity: Array) -> tuple
     count = np.maximum(last - first, 1)[:, None]
     mean = (sums[last] - sums[first]) / count
     return steady.rows(covered), mean[covered]
-
-
-def _usual(gyro: Array) -> Array:
-    """Return the reading at rest: stretches turn both ways, so that is the median."""
-    return np.median(gyro, axis=0)

@@ -321,7 +321,9 @@ def fit(
         for _ in range(_WEIGHTINGS if count else 1):
             step, inverse = _step(sums, density, errors.deviation()[free], prior[free])
             density = sums.density(step, inverse, density)
-        errors = errors.moved(_placed(step, free))
+        of_all = np.zeros(COUNT)
+        of_all[free] = step
+        errors = errors.moved(of_all)
         sums.noise_product -= sums.noise_matrix @ step
         if noisy and count < _SHAPED:
             sums.shape(density)
@@ -359,13 +361,6 @@ def _inverse(normal: Array, prior: Array) -> tuple[Array, Array]:
         own = vectors[:, lost]
         known -= prior[:, None] * (own @ own.T) / prior
     return inverse, known
-
-
-def _placed(step: Array, free: Indices) -> Array:
-    """Return a step (42,) of all parameters."""
-    result = np.zeros(COUNT)
-    result[free] = step
-    return result
 
 
 def _summary(
