@@ -27,7 +27,6 @@ from imu_sim_ros.jobs.readings import (
     frame,
     read_imu,
 )
-from imu_sim_ros.jobs.writing import renamed_topics, saved
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.samples import joined
@@ -279,6 +278,7 @@ class Flight:
         'flight.bag'
         """
         from imu_sim_ros.datasets.forms import chosen_topics, opened, usual_topics
+        from imu_sim_ros.jobs.writing import renamed_topics, saved
         from imu_sim_ros.simulation.topics import offered
 
         given = arguments.words("topics", topics) or self._topics
