@@ -26,7 +26,7 @@ from imu_sim_ros.datasets.forms import (
     usual_topics,
 )
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.jobs.simulate import GivenMotion, Moving, given_layers, keyword_parameters
+from imu_sim_ros.jobs.simulate import GivenMotion, Moving, given_layers
 from imu_sim_ros.jobs.writing import (
     OUTPUT,
     Compression,
@@ -334,9 +334,7 @@ def described(
     :param parameters: of :func:`generate`.
     """
     in_files = files.load_all(parameter_files(params_file), "simulator")
-    keywords = {name: value for name, value in parameters.items() if name != "parameters"}
-    _, last = keyword_parameters({n: v for n, v in parameters.items() if n not in keywords})
-    own, motion = given_layers(*usual, keywords)
+    own, last, motion = given_layers(*usual, parameters)
     robust, rinex = switches
     own |= {"trajectory.robust": True} if robust else {}
     own |= {"gnss.raw.rinex": True} if rinex else {}

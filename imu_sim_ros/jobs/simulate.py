@@ -180,7 +180,8 @@ def _body(
     wanted = frozenset[str]()
     if params_file is not None:
         below, wanted = _of_file(arguments.path("params_file", params_file))
-    own, motion = given_layers(imu, trajectory, duration, rate, seed, parameters)
+    own, last, motion = given_layers(imu, trajectory, duration, rate, seed, parameters)
+    own |= last
     if sensors is not None:
         wanted = checked_sensors(sensors, {**below, **own})
         quantities = [sensor.quantity for sensor in sensors_of_imus()]
@@ -208,8 +209,11 @@ def given_layers(
     rate: float | None,
     seed: int | None,
     parameters: Mapping[str, Any],
-) -> tuple[dict[str, object], GivenMotion]:
-    """Return the parameters that the arguments of :func:`simulate` give, by dotted name."""
+) -> tuple[dict[str, object], dict[str, object], GivenMotion]:
+    """Return the parameters that the arguments of :func:`simulate` give, by dotted name.
+
+    :returns: those of arguments; those in ``parameters={...}``, which win; the motion.
+    """
     flat, last = keyword_parameters(parameters)
     motion = _motion(trajectory)
     own: dict[str, object] = {**imu_parameters(imu), **flat, **motion.parameters}
@@ -224,7 +228,7 @@ def given_layers(
         duration = number("duration", duration, "seconds, or words such as '2h'", 0.0)
     given = {"duration": duration, "rate": rate, "seed": seed}
     own.update({name: value for name, value in given.items() if value is not None})
-    return {**own, **last}, motion
+    return own, last, motion
 
 
 def _of_file(path: Path) -> tuple[dict[str, object], frozenset[str]]:

@@ -84,13 +84,14 @@ def section(
     """
     own: dict[str, Parameter] | None = None
     if words or without or fixed:
-        own = parameters(cls)
-        for name, parameter in list(own.items()):
-            text, unit = (of.format_map(words or {}) for of in (parameter.text, parameter.unit))
-            live = parameter.live and not fixed
-            own[name] = dataclasses.replace(parameter, text=text, unit=unit, live=live)
+        own = {}
+        for name, parameter in parameters(cls).items():
             if name in without:
-                del own[name]
+                continue
+            if words:
+                text, unit = (of.format_map(words) for of in (parameter.text, parameter.unit))
+                parameter = dataclasses.replace(parameter, text=text, unit=unit)
+            own[name] = dataclasses.replace(parameter, live=False) if fixed else parameter
     nested = _Nested(f"{{field}}{joint}", lambda _: ("",), lambda *_: cls, own=own)
     return field(default_factory=cls, metadata={_NESTED: nested})
 

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from imu_sim_ros.conventions import IMU_FRAME, TRIADS
+from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import nearest
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import build_layered
-from imu_sim_ros.parameters.kinds import Value, integer, number, text, texts, upward_gravity
+from imu_sim_ros.parameters.kinds import Value, like, texts, upward_gravity
 from imu_sim_ros.parameters.sections import (
     each,
     flatten,
@@ -117,15 +117,16 @@ class SampledParameters(EnvironmentParameters):
         return lines
 
 
+_OF_A_SINGLE_IMU: Final = parameters(EnvironmentParameters)
+
+
 @dataclass(frozen=True)
 class OneImuParameters:
     """What an IMU of several has of its own."""
 
-    rate: float = number(
-        200.0, "samples per second", unit="Hz", minimum=0.0, above_minimum=True, maximum=20000.0
-    )
-    seed: int = integer(0, "seed of all random streams", minimum=0, maximum=2**63 - 1)
-    imu_frame: str = text(IMU_FRAME, "frame of the readings")
+    rate: float = like(_OF_A_SINGLE_IMU["rate"])
+    seed: int = like(_OF_A_SINGLE_IMU["seed"])
+    imu_frame: str = like(_OF_A_SINGLE_IMU["imu_frame"])
     imu: ImuParameters = section(ImuParameters)
 
 
