@@ -203,7 +203,6 @@ class _Job:
         self.written, self.journal = written, journal
         self.staged = written.where(path)
         self.is_text = text_reader.is_text(source)
-        self.not_converted: list[str] = []
         self.comment = f"converted from {source.name} by imu_sim_ros"
         self.renamed = {resolved(old): resolved(new) for old, new in form.renamed.items()}
 
@@ -227,25 +226,24 @@ class _Job:
                 counts, last_ns = self._bag_to_tum(bag, topics)
             else:
                 counts, last_ns = self._bag_to_dataset(bag, topics)
-        self.not_converted = self._without_table(topics, counts) if self.dataset else []
+        lost = self._without_table(topics, counts) if self.dataset else []
+        found = self._converted(counts, last_ns, lost)
         if not self.recover:
-            return self._result((counts, last_ns))
+            return found
         if not sum(counts.values()):
             raise InputError([*self._recovery(bag), f"{self.source}: nothing recoverable"])
         for line in self._recovery(bag):
             self.journal.remark(line)
         recovered = not whole or bool(bag.damage or bag.found)
         return dataclasses.replace(
-            self._result((counts, last_ns)),
-            recovered=recovered,
-            found=tuple(bag.found),
-            left_out=tuple(bag.damage),
+            found, recovered=recovered, found=tuple(bag.found), left_out=tuple(bag.damage)
         )
 
-    def _result(self, counts: Counts) -> Converted:
-        messages, last_ns = counts
+    def _converted(
+        self, messages: dict[str, int], last_ns: int, not_converted: Sequence[str] = ()
+    ) -> Converted:
         last = last_ns if last_ns >= 0 else None
-        return Converted(self.path, messages, False, last, not_converted=tuple(self.not_converted))
+        return Converted(self.path, messages, False, last, not_converted=tuple(not_converted))
 
     def _without_table(self, topics: Sequence[TopicInfo], counts: Mapping[str, int]) -> list[str]:
         """Return the topics with messages for which a dataset has no place."""
@@ -390,13 +388,13 @@ class _Job:
         if self.form.topics:
             raise InputError(f"{self.source}: text has no topics to choose from")
         if self.dataset == "tum":
-            return self._result(self._write_tum(self._poses(), streams.TRUTH))
+            return self._converted(*self._write_tum(self._poses(), streams.TRUTH))
         if self.dataset:
-            return self._result(self._text_to_dataset())
+            return self._text_to_dataset()
         if streams.holds_poses(self.source):
             with self._writer() as writer, self._progress(0) as advance:
                 streams.poses_to_bag(self._poses(), writer, self.renamed, advance)
-            return self._result(_tally(writer))
+            return self._converted(*_tally(writer))
         with (
             self._folder_images() as images,
             self._writer() as writer,
@@ -407,12 +405,12 @@ class _Job:
             known = known_tables()
             skipped = self.journal.skipped
             streams.text_to_bag(self.source, writer, renamed, advance, skipped, seen, known)
-            self.not_converted = [
+            lost = [
                 name
                 for name, kind in text_reader.table_names(self.source, known).items()
                 if not known[kind].is_converted
             ]
-        return self._result(_tally(writer))
+        return self._converted(*_tally(writer), lost)
 
     def _poses(self) -> PoseSequence:
         """Return the poses of a text file, or of a folder."""
@@ -422,11 +420,11 @@ class _Job:
             self.journal.skipped(poses.skipped)
         return poses
 
-    def _text_to_dataset(self) -> Counts:
+    def _text_to_dataset(self) -> Converted:
         states = text_reader.has_states(self.source)
         poses = None if states else text_reader.pose_file(self.source)
-        if poses is not None:  # tables have states, with velocities
-            self.not_converted = [str(poses.relative_to(self.source))]
+        # Tables have states, with velocities.
+        lost = [] if poses is None else [str(poses.relative_to(self.source))]
         one_table = self.staged.suffix.lower() == ".csv"
         tables = {} if one_table else text_reader.table_names(self.source, known_tables())
         names = {kind: name for name, kind in tables.items()}
@@ -447,7 +445,7 @@ class _Job:
             self._describe(states, names)
         called = {kind: resolved(known_tables()[kind].topic) for kind in names}
         counts = _rows(dataset, streams.READINGS, streams.TRUTH, called)
-        return {**counts, **seen}, dataset.last_ns
+        return self._converted({**counts, **seen}, dataset.last_ns, lost)
 
     def _folder_images(self) -> AbstractContextManager[FolderImages | None]:
         """Return the images of a folder; None if it has none, or they are not wanted."""
