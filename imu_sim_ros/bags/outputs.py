@@ -316,7 +316,8 @@ class Outputs:
                 folder.mkdir()
                 lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
                 self._locks.append(lock)
-                _locked(lock)
+                with suppress(OSError):  # a file system without locks
+                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BaseException as error:
                 self._clear()
                 if isinstance(error, OSError):
@@ -420,8 +421,11 @@ class Outputs:
         if staging.is_dir() and not staging.is_symlink():
             lock = os.open(staging, os.O_RDONLY | os.O_DIRECTORY)
             try:
-                if not _locked(lock):
-                    raise InputError(f"{staging}: another program is writing this output")
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise InputError(f"{staging}: another program is writing this output") from None
+            except OSError:  # a file system without locks
+                pass
             finally:
                 os.close(lock)
         if not self.force:
@@ -506,17 +510,6 @@ class Outputs:
             shown = "" if target.folder == Path() else f"{target.folder}/"
             line = line.replace(f"{target.staging}/", shown)
         return line
-
-
-def _locked(descriptor: int) -> bool:
-    """Lock an open folder; False if another process holds it."""
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError:  # a file system without locks
-        return True
-    return True
 
 
 def _partial_name(path: Path) -> Path:

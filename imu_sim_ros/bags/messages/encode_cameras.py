@@ -11,15 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros.bags.messages.encode import seconds
-from imu_sim_ros.bags.messages.layouts import LayoutBuilder
+from imu_sim_ros.bags.messages.layouts import STAMP_OFFSET, LayoutBuilder
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.types import Array
 
 IMAGE: Final = "sensor_msgs/msg/Image"
 COMPRESSED_IMAGE: Final = "sensor_msgs/msg/CompressedImage"
 CAMERA_INFO: Final = "sensor_msgs/msg/CameraInfo"
-_CDR_STAMP: Final = 4
-"""Bytes before the stamp of a message that begins with a header."""
 _PIXEL_BYTES: Final = {
     "mono8": 1,
     "rgb8": 3,
@@ -78,20 +76,16 @@ class StampedBuilder(LayoutBuilder):
         return result
 
 
-class StampedMessages:
-    """Messages in CDR that begin with a header."""
+def restamped(payload: bytes, by_ns: int) -> bytes:
+    """Return a message in CDR that begins with a header, its stamp moved by so many nanoseconds.
 
-    @staticmethod
-    def moved(payload: bytes, by_ns: int) -> bytes:
-        """Return a message with its stamp moved by so many nanoseconds.
-
-        :raises InputError: for a stamp that a message cannot hold.
-        """
-        second, nanosecond = struct.unpack_from("<iI", payload, _CDR_STAMP)
-        t_ns = np.array([second * NANOSECONDS_PER_SECOND + nanosecond + by_ns])
-        (second,), (nanosecond,) = seconds(t_ns, "cdr")
-        stamp = struct.pack("<iI", second, nanosecond)
-        return b"".join([payload[:_CDR_STAMP], stamp, payload[_CDR_STAMP + len(stamp) :]])
+    :raises InputError: for a stamp that a message cannot hold.
+    """
+    second, nanosecond = struct.unpack_from("<iI", payload, STAMP_OFFSET)
+    t_ns = np.array([second * NANOSECONDS_PER_SECOND + nanosecond + by_ns])
+    (second,), (nanosecond,) = seconds(t_ns, "cdr")
+    stamp = struct.pack("<iI", second, nanosecond)
+    return b"".join([payload[:STAMP_OFFSET], stamp, payload[STAMP_OFFSET + len(stamp) :]])
 
 
 class ImageEncoder:

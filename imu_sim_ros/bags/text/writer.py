@@ -154,32 +154,22 @@ class Dataset:
                 if states:
                     self.truths = [TextFile(path / POSES_OF_TABLES, TUM_HEADER)]
             else:
-                self._make_euroc(states, imus)
+                for k in range(imus):
+                    folder = path / f"imu{k}"
+                    folder.mkdir()
+                    self.imus.append(TextFile(folder / "data.csv", EUROC_IMU_HEADER))
+                    if states:
+                        folder = path / f"{STATE_FOLDER}{k}"
+                        folder.mkdir()
+                        self.truths.append(TextFile(folder / "data.csv", EUROC_STATE_HEADER))
         for table, k in tables:
-            self._make_table(table, k)
-
-    def _make_euroc(self, states: bool, imus: int) -> None:
-        for k in range(imus):
-            folder = self.path / f"imu{k}"
-            folder.mkdir()
-            self.imus.append(TextFile(folder / "data.csv", EUROC_IMU_HEADER))
-            if states:
-                folder = self.path / f"{STATE_FOLDER}{k}"
-                folder.mkdir()
-                self.truths.append(TextFile(folder / "data.csv", EUROC_STATE_HEADER))
-
-    def _make_table(self, table: Table, k: int) -> None:
-        """Make a table other than the readings of an IMU.
-
-        :raises InputError: if the form has one table only.
-        """
-        if self.form not in WITH_TABLES or not self.path.is_dir():
-            raise InputError(f"{self.path}: has room for readings of an IMU only; name a folder")
-        place = self.path / f"{table.name}{k}.csv"
-        if self.form == "euroc":
-            place = self.path / f"{table.name}{k}" / "data.csv"
-            place.parent.mkdir()
-        self.tables[table.name, k] = TextFile(place, table.headers[self.form])
+            if form not in WITH_TABLES or not path.is_dir():
+                raise InputError(f"{path}: has room for readings of an IMU only; name a folder")
+            place = path / f"{table.name}{k}.csv"
+            if form == "euroc":
+                place = path / f"{table.name}{k}" / "data.csv"
+                place.parent.mkdir()
+            self.tables[table.name, k] = TextFile(place, table.headers[form])
 
     @property
     def imu(self) -> TextFile | None:

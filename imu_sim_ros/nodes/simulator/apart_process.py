@@ -26,7 +26,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 
 from imu_sim_ros.bags.messages.blocks import as_list
-from imu_sim_ros.bags.messages.encode_cameras import StampedMessages
+from imu_sim_ros.bags.messages.encode_cameras import restamped
 from imu_sim_ros.bags.read import read_poses
 from imu_sim_ros.conventions import MARKERS_TOPIC
 from imu_sim_ros.errors import explain
@@ -173,7 +173,7 @@ class SensorNode:
         for topic, one in self._offered.items():
             if one.topic.latched:
                 for payload in self._messages(topic, start, {}):
-                    self.counters[topic].send(StampedMessages.moved(payload, -ORIGIN_NS))
+                    self.counters[topic].send(restamped(payload, -ORIGIN_NS))
         if MARKERS_TOPIC in self.counters:
             shown = markers(self._sensors, self._world)
             self.counters[MARKERS_TOPIC].send(serialize_message(shown))
@@ -193,7 +193,7 @@ class SensorNode:
         """Publish what there is of a sample."""
         made = self.samples.take(number)
         for topic, payload in made.messages:
-            moved = StampedMessages.moved(payload, true_t_ns - made.true_t_ns)
+            moved = restamped(payload, true_t_ns - made.true_t_ns)
             self.counters[topic].send(moved)
 
     @property
