@@ -18,12 +18,12 @@ with S shrinks by the share of lost samples each time.
 """
 
 from collections.abc import Callable
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from imu_sim_ros.calibration.noise.likelihood import Data, fit
-from imu_sim_ros.types import Array, Integers, Mask
+from imu_sim_ros.types import Array, Integers
 
 _WIDTH: Final = 0.1
 """Relative width of the bins in which squared coefficients are averaged."""
@@ -47,9 +47,8 @@ class LossFiller:
 
     def __init__(self, axes: int) -> None:
         count = int(np.ceil(np.log(0.5 / _LOWEST) / _WIDTH))
-        self._squares = np.zeros((count, axes))
-        self._counts = np.zeros(count)
-        self._logs = np.zeros(count)
+        self._spectrum = _Spectrum(np.zeros((count, axes)), np.zeros(count), np.zeros(count))
+        """Of the stretches filled so far."""
         self._level: Array | None = None
         self._random = np.random.default_rng(_SEED)
         self.samples = 0
@@ -68,15 +67,15 @@ class LossFiller:
             return y
         self.samples += int(np.count_nonzero(lost))
         missing = np.flatnonzero(lost)
-        filled = _interpolated(y, lost)
+        rows, known = np.arange(len(y)), np.flatnonzero(~lost)
+        filled = np.stack([np.interp(rows, known, column[known]) for column in y.T], axis=1)
         moving = np.ptp(filled, axis=0) > 0.0
-        own = _Spectrum(self._squares, self._counts, self._logs)
-        for _ in range(1 if self._counts.any() else _ROUNDS):
-            power = own if self._counts.any() else own.plus(filled)
+        is_known = self._spectrum.counts.any()
+        for _ in range(1 if is_known else _ROUNDS):
+            power = self._spectrum if is_known else self._spectrum.plus(filled)
             draws = self._drawn(filled, missing, power.at(len(y)))
             filled[missing] = np.where(moving, draws, filled[missing])
-        added = own.plus(filled)
-        self._squares, self._counts, self._logs = added.squares, added.counts, added.logs
+        self._spectrum = self._spectrum.plus(filled)
         return filled
 
     def _drawn(self, y: Array, missing: Integers, variance: Array) -> Array:
@@ -102,11 +101,15 @@ class LossFiller:
         return self._level + _solution(precision, right).T
 
 
-class _Spectrum:
-    """Sums of squared coefficients in bins of frequency."""
+class _Spectrum(NamedTuple):
+    """Sums of squared coefficients in m bins of frequency."""
 
-    def __init__(self, squares: Array, counts: Array, logs: Array) -> None:
-        self.squares, self.counts, self.logs = squares, counts, logs
+    squares: Array
+    """(m, axes)"""
+    counts: Array
+    """(m,) coefficients."""
+    logs: Array
+    """(m,) sums of the logarithms of their frequencies [cycles per sample]."""
 
     def plus(self, y: Array) -> "_Spectrum":
         """Return the sums with those of one more stretch (n, axes)."""
@@ -152,11 +155,6 @@ class _Spectrum:
 def _terms(log_frequency: Array) -> Array:
     """Return (m, 3) white noise, flicker and walk."""
     return np.exp(-np.outer(log_frequency, [0.0, 1.0, 2.0]))
-
-
-def _interpolated(y: Array, lost: Mask) -> Array:
-    rows, known = np.arange(len(y)), np.flatnonzero(~lost)
-    return np.stack([np.interp(rows, known, column[known]) for column in y.T], axis=1)
 
 
 def _solution(matrix: Callable[[Array], Array], right: Array) -> Array:
