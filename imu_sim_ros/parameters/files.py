@@ -207,24 +207,18 @@ def build_layered(cls: type[_T], layering: Layering, *layers: Mapping[str, objec
     try:
         every = layering(given)
     except ConfigurationError as error:
-        others = _other_problems(cls, layering, given)
-        problems = dict.fromkeys([*error.problems, *others])
+        problems = dict.fromkeys(error.problems)
+        rest = {
+            name: value
+            for name, value in given.items()
+            if name.rpartition(".")[2] not in _NAMES_OF_FILES
+        }
+        try:
+            build(cls, layering(rest))
+        except ConfigurationError as others:
+            problems |= dict.fromkeys(others.problems)
         raise ConfigurationError(list(problems)) from None
     return build(cls, every)
-
-
-def _other_problems(cls: type, layering: Layering, given: Mapping[str, object]) -> list[str]:
-    """Return all problems other than those of the named files."""
-    rest = {
-        name: value
-        for name, value in given.items()
-        if name.rpartition(".")[2] not in _NAMES_OF_FILES
-    }
-    try:
-        build(cls, layering(rest))
-    except ConfigurationError as error:
-        return list(error.problems)
-    return []
 
 
 def dump(instance: object, path: Path, comment: str = "") -> None:

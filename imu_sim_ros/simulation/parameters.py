@@ -263,6 +263,8 @@ def layered(given: Mapping[str, object]) -> dict[str, object]:
         from imu_sim_ros.simulation.cameras import fitted  # most runs have none
 
         given = fitted(given)
+
+    # What is one IMU's own, and what is common.
     several = listed("imus", given)
     own: dict[str, dict[str, object]] = {name: {} for name in several}
     common: dict[str, object] = {}
@@ -273,6 +275,8 @@ def layered(given: Mapping[str, object]) -> dict[str, object]:
         else:
             common[key] = value
     of_all = {key: common[key] for key in common if key == "rate" or key.startswith("imu.")}
+
+    # Files below what is common: cameras and scene, other sensors, the IMU, the trajectory.
     if seen:
         common = layer_rig(common)
     of_sensors: dict[str, object] = {}
@@ -295,6 +299,8 @@ def layered(given: Mapping[str, object]) -> dict[str, object]:
     result = {**of_sensors, **result}
     if seen:
         result.update(axes(given, result["trajectory.type"] == PosesParameters.type))
+
+    # Files below what is one IMU's own.
     seed = common.get("seed", 0)
     for k, name in enumerate(several):
         usual: dict[str, object] = {"imu_frame": f"{name}_imu_link"}
