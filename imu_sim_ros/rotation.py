@@ -23,12 +23,9 @@ from imu_sim_ros.types import Array
 
 IDENTITY: Final[Array] = np.array([1.0, 0.0, 0.0, 0.0])
 _SMALL_ANGLE: Final = 1e-4
-_UNIT_MATRIX: Final = np.eye(3).tolist()
 _FACTORS = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]])
 _SIGNS = np.array([[1, -1, -1, -1], [1, 1, 1, -1], [1, -1, 1, 1], [1, 1, -1, 1]], dtype=np.float64)
 """``(p q)_i = sum_k p_k sign_ik q_factor_ik``, in the order of :func:`multiply`."""
-_FEW: Final = 4
-"""Vectors for which the calls take longer than the numbers."""
 _AHEAD: Final = 8
 """Columns whose factors are laid out at once: they stay in the processor's first cache."""
 
@@ -133,32 +130,14 @@ def inverse_pose(t_ab: Array) -> Array:
 
 
 def transform(matrix: Array, v: Array) -> Array:
-    """Return ``M @ v`` (..., 3) of vectors (..., 3); zeros and ones of one M cost nothing.
+    """Return ``M @ v`` (..., 3) of vectors (..., 3), with the same sums for any number of them.
 
-    :param matrix: (3, 3), or (..., 3, 3) broadcast against the vectors' leading axes.
+    :param matrix: (..., 3, 3), broadcast against the vectors' leading axes.
     """
-    if matrix.ndim == 2 and v.ndim == 2 and len(v) <= _FEW:  # the same sums without the calls
-        m = matrix.tolist()
-        sums = [[0.0 + a * x + b * y + c * z for a, b, c in m] for x, y, z in v.tolist()]
-        return np.array(sums).reshape(-1, 3)
-    if matrix.ndim > 2:
-        leading = np.broadcast_shapes(matrix.shape[:-2], v.shape[:-1])
-        result, product = np.zeros((*leading, 3), order="F"), np.empty((*leading, 3), order="F")
-        for j in range(3):
-            result += np.multiply(matrix[..., j], v[..., j, None], out=product)
-        return result
-    rows = matrix.tolist()
-    result = np.zeros(v.shape, order="F")
-    if rows == _UNIT_MATRIX:
-        return np.add(v, 0.0, out=result)  # as the sums below: no negative zeros
-    product = np.empty(v.shape[:-1])
-    for k, coefficients in enumerate(rows):
-        row = result[..., k]
-        for j, coefficient in enumerate(coefficients):
-            if coefficient == 1.0:
-                row += v[..., j]
-            elif coefficient != 0.0:
-                row += np.multiply(v[..., j], coefficient, out=product)
+    shape = np.broadcast(matrix[..., 0], v).shape
+    result, product = np.zeros(shape, order="F"), np.empty(shape, order="F")
+    for j in range(3):
+        result += np.multiply(matrix[..., j], v[..., j, None], out=product)
     return result
 
 

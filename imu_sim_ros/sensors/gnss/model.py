@@ -97,7 +97,12 @@ class Receiver(SensorModel):
         )
         count = len(mode)
         fixed = mode >= 0
-        known = self._last_known(np.column_stack([values["position"], read]), fixed)
+        # Without a fix the position is that of the last one.
+        positions = np.column_stack([values["position"], read])
+        rows = np.maximum.accumulate(np.where(fixed, np.arange(1, count + 1), 0))
+        known: Array = np.concatenate([self._known[None], positions])[rows]
+        if count:
+            self._known = known[-1]
         diluted = np.where(fixed[:, None], values["dilution"], UNUSABLE)
         speed = self.parameters.covariance_factor * self.parameters.velocity_sigma**2
         return {
@@ -117,14 +122,6 @@ class Receiver(SensorModel):
             "vdop": diluted[:, 2],
             "pdop": np.minimum(np.linalg.norm(diluted[:, :3], axis=1), UNUSABLE),
         }
-
-    def _last_known(self, positions: Array, fixed: Mask) -> Array:
-        """Return rows (n, 6) of positions; one without a fix is that of the last fix before it."""
-        rows = np.maximum.accumulate(np.where(fixed, np.arange(1, len(fixed) + 1), 0))
-        result: Array = np.concatenate([self._known[None], positions])[rows]
-        if len(result):
-            self._known = result[-1]
-        return result
 
     def sent(self, values: Mapping[str, Array]) -> Mask | None:
         """Return which samples become messages."""
