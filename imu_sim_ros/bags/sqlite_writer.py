@@ -17,7 +17,7 @@ from imu_sim_ros.bags import rosbag2_metadata as rosbag2_metadata
 from imu_sim_ros.bags.messages.blocks import as_list, as_row_template, side_by_side
 from imu_sim_ros.bags.messages.schemas import qos_text
 from imu_sim_ros.bags.outputs import refuse_existing
-from imu_sim_ros.bags.writer import BagTopic, Block, Writer, simultaneous, tally, time_order
+from imu_sim_ros.bags.writer import BagTopic, Block, Writer, tally, time_order
 from imu_sim_ros.errors import MachineError
 
 SCHEMA_VERSION: Final = 4
@@ -107,7 +107,14 @@ class SqliteWriter(Writer):
         blocks = [block for block in blocks if len(block.t_ns)]
         if not blocks:
             return
-        if simultaneous(blocks):
+        same = blocks[0].t_ns
+        of_constant_size = not any(isinstance(block.payloads, list) for block in blocks)
+        if (
+            of_constant_size
+            and len({block.topic for block in blocks}) == len(blocks)
+            and all(np.array_equal(block.t_ns, same) for block in blocks)
+            and bool(np.all(same[1:] >= same[:-1]))
+        ):
             self._insert_rows(blocks)
             return
         order = time_order([block.t_ns for block in blocks])

@@ -288,14 +288,3 @@ def time_order(times: Sequence[Times]) -> Integers:
     if bool(np.all(joined[1:] >= joined[:-1])):
         return np.arange(len(joined))
     return np.argsort(joined, kind="stable")
-
-
-def simultaneous(blocks: Sequence[Block]) -> bool:
-    """Return whether blocks are of different topics, of constant sizes and have ordered times."""
-    t_ns = blocks[0].t_ns
-    return (
-        len({block.topic for block in blocks}) == len(blocks)
-        and not any(isinstance(block.payloads, list) for block in blocks)
-        and all(np.array_equal(block.t_ns, t_ns) for block in blocks[1:])
-        and bool(np.all(t_ns[1:] >= t_ns[:-1]))
-    )

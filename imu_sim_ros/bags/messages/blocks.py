@@ -5,16 +5,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.schemas import Qos, Schema, parse_qos
 from imu_sim_ros.types import Bytes, Times
-
-_FEW: Final = 4
-"""Messages of which each is put together alone in less time than an array of all."""
 
 
 class Column(NamedTuple):
@@ -105,15 +102,6 @@ class MessageBlock(NamedTuple):
     """(n, size) bytes of messages of equal size, or a list of n messages."""
 
 
-def _row(rows: RowTemplate, k: int) -> bytes:
-    """Return one row."""
-    found = bytearray(rows.template)
-    for offset, values in rows.columns:
-        own = values[k].tobytes()
-        found[offset : offset + len(own)] = own
-    return bytes(found)
-
-
 def as_list(payloads: Payloads | RowTemplate) -> list[bytes]:
     """Return messages as a list of bytes."""
     if isinstance(payloads, list):
@@ -121,8 +109,6 @@ def as_list(payloads: Payloads | RowTemplate) -> list[bytes]:
     if isinstance(payloads, RowTemplate):
         if not payloads.columns:
             return [payloads.template] * payloads.count
-        if payloads.count <= _FEW:
-            return [_row(payloads, k) for k in range(payloads.count)]
         payloads = side_by_side([payloads])
     if payloads.shape[1] == 0:
         return [b""] * len(payloads)
