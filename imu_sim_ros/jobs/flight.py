@@ -23,6 +23,7 @@ from imu_sim_ros.jobs.readings import (
     Odometry,
     Readings,
     check_arrays,
+    check_simulated,
     delivered_of,
     frame,
     read_imu,
@@ -292,9 +293,7 @@ class Flight:
             names = chosen_topics(wanted, renamed, sensors)
             known = offered(sensors)
             for sensor in {known[name].name for name in names}:
-                delivered_of(
-                    self._windows, sensor, sensors[sensor].sensor.readings
-                )  # refused first
+                check_simulated(self._windows, sensor)
             with opened(form, staged, names, sensors) as target:
                 for read in self._windows:
                     target.write(read)

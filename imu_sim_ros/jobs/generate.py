@@ -271,6 +271,7 @@ def generate(
             journal.remark(f"{file}: {poses.skipped} bad rows skipped")
         return poses
 
+    # The run.
     long = any(one.sensor.apart for one in sensors.values())
     with written, threads(renderers) if long else nullcontext() as pool:
         for truth, text in truths.items():

@@ -300,6 +300,17 @@ def checked_sensors(names: Collection[str], given: Mapping[str, object]) -> froz
     return frozenset(chosen)
 
 
+def check_simulated(windows: Sequence[Mapping[str, Any]], name: str) -> None:
+    """Refuse a sensor on the body that has no samples.
+
+    :raises ConfigurationError: with what to give.
+    """
+    if any(name not in read for read in windows):
+        raise ConfigurationError(
+            f"{name}: was not simulated; simulate(..., sensors=[{name!r}]) does"
+        )
+
+
 def delivered_of(
     windows: Sequence[Mapping[str, Any]], name: str, readings: type[SensorReadings] | None
 ) -> Any:
@@ -309,10 +320,7 @@ def delivered_of(
     :param readings: its dataclass of arrays, which a flight has of it.
     :raises ConfigurationError: if it was not simulated.
     """
-    if any(name not in read for read in windows):
-        raise ConfigurationError(
-            f"{name}: was not simulated; simulate(..., sensors=[{name!r}]) does"
-        )
+    check_simulated(windows, name)
     parts = [read[name] for read in windows]
     assert readings is not None
     return readings(
