@@ -9,6 +9,7 @@ from fractions import Fraction
 import numpy as np
 
 from imu_sim_ros.sensors.declaration import Mounted
+from imu_sim_ros.sensors.errors.realised import unit_of_seed
 from imu_sim_ros.sensors.errors.terms import Surroundings
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.faults import Fault
@@ -33,19 +34,22 @@ class SensorWithImu:
 
         :param t0_ns: time of the start [ns].
         """
-        imu, name, seed = mounted.own, mounted.sensor.name, mounted.environment.seed
-        own = imu.sensors[name]
+        self.name: str = mounted.sensor.name
+        self.seed: int = mounted.environment.seed
+        imu, own = mounted.own, mounted.own.sensors[self.name]
         self.lever_arm_b: Array = np.array(imu.lever_arm)
         """(3,) position of the IMU in the body [m]."""
-        self.triad = Triad(name, instantaneous(imu), seed, own.rate)
-        self.timing = SampleTiming(name, own.rate, imu, seed, t0_ns, own.time_offset, own.span)
+        self.triad = Triad(self.name, instantaneous(imu), self.seed, own.rate)
+        self.timing = SampleTiming(
+            self.name, own.rate, imu, self.seed, t0_ns, own.time_offset, own.span
+        )
         self.configure(imu)
 
     def configure(self, imu: ImuParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
         self._reference_temperature = imu.reference_temperature
         self.timing.configure(imu)
-        self.triad.configure(instantaneous(imu))
+        self.triad.configure(unit_of_seed(imu.triad(self.name), self.name, self.seed))
 
     def inject(self, fault: Fault, begin: Fraction) -> None:
         """Let a fault begin with the first sample not before a time since the start [s]."""

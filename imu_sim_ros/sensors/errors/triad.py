@@ -9,7 +9,6 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from imu_sim_ros.random_streams import Seed, Units
-from imu_sim_ros.sensors.errors.realised import unit_of_seed
 from imu_sim_ros.sensors.errors.response import Digitiser, IncrementRounding, LowPass, Response
 from imu_sim_ros.sensors.errors.terms import (
     BIAS,
@@ -60,7 +59,7 @@ class Triad:
     """One triad; see the package's docstring for the order of the errors."""
 
     def __init__(self, name: str, imu: ImuParameters, seed: Seed, rate: float) -> None:
-        """Start; :meth:`configure` or :meth:`take` give the errors their strength.
+        """Start; :meth:`configure` gives the errors their strength.
 
         :param seed: of a batch, an array that changes before units :meth:`begin` again.
         :param rate: samples per second [Hz].
@@ -77,12 +76,12 @@ class Triad:
         self._last: Array | None = None
         """The last reading, which a sensor that is stuck repeats."""
 
-    def configure(self, imu: ImuParameters) -> None:
-        """Take new values of live parameters, from the next sample on."""
-        self.take(unit_of_seed(imu.triad(self._name), self._name, self._seed))
+    def configure(self, own: TriadParameters) -> None:
+        """Take new values of live parameters, from the next sample on.
 
-    def take(self, own: TriadParameters) -> None:
-        """Take the parameters of units, whose constants are drawn."""
+        :param own: the constants of the unit, or of the units of a batch, are drawn
+            (:func:`unit_of_seed`).
+        """
         self._parameters = own
         self._response, self._digitiser = Response(own), Digitiser(own)
         self._bias = [term for kind in BIAS if (term := self._active(kind))]
@@ -114,7 +113,7 @@ class Triad:
                     own_value = np.asarray(getattr(unit, name))
                     value[units] = 0.0  # powers of the temperature that these units do not have
                     value[units, : own_value.shape[-1]] = own_value
-            self.take(self._parameters)
+            self.configure(self._parameters)
         for effect in self._made.values():
             effect.begin(units)
         if self._low_pass is not None:

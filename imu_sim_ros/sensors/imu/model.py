@@ -14,6 +14,7 @@ import numpy as np
 from imu_sim_ros import timebase
 from imu_sim_ros.conventions import ERRORS, TRIADS
 from imu_sim_ros.sensors.declaration import Mounted
+from imu_sim_ros.sensors.errors.realised import unit_of_seed
 from imu_sim_ros.sensors.errors.terms import Surroundings
 from imu_sim_ros.sensors.errors.triad import Additions, Reading, Triad
 from imu_sim_ros.sensors.faults import Fault
@@ -60,7 +61,7 @@ class Imu:
         """
         imu, environment = mounted.own, mounted.environment
         seed, rate = environment.seed, environment.rate
-        self._rate = rate
+        self._seed, self._rate = seed, rate
         self._averaged = imu.sampling == "averaged"
         self._quadrature: Quadrature | None = None
         self._ratio = int(imu.internal_ratio(rate))
@@ -81,8 +82,8 @@ class Imu:
         Of given readings, see :meth:`apply`, with the next chunk.
         """
         self._reference_temperature = imu.reference_temperature
-        for triad in self._triads:
-            triad.configure(imu)
+        for name, triad in zip(TRIADS, self._triads, strict=True):
+            triad.configure(unit_of_seed(imu.triad(name), name, self._seed))
         follows = any(triad.follows_force for triad in self._triads)
         self._made_ahead = self._ratio == 1 and not follows
         """Whether what is added to given readings can be made before them."""

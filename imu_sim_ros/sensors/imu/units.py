@@ -199,7 +199,7 @@ class Triads:
         for name in names:
             one = units.triad(name, slice(None))
             self._triads[name] = Triad(name, imu, units.seeds, own.rate)
-            self._triads[name].take(unit_of_seed(one, name, units.unit_seeds))
+            self._triads[name].configure(unit_of_seed(one, name, units.unit_seeds))
         self._ahead = {name: Additions(None, _room(count), None) for name in names}
         self._make_others = dict(others or {})
         self._others = {name: np.empty((AHEAD, count)) for name in self._make_others}
