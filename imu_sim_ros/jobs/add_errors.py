@@ -50,8 +50,8 @@ from imu_sim_ros.sensors.imu.units import Spread
 from imu_sim_ros.sensors.magnetometer.declaration import MagneticReadings
 from imu_sim_ros.sensors.parameters import LONGEST
 from imu_sim_ros.sensors.samples import Samples, joined
-from imu_sim_ros.simulation import error_model
 from imu_sim_ros.simulation.error_input import Conventions, GivenReadings, GivenValues
+from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import (
     NODE,
     ErrorModelParameters,
@@ -122,7 +122,7 @@ def add_errors(
         raise InputError("add_errors: no readings")
     layers = layers_of(imu, seed, params_file, input, parameters, rate)
     built = with_rate(layers, lambda: rate_of(given.t_ns))
-    model = error_model.ErrorModel(built, OTHERS, _warn)
+    model = GivenImu(built, OTHERS, _warn)
     windows: list[dict[str, Samples]] = []
     for begin in range(0, len(given.t_ns), ROWS_AT_ONCE):
         windows += model.read(given.at(slice(begin, begin + ROWS_AT_ONCE)))
@@ -194,7 +194,7 @@ class ErrorModel:
     ) -> None:
         """Set up the sensor."""
         layers = layers_of(imu, seed, params_file, input, parameters, rate)
-        self._model = error_model.ErrorModel(load_error_model(layers), OTHERS, _warn)
+        self._model = GivenImu(load_error_model(layers), OTHERS, _warn)
 
     @property
     def parameters(self) -> ErrorModelParameters:

@@ -26,7 +26,7 @@ from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
 from imu_sim_ros.jobs.add_errors import rate_of
 from imu_sim_ros.simulation.error_input import Differentiator, GivenReadings
-from imu_sim_ros.simulation.error_model import ErrorModel
+from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
 from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.simulation.topics import offered, resolved
@@ -129,7 +129,7 @@ class BagErrors:
         self._bag, self._source, self._parameters, self._names = bag, source, parameters, names
         self._offered, self._remark = offered(mounted(parameters)), remark
         sensors = {self._offered[name].name for name in names}
-        self.model = ErrorModel(parameters, sensors, remark)
+        self.model = GivenImu(parameters, sensors, remark)
         self._odometry = Differentiator(parameters) if source.type == ODOMETRY else None
         of_imu = _ORIENTED if self.model.uses_orientation else _READING
         self._fields = of_imu if self._odometry is None else _STATE

@@ -52,7 +52,7 @@ from imu_sim_ros.progress import progress
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.signatures import Heading, Text
 from imu_sim_ros.simulation.error_input import GivenReadings
-from imu_sim_ros.simulation.error_model import ErrorModel
+from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import orientation_problems
 from imu_sim_ros.simulation.given_sensor import Counts
 from imu_sim_ros.simulation.topics import OF_THE_ERROR_MODEL, delivered, resolved
@@ -273,13 +273,13 @@ class _Job:
     def _text(self, staged: Path, folder: Path, form: str) -> tuple[Counts, dict[str, int]]:
         """Convert a dataset with all that it has, and replace the readings."""
         self._convert(self.source, staged)
-        model: ErrorModel | None = None
+        model: GivenImu | None = None
         target = folder / ("noisy.csv" if staged.is_file() else "noisy")
         with Dataset(target, form) as dataset:
             for t_ns, gyro, accel in text_reader.imu_blocks(self.source, None, self._uncounted):
                 if model is None:
                     parameters = with_rate(self.layers, functools.partial(rate_of, t_ns))
-                    model = ErrorModel(parameters, remark=self.journal.warn)
+                    model = GivenImu(parameters, remark=self.journal.warn)
                 for begin in range(0, len(t_ns), ROWS_AT_ONCE):
                     rows = slice(begin, begin + ROWS_AT_ONCE)
                     for samples in model.read(GivenReadings(t_ns[rows], gyro[rows], accel[rows])):

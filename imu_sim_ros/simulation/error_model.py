@@ -36,8 +36,8 @@ from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array
 
 
-class ErrorModel(GivenSensor[GivenReadings, dict[str, Any]]):
-    """Ideal readings in, a sensor's readings out, with every true error next to them."""
+class GivenImu(GivenSensor[GivenReadings, dict[str, Any]]):
+    """An IMU whose ideal readings are given, and its readings with every true error."""
 
     def __init__(
         self,

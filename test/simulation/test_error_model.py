@@ -16,7 +16,7 @@ from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.samples import joined as joined_blocks
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.error_input import Differentiator, GivenReadings
-from imu_sim_ros.simulation.error_model import ErrorModel
+from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import load_error_model
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -118,15 +118,15 @@ def truth_of(values: dict[str, object], count: int = COUNT) -> Samples:
     return Body(load_simulation({**base, **values})).next(count)["imu"]
 
 
-def model_of(values: dict[str, object], **more: object) -> ErrorModel:
-    return ErrorModel(load_error_model({"imu.preset": "perfect", "seed": 5, **values, **more}))
+def model_of(values: dict[str, object], **more: object) -> GivenImu:
+    return GivenImu(load_error_model({"imu.preset": "perfect", "seed": 5, **values, **more}))
 
 
 def given_of(block: Samples) -> GivenReadings:
     return GivenReadings(block.true_t_ns, block.ideal_gyro, block.ideal_accel)
 
 
-def read_in(model: ErrorModel, given: GivenReadings, sizes: list[int]) -> Samples:
+def read_in(model: GivenImu, given: GivenReadings, sizes: list[int]) -> Samples:
     blocks, begin, k = [], 0, 0
     while begin < len(given.t_ns):
         size = sizes[k % len(sizes)]
@@ -226,7 +226,7 @@ def test_a_long_gap_is_a_pause() -> None:
     late = given.t_ns.copy()
     late[300:] += 60_000_000_000
     lines: list[str] = []
-    model = ErrorModel(
+    model = GivenImu(
         load_error_model({"imu.preset": "perfect", "seed": 5, **values}), remark=lines.append
     )
     found = joined(model.read(given._replace(t_ns=late)))
@@ -392,7 +392,7 @@ def test_odometry_that_begins_again_or_repeats_itself() -> None:
 # ------------------------------------------------------------------------------ remarks
 def resting(accel: list[float], rate: float = 200.0, **values: object) -> list[str]:
     lines: list[str] = []
-    model = ErrorModel(load_error_model({"imu.preset": "perfect", **values}), remark=lines.append)
+    model = GivenImu(load_error_model({"imu.preset": "perfect", **values}), remark=lines.append)
     t_ns = np.arange(int(2.5 * rate), dtype=np.int64) * round(1e9 / rate)
     force = np.tile(accel, (len(t_ns), 1))
     q_wb = np.tile(rotation.IDENTITY, (len(t_ns), 1))
@@ -424,7 +424,7 @@ def moving(
 ) -> list[str]:
     """Return the remarks on a body that pitches by up to 0.2 rad and shakes by up to 2 m/s^2."""
     lines: list[str] = []
-    model = ErrorModel(load_error_model({"imu.preset": "perfect", **values}), remark=lines.append)
+    model = GivenImu(load_error_model({"imu.preset": "perfect", **values}), remark=lines.append)
     t = np.arange(500) / 200.0
     pitch, zero = 0.2 * np.sin(3.0 * t), np.zeros(500)
     up = np.stack([-np.sin(pitch), zero, np.cos(pitch)])
@@ -451,7 +451,7 @@ def test_axes_of_a_tumbling_body_are_said_to_be_unchecked() -> None:
     force = 9.81 * np.stack([np.sin(2 * np.pi * t), np.zeros(500), np.cos(2 * np.pi * t)])
     gyro = np.stack([np.zeros(500), np.full(500, -2 * np.pi), np.zeros(500)])
     lines: list[str] = []
-    model = ErrorModel(load_error_model({"imu.preset": "perfect"}), remark=lines.append)
+    model = GivenImu(load_error_model({"imu.preset": "perfect"}), remark=lines.append)
     model.read(GivenReadings(np.rint(t * 1e9).astype(np.int64), gyro.T, force.T))
     assert "input.axes: not checked" in lines[0]
 

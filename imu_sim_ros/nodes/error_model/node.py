@@ -31,7 +31,7 @@ from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import check_overrides, create
 from imu_sim_ros.nodes.subscriptions import MatchedInputs, RawSubscriptions, Taken
 from imu_sim_ros.simulation.error_input import Differentiator, GivenReadings, GivenValues
-from imu_sim_ros.simulation.error_model import ErrorModel
+from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import (
     NODE,
     ErrorNodeParameters,
@@ -52,7 +52,7 @@ _ACKNOWLEDGEMENT: Final = Duration(nanoseconds=300_000_000)
 
 
 class ErrorModelNode(ConfiguredNode):
-    """Topics, services and parameters around an :class:`ErrorModel`."""
+    """Topics, services and parameters around an :class:`GivenImu`."""
 
     def __init__(self, **arguments: Any) -> None:
         super().__init__(NODE, ErrorNodeParameters, layer_error_model, **arguments)
@@ -69,7 +69,7 @@ class ErrorModelNode(ConfiguredNode):
             for one in OTHERS.values()
             if one.quantity in sensors
         }
-        self.model = ErrorModel(parameters, sensors, self._remark)
+        self.model = GivenImu(parameters, sensors, self._remark)
         self._oriented = self.model.uses_orientation
         self._odometry = Differentiator(parameters) if parameters.odometry else None
         turned = sensor_rotation(parameters.input) is not None or parameters.input.place == "body"
