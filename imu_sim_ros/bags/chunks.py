@@ -310,14 +310,14 @@ def merged(tables: Sequence[tuple[Simultaneous, slice]]) -> Chunk:
     widths = np.array([rows.shape[1] for rows in content])
     if len(tables) == 1:
         records = content[0].reshape(-1)
-        places = [widths[0] * np.arange(len(times[0]))]
+        positions = [widths[0] * np.arange(len(times[0]))]
     else:
         counts = [len(t_ns) for t_ns in times]
         order = time_order(times)
         owner = np.repeat(np.arange(len(tables)), counts)[order]
         row = order - np.cumsum([0, *counts[:-1]])[owner]
         ends = np.cumsum(widths[owner])
-        places = [(ends - widths[owner])[owner == k] for k in range(len(tables))]
+        positions = [(ends - widths[owner])[owner == k] for k in range(len(tables))]
         starts = np.flatnonzero(np.concatenate([[True], owner[1:] != owner[:-1]]))
         sources = owner[starts]
         first = (row[starts] * widths[sources]).tolist()
@@ -327,8 +327,7 @@ def merged(tables: Sequence[tuple[Simultaneous, slice]]) -> Chunk:
         joined = b"".join([memory[k][begin:end] for k, begin, end in pieces])
         records = np.frombuffer(joined, np.uint8)
     messages = []
-    for (table, _), t_ns, place in zip(tables, times, places, strict=True):
-        offsets = place
+    for (table, _), t_ns, offsets in zip(tables, times, positions, strict=True):
         for topic, size in table.topics:
             messages.append(Indexed(topic, t_ns, offsets))
             offsets = offsets + size

@@ -182,12 +182,12 @@ class McapBag(ChunkedBag):
 
     def _next_record(self, position: int) -> int:
         """Return the next offset at which a record begins that another one follows."""
-        for place in self._places_of(_HEADS, position):
-            record = self._record_at(place)
+        for offset in self._offsets_of(_HEADS, position):
+            record = self._record_at(offset)
             if record is not None and (
                 record[0] == _FOOTER or record[1] >= self._end or self._record_at(record[1])
             ):
-                return place
+                return offset
         return self._end
 
     def _begins_message(self, head: bytes) -> bool:
@@ -363,16 +363,16 @@ class McapBag(ChunkedBag):
         offsets = self._indexed(chunk) or _scanned(data)
         blocks = []
         header = MESSAGE_HEADER.itemsize
-        for channel, places in offsets.items():
-            if channel not in wanted or not len(places):
+        for channel, own in offsets.items():
+            if channel not in wanted or not len(own):
                 continue
-            rows = gather(data, places, np.full(len(places), header, dtype=np.int64))
+            rows = gather(data, own, np.full(len(own), header, dtype=np.int64))
             fields = np.ascontiguousarray(rows).view(MESSAGE_HEADER)[:, 0]
             is_of_channel = (fields["opcode"] == MESSAGE) & (fields["channel"] == channel)
             if not is_of_channel.all():
                 raise ValueError("the index of the messages is wrong")
             lengths = fields["length"].astype(np.int64) - (header - _HEADER_BYTES)
-            payloads = gather(data, places + header, lengths)
+            payloads = gather(data, own + header, lengths)
             t_ns = fields["log_time"].astype(np.int64)
             blocks.append(MessageBlock(wanted[channel], t_ns, payloads))
         return blocks

@@ -37,7 +37,7 @@ MESSAGE_HEADER: Final = np.dtype(
         ("publish_time", "<u8"),
     ]
 )
-_PLACES: Final = {name: place[1] for name, place in (MESSAGE_HEADER.fields or {}).items()}
+_OFFSETS: Final = {name: field[1] for name, field in (MESSAGE_HEADER.fields or {}).items()}
 INDEX_ENTRY: Final = np.dtype([("time", "<u8"), ("offset", "<u8")])
 _RECORD_HEADER_BYTES: Final = 9
 _UNKNOWN_SCHEMA: Final = 0
@@ -136,9 +136,9 @@ class McapWriter(ChunkWriter):
         header["length"] = length
         header["channel"] = topic.index + 1
         columns = [
-            Column(_PLACES["sequence"], np.arange(first, first + count).astype("<u4")),
-            Column(_PLACES["log_time"], t_ns),
-            Column(_PLACES["publish_time"], t_ns),
+            Column(_OFFSETS["sequence"], np.arange(first, first + count).astype("<u4")),
+            Column(_OFFSETS["log_time"], t_ns),
+            Column(_OFFSETS["publish_time"], t_ns),
         ]
         return [RowTemplate(header.tobytes(), columns, count), payloads]
 

@@ -59,7 +59,7 @@ def unfinished(path: Path) -> Path | None:
     active = active_path(path)
     if active.is_dir():
         inside = (active / path.name, active / active.name)
-        return next((place for place in inside if place.exists()), None)
+        return next((part for part in inside if part.exists()), None)
     return active if active.exists() else None
 
 
@@ -200,7 +200,7 @@ class Target:
     folder, which may exist, for some files."""
     folder: Path
     """The folder, in the end, of what is in ``staging``."""
-    places: list[Path]
+    paths: list[Path]
     """Every path that will be written."""
     staging: Path
     """The folder that is renamed from; it lies next to the target."""
@@ -295,8 +295,8 @@ class Outputs:
         """
         final = Path(folder)
         staging = final.parent / (final.name + ACTIVE_SUFFIX)
-        places = [final / name for name in names]
-        self._targets.append(Target(final, final, places, staging, staging))
+        paths = [final / name for name in names]
+        self._targets.append(Target(final, final, paths, staging, staging))
         return staging
 
     def __enter__(self) -> "Outputs":
@@ -356,28 +356,28 @@ class Outputs:
             if len(os.fsencode(final.name)) > longest:
                 yield f"{final.name[:40]}...: the name is longer than {longest} bytes"
                 return
-            if target.places != [final] and os.path.lexists(final) and not final.is_dir():
+            if target.paths != [final] and os.path.lexists(final) and not final.is_dir():
                 yield f"{final}: exists and is not a folder"
                 return
             there = next(folder for folder in final.absolute().parents if os.path.lexists(folder))
             if not there.is_dir():
                 yield f"{final}: {there} is not a folder"
                 return
-            for place in target.places:
-                taken = [place] if os.path.lexists(place) else []
-                if place.suffix:  # the files of an output that is split
-                    pattern = f"{glob.escape(place.stem)}_*{glob.escape(place.suffix)}"
+            for output in target.paths:
+                taken = [output] if os.path.lexists(output) else []
+                if output.suffix:  # the files of an output that is split
+                    pattern = f"{glob.escape(output.stem)}_*{glob.escape(output.suffix)}"
                     taken += [
                         part
-                        for part in place.parent.glob(pattern)
-                        if part.stem.removeprefix(place.stem + "_").isdecimal()
+                        for part in output.parent.glob(pattern)
+                        if part.stem.removeprefix(output.stem + "_").isdecimal()
                     ]
                 for path in taken[:1]:
                     used = self._input_in(path)
                     if used:
-                        yield f"{place}: {used}; an input is never overwritten"
+                        yield f"{output}: {used}; an input is never overwritten"
                     elif not path.is_symlink() and not path.is_file() and not path.is_dir():
-                        yield f"{place}: exists and is neither a file nor a folder"
+                        yield f"{output}: exists and is neither a file nor a folder"
                     elif not self.force:
                         yield f"{path}: already exists; --force replaces it"
                     elif path.is_dir() and not path.is_symlink():
@@ -385,14 +385,14 @@ class Outputs:
         except OSError as error:
             yield f"{final}: {error.strerror or error}"
 
-    def _input_in(self, place: Path) -> str:
+    def _input_in(self, output: Path) -> str:
         """Return the input that is this existing file or folder, is in it, or contains it."""
-        here = Path(os.path.realpath(place))
+        here = Path(os.path.realpath(output))
         for given in self._inputs:
             if not given.exists():
                 continue
             there = Path(os.path.realpath(given))
-            if here == there or (place.exists() and os.path.samefile(place, given)):
+            if here == there or (output.exists() and os.path.samefile(output, given)):
                 return f"is the input {given}"  # by its name, or a link of any kind
             if here in there.parents:
                 return f"holds the input {given}"
@@ -404,17 +404,17 @@ class Outputs:
         """Yield targets that are, or lie in, one another."""
         seen: list[tuple[Path, Path, bool]] = []
         for target in self._targets:
-            for place in target.places:
+            for output in target.paths:
                 try:
-                    real = Path(os.path.realpath(place.parent)) / place.name
+                    real = Path(os.path.realpath(output.parent)) / output.name
                 except OSError:
                     continue
                 for other, shown, whole in seen:
                     if real == other:
-                        yield f"{place}: two outputs would have this name"
+                        yield f"{output}: two outputs would have this name"
                     elif whole and (other in real.parents or real in other.parents):
-                        yield f"{place}: another output is {shown}"
-                seen.append((real, place, target.places == [target.final]))
+                        yield f"{output}: another output is {shown}"
+                seen.append((real, output, target.paths == [target.final]))
 
     def _remove_stale(self, staging: Path) -> None:
         """Remove the remains of a killed run, with ``force``; never the output of a running one."""
@@ -438,21 +438,21 @@ class Outputs:
             staging.unlink()
 
     def _commit(self) -> None:
-        """Rename everything into place."""
+        """Give every output its name."""
         for target in self._staged:
             try:
                 entries = sorted(target.staging.iterdir())
                 target.folder.mkdir(exist_ok=True)
                 for entry in entries:
-                    place = target.folder / entry.name
-                    if os.path.lexists(place):
+                    output = target.folder / entry.name
+                    if os.path.lexists(output):
                         if not self.force:
                             raise InputError(
-                                f"{place}: appeared in the meantime; nothing is overwritten"
+                                f"{output}: appeared in the meantime; nothing is overwritten"
                             )
-                        if place.is_dir() and not place.is_symlink():
-                            place.rename(active_path(entry))  # removed with the staging folder
-                    entry.rename(place)
+                        if output.is_dir() and not output.is_symlink():
+                            output.rename(active_path(entry))  # removed with the staging folder
+                    entry.rename(output)
             except OSError as error:
                 raise system_error(target.final, error) from None
 
@@ -467,9 +467,9 @@ class Outputs:
             for entry in sorted(target.staging.iterdir()):
                 if entry in companions or (entry.is_dir() and not any(entry.iterdir())):
                     continue
-                place = _partial_name(target.final.with_name(entry.name))
-                entry.rename(place)
-                names.append(str(place))
+                partial = _partial_name(target.final.with_name(entry.name))
+                entry.rename(partial)
+                names.append(str(partial))
             if names:
                 more = f" and {len(names) - 1} more files" if len(names) > 1 else ""
                 kept = self._keep_companions(target, Path(names[0]).name)
@@ -485,11 +485,11 @@ class Outputs:
                 continue
             own, of = one.final.name, target.final
             stem = of.name if own.startswith(of.name) else of.stem
-            place = one.final.with_name(
+            partial = one.final.with_name(
                 part.removesuffix(of.name.removeprefix(stem)) + own.removeprefix(stem)
             )
-            one.path.rename(place)
-            kept.append(place.name)
+            one.path.rename(partial)
+            kept.append(partial.name)
         return kept
 
     def _clear(self) -> None:

@@ -218,7 +218,7 @@ class ChunkedBag(Bag):
         self._lost = (start, end, len(self.damage))
         self.damage.append(f"{end - start} bytes from byte {start} on: {why}")
 
-    def _places_of(self, pattern: re.Pattern[bytes], position: int) -> Iterator[int]:
+    def _offsets_of(self, pattern: re.Pattern[bytes], position: int) -> Iterator[int]:
         """Yield the offsets of the file from ``position`` on that match a lookahead."""
         for start in range(position, self._end, _SEARCHED_BYTES):
             self._file.seek(start)

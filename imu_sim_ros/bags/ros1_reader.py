@@ -180,10 +180,10 @@ class Rosbag1Bag(ChunkedBag):
 
     def _next_record(self, position: int) -> int:
         """Return the next offset at which a record begins that another one follows."""
-        for place in self._places_of(_HEADS, position):
-            record = self._record_at(place)
+        for offset in self._offsets_of(_HEADS, position):
+            record = self._record_at(offset)
             if record and (record.after >= self._end or self._record_at(record.after)):
-                return place
+                return offset
         return self._end
 
     def _try_connection(self, record: _Record, data: bytes) -> None:
@@ -366,17 +366,17 @@ class Rosbag1Bag(ChunkedBag):
 
 
 def _block(topic: TopicInfo, data: Bytes, entries: NDArray[np.void]) -> MessageBlock:
-    """Return the messages whose records begin at an index's places."""
+    """Return the messages whose records begin at an index's offsets."""
     t_ns = entries["sec"].astype(np.int64) * NANOSECONDS_PER_SECOND + entries["nanosec"]
-    places = entries["offset"].astype(np.int64)
-    after_header = places + 4 + _numbers(data, places)
+    offsets = entries["offset"].astype(np.int64)
+    after_header = offsets + 4 + _numbers(data, offsets)
     sizes = _numbers(data, after_header)
     return MessageBlock(topic, t_ns, gather(data, after_header + 4, sizes))
 
 
-def _numbers(data: Bytes, places: Integers) -> Integers:
+def _numbers(data: Bytes, offsets: Integers) -> Integers:
     """Return the four-byte numbers at given offsets."""
-    rows = gather(data, places, np.full(len(places), 4, dtype=np.int64))
+    rows = gather(data, offsets, np.full(len(offsets), 4, dtype=np.int64))
     return np.ascontiguousarray(rows).view("<u4")[:, 0].astype(np.int64)
 
 
@@ -387,8 +387,8 @@ def _scanned(data: bytes) -> dict[int, NDArray[np.void]]:
         if record.op == OP_MESSAGE and _FIELDS[OP_MESSAGE] <= set(record.fields):
             second, nanosecond = struct.unpack("<II", record.fields["time"][:8])
             header = sum(len(name) + len(value) + 5 for name, value in record.fields.items())
-            place = record.start - 8 - header
-            found.setdefault(record.number("conn"), []).append((second, nanosecond, place))
+            offset = record.start - 8 - header
+            found.setdefault(record.number("conn"), []).append((second, nanosecond, offset))
     return {connection: np.array(rows, INDEX_ENTRY) for connection, rows in found.items()}
 
 

@@ -82,7 +82,7 @@ def _message_header() -> tuple[bytes, np.dtype[np.void]]:
 
 
 _HEADER, _HEADER_TYPE = _message_header()
-_PLACES: Final = {name: place[1] for name, place in (_HEADER_TYPE.fields or {}).items()}
+_OFFSETS: Final = {name: field[1] for name, field in (_HEADER_TYPE.fields or {}).items()}
 
 
 def _begins_with_header(definition: str) -> bool:
@@ -165,8 +165,8 @@ class Rosbag1Writer(ChunkWriter):
         header["connection"], header["length"] = topic.index, size
         second, nanosecond = (numbers.astype("<u4") for numbers in divided(t_ns))
         columns = [
-            Column(_PLACES["sec"], second),
-            Column(_PLACES["nanosec"], nanosecond),
+            Column(_OFFSETS["sec"], second),
+            Column(_OFFSETS["nanosec"], nanosecond),
         ]
         if topic in self._numbered and size >= _SEQ_BYTES:
             first += topic.before

@@ -35,7 +35,7 @@ class StoredMessage(NamedTuple):
 class _Cell(NamedTuple):
     """A row in its page, whose data may go on in other pages."""
 
-    place: int
+    offset: int
     end: int
     row: StoredMessage | None
 
@@ -69,73 +69,73 @@ class MessagePages:
 
     def rows(self) -> Iterator[list[StoredMessage]]:
         """Yield the messages of each page in the order of their ids."""
-        for place in self._leaves:
-            yield self._rows(place)
+        for offset in self._leaves:
+            yield self._rows(offset)
 
     @property
     def is_cut(self) -> bool:
         """Whether the file has fewer pages than it states."""
         return self._missing >= self._page_size
 
-    def _read(self, place: int, size: int) -> bytes:
-        self._file.seek(place)
+    def _read(self, offset: int, size: int) -> bytes:
+        self._file.seek(offset)
         return self._file.read(size)
 
     def _find(self) -> list[int]:
         found: dict[int, int] = {}
-        place = self._page_size  # the first page is that of the schema
-        while place + self._page_size <= self._size:
-            rows = self._rows(place)
+        offset = self._page_size  # the first page is that of the schema
+        while offset + self._page_size <= self._size:
+            rows = self._rows(offset)
             if not rows:
-                shifted = self._shifted(place)
+                shifted = self._shifted(offset)
                 if shifted is None:
-                    place += self._page_size
+                    offset += self._page_size
                     continue
-                self._broken.add(place - self._page_size)
-                place = shifted
-                rows = self._rows(place)
-            found.setdefault(rows[0].id, place)
-            place += self._page_size
+                self._broken.add(offset - self._page_size)
+                offset = shifted
+                rows = self._rows(offset)
+            found.setdefault(rows[0].id, offset)
+            offset += self._page_size
         return [found[first] for first in sorted(found)]
 
-    def _shifted(self, place: int) -> int | None:
+    def _shifted(self, offset: int) -> int | None:
         """Return where within a page's length from here a page begins, if one does."""
-        data = self._read(place, 2 * self._page_size)
+        data = self._read(offset, 2 * self._page_size)
         for match in _LEAF.finditer(data, 1, self._page_size + 3):
             cells = self._cells(data[match.start() : match.start() + self._page_size])
             if cells and all(cell.row for cell in cells):
-                return place + match.start()
+                return offset + match.start()
         return None
 
-    def _rows(self, place: int) -> list[StoredMessage]:
+    def _rows(self, offset: int) -> list[StoredMessage]:
         """Return the messages of the page at an offset; none if it has none.
 
         A row before a damaged one may be damaged at its end, and is left out too.
         """
-        cells = self._cells(self._read(place, self._page_size), place)
-        if place in self._broken:
+        cells = self._cells(self._read(offset, self._page_size), offset)
+        if offset in self._broken:
             cells = cells[:-1]
         good = [
             cell.row
             for cell, following in pairwise([*cells, None])
             if cell is not None
             and cell.row
-            and (following is None or (following.row is not None and cell.end <= following.place))
+            and (following is None or (following.row is not None and cell.end <= following.offset))
         ]
         return sorted(good)
 
-    def _cells(self, page: bytes, place: int = -1) -> list[_Cell]:
-        """Return the rows of a page by place; without that of the page, not what lies elsewhere."""
+    def _cells(self, page: bytes, offset: int = -1) -> list[_Cell]:
+        """Return the rows of a page by offset; without its own, not what lies elsewhere."""
         if len(page) < self._page_size or page[0] != 0x0D:
             return []
         count = int.from_bytes(page[3:5], "big")
         array = page[_LEAF_HEADER_BYTES : _LEAF_HEADER_BYTES + 2 * count]
-        places = sorted(int.from_bytes(array[k : k + 2], "big") for k in range(0, len(array), 2))
-        if not count or len(array) < 2 * count or places[0] < _LEAF_HEADER_BYTES + 2 * count:
+        starts = sorted(int.from_bytes(array[k : k + 2], "big") for k in range(0, len(array), 2))
+        if not count or len(array) < 2 * count or starts[0] < _LEAF_HEADER_BYTES + 2 * count:
             return []
-        return [self._cell(page, start, place) for start in places]
+        return [self._cell(page, start, offset) for start in starts]
 
-    def _cell(self, page: bytes, start: int, place: int) -> _Cell:
+    def _cell(self, page: bytes, start: int, offset: int) -> _Cell:
         try:
             size, at = _varint(page, start)
             id_, at = _varint(page, at)
@@ -145,7 +145,7 @@ class MessagePages:
                 raise ValueError("the row reaches past the end of its page")
             if local < size:
                 first, end = int.from_bytes(page[end : end + 4], "big"), end + 4
-                content += self._elsewhere(first, size - local, place) if place >= 0 else b""
+                content += self._elsewhere(first, size - local, offset) if offset >= 0 else b""
             row = self._row(id_, content, size)
         except (ValueError, IndexError):
             return _Cell(start, start, None)
@@ -160,9 +160,9 @@ class MessagePages:
             return size
         return fitting if fitting <= most else least
 
-    def _elsewhere(self, page: int, size: int, place: int) -> bytes:
+    def _elsewhere(self, page: int, size: int, offset: int) -> bytes:
         """Return the rest of a row, from a chain of pages, each of which names the next one."""
-        shift = place % self._page_size
+        shift = offset % self._page_size
         if shift:
             shift = (
                 -self._missing
@@ -214,12 +214,12 @@ class MessagePages:
         return StoredMessage(id_, topic, t_ns, values["data"])
 
 
-def _varint(data: bytes, place: int) -> tuple[int, int]:
+def _varint(data: bytes, offset: int) -> tuple[int, int]:
     """Return a number of 1 to 9 bytes, and where it ends."""
     value = 0
     for k in range(8):
-        byte = data[place + k]
+        byte = data[offset + k]
         value = value << 7 | byte & 0x7F
         if byte < 0x80:
-            return value, place + k + 1
-    return value << 8 | data[place + 8], place + 9
+            return value, offset + k + 1
+    return value << 8 | data[offset + 8], offset + 9

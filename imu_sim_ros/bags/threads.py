@@ -27,15 +27,15 @@ _END: Final = "end"
 def prefetch(items: Iterable[_T]) -> Generator[_T, None, None]:
     """Yield items that are made in a thread of their own, a few ahead of the one that is used."""
     made: SimpleQueue[tuple[str, Any]] = SimpleQueue()
-    places: SimpleQueue[bool] = SimpleQueue()
+    room: SimpleQueue[bool] = SimpleQueue()
     for _ in range(_PREFETCHED):
-        places.put(True)
+        room.put(True)
     stopped = False
 
     def work() -> None:
         try:
             for item in items:
-                if not places.get() or stopped:
+                if not room.get() or stopped:
                     return
                 made.put(("item", item))
             made.put(("end", None))
@@ -51,11 +51,11 @@ def prefetch(items: Iterable[_T]) -> Generator[_T, None, None]:
                 return
             if kind == "error":
                 raise content
-            places.put(True)
+            room.put(True)
             yield content
     finally:
         stopped = True
-        places.put(False)
+        room.put(False)
         worker.join()
 
 

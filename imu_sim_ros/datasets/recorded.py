@@ -259,7 +259,7 @@ def folder_cameras(path: Path, skipped: Skipped | None = None) -> list[FolderCam
     :raises InputError: with a line for each row and each description that cannot be used.
     """
     found: dict[str, FolderCamera] = {}
-    for parent in text_reader.places(path):
+    for parent in text_reader.parents(path):
         for name in text_reader.sensor_folders(parent, "cam"):
             folder = parent / name
             if name not in found:

@@ -449,7 +449,7 @@ class _Job:
 
     def _folder_images(self) -> AbstractContextManager[FolderImages | None]:
         """Return the images of a folder; None if it has none, or they are not wanted."""
-        folders = text_reader.places(self.source) if self.source.is_dir() else ()
+        folders = text_reader.parents(self.source) if self.source.is_dir() else ()
         cameras = [name for folder in folders for name in text_reader.sensor_folders(folder, "cam")]
         if self.images == "none" or not cameras:
             return contextlib.nullcontext()

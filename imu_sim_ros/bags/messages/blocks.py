@@ -56,8 +56,8 @@ def side_by_side(patterns: Sequence[RowTemplate], rows: slice = slice(None)) -> 
         for offset, values in pattern.columns:
             own = values[rows]
             strides = (len(template), own.itemsize)[: own.ndim]
-            place: NDArray[Any] = np.ndarray(own.shape, own.dtype, table, before + offset, strides)
-            place[...] = own
+            cells: NDArray[Any] = np.ndarray(own.shape, own.dtype, table, before + offset, strides)
+            cells[...] = own
         before += len(pattern.template)
     return table
 

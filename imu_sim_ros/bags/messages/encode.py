@@ -83,7 +83,7 @@ class Encoder:
         """
         self.layout = layout
         fields = (self.layout.dtype.fields or {}).items()
-        self._fields = {name: (place[0], place[1]) for name, place in fields}
+        self._fields = {name: (kind, offset) for name, (kind, offset, *_) in fields}
         self._template = self.layout.template
         self._template = self._row(constant)
 

@@ -192,10 +192,10 @@ class PointCloudEncoder:
         :param points: (n, 3).
         :param values: (n, m) of the channels.
         """
-        place = np.asarray(points, dtype="<f4")
+        positions = np.asarray(points, dtype="<f4")
         message = StampedBuilder(self._frame_id, self._encoding)
-        message.length(len(place))
-        message.values(place, "<f4")
+        message.length(len(positions))
+        message.values(positions, "<f4")
         message.length(len(self._channels))
         for name, column in zip(self._channels, values.T, strict=True):
             message.text(name)

@@ -165,9 +165,9 @@ def _tables_in(path: Path, known: Tables) -> dict[str, tuple[str, Path]]:
 def _tables(folder: Path, kind: str) -> dict[str, Path]:
     """Return tables of a kind by name: imu0/data.csv (EuRoC) or imu0.csv (kalibr)."""
     found: dict[str, Path] = {}
-    for place in places(folder):
-        files = [(name, place / name / "data.csv") for name in sensor_folders(place, kind)]
-        plain = (place / name for name in names_in(place) if name.endswith(".csv"))
+    for parent in parents(folder):
+        files = [(name, parent / name / "data.csv") for name in sensor_folders(parent, kind)]
+        plain = (parent / name for name in names_in(parent) if name.endswith(".csv"))
         files += [(file.stem, file) for file in plain if file.name.startswith(kind)]
         for name, file in files:
             if name not in found and is_present(file):
@@ -175,25 +175,25 @@ def _tables(folder: Path, kind: str) -> dict[str, Path]:
     return found
 
 
-def sensor_folders(place: Path, kind: str) -> list[str]:
+def sensor_folders(parent: Path, kind: str) -> list[str]:
     """Return the names of sensors' folders of a kind: cam0, cam1.
 
     What is called like a sensor is one, also if it is no folder, which is an error later.
     """
-    names = [name for name in names_in(place) if name.startswith(kind)]
-    return [n for n in names if n.removeprefix(kind).isdigit() or (place / n).is_dir()]
+    names = [name for name in names_in(parent) if name.startswith(kind)]
+    return [n for n in names if n.removeprefix(kind).isdigit() or (parent / n).is_dir()]
 
 
 def _table(folder: Path, name: str) -> Path | None:
     """Return the table of a sensor's folder, if there is one."""
-    for place in places(folder):
-        file = place / name / "data.csv"
+    for parent in parents(folder):
+        file = parent / name / "data.csv"
         if is_present(file):
             return file
     return None
 
 
-def places(folder: Path) -> tuple[Path, Path]:
+def parents(folder: Path) -> tuple[Path, Path]:
     """Return the folders in which the sensors of a dataset may be: its own, or mav0 in it."""
     return folder, folder / "mav0"
 

@@ -165,11 +165,11 @@ class Dataset:
         for table, k in tables:
             if form not in WITH_TABLES or not path.is_dir():
                 raise InputError(f"{path}: has room for readings of an IMU only; name a folder")
-            place = path / f"{table.name}{k}.csv"
+            file = path / f"{table.name}{k}.csv"
             if form == "euroc":
-                place = path / f"{table.name}{k}" / "data.csv"
-                place.parent.mkdir()
-            self.tables[table.name, k] = TextFile(place, table.headers[form])
+                file = path / f"{table.name}{k}" / "data.csv"
+                file.parent.mkdir()
+            self.tables[table.name, k] = TextFile(file, table.headers[form])
 
     @property
     def imu(self) -> TextFile | None:
