@@ -202,16 +202,19 @@ class ImageFolders:
         """Drop what an interruption left some cameras with and others without."""
         ends = []
         for view, frames in zip(self.views, self._frames, strict=True):
-            there = [frame.number for frame in frames if self._file(frame).is_file()]
-            following = there[-1] + 1 if there else 0
-            if view.total is None or following < view.total:
+            # A later one may have been begun while an earlier one was cancelled.
+            missing = [frame.true_t_ns for frame in frames if not self._file(frame).is_file()]
+            following = frames[-1].number + 1 if frames else 0
+            if missing:
+                ends.append(missing[0])
+            elif view.total is None or following < view.total:
                 ends.append(int(view.frames(following, 1).true_t_ns[0]))
         end = min(ends, default=LATEST_NS)
         for number, frames in enumerate(self._frames):
             kept = []
             for frame in frames:
                 path = self._file(frame)
-                if path.is_file() and frame.true_t_ns < end:
+                if frame.true_t_ns < end:
                     kept.append(frame)
                     continue
                 path.unlink(missing_ok=True)

@@ -15,6 +15,7 @@ import pytest
 
 from imu_sim_ros.commands import generate
 from imu_sim_ros.datasets import columns
+from imu_sim_ros.datasets.images import ImageFolders
 
 COMMAND = [sys.executable, "-m", "imu_sim_ros.commands.generate"]
 SMALL = [
@@ -53,6 +54,27 @@ def test_an_interrupted_stereo_dataset_has_as_many_images_of_both_cameras(tmp_pa
         sizes = [(folder / name / "data" / image).read_bytes()[-8:] for image in images]
         assert set(sizes) == {b"IEND\xaeB`\x82"}
     assert np.unique(np.diff([int(n.removesuffix(".png")) for n in found["cam0"]])) == [50_000_000]
+
+
+@pytest.mark.parametrize("camera", [0, 1])
+def test_no_image_stays_behind_one_that_was_cancelled(tmp_path, monkeypatch, camera):
+    """A thread may begin an image while the ones before it are being cancelled."""
+    make = ImageFolders._make
+
+    def cancel_one(self, frame, seen, path):
+        if (frame.camera, frame.number) == (camera, 12):
+            return
+        make(self, frame, seen, path)
+        if (frame.camera, frame.number) == (1, 20):
+            os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(ImageFolders, "_make", cancel_one)
+    words = ["-o", str(tmp_path / "x"), "--format", "euroc", *STEREO, *SMALL, "--duration", "60s"]
+    assert generate.main([*words, "--quiet"]) == 130
+    folder = tmp_path / "x.partial"
+    found = {name: sorted(os.listdir(folder / name / "data")) for name in ("cam0", "cam1")}
+    assert found["cam0"] == found["cam1"]
+    assert len(found["cam0"]) == 12
 
 
 @pytest.mark.parametrize("table", [columns.CsvTable, columns.NpzTable])
