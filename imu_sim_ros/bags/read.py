@@ -31,6 +31,7 @@ from imu_sim_ros.bags.reader import Bag, errors_naming
 from imu_sim_ros.bags.ros1_reader import Rosbag1Bag
 from imu_sim_ros.bags.rosbag2_reader import Rosbag2Folder, SqliteBag
 from imu_sim_ros.bags.text import reader as text_reader
+from imu_sim_ros.bags.text.writer import DATASET_SUFFIXES
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import Skipped, Warned, open_regular
 from imu_sim_ros.poses import PoseSequence
@@ -140,7 +141,8 @@ def open_bag(path: str | Path, recover: bool = False) -> Bag:
             return McapBag(path, recover)
         if magic.startswith(b"SQLite format 3\0"):
             return SqliteBag(path, recover)
-        raise InputError(f"{path}: {'an empty file' if not magic else 'not a bag'}")
+        no_bag = f"not a bag; the name of a text file ends in {' or '.join(DATASET_SUFFIXES)}"
+        raise InputError(f"{path}: {no_bag if magic else 'an empty file'}")
 
 
 def decoded_messages(bag: Bag, names: Collection[str]) -> Iterator[tuple[TopicInfo, Any]]:

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -427,7 +428,7 @@ def _check_two(estimate: Any, truth: Any, estimate_topic: str | None, topic: str
 
     :raises InputError: if it is.
     """
-    if not all(isinstance(one, str | Path) and Path(one).exists() for one in (estimate, truth)):
+    if not all(isinstance(one, str | Path) and os.path.exists(one) for one in (estimate, truth)):
         return
     path = Path(estimate)
     if is_text(path) or not path.samefile(truth):

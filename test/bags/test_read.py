@@ -84,7 +84,7 @@ def test_inputs_that_are_no_bags(tmp_path):
     for name, words in (
         ("missing.bag", "No such file"),
         ("empty.bag", "an empty file"),
-        ("words.bag", "not a bag"),
+        ("words.bag", r"not a bag; the name of a text file ends in \.csv or \.tum or \.txt"),
         ("folder", r"no metadata\.yaml"),
     ):
         with pytest.raises(InputError, match=words):

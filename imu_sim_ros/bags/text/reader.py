@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.text.writer import POSES_OF_TABLES, BodyStates
+from imu_sim_ros.bags.text.writer import DATASET_SUFFIXES, POSES_OF_TABLES, BodyStates
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import (
@@ -41,14 +41,13 @@ _STATE: Final = (
 )
 _STATE_FOLDER: Final = "state_groundtruth_estimate0"
 _POSE_FOLDER: Final = "mocap0"
-_SUFFIXES: Final = (".csv", ".txt", ".tum")
 
 
 def is_text(path: Path) -> bool:
     """Return whether a path is a EuRoC folder, a folder of kalibr's CSV files, or a text file."""
     if path.is_dir():
         return bool(_tables(path, "imu")) or _table(path, _STATE_FOLDER) is not None
-    return path.suffix.lower() in _SUFFIXES and path.is_file()
+    return path.suffix.lower() in DATASET_SUFFIXES and path.is_file()
 
 
 def imu_blocks(
