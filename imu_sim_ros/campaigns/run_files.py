@@ -12,7 +12,7 @@ from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.datasets.configurations import imu_values, rig_values
 from imu_sim_ros.datasets.consumers.folder import write_all
-from imu_sim_ros.datasets.forms import opened, usual_topics
+from imu_sim_ros.datasets.forms import chosen_topics, opened
 from imu_sim_ros.parameters import files
 from imu_sim_ros.simulation.parameters import values_of
 from imu_sim_ros.simulation.sensors import mounted
@@ -30,15 +30,16 @@ def write_dataset(cell: SimulatedCell, form: str, seed: int, folder: Path) -> Pa
     """
     sensors, name = mounted(cell.parameters), _BAGS.get(form, "dataset")
     path, dataset = folder / name, None if form in _BAGS else form
-    names = usual_topics(sensors, dataset, path, imu_only=False)
+    names = chosen_topics(sensors, dataset, path)
     if dataset is None:
         # No program reads the truth of all that is seen, which is twice as large as what is seen.
         known = offered(sensors)
-        names = [n for n in names if not (known[n].topic.truth and known[n].mounted.sensor.sees)]
-    output, topics = path / "mav0" if form == "euroc" else path, {name: name for name in names}
+        seen = [n for n in names if known[n].topic.truth and known[n].mounted.sensor.sees]
+        names = {name: names[name] for name in names if name not in seen}
+    output = path / "mav0" if form == "euroc" else path
     with threads(1) as pool:
         body = cell.simulation(seed, pool)
-        with opened(dataset, output, topics, sensors, body.world) as target:
+        with opened(dataset, output, names, sensors, body.world) as target:
             for read in body.windows(cell.total):
                 target.write(read)
     return path

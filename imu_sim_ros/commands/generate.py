@@ -13,7 +13,7 @@ from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.jobs.generate import OF_SENSORS
 from imu_sim_ros.jobs.generate import generate as job
 from imu_sim_ros.parameters import files
-from imu_sim_ros.sensors import catalogue, named_sensors
+from imu_sim_ros.sensors import catalogue, named_sensors, switches
 from imu_sim_ros.signatures import arguments_of, call
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.trajectory.parameters import TourParameters
@@ -35,6 +35,9 @@ _SENSORS: Final = {
         "group": str(OF_SENSORS),
     }
     for name in named_sensors()
+} | {
+    f"--{one.name}": {"action": "store_true", "help": one.text, "group": str(OF_SENSORS)}
+    for one in switches().values()
 }
 
 
@@ -114,7 +117,8 @@ _LISTS: Final = {
 
 def generate(arguments: argparse.Namespace) -> None:
     """Write the requested output."""
-    sensors = {name: presets for name in named_sensors() if (presets := getattr(arguments, name))}
+    names = [*named_sensors(), *(one.name for one in switches().values())]
+    sensors = {name: given for name in names if (given := getattr(arguments, name))}
     program.show(arguments, call(job, arguments, below=sensors))
 
 

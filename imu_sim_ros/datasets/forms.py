@@ -9,7 +9,8 @@ One home for ``generate``, the public interface and campaigns.
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple, Protocol
 
 import numpy as np
 
@@ -66,14 +67,13 @@ def check_form(form: str | None, path: Path, sensors: Mapping[str, Mounted]) -> 
         raise InputError(f"format {form}: has room for one camera, not {len(seeing)}")
 
 
-def usual_topics(
+def _usual_topics(
     sensors: Mapping[str, Mounted], form: str | None, path: Path, imu_only: bool
 ) -> list[str]:
     """Return the topics that are written if none is named: those that a node usually publishes.
 
-    :param form: of a dataset, which has tables of readings; None: of a bag, which has all
-        but those of packages that need not be installed.
-    :param imu_only: leave out the truth.
+    A dataset has tables of readings; a bag has all but those of packages that need not be
+    installed.
     """
     usual = SimulatorParameters().publish
     in_text = form is not None
@@ -96,16 +96,24 @@ def usual_topics(
 
 
 def chosen_topics(
-    topics: Iterable[str], renamed: Mapping[str, str], sensors: Mapping[str, Mounted]
+    sensors: Mapping[str, Mounted],
+    form: str | None,
+    path: Path,
+    topics: Sequence[str] = (),
+    renamed: Mapping[str, str] = MappingProxyType({}),
+    imu_only: bool = False,
 ) -> dict[str, str]:
     """Return the topics to write, each with its name in the bag.
 
-    :param topics: one without its namespace selects the topic of every IMU.
+    :param form: of a dataset; None: of a bag.
+    :param topics: one without its namespace selects the topic of every IMU; empty: the usual ones.
+    :param imu_only: leave out the truth from the usual ones.
     :raises InputError: with a line for every name that is unknown or given twice.
     """
     known = offered(sensors)
     names: list[str] = []
-    for name in (name.strip().lstrip("/") for name in topics):
+    wanted = topics or _usual_topics(sensors, form, path, imu_only)
+    for name in (name.strip().lstrip("/") for name in wanted):
         of_all = [full for full, one in known.items() if one.topic.name == name]
         names += of_all if of_all and name not in known else [name]
     problems = [
@@ -146,6 +154,20 @@ def in_tables(
     return tables
 
 
+class OpenOutput(Protocol):
+    """An output, or a part of one, that receives the samples of a body."""
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Messages by topic, rows by table, images by camera."""
+
+    def described(self) -> str:
+        """Return how much was written."""
+
+    def write(self, read: Read) -> None:
+        """Write the samples of a window of time."""
+
+
 class _Output(NamedTuple):
     topic: BagTopic
     sensor: str
@@ -164,7 +186,7 @@ class BagTarget:
         :param sensors: of the body.
         :param names: for each topic of the sensors that is written its name in the bag.
         """
-        self.writer = writer
+        self._writer = writer
         known = offered(sensors)
         self._outputs = []
         for full, name in names.items():
@@ -184,12 +206,6 @@ class BagTarget:
         """Return how much was written."""
         return described(output.topic for output in self._outputs)
 
-    @property
-    def files(self) -> list[Path]:
-        """The files of the bag."""
-        path = self.writer.path
-        return list(path.iterdir()) if path.is_dir() else self.writer.files
-
     def write(self, read: Read) -> None:
         """Write the messages of a window of time, all topics in order.
 
@@ -204,20 +220,21 @@ class BagTarget:
     def finish(self) -> None:
         """Write the messages that still wait for threads."""
         made, self._waiting = self._waiting, []
-        self.writer.write_blocks([Block(t, each.t_ns, each.made()) for t, each in made])
+        self._writer.write_blocks([Block(t, each.t_ns, each.made()) for t, each in made])
 
 
 class DatasetTarget:
     """Samples into text."""
 
-    def __init__(self, dataset: Dataset, sensors: Mapping[str, Mounted], seen: Any = None) -> None:
+    def __init__(
+        self, dataset: Dataset, sensors: Mapping[str, Mounted], seen: OpenOutput | None
+    ) -> None:
         """Join the sensors of a body with the files of a dataset.
 
         :param sensors: its IMUs are imu0, imu1, ... of the dataset.
         :param seen: the files of what sensors see, tracks or images; None: it has none.
         """
         self.dataset, self._sensors, self._seen = dataset, sensors, seen
-        self.files: Sequence[Path] = ()
         self._imus = imus_in(sensors)
         self._tables = {(one.table.name, one.number): one for one in all_tables(sensors)}
         # EuRoC's states hold biases: each IMU has its own. Poses alone are the body's.
@@ -278,7 +295,7 @@ def opened(
     jobs: int = 1,
     warn: Warn = lambda line: None,
     **of_bag: Any,
-) -> Iterator[Any]:
+) -> Iterator[OpenOutput]:
     """Open an output for windows of samples; it is complete when the block ends without an error.
 
     :param form: of a dataset; None: a bag.
@@ -315,13 +332,11 @@ def opened(
             Dataset(output, text, states, imus, tables) as dataset,
             _seen(form, output, sensors, world, jobs, warn) as seen,
         ):
-            target = DatasetTarget(dataset, sensors, seen)
-            yield target
+            yield DatasetTarget(dataset, sensors, seen)
             if form == "euroc":
                 from imu_sim_ros.datasets.configurations import describe
 
                 describe(output, states, tables, sensors)
-        target.files = dataset.files
 
 
 def _seen(
@@ -331,7 +346,7 @@ def _seen(
     world: World | None,
     jobs: int,
     warn: Warn,
-) -> AbstractContextManager[Any]:
+) -> AbstractContextManager[OpenOutput | None]:
     """Return the files of what sensors see in a folder of tables; None if it has none."""
     if not any(one.sensor.sees and form in one.sensor.datasets for one in sensors.values()):
         return nullcontext()

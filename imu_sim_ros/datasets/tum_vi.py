@@ -96,11 +96,6 @@ class TumVi:
         return file
 
     @property
-    def files(self) -> list[Path]:
-        """All files, images once."""
-        return [file for file in self.path.rglob("*") if file.is_file()]
-
-    @property
     def counts(self) -> dict[str, int]:
         """Rows and images by topic."""
         own = {resolved(IMU_TOPIC): self.rows["imu"], resolved(TRUTH_TOPIC): self.rows["poses"]}

@@ -89,11 +89,6 @@ class VioDataSimulation:
         self._put(folder / "all_points.txt", _homogeneous(world.scene.landmarks))
 
     @property
-    def files(self) -> list[Path]:
-        """All files."""
-        return [file for file in self.path.rglob("*") if file.is_file()]
-
-    @property
     def counts(self) -> dict[str, int]:
         """Rows of the IMU, and frames."""
         return {"imu_pose": self._files["imu_pose"].rows, "keyframes": self._frames}

@@ -278,7 +278,7 @@ class Flight:
         >>> flight.save(folder / "flight.bag", rename={"imu/data_raw": "/imu0"}).name
         'flight.bag'
         """
-        from imu_sim_ros.datasets.forms import chosen_topics, opened, usual_topics
+        from imu_sim_ros.datasets.forms import chosen_topics, opened
         from imu_sim_ros.jobs.writing import renamed_topics, saved
         from imu_sim_ros.simulation.topics import offered
 
@@ -289,8 +289,7 @@ class Flight:
         renamed, sensors = renamed_topics(rename), self._sensors
         with saved(path, force, flatten(self.parameters).values()) as staged:
             form = format or ("csv" if staged.suffix == ".csv" else None)
-            wanted = given or usual_topics(sensors, form, staged, imu_only)
-            names = chosen_topics(wanted, renamed, sensors)
+            names = chosen_topics(sensors, form, staged, given, renamed, imu_only)
             known = offered(sensors)
             for sensor in {known[name].name for name in names}:
                 check_simulated(self._windows, sensor)

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import glob
 import itertools
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,10 +21,10 @@ from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets import truth_files
 from imu_sim_ros.datasets.forms import (
     FORMATS,
+    OpenOutput,
     check_form,
     chosen_topics,
     opened,
-    usual_topics,
 )
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.jobs.simulate import GivenMotion, Moving, given_layers
@@ -53,7 +54,7 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.progress import progress
-from imu_sim_ros.sensors import named_sensors
+from imu_sim_ros.sensors import named_sensors, switches
 from imu_sim_ros.sensors.declaration import Companion
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.signatures import Heading, Text
@@ -147,7 +148,6 @@ def generate(
         float | str | None, "TIME", Text("length of the run (20s, 10min, 4h)"), _SIMULATION
     ] = None,
     seed: Annotated[int | None, "N", Text("seed of all random streams"), _SIMULATION] = None,
-    rinex: Annotated[bool, "--rinex", OF_SENSORS] = False,
     cameras: Annotated[
         str | Path | Sequence[str | Path],
         "--camera NAME|FILE",
@@ -189,7 +189,6 @@ def generate(
     :param params_file: one or several ROS 2 parameter files; all other arguments go before them.
     :param robust: repair recorded poses: drop outliers, close jumps, smooth arrival stamps
         (trajectory.robust)
-    :param rinex: write raw GNSS measurements as RINEX next to the output: NAME.obs, NAME.nav
     :param cameras: names in config/cameras or parameter files: cam0, cam1, ... in this order.
     :param scene: a name in config/scenes, a parameter file, or a file of points or a mesh.
     :param jobs: number of threads that render images (default: one per processor)
@@ -206,8 +205,9 @@ def generate(
     :param force: replace what exists, but never a file that is read.
     :param discard_partial: keep nothing of an interrupted run.
     :param parameters: any other parameter, as for :func:`simulate`; a sensor of the body by a name
-        in config, a file, several of them, or True: ``gnss="ublox_m8"``. What ``parameters`` itself
-        has, a dictionary by ROS names, goes before all other arguments.
+        in config, a file, several of them, or True: ``gnss="ublox_m8"``; files that it has next to
+        the output: ``rinex=True``. What ``parameters`` itself has, a dictionary by ROS names, goes
+        before all other arguments.
 
     The other arguments are those of :func:`simulate`.
 
@@ -230,18 +230,22 @@ def generate(
     given, motion = described(
         journal,
         params_file,
-        (imu, trajectory, duration, rate, seed),
-        (arguments.switch("robust", robust), arguments.switch("rinex", rinex)),
-        named_cameras(cameras, scene),
         parameters,
+        imu=imu,
+        trajectory=trajectory,
+        duration=duration,
+        rate=rate,
+        seed=seed,
+        robust=robust,
+        cameras=cameras,
+        scene=scene,
     )
     built = load_simulator(given)
 
     # What is to be written: topics, and the files next to the output.
     sensors, dataset = mounted(built), form.dataset
     check_form(dataset, path, sensors)
-    topics = form.topics or usual_topics(sensors, dataset, path, imu_only)
-    names = chosen_topics(topics, form.renamed, sensors)
+    names = chosen_topics(sensors, dataset, path, form.topics, form.renamed, imu_only)
     known = offered(sensors)
     fastest = max(one.environment.rate for one in sensors.values())
     check_split(form.bag.split_duration, 1.0 / fastest, built.duration or 0.0)
@@ -312,7 +316,7 @@ def generate(
         if with_configs:
             folder = written.where(truth_files.configs(path))
             _write_configs(folder, path.name, body, names, format, journal)
-        size = sum(file.stat().st_size for file in target.files if file.is_file())
+        size = _size(written.where(path))
     wall_s = time.perf_counter() - started
     lines, notes = tuple(journal.lines), tuple(journal.notes)
     return Generated(path, target.counts, samples, size, wall_s, lines, notes)
@@ -320,38 +324,49 @@ def generate(
 
 def described(
     journal: Journal,
-    params_file: Any,
-    usual: tuple[Any, Any, Any, Any, Any],
-    switches: tuple[bool, bool],
-    cameras: Mapping[str, object],
+    params_file: object,
     parameters: Mapping[str, Any],
+    *,
+    imu: object = None,
+    trajectory: object = None,
+    duration: float | str | None = None,
+    rate: float | None = None,
+    seed: int | None = None,
+    robust: bool = False,
+    cameras: object = (),
+    scene: str | Path | None = None,
 ) -> tuple[dict[str, object], GivenMotion]:
     """Return all parameters of a run by dotted name, and its motion.
 
+    Arguments go before the files; cameras that are named replace those of the files.
+
     :param journal: receives notes about what has an unexpected effect.
-    :param usual: IMU, trajectory, duration, rate and seed.
-    :param switches: robust, rinex.
-    :param cameras: parameters of the cameras that are named, which go before those of files.
-    :param parameters: of :func:`generate`.
+
+    The other arguments are those of :func:`generate`.
     """
     in_files = files.load_all(parameter_files(params_file), "simulator")
-    own, last, motion = given_layers(*usual, parameters)
-    robust, rinex = switches
-    own |= {"trajectory.robust": True} if robust else {}
-    own |= {"gnss.raw.rinex": True} if rinex else {}
-    given = {**joined(in_files, cameras), **own}
+    own, last, motion = given_layers(imu, trajectory, duration, rate, seed, parameters)
+    if arguments.switch("robust", robust):
+        own["trajectory.robust"] = True
+    asked = []
+    for kind, one in switches().items():
+        if arguments.switch(one.name, own.pop(one.name, False)):
+            own[f"{kind}.{one.parameter}"] = True
+            asked.append(kind)
+    given = {**joined(in_files, named_cameras(cameras, scene)), **own}
     for kind in named_sensors():
         value = given.pop(kind, ())
         presets = [
             one is True or str(arguments.path(kind, one, "a name, the path of a file, or several"))
             for one in (value if isinstance(value, list | tuple) else [value])
         ]
+        if kind in asked and not presets:
+            presets = [True]
         given = joined(given, named(kind, presets))
-    given = joined(given, named("gnss", [True] * rinex)) | last
+    given |= last
     of_node = dict.fromkeys(name.partition("./")[0] for name in of_the_node(given))
     if of_node:
         journal.note(f"no effect in a file: {', '.join(of_node)}")
-    imu = usual[0]
     above = [name for name in in_files if name.startswith("imu.") and name != "imu.preset"]
     if isinstance(imu, str | Path) and above:
         others = f" and {len(above) - 3} more" if len(above) > 3 else ""
@@ -362,9 +377,7 @@ def described(
     return given, motion
 
 
-def named_cameras(
-    cameras: str | Path | Sequence[str | Path], scene: str | Path | None
-) -> dict[str, object]:
+def named_cameras(cameras: object, scene: str | Path | None) -> dict[str, object]:
     """Return the parameters, by dotted name, of cameras cam0, cam1, ... and of their scene."""
     allowed = "a name or the path of a file"
     several = [cameras] if isinstance(cameras, str | Path) else cameras
@@ -379,7 +392,7 @@ def named_cameras(
     return result
 
 
-def _write(path: Path, body: Body, target: Any, companions: Mapping[str, Companion]) -> int:
+def _write(path: Path, body: Body, target: OpenOutput, companions: Mapping[str, Companion]) -> int:
     """Write all samples, which a thread of its own makes; return how many those of IMUs are.
 
     :param path: what progress names.
@@ -399,6 +412,16 @@ def _write(path: Path, body: Body, target: Any, companions: Mapping[str, Compani
             samples += sum(counts)
             advance(max(counts))
     return samples
+
+
+def _size(output: Path) -> int:
+    """Return the bytes of an output: a folder, a file, or its parts NAME_0.EXT, NAME_1.EXT, ..."""
+    files = [output]
+    if output.is_dir():
+        files = [*output.rglob("*")]
+    elif not output.exists():
+        files = [*output.parent.glob(f"{glob.escape(output.stem)}_*{glob.escape(output.suffix)}")]
+    return sum(file.stat().st_size for file in files if file.is_file())
 
 
 def _write_configs(

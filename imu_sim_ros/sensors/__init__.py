@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from imu_sim_ros.inputs.tables import Table
-    from imu_sim_ros.sensors.declaration import Sensor
+    from imu_sim_ros.sensors.declaration import Sensor, Switch
 
 SENSORS: Final = (
     "magnetometer",
@@ -48,6 +48,12 @@ def sensors_of_imus() -> "tuple[Sensor, ...]":
 def named_sensors() -> "dict[str, Sensor]":
     """Return the sensors that the parameter ``sensors`` switches on, by name."""
     return {name: one for name, one in declared().items() if not one.with_imu}
+
+
+def switches() -> "dict[str, Switch]":
+    """Return the options of ``generate`` that ask for files of these sensors, by sensor."""
+    asked = ((name, one.companions) for name, one in named_sensors().items())
+    return {name: files.switch for name, files in asked if files and files.switch}
 
 
 def known_tables() -> "dict[str, Table]":

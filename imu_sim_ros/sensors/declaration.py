@@ -168,6 +168,16 @@ class Companion(Protocol):
         """Complete the files."""
 
 
+class Switch(NamedTuple):
+    """An option of ``generate``, ``--NAME``, that asks for the files of a sensor."""
+
+    name: str
+    parameter: str
+    """The flag of its section that the option sets; it also switches the sensor on."""
+    text: str
+    """What ``--help`` says."""
+
+
 class Companions(NamedTuple):
     """Files that a sensor's own programs read, next to a bag or a dataset."""
 
@@ -175,6 +185,8 @@ class Companions(NamedTuple):
     """Returns of its section what the files' names end in; empty: none is wanted."""
     open: Callable[[Any, EnvironmentParameters, int, Sequence[Path]], Companion]
     """Takes its section, the environment, the time of the IMU's sample 0 [ns], and the files."""
+    switch: Switch | None = None
+    """None: its parameters alone ask for them."""
 
 
 class Serial(NamedTuple):

@@ -15,10 +15,10 @@ from pathlib import Path
 import pytest
 
 from imu_sim_ros.commands import control, start
-from imu_sim_ros.jobs.generate import described, named_cameras
+from imu_sim_ros.jobs.generate import described
 from imu_sim_ros.jobs.writing import Journal
 from imu_sim_ros.parameters import files
-from imu_sim_ros.sensors import named_sensors
+from imu_sim_ros.sensors import named_sensors, switches
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.playback import load_simulator
 
@@ -175,12 +175,12 @@ def test_every_command_of_the_manual_is_accepted():
 
 def body_of(given):
     """Return the body that a command line of generate describes."""
-    usual = (given.imu, given.trajectory, given.duration, given.rate, given.seed)
-    switches = (bool(given.robust), bool(given.rinex))
-    sensors = {name: found for name in named_sensors() if (found := getattr(given, name))}
+    names = [*named_sensors(), *(one.name for one in switches().values())]
+    sensors = {name: found for name in names if (found := getattr(given, name))}
     more = {**sensors, "parameters": dict(given.parameters or ())}
-    cameras = named_cameras(given.cameras or (), given.scene)
-    found, _ = described(Journal(), given.params_file, usual, switches, cameras, more)
+    usual = ("imu", "trajectory", "duration", "rate", "seed", "robust", "cameras", "scene")
+    known = {name: found for name in usual if (found := getattr(given, name))}
+    found, _ = described(Journal(), given.params_file, more, **known)
     return load_simulator(found)
 
 

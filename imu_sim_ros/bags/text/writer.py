@@ -182,13 +182,6 @@ class Dataset:
         return next(iter(self.truths), None)
 
     @property
-    def files(self) -> list[Path]:
-        """The files of this dataset."""
-        if self.path.is_dir():
-            return [file for file in self.path.rglob("*") if file.is_file()]
-        return [self.path]
-
-    @property
     def rows(self) -> int:
         """Rows of all files so far."""
         return sum(file.rows for file in self._open)

@@ -16,6 +16,7 @@ from imu_sim_ros.sensors.declaration import (
     Sensor,
     SensorReadings,
     Serial,
+    Switch,
     on_demand,
     topic,
 )
@@ -205,7 +206,15 @@ SENSOR = Sensor(
     readings=GnssReadings,
     text="GNSS receiver with fixes and velocities of an antenna, with outages and modes",
     serial=Serial(lambda own: str(own.nmea), _sentences),
-    companions=Companions(lambda own: (".obs", ".nav") if own.raw.rinex else (), _rinex),
+    companions=Companions(
+        lambda own: (".obs", ".nav") if own.raw.rinex else (),
+        _rinex,
+        Switch(
+            "rinex",
+            "raw.rinex",
+            "write raw GNSS measurements as RINEX next to the output: NAME.obs, NAME.nav",
+        ),
+    ),
     presets="gnss",
     warnings=on_demand("imu_sim_ros.sensors.gnss.model", "nowhere"),
 )

@@ -132,7 +132,7 @@ def test_every_shipped_file_is_understood_by_node_and_command(path):
     more = {"cameras": ["cam0"]} if path.parent.name in ("cameras", "scenes") else {}
     given = {**files.load(path, "simulator"), **more}
     load_simulator(given)
-    layers, _ = described(Journal(), path, (None,) * 5, (False, False), {}, {"parameters": more})
+    layers, _ = described(Journal(), path, {"parameters": more})
     body = load_simulator(layers)
     assert (body.rig is not None) == bool(more)
 
