@@ -13,7 +13,7 @@ from imu_sim_ros.sensors.errors.realised import unit_of_seed
 from imu_sim_ros.sensors.errors.terms import Surroundings
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.faults import Fault
-from imu_sim_ros.sensors.imu.parameters import ImuParameters, instantaneous
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.timing import SampleTiming
 from imu_sim_ros.sensors.world import Sampled, Window, World
@@ -39,7 +39,7 @@ class SensorWithImu:
         imu, own = mounted.own, mounted.own.sensors[self.name]
         self.lever_arm_b: Array = np.array(imu.lever_arm)
         """(3,) position of the IMU in the body [m]."""
-        self.triad = Triad(self.name, instantaneous(imu), self.seed, own.rate)
+        self.triad = Triad(self.name, imu, self.seed, own.rate)
         self.timing = SampleTiming(
             self.name, own.rate, imu, self.seed, t0_ns, own.time_offset, own.span
         )

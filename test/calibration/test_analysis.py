@@ -128,7 +128,7 @@ def test_slow_lines_are_taken_out_and_told():
 def test_walks_and_flicker_have_no_lines():
     """A false line in one of 10^4 records: none among 60 axes."""
     from imu_sim_ros.calibration.noise.slow_lines import find_lines
-    from imu_sim_ros.sensors.errors.flicker import FlickerNoise
+    from imu_sim_ros.sensors.errors.processes import FlickerNoise
 
     rng = np.random.default_rng(11)
     for scale in (0.0, 0.01, 1.0):
@@ -146,7 +146,7 @@ def test_a_slow_sine_is_no_random_walk(walk, size):
     Taken out by itself, ahead of the noise, a line of B was a walk in a fifth of the records, and
     one of 3 B spoilt the interval of a true walk in half of them.
     """
-    from imu_sim_ros.sensors.errors.flicker import FlickerNoise
+    from imu_sim_ros.sensors.errors.processes import FlickerNoise
 
     from .conftest import Rest
 

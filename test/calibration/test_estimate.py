@@ -20,7 +20,7 @@ from imu_sim_ros.calibration.noise.terms import (
     gauss_markov_expectation,
     ramp_amplitude,
 )
-from imu_sim_ros.sensors.errors.flicker import FlickerFilter
+from imu_sim_ros.sensors.errors.processes import FlickerFilter
 
 
 def template(duration: float = 7200.0, rate: float = 100.0) -> Spectrum:

@@ -13,7 +13,7 @@ from imu_sim_ros.conventions import ERRORS, TRIADS
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.sensors.environment import TemperatureParameters
 from imu_sim_ros.sensors.errors.realised import unit_of_seed
-from imu_sim_ros.sensors.errors.response import noise_gain, variance_discrete
+from imu_sim_ros.sensors.errors.triad import noise_gain, variance_discrete
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import TemperatureProfile
 from imu_sim_ros.simulation.engine import Body

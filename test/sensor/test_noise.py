@@ -15,9 +15,13 @@ from scipy.integrate import trapezoid
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.random_streams import axis_generators, generator
-from imu_sim_ros.sensors.errors.flicker import CHUNK as FLICKER_CHUNK
-from imu_sim_ros.sensors.errors.flicker import FlickerFilter, FlickerNoise
-from imu_sim_ros.sensors.errors.processes import CHUNK, GaussMarkovBank
+from imu_sim_ros.sensors.errors.processes import (
+    FLICKER_CHUNK,
+    MARKOV_CHUNK,
+    FlickerFilter,
+    FlickerNoise,
+    GaussMarkovBank,
+)
 from imu_sim_ros.sensors.errors.terms import (
     BiasInstability,
     ErrorTerm,
@@ -132,7 +136,7 @@ def test_gauss_markov(rate: float, form: str) -> None:
     steps = (values[:, 1:] - phi * values[:, :-1]) / (sigma * np.sqrt(1.0 - phi**2))
     assert steps.var() == pytest.approx(1.0, abs=5.0 * np.sqrt(2.0 / (3 * N)))
     assert np.abs(np.mean(steps[:, 1:] * steps[:, :-1])) < 5.0 / np.sqrt(3 * N)
-    for every in (32, CHUNK):
+    for every in (32, MARKOV_CHUNK):
         edges = steps[:, every - 1 :: every]
         assert edges.var() == pytest.approx(1.0, abs=5.0 * np.sqrt(2.0 / edges.size))
 

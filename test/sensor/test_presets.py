@@ -16,7 +16,7 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 from imu_sim_ros.sensors import catalogue
-from imu_sim_ros.sensors.errors.response import variance_discrete
+from imu_sim_ros.sensors.errors.triad import variance_discrete
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 

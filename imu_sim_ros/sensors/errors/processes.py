@@ -1,12 +1,18 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Random processes: Gauss-Markov, exactly discretised in chunks of a fixed size, and events."""
+"""Random processes: Gauss-Markov, 1/f noise, and events.
+
+The first two are made in chunks that start at fixed sample indices and are generated whole, so that
+values do not depend on how many are asked for at a time. A chunk is some rows of 32 values: what
+happens within a row is the same for all rows, and the states before the rows follow by a scan.
+"""
 
 import itertools
 import math
 from abc import ABC, abstractmethod
-from typing import Final
+from functools import lru_cache
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -74,9 +80,10 @@ class ChunkedProcess(ABC):
         return taken
 
 
-_ROWS = 32
-_COLUMNS = 32
-CHUNK = _ROWS * _COLUMNS
+_COLUMNS: Final = 32
+"""Values in a row."""
+_MARKOV_ROWS: Final = 32
+MARKOV_CHUNK: Final = _MARKOV_ROWS * _COLUMNS
 
 
 class GaussMarkovBank(ChunkedProcess):
@@ -89,7 +96,7 @@ class GaussMarkovBank(ChunkedProcess):
         :param dt: time between two samples [s].
         """
         shape = (*np.shape(seed), 3)
-        super().__init__(CHUNK, shape)
+        super().__init__(MARKOV_CHUNK, shape)
         self._streams = Streams(seed, source)
         self._exponent = -dt / np.broadcast_to(np.asarray(correlation_times, np.float64), shape)
         self._state = self._streams.next(1)[0]
@@ -103,10 +110,10 @@ class GaussMarkovBank(ChunkedProcess):
     def _make_chunks(self, count: int, units: Units) -> Array:
         exponent = self._exponent[units][..., None, None]  # axes are (..., axis, chunk, row)
         drive, phi = np.sqrt(-np.expm1(2.0 * exponent)), np.exp(exponent)
-        numbers = np.moveaxis(self._streams.next(count * CHUNK, units), 0, -1)
-        numbers = numbers.reshape(*exponent.shape[:-2], count, _COLUMNS, _ROWS)
+        numbers = np.moveaxis(self._streams.next(count * MARKOV_CHUNK, units), 0, -1)
+        numbers = numbers.reshape(*exponent.shape[:-2], count, _COLUMNS, _MARKOV_ROWS)
         # One column after the other, so each is contiguous: (column, ..., axis, chunk, row).
-        table = np.empty((_COLUMNS, *exponent.shape[:-2], count, _ROWS))
+        table = np.empty((_COLUMNS, *exponent.shape[:-2], count, _MARKOV_ROWS))
         np.multiply(np.moveaxis(numbers, -2, 0), drive, out=table)
         carried = np.empty(table.shape[1:])
         for before, column in itertools.pairwise(table):
@@ -116,7 +123,7 @@ class GaussMarkovBank(ChunkedProcess):
         decay = np.exp(exponent * columns)
         np.multiply(decay, starts, out=(added := numbers.reshape(table.shape)))
         table += added
-        made = np.moveaxis(table, 0, -1).reshape(*exponent.shape[:-2], count * CHUNK)
+        made = np.moveaxis(table, 0, -1).reshape(*exponent.shape[:-2], count * MARKOV_CHUNK)
         return np.moveaxis(made, -1, 0)
 
     def _row_starts(self, ends: Array, exponent: Array, units: Units) -> Array:
@@ -124,9 +131,9 @@ class GaussMarkovBank(ChunkedProcess):
 
         Both are (..., axis, chunk, row); the state goes on to the end of the last chunk.
         """
-        row_decay = np.exp(exponent * _COLUMNS * np.arange(_ROWS))
+        row_decay = np.exp(exponent * _COLUMNS * np.arange(_MARKOV_ROWS))
         reached, carried, step = ends.copy(), np.empty_like(ends), 1
-        while step < _ROWS:  # a scan by doubling: five passes instead of 32 steps
+        while step < _MARKOV_ROWS:  # a scan by doubling: five passes instead of 32 steps
             decay = row_decay[..., step, None]
             np.multiply(decay, reached[..., :-step], out=carried[..., step:])
             after = reached[..., step:]
@@ -144,6 +151,148 @@ class GaussMarkovBank(ChunkedProcess):
         starts: Array = row_decay * states[..., None]
         starts[..., 1:] += reached[..., :-1]
         return starts
+
+
+LONGEST_TIME: Final = 1e4
+"""[s]; below 1 / (2 pi LONGEST_TIME) the density is flat."""
+_RATIO: Final = float(np.sqrt(10.0))
+_HIGHEST_CORNER: Final = 2.0 * float(np.sqrt(_RATIO))
+_GAIN, _ZERO, _POLE = 0.9328682, -0.36991621, -0.27052661
+_FLICKER_ROWS: Final = 4
+FLICKER_CHUNK: Final = _FLICKER_ROWS * _COLUMNS
+
+
+class FlickerFilter(NamedTuple):
+    """``H = direct + sum_p gains_p / (1 - poles_p z^-1)`` with ``|H|^2 = 1 / (2 pi f dt)``.
+
+    In ``S = 2 sin(w / 2)``, w = 2 pi f dt, a real pole or zero phi of a discrete filter is an exact
+    first-order corner: ``|1 - phi e^(-i w)|^2 = phi (S^2 + (1 - phi)^2 / phi)``. Poles at corners
+    S_p that are half a decade apart, with zeros midway (on the logarithmic axis) above them,
+    therefore give ``|H|^2 = 1 / S`` with a ripple below 0.1 % (Keshner, "1/f noise", Proc. IEEE 70,
+    1982). One more pole and zero turn 1/S into 1/w: within 3.2 % up to the Nyquist frequency
+    (minimax; tested).
+    """
+
+    poles: Array
+    """(p,)"""
+    gains: Array
+    """(p,)"""
+    direct: float
+
+    @classmethod
+    def design(cls, dt: float) -> "FlickerFilter":
+        """Return the filter for a sample interval [s]."""
+        count = max(int(np.ceil(np.log(_HIGHEST_CORNER * LONGEST_TIME / dt) / np.log(_RATIO))), 1)
+        corners = _HIGHEST_CORNER * _RATIO ** -np.arange(count + 1.0)
+        # 1 - phi, which at the low end has the digits that phi has not.
+        below = np.append(_below_one(corners), 1.0 - _POLE)
+        below_zeros = np.append(_below_one(corners * np.sqrt(_RATIO)), 1.0 - _ZERO)
+        poles, zeros = 1.0 - below, 1.0 - below_zeros
+        own = np.eye(len(poles), dtype=bool)
+        ratio = (below_zeros[None, :] - below[:, None]) / poles[:, None]
+        distance = np.where(own, 1.0, (below[None, :] - below[:, None]) / poles[:, None])
+        gains = _GAIN * np.prod(ratio / distance, axis=1)
+        return cls(poles, gains, float(_GAIN * np.prod(zeros / poles)))
+
+    def density(self, angle: Array) -> Array:
+        """Return ``|H|^2`` at angular frequencies per sample ``2 pi f dt``."""
+        delay = np.exp(-1j * np.atleast_1d(angle))[:, None]
+        response = self.direct + np.sum(self.gains / (1.0 - self.poles * delay), axis=1)
+        return np.abs(response) ** 2
+
+
+def _below_one(corner: Array) -> Array:
+    """Return ``1 - phi`` of a pole at a corner: ``(1 - phi)^2 / phi = S^2``."""
+    return corner * (np.sqrt(1.0 + 0.25 * corner**2) - 0.5 * corner)
+
+
+class _Rows(NamedTuple):
+    """The filter's recursion in rows of C samples; no seed is in it."""
+
+    from_noise: Array
+    """(C, C + p): noise of a row -> its values, and the states at its end."""
+    from_state: Array
+    """(p, C)."""
+    decay: Array
+    """(R + 1, p) of the states over k rows."""
+    root: Array
+    """(p, p) root of the stationary covariance of the states."""
+
+
+@lru_cache(maxsize=8)
+def _rows(dt: float) -> _Rows:
+    design = FlickerFilter.design(dt)
+    poles, gains = design.poles, design.gains
+    powers = poles ** np.arange(_COLUMNS + 1)[:, None]  # (C + 1, p)
+    impulse = powers[:-1] @ gains
+    impulse[0] += design.direct
+    lag = np.subtract.outer(np.arange(_COLUMNS), np.arange(_COLUMNS))
+    own = np.where(lag >= 0, impulse[np.abs(lag)], 0.0)
+    # Covariance of recursions that see the same unit noise: 1 / (1 - phi_i phi_j).
+    covariance = 1.0 / (1.0 - np.outer(poles, poles))
+    return _Rows(
+        np.concatenate([own.T, powers[:-1][::-1]], axis=1),
+        np.ascontiguousarray((powers[1:] * gains).T),
+        poles ** (_COLUMNS * np.arange(_FLICKER_ROWS + 1.0))[:, None],
+        np.asarray(np.linalg.cholesky(covariance), dtype=np.float64),
+    )
+
+
+class FlickerNoise(ChunkedProcess):
+    """1/f noise of density ``1 / (2 pi f)``, stationary from the first sample on.
+
+    White noise through a filter from the lowest frequency that matters to Nyquist. It is run as a
+    sum of first-order recursions that all see the same white noise, so that it costs one random
+    number a sample. Within a row the response to the row's own noise and to the state before it
+    are two products with constant matrices.
+    """
+
+    def __init__(self, seed: Seed, source: str, dt: float) -> None:
+        """Draw the initial states from the stationary distribution.
+
+        :param dt: time between two samples [s].
+        """
+        super().__init__(FLICKER_CHUNK, (*np.shape(seed), 3))
+        self._streams = Streams(seed, source)
+        self._rows = _rows(dt)
+        self._state = self._drawn(...)
+
+    def begin(self, units: Units) -> None:
+        """Let some units of a batch begin again, from their present seeds."""
+        self._streams.begin(units)
+        self._state[units] = self._drawn(units)
+
+    def _drawn(self, units: Units) -> Array:
+        """Return initial states (..., 3, p)."""
+        root = self._rows.root
+        numbers = np.moveaxis(self._streams.next(len(root), units), 0, -1)
+        # A vector at a time: the sums are the same for one unit and for many.
+        return np.matmul(root, numbers[..., None])[..., 0]
+
+    def _make_chunks(self, count: int, units: Units) -> Array:
+        rows, state = self._rows, self._state[units]
+        several, poles = state.shape[:-2], state.shape[-1]
+        numbers = np.moveaxis(self._streams.next(count * FLICKER_CHUNK, units), 0, -1)
+        # All rows of a unit's chunk in a product: its size, and so its sums, never differ.
+        noise = numbers.reshape(*several, 3, count, _FLICKER_ROWS, _COLUMNS).swapaxes(-4, -3)
+        made = noise.reshape(*several, count, 3 * _FLICKER_ROWS, _COLUMNS) @ rows.from_noise
+        values, ends = made[..., :_COLUMNS], made[..., _COLUMNS:]
+        ends = ends.reshape(*several, count, 3, _FLICKER_ROWS, poles)  # of rows that start at 0
+        step = 1
+        while step < _FLICKER_ROWS:  # of chunks that start at 0, by doubling
+            ends[..., step:, :] += rows.decay[step] * ends[..., :-step, :]
+            step *= 2
+        states = np.empty((*several, count, 3, poles))
+        for chunk in range(count):
+            states[..., chunk, :, :] = state
+            state = rows.decay[_FLICKER_ROWS] * state
+            state += ends[..., chunk, :, -1, :]
+        self._state[units] = state
+        starts = rows.decay[:_FLICKER_ROWS] * states[..., None, :]
+        starts[..., 1:, :] += ends[..., :-1, :]
+        values += starts.reshape(*several, count, 3 * _FLICKER_ROWS, poles) @ rows.from_state
+        found = values.reshape(*several, count, 3, FLICKER_CHUNK).swapaxes(-3, -2)
+        return np.moveaxis(found.reshape(*several, 3, count * FLICKER_CHUNK), -1, 0)
 
 
 class Events:

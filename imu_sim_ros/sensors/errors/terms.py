@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 
 from imu_sim_ros.random_streams import Seed, Streams, Units, axis_generators, generator
 from imu_sim_ros.rotation import transform
-from imu_sim_ros.sensors.errors.flicker import FlickerNoise
-from imu_sim_ros.sensors.errors.processes import GaussMarkovBank
+from imu_sim_ros.sensors.errors.processes import FlickerNoise, GaussMarkovBank
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 from imu_sim_ros.types import Array
@@ -302,10 +301,10 @@ class GaussMarkov(_Process):
 class BiasInstability(_Process):
     """Flicker noise with the power spectral density ``B^2 / (2 pi f)`` (IEEE Std 952-1997, C.1.3).
 
-    White noise through a filter (:mod:`imu_sim_ros.sensors.errors.flicker`): the density is within
-    3.2 % of 1/f from 1e-4 Hz to the Nyquist frequency and within 6 % from 3.5e-5 Hz, at any rate
-    from 50 Hz to 8 kHz, and the Allan deviation that of exact 1/f noise, ``B sqrt(2 ln 2 / pi)``.
-    Below that band the density is flat. The noise is stationary from the first sample on.
+    The density of the filtered white noise (:class:`FlickerNoise`) is within 3.2 % of 1/f from
+    1e-4 Hz to the Nyquist frequency and within 6 % from 3.5e-5 Hz, at any rate from 50 Hz to 8 kHz,
+    and the Allan deviation that of exact 1/f noise, ``B sqrt(2 ln 2 / pi)``. Below that band the
+    density is flat. The noise is stationary from the first sample on.
     """
 
     parameter = source = "bias_instability"

@@ -27,7 +27,7 @@ from imu_sim_ros.sensors.declaration import (
     on_demand,
     topic,
 )
-from imu_sim_ros.sensors.errors.response import variance_discrete
+from imu_sim_ros.sensors.errors.triad import variance_discrete
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.types import Array
 

@@ -4,20 +4,17 @@
 """The ideal reading: specific force and angular rate, at an instant or averaged."""
 
 from functools import lru_cache
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.rotation import cross, rotate_inverse, transform
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
+from imu_sim_ros.sensors.gravity import CurvedEarth, earth_rate_vector, gravity_vector
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.types import Array
-
-if TYPE_CHECKING:
-    from imu_sim_ros.sensors.gravity import CurvedEarth
 
 
 _MAX_PERIODS: Final = 50.0
@@ -99,7 +96,7 @@ class IdealImu:
     """An IMU without errors at its mounting position on the body."""
 
     def __init__(self, imu: ImuParameters, environment: EnvironmentParameters) -> None:
-        self._curved_earth = _curved_earth(environment) if environment.curved_earth else None
+        self._curved_earth = CurvedEarth(environment) if environment.curved_earth else None
         self._gravity_w = gravity_vector(environment)
         self._earth_rate_w = earth_rate_vector(environment)
         self._lever_arm_b = np.array(imu.lever_arm)
@@ -122,41 +119,32 @@ class IdealImu:
         (:class:`imu_sim_ros.sensors.gravity.CurvedEarth`).
         """
         n = len(motion.q_wb)
-        if n > 1 and not any(
-            values.strides[0] for values in motion
-        ):  # one row stands for all times
+        if n > 1 and not any(values.strides[0] for values in motion):  # one row for all times
             rate, force = self.read(Motion(*(values[:1] for values in motion)))
             return np.broadcast_to(rate, (n, 3)), np.broadcast_to(force, (n, 3))
-        rate, force = self._of_the_body(motion)
+        q_wb, arm = motion.q_wb, self._lever_arm_b
+        if self._curved_earth is not None:
+            rate, force = self._curved_earth.read(motion, arm)
+        else:
+            rate = motion.angular_velocity
+            force = rotate_inverse(q_wb, motion.acceleration - self._gravity_w)
+            if self._has_lever_arm:
+                force += cross(motion.angular_acceleration, arm)
+                force += cross(rate, cross(rate, arm))
+            if self._earth_turns:
+                earth_rate = rotate_inverse(q_wb, self._earth_rate_w)
+                velocity = cross(rate, arm)
+                velocity += rotate_inverse(q_wb, motion.velocity)
+                coriolis = cross(earth_rate, velocity)
+                coriolis *= 2.0
+                force += coriolis
+                rate = np.add(rate, earth_rate, out=earth_rate)
         rate_i, force_i = transform(self._r_ib, rate), transform(self._r_ib, force)
         if self._has_size:
             turning_i = transform(self._r_ib, motion.angular_velocity)
             change_i = transform(self._r_ib, motion.angular_acceleration)
             force_i += size_effect(self._elements_i, turning_i, change_i)
         return rate_i, force_i
-
-    def _of_the_body(self, motion: Motion) -> tuple[Array, Array]:
-        """Return angular rate and specific force at the lever arm in the body frame, (n, 3)."""
-        if self._curved_earth:
-            return self._curved_earth.read(motion, self._lever_arm_b)
-        q_wb = motion.q_wb
-        rate = motion.angular_velocity
-        force = rotate_inverse(q_wb, motion.acceleration - self._gravity_w)
-        if not (self._has_lever_arm or self._earth_turns):
-            return rate, force
-        arm = self._lever_arm_b
-        swing = cross(rate, arm)
-        if self._has_lever_arm:
-            force += cross(motion.angular_acceleration, arm)
-            force += cross(rate, swing)
-        if self._earth_turns:
-            earth_rate = rotate_inverse(q_wb, self._earth_rate_w)
-            swing += rotate_inverse(q_wb, motion.velocity)
-            coriolis = cross(earth_rate, swing)
-            coriolis *= 2.0
-            force += coriolis
-            rate = np.add(rate, earth_rate, out=earth_rate)
-        return rate, force
 
     def read_mean(
         self, trajectory: Trajectory, t: Array, motion: Motion, quadrature: Quadrature
@@ -191,12 +179,6 @@ class IdealImu:
                         mean[row] += weight * own
         rate, force = means
         return rate, force
-
-
-def _curved_earth(environment: EnvironmentParameters) -> "CurvedEarth":
-    from imu_sim_ros.sensors.gravity import CurvedEarth  # most worlds are flat
-
-    return CurvedEarth(environment)
 
 
 def size_effect(positions: Array, omega: Array, alpha: Array) -> Array:

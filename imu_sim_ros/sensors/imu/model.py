@@ -66,7 +66,7 @@ class Imu:
         self._quadrature: Quadrature | None = None
         self._ratio = int(imu.internal_ratio(rate))
         self._ideal = IdealImu(imu, environment)
-        self._triads = [Triad(triad, imu, seed, rate) for triad in TRIADS]
+        self._triads = [Triad(triad, imu, seed, rate, self._ratio) for triad in TRIADS]
         self._timing = SampleTiming("", rate, imu, seed, t0_ns)
         self._vibration: BoardVibration | None = None
         if imu.vibration.there:

@@ -4,7 +4,7 @@
 """Parameters of the IMU: the triads' errors, mounting, timing, the vehicle's vibration, presets."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
@@ -374,11 +374,6 @@ class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
                 f"{prefix}accelerometer_range = {min(limits):g}: smaller than gravity "
                 f"({gravity:g} m/s^2), so an IMU at rest saturates"
             )
-
-
-def instantaneous(imu: ImuParameters) -> ImuParameters:
-    """Return the IMU with readings at an instant: only gyroscope and accelerometer average."""
-    return replace(imu, sampling="instantaneous")
 
 
 def sensor_layer(name_or_file: str, node: str = "simulator") -> dict[str, object]:

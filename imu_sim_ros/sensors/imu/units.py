@@ -17,18 +17,18 @@ from imu_sim_ros.parameters.kinds import Parameter
 from imu_sim_ros.parameters.sections import parameters as declared
 from imu_sim_ros.random_streams import Streams, Units
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.errors.flicker import CHUNK
+from imu_sim_ros.sensors.errors.processes import FLICKER_CHUNK
 from imu_sim_ros.sensors.errors.realised import of_each, unit_of_seed
 from imu_sim_ros.sensors.errors.terms import Surroundings, is_constant
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
-from imu_sim_ros.sensors.imu.parameters import ImuParameters, instantaneous
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters, names_as_in_triads
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
 from imu_sim_ros.sensors.parameters import OwnRateParameters
 from imu_sim_ros.sensors.world import SampleTimes, TemperatureProfile
 from imu_sim_ros.types import Array, Integers
 
-AHEAD: Final = CHUNK
+AHEAD: Final = FLICKER_CHUNK
 """Samples of a unit whose noise is made at once."""
 _AT_ONCE: Final = 48
 """Units for which that is done together: their arrays stay in the processor's cache, and are small
@@ -194,11 +194,10 @@ class Triads:
         self._in_phase = True
         self._temperature = TemperatureProfile(units.environment.temperature)
         self._reference = units.imus[0].reference_temperature
-        imu = instantaneous(units.imus[0])
         self._triads: dict[str, Triad] = {}
         for name in names:
             one = units.triad(name, slice(None))
-            self._triads[name] = Triad(name, imu, units.seeds, own.rate)
+            self._triads[name] = Triad(name, units.imus[0], units.seeds, own.rate)
             self._triads[name].configure(unit_of_seed(one, name, units.unit_seeds))
         self._ahead = {name: Additions(None, _room(count), None) for name in names}
         self._make_others = dict(others or {})

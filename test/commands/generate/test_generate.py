@@ -20,7 +20,7 @@ from imu_sim_ros.bags.read import open_bag, read_imu, read_odometry, read_poses
 from imu_sim_ros.commands.generate import main
 from imu_sim_ros.parameters import files
 from imu_sim_ros.rotation import rotate
-from imu_sim_ros.sensors.errors.response import variance_discrete
+from imu_sim_ros.sensors.errors.triad import variance_discrete
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
