@@ -106,6 +106,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.navigation.preintegration import Preintegration as Preintegration
     from imu_sim_ros.navigation.state import NavigationState as NavigationState
     from imu_sim_ros.poses import PoseSequence as PoseSequence
+    from imu_sim_ros.sensors import register_sensor as register_sensor
     from imu_sim_ros.sensors.barometer.declaration import PressureReadings as PressureReadings
     from imu_sim_ros.sensors.barometer.declaration import read_pressure as read_pressure
     from imu_sim_ros.sensors.magnetometer.declaration import MagneticReadings as MagneticReadings
@@ -113,7 +114,6 @@ if TYPE_CHECKING:
     from imu_sim_ros.sensors.orientation.declaration import Orientations as Orientations
     from imu_sim_ros.sensors.orientation.declaration import read_orientation as read_orientation
     from imu_sim_ros.sensors.recorded import RecordedSamples as RecordedSamples
-    from imu_sim_ros.sensors.registry import register_sensor as register_sensor
     from imu_sim_ros.trajectory.motion import Motion as Motion
 _HOMES = {
     "camera": ["camera"],
@@ -152,7 +152,7 @@ _HOMES = {
     "sensors.magnetometer.declaration": ["MagneticReadings", "read_magnetometer"],
     "sensors.orientation.declaration": ["Orientations", "read_orientation"],
     "sensors.recorded": ["RecordedSamples"],
-    "sensors.registry": ["register_sensor"],
+    "sensors": ["register_sensor"],
     "trajectory.motion": ["Motion"],
 }
 __version__ = "1.0.0"

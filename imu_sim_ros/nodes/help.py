@@ -146,7 +146,7 @@ def parser(name: str) -> argparse.ArgumentParser:
     group = result.add_argument_group("parameters (* may change while the node runs)")
     known = dict(parameters(program.section()))
     if name == "simulator":
-        from imu_sim_ros.sensors.registry import all_sensors
+        from imu_sim_ros.sensors import all_sensors
 
         for sensor in all_sensors()[0]:
             own = parameters(sensor.section)

@@ -4,15 +4,25 @@
 """The sensors on a body: one folder for each, and what all of them share.
 
 They are listed here, each with the declaration in its folder, which says whether each IMU has it.
-Engine, node, ``generate``, datasets, reports and Python go through the list and name none of them;
-other packages add theirs (:mod:`imu_sim_ros.sensors.registry`).
+Engine, node, ``generate``, datasets, reports and Python go through the list and name none of them.
+
+Another package declares a :class:`~imu_sim_ros.sensors.declaration.Sensor` and either hands it to
+:func:`register_sensor`, or names it as an entry point of the group ``imu_sim_ros.sensors``. Entry
+points are looked up only for a name that is not known otherwise, and for ``--help``.
 """
 
+import re
 from functools import cache
 from importlib import import_module
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
+
+from imu_sim_ros import arguments
+from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.names import shown, suggestion
 
 if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
     from imu_sim_ros.inputs.tables import Table
     from imu_sim_ros.sensors.declaration import Sensor, Switch
 
@@ -30,6 +40,9 @@ CAMERAS: Final = (
     "own parameters (cam0.camera.rate, ...); none: no camera"
 )
 """What the parameter ``cameras`` is."""
+ENTRY_POINTS: Final = "imu_sim_ros.sensors"
+_NAME: Final = re.compile(r"[a-z][a-z0-9_]*")
+_REGISTERED: Final[dict[str, "Sensor"]] = {}
 
 
 @cache
@@ -61,7 +74,127 @@ def known_tables() -> "dict[str, Table]":
 
     They are those of all sensors of this package and of those that were registered.
     """
-    from imu_sim_ros.sensors.registry import registered
-
     tables = (one.table for one in (*declared().values(), *registered()))
     return {table.name: table for table in tables if table is not None}
+
+
+def register_sensor(sensor: Any) -> None:
+    """Register a sensor of your own under its name, for ``simulate(sensors=[NAME])``.
+
+    A second sensor with the same name replaces the first.
+
+    :param sensor: a :class:`~imu_sim_ros.sensors.declaration.Sensor`; see *Simulate a sensor of
+        your own* in the manual.
+    :raises ConfigurationError: for anything else, or a name that cannot be used, with a line for
+        each problem.
+
+    >>> import imu_sim_ros as ims
+    >>> ims.register_sensor("sonar")
+    Traceback (most recent call last):
+    ...
+    imu_sim_ros.errors.ArgumentTypeError: sensor = 'sonar': must be a Sensor
+    """
+    from imu_sim_ros.sensors.declaration import Sensor
+
+    if not isinstance(sensor, Sensor):
+        arguments.refuse("sensor", sensor, "a Sensor", wrong_type=True)
+    _REGISTERED[_checked(sensor, "sensor").name] = sensor
+
+
+def registered() -> "tuple[Sensor, ...]":
+    """Return the sensors of other packages that were registered or loaded."""
+    return tuple(_REGISTERED.values())
+
+
+def find_sensor(name: str) -> "Sensor":
+    """Return a sensor by name: one that is registered, one of ours, or an entry point's.
+
+    :raises ConfigurationError: for a name that does not exist, or cannot be loaded.
+    """
+    if name in _REGISTERED:
+        return _REGISTERED[name]
+    if name in named_sensors():
+        return named_sensors()[name]
+    offered = _offered()
+    if name not in offered:
+        known = [*named_sensors(), *_REGISTERED, *sorted(offered)]
+        hint = suggestion(name, known, f"must be one of {', '.join(known) or 'none'}")
+        if any(name in (one.name, one.quantity) for one in sensors_of_imus()):
+            hint = "each IMU has it: publish.* and --topics choose it"
+        raise ConfigurationError(f"sensors: {name!r}: {hint}")
+    _REGISTERED[name] = _loaded(name, offered[name])
+    return _REGISTERED[name]
+
+
+def all_sensors() -> "tuple[list[Sensor], list[str]]":
+    """Return all sensors that `sensors` can name, and a line for each that cannot be loaded.
+
+    This looks up all entry points.
+    """
+    found: list[Sensor] = []
+    problems: list[str] = []
+    for name in dict.fromkeys([*named_sensors(), *_REGISTERED, *sorted(_offered())]):
+        try:
+            found.append(find_sensor(name))
+        except ConfigurationError as error:
+            problems += error.problems
+    return found, problems
+
+
+def is_known(name: str) -> bool:
+    """Return whether there is a sensor of this name; entry points are looked up."""
+    return name in named_sensors() or name in _REGISTERED or name in _offered()
+
+
+def _offered() -> "dict[str, EntryPoint]":
+    from importlib.metadata import entry_points  # a search of all packages; seldom needed
+
+    return {point.name: point for point in entry_points(group=ENTRY_POINTS)}
+
+
+def _loaded(name: str, point: "EntryPoint") -> "Sensor":
+    """Return the sensor of an entry point: a declaration, or a module that has one as SENSOR."""
+    try:
+        found = point.load()
+    except Exception as error:  # code of other people: whatever it raises
+        raise ConfigurationError(
+            f"sensors: {name!r}: {point.value} cannot be loaded: {error}"
+        ) from error
+    sensor = _checked(getattr(found, "SENSOR", found), f"sensors: {point.value}")
+    if sensor.name != name:
+        raise ConfigurationError(
+            f"sensors: {name!r}: {point.value} is the sensor {sensor.name!r}; the entry point must "
+            "have its name"
+        )
+    return sensor
+
+
+def _checked(sensor: Any, what: str) -> "Sensor":
+    """Return a declaration of another package, checked.
+
+    :raises ConfigurationError: with a line for each problem.
+    """
+    from imu_sim_ros.sensors.declaration import Sensor
+    from imu_sim_ros.sensors.parameters import SensorParameters
+
+    given: object = sensor
+    if not isinstance(given, Sensor):
+        raise ConfigurationError(f"{what}: {shown(sensor)} is not a Sensor")
+    problems = []
+    of_imus = [one.name for one in sensors_of_imus()]
+    if not _NAME.fullmatch(sensor.name) or sensor.name in of_imus:
+        problems.append(
+            f"{what}: name = {sensor.name!r}: must be lower-case letters, digits and underscores, "
+            "and not that of a sensor of IMUs"
+        )
+    if sensor.with_imu:
+        problems.append(f"{what}: with_imu = True: must be False; `sensors` names it")
+    if sensor.quantity != sensor.name:
+        problems.append(f"{what}: quantity = {sensor.quantity!r}: must be the name, {sensor.name}")
+    if not (isinstance(sensor.section, type) and issubclass(sensor.section, SensorParameters)):
+        problems.append(f"{what}: section = {sensor.section!r}: must derive from SensorParameters")
+    if not sensor.topics:
+        problems.append(f"{what}: topics = (): must be one at least, of the readings")
+    if problems:
+        raise ConfigurationError(problems)
+    return sensor

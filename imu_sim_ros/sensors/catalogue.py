@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import parameters
-from imu_sim_ros.sensors.registry import all_sensors
+from imu_sim_ros.sensors import all_sensors
 
 _GRADE: Final = re.compile(r"^# Grade: (?P<grade>.+?)\. Price class: (?P<price>.+)\.$")
 _SOURCE: Final = re.compile(r"^# (?P<source>\[\d\] .+)$")

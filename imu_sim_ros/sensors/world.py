@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import timebase
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.sensors.environment import EnvironmentParameters, TemperatureParameters
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -147,52 +146,3 @@ def _evenly_spaced(t: Array, times: Array) -> slice | None:
         return None
     rows = slice(first, first + step * (count - 1) + 1, step)
     return rows if np.array_equal(times[rows], t) else None
-
-
-class Sampled(NamedTuple):
-    """n samples that lie in a window of time."""
-
-    first: int
-    """Index of the first of them."""
-    true_t_ns: Times
-    """(n,) [ns]."""
-    t: Array
-    """(n,) since the start of the run [s]."""
-
-
-class SampleTimes:
-    """Times of a sensor's samples: sample k is taken at ``offset + k / rate`` after the start."""
-
-    def __init__(self, rate: float, t0_ns: int, offset: float = 0.0, span: float = 0.0) -> None:
-        """Keep them as exact numbers.
-
-        :param t0_ns: true time of the start [ns].
-        :param span: how long a sample takes [s].
-        """
-        self._rate, self._exact_rate = rate, timebase.exact_rate(rate)
-        self._offset, self._span = Fraction(repr(offset)), Fraction(repr(span))
-        self._t0_ns, self._first_ns = t0_ns, t0_ns + timebase.to_nanoseconds(offset)
-
-    def index(self, t: Fraction) -> int:
-        """Return the index of the first sample not before a time, or not complete by then.
-
-        :param t: since the start [s].
-        """
-        after = (t - self._offset - self._span) * self._exact_rate
-        if self._span:
-            return max(after.numerator // after.denominator + 1, 0)
-        return max(-(-after.numerator // after.denominator), 0)
-
-    def time(self, index: int) -> Fraction:
-        """Return the time of a sample since the start [s]."""
-        return self._offset + index / self._exact_rate
-
-    def within(self, window: Window) -> Sampled:
-        """Return the samples in a window."""
-        first = self.index(window.begin)
-        return self.following(first, self.index(window.end) - first)
-
-    def following(self, first: int, count: int) -> Sampled:
-        """Return the samples from an index on."""
-        true_t_ns = timebase.sample_times_ns(first, count, self._rate, self._first_ns)
-        return Sampled(first, true_t_ns, timebase.seconds_since(true_t_ns, self._t0_ns))

@@ -25,11 +25,10 @@ from imu_sim_ros.parameters.sections import (
     section,
     variant,
 )
-from imu_sim_ros.sensors import CAMERAS
+from imu_sim_ros.sensors import CAMERAS, find_sensor, is_known
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.imu.parameters import ImuParameters, layer_imu, sensor_layer
 from imu_sim_ros.sensors.parameters import LARGEST_JITTER_SIGMA
-from imu_sim_ros.sensors.registry import find_sensor, is_known
 from imu_sim_ros.timebase import exact_rate
 from imu_sim_ros.trajectory.parameters import (
     TYPES,

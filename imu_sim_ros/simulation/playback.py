@@ -22,11 +22,10 @@ from imu_sim_ros.parameters.kinds import (
     vector,
 )
 from imu_sim_ros.parameters.sections import is_of_ros, section, shared
-from imu_sim_ros.sensors import sensors_of_imus
+from imu_sim_ros.sensors import find_sensor, sensors_of_imus
 from imu_sim_ros.sensors.declaration import Sensor
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.parameters import LARGEST_LATENCY, LONGEST
-from imu_sim_ros.sensors.registry import find_sensor
 from imu_sim_ros.simulation.parameters import SimulationParameters, imus, layered
 
 PARTS: Final = (*TRIADS, *(one.name for one in sensors_of_imus() if one.faults))

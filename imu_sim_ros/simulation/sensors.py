@@ -13,11 +13,10 @@ from typing import NamedTuple
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.inputs.tables import Table
-from imu_sim_ros.sensors import sensors_of_imus
+from imu_sim_ros.sensors import find_sensor, sensors_of_imus
 from imu_sim_ros.sensors.declaration import Model, Mounted
 from imu_sim_ros.sensors.imu import declaration as imu
 from imu_sim_ros.sensors.pose import declaration as pose
-from imu_sim_ros.sensors.registry import find_sensor
 from imu_sim_ros.simulation.parameters import SampledParameters, SimulationParameters, imus
 from imu_sim_ros.types import Array
 

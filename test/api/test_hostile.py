@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
+from imu_sim_ros import sensors
 from imu_sim_ros.commands import generate
-from imu_sim_ros.sensors import registry
 
 NAN = float("nan")
 PATIENCE = 60.0
@@ -253,7 +253,7 @@ RESULTS = {
 def world(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("hostile"))
-        patch.setattr(registry, "_REGISTERED", {})
+        patch.setattr(sensors, "_REGISTERED", {})
         patch.syspath_prepend(Path(__file__).parents[2] / "examples")
         yield World()
 

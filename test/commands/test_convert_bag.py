@@ -304,7 +304,7 @@ def test_topics_without_a_place_in_a_dataset_are_named_whatever_was_loaded(tmp_p
     bag = tmp_path / "a.bag"
     assert generate.main(["-o", str(bag), "--duration", "2s", "--gnss", "ublox_m8", "--quiet"]) == 0
     named = []
-    for before in ("", "from imu_sim_ros.sensors.registry import all_sensors; all_sensors(); "):
+    for before in ("", "from imu_sim_ros.sensors import all_sensors; all_sensors(); "):
         program = f"{before}from imu_sim_ros.commands.convert_bag import main; main()"
         output = tmp_path / f"out{len(named)}"
         words = [str(bag), "-o", str(output), "--format", "csv", "--json"]

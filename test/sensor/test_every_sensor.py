@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
+from imu_sim_ros import sensors
 from imu_sim_ros.bags import sensor_tables
 from imu_sim_ros.jobs.flight import Flight
 from imu_sim_ros.parameters.sections import parameters
-from imu_sim_ros.sensors import SENSORS, declared, known_tables, registry, sensors_of_imus
+from imu_sim_ros.sensors import SENSORS, declared, find_sensor, known_tables, sensors_of_imus
 from imu_sim_ros.sensors.declaration import Sensor
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.simulation.engine import Body
@@ -31,7 +32,7 @@ BOARD = {"imu.preset": "perfect", "trajectory.type": "figure_eight", "duration":
 @pytest.fixture(params=NAMES)
 def sensor(request: Any, monkeypatch: Any) -> Sensor:
     """Return each declaration in turn; the example's is registered for the test."""
-    monkeypatch.setattr(registry, "_REGISTERED", {})
+    monkeypatch.setattr(sensors, "_REGISTERED", {})
     if request.param in SENSORS:
         return declared()[request.param]
     if request.param == "sonar":
@@ -42,7 +43,7 @@ def sensor(request: Any, monkeypatch: Any) -> Sensor:
         monkeypatch.setitem(sys.modules, "sonar", module)  # dataclasses look there
         spec.loader.exec_module(module)
         ims.register_sensor(module.SENSOR)
-    return registry.find_sensor(request.param)
+    return find_sensor(request.param)
 
 
 def prefix(sensor: Sensor) -> str:

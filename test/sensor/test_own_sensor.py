@@ -18,12 +18,11 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
+from imu_sim_ros import rotation, sensors
 from imu_sim_ros.commands import generate
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.nodes import help as node_help
 from imu_sim_ros.parameters import files
-from imu_sim_ros.sensors import registry
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -72,7 +71,7 @@ def own_package() -> Any:
 @pytest.fixture
 def installed(tmp_path: Path, monkeypatch: Any) -> Callable[..., Path]:
     """Install the example; what it registers is forgotten after the test."""
-    monkeypatch.setattr(registry, "_REGISTERED", {})
+    monkeypatch.setattr(sensors, "_REGISTERED", {})
     monkeypatch.delitem(sys.modules, "own_sensor", raising=False)
 
     def install(*entry_point: str) -> Path:

@@ -12,14 +12,13 @@ import pytest
 import yaml
 
 import imu_sim_ros as ims
-from imu_sim_ros import rotation
+from imu_sim_ros import rotation, sensors
 from imu_sim_ros.bags.messages.encode import VECTOR3_STAMPED
 from imu_sim_ros.commands import generate
 from imu_sim_ros.inputs.gate import POSITION
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.parameters import files
 from imu_sim_ros.places.geometry import Caster
-from imu_sim_ros.sensors import registry
 from imu_sim_ros.sensors.declaration import Sensor, SensorReadings, topic
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.model import SensorModel
@@ -65,7 +64,7 @@ class Beam(SensorModel):
 
 @pytest.fixture(autouse=True)
 def beam(monkeypatch: Any) -> None:
-    monkeypatch.setattr(registry, "_REGISTERED", {})
+    monkeypatch.setattr(sensors, "_REGISTERED", {})
     ims.register_sensor(
         Sensor(
             *("beam", "beam", SensorParameters, Beam),

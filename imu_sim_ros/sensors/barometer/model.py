@@ -18,8 +18,9 @@ from imu_sim_ros.sensors.environment import AtmosphereParameters
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.faults import FaultSchedule
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.with_imu import SensorWithImu
-from imu_sim_ros.sensors.world import Sampled, World
+from imu_sim_ros.sensors.model import SensorWithImu
+from imu_sim_ros.sensors.samples import Sampled
+from imu_sim_ros.sensors.world import World
 from imu_sim_ros.types import Array
 
 EARTH_RADIUS: Final = 6356766.0

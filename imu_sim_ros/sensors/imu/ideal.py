@@ -16,7 +16,6 @@ from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.types import Array
 
-
 _MAX_PERIODS: Final = 50.0
 """Most periods of the highest frequency in the interval; they take 187 nodes."""
 _NEWTON_STEPS: Final = 8
