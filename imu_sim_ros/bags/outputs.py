@@ -9,7 +9,7 @@ import glob
 import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, nullcontext, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -217,17 +217,17 @@ class Target:
 
 
 class Outputs:
-    """The outputs of one run of a program; use as a context manager around its work.
+    """The outputs of one run of a program, which lie in staging folders until they are whole.
 
-    Add all targets first. Entering the context refuses, all together, those that exist (unless
-    ``force``), that are an input, that cannot be made; and makes their parents. Leaving it without
-    an error gives every output its name; an error removes what was written. Ctrl-C and the like
-    (any exception that is no :class:`Exception`) leave targets with ``kept`` as
+    Add all of them first, and write them inside ``staged``. That refuses, all together, those that
+    exist (unless ``force``), that are an input, that cannot be made; and makes their parents. The
+    end of the block gives every output its name; an error removes what was written. Ctrl-C and the
+    like (any exception that is no :class:`Exception`) leave targets with ``kept`` as
     ``NAME.partial.EXT``; the exception's args then get a line about each::
 
         outputs = Outputs(inputs=[bag], force=arguments.force)
         table = outputs.add(Path("table.csv"))
-        with outputs:
+        with outputs.staged():
             write_csv(table, ...)
     """
 
@@ -249,8 +249,6 @@ class Outputs:
         self.force, self.discard_partial = force, discard_partial
         self._inputs = [Path(path) for path in inputs]
         self._targets: list[Target] = []
-        self._made: list[Path] = []
-        self._locks: list[int] = []
 
     def add(
         self,
@@ -299,51 +297,66 @@ class Outputs:
         self._targets.append(Target(final, final, paths, staging, staging))
         return staging
 
-    def __enter__(self) -> "Outputs":
+    @contextmanager
+    def staged(self) -> "Iterator[Outputs]":
+        """Stage the outputs during a block of work, and give them their names after it.
+
+        :raises InputError: with a line for each output that cannot be written.
+        """
         problems = [problem for target in self._targets for problem in self._problems(target)]
         problems += self._collisions()
         if problems:
             raise InputError(problems)
-        for target in self._staged:
-            folder = target.staging
-            try:
-                missing = [p for p in (folder.parent, *folder.parent.parents) if not p.exists()]
-                for parent in reversed(missing):
-                    parent.mkdir(exist_ok=True)
-                    self._made.append(parent)
-                if os.path.lexists(folder):
-                    self._remove_stale(folder)
-                folder.mkdir()
-                lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-                self._locks.append(lock)
-                with suppress(OSError):  # a file system without locks
-                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BaseException as error:
-                self._clear()
-                if isinstance(error, OSError):
+        staged = [target for target in self._targets if target.companion_of is None]
+        with ExitStack() as ending, ExitStack() as made:
+            for target in staged:
+                folder = target.staging
+                try:
+                    missing = [p for p in (folder.parent, *folder.parent.parents) if not p.exists()]
+                    for parent in reversed(missing):
+                        parent.mkdir(exist_ok=True)
+                        made.callback(_remove_empty, parent)
+                    if os.path.lexists(folder):
+                        self._remove_stale(folder)
+                    folder.mkdir()
+                    lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+                    made.callback(os.close, lock)
+                    made.callback(shutil.rmtree, folder, ignore_errors=True)
+                    with suppress(OSError):  # a file system without locks
+                        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                except OSError as error:
                     raise system_error(target.final, error) from None
-                raise
-        return self
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        with self._undisturbed():
             try:
-                if error is None:
-                    self._commit()
-                elif not isinstance(error, Exception) and not self.discard_partial:
-                    error.args = (*error.args, *self._keep_parts())
-            finally:
-                self._clear()
-            if isinstance(error, OSError) and error.errno in _FULL and error.filename is None:
-                # The error of a write has no file name; the failed one is among these.
-                error.filename = ", ".join(str(target.final) for target in self._targets)
-            if isinstance(error, ImuSimError):
-                raise type(error)([self._finally_named(line) for line in error.problems]) from None
-
-    @property
-    def _staged(self) -> list[Target]:
-        """The targets with staging folders of their own."""
-        return [target for target in self._targets if target.companion_of is None]
+                yield self
+            except BaseException as error:
+                ending.enter_context(self._undisturbed())
+                if not isinstance(error, Exception) and not self.discard_partial:
+                    error.args = (*error.args, *self._keep_parts(staged))
+                if isinstance(error, OSError) and error.errno in _FULL and error.filename is None:
+                    # The error of a write has no file name; the failed one is among these.
+                    error.filename = ", ".join(str(target.final) for target in self._targets)
+                if isinstance(error, ImuSimError):
+                    named = [self._finally_named(line) for line in error.problems]
+                    raise type(error)(named) from None
+                raise
+            ending.enter_context(self._undisturbed())
+            for target in staged:
+                try:
+                    entries = sorted(target.staging.iterdir())
+                    target.folder.mkdir(exist_ok=True)
+                    for entry in entries:
+                        output = target.folder / entry.name
+                        if os.path.lexists(output):
+                            if not self.force:
+                                raise InputError(
+                                    f"{output}: appeared in the meantime; nothing is overwritten"
+                                )
+                            if output.is_dir() and not output.is_symlink():
+                                # removed with the staging folder
+                                output.rename(active_path(entry))
+                        entry.rename(output)
+                except OSError as error:
+                    raise system_error(target.final, error) from None
 
     def _problems(self, target: Target) -> Iterator[str]:
         """Yield the problems of a target, at most one line for each of its paths."""
@@ -437,30 +450,11 @@ class Outputs:
         else:
             staging.unlink()
 
-    def _commit(self) -> None:
-        """Give every output its name."""
-        for target in self._staged:
-            try:
-                entries = sorted(target.staging.iterdir())
-                target.folder.mkdir(exist_ok=True)
-                for entry in entries:
-                    output = target.folder / entry.name
-                    if os.path.lexists(output):
-                        if not self.force:
-                            raise InputError(
-                                f"{output}: appeared in the meantime; nothing is overwritten"
-                            )
-                        if output.is_dir() and not output.is_symlink():
-                            output.rename(active_path(entry))  # removed with the staging folder
-                    entry.rename(output)
-            except OSError as error:
-                raise system_error(target.final, error) from None
-
-    def _keep_parts(self) -> list[str]:
+    def _keep_parts(self, staged: Sequence[Target]) -> list[str]:
         """Rename the complete parts of an interrupted run, and describe their contents."""
         lines = []
         companions = {target.path for target in self._targets if target.companion_of is not None}
-        for target in self._staged:
+        for target in staged:
             if not target.kept:
                 continue
             names: list[str] = []
@@ -492,24 +486,17 @@ class Outputs:
             kept.append(partial.name)
         return kept
 
-    def _clear(self) -> None:
-        """Remove the staging folders, and created parents that are empty."""
-        for target in self._staged[: len(self._locks)]:
-            shutil.rmtree(target.staging, ignore_errors=True)
-        while self._locks:
-            os.close(self._locks.pop())
-        while self._made:
-            try:
-                self._made.pop().rmdir()
-            except OSError:  # it is in use
-                continue
-
     def _finally_named(self, line: str) -> str:
         """Return a line with the targets' names in place of the staging ones."""
         for target in self._targets:
             shown = "" if target.folder == Path() else f"{target.folder}/"
             line = line.replace(f"{target.staging}/", shown)
         return line
+
+
+def _remove_empty(folder: Path) -> None:
+    with suppress(OSError):  # it is in use
+        folder.rmdir()
 
 
 def _partial_name(path: Path) -> Path:

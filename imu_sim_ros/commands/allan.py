@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace) -> None:
     written = outputs(arguments)
     folder = arguments.output or Path("allan")
     staging = None if arguments.no_files else written.add_files(folder, FILES)
-    with written:
+    with written.staged():
         found = call(allan, arguments)
         comparisons = found.compare(arguments.truth) if arguments.truth else []
         if staging is not None:

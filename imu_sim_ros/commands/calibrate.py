@@ -71,7 +71,7 @@ def calibrate(arguments: argparse.Namespace) -> None:
     names = ["imu.yaml", "correction.yaml", f"{arguments.kind}.png"]
     staging = None if arguments.no_files else written.add_files(folder, names)
     rates = getattr(arguments, "rates", None)
-    with written:
+    with written.staged():
         found = call(
             RUNS[arguments.kind].job, arguments, above={} if rates is None else {"rates": rates}
         )

@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> None:
         {name: value for name, value in layer.items() if (name, value) != ("covariance", True)}
         for layer in (files.load_all(arguments.params_file, "integrator"), dict(arguments.set))
     )
-    with output_and_plot(arguments) as written:
+    with output_and_plot(arguments).staged() as written:
         if arguments.all:
             made = call(dead_reckon_all, arguments, below, above)
         else:

@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> None:
     Body(parameters, read_poses)  # a file that cannot be flown is refused before the start
     written = outputs(arguments)
     folder = written.add(arguments.output)
-    with written:
+    with written.staged():
         folder.mkdir()
         _demonstrate(parameters, arguments, folder)
     print(f"bag:     {arguments.output / demo.BAG}\npicture: {arguments.output / _PICTURE}")

@@ -36,7 +36,7 @@ def parser() -> program.Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Compare, write what is asked for, and print."""
-    with output_and_plot(arguments) as written:
+    with output_and_plot(arguments).staged() as written:
         found = call(evaluate, arguments)
         if isinstance(found, Evaluation):
             title = f"{arguments.estimate.name} against {arguments.truth.name}"

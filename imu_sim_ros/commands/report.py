@@ -42,7 +42,7 @@ def run(arguments: argparse.Namespace) -> None:
     inputs = [file for given in arguments.inputs for file in _files(given)]
     written = outputs(argparse.Namespace(**{**vars(arguments), "inputs": inputs}))
     written.add(path, endings=(".html", ".htm"))
-    with written:
+    with written.staged():
         made = call(report, arguments, above={"output": written.where(path)})
     program.show(arguments, replace(made, output=path))
 

@@ -52,7 +52,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Find the twin, write the files and print."""
     written = outputs(arguments)
     staging = None if arguments.no_files else written.add_files(arguments.output, _FILES)
-    with written:
+    with written.staged():
         found = call(twin, arguments, above={"truth": arguments.truth})
         if staging is not None:
             from imu_sim_ros.plots import style

@@ -64,7 +64,7 @@ def view(arguments: argparse.Namespace) -> None:
     written = outputs(arguments)
     if arguments.save is not None:
         written.add(arguments.save, endings=(".rrd",))
-    with written:
+    with written.staged():
         shown = FlightView(arguments.flight.name)
         if arguments.save is not None:
             shown.save(written.where(arguments.save))

@@ -170,7 +170,7 @@ def add_errors_to_file(
     added = USUAL if form.dataset else list(dict.fromkeys(names)) or USUAL
     job = _Job(path, target, form, topic, added, left_out, layers, written, journal)
     written.add(target, kept=True)
-    with written, tempfile.TemporaryDirectory(dir=written.where(target).parent) as folder:
+    with written.staged(), tempfile.TemporaryDirectory(dir=written.where(target).parent) as folder:
         found, messages = job.run(Path(folder))
     wall_s = time.perf_counter() - started
     return ErrorsAdded(target, messages, found, wall_s, tuple(journal.lines))

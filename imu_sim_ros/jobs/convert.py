@@ -178,7 +178,7 @@ def write(
     written.add(path, kept=True)
     job = _Job(source, path, form, written, journal, images, recover, shown)
     job.check_images()
-    with written:
+    with written.staged():
         return job.from_text() if job.is_text else job.from_bag()
 
 

@@ -277,7 +277,7 @@ def generate(
 
     # The run.
     long = any(one.sensor.apart for one in sensors.values())
-    with written, threads(renderers) if long else nullcontext() as pool:
+    with written.staged(), threads(renderers) if long else nullcontext() as pool:
         for truth, text in truths.items():
             written.where(truth).write_text(text, encoding="utf-8")
         moving = build_trajectory(built.trajectory, pose_reader, motion.given)

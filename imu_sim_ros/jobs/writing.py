@@ -281,7 +281,7 @@ def saved(path: str | Path, force: bool, inputs: Iterable[object] = ()) -> Itera
     arguments.switch("force", force)
     written = Outputs([word for word in inputs if is_file(word)], force)
     staged = written.add(arguments.path("path", path, _OUTPUT_PATH))
-    with written:
+    with written.staged():
         yield staged
 
 

@@ -22,7 +22,7 @@ def _here(tmp_path, monkeypatch):
 def test_an_output_has_its_name_only_when_it_is_whole(tmp_path):
     outputs = Outputs()
     table = outputs.add(tmp_path / "new" / "folder" / "table.csv")
-    with outputs:
+    with outputs.staged():
         table.write_text("half")
         assert not (tmp_path / "new/folder/table.csv").exists()
         table.write_text("whole")
@@ -34,7 +34,7 @@ def test_an_error_leaves_nothing_not_even_parents(tmp_path):
     outputs = Outputs()
     table, picture = outputs.add("a/b/table.csv"), outputs.add("picture.png")
     told = r"^a/b/table\.csv: No space left"
-    with pytest.raises(MachineError, match=told), outputs:  # noqa: PT012
+    with pytest.raises(MachineError, match=told), outputs.staged():  # noqa: PT012
         table.write_text("half")
         picture.write_text("torn")
         raise system_error(table, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
@@ -48,7 +48,7 @@ def test_everything_that_is_wrong_with_all_targets_is_said_at_once(tmp_path):
     names = ("there.csv", "file/x.csv", "new.csv", "./new.csv", "..", "n" * 250, "nul\0.csv")
     for name in names:
         outputs.add(name)
-    with pytest.raises(InputError) as refused, outputs:
+    with pytest.raises(InputError) as refused, outputs.staged():
         pytest.fail("the work began")
     lines = refused.value.problems
     assert [line.split(":")[0] for line in lines] == [
@@ -65,7 +65,7 @@ def test_force_replaces_files_links_and_folders_of_outputs(tmp_path):
     (tmp_path / "bag" / "old.mcap").write_text("old")
     outputs = Outputs(force=True)
     paths = [outputs.add(name) for name in ("a.csv", "link.csv", "bag")]
-    with outputs:
+    with outputs.staged():
         paths[0].write_text("new")
         paths[1].write_text("new")
         paths[2].mkdir()
@@ -82,7 +82,7 @@ def test_force_does_not_replace_what_is_no_output(tmp_path, name):
     (tmp_path / "home" / "thesis.tex").write_text("mine")
     outputs = Outputs(force=True)
     outputs.add(name)
-    with pytest.raises(InputError), outputs:
+    with pytest.raises(InputError), outputs.staged():
         pytest.fail("the work began")
     assert (tmp_path / "home" / "thesis.tex").read_text() == "mine"
 
@@ -99,7 +99,7 @@ def test_an_input_is_never_written_to_whatever_it_is_called(tmp_path, name, forc
     (tmp_path / "back").symlink_to(".")
     outputs = Outputs(inputs=["x.mcap", "not there"], force=force)
     outputs.add(name)
-    with pytest.raises(InputError, match=r"is the input x\.mcap"), outputs:
+    with pytest.raises(InputError, match=r"is the input x\.mcap"), outputs.staged():
         pytest.fail("the work began")
     assert (tmp_path / "x.mcap").read_text() == "mine"
 
@@ -113,7 +113,7 @@ def test_a_folder_that_holds_an_input_is_not_replaced(tmp_path):
     ):
         outputs = Outputs(inputs=[given], force=True)
         outputs.add(target)
-        with pytest.raises(InputError, match=f"{word} the input"), outputs:
+        with pytest.raises(InputError, match=f"{word} the input"), outputs.staged():
             pytest.fail("the work began")
 
 
@@ -122,13 +122,13 @@ def test_files_go_into_a_folder_that_holds_others(tmp_path):
     (tmp_path / "results" / "notes.md").write_text("mine")
     outputs = Outputs()
     folder = outputs.add_files("results", ["a.yaml", "b.png"])
-    with outputs:
+    with outputs.staged():
         (folder / "a.yaml").write_text("a")
         (folder / "b.png").write_text("b")
     assert sorted(os.listdir(tmp_path / "results")) == ["a.yaml", "b.png", "notes.md"]
     again = Outputs()
     again.add_files("results", ["b.png", "c.png"])
-    with pytest.raises(InputError, match=r"results/b\.png: already exists"), again:
+    with pytest.raises(InputError, match=r"results/b\.png: already exists"), again.staged():
         pytest.fail("the work began")
 
 
@@ -138,7 +138,7 @@ def test_parts_of_a_split_output_are_refused_as_well(tmp_path):
     outputs = Outputs()
     outputs.add("x.bag")
     outputs.add("y.bag")
-    with pytest.raises(InputError) as refused, outputs:
+    with pytest.raises(InputError) as refused, outputs.staged():
         pytest.fail("the work began")
     assert refused.value.problems == ("x_3.bag: already exists; --force replaces it",)
 
@@ -149,7 +149,7 @@ def test_an_interrupted_run_keeps_what_is_whole_as_a_part(tmp_path, discard):
         outputs = Outputs(discard_partial=discard)
         bag, side = outputs.add("x.mcap", kept=True), outputs.add("x_truth.yaml")
         outputs.describe("x.mcap", lambda: "12 messages up to stamp 1.2 s")
-        with pytest.raises(KeyboardInterrupt) as stopped, outputs:  # noqa: PT012
+        with pytest.raises(KeyboardInterrupt) as stopped, outputs.staged():  # noqa: PT012
             bag.write_text(f"whole so far {count}")
             side.write_text("torn")
             raise KeyboardInterrupt
@@ -167,7 +167,7 @@ def test_companions_are_written_with_their_output_and_no_part_of_it(tmp_path):
         return made, [bag, made.add("bag_truth.yaml", companion_of="bag")]
 
     run, (bag, truth) = outputs()
-    with run:
+    with run.staged():
         assert os.listdir(tmp_path) == ["bag.active"]  # what a kill would leave
         bag.mkdir()
         (bag / "bag_0.mcap").write_text("whole")
@@ -176,14 +176,14 @@ def test_companions_are_written_with_their_output_and_no_part_of_it(tmp_path):
     (tmp_path / "bag_truth.yaml").unlink()
     (tmp_path / "bag").rename(tmp_path / "older")
     run, (bag, truth) = outputs()
-    with pytest.raises(KeyboardInterrupt), run:  # noqa: PT012
+    with pytest.raises(KeyboardInterrupt), run.staged():  # noqa: PT012
         bag.mkdir()
         (bag / "bag_0.mcap").write_text("half")
         truth.write_text("true")
         raise KeyboardInterrupt
     assert sorted(os.listdir(tmp_path)) == ["bag.partial", "older"]
     run, (bag, _) = outputs()
-    with pytest.raises(KeyboardInterrupt) as interrupted, run:  # noqa: PT012
+    with pytest.raises(KeyboardInterrupt) as interrupted, run.staged():  # noqa: PT012
         bag.mkdir()
         raise KeyboardInterrupt
     assert sorted(os.listdir(tmp_path)) == ["bag.partial", "older"]  # nothing of an empty folder
@@ -194,9 +194,9 @@ def test_two_runs_at_once_do_not_mix(tmp_path):
     first, second = Outputs(), Outputs(force=True)
     first.add("x.mcap")
     second.add("x.mcap")
-    with first:
+    with first.staged():
         # flock tells open files apart, so that this process stands for two
-        with pytest.raises(InputError, match="another program is writing"), second:
+        with pytest.raises(InputError, match="another program is writing"), second.staged():
             pytest.fail("the work began")
         first.where("x.mcap").write_text("whole")
     assert (tmp_path / "x.mcap").read_text() == "whole"
@@ -209,10 +209,10 @@ def test_what_a_killed_run_left_is_told_and_replaced_with_force(tmp_path):
         outputs = Outputs(force=force)
         path = outputs.add("x.mcap")
         if not force:
-            with pytest.raises(InputError, match="recover or delete"), outputs:
+            with pytest.raises(InputError, match="recover or delete"), outputs.staged():
                 pytest.fail("the work began")
             continue
-        with outputs:
+        with outputs.staged():
             path.write_text("whole")
     assert os.listdir(tmp_path) == ["x.mcap"]
 
@@ -221,7 +221,7 @@ def test_a_folder_that_no_longer_exists():
     script = (
         "import os, tempfile; from imu_sim_ros.bags.outputs import Outputs\n"
         "folder = tempfile.mkdtemp(); os.chdir(folder); os.rmdir(folder)\n"
-        "outputs = Outputs(); outputs.add('x.csv'); outputs.__enter__()"
+        "outputs = Outputs(); outputs.add('x.csv'); outputs.staged().__enter__()"
     )
     result = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert "InputError: x.csv: No such file" in result.stderr
@@ -238,7 +238,7 @@ def test_errors_of_the_machine_end_with_status_1():
 def test_the_parts_of_a_split_output_are_one_line():
     outputs = Outputs()
     bag = outputs.add("x.mcap", kept=True)
-    with pytest.raises(KeyboardInterrupt) as stopped, outputs:  # noqa: PT012
+    with pytest.raises(KeyboardInterrupt) as stopped, outputs.staged():  # noqa: PT012
         for k in range(100):
             bag.with_name(f"x_{k}.mcap").touch()
         raise KeyboardInterrupt
@@ -252,7 +252,7 @@ def test_a_full_disk_is_told_with_the_name_of_the_output():
     for number, named in ((errno.ENOSPC, True), (errno.EIO, False)):
         outputs = Outputs()
         outputs.add("x.csv")
-        with pytest.raises(OSError, match=os.strerror(number)) as failed, outputs:
+        with pytest.raises(OSError, match=os.strerror(number)) as failed, outputs.staged():
             raise OSError(number, os.strerror(number))
         expected = f"x.csv: {os.strerror(number)}" if named else os.strerror(number)
         assert explain(failed.value) == ((expected,), 1)
