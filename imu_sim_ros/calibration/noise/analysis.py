@@ -4,7 +4,6 @@
 """Allan analysis of an IMU at rest: from messages to noise parameters."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -36,7 +35,7 @@ from imu_sim_ros.calibration.noise.terms import (
 from imu_sim_ros.calibration.record import AXES, ReadingsBlock, Record, Timing
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.types import Array, Mask
+from imu_sim_ros.types import Array
 
 SHORTEST: Final = 60.0
 """Seconds at rest below which there is no result."""
@@ -90,18 +89,6 @@ class AllanResult(NamedTuple):
         return Estimate(None, 0.0, np.inf) if noise is None else noise.estimates[key]
 
 
-@dataclass
-class _Sums:
-    """What is summed over the pieces of a record; made when the rate is known."""
-
-    deviation: DeviationAccumulator
-    spectrum: SpectrumAccumulator
-    losses: LossFiller
-    samples: int = 0
-    longest: int = 0
-    """Samples of the longest piece."""
-
-
 def analyse(
     bags: Iterable[Iterable[ReadingsBlock]],
     *,
@@ -117,20 +104,37 @@ def analyse(
     :param advance: called with the number of messages read.
     :raises InputError: with a line for each check that fails.
     """
-    record = Record()
-    sums = _summed(record, bags, advance)
-    if sums is None:
+    record, losses = Record(), LossFiller(6)
+    summed: tuple[DeviationAccumulator, SpectrumAccumulator] | None = None
+    samples = piece = longest_piece = 0  # at rest: all, those of this piece, of the longest
+    for y in record.at_rest(bags, advance):
+        if summed is None:  # the first readings tell the rate
+            summed = DeviationAccumulator(record.rate, 6), SpectrumAccumulator(record.rate, 6)
+        if y is not None and not np.isnan(y[:, 0]).all():
+            filled = losses.fill(y)
+            for each in summed:
+                each.add(filled)
+            piece += len(y)
+            samples += len(y)
+            longest_piece = max(longest_piece, piece)
+        elif piece:
+            for each in summed:
+                each.end_piece()
+            piece = 0
+    if summed is None:
         raise InputError("no Imu messages")
+    deviations, spectra = summed
+    longest = longest_piece / record.rate
     # A constant zero is not a measurement. Another constant may be noise below resolution, which is
     # no fault of a record in which other axes change; if none does there is nothing to analyse.
     constant = record.constant_axes()
     dead = [k for k in constant if len(constant) == len(AXES) or record.lowest.value[k] == 0.0]
-    if sums.longest < SHORTEST * record.rate:
-        raise InputError(_problems(record, sums, None, dead))
+    if longest_piece < SHORTEST * record.rate:
+        raise InputError(_problems(record, longest, spectra.lines, None, dead))
     timing = record.timing()
-    lost = sums.losses.samples / sums.samples
-    spectrum = sums.spectrum.result().at_rate(timing.rate).with_losses(lost)
-    problems = _problems(record, sums, spectrum, dead)
+    lost = losses.samples / samples
+    spectrum = spectra.result().at_rate(timing.rate).with_losses(lost)
+    problems = _problems(record, longest, spectra.lines, spectrum, dead)
     if problems and not force:
         raise InputError(problems)
     # What never changes bounds no noise.
@@ -140,24 +144,30 @@ def analyse(
         for axis in constant
     }
     bands = [None if k in reasons else usable_band(spectrum, k) for k in range(6)]
-    lines, doubtful = sums.spectrum.lines, sums.spectrum.doubtful
-    smoother = sums.spectrum.result(doubtful=False).at_rate(timing.rate).with_losses(lost)
+    # A doubtful line is in the one spectrum and not in the other: what is found holds in both.
+    smoother = spectra.result(doubtful=False).at_rate(timing.rate).with_losses(lost)
+    of_model = estimate if model == "standard" else estimate_gauss_markov
     noise: list[AxisNoise | None] = []
     for k, band in enumerate(bands):
         if band is None:
             noise.append(None)
-        else:
-            found = _noise((spectrum, smoother), lines, doubtful, k, band.used, model)
-            noise.append(_rounded(found, record, k))
+            continue
+        certain = [line for line in spectra.lines if line.axis == k]
+        maybe = [line for line in spectra.doubtful if line.axis == k]
+        found = of_model(spectrum.rows(band.used & ~spectrum.around(certain)), k)
+        if maybe:
+            rows = smoother.rows(band.used & ~smoother.around(certain + maybe))
+            found = either(found, of_model(rows, k))
+        noise.append(_rounded(found, record, k))
     warnings = [
-        *_record_warnings(record, timing, sums.longest / record.rate, reasons, dead),
+        *_record_warnings(record, timing, longest, reasons, dead),
         *problems,
-        *_noise_warnings(bands, lines, doubtful, noise, timing.rate),
+        *_noise_warnings(bands, spectra.lines, spectra.doubtful, noise, timing.rate),
     ]
-    deviation = sums.deviation.result()
+    deviation = deviations.result()
     return AllanResult(
         timing,
-        sums.samples / timing.rate,
+        samples / timing.rate,
         deviation._replace(tau=deviation.size / timing.rate),
         tuple(noise),
         tuple(bands),
@@ -166,55 +176,6 @@ def analyse(
         tuple(warnings),
         {AXES[k]: reason for k, reason in reasons.items()},
     )
-
-
-def _summed(
-    record: Record,
-    bags: Iterable[Iterable[ReadingsBlock]],
-    advance: Callable[[int], None],
-) -> _Sums | None:
-    """Read all messages; return the sums over what is at rest, None without messages."""
-    sums: _Sums | None = None
-    piece = 0
-    for y in record.at_rest(bags, advance):
-        if sums is None:
-            of_six = (DeviationAccumulator(record.rate, 6), SpectrumAccumulator(record.rate, 6))
-            sums = _Sums(*of_six, LossFiller(6))
-        if y is not None and not np.isnan(y[:, 0]).all():
-            filled = sums.losses.fill(y)
-            sums.deviation.add(filled)
-            sums.spectrum.add(filled)
-            piece += len(y)
-            sums.samples += len(y)
-            sums.longest = max(sums.longest, piece)
-        elif piece:
-            sums.deviation.end_piece()
-            sums.spectrum.end_piece()
-            piece = 0
-    return sums
-
-
-def _noise(
-    spectra: tuple[Spectrum, Spectrum],
-    lines: Sequence[Line],
-    doubtful: Sequence[Line],
-    axis: int,
-    used: Mask,
-    model: str,
-) -> AxisNoise:
-    """Return the random error of an axis: what holds with its doubtful lines and without them.
-
-    :param spectra: with the doubtful lines and without them; the others were taken out of both.
-    :param used: (m,) rows of the spectra.
-    """
-    of_model = estimate if model == "standard" else estimate_gauss_markov
-    with_them, without = spectra
-    certain, maybe = ([n for n in some if n.axis == axis] for some in (lines, doubtful))
-    noise = of_model(with_them.rows(used & ~with_them.around(certain)), axis)
-    if not maybe:
-        return noise
-    other = of_model(without.rows(used & ~without.around(certain + maybe)), axis)
-    return either(noise, other)
 
 
 def _rounded(noise: AxisNoise, record: Record, axis: int) -> AxisNoise:
@@ -237,32 +198,29 @@ def _rounded(noise: AxisNoise, record: Record, axis: int) -> AxisNoise:
         for key, found in estimates.items():
             estimates[key] = Estimate(None, 0.0, max(found.high, float(hidden.get(key, 0.0))))
         return noise._replace(estimates=estimates, chosen=())
+    if step == 0.0:
+        return noise
+    # The relative uncertainty of the readings' variance that rounding leaves.
+    x = max((deviation / step) ** 2 - 1.0 / 12.0, 0.0)
+    share = (1.0 / np.pi**2 + 4.0 * x) * np.exp(-2.0 * np.pi**2 * x)
+    doubt = 0.5 * float(share / max(x + 1.0 / 12.0, 1e-12))
     found = estimates[WHITE.key]
-    doubt = 0.5 * _doubt(deviation, step)
     estimates[WHITE.key] = found._replace(
         low=found.low * (1.0 - doubt), high=found.high * (1.0 + doubt)
     )
     return noise._replace(estimates=estimates)
 
 
-def _doubt(deviation: float, step: float) -> float:
-    """Return the relative uncertainty of the readings' variance that rounding leaves.
-
-    :param deviation: of the readings, rounding included.
-    :param step: 0: no rounding.
-    """
-    if step == 0.0:
-        return 0.0
-    x = max((deviation / step) ** 2 - 1.0 / 12.0, 0.0)
-    share = (1.0 / np.pi**2 + 4.0 * x) * np.exp(-2.0 * np.pi**2 * x)
-    return float(share / max(x + 1.0 / 12.0, 1e-12))
-
-
 def _problems(
-    record: Record, sums: _Sums, spectrum: Spectrum | None, dead: Sequence[int]
+    record: Record,
+    longest: float,
+    lines: Sequence[Line],
+    spectrum: Spectrum | None,
+    dead: Sequence[int],
 ) -> list[str]:
     """Return a line for each reason why an analysis would be meaningless.
 
+    :param longest: the longest piece [s].
     :param spectrum: None: the record is too short for one.
     :param dead: axes that are not measured.
     """
@@ -271,7 +229,7 @@ def _problems(
         "at all; all six axes must be measured (--skip-checks leaves it out)"
         for k in dead
     ]
-    rest, lines = record.rest, sums.spectrum.lines
+    rest = record.rest
     swaying = {n.axis for n in lines if rest.sways(n.axis, n.amplitude, 1.0 / n.frequency)}
     suspects = {m.axis for m in rest.moving} - swaying
     walks = set()
@@ -296,7 +254,6 @@ def _problems(
             f"the first {first.begin:.0f} s after the start on the {AXES[first.axis]}; "
             "record the IMU at rest"
         )
-    longest = sums.longest / record.rate
     if longest < SHORTEST:
         problems.append(
             f"{longest:.1f} s at rest without a gap: at least {SHORTEST:.0f} s are needed, "
@@ -386,18 +343,16 @@ def _noise_warnings(
             shown = ", ".join(f"{f:.3g}" for f in band.lines[:5])
             yield f"{AXES[axis]}: vibration at {shown} Hz was left out"
 
-    def sinusoid(line: Line) -> str:
-        return (
-            f"{AXES[line.axis]}: a sinusoid of {line.amplitude:.3g} {UNITS[line.axis // 3]} with a "
-            f"period of {1.0 / (line.frequency * rate):.4g} s"
-        )
-
-    for line in lines:
-        yield f"{sinusoid(line)} was taken out"
+    told = [(line, "was taken out") for line in lines]
     for line in doubtful:
         own = noise[line.axis]
         if own is not None and own.withheld:
             words = " and ".join(
                 QUANTITIES[TRIADS[line.axis // 3], key].text for key in own.withheld
             )
-            yield f"{sinusoid(line)} explains the record as well as {words}: only bounded"
+            told.append((line, f"explains the record as well as {words}: only bounded"))
+    for line, what in told:
+        yield (
+            f"{AXES[line.axis]}: a sinusoid of {line.amplitude:.3g} {UNITS[line.axis // 3]} with a "
+            f"period of {1.0 / (line.frequency * rate):.4g} s {what}"
+        )

@@ -79,15 +79,6 @@ class Fits(NamedTuple):
         return float(np.min(self.objective))
 
 
-class _Trend(NamedTuple):
-    """How the trend is treated in each of b fits."""
-
-    held: Array
-    """(b,) slope, NaN if it is estimated."""
-    restricted: bool
-    """Whether an estimated slope is integrated out."""
-
-
 def fit_many(
     data: Data,
     design: Array,
@@ -112,10 +103,9 @@ def fit_many(
     theta = np.where(free, 0.0, held / scale)
     known = theta @ scaled.T
     products = (scaled[:, :, None] * scaled[:, None, :]).reshape(len(scaled), -1)
-    trend = _Trend(slope, restricted)
     expected = np.maximum(guess, floor)
     objective = np.full(len(held), np.inf)
-    _, power, slopes = _objective(data, expected, trend)
+    _, power, slopes = _objective(data, expected, slope, restricted)
     for _ in range(_ITERATIONS):
         weight = 0.5 * data.freedom / expected**2
         curvature = (weight @ products).reshape(-1, *free.shape[1:], free.shape[1])
@@ -126,7 +116,7 @@ def fit_many(
         for _ in range(_HALVINGS):  # the first step of all is taken as it is
             trial = theta + fraction[:, None] * step
             expected = np.maximum(trial @ scaled.T, floor)
-            objective, power, slopes = _objective(data, expected, trend)
+            objective, power, slopes = _objective(data, expected, slope, restricted)
             worse = ~(objective <= last + _ROUNDING)
             if not worse.any():
                 break
@@ -137,18 +127,23 @@ def fit_many(
     return Fits(theta * scale, slopes, objective, expected)
 
 
-def _objective(data: Data, expected: Array, trend: _Trend) -> tuple[Array, Array, Array]:
-    """Return the objective (b,), the rows that it compares with (b, m), and the slopes (b,)."""
+def _objective(
+    data: Data, expected: Array, slope: Array, restricted: bool
+) -> tuple[Array, Array, Array]:
+    """Return the objective (b,), the rows that it compares with (b, m), and the slopes (b,).
+
+    Arguments are those of :func:`fit_many`.
+    """
     inverse = 1.0 / expected
     weighted = data.trend * inverse
     norm = np.maximum(weighted @ data.trend, 1e-300)
-    estimated = np.isnan(trend.held)
-    slopes = np.where(estimated, (weighted @ data.amplitude) / norm, trend.held)
+    estimated = np.isnan(slope)
+    slopes = np.where(estimated, (weighted @ data.amplitude) / norm, slope)
     single = data.amplitude != 0.0
     without_trend = (data.amplitude - slopes[:, None] * data.trend) ** 2
     power = np.where(single, without_trend, data.power)
     objective = 0.5 * ((np.log(expected) + power * inverse) @ data.freedom)
-    if trend.restricted:
+    if restricted:
         objective = objective + np.where(estimated, 0.5 * np.log(norm), 0.0)
         power = power + np.where(estimated, 1.0 / norm, 0.0)[:, None] * data.trend**2
     return objective, power, slopes
@@ -272,139 +267,100 @@ class Interval(NamedTuple):
     high: float
 
 
-class _Problem(NamedTuple):
-    """The full model and its best fits."""
-
-    data: Data
-    design: Array
-    best: Fits
-    """Slope integrated out: for the components."""
-    trended: Fits
-    """Slope estimated: for the slope."""
-
-
-class _Ends(NamedTuple):
-    """The b ends that are searched, as coefficients: root of a component, or the slope."""
-
-    term: Integers
-    """(b,) component, or -1 for the slope."""
-    best: Array
-    """(b,) the estimate."""
-    step: Array
-    """(b,) signed first guess of the way to the end."""
-    drop: Array
-    """(b,)"""
-
-
 def intervals(data: Data, design: Array, *, trend: bool) -> tuple[list[Interval], Interval | None]:
     """Return the intervals of all components' coefficients, and of the slope's size.
+
+    What the slope is measured against is known from few coefficients if a walk prevails, so that
+    it has Student's distribution: with nu degrees of freedom the drop at the quantile t is
+    ``(nu + 1) / 2 ln(1 + t^2 / nu)``.
 
     :param design: (m, p) expectation of the rows for each component.
     :param trend: whether there may be a trend.
     """
     data, design = merged(data, design, _MERGED)
+    # The ends of each component's root: first all low ones, then all high ones.
     best = fit(data, design, slope=np.nan if trend else 0.0, restricted=True)
-    trended = fit(data, design, slope=np.nan) if trend else best
-    problem = _Problem(data, design, best, trended)
-    ends = _component_ends(problem)
+    components, expected, count = best.components[0], best.expected[0], design.shape[1]
+    values = np.sqrt(components)
+    spread = np.sqrt(np.diag(covariance(data, design, expected)))
+    above = np.sqrt(components + 2.0 * spread) - values
+    below = values - np.sqrt(np.maximum(components - 2.0 * spread, 0.0))
+    # If the estimate is zero its low end is zero, too: any step will do.
+    below = np.where(below > 0.0, below, above)
+    term = np.tile(np.arange(count), 2)
+    start, step = np.tile(values, 2), np.concatenate([-below, above])
+    drop, lowest = np.full(2 * count, CONFIDENCE_DROP), np.full(2 * count, best.objective[0])
+    slope = 0.0
     if trend:
-        both = zip(ends, _slope_ends(problem), strict=True)
-        ends = _Ends(*(np.concatenate(pair) for pair in both))
-    found = _search(problem, ends)
-    count = design.shape[1]
-    values = np.sqrt(best.components[0])
-    components = [
+        from scipy.special import stdtrit  # scipy.stats has t.ppf and takes 0.5 s to import
+
+        trended = fit(data, design, slope=np.nan)
+        slope = float(trended.slope[0])
+        information = data.trend**2 / trended.expected[0]
+        spread_of_slope = 1.0 / np.sqrt(max(float(np.sum(information)), 1e-300))
+        row = (information / trended.expected[0] / np.sum(information)) @ design
+        relative = float(row @ covariance(data, design, trended.expected[0]) @ row)
+        freedom = max(2.0 / relative, 1.0)
+        quantile = float(stdtrit(freedom, 0.975))
+        drop_of_slope = 0.5 * (freedom + 1.0) * np.log1p(quantile**2 / freedom)
+        term = np.append(term, [-1, -1])
+        start = np.append(start, [slope, slope])
+        step = np.append(step, 2.0 * spread_of_slope * np.array([-1.0, 1.0]))
+        drop = np.append(drop, [drop_of_slope, drop_of_slope])
+        lowest = np.append(lowest, [trended.objective[0], trended.objective[0]])
+    of_slope = term < 0
+
+    def beyond(ends: Integers, x: Array) -> Array:
+        """Return the root of the drop at coefficients x of some ends, over that wanted, less 1."""
+        is_slope, own = of_slope[ends], np.where(of_slope[ends], 0, term[ends])
+        held = np.full((len(x), count), np.nan)
+        held[np.flatnonzero(~is_slope), own[~is_slope]] = x[~is_slope] ** 2
+        change = np.where(is_slope, 0.0, x**2 - components[own])
+        guess = np.maximum(expected + change[:, None] * design[:, own].T, 1e-3 * expected)
+        slopes = np.where(is_slope, x, np.nan if trend else 0.0)
+        found = fit_many(data, design, held, slope=slopes, guess=guess, restricted=trend)
+        return np.sqrt(np.maximum(found.objective - lowest[ends], 0.0) / drop[ends]) - 1.0
+
+    # A coefficient's low end is at least 0.
+    found = _search(beyond, start, step, ~of_slope & (step < 0.0))
+    of_components = [
         Interval(float(v), float(low), float(high))
         for v, low, high in zip(values, found[:count], found[count : 2 * count], strict=True)
     ]
     if not trend:
-        return components, None
+        return of_components, None
     one, other = float(found[-2]), float(found[-1])
     low = 0.0 if one <= 0.0 <= other else min(abs(one), abs(other))
-    return components, Interval(abs(float(trended.slope[0])), low, max(abs(one), abs(other)))
+    return of_components, Interval(abs(slope), low, max(abs(one), abs(other)))
 
 
-def _component_ends(problem: _Problem) -> _Ends:
-    components, expected = problem.best.components[0], problem.best.expected[0]
-    root = np.sqrt(components)
-    spread = np.sqrt(np.diag(covariance(problem.data, problem.design, expected)))
-    above = np.sqrt(components + 2.0 * spread) - root
-    below = root - np.sqrt(np.maximum(components - 2.0 * spread, 0.0))
-    # If the estimate is zero its low end is zero, too: any step will do.
-    below = np.where(below > 0.0, below, above)
-    count = len(components)
-    return _Ends(
-        np.tile(np.arange(count), 2),
-        np.tile(root, 2),
-        np.concatenate([-below, above]),
-        np.full(2 * count, CONFIDENCE_DROP),
-    )
+def _search(
+    beyond: Callable[[Integers, Array], Array], start: Array, step: Array, bounded: Mask
+) -> Array:
+    """Return (b,) where functions that grow away from -1 are zero, by bracketed secants.
 
+    They are nearly linear, so that few steps suffice.
 
-def _slope_ends(problem: _Problem) -> _Ends:
-    """Return the ends of the slope.
-
-    What the slope is measured against is known from few coefficients if a walk prevails, so that
-    it has Student's distribution: with nu degrees of freedom the drop at the quantile t is
-    ``(nu + 1) / 2 ln(1 + t^2 / nu)``.
+    :param beyond: the values at x (k,) of those functions whose numbers (k,) are given.
+    :param start: (b,) where each is -1.
+    :param step: (b,) signed first guess of the way from there.
+    :param bounded: (b,) whether x is at least 0; where that is not enough it is 0.
     """
-    from scipy.special import stdtrit  # scipy.stats has t.ppf and takes 0.5 s to import
-
-    data, expected = problem.data, problem.trended.expected[0]
-    information = data.trend**2 / expected
-    spread = 1.0 / np.sqrt(max(float(np.sum(information)), 1e-300))
-    row = (information / expected / np.sum(information)) @ problem.design
-    relative = float(row @ covariance(data, problem.design, expected) @ row)
-    freedom = max(2.0 / relative, 1.0)
-    quantile = float(stdtrit(freedom, 0.975))
-    drop = 0.5 * (freedom + 1.0) * np.log1p(quantile**2 / freedom)
-    slope = float(problem.trended.slope[0])
-    return _Ends(
-        np.array([-1, -1]),
-        np.array([slope, slope]),
-        2.0 * spread * np.array([-1.0, 1.0]),
-        np.array([drop, drop]),
-    )
-
-
-def _root_of_drop(problem: _Problem, ends: _Ends, x: Array) -> Array:
-    """Return (b,) the root of the drop at coefficients x over that at the end, minus 1."""
-    data, design, best, trended = problem
-    rows = np.arange(len(x))
-    is_slope = ends.term < 0
-    held = np.full((len(x), design.shape[1]), np.nan)
-    held[rows[~is_slope], ends.term[~is_slope]] = x[~is_slope] ** 2
-    slope = np.where(is_slope, x, np.nan if trended is not best else 0.0)
-    own = np.where(is_slope, 0, ends.term)
-    change = np.where(is_slope, 0.0, x**2 - best.components[0, own])
-    guess = np.maximum(best.expected + change[:, None] * design[:, own].T, 1e-3 * best.expected)
-    restricted = trended is not best
-    found = fit_many(data, design, held, slope=slope, guess=guess, restricted=restricted)
-    lowest = np.where(is_slope, trended.objective[0], best.objective[0])
-    drop = np.maximum(found.objective - lowest, 0.0)
-    return np.sqrt(drop / ends.drop) - 1.0
-
-
-def _search(problem: _Problem, ends: _Ends) -> Array:
-    """Return (b,) the coefficients where the drop is reached, by bracketed secants.
-
-    The root of the drop is nearly linear in the coefficient, so that few steps suffice.
-    """
-    bounded = (ends.term >= 0) & (ends.step < 0.0)  # a coefficient's low end is at least 0
-    inside, inside_value = ends.best.copy(), np.full(len(ends.best), -1.0)
-    outside = ends.best + ends.step
+    every = np.arange(len(start))
+    inside, inside_value = start.copy(), np.full(len(start), -1.0)
+    outside = start + step
     outside = np.where(bounded, np.maximum(outside, 0.0), outside)
-    outside_value = _root_of_drop(problem, ends, outside)
+    outside_value = beyond(every, outside)
     for _ in range(_DOUBLINGS):
         go = (outside_value < 0.0) & ~(bounded & (outside <= 0.0))
         if not go.any():
             break
         inside = np.where(go, outside, inside)
         inside_value = np.where(go, outside_value, inside_value)
-        further = ends.best + 2.0 * (outside - ends.best)
+        further = start + 2.0 * (outside - start)
         further = np.where(bounded, np.maximum(further, 0.0), further)
         outside = np.where(go, further, outside)
-        outside_value = np.where(go, _root_of_drop(problem, ends, outside), outside_value)
+        outside_value = np.where(go, beyond(every, outside), outside_value)
     at_zero = bounded & (outside_value < 0.0)
     open_ends = np.flatnonzero(~at_zero)
     for _ in range(_REFINEMENTS):
@@ -413,8 +369,7 @@ def _search(problem: _Problem, ends: _Ends) -> Array:
         k, low, high = open_ends, inside_value[open_ends], outside_value[open_ends]
         share = np.clip(low / np.minimum(low - high, -1e-9), 0.02, 0.98)
         x = inside[k] + share * (outside[k] - inside[k])
-        some = _Ends(ends.term[k], ends.best[k], ends.step[k], ends.drop[k])
-        value = _root_of_drop(problem, some, x)
+        value = beyond(k, x)
         within = value < 0.0
         inside[k], inside_value[k] = np.where(within, (x, value), (inside[k], low))
         outside[k], outside_value[k] = np.where(within, (outside[k], high), (x, value))

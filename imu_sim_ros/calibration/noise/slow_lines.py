@@ -220,37 +220,33 @@ class _Search:
         """Return the fit with lines near some frequencies, in turns with the noise.
 
         The frequencies follow by Gauss's and Newton's steps, none as far as to another line.
+
+        :param start: its noise is that of the coefficients at first.
         """
         nearest, furthest = periods - 0.5 * _APART, periods + 0.5 * _APART
-        best = self._with_lines(periods, start)
-        for _ in range(_ALTERNATIONS):
-            if len(periods):
+        best, lowest = start, np.inf
+        for turn in range(1 + _ALTERNATIONS):
+            root = np.sqrt(best.variance)
+            if turn and len(periods):
                 # By how much the frequencies are off, to first order.
-                root = np.sqrt(best.variance)
                 columns = self._tangent(best, _ALL) / root[:, None]
                 step = _solved(columns, best.left / root)[-len(periods) :]
                 step = np.clip(step, -_SPACING, _SPACING)
                 periods = np.clip(best.periods + step, nearest, furthest)
                 periods = np.maximum(periods, _SLOWEST)
-            found = self._with_lines(periods, best)
-            gain = best.objective - found.objective
+            # Ramp and lines by least squares, and the noise of what they leave.
+            waves = self._of_lines(periods)
+            columns = np.column_stack([self._ramp, waves.real, -waves.imag])
+            sizes = _solved(columns / root[:, None], self._y / root)
+            _, cosines, sines = np.split(sizes, [1, 1 + len(periods)])
+            noise = self._noise(self._y - columns @ sizes, best.rows)
+            gain = lowest - noise.objective
             if gain > 0.0:
-                best = found
+                best = noise._replace(periods=periods, parts=cosines + 1j * sines)
+                lowest = best.objective
             if gain < _TOLERANCE:
                 break
         return best
-
-    def _with_lines(self, periods: Array, before: _Fit) -> _Fit:
-        """Return the least-squares fit of ramp and lines, and of noise to what it leaves.
-
-        :param before: its noise is that of the coefficients.
-        """
-        waves, root = self._of_lines(periods), np.sqrt(before.variance)
-        columns = np.column_stack([self._ramp, waves.real, -waves.imag])
-        sizes = _solved(columns / root[:, None], self._y / root)
-        _, cosines, sines = np.split(sizes, [1, 1 + len(periods)])
-        found = self._noise(self._y - columns @ sizes, before.rows)
-        return found._replace(periods=periods, parts=cosines + 1j * sines)
 
     def _tangent(self, found: _Fit, rows: slice) -> Array:
         """Return the derivatives (m, p) by the sizes of ramp and lines, and by the frequencies."""
