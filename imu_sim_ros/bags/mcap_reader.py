@@ -7,7 +7,7 @@ import re
 import struct
 import zlib
 from collections.abc import Iterator, Mapping
-from typing import IO, Any, BinaryIO, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -34,6 +34,7 @@ from imu_sim_ros.types import Bytes
 
 _HEADER_BYTES = 9
 _SCHEMA, _CHANNEL, _FOOTER = 0x03, 0x04, 0x02
+_CHUNK_INDEX, _STATISTICS = 0x08, 0x0B
 _LAST_OPCODE, _PRIVATE = 0x0F, 0x80
 _FOOTER_BYTES = 20
 _CHUNK_BYTES = 40
@@ -78,30 +79,47 @@ class McapBag(ChunkedBag):
 
     def _read_summary(self) -> Mapping[int, int] | None:
         """Read the summary at the end of the file; None if it has no chunk index."""
-        from mcap.exceptions import McapError
-        from mcap.reader import SeekingReader
+        from io import BytesIO
 
-        self._file.seek(0)
+        from mcap.data_stream import ReadDataStream
+        from mcap.exceptions import McapError
+        from mcap.records import Channel, ChunkIndex, Statistics
+        from mcap.records import Schema as SchemaRecord
+
+        schemas, channels, indexes = dict[int, Any](), dict[int, Any](), []
+        statistics = None
         try:
-            summary = SeekingReader(cast(IO[bytes], _Bounded(self._file, self._end))).get_summary()
-            if summary and self._file.tell() < self._end - len(MAGIC):
+            end = self._end - len(MAGIC) - _FOOTER_BYTES - _HEADER_BYTES
+            footer = self._bytes(end, _HEADER_BYTES + _FOOTER_BYTES)
+            opcode, length, begin = struct.unpack_from("<BQQ", footer)
+            if (opcode, length) != (_FOOTER, _FOOTER_BYTES) or begin > end:
+                raise ValueError("there is no footer, or that of another file")
+            summary = self._bytes(begin, end - begin) if begin else b""
+            last = 0
+            for opcode, start, length in _records(memoryview(summary)):
+                last = start + _HEADER_BYTES + length
+                body = ReadDataStream(BytesIO(summary[start + _HEADER_BYTES : last]))
+                if opcode == _SCHEMA:
+                    schema = SchemaRecord.read(body)
+                    schemas[schema.id] = schema
+                elif opcode == _CHANNEL:
+                    channel = Channel.read(body)
+                    channels[channel.id] = channel
+                elif opcode == _CHUNK_INDEX:
+                    indexes.append(ChunkIndex.read(body))
+                elif opcode == _STATISTICS:
+                    statistics = Statistics.read(body)
+            if last != len(summary):
                 raise ValueError("the summary is that of another file")
         except (McapError, *DAMAGE):
             raise InputError(
                 f"{self.path}: no valid end (interrupted or damaged); "
                 "convert_bag --recover recovers the complete messages"
             ) from None
-        statistics = summary.statistics if summary else None
-        if (
-            not summary
-            or not statistics
-            or (statistics.chunk_count == 0 and statistics.message_count)
-        ):
+        if statistics is None or (statistics.chunk_count == 0 and statistics.message_count):
             return None
-        self._schemas, self._records = dict(summary.schemas), dict(summary.channels)
-        if len(summary.chunk_indexes) != statistics.chunk_count or (
-            len(summary.channels) != statistics.channel_count
-        ):
+        self._schemas, self._records = schemas, channels
+        if len(indexes) != statistics.chunk_count or len(channels) != statistics.channel_count:
             return None
         self._chunks = [
             _Chunk(
@@ -110,7 +128,7 @@ class McapBag(ChunkedBag):
                 index.message_index_length,
                 index.message_start_time,
             )
-            for index in summary.chunk_indexes
+            for index in indexes
         ]
         return statistics.channel_message_counts
 
@@ -414,19 +432,6 @@ class McapBag(ChunkedBag):
             entries = np.frombuffer(data, INDEX_ENTRY, size // INDEX_ENTRY.itemsize, first)
             found[channel] = entries["offset"].astype(np.int64)
         return found
-
-
-class _Bounded:
-    """A file of which no more bytes are requested than exist, however absurd a length field is."""
-
-    def __init__(self, file: BinaryIO, end: int) -> None:
-        self._file, self._end = file, end
-        self.seek, self.tell, self.seekable = file.seek, file.tell, file.seekable
-
-    def read(self, size: int = -1) -> bytes:
-        """Return at most as many bytes as remain."""
-        left = max(self._end - self._file.tell(), 0)
-        return self._file.read(left if size < 0 else min(size, left))
 
 
 def _are_records(data: bytes | memoryview) -> bool:

@@ -108,19 +108,16 @@ class Bag(AbstractContextManager["Bag"], ABC):
     def groups(self, names: Collection[str] | None = None) -> Iterator[list[MessageBlock]]:
         """Yield messages in groups of a bounded size, each group after the one before in time.
 
-        Reading and decompressing continue in a thread of their own while a group is processed.
+        Chunks that overlap are merged: messages wait until no earlier one can follow. Reading and
+        decompressing continue in a thread of their own while a group is processed.
 
         :param names: topics; None: all.
         """
         if names is None:
             names = {topic.name for topic in self.topics}
-        return prefetch(self._in_time_order(names))
-
-    def _in_time_order(self, names: Collection[str]) -> Iterator[list[MessageBlock]]:
-        """Merge chunks that overlap: messages wait until no earlier one can follow."""
         waiting: dict[TopicInfo, list[MessageBlock]] = {}
         with errors_naming(self.path):
-            for next_start_ns, blocks in self._timed(names):
+            for next_start_ns, blocks in prefetch(self._timed(names)):
                 for block in blocks:
                     if len(block.t_ns):
                         waiting.setdefault(block.topic, []).append(block)
