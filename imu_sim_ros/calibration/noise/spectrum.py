@@ -119,7 +119,8 @@ class SpectrumAccumulator:
         self._axes = axes
         count = int(np.ceil(np.log(0.5 / _SPLIT) / _WIDTH))
         self._edges = _SPLIT * (0.5 / _SPLIT) ** (np.arange(count + 1) / count)
-        self._sums = np.zeros((count, axes))
+        columns = len(self._sums_of_squares(np.zeros((axes, 1)), np.zeros(1, dtype=np.int64)))
+        self._sums = np.zeros((count, columns))
         self._freedom = np.zeros(count)
         self._log_frequency = np.zeros(count)
         self._whole = self._bins(_SEGMENT)
@@ -175,11 +176,19 @@ class SpectrumAccumulator:
         centred = np.subtract(y, self._offset, out=self._workspace[:, :count])
         coefficient = self._dct(centred)
         bins = self._whole if count == _SEGMENT else self._bins(count)
-        inside = coefficient[:, bins.first : bins.last]
-        squares = np.add.reduceat(np.square(inside, out=inside), bins.starts, axis=1)
+        squares = self._sums_of_squares(coefficient[:, bins.first : bins.last], bins.starts)
         self._sums[bins.used] += squares.T
         self._freedom += bins.freedom
         self._log_frequency += bins.log_frequency
+
+    @staticmethod
+    def _sums_of_squares(coefficients: Array, starts: Integers) -> Array:
+        """Return (axes, bins) of coefficients (axes, n), from each start to before the next.
+
+        :param coefficients: are overwritten.
+        """
+        squares = np.square(coefficients, out=coefficients)
+        return np.add.reduceat(squares, starts, axis=1)
 
     def _bins(self, count: int) -> _Bins:
         """Return where the coefficients of so many samples go."""
@@ -211,8 +220,7 @@ class SpectrumAccumulator:
             bins = np.geomspace(_SINGLE, len(order), count).astype(np.int64)
             edges = np.unique(np.concatenate([edges, bins[bins < len(order)]]))
         freedom = np.diff(np.append(edges, len(order))).astype(np.float64)
-        squares = np.add.reduceat(np.square(amplitude.T), edges, axis=1)
-        power = squares.T / freedom[:, None]
+        power = self._sums_of_squares(amplitude.T.copy(), edges).T / freedom[:, None]
         mean_order = np.exp(np.add.reduceat(np.log(order), edges) / freedom)
         alone = freedom == 1
         return Spectrum(
