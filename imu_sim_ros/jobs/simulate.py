@@ -239,7 +239,7 @@ def _of_file(path: Path) -> tuple[dict[str, object], frozenset[str]]:
     given = files.load(path)
     of_node = of_the_node(given)
     known = {**OF_EVERY_NODE, **described(SimulatorParameters)}
-    problems = list(bad_values(known, {name: given[name] for name in of_node}))
+    problems = bad_values(known, {name: given[name] for name in of_node}).values()
     if problems:
         raise ConfigurationError([f"{path}: {line}" for line in problems])
     unset = [name for name in ("imus", "cameras") if given.get(name) in ((), [], EMPTY_LIST)]

@@ -204,7 +204,7 @@ def _uniform(name: str, value: Any, problems: list[str]) -> Any:
             for key, entry in value.items()
         }
     short = name.rpartition(f"{_PARAMETERS}.")[2].rpartition(":")[2]
-    problems += bad_values(OF_EVERY_NODE, {short: value})
+    problems += bad_values(OF_EVERY_NODE, {short: value}).values()
     if value is None:
         problems.append(f"{short}: a value is missing")
     if value == []:

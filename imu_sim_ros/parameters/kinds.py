@@ -109,8 +109,24 @@ class Parameter:
         :param name: of the parameter, for the message.
         :raises ConfigurationError: with the line that says what is allowed.
         """
+        length = _KINDS[self.kind].length
         try:
-            return self._parsed(value)
+            if length is None:
+                return self._entry(value)
+            given = entries(value)
+            if hasattr(given, "__iter__") and not isinstance(given, str):
+                found = tuple(self._entry(one) for one in given)
+                if len(found) != (length or len(found)) or len(found) % self.group:
+                    raise ValueError
+                return cast(Value, found)
+            if length != 3:
+                raise ValueError
+            number = cast(float, self._entry(given))
+            if self.kind == "vector":
+                return (number, number, number)
+            if number < 0.0:
+                raise ValueError
+            return (0.0, 0.0, 0.0 - number)
         except _SizeError:
             allowed = (
                 f"must be 0 or of a size from {SMALLEST:g} to {self.largest:g} {self.unit}".rstrip()
@@ -120,25 +136,6 @@ class Parameter:
             if self.choices:
                 allowed = suggestion(value, self.choices)
         raise ConfigurationError(f"{name} = {shown(value)}: {allowed}")
-
-    def _parsed(self, value: object) -> Value:
-        length = _KINDS[self.kind].length
-        if length is None:
-            return self._entry(value)
-        value = entries(value)
-        if hasattr(value, "__iter__") and not isinstance(value, str):
-            found = tuple(self._entry(one) for one in value)
-            if len(found) != (length or len(found)) or len(found) % self.group:
-                raise ValueError
-            return cast(Value, found)
-        if length != 3:
-            raise ValueError
-        number = cast(float, self._entry(value))
-        if self.kind == "vector":
-            return (number, number, number)
-        if number < 0.0:
-            raise ValueError
-        return (0.0, 0.0, 0.0 - number)
 
     def _entry(self, value: object) -> float | bool | str:
         """Return a single value, or an entry of a list."""

@@ -200,97 +200,43 @@ def is_of_ros(name: str) -> bool:
 def build(cls: type[_T], values: Mapping[str, object]) -> _T:
     """Return the section with the given values and the defaults of all others.
 
-    A section may have ``passed_over()``: parameters by name that it has no use for. Their values,
-    and those of ROS' own parameters, are checked and left. It may have ``elsewhere(name)``: the end
-    of the line about a name in a section that does not exist; None: the usual one.
+    A section may have ``problems(prefix)``: a line for each value that does not fit another one. It
+    is asked if something in it is given; defaults fit each other. It may have ``passed_over()``:
+    parameters by name that it has no use for. Their values, and those of ROS' own parameters, are
+    checked and left. It may have ``elsewhere(name)``: the end of the line about a name in a section
+    that does not exist; None: the usual one.
 
     :param values: by dotted name, as :func:`imu_sim_ros.parameters.files.load` returns them.
     :raises ConfigurationError: with a line for every unknown name and every bad value.
     """
-    values, problems = _usable(cls, values, {})
-    known = parameters(cls, values)
     unused = {**OF_EVERY_NODE, **getattr(cls, "passed_over", dict)()}
-    every = {**unused, **known}
-    elsewhere = getattr(cls, "elsewhere", None)
-    problems += [
+    building = _Building(values)
+    result = building.section(cls, "", named=True)
+    values, known, elsewhere = building.values, building.known, getattr(cls, "elsewhere", None)
+    problems = building.misnamed + [
         _of_other_variants(cls, values, name) or unknown(name, known, elsewhere)
         for name in values
-        if name not in every and not is_of_ros(name)
+        if name not in known and name not in unused and not is_of_ros(name)
     ]
-    parsed: dict[str, Value] = {}
-    for name, parameter in every.items():
-        if name in values:
-            try:
-                parsed[name] = parameter.parse(name, values[name])
-            except ConfigurationError as error:
-                problems += error.problems
-    if problems:
-        raise ConfigurationError(problems)
-    made: list[tuple[Any, str]] = []
-    result = _construct(cls, parsed, values, "", made)
-    problems = [
-        line for one, prefix in made if hasattr(one, "problems") for line in one.problems(prefix)
-    ]
+    problems += {**bad_values(unused, values), **building.bad}.values()
+    if not problems:
+        asked = (one for one in building.made if hasattr(one[0], "problems"))
+        problems = [line for one, prefix in asked for line in one.problems(prefix)]
     if problems:
         raise ConfigurationError(problems)
     return result
 
 
-def bad_values(known: Mapping[str, Parameter], values: Mapping[str, object]) -> Iterator[str]:
-    """Yield a line for every bad value of a known name; other names are passed over."""
-    for name in values.keys() & known.keys():
-        try:
-            known[name].parse(name, values[name])
-        except ConfigurationError as error:
-            yield from error.problems
-
-
-def _usable(
-    cls: type, values: Mapping[str, object], known: dict[str, str]
-) -> tuple[Mapping[str, object], list[str]]:
-    """Set aside sections whose class cannot be found, so that all else is still checked.
-
-    :param known: the names of sections so far, and the parameters that list them.
-    """
-    problems: list[str] = []
-    for one in fields(cls):
-        nested: _Nested | None = one.metadata.get(_NESTED)
-        if nested is None:
-            continue
-        names, gone = list(nested.names(values)), []
-        if len(set(names)) < len(names):
-            # Which other name was meant is not known, nor whose parameters the values below it are.
-            raise ConfigurationError(f"{nested.listed} = {names}: names must differ")
-        taken = {*nested.taken, *(other.name for other in fields(cls))}
-        for name in names:
-            if nested.listed and name in known:
-                problems.append(f"{nested.listed}: {name!r}: is a name in {known[name]}")
-                gone.append(name)
-                continue
-            if nested.listed:
-                known[name] = nested.listed
-            if nested.listed and (name in taken or not _SECTION_NAME.fullmatch(name)):
-                problems.append(
-                    f"{nested.listed}: {name!r}: must be letters, digits and underscores, and not "
-                    "a parameter's name"
-                )
-                gone.append(name)
-                continue
+def bad_values(known: Mapping[str, Parameter], values: Mapping[str, object]) -> dict[str, str]:
+    """Return a line for every bad value of a known name, by name; other names are passed over."""
+    lines = {}
+    for name, parameter in known.items():
+        if name in values:
             try:
-                inner = nested.find(name or one.name, values)
+                parameter.parse(name, values[name])
             except ConfigurationError as error:
-                problems += error.problems
-                gone.append(name)
-                continue
-            if not nested.before:  # its lists and variants stand among those of this section
-                values, found = _usable(inner, values, known)
-                problems += found
-        if gone:
-            below = tuple(nested.before.format(field=one.name, name=name) for name in gone)
-            values = {key: value for key, value in values.items() if not key.startswith(below)}
-            if nested.listed:
-                values = {**values, nested.listed: [name for name in names if name not in gone]}
-    return values, problems
+                (lines[name],) = error.problems
+    return lines
 
 
 def _of_other_variants(cls: type, values: Mapping[str, object], name: str) -> str | None:
@@ -314,34 +260,103 @@ def _of_other_variants(cls: type, values: Mapping[str, object], name: str) -> st
     return None
 
 
-def _construct(
-    cls: type[_T],
-    parsed: Mapping[str, Value],
-    values: Mapping[str, object],
-    prefix: str,
-    made: list[tuple[Any, str]],
-) -> _T:
-    """Return a section with the sections in it.
+@dataclass
+class _Building:
+    """Sections on their way from values: one walk that makes them and notes all that is wrong."""
 
-    :param parsed: values of parameters by dotted name; the others have their default.
-    :param made: gets all sections, the outer ones first, and what stands before their parameters.
-    """
-    position = len(made)
-    arguments: dict[str, object] = {}
-    for one in fields(cast(Any, cls)):
-        if METADATA in one.metadata:
-            if prefix + one.name in parsed:
-                arguments[one.name] = parsed[prefix + one.name]
-            continue
-        nested: _Nested = one.metadata[_NESTED]
-        inner: dict[str, Any] = {
-            name: _construct(kind, parsed, values, below, made)
-            for name, kind, below in nested.classes(one.name, prefix, values)
-        }
-        arguments[one.name] = inner if nested.several else inner.get("")
-    result = cls(**arguments)
-    made.insert(position, (result, prefix))
-    return result
+    values: Mapping[str, object]
+    """By dotted name, without those of sections that cannot be."""
+    known: dict[str, Parameter] = field(default_factory=dict)
+    """All parameters by dotted name."""
+    names: dict[str, str] = field(default_factory=dict)
+    """The names of sections so far, and the parameters that list them."""
+    misnamed: list[str] = field(default_factory=list)
+    """A line for each section that cannot be."""
+    bad: dict[str, str] = field(default_factory=dict)
+    """A line for each bad value, by dotted name."""
+    made: list[tuple[Any, str]] = field(default_factory=list)
+    """The sections in which something is given, the outer ones first, and what stands before their
+    parameters."""
+
+    def section(
+        self,
+        cls: type[_T],
+        prefix: str,
+        own: Mapping[str, Parameter] | None = None,
+        named: bool = False,
+    ) -> _T:
+        """Return a section with the sections in it.
+
+        :param prefix: what stands before its parameters.
+        :param own: them by dotted name; None: as the class describes them.
+        :param named: whether it is there because it is named, whatever is given in it.
+        """
+        position, arguments = len(self.made), dict[str, Any]()
+        for one in fields(cast(Any, cls)):
+            path = prefix + one.name
+            if METADATA in one.metadata:
+                parameter = one.metadata[METADATA] if own is None else own.get(path)
+                if parameter is not None:
+                    self.known[path] = parameter
+                if parameter is not None and path in self.values:
+                    named = True
+                    try:
+                        arguments[one.name] = parameter.parse(path, self.values[path])
+                    except ConfigurationError as error:
+                        (self.bad[path],) = error.problems
+                continue
+            nested: _Nested = one.metadata[_NESTED]
+            names = list(nested.names(self.values))
+            if len(set(names)) < len(names):
+                # Which other name was meant is not known, nor whose the values below it are.
+                raise ConfigurationError(f"{nested.listed} = {names}: names must differ")
+            inner = dict[str, Any]()
+            for name in names:
+                below = prefix + nested.before.format(field=one.name, name=name)
+                kind = self._class(nested, cls, name or path, below)
+                if kind is not None:
+                    described = own
+                    if own is None and nested.own is not None:
+                        described = {below + word: each for word, each in nested.own.items()}
+                    inner[name] = self.section(kind, below, described, bool(nested.listed))
+            arguments[one.name] = inner if nested.several else inner.get("")
+        result = cls(**arguments)
+        if named or len(self.made) > position:
+            self.made.insert(position, (result, prefix))
+        return result
+
+    def _class(self, nested: _Nested, outer: type, name: str, below: str) -> type | None:
+        """Return the class of a section, or None if it cannot be.
+
+        What is given in that one is left out, so that all else is still checked.
+
+        :param outer: the class of the section around it, whose names are taken.
+        :param name: its own, or else the dotted name of the field.
+        :param below: what stands before its parameters.
+        """
+        listing, problems = nested.listed, list[str]()
+        if listing and name in self.names:
+            problems.append(f"{listing}: {name!r}: is a name in {self.names[name]}")
+        elif listing:
+            self.names[name] = listing
+            taken = {*nested.taken, *(field.name for field in fields(outer))}
+            if name in taken or not _SECTION_NAME.fullmatch(name):
+                problems.append(
+                    f"{listing}: {name!r}: must be letters, digits and underscores, and not "
+                    "a parameter's name"
+                )
+        if not problems:
+            try:
+                return nested.find(name, self.values)
+            except ConfigurationError as error:
+                problems += error.problems
+        self.misnamed += problems
+        left = {key: each for key, each in self.values.items() if not key.startswith(below)}
+        if listing:
+            self.bad.pop(listing, None)
+            left[listing] = [each for each in listed(listing, left) if each != name]
+        self.values = left
+        return None
 
 
 def flatten(instance: object, prefix: str = "") -> dict[str, Value]:

@@ -3,11 +3,12 @@
 
 """The one description of a parameter: parsing, ranges, nesting, and all problems at once."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 
 import pytest
 
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.parameters.kinds import (
     EMPTY_LIST,
     IDENTITY_MATRIX,
@@ -25,8 +26,13 @@ from imu_sim_ros.parameters.kinds import (
     texts,
     vector,
 )
-from imu_sim_ros.parameters.sections import build, flatten, parameters, section, variant
+from imu_sim_ros.parameters.sections import build, each, flatten, parameters, section, variant
+from imu_sim_ros.sensors import declared
+from imu_sim_ros.sensors.camera.rig_parameters import OneCameraParameters, RigParameters
+from imu_sim_ros.simulation.error_parameters import ErrorNodeParameters
 from imu_sim_ros.simulation.parameters import load_simulation
+from imu_sim_ros.simulation.playback import SimulatorParameters
+from imu_sim_ros.trajectory.parameters import TYPES
 
 
 @dataclass(frozen=True)
@@ -267,3 +273,42 @@ def test_a_number_that_no_quantity_of_its_unit_has_is_refused(unit, possible, im
     assert parameter.parse("bias", [possible, -possible, 0.0]) == (possible, -possible, 0.0)
     with pytest.raises(ConfigurationError, match="bias = .*: must be 0 or of a size from 1e-30 to"):
         parameter.parse("bias", impossible)
+
+
+def nested(one):
+    """Yield the sections in a section, and those in them."""
+    for field in fields(one):
+        value = getattr(one, field.name)
+        for inner in value.values() if isinstance(value, dict) else [value]:
+            if is_dataclass(inner):
+                yield inner
+                yield from nested(inner)
+
+
+def test_defaults_fit_each_other():
+    """So that a section in which nothing is given need not be asked."""
+    classes = [SimulatorParameters, ErrorNodeParameters, IntegratorParameters, RigParameters]
+    classes += [OneCameraParameters, *TYPES.values()]
+    classes += [sensor.section for sensor in declared().values()]
+    asked = [inner for cls in classes for inner in nested(cls()) if hasattr(inner, "problems")]
+    assert len(asked) > 20
+    assert [line for inner in asked for line in inner.problems("")] == []
+
+
+def test_a_section_that_is_named_is_asked_though_nothing_is_given_in_it():
+    @dataclass(frozen=True)
+    class Strict:
+        file: str = text("", "a file")
+
+        def problems(self, prefix):
+            if not self.file:
+                yield f"{prefix}file = '': must name a file"
+
+    @dataclass(frozen=True)
+    class Several:
+        names: tuple[str, ...] = texts((), "names")
+        sections: dict = each("names", lambda *_: Strict)
+
+    assert build(Several, {}) == Several()
+    with pytest.raises(ConfigurationError, match=r"^a\.file = '': must name a file$"):
+        build(Several, {"names": ["a", "b"], "b.file": "x"})

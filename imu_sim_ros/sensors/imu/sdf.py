@@ -88,7 +88,7 @@ def read(path: str | Path, sensor: str | None = None) -> Described:
         raise InputError(f"{file}: has several IMUs named {found[0].name}; give them other names")
     taken = found[0]
     known = {f"imu.{name}": one for name, one in parameters(ImuParameters).items()}
-    problems = list(bad_values(known, taken.parameters))
+    problems = bad_values(known, taken.parameters).values()
     if problems:
         raise InputError([f"{file}: {taken.name}: {line}" for line in problems])
     return taken._replace(parameters={**taken.parameters, "imu.preset": f"{file}#{taken.name}"})
