@@ -14,10 +14,9 @@ import numpy as np
 
 from imu_sim_ros.bags.messages.blocks import RowTemplate, as_list, as_row_template, side_by_side
 from imu_sim_ros.bags.outputs import OutputFile
-from imu_sim_ros.bags.threads import Pipeline
+from imu_sim_ros.bags.threads import Pipeline, cores
 from imu_sim_ros.bags.writer import EMPTY, BagTopic, Block, Writer, time_order
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.machine import cores
 from imu_sim_ros.types import Bytes, Integers, Times
 
 CHUNK_BYTES: Final = 1 << 20

@@ -8,6 +8,7 @@ queues are without locks in Python: an exception of a signal's handler, which ru
 thread, must not leave one taken.
 """
 
+import os
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
@@ -22,6 +23,13 @@ _Made = TypeVar("_Made")
 
 _PREFETCHED: Final = 2
 _END: Final = "end"
+
+
+def cores() -> int:
+    """Return how many processor cores this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def prefetch(items: Iterable[_T]) -> Generator[_T, None, None]:

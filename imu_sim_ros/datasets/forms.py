@@ -35,8 +35,8 @@ from imu_sim_ros.simulation.topics import (
     Read,
     delivered,
     delivered_rows,
-    is_published,
     offered,
+    published,
     resolved,
 )
 
@@ -75,13 +75,12 @@ def _usual_topics(
     A dataset has tables of readings; a bag has all but those of packages that need not be
     installed.
     """
-    usual = SimulatorParameters().publish
     in_text = form is not None
     tables = in_text and form in WITH_TABLES and path.suffix.lower() != ".csv"
     found = []
-    for name, one in offered(sensors).items():
+    for name, one in published(sensors, SimulatorParameters().publish).items():
         topic, sensor, own_files = one.topic, one.mounted.sensor, one.mounted.sensor.companions
-        if not is_published(topic, usual) or topic.foreign or (imu_only and topic.truth):
+        if topic.foreign or (imu_only and topic.truth):
             continue
         if form in sensor.datasets:
             continue  # it has a place of its own there

@@ -28,6 +28,7 @@ from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.outputs import write_bytes
 from imu_sim_ros.bags.read import decoded_messages
 from imu_sim_ros.bags.reader import Bag
+from imu_sim_ros.bags.threads import cores
 from imu_sim_ros.conventions import (
     COMPRESSED_TOPIC,
     DEPTH_TOPIC,
@@ -39,7 +40,6 @@ from imu_sim_ros.conventions import (
 from imu_sim_ros.datasets.images import DEPTH_FOLDER, image_name, millimetres, write_table
 from imu_sim_ros.datasets.recorded import Description, OneSize, as_png, image_size, sensor_yaml
 from imu_sim_ros.errors import InputError, naming, system_error
-from imu_sim_ros.machine import cores
 from imu_sim_ros.sensors.camera.images.files import Size, png
 from imu_sim_ros.sensors.camera.images.libraries import opencv
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND

@@ -29,6 +29,7 @@ from imu_sim_ros.bags.messages.encode_cameras import (
 from imu_sim_ros.bags.messages.schemas import LATCHED
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE, TransformsEncoder
 from imu_sim_ros.bags.outputs import write_bytes
+from imu_sim_ros.bags.threads import cores
 from imu_sim_ros.bags.writer import BagTopic, Block, Writer
 from imu_sim_ros.conventions import (
     BODY_FRAME,
@@ -52,7 +53,6 @@ from imu_sim_ros.datasets.recorded import (
 )
 from imu_sim_ros.errors import naming, system_error
 from imu_sim_ros.inputs.rows import Skipped
-from imu_sim_ros.machine import cores
 from imu_sim_ros.sensors.camera.images.files import Size, decoded
 
 KINDS: Final = {

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Annotated, Any, Final
 
 from imu_sim_ros import arguments
-from imu_sim_ros.bags.threads import prefetch, threads
+from imu_sim_ros.bags.threads import cores, prefetch, threads
 from imu_sim_ros.bags.writer import check_split
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets import truth_files
@@ -49,7 +49,6 @@ from imu_sim_ros.jobs.writing import (
     parameter_files,
     time_and_speed,
 )
-from imu_sim_ros.machine import cores
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.poses import PoseSequence

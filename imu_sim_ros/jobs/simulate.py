@@ -5,11 +5,12 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
 from os import PathLike
 from pathlib import Path
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,6 @@ from imu_sim_ros.arguments import number, refuse
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.jobs.flight import Flight
 from imu_sim_ros.jobs.readings import checked_poses, checked_sensors, poses_of_rows
-from imu_sim_ros.machine import memory
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import EMPTY_LIST
 from imu_sim_ros.parameters.sections import OF_EVERY_NODE, bad_values
@@ -38,8 +38,6 @@ from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.trajectory.parameters import GIVEN, PoseReader, trajectory_layer
 from imu_sim_ros.types import Array
 
-_PROBE: Final = 16
-"""Samples from which the memory of all samples, with those of every sensor, is reckoned."""
 Poses: TypeAlias = Callable[[Array], tuple[Array, Array]]
 """A function that returns positions (n, 3) [m] and attitudes q_wb (n, 4) at times (n,) [s]."""
 Moving: TypeAlias = (
@@ -99,11 +97,12 @@ def simulate(
     >>> warm.truth.position[0].round(3)
     array([3., 0., 0.])
     """
-    given = (imu, trajectory, duration, rate, seed, params_file, sensors)
-    body = _body(*given, parameters)
-    first = body.next(_PROBE)
+    body = _body(imu, trajectory, duration, rate, seed, params_file, sensors, parameters)
+    windows = body.windows()
+    first = next(windows)
     samples = body.total or 0
-    most = memory() * len(first[IMU].t_ns) // _bytes(first)
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    most = memory * len(first[IMU].t_ns) // _bytes(first)
     if samples > most:
         raise ConfigurationError(
             f"duration: its {samples} samples, with those of all sensors, do not fit into memory, "
@@ -114,7 +113,7 @@ def simulate(
     if isinstance(trajectory, str | Path):
         motion = Path(trajectory).stem
     name = f"{changed}{Path(body.parameters.imu.preset).stem} on {motion}"
-    return Flight(body, [first, *body.windows()], name)
+    return Flight(body, [first, *windows], name)
 
 
 def blocks(

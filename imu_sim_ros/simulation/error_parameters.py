@@ -177,7 +177,7 @@ class ErrorNodeParameters(ErrorModelParameters):
     def problems(self, prefix: str) -> Iterator[str]:
         """Say what cannot be published."""
         yield from super().problems(prefix)
-        if self.publish.orientation:
+        if self.publish.sensors["orientation"].orientation:
             yield from orientation_problems(self.imu, prefix)
         yield from self.inject.unknown_part(prefix, PARTS)
         if self.inject.imu:

@@ -61,13 +61,6 @@ class ImuPublishParameters:
     )
     temperature: bool = flag(False, "publish imu/temperature")
 
-    def __getattr__(self, name: str) -> Any:
-        """Return a switch of a sensor of IMUs."""
-        for own in self.__dict__.get("sensors", {}).values():
-            if hasattr(own, name):
-                return getattr(own, name)
-        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-
 
 @dataclass(frozen=True)
 class PublishParameters(ImuPublishParameters):

@@ -21,10 +21,12 @@ from imu_sim_ros.conventions import (
     TEMPERATURE_TOPIC,
     TF_STATIC_TOPIC,
 )
+from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.declaration import Mounted, Payloads, Topic
 from imu_sim_ros.sensors.deferred import Results
 from imu_sim_ros.sensors.orientation.declaration import TOPIC as ORIENTATION_TOPIC
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
+from imu_sim_ros.simulation.playback import ImuPublishParameters
 from imu_sim_ros.simulation.sensors import mounts
 from imu_sim_ros.types import Array, Integers, Times
 
@@ -128,12 +130,17 @@ def _mounts(sensors: Mapping[str, Mounted], encoding: str) -> Payloads:
     return payloads
 
 
-def is_published(topic: Topic, publish: Any) -> bool:
-    """Return whether a node publishes a topic.
+def published(sensors: Mapping[str, Mounted], publish: ImuPublishParameters) -> dict[str, Offered]:
+    """Return the topics that a node publishes, as :func:`offered` has them.
 
-    :param publish: the section ``publish``; a switch that it does not have is off.
+    :param publish: its section ``publish``; a switch that it does not have is off.
     """
-    return topic.flags is not None and all(getattr(publish, flag, False) for flag in topic.flags)
+    switches = flatten(publish)
+    return {
+        name: one
+        for name, one in offered(sensors).items()
+        if one.topic.flags is not None and all(switches.get(flag) for flag in one.topic.flags)
+    }
 
 
 def resolved(name: str) -> str:

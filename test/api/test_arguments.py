@@ -40,7 +40,8 @@ def test_the_memory_of_the_other_sensors_counts(monkeypatch):
     given = {"imu": {"magnetometer_rate": 1000.0, "barometer_rate": 1000.0}}
     given.update(trajectory="static", rate=100, duration=100)
     # 10,000 samples of 384 B; 100,000 of 104 B and 100,000 of 56 B are 20 MB more.
-    monkeypatch.setattr("imu_sim_ros.jobs.simulate.memory", lambda: 10_000_000)
+    small = {"SC_PAGE_SIZE": 4000, "SC_PHYS_PAGES": 2500}
+    monkeypatch.setattr("os.sysconf", small.__getitem__)
     assert len(ims.simulate(**given)) == 10_000
     with pytest.raises(ims.ConfigurationError, match=r"10000 samples, with those of all sensors"):
         ims.simulate(**given, sensors=["magnetic_field", "pressure"])

@@ -19,8 +19,7 @@ from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.simulation.topics import (
     Encode,
     Offered,
-    is_published,
-    offered,
+    published,
 )
 
 DEPTH: Final = 4000
@@ -29,8 +28,7 @@ DEPTH: Final = 4000
 
 def wanted(parameters: ErrorNodeParameters) -> dict[str, Offered]:
     """Return the topics that are published."""
-    known = offered(mounted(parameters)).items()
-    return {name: one for name, one in known if is_published(one.topic, parameters.publish)}
+    return published(mounted(parameters), parameters.publish)
 
 
 class _Output(NamedTuple):

@@ -45,6 +45,7 @@ from imu_sim_ros.nodes.simulator.publish_queue import (
     TickStream,
 )
 from imu_sim_ros.nodes.simulator.serial_line import PseudoTerminal, messages
+from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.declaration import Topic
@@ -163,9 +164,8 @@ class Simulator(ConfiguredNode):
         """Return the sensor, encoder and receiver of each topic and serial line that there is."""
         found: list[tuple[str, Any, Any]] = []
         sensors = mounted(parameters)
-        for name, topic in topics.offered(sensors).items():
-            chosen = topics.is_published(topic.topic, parameters.publish)
-            if chosen and not topic.mounted.sensor.apart and self._can_publish(topic.topic):
+        for name, topic in topics.published(sensors, parameters.publish).items():
+            if not topic.mounted.sensor.apart and self._can_publish(topic.topic):
                 found.append((topic.name, topic.encoder(), self._counted(name, topic.topic.type)))
         for name, one in sensors.items():
             serial = one.sensor.serial
@@ -363,7 +363,7 @@ class Simulator(ConfiguredNode):
         """
         wanted = parameters.inject
         for sensor in sensors_of_imus():
-            if sensor.name == wanted.triad and not getattr(parameters.publish, sensor.quantity):
+            if sensor.name == wanted.triad and not flatten(parameters.publish)[sensor.quantity]:
                 raise ConfigurationError(
                     f"inject.triad = {wanted.triad}: needs publish.{sensor.quantity}, which is "
                     "false"
