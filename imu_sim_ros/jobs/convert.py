@@ -30,6 +30,7 @@ from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.bags.writer import Writer, amount, described, open_writer
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.writing import (
     Compression,
@@ -175,304 +176,122 @@ def write(
     :param shown: whether progress is.
     :raises InputError: for a source that cannot be read, and an output that cannot be written.
     """
-    written.add(path, kept=True)
-    job = _Job(source, path, form, written, journal, images, recover, shown)
-    job.check_images()
-    with written.staged():
-        return job.from_text() if job.is_text else job.from_bag()
-
-
-class _Job:
-    """One conversion."""
-
-    def __init__(
-        self,
-        source: Path,
-        path: Path,
-        form: Form,
-        written: Outputs,
-        journal: Journal,
-        images: str | None,
-        recover: bool,
-        shown: bool,
-    ) -> None:
-        self.source, self.path, self.form = source, path, form
-        self.images, self.recover, self.shown = images, recover, shown
-        self.dataset = form.dataset or ""
-        """Empty: a bag."""
-        self.written, self.journal = written, journal
-        self.staged = written.where(path)
-        self.is_text = text_reader.is_text(source)
-        self.comment = f"converted from {source.name} by imu_sim_ros"
-        self.renamed = {resolved(old): resolved(new) for old, new in form.renamed.items()}
-
-    def check_images(self) -> None:
-        """Refuse a choice of images that would have no effect."""
-        images = self.images
-        if images and not self.is_text and self.source.exists():
-            raise InputError(
-                f"images {images}: applies to folders only; select a bag's images with topics"
-            )
-        if self.dataset and images not in (None, "none"):
-            raise InputError(f"images {images}: does not apply to {self.dataset}; only none does")
-
-    def from_bag(self) -> Converted:
-        whole = not self.recover or _is_whole(self.source)
-        with open_bag(self.source, self.recover) as bag:
-            topics = streams.chosen(bag, self.form.topics)
-            if not self.dataset:
-                counts, last_ns = self._bag_to_bag(bag, topics)
-            elif self.dataset == "tum":
-                counts, last_ns = self._bag_to_tum(bag, topics)
-            else:
-                counts, last_ns = self._bag_to_dataset(bag, topics)
-        lost = self._without_table(topics, counts) if self.dataset else []
-        found = self._converted(counts, last_ns, lost)
-        if not self.recover:
-            return found
-        if not sum(counts.values()):
-            raise InputError([*self._recovery(bag), f"{self.source}: nothing recoverable"])
-        for line in self._recovery(bag):
-            self.journal.remark(line)
-        recovered = not whole or bool(bag.damage or bag.found)
-        return dataclasses.replace(
-            found, recovered=recovered, found=tuple(bag.found), left_out=tuple(bag.damage)
+    is_text, dataset = text_reader.is_text(source), form.dataset
+    if images and not is_text and source.exists():
+        raise InputError(
+            f"images {images}: applies to folders only; select a bag's images with topics"
         )
+    if dataset and images not in (None, "none"):
+        raise InputError(f"images {images}: does not apply to {dataset}; only none does")
+    written.add(path, kept=True)
+    output = _Output(path, form, written, shown, f"converted from {source.name} by imu_sim_ros")
+    with written.staged():
+        if not is_text:
+            return _from_bag(source, output, journal, recover)
+        if form.topics:
+            raise InputError(f"{source}: text has no topics to choose from")
+        if dataset == "tum":
+            return output.converted(*_to_tum(_poses(source, journal), output, streams.TRUTH))
+        if dataset:
+            return _text_to_dataset(source, output, journal, images)
+        return _text_to_bag(source, output, journal, images)
 
-    def _converted(
-        self, messages: dict[str, int], last_ns: int, not_converted: Sequence[str] = ()
-    ) -> Converted:
-        last = last_ns if last_ns >= 0 else None
-        return Converted(self.path, messages, False, last, not_converted=tuple(not_converted))
 
-    def _without_table(self, topics: Sequence[TopicInfo], counts: Mapping[str, int]) -> list[str]:
-        """Return the topics with messages for which a dataset has no place."""
-        converted = set(counts)
-        if streams.TRUTH in converted and self.dataset == "euroc":
-            converted |= {streams.GYRO_BIAS, streams.ACCEL_BIAS}  # columns of the states
-        seen: set[str] = set()
-        if self.staged.is_dir():
-            seen = {CAMERA_INFO, TF_MESSAGE}
-        return [
-            t.name for t in topics if t.count and t.name not in converted and t.type not in seen
-        ]
+@dataclass(frozen=True)
+class _Output:
+    """What is written, and how."""
 
-    def _recovery(self, bag: Bag) -> list[str]:
-        """Return lines about what a recovery has found and left out."""
-        lines = [f"{bag.path}: found: {line}" for line in bag.found]
-        for k, line in enumerate(bag.damage):
-            if k == _SHOWN_DAMAGE:
-                lines.append(f"{bag.path}: left out: and {len(bag.damage) - k} more places")
-                break
-            lines.append(f"{bag.path}: left out: {line}")
-        count = len(bag.damage)
-        lost = {0: "nothing is", 1: "1 range is"}.get(count, f"{count} ranges are")
-        return [*lines, f"{bag.path}: {lost} left out"]
+    path: Path
+    """Its name in the end."""
+    form: Form
+    written: Outputs
+    shown: bool
+    """Whether progress is."""
+    comment: str
+    """At the head of descriptions."""
 
-    def _progress(self, total: int) -> AbstractContextManager[Advance]:
+    @property
+    def staged(self) -> Path:
+        """Where it is written."""
+        return self.written.where(self.path)
+
+    @property
+    def renamed(self) -> dict[str, str]:
+        """New names of topics by old ones."""
+        return {resolved(old): resolved(new) for old, new in self.form.renamed.items()}
+
+    def progress(self, total: int) -> AbstractContextManager[Advance]:
+        """Return what shows progress.
+
+        :param total: of messages and rows; 0: not known.
+        """
         if not self.shown:
             return contextlib.nullcontext(lambda count: None)
         return progress(f"writing {self.path}", lambda: total)
 
-    def _writer(self) -> Writer:
+    def bag(self) -> Writer:
+        """Open a bag."""
         writer = open_writer(self.staged, *self.form.bag)
         self.written.describe(self.path, lambda: described(writer.topics))
         return writer
 
-    def _bag_to_bag(self, bag: Bag, topics: Sequence[Any]) -> Counts:
-        total = sum(topic.count for topic in topics)
-        with (
-            self._writer() as writer,
-            self._progress(total) as advance,
-        ):
-            refused = self.journal.skipped, self.journal.passed_on
-            lines = streams.bag_to_bag(bag, writer, topics, self.renamed, advance, *refused)
-        for line in lines:
-            self.journal.remark(line)
-        return _tally(writer)
+    def dataset(self, states: bool, tables: Collection[str]) -> Dataset:
+        """Open a dataset of readings.
 
-    def _bag_to_dataset(self, bag: Bag, topics: Sequence[Any]) -> Counts:
-        readings = bag.topic(IMU, self._only_named(topics, IMU))
-        truths = [topic for topic in topics if topic.type == ODOMETRY]
-        chosen: dict[str, str | None] = {IMU: readings.name}
-        if truths:
-            chosen[ODOMETRY] = self._true_states(bag, topics)
-        one_table = self.staged.suffix.lower() == ".csv"
-        tables = {} if one_table else sensor_tables.tables_of(topics, readings.name, known_tables())
-        names = {kind: topic.name for kind, topic in tables.items()}
-        total = readings.count + sum(topic.count for topic in [*truths, *tables.values()])
-        with self._dataset(bool(truths), names) as dataset:
-            images = self._images(bag, topics)
-            total += sum(topic.count for topic in images.topics) if images else 0
-            with self._progress(total) as advance:
-                skipped, warned = self.journal.skipped, self.journal.passed_on
-                streams.to_dataset(
-                    bag.path,
-                    dataset,
-                    chosen,
-                    advance,
-                    self.recover,
-                    skipped,
-                    _described(names),
-                    warned,
-                )
-                if images:
-                    images.write(advance, self.comment)
-        if self.dataset == "euroc":
-            self._describe(bool(truths), names)
-        counts = _rows(dataset, readings.name, chosen.get(ODOMETRY), names)
-        if images is None:
-            return counts, dataset.last_ns
-        return {**counts, **images.counts}, max(dataset.last_ns, images.last_ns)
-
-    def _images(self, bag: Bag, topics: Sequence[TopicInfo]) -> RecordedImages | None:
-        """Return the images of the topics, if there are some and the dataset is a folder."""
-        kinds = {topic.type for topic in topics}
-        if not kinds & {IMAGE, COMPRESSED_IMAGE} or not self.staged.is_dir():
-            return None
-        from imu_sim_ros.datasets.recorded_bag import (  # they need OpenCV
-            RecordedImages,
-            recorded_cameras,
-        )
-
-        return RecordedImages(bag, recorded_cameras(topics), self.staged, self.dataset)
-
-    def _true_states(self, bag: Bag, topics: Sequence[TopicInfo]) -> str:
-        """Return the topic of Odometry that becomes the truth of the dataset."""
-        named = self._only_named(topics, ODOMETRY)
-        if named is None:
-            states = [topic.name for topic in topics if topic.type == ODOMETRY]
-            own = [name for name in states if name.endswith(streams.TRUTH)]
-            named = own[0] if len(own) == 1 else None
-        found = bag.topic(ODOMETRY, named).name
-        if named is None:
-            self.journal.remark(f"{bag.path}: {found} becomes the truth of the dataset")
-        return found
-
-    def _only_named(self, topics: Sequence[Any], type_name: str) -> str | None:
-        """Return the topic of a type among ``topics``; None if there is none."""
-        fitting = [topic.name for topic in topics if topic.type == type_name]
-        if self.form.topics and not fitting:
-            raise InputError(f"topics {','.join(self.form.topics)}: none of them is of {type_name}")
-        return fitting[0] if self.form.topics and len(fitting) == 1 else None
-
-    def _dataset(
-        self,
-        states: bool,
-        tables: Collection[str],
-    ) -> Dataset:
+        :param states: whether it has the truth, too.
+        :param tables: its other tables, by kind.
+        """
+        known = known_tables()
         dataset = Dataset(
-            self.staged, self.dataset, states, tables=[(known_tables()[kind], 0) for kind in tables]
+            self.staged,
+            str(self.form.dataset),
+            states,
+            tables=[(known[kind], 0) for kind in tables],
         )
         self.written.describe(self.path, lambda: amount(dataset.rows, dataset.last_ns, "rows"))
         return dataset
 
-    def _bag_to_tum(self, bag: Bag, topics: Sequence[Any]) -> Counts:
-        named = topics[0].name if self.form.topics and len(topics) == 1 else None
-        skipped, warned = self.journal.skipped, self.journal.passed_on
-        recover = self.recover
-        poses = read_poses(bag.path, named, skipped is not None, warned=warned, recover=recover)
-        if skipped is not None and poses.skipped:
-            skipped(poses.skipped)
-        kinds = {topic.type for topic in bag.topics}
-        found = bag.topic(ODOMETRY if ODOMETRY in kinds else POSE_STAMPED, named).name
-        return self._write_tum(poses, found)
+    def converted(
+        self, messages: dict[str, int], last_ns: int, not_converted: Sequence[str] = ()
+    ) -> Converted:
+        """Return the result.
 
-    def _write_tum(self, poses: PoseSequence, name: str) -> Counts:
-        none = np.zeros((len(poses.t_ns), 3))
-        with Dataset(self.staged, "tum") as dataset:
-            dataset.write_states(text_writer.BodyStates(*poses[:3], none, none, none))
-        return {name: len(poses.t_ns)}, int(max(poses.t_ns, default=-1))
+        :param last_ns: the last stamp; -1: there is none.
+        """
+        last = last_ns if last_ns >= 0 else None
+        return Converted(self.path, messages, False, last, not_converted=tuple(not_converted))
 
-    def from_text(self) -> Converted:
-        if self.form.topics:
-            raise InputError(f"{self.source}: text has no topics to choose from")
-        if self.dataset == "tum":
-            return self._converted(*self._write_tum(self._poses(), streams.TRUTH))
-        if self.dataset:
-            return self._text_to_dataset()
-        if streams.holds_poses(self.source):
-            with self._writer() as writer, self._progress(0) as advance:
-                streams.poses_to_bag(self._poses(), writer, self.renamed, advance)
-            return self._converted(*_tally(writer))
-        with (
-            self._folder_images() as images,
-            self._writer() as writer,
-            self._progress(0) as advance,
-        ):
-            renamed = self.renamed
-            seen = images.streams(writer, renamed, self.images or "raw") if images else []
-            known = known_tables()
-            skipped = self.journal.skipped
-            streams.text_to_bag(self.source, writer, renamed, advance, skipped, seen, known)
-            lost = [
-                name
-                for name, kind in text_reader.table_names(self.source, known).items()
-                if not known[kind].is_converted
-            ]
-        return self._converted(*_tally(writer), lost)
 
-    def _poses(self) -> PoseSequence:
-        """Return the poses of a text file, or of a folder."""
-        source = text_reader.pose_file(self.source) or self.source
-        poses = read_poses(source, None, self.journal.skipped is not None)
-        if self.journal.skipped is not None and poses.skipped:
-            self.journal.skipped(poses.skipped)
-        return poses
-
-    def _text_to_dataset(self) -> Converted:
-        states = text_reader.has_states(self.source)
-        poses = None if states else text_reader.pose_file(self.source)
-        # Tables have states, with velocities.
-        lost = [] if poses is None else [str(poses.relative_to(self.source))]
-        one_table = self.staged.suffix.lower() == ".csv"
-        tables = {} if one_table else text_reader.table_names(self.source, known_tables())
-        names = {kind: name for name, kind in tables.items()}
-        with (
-            self._folder_images() as images,
-            self._dataset(states, names) as dataset,
-            self._progress(0) as advance,
-        ):
-            chosen: dict[str, str | None] = {IMU: None, **({ODOMETRY: None} if states else {})}
-            streams.to_dataset(
-                *(self.source, dataset, chosen, advance, False, self.journal.skipped),
-                _described(names),
-            )
-            seen = {}
-            if images and self.staged.is_dir():
-                seen = images.copy(self.staged, self.dataset, self.comment, advance)
-        if self.dataset == "euroc":
-            self._describe(states, names)
-        called = {kind: resolved(known_tables()[kind].topic) for kind in names}
-        counts = _rows(dataset, streams.READINGS, streams.TRUTH, called)
-        return self._converted({**counts, **seen}, dataset.last_ns, lost)
-
-    def _folder_images(self) -> AbstractContextManager[FolderImages | None]:
-        """Return the images of a folder; None if it has none, or they are not wanted."""
-        folders = text_reader.parents(self.source) if self.source.is_dir() else ()
-        cameras = [name for folder in folders for name in text_reader.sensor_folders(folder, "cam")]
-        if self.images == "none" or not cameras:
-            return contextlib.nullcontext()
-        from imu_sim_ros.datasets.recorded_folder import FolderImages  # with the cameras' modules
-
-        return FolderImages(self.source, self.journal.skipped)
-
-    def _describe(self, states: bool, tables: Collection[str]) -> None:
-        """Write sensor.yaml files; values that the input does not have are left out."""
-
-        def rate(name: str, table: Table | None = None) -> float:
-            first = np.empty(0, np.int64)
-            with contextlib.suppress(InputError):  # no usable row
-                first = next(sensor_tables.stamps(self.staged, name, table), first)
-            period = float(np.median(np.diff(first))) if len(first) > 1 else 0.0
-            return round(1e9 / period, 3) if period else 0.0
-
-        pose = (np.eye(3), np.zeros(3))
-        comment = self.comment
-        text_writer.write_euroc_descriptions(self.staged, rate("imu0"), {}, *pose, comment, states)
-        for table, _ in _described(dict.fromkeys(tables, "")):
-            own = rate(f"{table.name}0", table)
-            text_writer.write_euroc_table(self.staged, table, 0, own, *pose, comment)
+def _from_bag(source: Path, output: _Output, journal: Journal, recover: bool) -> Converted:
+    form = output.form
+    whole = not recover or _is_whole(source)
+    with open_bag(source, recover) as bag:
+        topics = streams.chosen(bag, form.topics)
+        if form.dataset is None:
+            counts, last_ns = _bag_to_bag(bag, topics, output, journal)
+        elif form.dataset == "tum":
+            named = topics[0].name if form.topics and len(topics) == 1 else None
+            poses = _poses(bag.path, journal, named, recover)
+            kinds = {topic.type for topic in bag.topics}
+            found = bag.topic(ODOMETRY if ODOMETRY in kinds else POSE_STAMPED, named).name
+            counts, last_ns = _to_tum(poses, output, found)
+        else:
+            counts, last_ns = _bag_to_dataset(bag, topics, output, journal, recover)
+    lost = _without_table(topics, counts, output) if form.dataset else []
+    result = output.converted(counts, last_ns, lost)
+    if not recover:
+        return result
+    lines = _recovery(bag)
+    if not sum(counts.values()):
+        raise InputError([*lines, f"{source}: nothing recoverable"])
+    for line in lines:
+        journal.remark(line)
+    return dataclasses.replace(
+        result,
+        recovered=not whole or bool(bag.damage or bag.found),
+        found=tuple(bag.found),
+        left_out=tuple(bag.damage),
+    )
 
 
 def _is_whole(path: Path) -> bool:
@@ -481,6 +300,205 @@ def _is_whole(path: Path) -> bool:
             return True
     except InputError:
         return False
+
+
+def _recovery(bag: Bag) -> list[str]:
+    """Return lines about what a recovery has found and left out."""
+    lines = [f"{bag.path}: found: {line}" for line in bag.found]
+    lines += [f"{bag.path}: left out: {line}" for line in bag.damage[:_SHOWN_DAMAGE]]
+    count = len(bag.damage)
+    if count > _SHOWN_DAMAGE:
+        lines.append(f"{bag.path}: left out: and {count - _SHOWN_DAMAGE} more places")
+    lost = {0: "nothing is", 1: "1 range is"}.get(count, f"{count} ranges are")
+    return [*lines, f"{bag.path}: {lost} left out"]
+
+
+def _without_table(
+    topics: Sequence[TopicInfo], counts: Mapping[str, int], output: _Output
+) -> list[str]:
+    """Return the topics with messages for which a dataset has no place."""
+    converted = set(counts)
+    if streams.TRUTH in converted and output.form.dataset == "euroc":
+        converted |= {streams.GYRO_BIAS, streams.ACCEL_BIAS}  # columns of the states
+    # What describes cameras is in a folder's files.
+    seen = {CAMERA_INFO, TF_MESSAGE} if output.staged.is_dir() else set()
+    return [t.name for t in topics if t.count and t.name not in converted and t.type not in seen]
+
+
+def _bag_to_bag(bag: Bag, topics: Sequence[TopicInfo], output: _Output, journal: Journal) -> Counts:
+    total = sum(topic.count for topic in topics)
+    with output.bag() as writer, output.progress(total) as advance:
+        refused = journal.skipped, journal.passed_on
+        lines = streams.bag_to_bag(bag, writer, topics, output.renamed, advance, *refused)
+    for line in lines:
+        journal.remark(line)
+    return _tally(writer)
+
+
+def _bag_to_dataset(
+    bag: Bag, topics: Sequence[TopicInfo], output: _Output, journal: Journal, recover: bool
+) -> Counts:
+    """Write readings, tables, the truth if there is one, and the images of a folder."""
+
+    def only_named(type_name: str) -> str | None:
+        """Return the topic of a type that was named; None: no one topic was."""
+        fitting = [topic.name for topic in topics if topic.type == type_name]
+        asked = output.form.topics
+        if asked and not fitting:
+            raise InputError(f"topics {','.join(asked)}: none of them is of {type_name}")
+        return fitting[0] if asked and len(fitting) == 1 else None
+
+    readings = bag.topic(IMU, only_named(IMU))
+    chosen: dict[str, str | None] = {IMU: readings.name}
+    truths = [topic for topic in topics if topic.type == ODOMETRY]
+    if truths:
+        own = [topic.name for topic in truths if topic.name.endswith(streams.TRUTH)]
+        named = only_named(ODOMETRY) or (own[0] if len(own) == 1 else None)
+        truth = bag.topic(ODOMETRY, named).name
+        if named is None:
+            journal.remark(f"{bag.path}: {truth} becomes the truth of the dataset")
+        chosen[ODOMETRY] = truth
+    one_table = output.staged.suffix.lower() == ".csv"
+    tables = {} if one_table else sensor_tables.tables_of(topics, readings.name, known_tables())
+    names = {kind: topic.name for kind, topic in tables.items()}
+    total = readings.count + sum(topic.count for topic in [*truths, *tables.values()])
+    with output.dataset(bool(truths), names) as dataset:
+        images = _images(bag, topics, output)
+        total += sum(topic.count for topic in images.topics) if images else 0
+        with output.progress(total) as advance:
+            streams.to_dataset(
+                bag.path,
+                dataset,
+                chosen,
+                advance,
+                recover,
+                journal.skipped,
+                _described(names),
+                journal.passed_on,
+            )
+            if images:
+                images.write(advance, output.comment)
+    if output.form.dataset == "euroc":
+        _describe(output, bool(truths), names)
+    counts = _rows(dataset, readings.name, chosen.get(ODOMETRY), names)
+    if images is None:
+        return counts, dataset.last_ns
+    return {**counts, **images.counts}, max(dataset.last_ns, images.last_ns)
+
+
+def _images(bag: Bag, topics: Sequence[TopicInfo], output: _Output) -> RecordedImages | None:
+    """Return the images of the topics, if there are some and the dataset is a folder."""
+    kinds = {topic.type for topic in topics}
+    if not kinds & {IMAGE, COMPRESSED_IMAGE} or not output.staged.is_dir():
+        return None
+    from imu_sim_ros.datasets.recorded_bag import (  # they need OpenCV
+        RecordedImages,
+        recorded_cameras,
+    )
+
+    return RecordedImages(bag, recorded_cameras(topics), output.staged, str(output.form.dataset))
+
+
+def _poses(
+    source: Path, journal: Journal, topic: str | None = None, recover: bool = False
+) -> PoseSequence:
+    """Return the poses of a bag, a text file or a folder."""
+    file = text_reader.pose_file(source) if text_reader.is_text(source) else None
+    skipped, warned = journal.skipped, journal.passed_on
+    poses = read_poses(file or source, topic, skipped is not None, warned=warned, recover=recover)
+    if skipped is not None and poses.skipped:
+        skipped(poses.skipped)
+    return poses
+
+
+def _to_tum(poses: PoseSequence, output: _Output, name: str) -> Counts:
+    """Write poses.
+
+    :param name: of the topic that they were.
+    """
+    none = np.zeros((len(poses.t_ns), 3))
+    with Dataset(output.staged, "tum") as dataset:
+        dataset.write_states(text_writer.BodyStates(*poses[:3], none, none, none))
+    return {name: len(poses.t_ns)}, int(max(poses.t_ns, default=-1))
+
+
+def _text_to_bag(source: Path, output: _Output, journal: Journal, images: str | None) -> Converted:
+    renamed, skipped, known = output.renamed, journal.skipped, known_tables()
+    if streams.holds_poses(source):
+        with output.bag() as writer, output.progress(0) as advance:
+            streams.poses_to_bag(_poses(source, journal), writer, renamed, advance)
+        return output.converted(*_tally(writer))
+    with (
+        _folder_images(source, images, skipped) as seen,
+        output.bag() as writer,
+        output.progress(0) as advance,
+    ):
+        frames = seen.streams(writer, renamed, images or "raw") if seen else []
+        streams.text_to_bag(source, writer, renamed, advance, skipped, frames, known)
+        kinds = text_reader.table_names(source, known)
+        lost = [name for name, kind in kinds.items() if not known[kind].is_converted]
+    return output.converted(*_tally(writer), lost)
+
+
+def _text_to_dataset(
+    source: Path, output: _Output, journal: Journal, images: str | None
+) -> Converted:
+    skipped, known = journal.skipped, known_tables()
+    states = text_reader.has_states(source)
+    poses = None if states else text_reader.pose_file(source)
+    # Tables have states, with velocities.
+    lost = [] if poses is None else [str(poses.relative_to(source))]
+    one_table = output.staged.suffix.lower() == ".csv"
+    tables = {} if one_table else text_reader.table_names(source, known)
+    names = {kind: name for name, kind in tables.items()}
+    with (
+        _folder_images(source, images, skipped) as folder,
+        output.dataset(states, names) as dataset,
+        output.progress(0) as advance,
+    ):
+        chosen: dict[str, str | None] = {IMU: None, **({ODOMETRY: None} if states else {})}
+        streams.to_dataset(source, dataset, chosen, advance, False, skipped, _described(names))
+        seen = {}
+        if folder and output.staged.is_dir():
+            form = str(output.form.dataset)
+            seen = folder.copy(output.staged, form, output.comment, advance)
+    if output.form.dataset == "euroc":
+        _describe(output, states, names)
+    called = {kind: resolved(known[kind].topic) for kind in names}
+    counts = _rows(dataset, streams.READINGS, streams.TRUTH, called)
+    return output.converted({**counts, **seen}, dataset.last_ns, lost)
+
+
+def _folder_images(
+    source: Path, images: str | None, skipped: Skipped | None
+) -> AbstractContextManager[FolderImages | None]:
+    """Return the images of a folder; None if it has none, or they are not wanted."""
+    folders = text_reader.parents(source) if source.is_dir() else ()
+    cameras = [name for folder in folders for name in text_reader.sensor_folders(folder, "cam")]
+    if images == "none" or not cameras:
+        return contextlib.nullcontext()
+    from imu_sim_ros.datasets.recorded_folder import FolderImages  # with the cameras' modules
+
+    return FolderImages(source, skipped)
+
+
+def _describe(output: _Output, states: bool, tables: Collection[str]) -> None:
+    """Write sensor.yaml files; values that the input does not have are left out."""
+
+    def rate(name: str, table: Table | None = None) -> float:
+        first = np.empty(0, np.int64)
+        with contextlib.suppress(InputError):  # no usable row
+            first = next(sensor_tables.stamps(output.staged, name, table), first)
+        period = float(np.median(np.diff(first))) if len(first) > 1 else 0.0
+        return round(1e9 / period, 3) if period else 0.0
+
+    folder, comment = output.staged, output.comment
+    pose = np.eye(3), np.zeros(3)
+    text_writer.write_euroc_descriptions(folder, rate("imu0"), {}, *pose, comment, states)
+    for table, _ in _described(dict.fromkeys(tables, "")):
+        text_writer.write_euroc_table(
+            folder, table, 0, rate(f"{table.name}0", table), *pose, comment
+        )
 
 
 def _tally(writer: Writer) -> Counts:
