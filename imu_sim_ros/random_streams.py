@@ -154,10 +154,11 @@ class Streams:
 
     def begin(self, units: Units) -> None:
         """Let the streams of some units begin, or begin again, from their present seeds."""
-        if isinstance(self._seed, np.ndarray):
-            states = initial_states(self._seed[units], *self._sources).tobytes()
+        seeds = np.asarray(self._seed)[units]
+        if seeds.ndim:
+            states = initial_states(seeds, *self._sources).tobytes()
         else:
-            every = (axis_generators(self._seed, source) for source in self._sources)
+            every = (axis_generators(int(seeds), source) for source in self._sources)
             bits = [one.bit_generator.state for streams in every for one in streams]
             states = np.array([one["state"]["state"] for one in bits]).tobytes()
         for k, index in enumerate(self._indices[units].ravel().tolist()):

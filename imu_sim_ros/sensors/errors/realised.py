@@ -8,7 +8,7 @@ parameters say: a constant is a parameter NAME next to which there is a NAME_sig
 """
 
 import dataclasses
-from functools import cache, lru_cache
+from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -92,12 +92,6 @@ def unit_of_seed(parameters: TriadParameters, triad: str, seed: Seed) -> TriadPa
 
     :param triad: name of the triad, as in the streams' names.
     """
-    return (
-        _unit_of(parameters, triad, seed) if np.ndim(seed) else _one(parameters, triad, int(seed))
-    )
-
-
-def _unit_of(parameters: TriadParameters, triad: str, seed: Seed) -> TriadParameters:
     p = with_constants(parameters, triad, seed)
     if not (np.ndim(seed) or np.any(p.misalignment_sigma)):
         return p
@@ -113,9 +107,6 @@ def _unit_of(parameters: TriadParameters, triad: str, seed: Seed) -> TriadParame
         misalignment_sigma=np.zeros(3),
     )
     return dataclasses.replace(p, **changed)
-
-
-_one = lru_cache(maxsize=16)(_unit_of)
 
 
 def with_turn_on(section: Any, sensor: str, seed: int, axes: Array | None = None) -> Any:

@@ -12,7 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros.random_streams import Seed, Streams, Units, axis_generators, generator
+from imu_sim_ros.random_streams import Seed, Streams, Units, generator
 from imu_sim_ros.rotation import transform
 from imu_sim_ros.sensors.errors.processes import FlickerNoise, GaussMarkovBank
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
@@ -416,7 +416,7 @@ class StressSteps(ErrorTerm):
     def begin(self, units: Units) -> None:
         """Draw the time of the first jump."""
         self._times = generator(int(self.seed), "board.stress_steps")
-        self._sizes = axis_generators(int(self.seed), f"{self.triad}.stress_steps")
+        self._sizes = Streams(self.seed, f"{self.triad}.stress_steps")
         self._reached = 0.0
         self._next = self._draw()
 
@@ -431,7 +431,7 @@ class StressSteps(ErrorTerm):
         first, end = int(self.done), int(self.done) + len(values)
         while first < end:
             while self._next <= first:
-                self.state += self.strength * [one.standard_normal() for one in self._sizes]
+                self.state += self.strength * self._sizes.next(1)[0]
                 self._next = self._draw()
             until = min(self._next, end)
             values[first - self.done : until - self.done] = self.state
@@ -454,7 +454,7 @@ class ShockBias(ErrorTerm):
         from scipy import signal  # half a second of import that only this costs
 
         self._filter = signal.lfilter
-        self._sizes = axis_generators(int(self.seed), f"{self.triad}.shock_bias")
+        self._sizes = Streams(self.seed, f"{self.triad}.shock_bias")
         self._carried = np.zeros((1, 3))
         self._above = False
 
@@ -470,8 +470,7 @@ class ShockBias(ErrorTerm):
         begins = above & ~np.concatenate([[self._above], above[:-1]])
         self._above = bool(above[-1])
         rows = np.flatnonzero(begins)
-        for row, stream, sigma in zip(jumps.T, self._sizes, self.strength, strict=True):
-            row[rows] = sigma * stream.standard_normal(len(rows))
+        jumps[rows] = self.strength * self._sizes.next(len(rows))
         phi = math.exp(-self.dt / tau) if tau else 1.0
         bias, self._carried = self._filter([1.0], [1.0, -phi], jumps, axis=0, zi=self._carried)
         return bias

@@ -8,10 +8,9 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
-from numpy.random import Generator
 
 from imu_sim_ros import rotation
-from imu_sim_ros.random_streams import axis_generators
+from imu_sim_ros.random_streams import Streams
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.errors.processes import Events, GaussMarkovBank
 from imu_sim_ros.sensors.gnss.observations import Observer
@@ -40,13 +39,13 @@ class Receiver(SensorModel):
         seed, dt = environment.seed, 1.0 / p.rate
         self._environment = environment
         self._earth = CurvedEarth(environment) if environment.curved_earth else None
-        self._white = axis_generators(seed, f"{name}.white_noise")
+        self._white = Streams(seed, f"{name}.white_noise")
         self._slow = GaussMarkovBank(seed, f"{name}.gauss_markov", p.correlation_time, dt)
-        self._steps = axis_generators(seed, f"{name}.random_walk")
+        self._steps = Streams(seed, f"{name}.random_walk")
         self._walked = np.zeros((1, 3))
-        self._of_velocity = axis_generators(seed, f"{name}.velocity")
+        self._of_velocity = Streams(seed, f"{name}.velocity")
         self._jumps = Events(seed, f"{name}.multipath", p.multipath_rate, p.multipath_duration, dt)
-        self._sizes, self._jump = axis_generators(seed, f"{name}.multipath_size"), np.zeros(3)
+        self._sizes, self._jump = Streams(seed, f"{name}.multipath_size"), np.zeros(3)
         self._jumped = 0
         self._random = Events(seed, f"{name}.outage", p.outage_rate, p.outage_duration, dt)
         self._known = np.full(6, np.nan)
@@ -68,7 +67,7 @@ class Receiver(SensorModel):
         sigma = self._sigma(mode, seen)
         error = self._error(sigma)
         velocity = self._velocity(motion)
-        noise = p.velocity_sigma * _numbers(self._of_velocity, len(t))
+        noise = p.velocity_sigma * self._of_velocity.next(len(t))
         mode = np.where(self._is_out(t, ideal) | ~seen.usable, -1, mode).astype(np.int64)
         measured = seen.used * (mode >= 0)
         if self._observer is not None:
@@ -140,11 +139,11 @@ class Receiver(SensorModel):
     def _error(self, sigma: Array) -> Array:
         """Return the error (n, 3) east, north, up of the next samples."""
         p, count = self.parameters, len(sigma)
-        white = _numbers(self._white, count)
+        white = self._white.next(count)
         slow = self._slow.next_block(count)
         error = sigma * (math.sqrt(p.white_share) * white + math.sqrt(1.0 - p.white_share) * slow)
         if p.random_walk:
-            steps = p.random_walk * math.sqrt(self._dt) * _numbers(self._steps, count)
+            steps = p.random_walk * math.sqrt(self._dt) * self._steps.next(count)
             # Summed in one order, so that blocks of any size give the same bits.
             walked = np.cumsum(np.concatenate([self._walked, steps]), axis=0)[1:]
             self._walked = walked[-1:] if count else self._walked
@@ -152,7 +151,7 @@ class Receiver(SensorModel):
         numbers = self._jumps.next(count)
         for k in np.unique(numbers[numbers > 0]):
             if k > self._jumped:
-                self._jump = p.multipath_sigma * _numbers(self._sizes, 1)[0]
+                self._jump = p.multipath_sigma * self._sizes.next(1)[0]
                 self._jumped = int(k)
             error[numbers == k] += self._jump
         return error
@@ -173,11 +172,6 @@ class Receiver(SensorModel):
         for box in np.reshape(p.outage_boxes, (-1, 6)):
             out |= ((position >= box[:3]) & (position <= box[3:])).all(axis=1)
         return out
-
-
-def _numbers(streams: list[Generator], count: int) -> Array:
-    """Return standard normal numbers (count, k) of k streams."""
-    return np.stack([stream.standard_normal(count) for stream in streams], axis=1)
 
 
 def _without_satellites(count: int) -> dict[str, Any]:

@@ -16,7 +16,6 @@ from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.realised import with_constants, with_turn_on
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.faults import FaultSchedule
-from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
 from imu_sim_ros.sensors.model import SensorWithImu
 from imu_sim_ros.sensors.samples import Sampled
@@ -183,14 +182,11 @@ class Magnetometer(SensorWithImu):
         imu, environment = mounted.own, mounted.environment
         self._parameters: MagnetometerParameters = imu.magnetometer
         self._field = MagneticField(environment)
-        self.earth_w, self.interval = self._field.earth_w, 1.0 / self._parameters.rate
+        self.earth_w = self._field.earth_w
+        """(3,) the Earth's field in the world [T]."""
         self._r_ib = np.reshape(imu.mounting, (3, 3)).T
         unit = with_constants(self._parameters, NAME, environment.seed)
         self._errors = MagneticErrors(self.triad, iron(unit))
-
-    def calibration(self, unit: ImuParameters) -> tuple[Array, Array]:
-        """Return M (3, 3) and b (3,) [T] of ``reading = M B + b`` for a realised IMU."""
-        return unit.magnetometer.response_and_bias()
 
     def ideal(self, t: Array, world: World) -> Array:
         """Return the field in the IMU's axes (n, 3) [T]."""

@@ -3,20 +3,19 @@
 
 """An IMU's orientation as the rest of the package sees it: samples, topic, table, readings."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.declaration import (
-    Model,
     Mounted,
     Payloads,
     Sensor,
     SensorReadings,
     Topic,
+    on_demand,
 )
 from imu_sim_ros.sensors.imu.declaration import readings
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
@@ -45,16 +44,6 @@ def _readings(mounted: Mounted, encoding: str) -> Payloads:
     return readings(mounted, encoding, "q_wi", "variance")
 
 
-def _model(mounted: Mounted, _: int, others: Mapping[str, Model]) -> Model:
-    from imu_sim_ros.sensors.orientation.model import Orientation  # most IMUs state none
-
-    imu: ImuParameters = mounted.own
-    filtered = imu.orientation.source == "filter"
-    field: Any = others["magnetic_field"] if filtered else None
-    source: Any = others["imu"]
-    return Orientation(imu, mounted.environment, source, field)
-
-
 def _needs(imu: ImuParameters) -> tuple[str, ...]:
     return ("magnetic_field",) if imu.orientation.source == "filter" else ()
 
@@ -78,7 +67,7 @@ SENSOR = Sensor(
     quantity="orientation",
     section=OrientationParameters,
     with_imu=True,
-    model=_model,
+    model=on_demand("imu_sim_ros.sensors.orientation.model", "Orientation"),
     topics=(Topic(TOPIC, TYPE, ("orientation",), _readings),),
     switches=OrientationSwitches,
     table=TABLE,

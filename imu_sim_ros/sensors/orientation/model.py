@@ -3,18 +3,21 @@
 
 """The orientation that an IMU states with its readings: ``imu/data`` (REP-145)."""
 
-from fractions import Fraction
-from typing import Any, Final, Protocol
+from collections.abc import Mapping
+from typing import Final
 
 import numpy as np
 
 from imu_sim_ros import rotation, timebase
-from imu_sim_ros.random_streams import axis_generators
+from imu_sim_ros.random_streams import Streams
+from imu_sim_ros.sensors.declaration import Model, Mounted
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.processes import GaussMarkovBank
 from imu_sim_ros.sensors.errors.realised import realised_imu
-from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.imu.model import Imu
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.magnetometer.model import Magnetometer
+from imu_sim_ros.sensors.model import FixedModel
 from imu_sim_ros.sensors.orientation.filter import OrientationFilter
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import Window, World
@@ -38,11 +41,10 @@ class ModelledOrientation:
     def __init__(self, imu: ImuParameters, environment: EnvironmentParameters) -> None:
         """Draw the constant error and the initial states."""
         p, seed, dt = imu.orientation, environment.seed, 1.0 / environment.rate
-        turn_on = [s.standard_normal() for s in axis_generators(seed, "orientation.turn_on")]
-        self._constant = np.array(turn_on) * p.turn_on_sigma
+        self._constant = Streams(seed, "orientation.turn_on").next(1)[0] * p.turn_on_sigma
         self._constant_variance = np.square(p.turn_on_sigma)
         self._noise = np.array(p.noise)
-        self._streams = axis_generators(seed, "orientation.noise")
+        self._streams = Streams(seed, "orientation.noise")
         self._drift_sigma = np.array(p.drift_sigma)
         self._drift = GaussMarkovBank(seed, "orientation.drift", p.drift_time, dt)
         self._per_acceleration = np.array(p.acceleration_sensitivity)
@@ -61,8 +63,7 @@ class ModelledOrientation:
             error += self._drift_sigma * self._drift.next_block(n)
             variance += self._drift_sigma**2
         if self._noise.any():
-            numbers = np.stack([stream.standard_normal(n) for stream in self._streams]).T
-            error += self._noise * numbers
+            error += self._noise * self._streams.next(n)
             variance += self._noise**2
         if self._per_acceleration.any():
             x, y, z = block.motion.acceleration.T
@@ -73,43 +74,16 @@ class ModelledOrientation:
         return rotation.multiply(rotation.exp(error), q_wi), variance
 
 
-class ReadImu(Protocol):
-    """The IMU whose orientation is stated."""
-
-    @property
-    def latest(self) -> Samples:
-        """What was read last."""
-
-
-class FieldSensor(Protocol):
-    """The IMU's sensor of the magnetic field, as the filter needs it."""
-
-    @property
-    def latest(self) -> Any:
-        """What was read last: ``true_t_ns`` (m,) [ns] and ``field`` (m, 3) [T]."""
-
-    @property
-    def interval(self) -> float:
-        """Between two samples [s]."""
-
-    @property
-    def earth_w(self) -> Array:
-        """(3,) the Earth's field in the world [T]."""
-
-    def calibration(self, unit: ImuParameters) -> tuple[Array, Array]:
-        """Return M (3, 3) and b (3,) [T] of ``reading = M B + b`` for a realised IMU."""
-
-
 class FilteredOrientation:
     """A filter over the IMU's readings, corrected by a calibration or as they are."""
 
     def __init__(
-        self, imu: ImuParameters, environment: EnvironmentParameters, field: FieldSensor
+        self, imu: ImuParameters, environment: EnvironmentParameters, field: Magnetometer
     ) -> None:
         p = imu.orientation
         self._field = field
         self._filter = OrientationFilter(
-            p.time_constant, 1.0 / environment.rate, field.interval, field.earth_w
+            p.time_constant, 1.0 / environment.rate, 1.0 / imu.magnetometer.rate, field.earth_w
         )
         self._variance = np.square(p.stated_sigma)
         self._last_ns = np.empty(0, np.int64)
@@ -119,7 +93,7 @@ class FilteredOrientation:
             self._corrections = [
                 _Correction(unit.gyroscope.response(), np.array(unit.gyroscope.bias)),
                 _Correction(unit.accelerometer.response(), np.array(unit.accelerometer.bias)),
-                _Correction(*field.calibration(unit)),
+                _Correction(*unit.magnetometer.response_and_bias()),
             ]
 
     def next(self, block: Samples, q_wi: Array) -> tuple[Array, Array]:
@@ -151,37 +125,28 @@ class _Correction:
         return rotation.transform(self._inverse, reading - self._bias)
 
 
-class Orientation:
+class Orientation(FixedModel):
     """Orientations at the IMU's samples, or at every m-th of them."""
 
-    def __init__(
-        self,
-        imu: ImuParameters,
-        environment: EnvironmentParameters,
-        read: ReadImu,
-        field: FieldSensor | None,
-    ) -> None:
+    def __init__(self, mounted: Mounted, _: int, others: Mapping[str, Model]) -> None:
         """Set up the model or the filter.
 
-        :param read: the IMU, which is read before this.
-        :param field: of the IMU; the filter needs it.
+        :param others: the IMU, and for the filter its sensor of the magnetic field; they are read
+            before this.
         """
-        rate = imu.orientation.rate
+        imu, environment, rate = mounted.own, mounted.environment, mounted.own.orientation.rate
         ratio = timebase.exact_rate(environment.rate) / timebase.exact_rate(rate) if rate else 1
+        read = others["imu"]
+        assert isinstance(read, Imu)
         self._every, self._imu = int(ratio), read
-        mounting = np.reshape(imu.mounting, (3, 3))
-        self._q_bi = rotation.from_matrix(mounting)
+        self._q_bi = rotation.from_matrix(np.reshape(imu.mounting, (3, 3)))
         self._source: ModelledOrientation | FilteredOrientation
-        if field is None:
-            self._source = ModelledOrientation(imu, environment)
-        else:
+        if imu.orientation.source == "filter":
+            field = others["magnetic_field"]
+            assert isinstance(field, Magnetometer)
             self._source = FilteredOrientation(imu, environment, field)
-
-    def configure(self, imu: ImuParameters) -> None:
-        """Do nothing: no parameter of an orientation is live."""
-
-    def inject(self, fault: Fault, begin: Fraction) -> None:
-        """Do nothing: an orientation has no faults of its own."""
+        else:
+            self._source = ModelledOrientation(imu, environment)
 
     def read(self, window: Window, world: World) -> Samples:
         """Return the orientations of the IMU's samples, and of the field's, that were read last."""
