@@ -22,6 +22,7 @@ from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.rotation import pose_matrix
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.faults import Fault
+from imu_sim_ros.sensors.samples import Rows, Samples
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.timebase import span
 from imu_sim_ros.types import Array, Mask, Times
@@ -43,11 +44,11 @@ class Model(Protocol):
     def inject(self, fault: Fault, begin: Fraction) -> None:
         """Let a fault begin with the first sample not before a time since the start [s]."""
 
-    def read(self, window: Window, world: World) -> Any:
+    def read(self, window: Window, world: World) -> Samples:
         """Return the samples in a window, which begins where the last one ended."""
 
 
-Payloads = Callable[[Any, Any, Any], "RowTemplate | list[bytes] | Results[bytes]"]
+Payloads = Callable[[Samples, Rows, Any], "RowTemplate | list[bytes] | Results[bytes]"]
 """Turns samples and the rows of them that are sent into messages.
 
 The last argument are the parameters valid for the samples: those of a simulation, with ``imu`` and
@@ -102,7 +103,7 @@ class Topic:
     foreign: bool = False
     """Its type is in a package that need not be installed: a bag has it on request, a node
     publishes it if it can."""
-    sent: Callable[[Any], Mask] | None = None
+    sent: Callable[[Samples], Mask] | None = None
     """Returns for which samples (n,) there is a message at all; None: for all."""
     exists: Callable[[Mounted], bool] = lambda _: True
     """Whether a sensor with these parameters has it."""
@@ -114,12 +115,12 @@ def topic(
     name: str,
     type_name: str,
     encoder: str,
-    values: Callable[[Any, Any, Any], Sequence[ArrayLike]],
+    values: Callable[[Samples, Rows, Any], Sequence[ArrayLike]],
     *flags: str,
     truth: bool = False,
     foreign: bool = False,
     in_world: bool = False,
-    sent: Callable[[Any], Mask] | None = None,
+    sent: Callable[[Samples], Mask] | None = None,
 ) -> Topic:
     """Return a topic whose messages have the stamps, or the true times, of the samples.
 
@@ -136,7 +137,7 @@ def topic(
         frame = mounted.environment.world_frame if in_world else mounted.frame
         messages = getattr(encode, encoder)(frame, encoding)
 
-        def payloads(read: Any, rows: Any, now: Any) -> "RowTemplate":
+        def payloads(read: Samples, rows: Rows, now: Any) -> "RowTemplate":
             t_ns = read.true_t_ns if truth else read.t_ns
             return messages.pattern(t_ns[rows], *values(read, rows, now))
 
@@ -161,7 +162,7 @@ def on_demand(module: str, name: str) -> Callable[..., Any]:
 class Companion(Protocol):
     """Files that are written next to an output while its samples are made."""
 
-    def write(self, read: Any) -> None:
+    def write(self, read: Samples) -> None:
         """Write the next samples."""
 
     def close(self) -> None:
@@ -194,7 +195,7 @@ class Serial(NamedTuple):
 
     where: Callable[[Any], str]
     """Returns of its section where the terminal is linked; ``pty``: nowhere; empty: it has none."""
-    lines: Callable[[Any, Any], list[str]]
+    lines: Callable[[Samples, Rows], list[str]]
     """Returns a text in ASCII for each of some rows of samples."""
 
 
@@ -226,7 +227,7 @@ class Sensor:
     line if the first value, () or (3,), looks like one in another unit, or else nothing."""
     table: Table | None = None
     """The readings in datasets of text; None: these have a form of their own, or none, for it."""
-    values: Callable[[Any], Array] = np.asarray
+    values: Callable[[Samples], Array] = np.asarray
     """The numbers (n, columns) of the table, of all n samples."""
     switches: type | None = None
     """Those of its flags that are parameters ``publish.*`` of its own: a frozen dataclass."""

@@ -137,7 +137,7 @@ class SensorWithImu:
     Its samples are read in order.
     """
 
-    latest: Samples | None = None
+    latest: Samples
     """What was read last."""
 
     def __init__(self, mounted: Mounted, t0_ns: int, _: object = None) -> None:

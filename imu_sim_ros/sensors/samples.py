@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from functools import cache
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -24,6 +24,8 @@ from imu_sim_ros.types import Array, Integers, Mask, Times, shapes
 LARGEST_JITTER: Final = 0.45
 """Jitter is cut off here, in intervals between two samples, so that stamps always increase."""
 _NEVER: Final = np.iinfo(np.int64).min
+Rows: TypeAlias = "slice | Integers"
+"""Which of n samples."""
 
 
 class Samples(NamedTuple):

@@ -23,6 +23,7 @@ from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
 from imu_sim_ros.sensors.camera.scene_parameters import body_names, check_surfaces
 from imu_sim_ros.sensors.camera.truths import DATASETS, LANDMARKS, moving_body
 from imu_sim_ros.sensors.declaration import Mounted, Payloads, Sensor, Topic, on_demand
+from imu_sim_ros.sensors.samples import Rows, Samples
 
 if TYPE_CHECKING:
     from imu_sim_ros.bags.messages.encode_cameras import CameraInfo
@@ -61,7 +62,7 @@ def _of_pixels(
         check_surfaces(mounted.environment.rig.scene)
         encode = encoder(mounted, encoding)
 
-        def payloads(read: Any, rows: Any, _: Any) -> "Results[bytes]":
+        def payloads(read: Samples, rows: Rows, _: object) -> "Results[bytes]":
             def message(k: int, shown: Any) -> bytes:
                 return encode(int(read.t_ns[k]), shown)
 
@@ -76,7 +77,7 @@ def _of_pixels(
     return Topic(name, kind, (), make, exists=there)
 
 
-def _numbers(read: Any, rows: Any) -> Iterable[int]:
+def _numbers(read: Samples, rows: Rows) -> Iterable[int]:
     """Return the numbers of the rows of samples that are sent."""
     return np.arange(len(read.t_ns))[rows].tolist()
 

@@ -17,7 +17,7 @@ from imu_sim_ros.sensors.camera.tracker import Tracker, Tracks
 from imu_sim_ros.sensors.camera.truths import DATASETS, AtFrames
 from imu_sim_ros.sensors.declaration import Mounted, Payloads, Sensor, Topic
 from imu_sim_ros.sensors.deferred import Deferred
-from imu_sim_ros.sensors.samples import Samples
+from imu_sim_ros.sensors.samples import Rows, Samples
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.types import Array, Integers, Mask
 
@@ -224,7 +224,7 @@ def _clouds(mounted: Mounted, encoding: str) -> Payloads:
     channels = (*CHANNELS[rig.features.layout], *[BODY_CHANNEL] * bool(body_names(rig.scene)))
     encoder = PointCloudEncoder(mounted.environment.world_frame, channels, encoding)
 
-    def payloads(read: Any, rows: Any, _: Any) -> list[bytes]:
+    def payloads(read: Samples, rows: Rows, _: object) -> list[bytes]:
         chosen = np.arange(len(read.t_ns))[rows].tolist()
         values = [(int(read.t_ns[k]), read.rows[k]) for k in chosen]
         return [encoder.encode(t_ns, each[:, :3], each[:, 3:]) for t_ns, each in values]

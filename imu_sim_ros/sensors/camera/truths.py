@@ -15,7 +15,7 @@ from imu_sim_ros.sensors.camera.rig_parameters import RigParameters
 from imu_sim_ros.sensors.declaration import Mounted, Payloads, Sensor, Topic
 from imu_sim_ros.sensors.deferred import Deferred
 from imu_sim_ros.sensors.model import FixedModel
-from imu_sim_ros.sensors.samples import Samples
+from imu_sim_ros.sensors.samples import Rows, Samples
 from imu_sim_ros.sensors.world import Window, World
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def _cloud(mounted: Mounted, encoding: str) -> Payloads:
 
     encoder = PointCloud2Encoder(mounted.environment.world_frame, encoding)
 
-    def payloads(read: Any, rows: Any, _: Any) -> list[bytes]:
+    def payloads(read: Samples, rows: Rows, _: object) -> list[bytes]:
         fields = [*((axis, "<f4") for axis in "xyz"), ("id", "<u4")]
         found = []
         for t_ns in read.t_ns[rows].tolist():
@@ -95,7 +95,7 @@ def _odometry(mounted: Mounted, encoding: str) -> Payloads:
 
     encoder = OdometryEncoder(mounted.environment.world_frame, mounted.name, encoding)
 
-    def payloads(read: Any, rows: Any, _: Any) -> "RowTemplate":
+    def payloads(read: Samples, rows: Rows, _: object) -> "RowTemplate":
         state: State = read.state
         velocity_b = rotation.rotate_inverse(state.q_wb, state.velocity)
         rate = np.zeros_like(velocity_b)

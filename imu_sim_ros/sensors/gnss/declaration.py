@@ -22,6 +22,7 @@ from imu_sim_ros.sensors.declaration import (
 )
 from imu_sim_ros.sensors.gnss.parameters import GnssParameters
 from imu_sim_ros.sensors.gnss.satellites import calendar_ns
+from imu_sim_ros.sensors.samples import Rows, Samples
 from imu_sim_ros.types import Array, Integers, Times
 
 FIX: Final = ("sensor_msgs/msg/NavSatFix", "NavSatFixEncoder")
@@ -122,7 +123,7 @@ class GnssReadings(SensorReadings):
         return path
 
 
-def _fix(read: Any, rows: Any, _: Any) -> tuple[Array, ...]:
+def _fix(read: Samples, rows: Rows, _: object) -> tuple[Array, ...]:
     geodetic, status = read.geodetic[rows], read.status[rows]
     variance = np.where(status[:, None] < 0, 0.0, read.variance[rows])  # 0: unknown, in ROS
     return (*geodetic.T, status, variance)
@@ -135,7 +136,7 @@ _EXTENDED_STATUS: Final = np.array([0, 18, 20, 19, -1])
 _WITHIN: Final = (1.960, 2.448, 2.796)
 
 
-def _extended(read: Any, rows: Any, _: Any) -> tuple[Any, ...]:
+def _extended(read: Samples, rows: Rows, _: object) -> tuple[Any, ...]:
     """Return what gps_msgs/GPSFix holds; errors are those that contain 95 %, NaN without a fix."""
     latitude, longitude, altitude, status, stated = _fix(read, rows, _)
     variance = read.variance[rows]

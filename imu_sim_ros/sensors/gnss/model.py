@@ -32,7 +32,7 @@ class Receiver(SensorModel):
 
     parameters: GnssParameters
 
-    def __init__(self, mounted: Mounted, t0_ns: int, _: Mapping[str, Any]) -> None:
+    def __init__(self, mounted: Mounted, t0_ns: int, _: object) -> None:
         """Set up all errors at their start."""
         super().__init__(mounted, t0_ns)
         name, environment, p = mounted.name, mounted.environment, self.parameters

@@ -8,9 +8,13 @@ import math
 import operator
 from collections.abc import Iterator, Sequence
 from datetime import datetime, timezone
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 from imu_sim_ros.sensors.gnss.satellites import calendar_ns
+from imu_sim_ros.sensors.samples import Rows, Samples
+
+if TYPE_CHECKING:
+    from imu_sim_ros.sensors.gnss.declaration import GnssReadings
 
 _KNOTS: Final = 3600.0 / 1852.0
 """In a metre per second."""
@@ -20,12 +24,11 @@ _QUALITY: Final = (1, 2, 5, 4, 0)
 """GGA's quality for single, dgps, float, fixed and no fix."""
 
 
-def sentences(read: Any, rows: Any) -> list[str]:
+def sentences(read: "Samples | GnssReadings", rows: Rows) -> list[str]:
     """Return the sentences of each fix, with checksums and line ends.
 
     Times are the UTC of the stamps, rounded to a hundredth; without a fix, place, height, speed and
-    course are empty. Heights are above the
-    ellipsoid: the separation of the geoid is 0.
+    course are empty. Heights are above the ellipsoid: the separation of the geoid is 0.
 
     :param read: samples or readings of a receiver.
     :param rows: which of them.

@@ -5,7 +5,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -15,6 +14,8 @@ from imu_sim_ros.sensors.gnss.parameters import GnssParameters
 from imu_sim_ros.sensors.gnss.satellites import gps_time
 from imu_sim_ros.sensors.gnss.sky import Broadcast
 from imu_sim_ros.sensors.gravity import earth_fixed
+from imu_sim_ros.sensors.samples import Samples
+from imu_sim_ros.types import Integers
 
 
 class RinexFiles:
@@ -37,10 +38,10 @@ class RinexFiles:
         self._observations = files[0].open("w", encoding="ascii", newline="\n")
         self._navigation = files[1]
         self._last = 0.0
-        self._lock: np.ndarray[Any, Any] | None = None
+        self._lock: Integers | None = None
         self._begun = False
 
-    def write(self, read: Any) -> None:
+    def write(self, read: Samples) -> None:
         """Write the measurements of the next samples."""
         if not len(read.tag_ns):
             return

@@ -29,6 +29,7 @@ from imu_sim_ros.sensors.declaration import (
 )
 from imu_sim_ros.sensors.errors.triad import variance_discrete
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.samples import Rows, Samples
 from imu_sim_ros.types import Array
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def readings(mounted: Mounted, encoding: str, *orientation: str) -> Payloads:
     known: Any = None
     messages: ImuEncoder
 
-    def payloads(read: Any, rows: Any, now: Any) -> "RowTemplate":
+    def payloads(read: Samples, rows: Rows, now: Any) -> "RowTemplate":
         nonlocal known, messages
         if now is not known:
             variances = (variance_discrete(now.imu, triad, now.rate) for triad in TRIADS)
@@ -81,7 +82,7 @@ def _increments(name: str, means: str, flag: str, truth: bool = False) -> Topic:
             raise ConfigurationError(f"topic {name}: needs imu.sampling averaged; it is {sampling}")
         messages = Vector3StampedEncoder(mounted.frame, encoding)
 
-        def payloads(read: Any, rows: Any, _: Any) -> "RowTemplate":
+        def payloads(read: Samples, rows: Rows, _: object) -> "RowTemplate":
             t_ns = read.true_t_ns if truth else read.t_ns
             return messages.pattern(t_ns[rows], getattr(read, means)[rows] * interval)
 

@@ -3,9 +3,9 @@
 
 """A LiDAR as the rest of the package sees it: topics and readings."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from imu_sim_ros.sensors.declaration import (
 )
 from imu_sim_ros.sensors.lidar.layouts import LAYOUTS, Cloud, custom_points
 from imu_sim_ros.sensors.lidar.parameters import LidarParameters
+from imu_sim_ros.sensors.samples import Rows, Samples
 from imu_sim_ros.types import Array, Single
 
 TOPIC: Final = "points"
@@ -88,7 +89,7 @@ class LidarReadings(SensorReadings):
         return next(clouds(self, [k]))
 
 
-def clouds(read: Any, scans: Any) -> Iterator[Cloud]:
+def clouds(read: Samples | LidarReadings, scans: Iterable[int]) -> Iterator[Cloud]:
     """Yield the points of some scans."""
     for k in scans:
         rows = np.isfinite(read.range[k])
@@ -103,7 +104,7 @@ def clouds(read: Any, scans: Any) -> Iterator[Cloud]:
         )
 
 
-def _true_points(read: Any, k: int) -> NDArray[np.void]:
+def _true_points(read: Samples, k: int) -> NDArray[np.void]:
     """Return the truth of the points of scan k, in their order."""
     kept = np.isfinite(read.range[k])
     rows = np.zeros(int(kept.sum()), _TRUE_POINT)
@@ -114,10 +115,17 @@ def _true_points(read: Any, k: int) -> NDArray[np.void]:
     return rows
 
 
-Scans = Callable[[Any, Any, Any], Iterator[tuple[int, NDArray[np.void]]]]
+Rays = Iterator[tuple[int, NDArray[np.void]]]
+"""Stamps of scans [ns], and their points."""
 
 
-def _topic(name: str, kind: tuple[str, str], scans: Scans, **more: Any) -> Topic:
+def _topic(
+    name: str,
+    kind: tuple[str, str],
+    scans: Callable[[Samples, Iterable[int], LidarParameters], Rays],
+    truth: bool = False,
+    foreign: bool = False,
+) -> Topic:
     """Return a topic of a message for each scan."""
 
     def make(mounted: Mounted, encoding: str) -> Payloads:
@@ -125,25 +133,25 @@ def _topic(name: str, kind: tuple[str, str], scans: Scans, **more: Any) -> Topic
 
         messages = getattr(encode_cameras, kind[1])(mounted.frame, encoding)
 
-        def payloads(read: Any, rows: Any, now: Any) -> list[bytes]:
+        def payloads(read: Samples, rows: Rows, now: LidarParameters) -> list[bytes]:
             chosen = np.arange(len(read.t_ns))[rows].tolist()
             return [messages.encode(*scan) for scan in scans(read, chosen, now)]
 
         return payloads
 
-    return Topic(name, kind[0], (), make, **more)
+    return Topic(name, kind[0], (), make, truth, foreign)
 
 
-def _points(read: Any, scans: Any, now: Any) -> Iterator[tuple[int, NDArray[np.void]]]:
+def _points(read: Samples, scans: Iterable[int], now: LidarParameters) -> Rays:
     layout = LAYOUTS[now.layout]
     return ((cloud.t_ns, layout.rows(cloud)) for cloud in clouds(read, scans))
 
 
-def _custom(read: Any, scans: Any, _: Any) -> Iterator[tuple[int, NDArray[np.void]]]:
+def _custom(read: Samples, scans: Iterable[int], _: object) -> Rays:
     return ((cloud.t_ns, custom_points(cloud)) for cloud in clouds(read, scans))
 
 
-def _truth(read: Any, scans: Any, _: Any) -> Iterator[tuple[int, NDArray[np.void]]]:
+def _truth(read: Samples, scans: Iterable[int], _: object) -> Rays:
     return ((int(read.true_t_ns[k]), _true_points(read, k)) for k in scans)
 
 

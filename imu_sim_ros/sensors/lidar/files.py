@@ -5,7 +5,7 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.lidar.declaration import clouds
 from imu_sim_ros.sensors.lidar.layouts import LAYOUTS, Cloud
 from imu_sim_ros.sensors.lidar.parameters import LidarParameters
+from imu_sim_ros.sensors.samples import Samples
 
 _FIELDS: Final = LAYOUTS["velodyne"]
 """Of PLY and PCD."""
@@ -76,7 +77,7 @@ class ScanFiles:
         self._times = (self._folder / "times.txt").open("w", encoding="ascii", newline="\n")
         self._count = 0
 
-    def write(self, read: Any) -> None:
+    def write(self, read: Samples) -> None:
         """Write the next scans."""
         for cloud in clouds(read, read.delivered):
             path = self._folder / f"{self._count:06d}.{self._suffix}"

@@ -4,10 +4,10 @@
 """Fields of points as the drivers of makers write them, and as estimators read them."""
 
 from collections.abc import Callable
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.types import Array, Single
@@ -39,7 +39,7 @@ class PointLayout(NamedTuple):
     fields: Fields
     size: int
     """Bytes of a point."""
-    values: dict[str, Callable[[Cloud], Any]]
+    values: dict[str, Callable[[Cloud], ArrayLike]]
     """What fills each field but x, y, z."""
 
     @property
@@ -69,19 +69,19 @@ class PointLayout(NamedTuple):
 _XYZ: Final = (("x", "<f4", 0), ("y", "<f4", 4), ("z", "<f4", 8))
 
 
-def _intensity(cloud: Cloud) -> Any:
+def _intensity(cloud: Cloud) -> Single:
     return cloud.intensity
 
 
-def _ring(cloud: Cloud) -> Any:
+def _ring(cloud: Cloud) -> NDArray[np.uint16]:
     return cloud.ring
 
 
-def _nanoseconds(cloud: Cloud) -> Any:
+def _nanoseconds(cloud: Cloud) -> Array:
     return np.rint(cloud.time * 1e9)
 
 
-def reflectivity_of(cloud: Cloud) -> Any:
+def reflectivity_of(cloud: Cloud) -> Single:
     """Return intensities as a byte: 100 for a white surface, up to 255 for mirrors."""
     return np.clip(np.rint(cloud.intensity), 0, 255)
 

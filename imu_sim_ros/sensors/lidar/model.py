@@ -18,7 +18,7 @@ of the power, as the second part of n. A point is the range times the nominal di
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -117,7 +117,7 @@ class Lidar(SensorModel):
             self._targets = Targets(world.scene, self.parameters.reflectivity)
         scans = [self._scan(start, world, self._targets) for start in t.tolist()]
         count, rays = len(t), len(self._pattern.time)
-        values: dict[str, Any] = {"range_bias": np.full(count, self.parameters.range_bias)}
+        values: dict[str, NDArray[Any]] = {"range_bias": np.full(count, self.parameters.range_bias)}
         for name, kind, shape in _ARRAYS:
             empty = np.empty((0, rays, *shape), kind)
             values[name] = np.stack([scan[name] for scan in scans]) if scans else empty
@@ -159,9 +159,7 @@ class Lidar(SensorModel):
         if noise is not None:
             range_ += noise
         intensity = 100.0 * power
-        self._lose(
-            outcome, traced, range_, limit, lambda: targets.on_glass(traced, origin, towards)
-        )
+        self._lose(outcome, range_, limit, lambda: targets.on_glass(traced, origin, towards))
         self._meet_rain(outcome, range_, intensity, distance)
         if p.intensity_range > 0.0:
             with np.errstate(invalid="ignore"):
@@ -269,7 +267,13 @@ class Lidar(SensorModel):
         far[~np.isfinite(far)] = p.range_noise_at_limit
         return np.hypot(p.range_noise, far) * self._normal("range", len(range_))
 
-    def _lose(self, outcome: Any, traced: Traced, range_: Array, limit: Any, on_glass: Any) -> None:
+    def _lose(
+        self,
+        outcome: NDArray[np.uint8],
+        range_: Array,
+        limit: Array | None,
+        on_glass: Callable[[], Mask],
+    ) -> None:
         """Say of which rays nothing returns."""
         p, count = self.parameters, len(range_)
         if limit is not None:
@@ -283,7 +287,9 @@ class Lidar(SensorModel):
         if p.dropout_share > 0.0:
             outcome[self._next("dropout").random(count) < p.dropout_share] = LOST
 
-    def _meet_rain(self, outcome: Any, range_: Array, intensity: Array, distance: Array) -> None:
+    def _meet_rain(
+        self, outcome: NDArray[np.uint8], range_: Array, intensity: Array, distance: Array
+    ) -> None:
         """Put in the rays that meet rain or dust."""
         p, count = self.parameters, len(range_)
         if p.false_return_share == 0.0:

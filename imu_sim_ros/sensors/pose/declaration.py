@@ -4,7 +4,7 @@
 """The true pose: the body's motion as samples without any error, and its topics."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -65,7 +65,7 @@ def _odometry(mounted: Mounted, encoding: str) -> Payloads:
     world = mounted.environment
     messages = OdometryEncoder(world.world_frame, world.body_frame, encoding)
 
-    def payloads(read: Any, _: Any, __: Any) -> "RowTemplate":
+    def payloads(read: Samples, _: object, __: object) -> "RowTemplate":
         velocity_b = rotate_inverse(read.q_wb, read.velocity)
         state = (read.position, read.q_wb, velocity_b, read.angular_velocity)
         return messages.pattern(read.true_t_ns, *state)

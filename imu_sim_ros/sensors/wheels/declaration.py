@@ -4,7 +4,7 @@
 """The wheels as the rest of the package sees them: topics, table, readings."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from imu_sim_ros.sensors.declaration import (
     on_demand,
     topic,
 )
+from imu_sim_ros.sensors.samples import Rows, Samples
 from imu_sim_ros.sensors.wheels.parameters import WheelsParameters
 from imu_sim_ros.sensors.wheels.uncertainty import UNKNOWN
 from imu_sim_ros.types import Array
@@ -82,7 +83,7 @@ def _joints(name: str, position: str, velocity: str, truth: bool = False) -> Top
     def make(_: Mounted, encoding: str) -> Payloads:
         from imu_sim_ros.bags.messages.transforms import JointStateEncoder
 
-        def payloads(read: Any, rows: Any, now: Any) -> "RowTemplate":
+        def payloads(read: Samples, rows: Rows, now: WheelsParameters) -> "RowTemplate":
             t_ns = (read.true_t_ns if truth else read.t_ns)[rows]
             encoder = JointStateEncoder(now.joints, "", encoding)
             return encoder.pattern(
@@ -98,7 +99,7 @@ def _odometry(name: str, truth: bool = False) -> Topic:
     def make(mounted: Mounted, encoding: str) -> Payloads:
         from imu_sim_ros.bags.messages.encode import OdometryEncoder
 
-        def payloads(read: Any, rows: Any, now: Any) -> "RowTemplate":
+        def payloads(read: Samples, rows: Rows, now: WheelsParameters) -> "RowTemplate":
             encoder = OdometryEncoder(now.odom_frame, mounted.frame, encoding)
             if truth:
                 pose, twist = read.true_pose[rows], read.true_twist[rows]
@@ -116,7 +117,7 @@ def _odometry(name: str, truth: bool = False) -> Topic:
     return Topic(name, ODOMETRY, (), make, truth)
 
 
-def _as_read(read: Any, rows: Any) -> tuple[Array, ...]:
+def _as_read(read: Samples, rows: Rows) -> tuple[Array, ...]:
     """Return position, attitude, velocity, angular velocity."""
     pose, twist = read.pose[rows], read.twist[rows]
     count = len(pose)

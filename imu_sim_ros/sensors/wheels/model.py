@@ -11,7 +11,7 @@ radii and distances, the wheels have the true ones.
 import dataclasses
 import math
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -91,7 +91,7 @@ class Odometer(SensorModel):
 
     parameters: WheelsParameters
 
-    def __init__(self, mounted: Mounted, t0_ns: int, _: Mapping[str, Any]) -> None:
+    def __init__(self, mounted: Mounted, t0_ns: int, _: object) -> None:
         """Set up all errors at their start; the angles and the pose are 0 at the first reading."""
         super().__init__(mounted, t0_ns)
         name, environment, p = mounted.name, mounted.environment, self.parameters
