@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Final, NamedTuple, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, TypeAlias, TypedDict, TypeVar, cast
 
 import numpy as np
 
@@ -18,6 +18,10 @@ from imu_sim_ros.inputs import gate
 from imu_sim_ros.names import shown, suggestion
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+_V = TypeVar("_V")
 Vector: TypeAlias = tuple[float, float, float]
 Matrix: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
 Value: TypeAlias = "float | int | bool | str | tuple[float, ...] | tuple[str, ...]"
@@ -194,13 +198,31 @@ def entries(value: object) -> object:
     return parse_yaml(value)
 
 
-def _field(kind: str, default: Value, text: str, **details: Any) -> Any:
-    entry = _KINDS[kind].entry
-    if isinstance(default, tuple):
-        default = cast(Value, tuple(map(entry, default)))
-    else:
-        default = entry(default)
-    parameter = Parameter(kind, default, text, **details)
+class Limits(TypedDict, total=False):
+    """Fields of :class:`Parameter` that bound its numbers."""
+
+    minimum: float
+    maximum: float
+    above_minimum: bool
+
+
+class Details(Limits, total=False):
+    """Fields of :class:`Parameter` that a declaration may state."""
+
+    unit: str
+    group: int
+    live: bool
+    turn_on_scale: str
+    covariance: bool
+
+
+# What follows is a field of a dataclass; as with dataclasses.field, its type is that of the value.
+
+
+def _field(
+    kind: str, default: _V, text: str, choices: tuple[str, ...] = (), **details: "Unpack[Details]"
+) -> _V:
+    parameter = Parameter(kind, cast(Value, default), text, choices=choices, **details)
     return dataclasses.field(default=default, metadata={METADATA: parameter})
 
 
@@ -210,38 +232,38 @@ def like(other: Parameter, **changed: Any) -> Any:
     return dataclasses.field(default=parameter.default, metadata={METADATA: parameter})
 
 
-def number(default: float, text: str, **details: Any) -> Any:
+def number(default: float, text: str, **details: "Unpack[Details]") -> float:
     """Describe a float; details are fields of :class:`Parameter`."""
-    return _field("number", default, text, **details)
+    return _field("number", float(default), text, **details)
 
 
-def integer(default: int, text: str, **details: Any) -> Any:
+def integer(default: int, text: str, **details: "Unpack[Details]") -> int:
     """Describe an integer."""
     return _field("integer", default, text, **details)
 
 
-def flag(default: bool, text: str, **details: Any) -> Any:
+def flag(default: bool, text: str, **details: "Unpack[Details]") -> bool:
     """Describe a switch."""
     return _field("flag", default, text, **details)
 
 
-def text(default: str, text: str, **details: Any) -> Any:
+def text(default: str, text: str, **details: "Unpack[Details]") -> str:
     """Describe a string."""
     return _field("text", default, text, **details)
 
 
-def choice(default: str, choices: Sequence[str], text: str, **details: Any) -> Any:
+def choice(default: str, choices: Sequence[str], text: str, **details: "Unpack[Details]") -> str:
     """Describe a string from a fixed set."""
-    return _field("choice", default, text, choices=tuple(choices), **details)
+    return _field("choice", default, text, tuple(choices), **details)
 
 
-def vector(default: float | Vector, text: str, **details: Any) -> Any:
+def vector(default: float | Vector, text: str, **details: "Unpack[Details]") -> Vector:
     """Describe a value per axis x, y, z; a single number applies to all three."""
-    entries = default if isinstance(default, tuple) else (float(default),) * 3
-    return _field("vector", entries, text, **details)
+    x, y, z = default if isinstance(default, tuple) else (default,) * 3
+    return _field("vector", (float(x), float(y), float(z)), text, **details)
 
 
-def gravity(text: str) -> Any:
+def gravity(text: str) -> Vector:
     """Describe gravity in the world [m/s^2]; a single number is its magnitude, downwards."""
     return _field("gravity", GRAVITY, text, unit="m/s^2")
 
@@ -260,16 +282,18 @@ def upward_gravity(gravity: Vector) -> Iterator[str]:
         )
 
 
-def matrix(default: Matrix, text: str, **details: Any) -> Any:
+def matrix(default: Matrix, text: str, **details: "Unpack[Details]") -> Matrix:
     """Describe a 3 x 3 matrix as nine numbers, row by row."""
-    return _field("matrix", default, text, **details)
+    return _field("matrix", cast(Matrix, tuple(map(float, default))), text, **details)
 
 
-def numbers(default: tuple[float, ...], text: str, **details: Any) -> Any:
+def numbers(
+    default: tuple[float, ...], text: str, **details: "Unpack[Details]"
+) -> tuple[float, ...]:
     """Describe a list of numbers of any length (a multiple of ``group``)."""
-    return _field("numbers", default, text, **details)
+    return _field("numbers", tuple(map(float, default)), text, **details)
 
 
-def texts(default: tuple[str, ...], text: str, **details: Any) -> Any:
+def texts(default: tuple[str, ...], text: str, **details: "Unpack[Details]") -> tuple[str, ...]:
     """Describe a list of strings."""
     return _field("texts", default, text, **details)

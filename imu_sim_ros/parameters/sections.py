@@ -69,13 +69,13 @@ class _Nested:
 
 
 def section(
-    cls: type,
+    cls: type[_T],
     *,
     joint: str = ".",
     words: Mapping[str, str] | None = None,
     without: Collection[str] = (),
     fixed: bool = False,
-) -> Any:
+) -> _T:
     """Describe a nested section; its parameters' names are the field's, the joint, and their own.
 
     :param words: replacements of ``{word}`` in the section's texts and units.
@@ -96,7 +96,9 @@ def section(
     return field(default_factory=cls, metadata={_NESTED: nested})
 
 
-def variant(key: str, default: str, find: Callable[[str], type], kinds: Mapping[str, type]) -> Any:
+def variant(
+    key: str, default: str, find: Callable[[str], type[_T]], kinds: Mapping[str, type[_T]]
+) -> _T:
     """Describe a nested section whose class depends on the text at ``key`` within it.
 
     :param find: returns the class for a string, or raises ConfigurationError with one line.
@@ -114,8 +116,10 @@ def variant(key: str, default: str, find: Callable[[str], type], kinds: Mapping[
 
 
 def each(
-    parameter: str, find: Callable[[str, Mapping[str, object]], type], taken: Collection[str] = ()
-) -> Any:
+    parameter: str,
+    find: Callable[[str, Mapping[str, object]], type[_T]],
+    taken: Collection[str] = (),
+) -> Mapping[str, _T]:
     """Describe a dictionary of sections by name; their parameters are ``NAME.*``.
 
     :param parameter: of the same section, which lists the names.
@@ -134,7 +138,7 @@ def each(
     return field(default_factory=dict, metadata={_NESTED: nested})
 
 
-def shared(sections: Callable[[], Mapping[str, type]], joint: str | None) -> Any:
+def shared(sections: Callable[[], Mapping[str, type[_T]]], joint: str | None) -> Mapping[str, _T]:
     """Describe a dictionary of sections whose parameters stand among those of the one around it.
 
     :param joint: behind the name of each, before those of its parameters; None: no name either.
@@ -151,7 +155,9 @@ def shared(sections: Callable[[], Mapping[str, type]], joint: str | None) -> Any
     )
 
 
-def optional(cls: Callable[[], type], there: Callable[[Mapping[str, object]], bool]) -> Any:
+def optional(
+    cls: Callable[[], type[_T]], there: Callable[[Mapping[str, object]], bool]
+) -> _T | None:
     """Describe a section, or None, whose parameters have no prefix of their own.
 
     :param cls: returns it; called only if it is there, so that it may be imported then.
