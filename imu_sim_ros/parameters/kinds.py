@@ -198,7 +198,7 @@ def entries(value: object) -> object:
     return parse_yaml(value)
 
 
-class Limits(TypedDict, total=False):
+class NumberLimits(TypedDict, total=False):
     """Fields of :class:`Parameter` that bound its numbers."""
 
     minimum: float
@@ -206,7 +206,7 @@ class Limits(TypedDict, total=False):
     above_minimum: bool
 
 
-class Details(Limits, total=False):
+class ParameterDetails(NumberLimits, total=False):
     """Fields of :class:`Parameter` that a declaration may state."""
 
     unit: str
@@ -220,7 +220,11 @@ class Details(Limits, total=False):
 
 
 def _field(
-    kind: str, default: _V, text: str, choices: tuple[str, ...] = (), **details: "Unpack[Details]"
+    kind: str,
+    default: _V,
+    text: str,
+    choices: tuple[str, ...] = (),
+    **details: "Unpack[ParameterDetails]",
 ) -> _V:
     parameter = Parameter(kind, cast(Value, default), text, choices=choices, **details)
     return dataclasses.field(default=default, metadata={METADATA: parameter})
@@ -232,32 +236,34 @@ def like(other: Parameter, **changed: Any) -> Any:
     return dataclasses.field(default=parameter.default, metadata={METADATA: parameter})
 
 
-def number(default: float, text: str, **details: "Unpack[Details]") -> float:
+def number(default: float, text: str, **details: "Unpack[ParameterDetails]") -> float:
     """Describe a float; details are fields of :class:`Parameter`."""
     return _field("number", float(default), text, **details)
 
 
-def integer(default: int, text: str, **details: "Unpack[Details]") -> int:
+def integer(default: int, text: str, **details: "Unpack[ParameterDetails]") -> int:
     """Describe an integer."""
     return _field("integer", default, text, **details)
 
 
-def flag(default: bool, text: str, **details: "Unpack[Details]") -> bool:
+def flag(default: bool, text: str, **details: "Unpack[ParameterDetails]") -> bool:
     """Describe a switch."""
     return _field("flag", default, text, **details)
 
 
-def text(default: str, text: str, **details: "Unpack[Details]") -> str:
+def text(default: str, text: str, **details: "Unpack[ParameterDetails]") -> str:
     """Describe a string."""
     return _field("text", default, text, **details)
 
 
-def choice(default: str, choices: Sequence[str], text: str, **details: "Unpack[Details]") -> str:
+def choice(
+    default: str, choices: Sequence[str], text: str, **details: "Unpack[ParameterDetails]"
+) -> str:
     """Describe a string from a fixed set."""
     return _field("choice", default, text, tuple(choices), **details)
 
 
-def vector(default: float | Vector, text: str, **details: "Unpack[Details]") -> Vector:
+def vector(default: float | Vector, text: str, **details: "Unpack[ParameterDetails]") -> Vector:
     """Describe a value per axis x, y, z; a single number applies to all three."""
     x, y, z = default if isinstance(default, tuple) else (default,) * 3
     return _field("vector", (float(x), float(y), float(z)), text, **details)
@@ -282,18 +288,20 @@ def upward_gravity(gravity: Vector) -> Iterator[str]:
         )
 
 
-def matrix(default: Matrix, text: str, **details: "Unpack[Details]") -> Matrix:
+def matrix(default: Matrix, text: str, **details: "Unpack[ParameterDetails]") -> Matrix:
     """Describe a 3 x 3 matrix as nine numbers, row by row."""
     return _field("matrix", cast(Matrix, tuple(map(float, default))), text, **details)
 
 
 def numbers(
-    default: tuple[float, ...], text: str, **details: "Unpack[Details]"
+    default: tuple[float, ...], text: str, **details: "Unpack[ParameterDetails]"
 ) -> tuple[float, ...]:
     """Describe a list of numbers of any length (a multiple of ``group``)."""
     return _field("numbers", tuple(map(float, default)), text, **details)
 
 
-def texts(default: tuple[str, ...], text: str, **details: "Unpack[Details]") -> tuple[str, ...]:
+def texts(
+    default: tuple[str, ...], text: str, **details: "Unpack[ParameterDetails]"
+) -> tuple[str, ...]:
     """Describe a list of strings."""
     return _field("texts", default, text, **details)

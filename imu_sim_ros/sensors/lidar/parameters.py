@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from imu_sim_ros.parameters.kinds import Limits, choice, flag, integer, number, numbers, text
+from imu_sim_ros.parameters.kinds import NumberLimits, choice, flag, integer, number, numbers, text
 from imu_sim_ros.sensors.lidar.layouts import LAYOUTS
 from imu_sim_ros.sensors.parameters import SensorParameters
 
@@ -15,8 +15,8 @@ PATTERNS: Final = ("spinning", "rosette", "nodding", "table")
 FORMS: Final = ("kitti", "ply", "pcd")
 MOST_RAYS: Final = 2_000_000
 """In one scan."""
-_SHARE: Final[Limits] = {"minimum": 0.0, "maximum": 1.0}
-_LENGTH: Final[Limits] = {"minimum": 0.0, "maximum": 1e4}
+_SHARE: Final[NumberLimits] = {"minimum": 0.0, "maximum": 1.0}
+_LENGTH: Final[NumberLimits] = {"minimum": 0.0, "maximum": 1e4}
 
 
 @dataclass(frozen=True)
