@@ -7,7 +7,7 @@ import re
 import struct
 import zlib
 from collections.abc import Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -30,7 +30,11 @@ from imu_sim_ros.bags.reader import (
     gather,
 )
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.types import Bytes
+from imu_sim_ros.types import Bytes, Integers
+
+if TYPE_CHECKING:
+    from mcap.records import Channel
+    from mcap.records import Schema as SchemaRecord
 
 _HEADER_BYTES = 9
 _SCHEMA, _CHANNEL, _FOOTER = 0x03, 0x04, 0x02
@@ -54,7 +58,7 @@ class _Chunk(NamedTuple):
     torn: bool = False
 
 
-class McapBag(ChunkedBag):
+class McapBag(ChunkedBag[_Chunk]):
     """One MCAP file with ROS 2 messages.
 
     One that is to be recovered is read without index and footer, and damaged parts are left out.
@@ -63,8 +67,8 @@ class McapBag(ChunkedBag):
     encoding = "cdr"
 
     def _open(self) -> None:
-        self._records: dict[int, Any] = {}
-        self._schemas: dict[int, Any] = {}
+        self._channels: dict[int, Channel] = {}
+        self._schemas: dict[int, SchemaRecord] = {}
         self._summary_channels: frozenset[int] = frozenset()
         """Channels that the summary names, in recovery: they tell messages from other bytes."""
         if self._file.read(len(MAGIC)) != MAGIC:
@@ -86,7 +90,8 @@ class McapBag(ChunkedBag):
         from mcap.records import Channel, ChunkIndex, Statistics
         from mcap.records import Schema as SchemaRecord
 
-        schemas, channels, indexes = dict[int, Any](), dict[int, Any](), []
+        schemas, channels = dict[int, SchemaRecord](), dict[int, Channel]()
+        indexes: list[ChunkIndex] = []
         statistics = None
         try:
             end = self._end - len(MAGIC) - _FOOTER_BYTES - _HEADER_BYTES
@@ -118,7 +123,7 @@ class McapBag(ChunkedBag):
             ) from None
         if statistics is None or (statistics.chunk_count == 0 and statistics.message_count):
             return None
-        self._schemas, self._records = schemas, channels
+        self._schemas, self._channels = schemas, channels
         if len(indexes) != statistics.chunk_count or len(channels) != statistics.channel_count:
             return None
         self._chunks = [
@@ -138,8 +143,8 @@ class McapBag(ChunkedBag):
         In recovery, what is no record is left out up to the next place where one begins for sure.
         """
         counts: dict[int, int] = {}
-        self._summary_channels = frozenset(self._records)
-        self._records, self._schemas, self._chunks = {}, {}, []
+        self._summary_channels = frozenset(self._channels)
+        self._channels, self._schemas, self._chunks = {}, {}, []
         position, opcode = len(MAGIC), 0
         try:
             while position < self._end and opcode != _FOOTER:
@@ -213,7 +218,7 @@ class McapBag(ChunkedBag):
         if len(head) < MESSAGE_HEADER.itemsize:
             return False
         opcode, length, channel = struct.unpack_from("<BQH", head)
-        known = self._summary_channels.union(self._records)
+        known = self._summary_channels.union(self._channels)
         return (
             opcode == MESSAGE
             and length >= MESSAGE_HEADER.itemsize - _HEADER_BYTES
@@ -342,15 +347,15 @@ class McapBag(ChunkedBag):
             self._schemas[schema.id] = schema
         elif opcode == _CHANNEL:
             channel = Channel.read(ReadDataStream(BytesIO(body)))
-            before = self._records.get(channel.id, channel)
+            before = self._channels.get(channel.id, channel)
             _check_same("channel", channel.id, before.topic, channel.topic)
             _check_same("channel", channel.id, before.schema_id, channel.schema_id)
-            self._records[channel.id] = channel
+            self._channels[channel.id] = channel
 
     def _name_topics(self, counts: Mapping[int, int]) -> None:
         """Make a topic of all channels with the same name and type."""
-        groups: dict[tuple[str, str], list[Any]] = {}
-        for channel in self._records.values():
+        groups: dict[tuple[str, str], list[Channel]] = {}
+        for channel in self._channels.values():
             record = self._schemas.get(channel.schema_id)
             groups.setdefault((channel.topic, record.name if record else ""), []).append(channel)
         for (name, type_name), channels in groups.items():
@@ -420,10 +425,10 @@ class McapBag(ChunkedBag):
         self._file.seek(offset)
         return self._file.read(length)
 
-    def _indexed(self, chunk: _Chunk) -> dict[int, np.ndarray[Any, np.dtype[np.int64]]]:
+    def _indexed(self, chunk: _Chunk) -> dict[int, Integers]:
         """Return by channel where the index says that messages begin; empty without an index."""
         data = self._bytes(chunk.position + chunk.length, chunk.index_length)
-        found: dict[int, Any] = {}
+        found: dict[int, Integers] = {}
         for opcode, start, _ in _records(memoryview(data)):
             if opcode != MESSAGE_INDEX:
                 return {}
@@ -458,7 +463,7 @@ def _check_same(what: str, id_: int, before: object, now: object) -> None:
         raise ContradictionError(f"{what} {id_} is {now} from here on, and {before} before")
 
 
-def _scanned(data: Bytes) -> dict[int, np.ndarray[Any, np.dtype[np.int64]]]:
+def _scanned(data: Bytes) -> dict[int, Integers]:
     """Return by channel where messages begin, found by going from record to record."""
     found: dict[int, list[int]] = {}
     content = memoryview(data.data)

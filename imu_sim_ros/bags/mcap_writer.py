@@ -12,15 +12,19 @@ import zlib
 from collections.abc import Callable, Sequence
 from itertools import accumulate
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from imu_sim_ros.bags.chunks import Chunk, ChunkWriter
 from imu_sim_ros.bags.messages.blocks import Column, RowTemplate
 from imu_sim_ros.bags.messages.schemas import qos_text
-from imu_sim_ros.bags.writer import BagTopic
+from imu_sim_ros.bags.writer import ROS_DISTRO, BagTopic, rosbag2_metadata
 from imu_sim_ros.types import Times
+
+if TYPE_CHECKING:
+    from mcap.records import Channel, McapRecord
+    from mcap.records import Schema as SchemaRecord
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 MESSAGE: Final = 0x05
@@ -87,8 +91,8 @@ class McapWriter(ChunkWriter):
 
         super().__init__(path, "" if compression == "none" else compression, renamed)
         self._compress = compressor(compression)
-        self._schemas: dict[str, Any] = {}
-        self._channels: list[Any] = []
+        self._schemas: dict[str, SchemaRecord] = {}
+        self._channels: list[Channel] = []
         # The library's own identifier; mcap.writer has it and takes 15 ms to import.
         self.file.write(MAGIC, _packed(Header("ros2", f"mcap-python/{__version__}")))
 
@@ -187,13 +191,11 @@ class McapWriter(ChunkWriter):
             SummaryOffset,
         )
 
-        from imu_sim_ros.bags import rosbag2_metadata
-
         # What rosbag2 stores in each of its files. Jazzy reads the first entry; the second is that
         # of Humble and Iron.
-        content = rosbag2_metadata.document("mcap", self.topics, [self])
+        content = rosbag2_metadata("mcap", self.topics, [self])
         text = yaml.safe_dump(content, sort_keys=False)
-        entries = {"serialized_metadata": text, "ROS_DISTRO": content["ros_distro"]}
+        entries = {"serialized_metadata": text, "ROS_DISTRO": ROS_DISTRO}
         metadata = _packed(Metadata(name="rosbag2", metadata=entries))
         metadata_index = MetadataIndex(self.file.position, len(metadata), "rosbag2")
         self.file.write(metadata, _packed(DataEnd(0)))
@@ -251,7 +253,7 @@ class McapWriter(ChunkWriter):
         self.file.write(summary, _packed(Footer(summary_start, offset_start, crc)), MAGIC)
 
 
-def _packed(record: Any) -> bytes:
+def _packed(record: "McapRecord") -> bytes:
     """Return one of the mcap library's records as bytes."""
     from mcap.data_stream import RecordBuilder
 

@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO, Final, NamedTuple, TypeVar
+from typing import Any, BinaryIO, Final, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided, sliding_window_view
@@ -173,7 +173,22 @@ def missing(
     return suggestion(name, (topic.name for topic in near), f"it has {listed(topics)}")
 
 
-class ChunkedBag(Bag):
+class Chunk(Protocol):
+    """A chunk, or messages outside chunks that are read as one."""
+
+    @property
+    def position(self) -> int:
+        """Where it begins in the file."""
+
+    @property
+    def start_ns(self) -> int:
+        """The first time of its messages."""
+
+
+_Chunk = TypeVar("_Chunk", bound=Chunk)
+
+
+class ChunkedBag(Bag, Generic[_Chunk]):
     """A bag that is one file of chunks: MCAP, ROS 1."""
 
     def __init__(self, path: Path, recover: bool) -> None:
@@ -185,8 +200,7 @@ class ChunkedBag(Bag):
         self._recover = recover
         self._file: BinaryIO = self._stack.enter_context(open_regular(path))
         self._end = self._file.seek(0, 2)
-        self._chunks: list[Any] = []
-        """Each with its position in the file, and ``start_ns``."""
+        self._chunks: list[_Chunk] = []
         self._lost = (-1, -1, 0)
         """The last range of lost bytes, and its line in ``damage``."""
         self._topic_of: dict[int, TopicInfo] = {}
@@ -203,7 +217,7 @@ class ChunkedBag(Bag):
         """Find chunks and topics, by the index or by going through the file."""
 
     @abstractmethod
-    def _blocks(self, chunk: Any, wanted: Mapping[int, TopicInfo]) -> list[MessageBlock]:
+    def _blocks(self, chunk: _Chunk, wanted: Mapping[int, TopicInfo]) -> list[MessageBlock]:
         """Return the messages of a chunk, in blocks of one topic each."""
 
     def _leave_out(self, start: int, end: int, why: str) -> None:

@@ -83,7 +83,7 @@ class _Chunk(NamedTuple):
     """Size of messages outside chunks that are read as one [bytes]; 0: a chunk."""
 
 
-class Rosbag1Bag(ChunkedBag):
+class Rosbag1Bag(ChunkedBag[_Chunk]):
     """One ROS 1 bag.
 
     One that is to be recovered is read without its index, and damaged parts are left out.

@@ -17,8 +17,8 @@ from imu_sim_ros.bags.mcap_reader import McapBag
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
 from imu_sim_ros.bags.messages.schemas import Schema
 from imu_sim_ros.bags.reader import Bag, Timed, errors_naming
-from imu_sim_ros.bags.rosbag2_metadata import FILE_NAME
 from imu_sim_ros.bags.sqlite_pages import MessagePages
+from imu_sim_ros.bags.writer import METADATA_FILE
 from imu_sim_ros.errors import InputError, MachineError
 from imu_sim_ros.inputs.rows import is_present, open_regular, read_text
 from imu_sim_ros.parameters.yaml_text import parse_yaml
@@ -300,7 +300,7 @@ def read_metadata(folder: Path) -> dict[str, Any]:
 
     :raises InputError: if it is missing or has another form.
     """
-    file = folder / FILE_NAME
+    file = folder / METADATA_FILE
     if not is_present(file):
         hint = (
             "; convert_bag --recover recovers the complete messages" if _files_found(folder) else ""

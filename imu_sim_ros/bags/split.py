@@ -10,10 +10,18 @@ from pathlib import Path
 
 import numpy as np
 
-from imu_sim_ros.bags import rosbag2_metadata as rosbag2_metadata
 from imu_sim_ros.bags.messages.blocks import RowTemplate
 from imu_sim_ros.bags.outputs import make_folder
-from imu_sim_ros.bags.writer import MAX_PARTS, BagTopic, Block, Writer, tally, time_order
+from imu_sim_ros.bags.writer import (
+    MAX_PARTS,
+    METADATA_FILE,
+    BagTopic,
+    Block,
+    Writer,
+    rosbag2_metadata,
+    tally,
+    time_order,
+)
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.types import Integers
 
@@ -209,8 +217,14 @@ class Rosbag2Writer(PartsWriter):
             shutil.rmtree(self.path, ignore_errors=True)
 
     def _describe(self) -> None:
-        content = rosbag2_metadata.document(self._storage, self.topics, self._parts)
-        rosbag2_metadata.write(self.path, content)
+        """Write metadata.yaml, which is there as a whole or not at all."""
+        import yaml
+
+        content = rosbag2_metadata(self._storage, self.topics, self._parts)
+        text = yaml.safe_dump({"rosbag2_bagfile_information": content}, sort_keys=False)
+        temporary = self.path / (METADATA_FILE + ".tmp")
+        temporary.write_text(text, encoding="utf-8")
+        temporary.rename(self.path / METADATA_FILE)
 
     def abandon(self) -> list[Path]:
         """Leave the folder without metadata."""

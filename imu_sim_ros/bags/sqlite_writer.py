@@ -13,11 +13,18 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.bags import rosbag2_metadata as rosbag2_metadata
 from imu_sim_ros.bags.messages.blocks import as_list, as_row_template, side_by_side
 from imu_sim_ros.bags.messages.schemas import qos_text
 from imu_sim_ros.bags.outputs import refuse_existing
-from imu_sim_ros.bags.writer import BagTopic, Block, Writer, tally, time_order
+from imu_sim_ros.bags.writer import (
+    METADATA_VERSION,
+    BagTopic,
+    Block,
+    Writer,
+    rosbag2_metadata,
+    tally,
+    time_order,
+)
 from imu_sim_ros.errors import MachineError
 
 SCHEMA_VERSION: Final = 4
@@ -172,10 +179,10 @@ class SqliteWriter(Writer):
         """Store the metadata."""
         import yaml
 
-        content = rosbag2_metadata.document("sqlite3", self.topics, [self])
+        content = rosbag2_metadata("sqlite3", self.topics, [self])
         self._execute(
             "INSERT INTO metadata (metadata_version, metadata) VALUES (?, ?)",
-            (rosbag2_metadata.VERSION, yaml.safe_dump(content, sort_keys=False)),
+            (METADATA_VERSION, yaml.safe_dump(content, sort_keys=False)),
         )
         self._execute("COMMIT")
         self._execute("PRAGMA journal_mode = DELETE")  # takes the empty journal away

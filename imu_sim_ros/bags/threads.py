@@ -13,7 +13,7 @@ import threading
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from queue import SimpleQueue
-from typing import TYPE_CHECKING, Any, Final, Generic, TypeVar
+from typing import TYPE_CHECKING, Final, Generic, TypeAlias, TypeVar
 
 if TYPE_CHECKING:
     from concurrent.futures import ThreadPoolExecutor
@@ -21,8 +21,10 @@ if TYPE_CHECKING:
 _T = TypeVar("_T")
 _Made = TypeVar("_Made")
 
+_Result: TypeAlias = tuple[_Made] | BaseException
+"""What was made, or what ended the work on it."""
+
 _PREFETCHED: Final = 2
-_END: Final = "end"
 
 
 def cores() -> int:
@@ -34,7 +36,7 @@ def cores() -> int:
 
 def prefetch(items: Iterable[_T]) -> Generator[_T, None, None]:
     """Yield items that are made in a thread of their own, a few ahead of the one that is used."""
-    made: SimpleQueue[tuple[str, Any]] = SimpleQueue()
+    made: SimpleQueue[_Result[_T] | None] = SimpleQueue()  # None: there are no more
     room: SimpleQueue[bool] = SimpleQueue()
     for _ in range(_PREFETCHED):
         room.put(True)
@@ -45,22 +47,19 @@ def prefetch(items: Iterable[_T]) -> Generator[_T, None, None]:
             for item in items:
                 if not room.get() or stopped:
                     return
-                made.put(("item", item))
-            made.put(("end", None))
+                made.put((item,))
+            made.put(None)
         except BaseException as error:
-            made.put(("error", error))
+            made.put(error)
 
     worker = threading.Thread(target=work, daemon=True)
     worker.start()
     try:
-        while True:
-            kind, content = made.get()
-            if kind == "end":
-                return
-            if kind == "error":
-                raise content
+        while (result := made.get()) is not None:
+            if isinstance(result, BaseException):
+                raise result
             room.put(True)
-            yield content
+            yield result[0]
     finally:
         stopped = True
         room.put(False)
@@ -95,10 +94,13 @@ class Pipeline(Generic[_T, _Made]):
         :param workers: number of threads, at least one.
         """
         self._make, self._use = make, use
-        self._items: SimpleQueue[tuple[_T, SimpleQueue[Any]] | None] = SimpleQueue()
-        self._order: SimpleQueue[tuple[_T, SimpleQueue[Any]] | str] = SimpleQueue()
+        self._items: SimpleQueue[tuple[_T, SimpleQueue[_Result[_Made]]] | None] = SimpleQueue()
+        """Items to work on, each with a queue for the result; None ends a thread."""
+        self._order: SimpleQueue[
+            tuple[_T, SimpleQueue[_Result[_Made]]] | SimpleQueue[None] | None
+        ] = SimpleQueue()
+        """The same in the items' order; a queue alone is told that all before it are used."""
         self._places: SimpleQueue[None] = SimpleQueue()
-        self._used_up: SimpleQueue[None] = SimpleQueue()
         for _ in range(2 * workers + 2):
             self._places.put(None)
         self.error: BaseException | None = None
@@ -115,7 +117,7 @@ class Pipeline(Generic[_T, _Made]):
         self._places.get()
         if self.error is not None:
             raise self.error
-        made: SimpleQueue[Any] = SimpleQueue()
+        made: SimpleQueue[_Result[_Made]] = SimpleQueue()
         # In this order: what is interrupted in between is lost, and nobody waits for it.
         self._items.put((item, made))
         self._order.put((item, made))
@@ -125,14 +127,15 @@ class Pipeline(Generic[_T, _Made]):
 
         :raises BaseException: what ended the work on an item.
         """
-        self._order.put("mark")
-        self._used_up.get()
+        used: SimpleQueue[None] = SimpleQueue()
+        self._order.put(used)
+        used.get()
         if self.error is not None:
             raise self.error
 
     def close(self) -> None:
         """Wait until all items are used, and end the threads; an error stays in ``error``."""
-        self._order.put(_END)
+        self._order.put(None)
         for _ in self._threads:
             self._items.put(None)
         for thread in self._threads:
@@ -142,22 +145,22 @@ class Pipeline(Generic[_T, _Made]):
         while (given := self._items.get()) is not None:
             item, made = given
             try:
-                made.put((self._make(item), None))
+                made.put((self._make(item),))
             except BaseException as error:
-                made.put((None, error))
+                made.put(error)
 
     def _use_all(self) -> None:
-        while (given := self._order.get()) != _END:
-            if isinstance(given, str):
-                self._used_up.put(None)
+        while (given := self._order.get()) is not None:
+            if isinstance(given, SimpleQueue):
+                given.put(None)
                 continue
             item, made = given
-            result, error = made.get()
+            result = made.get()
             try:
-                if error is not None:
-                    raise error
+                if isinstance(result, BaseException):
+                    raise result
                 if self.error is None:
-                    self._use(item, result)
+                    self._use(item, result[0])
             except BaseException as failure:
                 self.error = self.error or failure
             self._places.put(None)

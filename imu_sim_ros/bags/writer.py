@@ -7,12 +7,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from imu_sim_ros.bags.messages.blocks import Payloads, RowTemplate
-from imu_sim_ros.bags.messages.schemas import Qos, Schema, schema
+from imu_sim_ros.bags.messages.schemas import Qos, Schema, qos_profiles, schema
 from imu_sim_ros.bags.outputs import refuse_existing
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.names import suggestion
@@ -80,7 +80,7 @@ class Writer(ABC):
         self,
         name: str,
         type_name: str,
-        qos: Sequence[Any] | None = None,
+        qos: Sequence[Qos] | None = None,
         definition: Schema | None = None,
         keeps_seq: bool = False,
     ) -> BagTopic:
@@ -88,16 +88,15 @@ class Writer(ABC):
 
         :param name: with its slash, for instance /imu/data_raw.
         :param type_name: in the form of ROS 2, for instance sensor_msgs/msg/Imu.
-        :param qos: profiles that the topic was offered with, each a Qos or a profile of rclpy.
+        :param qos: profiles that the topic was offered with; None: the default one.
         :param definition: of a type that does not come with ROS.
         :param keeps_seq: the messages come from a ROS 1 bag, with a header.seq of their own.
         """
         if any(topic.name == name for topic in self.topics):
             raise InputError(f"{self.path}: the topic {name} already exists")
         found = definition or schema(type_name, self.encoding)
-        profiles = [Qos()] if qos is None else qos
-        words = tuple(q if isinstance(q, Qos) else Qos.of(q) for q in profiles)
-        topic = BagTopic(len(self.topics), name, type_name, found, words, keeps_seq=keeps_seq)
+        profiles = (Qos(),) if qos is None else tuple(qos)
+        topic = BagTopic(len(self.topics), name, type_name, found, profiles, keeps_seq=keeps_seq)
         self._register(topic)
         self.topics.append(topic)
         return topic
@@ -256,6 +255,67 @@ def check_split(split_duration: float, period: float, duration: float) -> None:
             f"--split-duration {split_duration:g}s: must be at least {shortest:g} s, which gives "
             f"every message a part of its own, or {MAX_PARTS} parts"
         )
+
+
+METADATA_FILE: Final = "metadata.yaml"
+"""In a rosbag2 folder."""
+METADATA_VERSION: Final = 9
+ROS_DISTRO: Final = "jazzy"
+
+
+def rosbag2_metadata(
+    storage: str, topics: Sequence[BagTopic], files: Sequence[Writer]
+) -> dict[str, object]:
+    """Return the content of a folder's metadata.yaml below its root, which each file has as well.
+
+    It is that of version 9, as ROS 2 Jazzy writes and reads it.
+
+    :param storage: mcap or sqlite3.
+    :param topics: of the bag.
+    :param files: the writers of its files, each with the messages of its own.
+    """
+    parts = []
+    for file in files:
+        filled = [topic for topic in file.topics if topic.count]
+        start = min((topic.first_ns for topic in filled), default=EMPTY[1])
+        end = max((topic.last_ns for topic in filled), default=start)
+        parts.append((file.path.name, start, end, file.count))
+    start = min((start for _, start, _, count in parts if count), default=EMPTY[1])
+    end = max((end for _, _, end, count in parts if count), default=start)
+    return {
+        "version": METADATA_VERSION,
+        "storage_identifier": storage,
+        "duration": {"nanoseconds": end - start},
+        "starting_time": {"nanoseconds_since_epoch": start},
+        "message_count": sum(count for *_, count in parts),
+        "topics_with_message_count": [
+            {
+                "topic_metadata": {
+                    "name": topic.name,
+                    "type": topic.type_name,
+                    "serialization_format": "cdr",
+                    "offered_qos_profiles": qos_profiles(topic.qos),
+                    "type_description_hash": topic.schema.digest,
+                },
+                "message_count": topic.count,
+            }
+            for topic in topics
+        ],
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [name for name, *_ in parts],
+        "files": [
+            {
+                "path": name,
+                "starting_time": {"nanoseconds_since_epoch": start},
+                "duration": {"nanoseconds": end - start},
+                "message_count": count,
+            }
+            for name, start, end, count in parts
+        ],
+        "custom_data": None,
+        "ros_distro": ROS_DISTRO,
+    }
 
 
 def described(topics: Iterable[BagTopic]) -> str:

@@ -347,16 +347,6 @@ class Qos(NamedTuple):
     history: str = "keep_last"
     depth: int = 10
 
-    @classmethod
-    def of(cls, profile: Any) -> "Qos":
-        """Return a profile of rclpy in these words."""
-        return cls(
-            profile.reliability.name.lower(),
-            profile.durability.name.lower(),
-            profile.history.name.lower(),
-            int(profile.depth),
-        )
-
 
 LATCHED: Final = Qos(durability="transient_local", depth=1)
 
