@@ -114,6 +114,8 @@ class _Fit(NamedTuple):
     """Minus the log-likelihood."""
     rows: Array
     """Expected rows."""
+    smooth: Array
+    """The measured rows, smoothed."""
     variance: Array
     """(m,) of each coefficient."""
     periods: Array
@@ -151,8 +153,7 @@ class _Search:
         """Return the lines that may be in x (n,), with their values (n,), and what each gains."""
         self._x, self._y = x, self._transform(x)[self._order]
         nothing = np.empty(0)
-        first = self._noise(self._y, first_guesses(self._data(self._y))[0])
-        best = self._fit(nothing, first)
+        best = self._fit(nothing, self._noise(self._y))
         while len(best.periods) < _MAX_LINES:
             more = [
                 self._fit(np.append(best.periods, one), best)
@@ -198,23 +199,21 @@ class _Search:
         one, other = kernel * np.exp(1j * self._n * half)
         return np.asarray((one + other) / np.sqrt(2.0 * self._n))
 
-    def _noise(self, left: Array, guess: Array) -> _Fit:
+    def _noise(self, left: Array, guess: Array | None = None) -> _Fit:
         """Return the noise of coefficients (m,) in which nothing else is.
 
-        :param guess: of the expected rows.
+        :param guess: of the expected rows; None: a smooth spectrum.
         """
-        free, level = np.full((1, self._design.shape[1]), np.nan), np.zeros(1)
-        found = fit_many(self._data(left), self._design, free, slope=level, guess=guess[None])
-        rows = found.expected[0]
-        nothing = np.empty(0)
-        return _Fit(
-            float(found.objective[0]), rows, np.repeat(rows, self._sizes), nothing, nothing, left
-        )
-
-    def _data(self, left: Array) -> Data:
         power = np.add.reduceat(left**2, self._starts) / self._sizes
         zeros = np.zeros(len(power))
-        return Data(power, self._sizes.astype(np.float64), zeros, zeros)
+        data = Data(power, self._sizes.astype(np.float64), zeros, zeros)
+        smooth = first_guesses(data)[0]
+        free, level = np.full((1, self._design.shape[1]), np.nan), np.zeros(1)
+        start = smooth if guess is None else guess
+        found = fit_many(data, self._design, free, slope=level, guess=start[None])
+        rows, nothing = found.expected[0], np.empty(0)
+        variance = np.repeat(rows, self._sizes)
+        return _Fit(float(found.objective[0]), rows, smooth, variance, nothing, nothing, left)
 
     def _fit(self, periods: Array, start: _Fit) -> _Fit:
         """Return the fit with lines near some frequencies, in turns with the noise.
@@ -258,7 +257,7 @@ class _Search:
         """Return the frequencies that fit best to the noise, and to a smooth spectrum."""
         rows = self._single
         known, price = self._tangent(best, rows), _doubt(self._tried)
-        smooth = np.repeat(first_guesses(self._data(best.left))[0], self._sizes)
+        smooth = np.repeat(best.smooth, self._sizes)
         result = []
         for variance in (best.variance, np.maximum(smooth, 1e-300)):
             root = np.sqrt(variance[rows])[:, None]
