@@ -10,10 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.messages import schemas
-from imu_sim_ros.bags.messages.blocks import as_list
 from imu_sim_ros.bags.messages.encode_cameras import POINT_CLOUD2, POINT_TYPES
-from imu_sim_ros.bags.read import open_bag
+from imu_sim_ros.bags.read import decoded_messages, open_bag
 from imu_sim_ros.bags.reader import errors_naming
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.types import Array
@@ -45,41 +43,32 @@ def read_cloud(path: Path, name: str) -> Array:
 
 def cloud_frame(path: Path, name: str) -> str:
     """Return the frame of the first cloud of a topic."""
-    return str(next(_messages(path, name)).header.frame_id)
+    with open_bag(path) as bag:
+        _, cloud = next(decoded_messages(bag, [name]))
+    return str(cloud.header.frame_id)
 
 
-def read_clouds(path: Path, name: str) -> Iterator[tuple[int, NDArray[Any]]]:
+def read_clouds(path: Path, name: str) -> Iterator[tuple[int, NDArray[np.void]]]:
     """Yield stamps [ns] and points, structured arrays (k,), of the clouds of a topic.
 
     :raises InputError: for a cloud without x, y and z.
     """
-    for message in _messages(path, name):
-        with errors_naming(path, f" ({name})"):
-            rows = _points(message, name)
-        stamp = message.header.stamp
-        yield int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec), rows
-
-
-def _messages(path: Path, name: str) -> Iterator[Any]:
     with open_bag(path) as bag:
-        topic = next(one for one in bag.topics if one.name == name)
-        types = schemas.typestore([(topic.type, topic.schema)], bag.encoding)
-        decode = types.deserialize_cdr if bag.encoding == "cdr" else types.deserialize_ros1
-        for block in (block for group in bag.groups([name]) for block in group):
-            for payload in as_list(block.payloads):
-                with errors_naming(path, f" ({name})"):
-                    message = decode(payload, topic.type)
-                yield message
+        for _, cloud in decoded_messages(bag, [name]):
+            with errors_naming(path, f" ({name})"):
+                rows = _points(cloud, name)
+            stamp = cloud.header.stamp
+            yield int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec), rows
 
 
-def _points(cloud: Any, name: str) -> NDArray[Any]:
+def _points(cloud: Any, name: str) -> NDArray[np.void]:
     """Return the points (n,) of a message with all of its fields."""
     kinds = {number: kind for kind, number in POINT_TYPES.items()}
     order = ">" if cloud.is_bigendian else "<"
     fields = {one.name: one for one in cloud.fields if int(one.datatype) in kinds}
     if any(axis not in fields or int(fields[axis].datatype) not in (7, 8) for axis in "xyz"):
         raise InputError(f"{name}: a cloud without x, y and z as floating-point numbers")
-    formats: list[Any] = [order + kinds[int(one.datatype)] for one in fields.values()]
+    formats = [order + kinds[int(one.datatype)] for one in fields.values()]
     counts = [max(int(one.count), 1) for one in fields.values()]
     row = np.dtype(
         {

@@ -7,9 +7,9 @@ import re
 import shutil
 import sqlite3
 import tempfile
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -197,7 +197,7 @@ class SqliteBag(Bag):
                 f"{self.path}: {error} (convert_bag --recover recovers the complete messages)"
             ) from None
 
-    def _blocks(self, rows: list[tuple[int, Any, Any]]) -> list[MessageBlock]:
+    def _blocks(self, rows: Sequence[tuple[int, object, object]]) -> list[MessageBlock]:
         by_topic: dict[int, tuple[list[int], list[bytes]]] = {}
         for id_, t_ns, payload in rows:
             if not isinstance(t_ns, int) or not isinstance(payload, bytes):
@@ -256,7 +256,7 @@ class Rosbag2Folder(Bag):
         except InputError as error:
             self.found += [line.partition("; convert_bag --recover")[0] for line in error.problems]
             return files
-        listed, there = set(_named(self.path, content)), set(files)
+        listed, there = set(content.files), set(files)
         self.damage += [
             f"{file.name}: metadata.yaml lists it, and it is not there"
             for file in sorted(listed - there)
@@ -268,12 +268,12 @@ class Rosbag2Folder(Bag):
 
     def _files_listed(self) -> list[Path]:
         content = read_metadata(self.path)
-        if content.get("compression_format") or content.get("compression_mode"):
+        if content.is_compressed:
             raise InputError(
                 f"{self.path}: compressed as a whole or message by message "
-                f"({content.get('compression_format')}); ros2 bag convert unpacks it"
+                f"({content.compression_format}); ros2 bag convert unpacks it"
             )
-        files = _named(self.path, content)
+        files = content.files
         if len(set(files)) != len(files):
             raise InputError(f"{self.path}: metadata.yaml lists a file twice")
         missing = [file for file in files if not is_present(file)]
@@ -295,8 +295,17 @@ class Rosbag2Folder(Bag):
                 )
 
 
-def read_metadata(folder: Path) -> dict[str, Any]:
-    """Return the content of metadata.yaml below its root.
+class _Metadata(NamedTuple):
+    """What readers need of metadata.yaml."""
+
+    files: list[Path]
+    is_compressed: bool
+    """As a whole, or message by message."""
+    compression_format: object
+
+
+def read_metadata(folder: Path) -> _Metadata:
+    """Return the content of metadata.yaml.
 
     :raises InputError: if it is missing or has another form.
     """
@@ -315,12 +324,9 @@ def read_metadata(folder: Path) -> dict[str, Any]:
     names = content.get("relative_file_paths")
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise InputError(f"{file}: not the metadata of a rosbag2 bag")
-    return content
-
-
-def _named(folder: Path, content: dict[str, Any]) -> list[Path]:
-    """Return the files that metadata list."""
-    return [folder / Path(name).name for name in content["relative_file_paths"]]
+    kind = content.get("compression_format")
+    is_compressed = bool(kind or content.get("compression_mode"))
+    return _Metadata([folder / Path(name).name for name in names], is_compressed, kind)
 
 
 def _files_found(folder: Path) -> list[Path]:

@@ -19,7 +19,7 @@ class Column(NamedTuple):
 
     offset: int
     """Offsets at which they begin in a row [bytes]."""
-    values: NDArray[Any]
+    values: NDArray[np.generic]
     """(n,) or (n, m), little-endian."""
 
 

@@ -172,7 +172,7 @@ class Translation:
         self.result.register(fields)
         self._types, self._encoding = types, encoding
 
-    def converter(self, name: str) -> "Callable[[bytes], Any]":
+    def converter(self, name: str) -> "Callable[[bytes], bytes | memoryview]":
         """Return what turns a message of a type into its bytes in the other generation."""
         ours, theirs = self._types, self.result
         if self._encoding == "ros1":
@@ -351,7 +351,7 @@ class Qos(NamedTuple):
 LATCHED: Final = Qos(durability="transient_local", depth=1)
 
 
-def qos_profiles(profiles: Sequence[Qos]) -> list[dict[str, Any]]:
+def qos_profiles(profiles: Sequence[Qos]) -> list[dict[str, object]]:
     """Return quality-of-service profiles as rosbag2's metadata lists them."""
     return [
         {
@@ -391,12 +391,12 @@ def parse_qos(profiles: object) -> tuple[Qos, ...]:
     )
 
 
-def _depth(entry: dict[str, Any]) -> int:
+def _depth(entry: dict[str, object]) -> int:
     value = entry.get("depth")
     return value if isinstance(value, int) and 0 <= value < 2**31 else 10
 
 
-def _word(name: str, entry: dict[str, Any]) -> str:
+def _word(name: str, entry: dict[str, object]) -> str:
     value = entry.get(name)
     default = str(Qos._field_defaults[name])
     numbered = _NUMBERED[name].get(value, default) if isinstance(value, int) else default

@@ -9,14 +9,13 @@ on it, their notation may: 1e-7 or 1e-07.
 """
 
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.types import Times
 
-Column = NDArray[Any]
+Column = NDArray[np.generic]
 
 _FRACTION = 9  # digits of a nanosecond
 
@@ -50,7 +49,7 @@ def rows(values: Column) -> list[bytes]:
 
 
 def _with_repr(values: Column) -> list[bytes]:
-    table: list[list[Any]] = values.reshape(len(values), -1).tolist()
+    table: list[list[object]] = values.reshape(len(values), -1).tolist()
     return [",".join(map(repr, row)).encode() for row in table]
 
 

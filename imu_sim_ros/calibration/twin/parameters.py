@@ -3,7 +3,7 @@
 
 """The parameters with which ``simulator`` and ``generate`` are the twin."""
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -28,7 +28,7 @@ def simulator_parameters(found: Analysis, rate: float, step: Array) -> dict[str,
     """
     errors = found.fit.errors
     unsure = found.fit.sigma[BIAS]
-    result: dict[str, Any] = {
+    result: dict[str, Value] = {
         "rate": float(rate),
         "imu.preset": "perfect",
         "imu.mounting": _numbers(_orthonormal(errors.r_ib.T)),
@@ -63,8 +63,8 @@ def clock_skew(fit: Fit) -> float:
     return 1.0 / (1.0 + fit.errors.skew) - 1.0
 
 
-def _vibration(found: Analysis) -> dict[str, Any]:
-    result: dict[str, Any] = {}
+def _vibration(found: Analysis) -> dict[str, Value]:
+    result: dict[str, Value] = {}
     lines, bands = found.lines, found.vibration
     if len(lines.frequency):
         result["line_frequency"] = _numbers(lines.frequency)
