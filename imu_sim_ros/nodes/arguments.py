@@ -12,7 +12,6 @@ import re
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.inputs.rows import read_text
@@ -157,18 +156,16 @@ def _file(name: str, folder: Path) -> str:
         raise ConfigurationError([f"{path}: {problem}" for problem in error.problems]) from None
     if not sections:
         # A kalibr imu.yaml; for anything else load() reports what is missing.
-        tree = {"/**": {_PARAMETERS: files.load(path)}}
-        uniform = tree
-        changed = True
+        uniform: object = {"/**": {_PARAMETERS: files.load(path)}}
     else:
         problems: list[str] = []
         uniform = _uniform("", tree, problems)
         if problems:
             raise ConfigurationError([f"{path}: {problem}" for problem in problems])
-        uniform = _placed(uniform, path)
-        changed = _differs(uniform, tree)
-    if not changed:
-        return name
+        uniform = _placed("", uniform, path)
+        # Values and types: 1 == 1.0, but only the latter belongs in a list of floats.
+        if repr(uniform) == repr(tree):
+            return name
     import yaml
 
     with tempfile.NamedTemporaryFile(
@@ -178,7 +175,7 @@ def _file(name: str, folder: Path) -> str:
     return copy.name
 
 
-def _has_sections(tree: Any) -> bool:
+def _has_sections(tree: object) -> bool:
     """Return whether a tree has sections of parameters.
 
     :raises ConfigurationError: for a section that is anything but names and values.
@@ -193,7 +190,7 @@ def _has_sections(tree: Any) -> bool:
     return any(_has_sections(content) for content in tree.values())
 
 
-def _uniform(name: str, value: Any, problems: list[str]) -> Any:
+def _uniform(name: str, value: object, problems: list[str]) -> object:
     """Return a tree whose lists hold one type each: integers among others become floats.
 
     rcl cannot infer a type for an empty list, so it is passed as a string.
@@ -219,16 +216,8 @@ def _uniform(name: str, value: Any, problems: list[str]) -> Any:
     return value
 
 
-def _placed(tree: Any, path: Path) -> Any:
+def _placed(name: str, value: object, path: Path) -> object:
     """Return a tree in which paths relative to its file are those from the working directory."""
-    return {
-        key: _placed(value, path)
-        if isinstance(value, dict)
-        else files.placed(str(key), value, path)
-        for key, value in tree.items()
-    }
-
-
-def _differs(uniform: Any, tree: Any) -> bool:
-    """Compare values and types: 1 == 1.0, but only the latter belongs in a list of floats."""
-    return repr(uniform) != repr(tree)
+    if isinstance(value, dict):
+        return {key: _placed(str(key), entry, path) for key, entry in value.items()}
+    return files.placed(name, value, path)

@@ -13,6 +13,7 @@ from typing import Any, Final, NamedTuple
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.client import Client
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -116,7 +117,7 @@ class Control:
             self.set({"step_samples": samples})
         return self._ask("step", Trigger, Trigger.Request())
 
-    def set(self, values: Mapping[str, Any]) -> None:
+    def set(self, values: Mapping[str, object]) -> None:
         """Set parameters, all of them or none.
 
         :raises InputError: if the simulator refuses, with its reason.
@@ -129,7 +130,7 @@ class Control:
         if not result.successful:
             raise InputError(result.reason.split("; "))
 
-    def set_each(self, values: Mapping[str, Any]) -> dict[str, str]:
+    def set_each(self, values: Mapping[str, object]) -> dict[str, str]:
         """Set parameters, each on its own; returns the reasons of those that are refused."""
         request = SetParameters.Request(
             parameters=[
@@ -146,13 +147,13 @@ class Control:
         heard: list[Status | InjectedFault] = []
         namespace, _, name = self._name.rpartition("/")
 
-        def hear_status(message: Any) -> None:
+        def hear_status(message: DiagnosticArray) -> None:
             for status in message.status:
                 if status.name == f"{name}: stream":
                     values = {entry.key: entry.value for entry in status.values}
                     heard.append(Status(status.message, values))
 
-        def hear_fault(message: Any) -> None:
+        def hear_fault(message: DiagnosticArray) -> None:
             stamp = message.header.stamp
             for status in message.status:
                 values = {entry.key: entry.value for entry in status.values}
@@ -167,7 +168,7 @@ class Control:
             while heard:
                 yield heard.pop(0)
 
-    def _ask(self, service: str, kind: Any, request: Any) -> str:
+    def _ask(self, service: str, kind: type, request: object) -> str:
         """Call a service; returns its message.
 
         :raises InputError: if it reports that it did not succeed.
@@ -177,13 +178,14 @@ class Control:
             raise InputError(f"{self._name}: {response.message}")
         return str(response.message)
 
-    def _call(self, service: str, kind: Any, request: Any) -> Any:
+    def _call(self, service: str, kind: type, request: object) -> Any:
+        """Return the response of a service, of its own type."""
         future = self._find(service, kind).call_async(request)
         # ~/step itself responds after 5 s if the samples have not been published by then.
         self._until(future.done, 2 * self._patience, f"does not answer ~/{service}")
         return future.result()
 
-    def _find(self, service: str, kind: Any) -> Any:
+    def _find(self, service: str, kind: type) -> Client:
         """Return a client of one of the simulator's services, once both have found each other."""
         client = self._node.create_client(kind, f"{self._name}/{service}")
         self._until(client.service_is_ready, self._patience, "is not available")

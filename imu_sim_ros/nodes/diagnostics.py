@@ -4,8 +4,9 @@
 """Messages about a node: a status, and injected faults."""
 
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Final
 
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from imu_sim_ros.parameters.sections import flatten
@@ -18,12 +19,9 @@ PERIOD: Final = 1.0
 
 
 def diagnostics(
-    stamp: Any, level: bytes, name: str, words: str, hardware: str, values: Mapping[str, Any]
+    stamp: Time, level: bytes, name: str, words: str, hardware: str, values: Mapping[str, object]
 ) -> DiagnosticArray:
-    """Return a message with one status.
-
-    :param stamp: builtin_interfaces/Time.
-    """
+    """Return a message with one status."""
     status = DiagnosticStatus(
         level=level,
         name=name,
@@ -53,7 +51,7 @@ def drawn(imus: Mapping[str, SampledParameters]) -> dict[str, str]:
     return result
 
 
-def fault_message(name: str, fault: Fault, imu: str, stamp: Any) -> DiagnosticArray:
+def fault_message(name: str, fault: Fault, imu: str, stamp: Time) -> DiagnosticArray:
     """Return the message for ``ground_truth/faults``; its stamp is that of the first sample hit.
 
     :param imu: the IMU's name, if there are several.

@@ -5,9 +5,10 @@
 
 import functools
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any
+from typing import Any, Generic, TypeVar
 from weakref import WeakSet
 
+from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
@@ -35,13 +36,14 @@ _TYPES = {
 }
 
 
-_seeded: "WeakSet[ConfiguredNode]" = WeakSet()
+_Section = TypeVar("_Section")
+_seeded: "WeakSet[ConfiguredNode[Any]]" = WeakSet()
 """The nodes of this process that have a seed."""
 
 _TYPES_OF_ROS = frozenset(each.value for each in RosParameter.Type)
 
 
-class ConfiguredNode(Node):
+class ConfiguredNode(Node, Generic[_Section]):
     """A node whose parameters are those of a section, described and checked in one place.
 
     Values come from ``--ros-args`` (``-p``, ``--params-file``) as ROS matches them to the node.
@@ -54,7 +56,7 @@ class ConfiguredNode(Node):
     def __init__(
         self,
         name: str,
-        section: type,
+        section: type[_Section],
         layering: Layering | None = None,
         **arguments: Any,
     ) -> None:
@@ -76,12 +78,16 @@ class ConfiguredNode(Node):
         self.changed: frozenset[str] = frozenset()
         self.lifetime = Lifetime(self)
         self.given: dict[str, object] = given
-        self.parameters: Any = build_layered(self.section, layering or dict, given)
+        self.parameters = build_layered(self.section, layering or dict, given)
         if "seed" in given:
             self._warn_of_the_same_seed(given["seed"])
         values = flatten(self.parameters)
-        self._declare(values, parameters(self.section, values))
+        self._known = parameters(self.section, values)
+        self._declare(values)
         self.add_on_set_parameters_callback(self._on_set)
+
+    def close(self) -> None:
+        """End threads and close files; called once, whatever the reason for the end."""
 
     def destroy_node(self) -> None:
         """As rclpy defines it."""
@@ -115,7 +121,7 @@ class ConfiguredNode(Node):
             callback = functools.partial(_set_all, callback)
         return super().create_service(srv_type, srv_name, callback, **options)
 
-    def apply(self, new: Any) -> None:
+    def apply(self, new: _Section) -> None:
         """Apply new parameters, all of them valid; a subclass acts on them and may still refuse.
 
         ``self.changed`` holds the names that were set, even to the value that they had.
@@ -124,7 +130,7 @@ class ConfiguredNode(Node):
             changed.
         """
 
-    def replace(self, new: Any) -> None:
+    def replace(self, new: _Section) -> None:
         """Set parameters that the node has determined itself, read-only ones as well."""
         old = flatten(self.parameters)
         self.parameters = new
@@ -141,8 +147,8 @@ class ConfiguredNode(Node):
                 self.undeclare_parameter(name)
         return given
 
-    def _declare(self, values: Mapping[str, Value], known: Mapping[str, Parameter]) -> None:
-        self._known = known
+    def _declare(self, values: Mapping[str, Value]) -> None:
+        known = self._known
         empty = [name for name, value in values.items() if value == ()]
         entries: list[Any] = [
             (name, _to_ros(values[name]), describe(parameter))
@@ -150,16 +156,12 @@ class ConfiguredNode(Node):
             if name not in empty
         ]
         self.declare_parameters("", entries, ignore_override=True)
-        for name in empty:
-            self._declare_empty(name, known[name])
-
-    def _declare_empty(self, name: str, parameter: Parameter) -> None:
-        """Declare an empty list, whose type ROS could not infer."""
-        self.declare_parameter(
-            name, "", ParameterDescriptor(dynamic_typing=True), ignore_override=True
-        )
-        super().set_parameters_atomically([to_ros(name, parameter, ())])
-        self.set_descriptor(name, describe(parameter))
+        for name in empty:  # ROS could not infer their type
+            self.declare_parameter(
+                name, "", ParameterDescriptor(dynamic_typing=True), ignore_override=True
+            )
+            super().set_parameters_atomically([to_ros(name, known[name], ())])
+            self.set_descriptor(name, describe(known[name]))
 
     def set_parameters_atomically(
         self, parameter_list: Iterable[RosParameter]
@@ -191,7 +193,7 @@ class ConfiguredNode(Node):
             return SetParametersResult(successful=True)
         try:
             self.changed = frozenset(own)
-            new: Any = build(self.section, {**flatten(self.parameters), **own})
+            new = build(self.section, {**flatten(self.parameters), **own})
             self.apply(new)
         except ConfigurationError as error:
             return SetParametersResult(successful=False, reason="; ".join(error.problems))
@@ -199,7 +201,11 @@ class ConfiguredNode(Node):
         return SetParametersResult(successful=True)
 
 
-def _set_each(callback: Callable[..., Any], request: Any, response: Any) -> Any:
+def _set_each(
+    callback: Callable[[SetParameters.Request, SetParameters.Response], SetParameters.Response],
+    request: SetParameters.Request,
+    response: SetParameters.Response,
+) -> SetParameters.Response:
     """Answer SetParameters: one result for each parameter."""
     for one in request.parameters:
         refused = _of_unknown_type([one])
@@ -211,7 +217,14 @@ def _set_each(callback: Callable[..., Any], request: Any, response: Any) -> Any:
     return response
 
 
-def _set_all(callback: Callable[..., Any], request: Any, response: Any) -> Any:
+def _set_all(
+    callback: Callable[
+        [SetParametersAtomically.Request, SetParametersAtomically.Response],
+        SetParametersAtomically.Response,
+    ],
+    request: SetParametersAtomically.Request,
+    response: SetParametersAtomically.Response,
+) -> SetParametersAtomically.Response:
     """Answer SetParametersAtomically: one result for all."""
     refused = _of_unknown_type(request.parameters)
     if refused is None:
@@ -220,7 +233,7 @@ def _set_all(callback: Callable[..., Any], request: Any, response: Any) -> Any:
     return response
 
 
-def _of_unknown_type(messages: Iterable[Any]) -> SetParametersResult | None:
+def _of_unknown_type(messages: Iterable[ParameterMessage]) -> SetParametersResult | None:
     """Return the refusal of values whose type is none of ROS; None: there are none."""
     bad = [one for one in messages if one.value.type not in _TYPES_OF_ROS]
     reasons = [f"{one.name}: a value of the unknown type {one.value.type}" for one in bad]

@@ -4,9 +4,10 @@
 """Publishers and their quality of service."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, Final
+from typing import Final
 
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
@@ -29,7 +30,7 @@ _NUMBERS: Final = {"depth": "", "deadline": " [ns]; 0: none"}
 class Counter:
     """A topic's publisher, with the number of messages published."""
 
-    def __init__(self, topic: str, publisher: Any) -> None:
+    def __init__(self, topic: str, publisher: Publisher) -> None:
         self.topic = topic
         self.publisher = publisher
         self.count = 0
@@ -43,7 +44,7 @@ class Counter:
         self.count += 1
 
 
-def create(node: Node, message_type: Any, topic: str, qos: QoSProfile) -> Any:
+def create(node: Node, message_type: type | str, topic: str, qos: QoSProfile) -> Publisher:
     """Return a publisher; ``qos_overrides./TOPIC.publisher.depth`` and so on change its QoS.
 
     :param message_type: a message class, or its name.

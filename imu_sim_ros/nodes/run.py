@@ -9,30 +9,24 @@ import tempfile
 import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros.errors import ConfigurationError, explain
 from imu_sim_ros.nodes import fast_dds, help, signals
 from imu_sim_ros.nodes.arguments import ros_arguments
 
+if TYPE_CHECKING:
+    from imu_sim_ros.nodes.parameters import ConfiguredNode
+
 _SHUTDOWN: Final = 0.1
 """[s] How long shutdown waits for callbacks that are themselves still waiting."""
 
 
-class Program(Protocol):
-    """A node that can be run until its ending is reached."""
-
-    lifetime: Any
-    """:class:`imu_sim_ros.nodes.lifetime.Lifetime`."""
-
-    def close(self) -> None:
-        """End threads and close files; called once, whatever the reason for the end."""
-
-    def destroy_node(self) -> None:
-        """As rclpy defines it."""
-
-
-def main(name: str, create: Callable[[], Program], arguments: Sequence[str] | None = None) -> int:
+def main(
+    name: str,
+    create: "Callable[[], ConfiguredNode[Any]]",
+    arguments: Sequence[str] | None = None,
+) -> int:
     """Run a node until its ending is reached or a signal ends it.
 
     :param name: the executable's name.
@@ -58,12 +52,13 @@ def main(name: str, create: Callable[[], Program], arguments: Sequence[str] | No
                     file=sys.stderr,
                 )
             section = help.PROGRAMS[name].section()
-            program = _start(ros_arguments(arguments, section, Path(folder)), create)
-        _spin(program, watch)
-        error = program.lifetime.failure
+            _start(ros_arguments(arguments, section, Path(folder)))
+            node = create()
+        _spin(node, watch)
+        error = node.lifetime.failure
         if error is not None:
             report(name, error, debug)
-        return int(program.lifetime.status or 0)
+        return node.lifetime.status or 0
     except Exception as error:
         report(name, error, debug)
         return explain(error)[1]
@@ -91,8 +86,8 @@ def report(name: str, error: BaseException, debug: bool) -> None:
         print(f"{name}: {line}", file=sys.stderr, flush=True)
 
 
-def _start(arguments: Sequence[str], create: Callable[[], Program]) -> Program:
-    """Initialise ROS without its signal handlers, and make the node."""
+def _start(arguments: Sequence[str]) -> None:
+    """Initialise ROS without its signal handlers."""
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
@@ -100,22 +95,21 @@ def _start(arguments: Sequence[str], create: Callable[[], Program]) -> Program:
         rclpy.init(args=["", *arguments], signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # rcl's own classes have no other parent
         raise ConfigurationError(f"--ros-args: {' '.join(str(error).split())}") from None
-    return create()
 
 
-def _spin(program: Any, watch: signals.EndSignals) -> None:
+def _spin(node: "ConfiguredNode[Any]", watch: signals.EndSignals) -> None:
     """Run the node until its ending is reached, and close it whatever happens."""
     from rclpy.executors import SingleThreadedExecutor
 
     executor = SingleThreadedExecutor()
-    executor.add_node(program)
-    watch.deliver_to(program.lifetime.finish)
+    executor.add_node(node)
+    watch.deliver_to(node.lifetime.finish)
     try:
-        while not program.lifetime.reached:
+        while not node.lifetime.reached:
             executor.spin_once()
     finally:
-        program.close()
-        program.destroy_node()
+        node.close()
+        node.destroy_node()
         executor.shutdown(timeout_sec=_SHUTDOWN)
 
 

@@ -11,13 +11,14 @@ from typing import Any, Final
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from imu_sim_ros.conventions import IMU_TOPIC, SENSOR_SUFFIX
 from imu_sim_ros.errors import ImuSimError, InputError
 from imu_sim_ros.json_text import as_json
-from imu_sim_ros.navigation.parameters import has_own_noise
+from imu_sim_ros.navigation.parameters import IntegratorParameters, has_own_noise
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import create
 from imu_sim_ros.nodes.subscriptions import Taken
@@ -44,7 +45,7 @@ def topic(node: Node, prefix: str = "") -> str:
     return node.resolve_topic_name(prefix + IMU_TOPIC) + SENSOR_SUFFIX
 
 
-def create_publisher(node: Node, prefix: str = "") -> Any:
+def create_publisher(node: Node, prefix: str = "") -> Publisher:
     """Return the publisher of a description.
 
     :param prefix: as for :func:`topic`.
@@ -52,7 +53,7 @@ def create_publisher(node: Node, prefix: str = "") -> Any:
     return create(node, String, topic(node, prefix), _QOS)
 
 
-def publish(publisher: Any, parameters: SampledParameters) -> None:
+def publish(publisher: Publisher, parameters: SampledParameters) -> None:
     """Publish the description of the sensor of a simulation."""
     publisher.publish(String(data=encode(parameters)))
 
@@ -89,7 +90,7 @@ class SensorDescription:
 
     def __init__(
         self,
-        node: ConfiguredNode,
+        node: ConfiguredNode[IntegratorParameters],
         adopt: Callable[[Mapping[str, object]], None],
         release: Callable[[str, list[Taken]], None],
         lock: threading.Lock,
@@ -129,7 +130,7 @@ class SensorDescription:
             for topic, taken in held:
                 self._release(topic, taken)
 
-    def _hear(self, message: Any) -> None:
+    def _hear(self, message: String) -> None:
         try:
             self._adopt(decode(message.data))
         except ImuSimError as error:

@@ -19,9 +19,12 @@ from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from imu_sim_ros.bags.messages.schemas import Qos
 from imu_sim_ros.nodes.lifetime import Fail, SupervisedThread
+from imu_sim_ros.nodes.parameters import ConfiguredNode
 
 DEPTH: Final = 5000
 """Messages that wait in the middleware: 2.5 s at 2 kHz, while the machine does other things."""
@@ -56,13 +59,13 @@ before."""
 class _OutsideTheExecutor(CallbackGroup):
     """A group whose members the executor leaves alone."""
 
-    def can_execute(self, entity: Any) -> bool:
+    def can_execute(self, entity: object) -> bool:
         return False
 
-    def beginning_execution(self, entity: Any) -> bool:
+    def beginning_execution(self, entity: object) -> bool:
         return False
 
-    def ending_execution(self, entity: Any) -> None:
+    def ending_execution(self, entity: object) -> None:
         raise AssertionError("nothing of this group is ever executed")
 
 
@@ -111,7 +114,7 @@ class PollTimer:
 
 class _Source(NamedTuple):
     name: str
-    subscription: Any
+    subscription: Subscription
     take: Callable[[], Taken | None]
 
 
@@ -144,7 +147,7 @@ class RawSubscriptions:
         self._thread = SupervisedThread("reader", self._run, fail)
         self._thread.start()
 
-    def subscribe(self, name: str, message: Any, qos: QoSProfile) -> None:
+    def subscribe(self, name: str, message: type, qos: QoSProfile) -> None:
         """Subscribe to a topic; an older subscription of it is emptied and replaced."""
         with self._lock:
             old = self._sources.pop(name, None)
@@ -203,13 +206,13 @@ def _never(message: bytes) -> None:
     raise AssertionError("the reader takes messages itself")
 
 
-def offered_qos(publishers: Iterable[Any]) -> tuple[Qos, ...]:
+def offered_qos(publishers: Iterable[TopicEndpointInfo]) -> tuple[Qos, ...]:
     """Return the QoS profiles of the publishers, each distinct one once, in the terms of a bag."""
     profiles = (publisher.qos_profile for publisher in publishers)
     words = {
         Qos(
-            _word(profile.reliability),
-            _word(profile.durability),
+            profile.reliability.name.lower(),
+            profile.durability.name.lower(),
             # The graph does not reveal the history of others: rosbag2 writes keep_last, too.
             "keep_last",
             max(profile.depth, 10),
@@ -219,15 +222,8 @@ def offered_qos(publishers: Iterable[Any]) -> tuple[Qos, ...]:
     return tuple(words)
 
 
-def _word(policy: Any) -> str:
-    return str(policy.name).lower()
-
-
-def matching_qos(publishers: Iterable[Any], depth: int = DEPTH) -> QoSProfile:
-    """Return the strictest profile that all of the publishers satisfy.
-
-    :param publishers: ``TopicEndpointInfo`` of each.
-    """
+def matching_qos(publishers: Iterable[TopicEndpointInfo], depth: int = DEPTH) -> QoSProfile:
+    """Return the strictest profile that all of the publishers satisfy."""
     profiles = [publisher.qos_profile for publisher in publishers]
     reliable = all(p.reliability == ReliabilityPolicy.RELIABLE for p in profiles)
     keeps = all(p.durability == DurabilityPolicy.TRANSIENT_LOCAL for p in profiles)
@@ -255,9 +251,9 @@ class MatchedInputs:
 
     def __init__(
         self,
-        node: Node,
+        node: ConfiguredNode[Any],
         reader: RawSubscriptions,
-        inputs: Callable[[], Mapping[str, Any]],
+        inputs: Callable[[], Mapping[str, type]],
         depth: int,
     ) -> None:
         """Begin to look for publishers.
@@ -280,8 +276,9 @@ class MatchedInputs:
             offered.durability = DurabilityPolicy.VOLATILE  # readings of the past are of no use
             if requested is None or is_weaker(offered, requested):
                 if offered.reliability == ReliabilityPolicy.BEST_EFFORT:
-                    logger: Any = self._node.get_logger()
-                    logger.info(f"{topic} is offered as best effort; subscribing likewise")
+                    self._node.get_logger().info(
+                        f"{topic} is offered as best effort; subscribing likewise"
+                    )
                 self._qos[topic] = offered
                 self._reader.subscribe(topic, message, offered)
         if len(self._qos) == len(inputs):

@@ -5,8 +5,9 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Final
 
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from imu_sim_ros.nodes.diagnostics import PERIOD, diagnostics
@@ -26,7 +27,7 @@ class ErrorModelReport:
 
     def message(
         self,
-        stamp: Any,
+        stamp: Time,
         counts: Counts,
         refused: int,
         remarks: Sequence[str],
@@ -35,7 +36,6 @@ class ErrorModelReport:
     ) -> DiagnosticArray:
         """Return the message.
 
-        :param stamp: builtin_interfaces/Time.
         :param refused: messages so far that were no readings.
         :param remarks: what contradicts the declaration of the input.
         :param drawn: seed and what it drew.

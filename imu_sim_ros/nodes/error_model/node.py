@@ -51,12 +51,12 @@ _ACKNOWLEDGEMENT: Final = Duration(nanoseconds=300_000_000)
 """How long shutdown waits for subscribers; a signal must end the node within a second."""
 
 
-class ErrorModelNode(ConfiguredNode):
+class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
     """Topics, services and parameters around an :class:`GivenImu`."""
 
     def __init__(self, **arguments: Any) -> None:
         super().__init__(NODE, ErrorNodeParameters, layer_error_model, **arguments)
-        parameters: ErrorNodeParameters = self.parameters
+        parameters = self.parameters
         self._lock = threading.Lock()
         """Readings are taken in the reader's thread; everything else runs in the executor's."""
         self._received: Counter[str] = Counter()
@@ -102,7 +102,7 @@ class ErrorModelNode(ConfiguredNode):
         self.reader = RawSubscriptions(self, self._take, self.lifetime.fail, _READ_PERIOD, topic)
         self._matched = MatchedInputs(self, self.reader, self._inputs, DEPTH)
 
-    def _inputs(self) -> dict[str, Any]:
+    def _inputs(self) -> dict[str, type]:
         others = {name: decode.message_class(kind) for name, (_, kind) in self._values.items()}
         if self.parameters.odometry:
             return {conventions.INPUT_ODOMETRY_TOPIC: Odometry, **others}
@@ -235,7 +235,7 @@ class ErrorModelNode(ConfiguredNode):
         name = f"{self.get_name()}: fault"
         self._faults.publish(fault_message(name, fault, "", now.to_msg()))
 
-    def _reset(self, _: Any, response: Any) -> Any:
+    def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._lock:
             self.model.reset()
             if self._odometry is not None:

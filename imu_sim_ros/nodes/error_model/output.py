@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
+from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from imu_sim_ros.bags.messages.blocks import as_list
@@ -40,7 +41,7 @@ class _Output(NamedTuple):
 class ErrorModelOutputs:
     """The publishers of the node."""
 
-    def __init__(self, node: Any, parameters: ErrorNodeParameters, fail: Fail) -> None:
+    def __init__(self, node: Node, parameters: ErrorNodeParameters, fail: Fail) -> None:
         self.counters = [
             Counter(topic, create(node, one.topic.type, topic, QoSProfile(depth=DEPTH)))
             for topic, one in wanted(parameters).items()

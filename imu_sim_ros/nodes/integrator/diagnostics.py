@@ -6,15 +6,15 @@
 import dataclasses
 import math
 from collections.abc import Iterator
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rclpy.clock import Clock, ClockType
 
 from imu_sim_ros import rotation
 from imu_sim_ros.nodes.diagnostics import PERIOD, diagnostics
-from imu_sim_ros.nodes.integrator.odometer import Row
+from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator, Row
 from imu_sim_ros.nodes.messages import OdometryFields
 from imu_sim_ros.types import Array
 
@@ -83,27 +83,26 @@ def _keep(waiting: dict[int, _Item], t_ns: int, item: _Item) -> None:
         del waiting[next(iter(waiting))]
 
 
-class IntegratorDiagnostics:
-    """Publishes counts and, if it is compared with the truth, the error."""
+class IntegratorReport:
+    """Diagnostics of an integrator since the last message."""
 
-    def __init__(self, node: Any) -> None:
-        self._node = node
+    def __init__(self, name: str) -> None:
+        self._name = name
         self._before = (0, 0, 0)
         self._compared = 0
-        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(PERIOD, self._publish, clock=steady)
 
-    def _publish(self) -> None:
-        odometer = self._node.odometer
+    def message(
+        self, stamp: Time, odometer: LiveIntegrator, comparison: TruthComparison | None
+    ) -> DiagnosticArray:
+        """Return the message, with the error if there is a comparison with the truth."""
         totals = odometer.totals
         counts = dataclasses.asdict(totals.steps)
         irregular = sum(counts.values())
         new, new_irregular = totals.readings - self._before[0], irregular - self._before[1]
         refused = totals.refused - self._before[2]
         self._before = (totals.readings, irregular, totals.refused)
-        compared = 0 if self._node.comparison is None else self._node.comparison.count
-        no_truth = self._node.comparison is not None and compared == self._compared
+        compared = 0 if comparison is None else comparison.count
+        no_truth = comparison is not None and compared == self._compared
         self._compared = compared
         if refused:
             level, message = DiagnosticStatus.WARN, f"{refused} messages refused"
@@ -117,29 +116,20 @@ class IntegratorDiagnostics:
             level, message = DiagnosticStatus.WARN, "no truth arrives: errors are not those of now"
         else:
             level, message = DiagnosticStatus.OK, "integrating"
-        values = {
+        values: dict[str, object] = {
             "readings": totals.readings,
             "readings per second": f"{new / PERIOD:.1f}",
             "refused messages": totals.refused,
             "starts": totals.starts,
-            "imu.preset": self._node.parameters.imu.preset,
+            "imu.preset": odometer.parameters.imu.preset,
             **{name.replace("_", " "): count for name, count in counts.items()},
-            **self._errors(),
         }
-        stamp = self._node.get_clock().now().to_msg()
-        name = f"{self._node.get_name()}: dead reckoning"
-        self._publisher.publish(diagnostics(stamp, level, name, message, "imu", values))
-
-    def _errors(self) -> dict[str, str]:
-        comparison = self._node.comparison
-        if comparison is None:
-            return {}
-        counts = {"estimates with a truth": f"{comparison.count} of {comparison.estimates}"}
-        if comparison.last is None:
-            return counts
-        return {
-            **counts,
-            "position error [m]": f"{math.hypot(*comparison.last.position):.6f}",
-            "rms position error [m]": f"{comparison.rms_position:.6f}",
-            "attitude error [rad]": f"{math.hypot(*comparison.last.attitude):.8f}",
-        }
+        if comparison is not None:
+            values["estimates with a truth"] = f"{comparison.count} of {comparison.estimates}"
+            if comparison.last is not None:
+                values |= {
+                    "position error [m]": f"{math.hypot(*comparison.last.position):.6f}",
+                    "rms position error [m]": f"{comparison.rms_position:.6f}",
+                    "attitude error [rad]": f"{math.hypot(*comparison.last.attitude):.8f}",
+                }
+        return diagnostics(stamp, level, self._name, message, "imu", values)

@@ -9,10 +9,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
+from rclpy.publisher import Publisher
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import Imu
 from std_srvs.srv import Trigger
@@ -38,9 +40,10 @@ from imu_sim_ros.navigation.parameters import (
 )
 from imu_sim_ros.nodes import messages as decode
 from imu_sim_ros.nodes import run, signals
+from imu_sim_ros.nodes.diagnostics import PERIOD
 from imu_sim_ros.nodes.integrator.diagnostics import (
     ErrorAt,
-    IntegratorDiagnostics,
+    IntegratorReport,
     TruthComparison,
 )
 from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator, PathPublisher, Row
@@ -61,12 +64,12 @@ _ACKNOWLEDGEMENT = Duration(nanoseconds=300_000_000)
 """How long shutdown waits for subscribers; a signal must end the node within a second."""
 
 
-class Integrator(ConfiguredNode):
+class Integrator(ConfiguredNode[IntegratorParameters]):
     """Topics, services and parameters around an :class:`Odometer`."""
 
     def __init__(self, **arguments: Any) -> None:
         super().__init__("integrator", IntegratorParameters, layer_integrator, **arguments)
-        parameters: IntegratorParameters = self.parameters
+        parameters = self.parameters
         self._sources: frozenset[bytes] = frozenset()
         self.odometer = LiveIntegrator(parameters, self._complain, self._is_new_source)
         self.comparison = TruthComparison() if parameters.error else None
@@ -103,8 +106,8 @@ class Integrator(ConfiguredNode):
     def _add_publishers(self, parameters: IntegratorParameters) -> None:
         odometry_out = self._publisher(Odometry, DEAD_RECKONED_TOPIC)
         self._odometry_out = Counter(DEAD_RECKONED_TOPIC, odometry_out)
-        self._angles_out = self._position_error_out = None
-        self._path = None
+        self._angles_out: Publisher | None = None
+        self._path: PathPublisher | None = None
         if parameters.roll_pitch_yaw:
             self._angles_out = self._publisher(Vector3Stamped, ROLL_PITCH_YAW_TOPIC)
         if parameters.error:
@@ -116,7 +119,10 @@ class Integrator(ConfiguredNode):
             steady = Clock(clock_type=ClockType.STEADY_TIME)
             self.create_timer(1.0 / parameters.path_rate, self._publish_path, clock=steady)
         if parameters.diagnostics:
-            self._diagnostics = IntegratorDiagnostics(self)
+            self._report = IntegratorReport(f"{self.get_name()}: dead reckoning")
+            self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 1)
+            steady = Clock(clock_type=ClockType.STEADY_TIME)
+            self.create_timer(PERIOD, self._diagnose, clock=steady)
         self._use_frames((parameters.world_frame, parameters.body_frame))
 
     def _use_frames(self, frames: tuple[str, str]) -> None:
@@ -135,12 +141,12 @@ class Integrator(ConfiguredNode):
                     "and so is the pose"
                 )
 
-    def _publisher(self, message: Any, topic: str) -> Any:
+    def _publisher(self, message: type, topic: str) -> Publisher:
         options = QoSOverridingOptions.with_default_policies()
         return self.create_publisher(message, topic, _DEPTH, qos_overriding_options=options)
 
     # ----------------------------------------------------------------------------- messages
-    def _inputs(self) -> dict[str, Any]:
+    def _inputs(self) -> dict[str, type]:
         with_truth = self.parameters.error or self.parameters.initial_state == "truth"
         return {IMU_TOPIC: Imu, TRUTH_TOPIC: Odometry} if with_truth else {IMU_TOPIC: Imu}
 
@@ -233,7 +239,11 @@ class Integrator(ConfiguredNode):
                 self._path.publish()
 
     # ----------------------------------------------------------------------------- events
-    def _reset(self, _: Any, response: Any) -> Any:
+    def _diagnose(self) -> None:
+        stamp = self.get_clock().now().to_msg()
+        self._diagnostics.publish(self._report.message(stamp, self.odometer, self.comparison))
+
+    def _reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         with self._lock:
             self.odometer.begin()
             if self._path is not None:
@@ -275,7 +285,7 @@ def _words(imu: IntegratorImuParameters) -> str:
     return f"{imu.preset} at [{x:g}, {y:g}, {z:g}] m{turned}"
 
 
-def _send(publisher: Any, messages: np.ndarray) -> None:
+def _send(publisher: Publisher, messages: np.ndarray) -> None:
     for message in messages:
         publisher.publish(message.tobytes())
 

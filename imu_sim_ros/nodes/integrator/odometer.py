@@ -7,12 +7,13 @@ import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from nav_msgs.msg import Path
+from rclpy.publisher import Publisher
 from std_msgs.msg import Header
 
 from imu_sim_ros import rotation
@@ -233,7 +234,9 @@ class LiveIntegrator:
 class PathPublisher:
     """Keeps a pose for each interval of the path's rate, as far back as ``path_length``."""
 
-    def __init__(self, publisher: Any, frame_id: str, parameters: IntegratorParameters) -> None:
+    def __init__(
+        self, publisher: Publisher, frame_id: str, parameters: IntegratorParameters
+    ) -> None:
         self._publisher, self._frame_id = publisher, frame_id
         self._interval_ns = 1e9 / parameters.path_rate
         kept = int(parameters.path_length * parameters.path_rate) + 1

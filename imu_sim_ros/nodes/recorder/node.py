@@ -12,6 +12,8 @@ from typing import Any
 
 from rclpy.clock import Clock, ClockType, ROSClock
 from rclpy.exceptions import NameValidationException
+from rclpy.qos import QoSProfile
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from imu_sim_ros import program
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
@@ -46,19 +48,19 @@ _STATUS_PERIOD = 0.5
 _WAITING_PERIOD = 5.0
 
 
-class Recorder(ConfiguredNode):
+class Recorder(ConfiguredNode[RecorderParameters]):
     """Finds topics, subscribes to them, and passes messages on to be written."""
 
     def __init__(self, **arguments: Any) -> None:
         super().__init__("recorder", RecorderParameters, **arguments)
-        parameters: RecorderParameters = self.parameters
+        parameters = self.parameters
         self.output = Path(parameters.output or time.strftime("recording_%Y-%m-%d_%H-%M-%S"))
         problems: list[str] = []
         self._wanted = self._resolved("topics", parameters.topics, problems)
         self._excluded = set(self._resolved("exclude", parameters.exclude, problems))
         if problems:
             raise ConfigurationError(problems)
-        self._qos: dict[str, Any] = {}
+        self._qos: dict[str, QoSProfile] = {}
         self._refused: set[str] = set()
         self._began_at = 0.0
         self._shown = 0
@@ -93,7 +95,7 @@ class Recorder(ConfiguredNode):
         self._summarise()
 
     def _open_bag(self) -> Writer:
-        parameters: RecorderParameters = self.parameters
+        parameters = self.parameters
         return open_writer(
             self.output,
             storage=parameters.form(),
@@ -135,7 +137,9 @@ class Recorder(ConfiguredNode):
         hidden = any(part.startswith("_") for part in name.split("/"))
         return not hidden and name not in self._excluded
 
-    def _take_topic(self, name: str, types: Sequence[str], publishers: Sequence[Any]) -> None:
+    def _take_topic(
+        self, name: str, types: Sequence[str], publishers: Sequence[TopicEndpointInfo]
+    ) -> None:
         if name in self._refused:
             return
         qos = matching_qos(publishers)

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from rclpy.clock import ROSClock
@@ -168,7 +168,6 @@ class RecordedTopic:
     stamped: bool
     """Whether every message so far had a stamp that was set."""
     statistics: StampStatistics
-    handle: Any = None
     convert: Callable[[bytes], bytes] = bytes
     unseen: list[int] = field(default_factory=list)
     """Stamps that are not in the statistics yet."""
@@ -192,6 +191,7 @@ class BagRecording:
         self, open_bag: Callable[[], Writer], fail: Fail, buffer_bytes: float = 512e6
     ) -> None:
         self.topics: dict[str, RecordedTopic] = {}
+        self._written: dict[str, BagTopic] = {}
         self.refused: dict[str, str] = {}
         """Topics that the bag cannot hold, and why."""
         self.failed = False
@@ -296,7 +296,8 @@ class BagRecording:
         except InputError as error:
             self.refused[topic.name] = str(error)
             return
-        topic.handle = self._bag.add_topic(topic.name, topic.type_name, topic.qos, schema)
+        written = self._bag.add_topic(topic.name, topic.type_name, topic.qos, schema)
+        self._written[topic.name] = written
         self.topics[topic.name] = topic
 
     def _write(self, messages: list[Message]) -> None:
@@ -310,7 +311,7 @@ class BagRecording:
             except BrokenMessageError:
                 self.broken += 1
                 continue
-            times, payloads = received.setdefault(topic.handle, ([], []))
+            times, payloads = received.setdefault(self._written[name], ([], []))
             times.append(t_ns)
             payloads.append(converted)
             topic.stamped &= stamp_ns is not None

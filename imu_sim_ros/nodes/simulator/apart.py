@@ -18,15 +18,19 @@ import sys
 import threading
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import IO, Any, Final
+from typing import IO, Any, Final, TypedDict
 
 import numpy as np
+from rclpy.duration import Duration
 
 from imu_sim_ros.conventions import LANDMARKS_TOPIC, MARKERS_TOPIC
 from imu_sim_ros.errors import ConfigurationError, MachineError
 from imu_sim_ros.json_text import as_json
 from imu_sim_ros.nodes import fast_dds
 from imu_sim_ros.nodes.lifetime import Fail, SupervisedThread
+from imu_sim_ros.nodes.parameters import ConfiguredNode
+from imu_sim_ros.nodes.simulator.publish_queue import Send
+from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.simulation.playback import SimulatorParameters
@@ -42,6 +46,23 @@ _LONGEST_CONNECTION: Final = 5.0
 """[s] A subscriber that is not connected by then has another quality of service."""
 _LONGEST_END: Final = 5.0
 """[s] A process that is still sending by then is killed."""
+
+
+class ProcessStart(TypedDict):
+    """What the node tells a process, in JSON."""
+
+    sensor: str
+    """At whose samples it publishes."""
+    members: list[str]
+    """All sensors that it reads."""
+    parameters: dict[str, Value]
+    """Of the simulator, by dotted name."""
+    topics: dict[str, str]
+    """Those that it publishes, with their full names."""
+    node: str
+    namespace: str
+    overrides: dict[str, object]
+    """Parameters of the quality of service."""
 
 
 class RemoteCounter:
@@ -64,7 +85,7 @@ class RemoteCounter:
         """Messages so far."""
         return self._process.counts.get(self.topic, 0)
 
-    def wait_for_all_acked(self, timeout: Any) -> bool:
+    def wait_for_all_acked(self, timeout: Duration) -> bool:
         """Wait until all frames that were due are published."""
         return self._process.wait_until_idle(timeout.nanoseconds * 1e-9)
 
@@ -75,7 +96,7 @@ class SensorProcess:
     def __init__(
         self,
         name: str,
-        start: dict[str, Any],
+        start: ProcessStart,
         fail: Fail,
         warn: Callable[[str], None],
         note: Callable[[str], None],
@@ -201,15 +222,18 @@ def groups_apart(sensors: Mapping[str, Mounted]) -> dict[str, list[str]]:
 class SensorsApart:
     """All sensors of the node that have processes of their own."""
 
-    def __init__(self, node: Any, parameters: SimulatorParameters, fail: Fail) -> None:
+    def __init__(
+        self, node: ConfiguredNode[SimulatorParameters], parameters: SimulatorParameters, fail: Fail
+    ) -> None:
         """Start the processes."""
         sensors = mounted(parameters)
         known, groups = offered(sensors), groups_apart(sensors)
         log = node.get_logger()
+        overrides = [f"{_OVERRIDES}.{key}" for key in node.get_parameters_by_prefix(_OVERRIDES)]
         self.topics: list[str] = []
         """Full names of all topics that the processes publish."""
         self.counters: list[RemoteCounter] = []
-        self.outputs: list[tuple[str, Encode, Callable[[bytes], None]]] = []
+        self.outputs: list[tuple[str, Encode, Send]] = []
         """The sensor at whose samples each process publishes, and what requests it."""
         self._processes: list[SensorProcess] = []
         self._requested_at = 0.0
@@ -218,17 +242,14 @@ class SensorsApart:
             if LANDMARKS_TOPIC in topics:
                 topics.append(MARKERS_TOPIC)
             names = {topic: node.resolve_topic_name(topic) for topic in topics}
-            start = {
+            start: ProcessStart = {
                 "sensor": name,
                 "members": members,
                 "parameters": flatten(parameters),
                 "topics": names,
                 "node": f"{node.get_name()}_{name}",
                 "namespace": node.get_namespace(),
-                "overrides": {
-                    f"{_OVERRIDES}.{key}": parameter.value
-                    for key, parameter in node.get_parameters_by_prefix(_OVERRIDES).items()
-                },
+                "overrides": {name: node.get_parameter(name).value for name in overrides},
             }
             process = SensorProcess(name, start, fail, log.warning, log.info)
             self._processes.append(process)

@@ -33,7 +33,7 @@ from imu_sim_ros.errors import explain
 from imu_sim_ros.json_text import as_json
 from imu_sim_ros.nodes import fast_dds
 from imu_sim_ros.nodes.publishing import Counter, create
-from imu_sim_ros.nodes.simulator.apart import MARKERS, TOKEN
+from imu_sim_ros.nodes.simulator.apart import MARKERS, TOKEN, ProcessStart
 from imu_sim_ros.nodes.simulator.markers import markers
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.sensors.samples import SampleTimes
@@ -129,13 +129,10 @@ class SampleQueue:
 class SensorNode:
     """What one process publishes."""
 
-    def __init__(self, start: dict[str, Any]) -> None:
-        """Make node, publishers, world and sensors.
-
-        :param start: what :class:`~imu_sim_ros.nodes.simulator.apart.SensorsApart` sends.
-        """
-        parameters: Any = build(SimulatorParameters, start["parameters"])
-        self.name: str = start["sensor"]
+    def __init__(self, start: ProcessStart) -> None:
+        """Make node, publishers, world and sensors."""
+        parameters = build(SimulatorParameters, start["parameters"])
+        self.name = start["sensor"]
         overrides = [Parameter(name, value=value) for name, value in start["overrides"].items()]
         rclpy.init(args=[])
         self.node = rclpy.create_node(
@@ -155,7 +152,7 @@ class SensorNode:
         self._duration = parameters.duration or trajectory.duration
         self._world = World(trajectory, parameters, ORIGIN_NS, scene_around)
         self._models = models(self._sensors, {self.name, *start["members"]}, ORIGIN_NS)
-        self._members: list[str] = start["members"]
+        self._members = start["members"]
         self.samples = SampleQueue(self._make, lambda k: self._times.time(k) < self._duration)
 
     def _publishers(self, names: dict[str, str]) -> Iterator[tuple[str, Counter]]:
@@ -236,7 +233,7 @@ class Reports:
         self._file = os.fdopen(descriptor, "wb", buffering=0)
         self._lock = threading.Lock()
 
-    def say(self, **said: Any) -> None:
+    def say(self, **said: object) -> None:
         """Write a line."""
         with self._lock:
             self._file.write(as_json(said).encode() + b"\n")

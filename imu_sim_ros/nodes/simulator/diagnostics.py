@@ -4,13 +4,17 @@
 """What /diagnostics reports about the simulator: counts and lateness."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from imu_sim_ros.nodes.diagnostics import diagnostics
 from imu_sim_ros.nodes.publishing import Counter
+
+if TYPE_CHECKING:
+    from imu_sim_ros.nodes.simulator.apart import RemoteCounter
 
 LATE_US: Final = 500.0
 """A 99th percentile above this is a warning."""
@@ -48,17 +52,16 @@ class StreamReport:
 
     def message(
         self,
-        stamp: Any,
+        stamp: Time,
         elapsed: float,
         state: str,
-        counters: Sequence[Counter],
+        counters: "Sequence[Counter | RemoteCounter]",
         lateness_ns: Sequence[int],
         late: Mapping[str, int],
         drawn: Mapping[str, str],
     ) -> DiagnosticArray:
         """Return the message.
 
-        :param stamp: builtin_interfaces/Time.
         :param elapsed: seconds since the last message.
         :param state: running, paused or waiting, in words.
         :param lateness_ns: of the samples since the last message.

@@ -4,7 +4,7 @@
 """A scene and its cameras for RViz and Foxglove: visualization_msgs/MarkerArray."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from geometry_msgs.msg import Point
@@ -46,7 +46,7 @@ def markers(sensors: Mapping[str, Mounted], world: World) -> MarkerArray:
     return MarkerArray(markers=[marker for marker in found if marker.points])
 
 
-def _marker(kind: int, name: str, frame: str, points: Array) -> Any:
+def _marker(kind: int, name: str, frame: str, points: Array) -> Marker:
     """Return points, or pairs of them as lines; a marker moves with its frame."""
     marker = Marker(type=kind, ns=name, action=Marker.ADD, frame_locked=True)
     marker.header.frame_id = frame

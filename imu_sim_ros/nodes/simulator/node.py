@@ -15,12 +15,13 @@ over the first sample without five more services at every start.
 import sys
 import time
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.clock import Clock, ClockType, JumpThreshold
+from rclpy.clock import Clock, ClockType, JumpThreshold, TimeJump
 from rclpy.duration import Duration
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 from std_srvs.srv import SetBool, Trigger
@@ -34,13 +35,14 @@ from imu_sim_ros.nodes.diagnostics import PERIOD, drawn, fault_message
 from imu_sim_ros.nodes.messages import message_class
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import Counter, check_overrides, create
-from imu_sim_ros.nodes.simulator import transforms as transforms
+from imu_sim_ros.nodes.simulator import transforms
 from imu_sim_ros.nodes.simulator.diagnostics import Histogram, StreamReport
 from imu_sim_ros.nodes.simulator.engine import Engine
 from imu_sim_ros.nodes.simulator.pacing import Pacer, RosClockPacer, Settling, Stall
 from imu_sim_ros.nodes.simulator.publish_queue import (
     BodyStream,
     PublishQueue,
+    Send,
     Stream,
     TickStream,
 )
@@ -56,6 +58,9 @@ from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.simulation.sensors import mounted, mounts
 from imu_sim_ros.trajectory.motion import Trajectory
 
+if TYPE_CHECKING:
+    from imu_sim_ros.nodes.simulator.apart import RemoteCounter, SensorsApart
+
 QUEUE: Final = 4000
 """Messages kept for a reliable subscriber that has not acknowledged them: 2 s at 2 kHz."""
 
@@ -67,23 +72,22 @@ _STALL_PERIOD: Final = 10.0
 """[s] Between two warnings of stalls; a machine that is too slow has one after the other."""
 
 
-class Simulator(ConfiguredNode):
+class Simulator(ConfiguredNode[SimulatorParameters]):
     """Plays a simulation; see the module's docstring."""
 
     def __init__(self, **arguments: Any) -> None:
         super().__init__("simulator", SimulatorParameters, layered, **arguments)
-        self._counters: list[Any] = []
+        self._counters: list[Counter | RemoteCounter] = []
         self._terminals: list[PseudoTerminal] = []
-        self._apart: Any = None
         self._lateness = Histogram()
-        self._drawn_of: Any = None
+        self._drawn_of: SimulatorParameters | None = None
         self._drawn_values: Mapping[str, str] = {}
         self._stalls: list[Stall] = []
         self._stalls_reported = -_STALL_PERIOD
         self._remarks: list[str] = []
         self._notes: list[str] = []
         self._settling = Settling()
-        parameters: SimulatorParameters = self.parameters
+        parameters = self.parameters
         self._follows = bool(self.get_parameter("use_sim_time").value)
         self._check_clocks(parameters)
         self._faults = create(
@@ -186,7 +190,7 @@ class Simulator(ConfiguredNode):
                 return False
         return True
 
-    def _described(self, parameters: SimulatorParameters) -> dict[str, Any]:
+    def _described(self, parameters: SimulatorParameters) -> dict[str, Publisher]:
         """Return the publisher of the description of each IMU, which it has published."""
         found = {}
         for name, simulated in imus(parameters).items():
@@ -194,7 +198,7 @@ class Simulator(ConfiguredNode):
             sensor_description.publish(found[name], simulated)
         return found
 
-    def _made_apart(self, parameters: SimulatorParameters) -> Any:
+    def _made_apart(self, parameters: SimulatorParameters) -> "SensorsApart | None":
         """Return the sensors with processes of their own; None, if there are none."""
         if not any(one.sensor.apart for one in mounted(parameters).values()):
             return None
@@ -232,10 +236,11 @@ class Simulator(ConfiguredNode):
                 raise
             self._notes.append(f"/tf_static is not published: {error}")
 
-    def _counted(self, topic: str, type_name: str, qos: QoSProfile | None = None) -> Any:
+    def _counted(self, topic: str, type_name: str, qos: QoSProfile | None = None) -> Send:
         publisher = create(self, type_name, topic, qos or QoSProfile(depth=QUEUE))
-        self._counters.append(Counter(topic, publisher))
-        return self._counters[-1].send
+        counter = Counter(topic, publisher)
+        self._counters.append(counter)
+        return counter.send
 
     def _pacer(self, parameters: SimulatorParameters) -> Pacer:
         if not self._follows:
@@ -245,7 +250,7 @@ class Simulator(ConfiguredNode):
             lambda: clock.now().nanoseconds, parameters.catch_up, self._after_stall
         )
 
-        def moved(jump: Any) -> None:
+        def moved(jump: TimeJump) -> None:
             if jump.delta.nanoseconds < 0:
                 self.get_logger().warning("the clock jumped back: starting over")
                 self.engine.reset()
@@ -377,7 +382,7 @@ class Simulator(ConfiguredNode):
 
         self.engine.change(begin)
 
-    def _on_pause(self, request: Any, response: Any) -> Any:
+    def _on_pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         if self._fresh and not request.data:
             # Nothing was published yet: time zero is now, not when the node was started.
             self._fresh = False
@@ -387,12 +392,12 @@ class Simulator(ConfiguredNode):
         response.message = "paused" if request.data else "running"
         return response
 
-    def _on_reset(self, _: Any, response: Any) -> Any:
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self.engine.reset()
         response.success, response.message = True, "back at the first sample"
         return response
 
-    async def _on_step(self, _: Any, response: Any) -> Any:
+    async def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         """Step in a thread that waits for the samples; everything else goes on meanwhile."""
         pacer, count = self.engine.pacer, self.parameters.step_samples
         refusal = (

@@ -6,7 +6,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from itertools import repeat
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -16,8 +16,8 @@ from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.topics import Encode
 from imu_sim_ros.types import Times
 
-Send = Callable[[Any], None]
-Group = tuple[int, Sequence[tuple[Send, Any]]]
+Send = Callable[[bytes], None]
+Group = tuple[int, Sequence[tuple[Send, bytes]]]
 """Functions due at one time [ns], with the messages that they publish."""
 
 
@@ -27,7 +27,7 @@ class Piece(NamedTuple):
     times: Times
     """(m,) when each is due [ns], never decreasing."""
     send: Send
-    payloads: Sequence[Any]
+    payloads: Sequence[bytes]
 
 
 class Stream(Protocol):
@@ -65,7 +65,7 @@ class TickStream:
     """Messages at a rate of their own that depend on the time alone."""
 
     def __init__(
-        self, rate: float, make: Callable[[Times, int], Sequence[Any]], send: Send
+        self, rate: float, make: Callable[[Times, int], Sequence[bytes]], send: Send
     ) -> None:
         """Set up the stream.
 
@@ -165,7 +165,7 @@ def _merge(pieces: Sequence[Piece]) -> list[Group]:
     last: int | None = None
     for time_ns, k in zip(times[order].tolist(), order.tolist(), strict=True):
         if time_ns != last:
-            together: list[tuple[Send, Any]] = []
+            together: list[tuple[Send, bytes]] = []
             groups.append((time_ns, together))
             last = time_ns
         together.append(messages[k])

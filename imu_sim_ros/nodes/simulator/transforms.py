@@ -4,9 +4,11 @@
 """Transforms for tf: the moving body in the world, and frames that are fixed to the body."""
 
 from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
+from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from imu_sim_ros import timebase
@@ -22,7 +24,9 @@ QOS: Final = QoSProfile(depth=100)
 STATIC_QOS: Final = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def publish_mounts(node: Any, body_frame: str, mounts: Mapping[str, Array], t_ns: int) -> Any:
+def publish_mounts(
+    node: Node, body_frame: str, mounts: Mapping[str, Array], t_ns: int
+) -> Publisher | None:
     """Publish the fixed transforms once, latched, and return the publisher.
 
     :param mounts: poses T_bf (4, 4), which map coordinates in a frame to the body.
