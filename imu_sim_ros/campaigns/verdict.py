@@ -418,20 +418,6 @@ def _losses(values: Array, better: Better) -> Array:
     return values if isinstance(better, str) else np.abs(values - better)
 
 
-class _Outcome(NamedTuple):
-    """What a comparison of two groups A and B says, p values not yet corrected."""
-
-    kind: str
-    effect: ConfidenceInterval
-    simultaneous: ConfidenceInterval
-    sign: int
-    """Above 0: A is worse."""
-    p: float | None
-    p_beyond: float | None
-    scatter: float | None = None
-    non_inferior: bool | None = None
-
-
 def _effect(
     a: Group, b: Group, names: tuple[str, str], rule: Criterion, comparisons: int
 ) -> Effect | None:
@@ -448,33 +434,36 @@ def _effect(
     pairs = _pairs(ours, theirs, seeds)
     losses = _losses(pairs, rule.better)
     won, lost, _ = wins(losses[:, 0], losses[:, 1])
-    note = _why_not_compared(a, b, rule)
-    if rule.metric == SUCCESS:
-        together = share_difference(done[0], done[1], comparisons)[0]
-        found = _of_success(share, together, share_p, rule)
-    elif note:
-        nothing = NO_SHIFT.centre, NO_SHIFT.centre, NO_SHIFT.sign, NO_SHIFT.p, NO_SHIFT.p_beyond
-        found = _Outcome(SHARE, *nothing, non_inferior=None if rule.margin is None else False)
-    else:
-        found = _of_metric(pairs, losses, rule, comparisons)
-    return Effect(
+    counted = Effect(
         a=names[0],
         b=names[1],
-        kind=found.kind,
-        effect=found.effect,
-        simultaneous=found.simultaneous,
+        kind=SHARE,
+        effect=NO_SHIFT.centre,
+        simultaneous=NO_SHIFT.centre,
         seeds=len(pairs),
         won=won,
         lost=lost,
-        scatter=found.scatter,
-        p=found.p,
-        p_beyond=found.p_beyond,
+        scatter=None,
+        p=NO_SHIFT.p,
+        p_beyond=NO_SHIFT.p_beyond,
         success=share,
         success_p=share_p,
-        verdict=WORSE if found.sign > 0 else BETTER,
-        note=note,
-        non_inferior=found.non_inferior,
+        verdict=_direction(NO_SHIFT.sign),
+        note=_why_not_compared(a, b, rule),
+        non_inferior=None if rule.margin is None else False,
     )
+    if rule.metric == SUCCESS:
+        together = share_difference(done[0], done[1], comparisons)[0]
+        return _of_success(counted, together, rule)
+    return counted if counted.note else _of_metric(counted, pairs, losses, rule, comparisons)
+
+
+def _direction(sign: float) -> str:
+    """Return what A is if the difference is certain.
+
+    :param sign: of the difference of the losses; above 0: A is worse.
+    """
+    return WORSE if sign > 0 else BETTER
 
 
 def _was_done(group: Group, seeds: Sequence[int]) -> Mask:
@@ -500,29 +489,50 @@ def _why_not_compared(a: Group, b: Group, rule: Criterion) -> str:
     return ""
 
 
-def _of_success(
-    share: ConfidenceInterval, together: ConfidenceInterval, p: float | None, rule: Criterion
-) -> _Outcome:
-    """Return the outcome if the shares of runs done are what is compared."""
-    proven = None
+def _of_success(effect: Effect, together: ConfidenceInterval, rule: Criterion) -> Effect:
+    """Return the effect if the shares of runs done are what is compared.
+
+    :param together: the interval of the share's difference for all comparisons at once.
+    """
+    share, proven = effect.success, None
     if rule.margin is not None:
         proven = share.low is not None and share.low > -rule.margin.value
-    sign = -int(np.sign(share.value or 0.0))
-    return _Outcome(SHARE, share, together, sign, p, NO_SHIFT.p_beyond, non_inferior=proven)
+    return replace(
+        effect,
+        effect=share,
+        simultaneous=together,
+        p=effect.success_p,
+        verdict=_direction(-(share.value or 0.0)),
+        non_inferior=proven,
+    )
 
 
-def _of_metric(pairs: Array, losses: Array, rule: Criterion, comparisons: int) -> _Outcome:
-    """Return the outcome for a metric; pairs and losses are (n, 2)."""
+def _of_metric(
+    effect: Effect, pairs: Array, losses: Array, rule: Criterion, comparisons: int
+) -> Effect:
+    """Return the effect on a metric.
+
+    :param pairs: values (n, 2) of A and B on each seed, and ``losses`` (n, 2), larger being worse.
+    """
     kind, values, margin = _scaled(pairs, losses, rule, rule.tolerance)
     moved = shift(values[:, 0] - values[:, 1], margin, comparisons)
     higher = rule.better == HIGHER
-    effect, together = (_unscaled(i, kind, higher) for i in (moved.centre, moved.simultaneous))
+    size, together = (_unscaled(i, kind, higher) for i in (moved.centre, moved.simultaneous))
     proven = None
     if rule.margin is not None:
         _, values, margin = _scaled(pairs, losses, rule, rule.margin)
         proven = statistics.non_inferior(values[:, 0] - values[:, 1], margin)
-    scatter = _scatter(pairs, rule)
-    return _Outcome(kind, effect, together, moved.sign, moved.p, moved.p_beyond, scatter, proven)
+    return replace(
+        effect,
+        kind=kind,
+        effect=size,
+        simultaneous=together,
+        scatter=_scatter(pairs, rule),
+        p=moved.p,
+        p_beyond=moved.p_beyond,
+        verdict=_direction(moved.sign),
+        non_inferior=proven,
+    )
 
 
 def _scaled(
@@ -624,22 +634,6 @@ def _factor(found: Sequence[Group]) -> str:
     return several[0] if several else ""
 
 
-class _Draft(NamedTuple):
-    """A contest whose p values are not yet corrected for all others."""
-
-    factor: str
-    where: dict[str, str]
-    ranking: list[str]
-    unranked: list[str]
-    effects: list[Effect]
-
-    def decided(self, effects: list[Effect]) -> Contest:
-        """Return the contest with its effects decided."""
-        best = self.ranking[0] if effects[0].verdict == BETTER else None
-        own = (self.factor, self.where, self.ranking, self.unranked)
-        return Contest(*own, best, effects[0], effects)
-
-
 def _contests(found: Sequence[Group], rule: Criterion) -> list[Contest]:
     """Return the contests of every factor, decided together."""
     ranks = {id(group): _rank(group, rule) for group in found}
@@ -649,10 +643,15 @@ def _contests(found: Sequence[Group], rule: Criterion) -> list[Contest]:
     ]
     count = sum(_pair_count(len(ranked)) for _, ranked in contested)
     varying = varying_names(found)
-    drafts = [_draft(factor, ranked, varying, rule, count) for factor, ranked in contested]
-    kept = [draft for draft in drafts if draft is not None]
-    decided = iter(_decided([effect for draft in kept for effect in draft.effects], rule))
-    return [draft.decided([next(decided) for _ in draft.effects]) for draft in kept]
+    found_ones = [_contest(factor, ranked, varying, rule, count) for factor, ranked in contested]
+    contests = [one for one in found_ones if one is not None]
+    decided = iter(_decided([effect for one in contests for effect in one.effects], rule))
+    result = []
+    for one in contests:
+        effects = [next(decided) for _ in one.effects]
+        best = one.ranking[0] if effects[0].verdict == BETTER else None
+        result.append(replace(one, best=best, lead=effects[0], effects=effects))
+    return result
 
 
 def _pair_count(members: int) -> int:
@@ -660,10 +659,12 @@ def _pair_count(members: int) -> int:
     return math.comb(members, 2) if members <= _ALL_PAIRS else members - 1
 
 
-def _draft(
+def _contest(
     factor: str, ranked: Sequence[Group], varying: Sequence[str], rule: Criterion, count: int
-) -> _Draft | None:
+) -> Contest | None:
     """Return a contest of groups, the best first; None if the first two share no seed.
+
+    Its p values are not yet corrected for all others, and nothing is decided.
 
     :param varying: the names that have several values in the campaign.
     :param count: comparisons that are read together.
@@ -681,7 +682,7 @@ def _draft(
     where = {name: ranked[0].words[name] for name in varying if name != factor}
     effects = [one for one in compared if one is not None]
     names, unranked = ([one.words[factor] for one in some] for some in (ranked, ideal))
-    return _Draft(factor, where, names, unranked, effects)
+    return Contest(factor, where, names, unranked, None, effects[0], effects)
 
 
 def _without_contest(factor: str, members: Sequence[Group]) -> list[Group]:
