@@ -46,12 +46,7 @@ def write_junit(path: Path, name: str, found: Judgement) -> None:
             suite.failed(case, "failure", f"{words}: {line}")
         else:
             suite.output(case, f"{effect.verdict}: {line}")
-    lost = [
-        line
-        for line in found.problems
-        if "in common" in line or "no cell has" in line or "no such run" in line
-    ]
-    for line in lost:
+    for line in (*found.unmatched, *found.unproven):
         suite.failed(suite.case(line), "failure", line)
     suite = _Suite(root, "runs")
     for standing in found.standings:

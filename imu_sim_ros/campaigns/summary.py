@@ -83,34 +83,25 @@ def groups(rows: Iterable[Row], grid: Sequence[str]) -> list[Group]:
     return [Group(*key, members, tuple(grid)) for key, members in found.items()]
 
 
-class Unmet(NamedTuple):
-    """A requirement that a group does not meet."""
+class Checked(NamedTuple):
+    """A requirement, and what one group has."""
 
-    requirement: Requirement
-    group: Group
+    requirement: str
+    cell: str
+    estimator: str
     value: float | None
-
-    def line(self) -> str:
-        """Return it in a line."""
-        found = "does not exist" if self.value is None else f"is {self.value:.4g}"
-        name = self.requirement.metric
-        if self.requirement.statistic:
-            name += f".{self.requirement.statistic}"
-        return (
-            f"require {self.requirement.text}: {name} {found} "
-            f"({self.group.cell}; {self.group.estimator})"
-        )
+    met: bool
 
 
-def unmet(found: Sequence[Group], require: Sequence[Requirement]) -> list[Unmet]:
-    """Return every requirement that is not met, for each group that it concerns."""
+def checked(found: Sequence[Group], require: Sequence[Requirement]) -> list[Checked]:
+    """Return every requirement with each group that it concerns."""
     result = []
-    for requirement in require:
+    for one in require:
         for group in found:
-            if requirement.concerns(group.words):
-                value = group.value(requirement)
-                if not requirement.holds(value):
-                    result.append(Unmet(requirement, group, value))
+            if one.concerns(group.words):
+                value = group.value(one)
+                key = (group.cell, group.estimator)
+                result.append(Checked(one.text, *key, value, one.holds(value)))
     return result
 
 
@@ -118,21 +109,22 @@ _SHOWN: Final = 10
 """Lines of a requirement; one more counts the others."""
 
 
-def unmet_lines(failed: Sequence[Unmet]) -> list[str]:
+def unmet_lines(require: Sequence[Requirement], results: Sequence[Checked]) -> list[str]:
     """Return a line for each requirement that is not met, and group."""
     lines: list[str] = []
-    for text in dict.fromkeys(one.requirement.text for one in failed):
-        of_text = [one.line() for one in failed if one.requirement.text == text]
+    for text, one in {one.text: one for one in require}.items():
+        name = f"{one.metric}.{one.statistic}" if one.statistic else one.metric
+        of_text = []
+        for result in results:
+            if result.requirement == text and not result.met:
+                value = "does not exist" if result.value is None else f"is {result.value:.4g}"
+                where = f"{result.cell}; {result.estimator}"
+                of_text.append(f"require {text}: {name} {value} ({where})")
         lines += of_text[:_SHOWN]
         if len(of_text) > _SHOWN:
             more = len(of_text) - _SHOWN
             lines.append(f"require {text}: not met {more} more times; report.html lists all")
     return lines
-
-
-def unused(found: Sequence[Group], require: Sequence[Requirement]) -> list[Requirement]:
-    """Return the requirements that apply to no group: a typo in a filter would go unnoticed."""
-    return [one for one in require if not any(one.concerns(group.words) for group in found)]
 
 
 def summary_rows(found: Sequence[Group], metrics: Sequence[str]) -> list[dict[str, Any]]:

@@ -52,7 +52,7 @@ from imu_sim_ros.campaigns.statistics import (
     shift,
     wins,
 )
-from imu_sim_ros.campaigns.summary import Group, groups, unmet, unmet_lines, unused
+from imu_sim_ros.campaigns.summary import Checked, Group, checked, groups, unmet_lines
 from imu_sim_ros.types import Array, Mask
 
 WITHOUT_ERRORS: Final = "perfect"
@@ -198,16 +198,6 @@ class Failure(NamedTuple):
     """The first 20."""
 
 
-class Checked(NamedTuple):
-    """A requirement, and what one group has."""
-
-    requirement: str
-    cell: str
-    estimator: str
-    value: float | None
-    met: bool
-
-
 @dataclass(frozen=True)
 class Judgement:
     """The verdict of a campaign for one metric."""
@@ -232,8 +222,25 @@ class Judgement:
     requirements: list[Checked]
     baseline: list[Effect] | None
     """Each group compared with the same one of the earlier campaign; None: without one."""
-    problems: list[str]
-    """A line for all that fails the gate, which then ends with status 3."""
+    unmet: list[str]
+    """A line for each requirement that is not met, and group."""
+    unmatched: list[str]
+    """A line for each requirement that concerns no group, and for a baseline without common runs:
+    a typo would go unnoticed."""
+    worse: list[str]
+    """A line for each group that is worse than in the baseline, or not proven not to be."""
+    unproven: list[str]
+    """A line for each group of which the proof is asked, and the baseline has no run."""
+
+    @property
+    def problems(self) -> list[str]:
+        """A line for all that fails the gate, which then ends with status 3."""
+        return [*self.unmet, *self.not_of_requirements]
+
+    @property
+    def not_of_requirements(self) -> list[str]:
+        """Those of ``problems`` that are not about the value of a requirement."""
+        return [*self.unmatched, *self.worse, *self.unproven]
 
     @property
     def headline(self) -> list[Contest]:
@@ -242,9 +249,10 @@ class Judgement:
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain values for JSON; intervals are ``{value, low, high}``."""
-        found = _plain(asdict(self))
-        assert isinstance(found, dict)
-        return found
+        found = {name: _plain(value) for name, value in asdict(self).items()}
+        for name in ("unmet", "unmatched", "worse", "unproven"):
+            del found[name]
+        return {**found, "problems": self.problems}
 
 
 def _plain(value: Any) -> Any:
@@ -278,54 +286,44 @@ def judge(
     against = None if baseline is None else _baseline(found, baseline, rule)
     contests, factor = _contests(found, rule), _factor(found)
     contests.sort(key=lambda contest: contest.factor != factor)
-    return Judgement(
-        metric,
-        rule.better,
-        str(rule.tolerance),
-        None if rule.margin is None else str(rule.margin),
-        len(rows),
-        sum(group.done for group in found),
-        factor,
-        [_standing(group, rule) for group in found],
-        contests,
-        failures(found),
-        _checked(plan, found),
-        against,
-        _problems(plan, found, against, rule),
-    )
-
-
-def _checked(plan: Plan, found: Sequence[Group]) -> list[Checked]:
-    result = []
-    for one in plan.require:
-        for group in found:
-            if one.concerns(group.words):
-                value = group.value(one)
-                key = (group.cell, group.estimator)
-                result.append(Checked(one.text, *key, value, one.holds(value)))
-    return result
-
-
-def _problems(
-    plan: Plan, found: Sequence[Group], against: Sequence[Effect] | None, rule: Criterion
-) -> list[str]:
-    lines = unmet_lines(unmet(found, plan.require))
-    lines += [
-        f"require {one.text}: no cell has these values" for one in unused(found, plan.require)
+    requirements = checked(found, plan.require)
+    unmatched = [
+        f"require {one.text}: no cell has these values"
+        for one in plan.require
+        if not any(one.concerns(group.words) for group in found)
     ]
     if against is not None and not against:
-        lines.append("the baseline has no run in common with this plan")
+        unmatched.append("the baseline has no run in common with this plan")
+    worse = []
     for effect in against or ():
         if effect.verdict == WORSE:
-            lines.append(f"worse than the baseline: {effect.line(rule.metric)}")
+            worse.append(f"worse than the baseline: {effect.line(metric)}")
         elif effect.non_inferior is False:
             words = f"not proven to be less than {rule.margin} worse than the baseline"
-            lines.append(f"{words}: {effect.line(rule.metric)}")
+            worse.append(f"{words}: {effect.line(metric)}")
+    unproven = []
     if against and rule.margin is not None:
         compared = {effect.a for effect in against}
         alone = [name for name in map(_full_name, found) if name not in compared]
-        lines += [f"not proven, the baseline has no such run: {name}" for name in alone]
-    return lines
+        unproven = [f"not proven, the baseline has no such run: {name}" for name in alone]
+    return Judgement(
+        metric=metric,
+        better=rule.better,
+        tolerance=str(rule.tolerance),
+        non_inferiority=None if rule.margin is None else str(rule.margin),
+        runs=len(rows),
+        done=sum(group.done for group in found),
+        factor=factor,
+        standings=[_standing(group, rule) for group in found],
+        contests=contests,
+        failures=failures(found),
+        requirements=requirements,
+        baseline=against,
+        unmet=unmet_lines(plan.require, requirements),
+        unmatched=unmatched,
+        worse=worse,
+        unproven=unproven,
+    )
 
 
 def _full_name(group: Group) -> str:

@@ -67,7 +67,6 @@ def verdict_section(
 
     missed = [one for one in first.requirements if not one.met]
     reported = {one.requirement for one in missed}
-    lines = [line for line in first.problems if not any(text in line for text in reported)]
     requirements: Item = {
         "count": len(plan.require),
         "texts": len(reported),
@@ -86,7 +85,7 @@ def verdict_section(
         "kind": "verdict",
         "campaign": campaign,
         "requirements": requirements,
-        "problems": lines,
+        "problems": first.not_of_requirements,
         "failures": failures,
         "judged": [
             _judged(words, judged, factor, found)

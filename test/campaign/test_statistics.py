@@ -31,7 +31,7 @@ from imu_sim_ros.campaigns.statistics import (
     statistic,
     success,
 )
-from imu_sim_ros.campaigns.summary import groups, unmet, unmet_lines
+from imu_sim_ros.campaigns.summary import checked, groups, unmet_lines
 from imu_sim_ros.campaigns.verdict import Contest, headline, judge
 
 
@@ -41,7 +41,7 @@ def test_an_unmet_requirement_of_many_cells_does_not_bury_the_results():
         for k in range(72)
     ]
     require = parse(["ate_rmse_m.median < 1", "success >= 1.1"], ["ate_rmse_m"], [])
-    lines = unmet_lines(unmet(groups(rows, ()), require))
+    lines = unmet_lines(require, checked(groups(rows, ()), require))
     assert len(lines) == 2 * 11
     assert lines[0] == "require ate_rmse_m.median < 1: ate_rmse_m.median is 2 (rate=0; a)"
     assert lines[10].startswith("require ate_rmse_m.median < 1: not met 62 more times")
