@@ -173,7 +173,7 @@ def missing(
     return suggestion(name, (topic.name for topic in near), f"it has {listed(topics)}")
 
 
-class Chunk(Protocol):
+class ChunkInFile(Protocol):
     """A chunk, or messages outside chunks that are read as one."""
 
     @property
@@ -185,7 +185,7 @@ class Chunk(Protocol):
         """The first time of its messages."""
 
 
-_Chunk = TypeVar("_Chunk", bound=Chunk)
+_Chunk = TypeVar("_Chunk", bound=ChunkInFile)
 
 
 class ChunkedBag(Bag, Generic[_Chunk]):
