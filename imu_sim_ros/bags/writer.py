@@ -165,6 +165,15 @@ class Writer(ABC):
             self.stop()
 
 
+class OfBag(NamedTuple):
+    """What applies to bags only: the arguments of :func:`open_writer` behind the path."""
+
+    storage: str | None = None
+    compression: str | None = None
+    split_duration: float = 0.0
+    split_size: int = 0
+
+
 def open_writer(
     path: str | Path,
     storage: str | None = None,

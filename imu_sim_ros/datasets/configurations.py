@@ -15,7 +15,7 @@ from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.conventions import COMPRESSED_TOPIC, IMAGE_TOPIC, IMU_TOPIC
 from imu_sim_ros.datasets.consumers import kalibr
 from imu_sim_ros.datasets.consumers.folder import write_all
-from imu_sim_ros.datasets.consumers.rig import InitialMotion, RigValues, start_warnings
+from imu_sim_ros.datasets.consumers.rig import BadStart, InitialMotion, RigValues, bad_starts
 from imu_sim_ros.datasets.consumers.values import ImuValues
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.sensors.declaration import Mounted
@@ -53,13 +53,12 @@ def write_configs(
         own = f"{name}/{IMU_TOPIC}".lstrip("/")
         seconds = body.taken(parameters.rate) / parameters.rate
         values = imu_values(parameters, resolved(names.get(own, own)), seconds)
-        lines: tuple[str, ...] = ()
+        bad: tuple[BadStart, ...] = ()
         if body.parameters.cameras:
-            lines = tuple(start_warnings(values, _start(body)))
-        warnings += [f"{name}: {line}" if name else line for line in lines]
-        write_all(
-            folder / name, values, rig_values(values, body.parameters, names, lines), parameters
-        )
+            bad = tuple(bad_starts(values, _start(body)))
+        warnings += [f"{name}: {one.line}" if name else one.line for one in bad]
+        rig = rig_values(values, body.parameters, names, bad)
+        write_all(folder / name, values, rig, parameters)
     return warnings
 
 
@@ -82,18 +81,18 @@ def rig_values(
     values: ImuValues,
     parameters: SimulationParameters,
     names: Mapping[str, str],
-    warnings: tuple[str, ...] = (),
+    bad: tuple[BadStart, ...] = (),
 ) -> RigValues | None:
     """Return an IMU with the cameras next to it as their consumers see them; None without any.
 
     :param names: of the topics that are written, by their own names.
-    :param warnings: of :func:`~imu_sim_ros.datasets.consumers.rig.start_warnings`.
+    :param bad: which stacks will initialise badly.
     """
     if not parameters.cameras:
         return None
     rig: RigParameters = parameters.rig
     topics = {camera: _image_topic(camera, names) for camera in rig.cameras}
-    return RigValues(values, rig.each(), topics, rig.scene, warnings)
+    return RigValues(values, rig.each(), topics, rig.scene, bad)
 
 
 def _start(body: Body) -> InitialMotion:

@@ -17,7 +17,7 @@ import numpy as np
 from imu_sim_ros.bags.messages.schemas import LATCHED
 from imu_sim_ros.bags.text.writer import FORMATS as TEXT_FORMATS
 from imu_sim_ros.bags.text.writer import WITH_TABLES, BodyStates, Dataset
-from imu_sim_ros.bags.writer import BagTopic, Block, Writer, amount, described, open_writer
+from imu_sim_ros.bags.writer import BagTopic, Block, OfBag, Writer, amount, described, open_writer
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.tables import Table
@@ -293,7 +293,7 @@ def opened(
     world: World | None = None,
     jobs: int = 1,
     warn: Warn = lambda line: None,
-    **of_bag: Any,
+    bag: OfBag | None = None,
 ) -> Iterator[OpenOutput]:
     """Open an output for windows of samples; it is complete when the block ends without an error.
 
@@ -302,11 +302,10 @@ def opened(
     :param sensors: of the body.
     :param world: that sensors see, with threads that make images; None: none sees.
     :param jobs: number of these threads.
-    :param of_bag: arguments of :func:`~imu_sim_ros.bags.writer.open_writer`.
     """
     if form is None:
-        with open_writer(output, **of_bag) as bag:
-            messages = BagTarget(bag, sensors, names)
+        with open_writer(output, *(bag or OfBag())) as writer:
+            messages = BagTarget(writer, sensors, names)
             yield messages
             messages.finish()
     elif form == "tum_vi":

@@ -8,12 +8,13 @@ import dataclasses
 import glob
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from imu_sim_ros.bags.outputs import named
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import is_present
 from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.errors.realised import realised_imu
@@ -135,7 +136,7 @@ def _siblings(output: Path) -> Iterator[Path]:
             yield path
 
 
-def _sensor_text(one: Mounted, world: Mapping[str, Any]) -> str:
+def _sensor_text(one: Mounted, world: Mapping[str, Value]) -> str:
     """Return a sensor of this run, as ``--params-file`` takes it.
 
     :param world: parameters that differ from those of the usual world.
@@ -149,7 +150,7 @@ def _sensor_text(one: Mounted, world: Mapping[str, Any]) -> str:
     )
 
 
-def _imu_text(parameters: SimulationParameters, world: Mapping[str, Any]) -> str:
+def _imu_text(parameters: SimulationParameters, world: Mapping[str, Value]) -> str:
     """Return the IMU of this run: every constant that its seed drew, in its parameter's place.
 
     ``calibrate --truth`` and ``allan --truth`` take it, and ``--imu`` for the same unit again.

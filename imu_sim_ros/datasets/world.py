@@ -4,7 +4,7 @@
 """What dead reckoning has to know of readings: gravity, the Earth, the IMU's mount on the body."""
 
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -31,7 +31,7 @@ _CURVED_EARTH: Final = (
 class KnownWorld(NamedTuple):
     """What integration has to know of the world and the IMU of readings."""
 
-    parameters: dict[str, Any]
+    parameters: dict[str, list[float]]
     """Of the integrator, by name; only what is not usual."""
     notes: tuple[str, ...] = ()
     """What the result rests on, for the user."""
@@ -40,7 +40,7 @@ class KnownWorld(NamedTuple):
 def world_of_simulation(simulated: SampledParameters) -> KnownWorld:
     """Return the world of a simulation."""
     gravity, rate = gravity_vector(simulated).tolist(), earth_rate_vector(simulated).tolist()
-    found: dict[str, Any] = {"gravity": gravity} if tuple(gravity) != GRAVITY else {}
+    found = {"gravity": gravity} if tuple(gravity) != GRAVITY else {}
     if any(rate):
         found["earth_rate"] = rate
     imu = simulated.imu

@@ -298,7 +298,7 @@ def generate(
                 body.world,
                 renderers,
                 journal.warn,
-                **form.bag._asdict(),
+                form.bag,
             ) as target,
             ExitStack() as stack,
         ):

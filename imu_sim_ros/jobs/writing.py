@@ -8,12 +8,12 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Final, NamedTuple, TypeGuard
+from typing import Annotated, Any, Final, TypeGuard
 
 from imu_sim_ros import arguments
 from imu_sim_ros.bags.outputs import Outputs
 from imu_sim_ros.bags.text.writer import DATASET_SUFFIXES
-from imu_sim_ros.bags.writer import COMPRESSED, COMPRESSIONS, STORAGES, check_writer
+from imu_sim_ros.bags.writer import COMPRESSED, COMPRESSIONS, STORAGES, OfBag, check_writer
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
 from imu_sim_ros.progress import watcher
@@ -110,17 +110,6 @@ SkipBadRows = Annotated[
     Text("skip and count bad rows of text and bad messages of bags (poses, readings)"),
 ]
 """Whether bad rows and messages are left out and counted, or errors."""
-
-
-class OfBag(NamedTuple):
-    """What applies to bags only: arguments of :func:`~imu_sim_ros.bags.writer.open_writer`."""
-
-    storage: str | None = None
-    compression: str | None = None
-    split_duration: float = 0.0
-    """[s] of one file; 0: all."""
-    split_size: int = 0
-    """[bytes] of one file; 0: all."""
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,8 @@
 
 """Basalt: the calibration JSON (basalt-headers, calibration.hpp, calib_bias.hpp)."""
 
-from typing import Any, Final
+from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 
@@ -23,6 +24,8 @@ _EXPRESSED: Final = (
 )
 _LOWER: Final = ([0, 1, 2, 1, 2, 2], [0, 0, 0, 1, 1, 2])
 """Rows and columns of the accelerometer's six entries: the lower triangle, column by column."""
+_ALL: Final = ([0, 1, 2, 0, 1, 2, 0, 1, 2], [0, 0, 0, 1, 1, 1, 2, 2, 2])
+"""The same of the gyroscope's nine."""
 
 
 def files(subject: Subject) -> dict[str, str]:
@@ -54,13 +57,13 @@ def calibration(values: ImuValues, rig: RigValues | None = None) -> str:
     lenses = [_lens(camera) for camera in cameras.values()]
     if any(lens["camera_type"] == "pinhole-radtan8" for lens in lenses):
         notes.append("pinhole-radtan8 needs a Basalt that supports it; versions of 2021 do not.")
-    content: dict[str, Any] = {
+    content: dict[str, object] = {
         "T_imu_cam": [_pose(rig.imu_camera(name)) for name in cameras] if rig else [],
         "intrinsics": lenses,
         "resolution": [[camera.width, camera.height] for camera in cameras.values()],
         "vignette": [],
         "calib_accel_bias": _static(values, "accelerometer", _LOWER),
-        "calib_gyro_bias": _static(values, "gyroscope", np.unravel_index(range(9), (3, 3), "F")),
+        "calib_gyro_bias": _static(values, "gyroscope", _ALL),
         "imu_update_rate": values.rate,
         "accel_noise_std": _above_zero(values, "accelerometer_noise_density"),
         "gyro_noise_std": _above_zero(values, "gyroscope_noise_density"),
@@ -83,7 +86,7 @@ def _pose(matrix: Array) -> dict[str, float]:
     return {**dict(position), "qx": x, "qy": y, "qz": z, "qw": w}
 
 
-def _lens(camera: CameraParameters) -> dict[str, Any]:
+def _lens(camera: CameraParameters) -> dict[str, object]:
     """Return a camera's model in Basalt's terms (basalt/camera/*.hpp).
 
     Mei's sphere without distortion is its ``ucm`` with ``alpha = xi / (1 + xi)`` and focal lengths
@@ -109,15 +112,17 @@ def _lens(camera: CameraParameters) -> dict[str, Any]:
     return _model("pinhole-radtan8", {**center, **radtan, **rest})
 
 
-def _model(name: str, intrinsics: dict[str, float]) -> dict[str, Any]:
+def _model(name: str, intrinsics: dict[str, float]) -> dict[str, object]:
     return {"camera_type": name, "intrinsics": intrinsics}
 
 
-def _static(values: ImuValues, triad: str, indices: Any) -> list[float]:
+def _static(
+    values: ImuValues, triad: str, indices: tuple[Sequence[int], Sequence[int]]
+) -> list[float]:
     """Return the static calibration of a triad: b, and the entries of M at the places."""
     inverse = np.linalg.inv(values.response(triad))
     bias = inverse @ values.axes(f"{triad}_bias")
-    correction = (inverse - np.eye(3))[indices[0], indices[1]]
+    correction = (inverse - np.eye(3))[indices]
     return [*bias.tolist(), *correction.tolist()]
 
 

@@ -9,10 +9,10 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.conventions import IMU_TOPIC
+from imu_sim_ros.datasets.consumers.rig import listed
 from imu_sim_ros.datasets.consumers.subject import Subject
-from imu_sim_ros.datasets.consumers.values import ImuValues, comment, remarks
+from imu_sim_ros.datasets.consumers.values import ImuValues, comment, real, remarks
 from imu_sim_ros.rotation import from_matrix
 from imu_sim_ros.sensors.lidar.declaration import CUSTOM_TOPIC, TOPIC
 from imu_sim_ros.sensors.lidar.parameters import LidarParameters
@@ -94,12 +94,7 @@ def files(subject: Subject) -> dict[str, str]:
 
 
 def _list(numbers: Array) -> str:
-    return "[" + ", ".join(_real(x) for x in np.ravel(numbers).tolist()) + "]"
-
-
-def _real(value: float) -> str:
-    words = decimal(value + 0.0)
-    return words if "." in words or "e" in words else f"{words}.0"
+    return listed((np.ravel(numbers) + 0.0).tolist())  # without -0
 
 
 def _kiss_icp(one: Ranging) -> str:
@@ -111,9 +106,9 @@ def _kiss_icp(one: Ranging) -> str:
         ]
     )
     return (
-        f"{head}data:\n  deskew: true\n  max_range: {_real(one.farthest)}\n"
-        f"  min_range: {_real(one.lidar.minimum_range)}\n"
-        f"mapping:\n  voxel_size: {_real(one.voxel)}\n  max_points_per_voxel: 20\n"
+        f"{head}data:\n  deskew: true\n  max_range: {real(one.farthest)}\n"
+        f"  min_range: {real(one.lidar.minimum_range)}\n"
+        f"mapping:\n  voxel_size: {real(one.voxel)}\n  max_points_per_voxel: 20\n"
     )
 
 
@@ -134,8 +129,8 @@ def _rko_lio(one: Ranging) -> str:
             f"extrinsic_{name}2base_quat_xyzw_xyz: {_list(np.array([x, y, z, w, *position]))}\n"
         )
     return (
-        f"{head}{''.join(lines)}lio:\n  deskew: true\n  voxel_size: {_real(one.voxel)}\n"
-        f"  max_range: {_real(one.farthest)}\n  min_range: {_real(one.lidar.minimum_range)}\n"
+        f"{head}{''.join(lines)}lio:\n  deskew: true\n  voxel_size: {real(one.voxel)}\n"
+        f"  max_range: {real(one.farthest)}\n  min_range: {real(one.lidar.minimum_range)}\n"
         "  initialization_phase: false\n"
     )
 
@@ -168,19 +163,19 @@ def _fast_lio(one: Ranging) -> str:
     }
     densities = values.positive_densities()
     lines = "".join(
-        f"  {key}: {_real(densities[name] ** 2 * values.rate)}\n"
+        f"  {key}: {real(densities[name] ** 2 * values.rate)}\n"
         for key, name in covariances.items()
     )
     topic = resolved(f"{one.space}{CUSTOM_TOPIC}") if livox else one.topic
     offset = values.imu.stamp_offset - own.stamp_offset
     return (
         f'{head}common:\n  lid_topic: "{topic}"\n  imu_topic: "{values.topic}"\n'
-        f"  time_sync_en: false\n  time_offset_lidar_to_imu: {_real(offset)}\n"
+        f"  time_sync_en: false\n  time_offset_lidar_to_imu: {real(offset)}\n"
         f"preprocess:\n  lidar_type: {kind}\n  scan_line: {len(one.of_rings())}\n"
         f"  scan_rate: {round(own.rate)}\n  timestamp_unit: {unit}\n"
-        f"  blind: {_real(own.minimum_range)}\n"
+        f"  blind: {real(own.minimum_range)}\n"
         f"mapping:\n{lines}  fov_degree: {360 if own.pattern in ('spinning', 'nodding') else 90}\n"
-        f"  det_range: {_real(one.farthest)}\n  extrinsic_est_en: false\n"
+        f"  det_range: {real(one.farthest)}\n  extrinsic_est_en: false\n"
         f"  extrinsic_T: {_list(position)}\n  extrinsic_R: {_list(rotation)}\n"
         "publish:\n  path_en: true\n  scan_publish_en: true\n  dense_publish_en: true\n"
         "  scan_bodyframe_pub_en: true\npcd_save:\n  pcd_save_en: false\n  interval: -1\n"
@@ -224,7 +219,7 @@ def _lio_sam(one: Ranging, parameters: SimulationParameters) -> str:
         "mappingCornerLeafSize": 0.1 if indoors else 0.2,
         "mappingSurfLeafSize": 0.2 if indoors else 0.4,
     }
-    lines = "".join(f"  {key}: {_real(value)}\n" for key, value in numbers.items())
+    lines = "".join(f"  {key}: {real(value)}\n" for key, value in numbers.items())
     frame = parameters.body_frame
     return (
         f'{head}lio_sam:\n  pointCloudTopic: "{one.topic}"\n  imuTopic: "{nine}"\n'

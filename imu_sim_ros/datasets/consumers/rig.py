@@ -29,12 +29,11 @@ class RigValues:
     topics: Mapping[str, str]
     """Topic of each camera's images."""
     scene: SceneParameters
-    warnings: tuple[str, ...] = ()
-    """Lines of :func:`~imu_sim_ros.datasets.consumers.rig.start_warnings`."""
+    bad_starts: tuple["BadStart", ...] = ()
 
     def start_remarks(self, stack: str) -> Iterator[str]:
         """Yield why a stack will initialise badly, a sentence each."""
-        yield from (f"WARNING: {line}" for line in self.warnings if line.startswith(f"{stack}:"))
+        yield from (f"WARNING: {one.line}" for one in self.bad_starts if one.stack == stack)
 
     def imu_camera(self, name: str) -> Array:
         """Return T_ic (4, 4), which maps coordinates from a camera to the IMU."""
@@ -161,17 +160,31 @@ class InitialMotion(NamedTuple):
     """(n,) [m/s]."""
 
 
-def start_warnings(values: ImuValues, start: InitialMotion) -> Iterator[str]:
-    """Yield a line for each stack that will initialise badly, with its threshold and the source."""
-    yield from _openvins(values, start)
+class BadStart(NamedTuple):
+    """A stack that will initialise badly."""
+
+    stack: str
+    why: str
+    """With the stack's threshold and the source."""
+
+    @property
+    def line(self) -> str:
+        """Both in a line."""
+        return f"{self.stack}: {self.why}"
+
+
+def bad_starts(values: ImuValues, start: InitialMotion) -> Iterator[BadStart]:
+    """Yield which stacks will initialise badly at the start of a flight."""
+    yield from (BadStart("OpenVINS", why) for why in _openvins(values, start))
     bias = values.axes("accelerometer_bias")
     size = float(np.linalg.norm(bias))
     for stack, limit in _GRAVITY.items():
         if size > limit:
-            yield (
-                f"{stack}: the accelerometer's bias of this run, {size:.2f} m/s^2, can put gravity "
+            yield BadStart(
+                stack,
+                f"the accelerometer's bias of this run, {size:.2f} m/s^2, can put gravity "
                 f"further off than the {limit:g} m/s^2 at which it rejects an initialisation with "
-                "one camera (initial_aligment.cpp, LinearAlignment)"
+                "one camera (initial_aligment.cpp, LinearAlignment)",
             )
 
 
@@ -179,7 +192,7 @@ def _openvins(values: ImuValues, start: InitialMotion) -> Iterator[str]:
     rest, speed = _rest(values, start)
     if rest is None:
         yield (
-            f"OpenVINS: starts late or wrongly: in the first {start.t[-1]:.0f} s there is no rest "
+            f"starts late or wrongly: in the first {start.t[-1]:.0f} s there is no rest "
             f"of {_WINDOW:g} s (accelerometer's deviation below {REST_THRESHOLD:g} m/s^2, "
             f"init_imu_thresh, and velocity 0 +- {_VELOCITY_SIGMA:g} m/s, {_STATIC}) with a jerk "
             f"after it{speed}; trajectory.lead_in.rest=2 begins with both"
@@ -190,7 +203,7 @@ def _openvins(values: ImuValues, start: InitialMotion) -> Iterator[str]:
     tilt = float(np.linalg.norm(across)) / values.gravity
     if tilt > _MANY * _TILT_SIGMA:
         yield (
-            "OpenVINS: the accelerometer's bias of this run tilts its first attitude by "
+            "the accelerometer's bias of this run tilts its first attitude by "
             f"{tilt:.3f} rad; it takes that to be within +- {_TILT_SIGMA:g} rad ({_STATIC})"
         )
 

@@ -6,12 +6,11 @@
 Keys are those that src/ros_filter.cpp and src/navsat_transform.cpp declare.
 """
 
-from collections.abc import Mapping
-from typing import Any, Final
+from typing import Final
 
-from imu_sim_ros.bags.text.decimals import decimal
+from imu_sim_ros.datasets.consumers.aiding import Aiding
 from imu_sim_ros.datasets.consumers.subject import Subject
-from imu_sim_ros.datasets.consumers.values import ImuValues, comment
+from imu_sim_ros.datasets.consumers.values import comment, real
 from imu_sim_ros.simulation.parameters import SimulationParameters
 from imu_sim_ros.simulation.topics import resolved
 
@@ -27,20 +26,16 @@ _FREQUENCY: Final = 50.0
 
 def files(subject: Subject) -> dict[str, str]:
     """Return ``ekf.yaml`` with wheels or GNSS and ``navsat.yaml`` with GNSS."""
-    values, parameters = subject.imu, subject.parameters
-    if parameters is None:
+    body = subject.aiding
+    if body is None:
         return {}
-    body = parameters.each_sensor
-    found = {}
-    if body.keys() & {"gnss", "wheels"}:
-        found["ekf.yaml"] = _ekf(values, parameters, body)
-    if "gnss" in body:
-        found["navsat.yaml"] = _navsat(parameters)
+    found = {"ekf.yaml": _ekf(body)}
+    if body.gnss is not None:
+        found["navsat.yaml"] = _navsat(body.parameters)
     return found
 
 
-def _ekf(values: ImuValues, parameters: SimulationParameters, body: Mapping[str, Any]) -> str:
-    wheels = body.get("wheels")
+def _ekf(body: Aiding) -> str:
     remarks = [
         "robot_localization, ekf_node: odom to body from IMU and wheels, and with GNSS another "
         "filter, map to odom, with the output of navsat.yaml. Written against its sources; it "
@@ -49,38 +44,29 @@ def _ekf(values: ImuValues, parameters: SimulationParameters, body: Mapping[str,
         "imu/data_raw have no orientation; roll, pitch and yaw come from imu/data, if it is "
         "published, with the second row of imu0_config true.",
     ]
-    if "gnss" in body:
+    if body.gnss is not None:
         remarks.append(
             "gps/velocity is not used: the filter takes a twist for that of a point fixed to the "
             "body, in a frame that turns with it; this one is east, north, up in the world's frame."
         )
-    text = comment(remarks) + _filter(
-        "ekf_filter_node_odom", "odom", values, parameters, wheels, fixes=False
-    )
-    if "gnss" in body:
-        text += _filter("ekf_filter_node_map", "map", values, parameters, wheels, fixes=True)
+    text = comment(remarks) + _filter("ekf_filter_node_odom", "odom", body, fixes=False)
+    if body.gnss is not None:
+        text += _filter("ekf_filter_node_map", "map", body, fixes=True)
     return text
 
 
-def _filter(
-    name: str,
-    world: str,
-    values: ImuValues,
-    parameters: SimulationParameters,
-    wheels: Any,
-    *,
-    fixes: bool,
-) -> str:
+def _filter(name: str, world: str, body: Aiding, *, fixes: bool) -> str:
+    values, wheels = body.values, body.wheels
     odom = wheels.odom_frame if wheels is not None else "odom"
     lines = [
-        f"frequency: {decimal(_FREQUENCY)}.0",
+        f"frequency: {real(_FREQUENCY)}",
         "two_d_mode: false",
         "publish_tf: true",
         "map_frame: map",
         f"odom_frame: {odom}",
-        f"base_link_frame: {parameters.body_frame}",
+        f"base_link_frame: {body.parameters.body_frame}",
         f"world_frame: {'map' if world == 'map' else odom}",
-        f"gravitational_acceleration: {_real(values.gravity)}",
+        f"gravitational_acceleration: {real(values.gravity)}",
         f"imu0: {values.topic}",
         _config("imu0", (3, 4)),
         "imu0_differential: false",
@@ -95,8 +81,8 @@ def _filter(
         count += 1
     if fixes:
         lines += _odometry(count, "odometry/gps", "TTT FFF FFF FFF FFF")
-    body = "".join(f"    {line}\n" for line in lines)
-    return f"{name}:\n  ros__parameters:\n{body}"
+    text = "".join(f"    {line}\n" for line in lines)
+    return f"{name}:\n  ros__parameters:\n{text}"
 
 
 def _odometry(number: int, topic: str, which: str) -> list[str]:
@@ -136,10 +122,10 @@ def _navsat(parameters: SimulationParameters) -> str:
             "the origin of the body.",
         ]
     )
-    latitude, longitude = _real(parameters.latitude_deg), _real(parameters.longitude_deg)
+    latitude, longitude = real(parameters.latitude_deg), real(parameters.longitude_deg)
     return (
         f"{head}navsat_transform:\n  ros__parameters:\n"
-        f"    frequency: {decimal(_FREQUENCY)}.0\n"
+        f"    frequency: {real(_FREQUENCY)}\n"
         "    delay: 0.0\n"
         "    magnetic_declination_radians: 0.0\n"
         "    yaw_offset: 0.0\n"
@@ -151,9 +137,3 @@ def _navsat(parameters: SimulationParameters) -> str:
         "    wait_for_datum: true\n"
         f"    datum: [{latitude}, {longitude}, 0.0]  # latitude, longitude [deg], yaw [rad]\n"
     )
-
-
-def _real(value: float) -> str:
-    """Return a number that ROS reads as a double."""
-    words = decimal(value)
-    return words if "." in words or "e" in words else f"{words}.0"
