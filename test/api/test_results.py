@@ -55,7 +55,7 @@ def test_evaluation_aligns_and_gives_relative_errors():
 
 
 def test_allan_is_the_commands_and_covers_the_truth(tmp_path, capsys):
-    flight = ims.simulate(imu="adis16448", trajectory="static", duration="20min", seed=4)
+    flight = ims.simulate(imu="adis16448", trajectory="static", duration="20min", rate=50, seed=4)
     noise = ims.allan(flight)
     bag = flight.save(tmp_path / "rest.mcap", imu_only=True)
     assert allan([str(bag), "--json", "--no-files"]) == 0

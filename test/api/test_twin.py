@@ -142,7 +142,7 @@ def in_standard_errors(found):
 )
 def test_a_truth_with_noise_is_no_sensor(motion, white, decimals):
     """Poses with noise [m], [rad], or rounded: numbers keep within their standard errors."""
-    flight = ims.simulate(imu=SENSOR, trajectory=motion, duration=30, rate=100, seed=8)
+    flight = ims.simulate(imu=SENSOR, trajectory=motion, duration=20, rate=100, seed=8)
     poses, rng = flight.truth, np.random.default_rng(9)
     position = poses.position + white * rng.standard_normal((len(poses.t_ns), 3))
     q_wb = multiply(poses.q_wb, exp(white * rng.standard_normal((len(poses.t_ns), 3))))
@@ -178,7 +178,7 @@ def test_rough_motion_up_to_the_cut_off_is_no_error_of_the_sensor():
         "accelerometer_noise_density": 1e-3,
     }
     flight = ims.simulate(
-        imu=sensor, trajectory=rough, duration=30, rate=200, seed=8, start_time=5.0
+        imu=sensor, trajectory=rough, duration=30, rate=100, seed=8, start_time=5.0
     )
     found = ims.twin(flight, flight.truth)
     scale = found.errors["gyroscope_scale_misalignment"]

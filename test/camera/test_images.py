@@ -47,20 +47,20 @@ EVERYTHING = {
 }
 POINTS = {"camera__antialiasing": False}
 GOLDEN = {
-    "plain": "1ffcac911b198e01",
-    "everything": "8656cab0abcb3174",
-    "fisheye": "7297b227218e00f3",
-    "trilinear": "57d359ed57af27f6",
-    "colour": "5e163aae9d73736a",
-    "linear": "1576581902d33570",
+    "plain": "c0b164d3cc1ff7bc",
+    "everything": "009b72292d1a60e4",
+    "fisheye": "15e25c362b4824d0",
+    "trilinear": "d34a270f401e41d8",
+    "colour": "0661d82c5fadc53a",
+    "linear": "01b5839863d943fe",
 }
 OF_AREAS = {
-    "plain": "ffe792edf8cbb2e9",
-    "everything": "4f6a4d6dd6562001",
-    "fisheye": "517033cce297a5d1",
-    "trilinear": "9a18f4e30fdb20db",
-    "colour": "648b5978a1481ddf",
-    "linear": "cba5612a565ab5c3",
+    "plain": "8a52cd51cb6922af",
+    "everything": "42486348a18ce25c",
+    "fisheye": "968de0662e546ac7",
+    "trilinear": "6fde9fe3210d0263",
+    "colour": "a83ccecd0cd6850c",
+    "linear": "85a1a9a917979aec",
 }
 TEXTURES = {}
 """Of scenes that were made before: the same parameters give the same ones."""
@@ -93,7 +93,7 @@ def make_imager(make_rig, **values):
     return rig, Imager(rig.views["cam0"], rig.scene, textures, rig.trajectory)
 
 
-def digest(imager, numbers=range(0, 120, 13)):
+def digest(imager, numbers=range(0, 120, 39)):
     total = hashlib.sha256()
     for number in numbers:
         total.update(imager.image(number).tobytes())
@@ -212,7 +212,7 @@ def test_the_image_does_not_depend_on_its_bands(make_rig, monkeypatch, scale):
 
 @pytest.mark.parametrize("shutter", [0.0, 2e-4])
 def test_edges_and_grazing_textures_are_those_of_many_rays(make_rig, shutter):
-    """The mean of 8 x 8 rays is the judge: of pixels at edges, and of all others.
+    """The mean of 6 x 6 rays is the judge: of pixels at edges, and of all others.
 
     Eight places with one share each tell a straight edge's share to 1/16 on average, of a step of
     up to 255 grey values; a centre alone tells it to 1/4.
@@ -220,7 +220,7 @@ def test_edges_and_grazing_textures_are_those_of_many_rays(make_rig, shutter):
     values = {"scene__boxes": 8, "camera__row_time": shutter}
     _, points = make_imager(make_rig, **values, **POINTS)
     _, areas = make_imager(make_rig, **values)
-    _, many = make_imager(make_rig, **values, **POINTS, camera__supersampling=8)
+    _, many = make_imager(make_rig, **values, **POINTS, camera__supersampling=6)
     worse, better = [], []
     for number in (5, 40, 75):
         judge = many.image(number).astype(float)
@@ -280,7 +280,7 @@ def lk_errors(imagers, number, window=15):
 
 
 def test_edges_are_tracked_as_in_images_of_many_rays(make_rig):
-    """LK on default images, against images of 8 x 8 rays: both have the errors of LK alone.
+    """LK on default images, against images of 6 x 6 rays: both have the errors of LK alone.
 
     Where a window has two motions, LK finds neither, in any image; where it has one, edges are
     tracked as surfaces are, within twice.
@@ -288,7 +288,7 @@ def test_edges_are_tracked_as_in_images_of_many_rays(make_rig):
     values = {"scene__boxes": 12, "scene__seed": 4}
     _, points = make_imager(make_rig, **values, **POINTS)
     _, areas = make_imager(make_rig, **values)
-    _, many = make_imager(make_rig, **values, **POINTS, camera__supersampling=8)
+    _, many = make_imager(make_rig, **values, **POINTS, camera__supersampling=6)
     found = [lk_errors([areas, points, many], number) for number in (25, 45, 65, 85, 105)]
     errors, edge, spread = (np.concatenate(each, axis=-1) for each in zip(*found, strict=True))
     (at_edges, stepped, judge), one = errors[:, edge], edge & (spread < 0.1)
@@ -306,7 +306,8 @@ def test_edges_are_tracked_as_in_images_of_many_rays(make_rig):
 def test_sixteen_rays_a_pixel_of_a_stereo_pair_fit_into_500_mb(make_rig):
     """The rays of the two cameras alone are 139 MB, numba and what it compiled 150.
 
-    It is compiled and kept here before: the compiler at work takes more.
+    It is compiled and kept here before: the compiler at work takes more. Without a distortion,
+    whose inverse is found for few pixels at once, the rays are as many and found sooner.
     """
     make_imager(make_rig, camera__supersampling=4)[1].image(1)
     code = (
@@ -315,6 +316,7 @@ def test_sixteen_rays_a_pixel_of_a_stereo_pair_fit_into_500_mb(make_rig):
         "rig = build_rig({'cameras': ['cam0', 'cam1'], 'cam0.camera.preset': 'euroc_cam0',\n"
         "  'cam1.camera.preset': 'euroc_cam1', 'camera.body_axes': 'flu', 'duration': 1.0,\n"
         "  'camera.supersampling': 4, 'trajectory.type': 'figure_eight',\n"
+        "  'camera.distortion_model': 'none', 'camera.distortion': [],\n"
         "  'scene.type': 'room'})\n"
         "look = textures(rig.scene, rig.parameters.scene, False)\n"
         "made = [Imager(v, rig.scene, look, rig.trajectory) for v in rig.views.values()]\n"
@@ -519,22 +521,22 @@ def levels_of(atlas, m, patch):
 
 
 def traced(rig, t, pixel):
-    """Slow and plain: one ray in float64 against every rectangle; surface, s, r and depth."""
+    """Plainly: one ray in float64 against every rectangle; surface, s, r and depth."""
     view = rig.views["cam0"]
     pose = view.poses(rig.trajectory, np.array([t]))
     ray = view.model.unproject([pixel]).direction[0]
     d, c = rotation.rotate(pose.q_wc[0], ray), pose.position[0]
     best = (None, 0.0, 0.0, np.inf)
     s = rig.scene.surfaces
-    for m in range(len(s.origin)):
-        n = np.cross(s.across[m], s.up[m])
-        if n @ d >= 0.0 or n @ (c - s.origin[m]) <= 0.0:
-            continue
-        distance = n @ (s.origin[m] - c) / (n @ d)
-        offset = c + distance * d - s.origin[m]
-        place = [offset @ side / (side @ side) for side in (s.across[m], s.up[m])]
-        if min(place) >= 0.0 and max(place) <= 1.0 and distance < best[3]:
-            best = (m, *place, distance)
+    n = np.cross(s.across, s.up)
+    front = np.flatnonzero((n @ d < 0.0) & ((n * (c - s.origin)).sum(axis=1) > 0.0))
+    distance = (n[front] * (s.origin[front] - c)).sum(axis=1) / (n[front] @ d)
+    offset = c + distance[:, None] * d - s.origin[front]
+    sides = (side[front] for side in (s.across, s.up))
+    place = np.array([(offset * side).sum(axis=1) / (side * side).sum(axis=1) for side in sides])
+    for k in np.flatnonzero((place >= 0.0).all(axis=0) & (place <= 1.0).all(axis=0)):
+        if distance[k] < best[3]:
+            best = (front[k], *place[:, k], distance[k])
     return best, best[3] * ray[2]
 
 
@@ -605,7 +607,7 @@ def test_a_repeated_frame_shows_the_one_before(make_rig):
     assert abs(np.mean(same) - 0.5) < 5.0 * np.sqrt(0.25 / 119)
 
 
-@pytest.mark.parametrize("scale", [1, 4])
+@pytest.mark.parametrize("scale", [1, 2])
 def test_aprilgrid_finds_all_tags_where_they_are(make_rig, scale):
     """PyPI's detector; its corners against the exact projection of the target's corners."""
     aprilgrid = pytest.importorskip("aprilgrid")
@@ -636,7 +638,7 @@ def test_aprilgrid_finds_all_tags_where_they_are(make_rig, scale):
             errors.append(corners - exact[nearest])
     error = np.concatenate(errors)
     rms = np.sqrt((error**2).sum(axis=1).mean())
-    assert rms < (0.15 if scale == 4 else 0.30)
+    assert rms < (0.15 if scale == 2 else 0.30)
     assert np.abs(error.mean(axis=0)).max() < 0.02
 
 
