@@ -73,8 +73,6 @@ class Record:
     """What was found of motion, from the first block on."""
     _interval: float
     """Nominal [ns]."""
-    _clock: "SampleClock"
-    """Of the bag that is read."""
 
     def __init__(self) -> None:
         self.samples = 0
@@ -83,8 +81,8 @@ class Record:
         self.steps = StepFinder(6)
         self._sum = np.zeros(6)
         self._square = np.zeros(6)
-        self._last_ns: int | None = None
-        """Of the sample before, in the same bag."""
+        self._clock: SampleClock | None = None
+        """Of the bag that is read, from its first message on."""
         self._lost = self._filled = self._gaps = self._duplicates = 0
         self._longest_gap = 0
         self._intervals = np.zeros(3)  # count, sum and sum of squares, relative to the nominal
@@ -108,7 +106,7 @@ class Record:
                     for piece in self._pieces(block.t_ns, readings):
                         yield from self.rest.add(piece)
                 advance(len(block.t_ns))
-            self._last_ns = None
+            self._clock = None
             if self.samples:
                 yield from self.rest.add(None)
 
@@ -118,9 +116,9 @@ class Record:
             self._interval = sampling_interval(t_ns)
             self.rate = 1e9 / self._interval
             self.rest = RestCheck(self.rate, self.steps)
-        if self._last_ns is None:
-            self._clock = SampleClock(self._interval)
-        before = t_ns[0] - 1 if self._last_ns is None else self._last_ns
+        is_first = self._clock is None
+        clock = self._clock = self._clock or SampleClock(self._interval)
+        before = t_ns[0] - 1 if clock.last_ns is None else clock.last_ns
         steps = np.diff(t_ns, prepend=before)
         if np.any(steps < 0):
             k = int(np.argmax(steps < 0))
@@ -131,7 +129,7 @@ class Record:
         new = steps > 0
         if not new.all():
             self._duplicates += int(np.count_nonzero(~new))
-            t_ns, y = t_ns[new], y[new]
+            t_ns, y, steps = t_ns[new], y[new], steps[new]
             if not len(y):  # nothing but repetitions of the message before
                 return
         self.samples += len(y)
@@ -141,12 +139,11 @@ class Record:
         self.lowest.take(columns)
         self.highest.take(columns)
         self.steps.look(columns)
-        missing = self._clock.missing(t_ns)
-        steps = np.diff(t_ns, prepend=t_ns[0] if self._last_ns is None else self._last_ns)
-        self._last_ns = int(t_ns[-1])
+        missing = clock.missing(t_ns)
         lost = int(missing.sum())
-        near = missing <= self._clock.longest
-        connected = near & (steps > 0)
+        near = missing <= clock.longest
+        connected = near.copy()
+        connected[0] &= not is_first
         self._span += steps[connected].sum(), (1 + missing[connected]).sum()
         regular = steps[connected & (missing == 0)] / self._interval - 1.0
         self._intervals += [len(regular), regular.sum(), (regular**2).sum()]
@@ -317,16 +314,17 @@ class SampleClock:
         self.interval = interval
         self.longest = max(10.0, 1e9 / interval)
         """So many missing samples in a row are a loss; more are a gap."""
-        self._last: int | None = None
+        self.last_ns: int | None = None
+        """The latest stamp."""
         self._late = np.nan
 
     def missing(self, t_ns: Times) -> Integers:
         """Return (n,) how many samples are missing before each of n rising stamps."""
-        first = t_ns[:1] if self._last is None else np.array([self._last])
+        first = t_ns[:1] if self.last_ns is None else np.array([self.last_ns])
         steps = np.diff(t_ns, prepend=first) / self.interval
-        if self._last is None:
+        if self.last_ns is None:
             steps[0] = 1.0
-        self._last = int(t_ns[-1])
+        self.last_ns = int(t_ns[-1])
         whole = np.rint(steps)
         if np.all(np.abs(steps - whole) < _CLEAR) and np.all(whole >= 1.0):
             self._late = 0.0
