@@ -5,7 +5,7 @@
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from imu_sim_ros.campaigns.statistics import (
     success,
 )
 from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA
+from imu_sim_ros.types import Array
 
 
 class Group(NamedTuple):
@@ -54,7 +55,7 @@ class Group(NamedTuple):
         """Return the share of runs that succeeded."""
         return success(self.done, len(self.rows))
 
-    def values(self, metric: str) -> Any:
+    def values(self, metric: str) -> Array:
         """Return a metric (n,) of the runs that have it and are done; coverage also of others."""
         return np.array(numbers(self.rows, metric))
 
@@ -127,11 +128,11 @@ def unmet_lines(require: Sequence[Requirement], results: Sequence[Checked]) -> l
     return lines
 
 
-def summary_rows(found: Sequence[Group], metrics: Sequence[str]) -> list[dict[str, Any]]:
+def summary_rows(found: Sequence[Group], metrics: Sequence[str]) -> list[dict[str, object]]:
     """Return one row of ``summary.csv`` for each group."""
     samples = [(group, metric, group.values(metric)) for group in found for metric in metrics]
     known = [(id(group), metric, values) for group, metric, values in samples if len(values)]
-    of_group: dict[int, dict[str, tuple[ConfidenceInterval, Any]]] = defaultdict(dict)
+    of_group: dict[int, dict[str, tuple[ConfidenceInterval, Array]]] = defaultdict(dict)
     averages = means([values for *_, values in known])
     for (group, metric, values), average in zip(known, averages, strict=True):
         of_group[group][metric] = average, values
@@ -139,9 +140,9 @@ def summary_rows(found: Sequence[Group], metrics: Sequence[str]) -> list[dict[st
 
 
 def _summary_row(
-    group: Group, metrics: dict[str, tuple[ConfidenceInterval, Any]]
-) -> dict[str, Any]:
-    row: dict[str, Any] = {
+    group: Group, metrics: dict[str, tuple[ConfidenceInterval, Array]]
+) -> dict[str, object]:
+    row: dict[str, object] = {
         "cell": group.cell,
         "estimator": group.estimator,
         **{name: group.rows[0].get(name) for name in group.grid},
@@ -156,7 +157,7 @@ def _summary_row(
     return row
 
 
-def _put(row: dict[str, Any], name: str, interval: ConfidenceInterval) -> None:
+def _put(row: dict[str, object], name: str, interval: ConfidenceInterval) -> None:
     row[name], row[f"{name}.low"], row[f"{name}.high"] = interval
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 
@@ -47,7 +47,7 @@ class AttitudeEvaluation:
     """How much of the truth's time is estimated."""
     without_truth: int = 0
     """Attitudes that are left out: the truth has none at their times."""
-    nees: dict[str, Any] | None = None
+    nees: SampleNees | None = None
     """Over the samples that state a covariance: ``mean``, ``inside_band`` and what is expected."""
     no_nees: str | None = None
     """Why there is no NEES."""
@@ -121,7 +121,7 @@ def heading_lines(topic: str, t_ns: Times, without_truth: int, covered: Coverage
         yield f"{without_truth} samples skipped: no truth at their times"
 
 
-def nees_line(nees: Mapping[str, Any] | None, why_none: str | None) -> str:
+def nees_line(nees: SampleNees | None, why_none: str | None) -> str:
     """Return a NEES, as :func:`stated_consistency` gives it, in words."""
     if nees is None:
         return f"no NEES: {why_none}"
@@ -140,9 +140,17 @@ def statistics_table(rows: Iterable[tuple[str, Mapping[str, float]]]) -> TextTab
     return TextTable(["error", *names], cells)
 
 
-def stated_consistency(
-    errors: Array, covariance: Array
-) -> tuple[dict[str, Any] | None, str | None]:
+class SampleNees(TypedDict):
+    """The NEES of the samples that state a covariance."""
+
+    samples: int
+    expected: int
+    mean: float
+    band_95: list[float]
+    inside_band: float
+
+
+def stated_consistency(errors: Array, covariance: Array) -> tuple[SampleNees | None, str | None]:
     """Return the NEES of errors (n, k) by their covariances (n, k, k), or why there is none."""
     stated = invertible(covariance)
     if not stated.any():
@@ -150,7 +158,7 @@ def stated_consistency(
     freedom = errors.shape[1]
     values = nees(errors[stated], covariance[stated])
     band = anees_band(freedom, 1)
-    found = {
+    found: SampleNees = {
         "samples": int(np.count_nonzero(stated)),
         "expected": freedom,
         "mean": float(values.mean()),

@@ -44,6 +44,7 @@ from imu_sim_ros.navigation.association import time_offset as time_offset_of
 from imu_sim_ros.navigation.coverage import Coverage, coverage, coverage_line
 from imu_sim_ros.navigation.evaluation import (
     DELTA_UNITS,
+    PoseNees,
     RelativeErrors,
     absolute_errors,
     distances,
@@ -104,7 +105,7 @@ class Evaluation:
     """Poses of the estimate that are left out: the truth has none at their times."""
     coverage: Coverage
     """How much of the truth's time is estimated, which errors cannot show."""
-    nees: dict[str, Any] | None = None
+    nees: PoseNees | None = None
     """``position``, ``attitude`` and ``velocity``, each with ``mean``, ``final``, ``inside_band``
     and ``poses``; None without a covariance that allows it, see `no_nees`."""
     no_nees: str | None = None
@@ -602,13 +603,18 @@ def _lines(result: Mapping[str, Any]) -> Iterator[str | TextTable]:
         yield from _reprojection_lines(result["reprojection"])
 
 
-def _nees_table(result: Mapping[str, Any]) -> TextTable:
+def _nees_table(result: PoseNees) -> TextTable:
     low, high = result["band_95"]
-    parts = {name: result[name] for name in ("position", "attitude", "velocity") if result[name]}
+    every = {name: result[name] for name in ("position", "attitude", "velocity")}
+    parts = {name: part for name, part in every.items() if part is not None}
     rows = [
-        [name]
-        + [f"{part[key]:.3g}" for key in ("mean", "final")]
-        + [f"{100.0 * part['inside_band']:.0f} %", f"{part['poses']} of {part['of']}"]
+        [
+            name,
+            f"{part['mean']:.3g}",
+            f"{part['final']:.3g}",
+            f"{100.0 * part['inside_band']:.0f} %",
+            f"{part['poses']} of {part['of']}",
+        ]
         for name, part in parts.items()
     ]
     title = f"NEES, 3 expected; 95 % of the time between {low:.3g} and {high:.3g}"

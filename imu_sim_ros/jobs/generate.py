@@ -21,7 +21,6 @@ from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets import truth_files
 from imu_sim_ros.datasets.forms import (
     FORMATS,
-    OpenOutput,
     check_form,
     chosen_topics,
     opened,
@@ -301,6 +300,8 @@ def generate(
                 form.bag,
             ) as target,
             ExitStack() as stack,
+            progress(f"writing {path}", lambda: body.total or 0) as advance,
+            closing(prefetch(body.windows(BLOCK_SIZE))) as windows,
         ):
             written.describe(path, target.described)
             companions: dict[str, Companion] = {}
@@ -311,7 +312,14 @@ def generate(
                     one.own, one.environment, body.t0_ns, [written.where(f) for f in files_of_one]
                 )
                 companions[name] = stack.enter_context(closing(made))
-            samples = _write(path, body, target, companions)
+            samples, every = 0, imus_in(body.sensors)
+            for read in windows:  # made by a thread of its own
+                target.write(read)
+                for name, companion in companions.items():
+                    companion.write(read[name])
+                lengths = [len(read[name].t_ns) for name in every]
+                samples += sum(lengths)
+                advance(max(lengths))
         if with_configs:
             folder = written.where(truth_files.configs(path))
             _write_configs(folder, path.name, body, names, format, journal)
@@ -389,28 +397,6 @@ def named_cameras(cameras: object, scene: str | Path | None) -> dict[str, object
 
         result |= scene_layer(str(arguments.path("scene", scene, allowed)))
     return result
-
-
-def _write(path: Path, body: Body, target: OpenOutput, companions: Mapping[str, Companion]) -> int:
-    """Write all samples, which a thread of its own makes; return how many those of IMUs are.
-
-    :param path: what progress names.
-    :param target: receives all windows.
-    :param companions: each receives the samples of one sensor, by its name.
-    """
-    every, samples = imus_in(body.sensors), 0
-    with (
-        progress(f"writing {path}", lambda: body.total or 0) as advance,
-        closing(prefetch(body.windows(BLOCK_SIZE))) as windows,
-    ):
-        for read in windows:
-            target.write(read)
-            for name, companion in companions.items():
-                companion.write(read[name])
-            counts = [len(read[name].t_ns) for name in every]
-            samples += sum(counts)
-            advance(max(counts))
-    return samples
 
 
 def _size(output: Path) -> int:

@@ -22,6 +22,7 @@ from imu_sim_ros.inputs.rows import Skipped, tell_skipped
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.attitude import (
     AttitudeEvaluation,
+    SampleNees,
     compared_attitudes,
     counts,
     heading_lines,
@@ -55,7 +56,7 @@ class ReadingsEvaluation:
     """Readings that are left out: the truth has none at their times."""
     coverage: Coverage
     """How much of the truth's time has readings."""
-    nees: dict[str, Any] | None
+    nees: SampleNees | None
     """Over the samples that state a covariance: ``mean``, ``inside_band`` and what is expected."""
     no_nees: str | None
     """Why there is no NEES."""

@@ -3,7 +3,7 @@
 
 """How far an estimated trajectory is from the truth, and whether its covariance states it."""
 
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -269,6 +269,34 @@ def _gauge_row(name: str, pose: Array, position: Array) -> int | None:
     return None
 
 
+class _MeanNees(TypedDict):
+    mean: float
+    final: float
+    inside_band: float
+    """Share of the poses whose NEES lies in the band."""
+    poses: int
+    of: int
+
+
+class PartNees(_MeanNees, total=False):
+    """The NEES of a part of the poses."""
+
+    fixed_s: float | None
+    """When the gauge is fixed, since the first pose [s]; None: nowhere. Not of velocity."""
+
+
+class PoseNees(TypedDict):
+    """The NEES of poses and of their velocity, by part; None: a part has none."""
+
+    poses: int
+    gauge: str | None
+    """Where yaw and position are fixed; None: nowhere."""
+    band_95: list[float]
+    position: PartNees | None
+    attitude: PartNees | None
+    velocity: PartNees | None
+
+
 def stated_nees(
     pose: Array | None,
     poses: PoseSequence,
@@ -276,7 +304,7 @@ def stated_nees(
     alignment: str,
     velocity_b: Array | None = None,
     linear: Array | None = None,
-) -> tuple[dict[str, Any] | None, str | None]:
+) -> tuple[PoseNees | None, str | None]:
     """Return the NEES of position, attitude and velocity, and why one of the first two has none.
 
     :param pose: (n, 6, 6) covariances of position and rotation about the world's axes; None: the
@@ -311,30 +339,31 @@ def stated_nees(
             f"are linear up to {LARGEST_SIGMA:g} rad"
         )
     t_ns, band = poses.t_ns, anees_band(3, 1)
-    found: dict[str, Any] = {}
+    found: dict[str, PartNees] = {}
     reasons = []
     for name, one in parts.items():
-        found[name] = None
         if one is not None and one.usable.any():
             later = slice(one.row, None)
-            found[name] = _nees(one.errors[later], one.covariances[later], one.usable[later], band)
+            of_part = _nees(one.errors[later], one.covariances[later], one.usable[later], band)
             fixed = float(t_ns[one.row] - t_ns[0]) * 1e-9
-            found[name]["fixed_s"] = None if alignment == "none" else fixed
+            of_part["fixed_s"] = None if alignment == "none" else fixed
+            found[name] = of_part
         else:
             reasons.append(f"{name}: {_NO_GAUGE if known[name] else _SINGULAR}")
     why = "; ".join(reasons) or None
     if len(reasons) == len(parts):
         return None, _SINGULAR if not any(known.values()) else why
-    rows = {name: one.row for name, one in parts.items() if one is not None and found[name]}
+    rows = {name: one.row for name, one in parts.items() if one is not None and name in found}
     at_first = "first pose" if not any(rows.values()) else "a later pose"
-    found["velocity"] = None
     if velocity_b is not None and linear is not None and invertible(linear).any():
         found["velocity"] = _nees(velocity_b, linear, invertible(linear), band)
-    result: dict[str, Any] = {
+    result: PoseNees = {
         "poses": max(found[name]["poses"] for name in rows),
         "gauge": at_first if alignment == "yaw" else None,
         "band_95": list(band),
-        **found,
+        "position": found.get("position"),
+        "attitude": found.get("attitude"),
+        "velocity": found.get("velocity"),
     }
     return result, why
 
@@ -346,7 +375,7 @@ _NO_GAUGE: Final = (
 )
 
 
-def _nees(errors: Array, covariances: Array, usable: Mask, band: Band) -> dict[str, Any]:
+def _nees(errors: Array, covariances: Array, usable: Mask, band: Band) -> PartNees:
     values = nees(errors[usable], covariances[usable])
     return {
         "mean": float(values.mean()),
