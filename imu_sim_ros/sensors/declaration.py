@@ -247,7 +247,7 @@ class Sensor:
     """Returns of its section the pose T_bs (4, 4), which maps its coordinates to the body."""
     warnings: Callable[[Mounted, World, float], list[str]] = lambda *_: []
     """Returns a line for each way in which a world, or a motion of this length [s], is not for
-    this sensor."""
+    this sensor, or raises a ConfigurationError if it cannot read there at all."""
     notes: Callable[[Mounted], list[str]] = lambda _: []
     """Returns a line for each thing that was decided for it, and that users may want to know."""
     apart: bool = False

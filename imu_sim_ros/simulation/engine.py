@@ -21,7 +21,7 @@ import math
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from imu_sim_ros import timebase
 from imu_sim_ros.errors import ConfigurationError
@@ -30,7 +30,7 @@ from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.parameters.sections import parameters as described
 from imu_sim_ros.poses import read_poses
 from imu_sim_ros.sensors.faults import Fault
-from imu_sim_ros.sensors.imu.model import Imu
+from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.parameters import SimulationParameters, imus
 from imu_sim_ros.simulation.sensors import imus_in, models, mounted
@@ -109,18 +109,17 @@ class Body:
     def warnings(self, elsewhere: bool = False) -> list[str]:
         """Return warnings on settings that are allowed but may be unintended, a line each.
 
-        The parameters' own warnings, implausible recorded poses, a motion that contradicts itself,
-        and one that a sensor's range does not cover.
+        The parameters' own warnings, implausible recorded poses, a world or a motion that is not
+        for a sensor, and a motion that contradicts itself.
 
         :param elsewhere: without those of sensors that a node reads in processes of their own.
+        :raises ConfigurationError: for a motion that a sensor cannot read.
         """
-        from imu_sim_ros.trajectory.build import implausible
         from imu_sim_ros.trajectory.given import suspicions
 
         p = self.parameters
         duration = p.duration or self.trajectory.duration
-        every = imus(p).values()
-        lines = [line for one in every for line in one.warnings()]
+        lines = [line for one in imus(p).values() for line in one.warnings()]
         if self._recorded is not None:
             lines += self._recorded.warnings
         if isinstance(p.trajectory, DriveParameters):
@@ -130,9 +129,6 @@ class Body:
         for name, one in self.sensors.items():
             if name in self._models and not (elsewhere and one.sensor.apart):
                 lines += one.sensor.warnings(one, self.world, duration)
-        for one in every:
-            ranges = one.imu.gyroscope.range, one.imu.accelerometer.range
-            lines += implausible(self.trajectory, *ranges, one.gravity, duration, one.rate)
         if p.trajectory.type == GIVEN:
             lines += suspicions(self.trajectory, duration, self.rate)
         return list(dict.fromkeys(lines))
@@ -166,9 +162,6 @@ class Body:
         self.world = World(self.trajectory, p, self.t0_ns, self._made_scene, self._threads)
         self.sensors = mounted(p)
         self._models = models(self.sensors, self._wanted, self.t0_ns)
-        for model in self._models.values():
-            if isinstance(model, Imu):
-                model.prepare(self.trajectory)
         shown = self._wanted.union(imus_in(self.sensors))
         self._shown = [name for name in self._models if name in shown]
         self._longest = min(
@@ -256,7 +249,7 @@ class Body:
         """Return how many samples at a rate [Hz] have been read."""
         return math.ceil(self._now * timebase.exact_rate(rate))
 
-    def until(self, end: Fraction) -> dict[str, Any]:
+    def until(self, end: Fraction) -> dict[str, Samples]:
         """Return the samples of each sensor that were not read yet and lie before a time.
 
         There are none after the end of the run.
@@ -269,14 +262,14 @@ class Body:
         read = {name: model.read(window, self.world) for name, model in self._models.items()}
         return {name: read[name] for name in self._shown}
 
-    def next(self, count: int) -> dict[str, Any]:
+    def next(self, count: int) -> dict[str, Samples]:
         """Return the samples of each sensor in the next ``count`` intervals of the fastest IMU.
 
         There are fewer at the end of the run, and none after it.
         """
         return self.until((self.taken(self.rate) + count) / timebase.exact_rate(self.rate))
 
-    def windows(self, block_size: int = BLOCK_SIZE) -> Iterator[dict[str, Any]]:
+    def windows(self, block_size: int = BLOCK_SIZE) -> Iterator[dict[str, Samples]]:
         """Yield the samples that are left, window by window; those of an endless run never end.
 
         :param block_size: intervals of the fastest IMU in a window, at most; windows are shorter if

@@ -26,9 +26,10 @@ from imu_sim_ros.sensors.declaration import Mounted, Payloads, Topic
 from imu_sim_ros.sensors.deferred import Results
 from imu_sim_ros.sensors.orientation.declaration import TOPIC as ORIENTATION_TOPIC
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
+from imu_sim_ros.sensors.samples import Rows, Samples
 from imu_sim_ros.simulation.playback import ImuPublishParameters
 from imu_sim_ros.simulation.sensors import mounts
-from imu_sim_ros.types import Array, Integers, Times
+from imu_sim_ros.types import Array, Times
 
 OF_THE_ERROR_MODEL: Final = (
     *(IMU_TOPIC, ORIENTATION_TOPIC, TEMPERATURE_TOPIC, IDEAL_IMU_TOPIC),
@@ -36,7 +37,7 @@ OF_THE_ERROR_MODEL: Final = (
 )
 """Topics that an error model has for the readings of somebody else."""
 MOUNTS: Final = TF_STATIC_TOPIC.strip("/")
-Read = Mapping[str, Any]
+Read = Mapping[str, Samples]
 """Samples of the sensors of one body in a window of time, by name."""
 
 
@@ -55,7 +56,7 @@ class Messages(NamedTuple):
         return list(self.payloads) if isinstance(self.payloads, Results) else self.payloads
 
 
-Encode = Callable[[Any, Any], Messages]
+Encode = Callable[[Samples, Any], Messages]
 """Turns samples into messages; the second argument are the parameters valid for the samples, as
 :class:`~imu_sim_ros.sensors.declaration.Mounted` has them."""
 
@@ -79,12 +80,12 @@ class Offered(NamedTuple):
         """
         topic, payloads = self.topic, self.topic.payloads(self.mounted, encoding)
 
-        def encode(read: Any, now: Any) -> Messages:
+        def encode(read: Samples, now: Any) -> Messages:
             if topic.truth:
                 made = payloads(read, slice(None), now)
                 times = read.true_t_ns[: len(made)]
                 return Messages(times, times + read.span_ns, made)
-            rows: Any = delivered_rows(read)
+            rows = delivered_rows(read)
             if topic.sent is not None:
                 rows = read.delivered[topic.sent(read)[read.delivered]]
             return Messages(read.t_ns[rows], read.release_t_ns[rows], payloads(read, rows, now))
@@ -121,7 +122,7 @@ def _mounts(sensors: Mapping[str, Mounted], encoding: str) -> Payloads:
     poses = np.reshape([*found.values()], (-1, 4, 4))
     written = not found
 
-    def payloads(read: Any, _: Any, __: Any) -> RowTemplate:
+    def payloads(read: Samples, _: Rows, __: Any) -> RowTemplate:
         nonlocal written
         t_ns = read.true_t_ns[: 0 if written else 1]
         written = written or len(t_ns) > 0
@@ -148,16 +149,15 @@ def resolved(name: str) -> str:
     return "/" + name.lstrip("/")
 
 
-def delivered_rows(read: Any) -> "Integers | slice":
+def delivered_rows(read: Samples) -> Rows:
     """Return the rows of samples that are delivered; all of them need no copy."""
     rows, count = read.delivered, len(read.t_ns)
     if len(rows) == count and (count == 1 or bool((rows == np.arange(count)).all())):
         return slice(None)
-    found: Integers = rows
-    return found
+    return rows
 
 
-def delivered(read: Any) -> tuple[Times, Array, Array]:
+def delivered(read: Samples) -> tuple[Times, Array, Array]:
     """Return stamps, angular rates and specific forces of the readings that are delivered."""
     rows = delivered_rows(read)
     return read.t_ns[rows], read.gyro[rows], read.accel[rows]

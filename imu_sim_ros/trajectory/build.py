@@ -7,9 +7,7 @@ import math
 from typing import Final, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.poses import read_poses
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
@@ -259,61 +257,3 @@ def _too_short(transition: float, length: float) -> str:
         f"trajectory.rest_transition = {transition:g}: must be shorter for a motion that lasts "
         f"{length:g} s"
     )
-
-
-_LONGEST_LOOK: Final = 3600.0  # s
-_SAMPLES: Final = 100_000
-_BLOCK: Final = 10_000
-
-
-def implausible(
-    trajectory: Trajectory,
-    gyroscope_range: ArrayLike,
-    accelerometer_range: ArrayLike,
-    gravity: ArrayLike,
-    duration: float,
-    rate: float,
-) -> list[str]:
-    """Return a line for each triad whose range the motion exceeds when it is read.
-
-    At most the first hour is examined, at 100,000 times or fewer.
-
-    :param gyroscope_range: (3,) or one number [rad/s]; 0: no limit.
-    :param accelerometer_range: (3,) or one number [m/s^2]; 0: no limit.
-    :param gravity: (3,) g_w [m/s^2].
-    :param duration: length of the run [s]; may be infinite.
-    :param rate: of the readings [Hz].
-    """
-    if not (np.any(gyroscope_range) or np.any(accelerometer_range)):
-        return []
-    end = min(duration, trajectory.duration, _LONGEST_LOOK)
-    samples = max(1, min(_SAMPLES, math.ceil(end * rate)))
-    # Rows are the triads, columns the axes.
-    peaks, times = np.zeros((2, 3)), np.zeros((2, 3))
-    for first in range(0, samples, _BLOCK):
-        t: Array = np.arange(first, min(first + _BLOCK, samples), dtype=np.float64)
-        t *= end / samples
-        motion = trajectory.sample(t)
-        force = rotation.rotate_inverse(motion.q_wb, motion.acceleration - np.asarray(gravity))
-        for triad, values in enumerate((motion.angular_velocity, force)):
-            sizes = np.abs(values)
-            rows = np.argmax(sizes, axis=0)
-            largest = sizes[rows, np.arange(3)]
-            higher = largest > peaks[triad]
-            peaks[triad, higher], times[triad, higher] = largest[higher], t[rows][higher]
-    lines = []
-    for triad, (name, quantity, unit, given) in enumerate(
-        (
-            ("gyroscope", "rate", "rad/s", gyroscope_range),
-            ("accelerometer", "specific force", "m/s^2", accelerometer_range),
-        )
-    ):
-        limits = np.broadcast_to(np.asarray(given, dtype=np.float64), (3,))
-        limits = np.where(limits > 0.0, limits, np.inf)
-        k = int(np.argmax(peaks[triad] / limits))
-        if peaks[triad, k] > limits[k]:
-            lines.append(
-                f"the motion exceeds the {name}'s range: {quantity} {peaks[triad, k]:.4g} {unit} "
-                f"on {'xyz'[k]} at {times[triad, k]:.3f} s, range {limits[k]:.4g} {unit}"
-            )
-    return lines

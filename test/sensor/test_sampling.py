@@ -64,13 +64,15 @@ def test_mean_with_turning_gravity_and_lever_arm_is_that_of_many_instants():
             np.testing.assert_allclose(means[k], weights @ piece, atol=3e-5)
 
 
-def test_frequencies_that_cannot_be_averaged_over_are_refused_at_once():
+@pytest.mark.parametrize("ask", [Body.warnings, lambda body: body.next(1)])
+def test_frequencies_that_cannot_be_averaged_over_are_refused_before_the_first_sample(ask):
+    body = simulation(
+        imu__sampling="averaged",
+        trajectory__vibration__frequency=[20000.0],
+        trajectory__vibration__acceleration=[1.0, 0.0, 0.0],
+    )
     with pytest.raises(ConfigurationError, match="20000 Hz, 100 times the rate; at most 50"):
-        simulation(
-            imu__sampling="averaged",
-            trajectory__vibration__frequency=[20000.0],
-            trajectory__vibration__acceleration=[1.0, 0.0, 0.0],
-        )
+        ask(body)
 
 
 OVERSAMPLED = {

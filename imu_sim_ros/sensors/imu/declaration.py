@@ -128,4 +128,5 @@ SENSOR = Sensor(
     readings=ImuReadings,
     parts=TRIADS,
     text="gyroscope and accelerometer",
+    warnings=on_demand("imu_sim_ros.sensors.imu.model", "exceeded"),
 )

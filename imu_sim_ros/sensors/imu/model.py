@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import timebase
+from imu_sim_ros import rotation, timebase
 from imu_sim_ros.conventions import ERRORS, TRIADS
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.errors.realised import unit_of_seed
@@ -22,7 +22,7 @@ from imu_sim_ros.sensors.imu.ideal import IdealImu, Quadrature, quadrature
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.samples import Samples, SampleTiming, joined
 from imu_sim_ros.sensors.world import Window, World
-from imu_sim_ros.trajectory.motion import Motion, Trajectory
+from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array, Times
 
 if TYPE_CHECKING:
@@ -87,14 +87,6 @@ class Imu:
         self._made_ahead = self._ratio == 1 and not follows
         """Whether what is added to given readings can be made before them."""
         self._timing.configure(imu)
-
-    def prepare(self, trajectory: Trajectory) -> None:
-        """Determine how finely a motion has to be sampled, before the first reading.
-
-        :raises ConfigurationError: if its frequencies are too high for averaging.
-        """
-        if self._averaged:
-            self._quadrature = quadrature(trajectory.highest_frequency, 1.0 / self._rate)
 
     def inject(self, fault: Fault, begin: Fraction) -> None:
         """Let a fault begin with the first sample not before a time since the start [s]."""
@@ -240,8 +232,7 @@ class Imu:
             motion = world.motion(t)
             return motion, *self._ideal.read(motion)
         if self._quadrature is None:
-            self.prepare(world.trajectory)
-            assert self._quadrature is not None
+            self._quadrature = quadrature(world.trajectory.highest_frequency, 1.0 / self._rate)
         before = timebase.sample_times_ns(max(first - 1, 0), 1, self._rate)
         ends = np.concatenate([timebase.seconds_since(before, 0), t])
         motion = world.motion(ends)
@@ -251,6 +242,55 @@ class Imu:
             at_once = self._ideal.read(Motion(*(values[:1] for values in motion)))
             rate[:1], force[:1] = at_once
         return motion, rate, force
+
+
+_LONGEST_LOOK: Final = 3600.0  # s
+_SAMPLES: Final = 100_000
+_BLOCK: Final = 10_000
+
+
+def exceeded(mounted: Mounted, world: World, duration: float) -> list[str]:
+    """Return a line for each triad whose range the motion exceeds when it is read.
+
+    At most the first hour is examined, at 100,000 times or fewer.
+
+    :param duration: length of the run [s]; may be infinite.
+    :raises ConfigurationError: for readings that are averaged, if the motion is too quick for that.
+    """
+    imu, environment, trajectory = mounted.own, mounted.environment, world.trajectory
+    if imu.sampling == "averaged":
+        quadrature(trajectory.highest_frequency, 1.0 / environment.rate)
+    if not (any(imu.gyroscope.range) or any(imu.accelerometer.range)):
+        return []
+    end = min(duration, trajectory.duration, _LONGEST_LOOK)
+    samples = max(1, min(_SAMPLES, math.ceil(end * environment.rate)))
+    # Rows are the triads, columns the axes.
+    peaks, times = np.zeros((2, 3)), np.zeros((2, 3))
+    for first in range(0, samples, _BLOCK):
+        t: Array = np.arange(first, min(first + _BLOCK, samples), dtype=np.float64)
+        t *= end / samples
+        motion = trajectory.sample(t)
+        inertial = motion.acceleration - np.asarray(environment.gravity)
+        force = rotation.rotate_inverse(motion.q_wb, inertial)
+        for triad, values in enumerate((motion.angular_velocity, force)):
+            sizes = np.abs(values)
+            rows = np.argmax(sizes, axis=0)
+            largest = sizes[rows, np.arange(3)]
+            higher = largest > peaks[triad]
+            peaks[triad, higher], times[triad, higher] = largest[higher], t[rows][higher]
+    lines = []
+    for triad, (name, quantity, unit) in enumerate(
+        (("gyroscope", "rate", "rad/s"), ("accelerometer", "specific force", "m/s^2"))
+    ):
+        limits = np.array(imu.triad(name).range)
+        limits = np.where(limits > 0.0, limits, np.inf)
+        k = int(np.argmax(peaks[triad] / limits))
+        if peaks[triad, k] > limits[k]:
+            lines.append(
+                f"the motion exceeds the {name}'s range: {quantity} {peaks[triad, k]:.4g} {unit} "
+                f"on {'xyz'[k]} at {times[triad, k]:.3f} s, range {limits[k]:.4g} {unit}"
+            )
+    return lines
 
 
 class _Nowhere:
