@@ -99,10 +99,13 @@ class SampledParameters(EnvironmentParameters):
 
     def warnings(self) -> list[str]:
         """Return a line for each allowed value that looks like a mistake."""
-        lines = [
-            *upward_gravity(self.gravity),
-            *self.imu.warnings("imu.", math.hypot(*self.gravity)),
-        ]
+        lines, gravity = list(upward_gravity(self.gravity)), math.hypot(*self.gravity)
+        limits = [limit for limit in self.imu.accelerometer.range if limit > 0.0]
+        if limits and min(limits) < gravity:
+            lines.append(
+                f"imu.accelerometer_range = {min(limits):g}: smaller than gravity "
+                f"({gravity:g} m/s^2), so an IMU at rest saturates"
+            )
         for triad in TRIADS:
             name, cutoffs = f"imu.{triad}_bandwidth", self.imu.triad(triad).bandwidth
             if cutoffs == self.imu.low_pass(triad, self.rate):

@@ -363,18 +363,6 @@ class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
                     )
         yield from super().problems(prefix)
 
-    def warnings(self, prefix: str, gravity: float) -> Iterator[str]:
-        """Yield a line for each allowed value that looks like a mistake.
-
-        :param gravity: magnitude [m/s^2].
-        """
-        limits = [limit for limit in self.accelerometer.range if limit > 0.0]
-        if limits and min(limits) < gravity:
-            yield (
-                f"{prefix}accelerometer_range = {min(limits):g}: smaller than gravity "
-                f"({gravity:g} m/s^2), so an IMU at rest saturates"
-            )
-
 
 def sensor_layer(name_or_file: str, node: str = "simulator") -> dict[str, object]:
     """Return what ``imu.preset`` stands for, above the presets that its file names in turn.
