@@ -33,14 +33,13 @@ import imu_sim_ros
 from imu_sim_ros.campaigns.cells import Cell
 from imu_sim_ros.campaigns.parameters import CommandEstimator
 from imu_sim_ros.campaigns.plan import Plan, missing
+from imu_sim_ros.campaigns.results import Row
 from imu_sim_ros.errors import ImuSimError, InputError, MachineError, MissingDependencyError
 
 if TYPE_CHECKING:
     from distributed import Client, LocalCluster
 
     from imu_sim_ros.campaigns.runs import CellRuns
-
-Row = dict[str, Any]
 
 _THREADS: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _ENVIRONMENT: Final = {
@@ -136,15 +135,8 @@ def local(workers: int) -> Engine:
         programs = any(isinstance(one, CommandEstimator) for one in plan.estimators.values())
         executor = Processes() if programs or workers > 1 else Inline()
         with contextlib.closing(executor):
-            yield from _run(
-                plan,
-                todo,
-                folder,
-                executor,
-                lambda: workers,
-                BrokenProcessPool,
-                plan.options.retries,
-            )
+            pool = _Workers(executor, lambda: workers, BrokenProcessPool, plan.options.retries)
+            yield from _run(plan, todo, folder, pool)
 
     return start
 
@@ -178,9 +170,8 @@ def dask(client: "Client", worker_timeout: float = 60.0) -> Engine:
         try:
             # The scheduler blames all tasks that the worker had; alone, one has its attempts.
             restarts = max(plan.options.retries, 1)
-            yield from _run(
-                plan, todo, folder, executor, width, KilledWorker, restarts, True, check
-            )
+            pool = _Workers(executor, width, KilledWorker, restarts, True, check)
+            yield from _run(plan, todo, folder, pool)
         except (OSError, CancelledError):  # of the connection: a worker's errors are in its rows
             raise MachineError(
                 "the connection to the scheduler was lost; continue with --resume"
@@ -189,26 +180,28 @@ def dask(client: "Client", worker_timeout: float = 60.0) -> Engine:
     return start
 
 
-def _run(
-    plan: Plan,
-    todo: Iterable[Task],
-    folder: Path,
-    executor: Executor,
-    width: Callable[[], int],
-    death: type[Exception],
-    restarts: int,
-    suspects_alone: bool = False,
-    check: Callable[[], None] = lambda: None,
-) -> Generator[list[Row], None, None]:
-    """Yield the rows of each task as they come.
+@dataclass(frozen=True)
+class _Workers:
+    """Who makes the runs, and what happens when one of them dies."""
 
-    :param width: how many tasks the executor shall have.
-    :param death: raised by the result of a task whose worker died.
-    :param restarts: how many times a run is restarted after its worker died.
-    :param suspects_alone: the tasks of a worker that died run again while no other does: the
-        executor does not tell which of several killed it.
-    :param check: is called every second without a result; raises if none can come any more.
-    """
+    executor: Executor
+    width: Callable[[], int]
+    """Returns how many tasks the executor shall have."""
+    death: type[Exception]
+    """Raised by the result of a task whose worker died."""
+    restarts: int
+    """How many times a run is restarted after its worker died."""
+    suspects_alone: bool = False
+    """The tasks of a worker that died run again while no other does: the executor does not tell
+    which of several killed it."""
+    check: Callable[[], None] = lambda: None
+    """Called every second without a result; raises if none can come any more."""
+
+
+def _run(
+    plan: Plan, todo: Iterable[Task], folder: Path, workers: _Workers
+) -> Generator[list[Row], None, None]:
+    """Yield the rows of each task as they come."""
     # A plan goes with each task: one that lies on the workers is lost with them.
     small = replace(plan, seeds=plan.seeds[:1])
     remaining, suspects = iter(todo), deque[Task]()
@@ -217,15 +210,16 @@ def _run(
     done: SimpleQueue[Future[list[Row]]] = SimpleQueue()
 
     def submit(task: Task) -> None:
-        future = executor.submit(work, small, task, folder)
+        future = workers.executor.submit(work, small, task, folder)
         running[future] = task
         future.add_done_callback(done.put)
 
+    alone = workers.suspects_alone
     while True:
-        wanted = width()
-        while suspects and (not running if suspects_alone else len(running) < wanted):
+        wanted = workers.width()
+        while suspects and (not running if alone else len(running) < wanted):
             submit(suspects.popleft())
-        while upcoming is not None and len(running) < wanted and not (suspects_alone and suspects):
+        while upcoming is not None and len(running) < wanted and not (alone and suspects):
             submit(upcoming)
             upcoming = next(remaining, None)
         if not running:
@@ -235,12 +229,12 @@ def _run(
             try:
                 future = done.get(timeout=1.0)
             except Empty:
-                check()
+                workers.check()
         task = running.pop(future)
         try:
             rows = future.result()
-        except death:
-            if task.is_one and task.deaths >= restarts:
+        except workers.death:
+            if task.is_one and task.deaths >= workers.restarts:
                 yield failed(plan, task, "failed: the worker process died")
             else:
                 suspects.extend(task.alone())

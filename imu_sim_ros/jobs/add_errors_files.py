@@ -20,7 +20,7 @@ from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.bags.reader import Bag
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.writer import Dataset
-from imu_sim_ros.bags.writer import Writer, described, open_writer
+from imu_sim_ros.bags.writer import OfBag, Writer, described, open_writer
 from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.jobs import convert
@@ -152,8 +152,8 @@ def add_errors_to_file(
     <ErrorsAdded n.bag: 400 /imu/data_raw, 400 /ground_truth/imu>
     """
     path = arguments.path("source", source)
-    bag = (storage, compression, split_duration, split_size)
-    target, form = checked_form(FORMATS, output, format, *bag, topics, rename)
+    bag = OfBag(storage, compression, split_duration, split_size)
+    target, form = checked_form(FORMATS, output, format, bag, topics, rename)
     if form.dataset not in (None, *FORMATS):
         raise InputError(f"{target}: {form.dataset} has no readings")
     topic = None if input_topic is None else arguments.text("input_topic", input_topic, "a topic")

@@ -28,7 +28,7 @@ from imu_sim_ros.bags.reader import Bag
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.bags.text.writer import Dataset
-from imu_sim_ros.bags.writer import Writer, amount, described, open_writer
+from imu_sim_ros.bags.writer import OfBag, Writer, amount, described, open_writer
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.inputs.tables import Table
@@ -148,8 +148,8 @@ def convert(
     <Converted whole.bag: 400 /imu/data_raw, 400 /ground_truth/odom>
     """
     path = arguments.path("source", source)
-    bag = (storage, compression, split_duration, split_size)
-    target, form = checked_form(text_writer.FORMATS, output, format, *bag, topics, rename)
+    bag = OfBag(storage, compression, split_duration, split_size)
+    target, form = checked_form(text_writer.FORMATS, output, format, bag, topics, rename)
     written = outputs(force, discard_partial, [path])
     if images is not None:
         arguments.one_of("images", images, IMAGES)

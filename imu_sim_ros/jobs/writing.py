@@ -129,10 +129,7 @@ def checked_form(
     formats: Collection[str],
     output: str | Path,
     format: str | None,
-    storage: str | None,
-    compression: str | None,
-    split_duration: float,
-    split_size: int,
+    given: OfBag,
     topics: str | Sequence[str],
     rename: Mapping[str, str] | None,
 ) -> tuple[Path, Form]:
@@ -142,15 +139,16 @@ def checked_form(
     :raises ConfigurationError: for an invalid argument.
     :raises InputError: for a form that the output's name, or an option, contradicts.
     """
-    words = (("format", format, formats), ("storage", storage, STORAGES))
-    for name, value, known in (*words, ("compression", compression, COMPRESSED)):
+    words = (("format", format, formats), ("storage", given.storage, STORAGES))
+    for name, value, known in (*words, ("compression", given.compression, COMPRESSED)):
         if value is not None:
             arguments.one_of(name, value, known)
-    bag = OfBag(
-        storage,
-        compression,
-        arguments.number("split_duration", split_duration, "seconds, from 0 to 1e9", 0.0, 1e9),
-        arguments.whole("split_size", split_size, "bytes, 0 or more", 0, 1 << 62),
+    length, most = given.split_duration, given.split_size
+    bag = given._replace(
+        split_duration=arguments.number(
+            "split_duration", length, "seconds, from 0 to 1e9", 0.0, 1e9
+        ),
+        split_size=arguments.whole("split_size", most, "bytes, 0 or more", 0, 1 << 62),
     )
     written, renamed = arguments.words("topics", topics), renamed_topics(rename)
     path = arguments.path("path", output, _OUTPUT_PATH)
@@ -158,7 +156,7 @@ def checked_form(
         raise InputError(f"{str(path)!r}: is not a file name")
     dataset = format or DATASET_SUFFIXES.get(path.suffix.lower())
     if dataset is None:
-        check_writer(path, storage, compression)
+        check_writer(path, given.storage, given.compression)
         return path, Form(None, bag, written, renamed)
     unfit = [
         f"--{name.replace('_', '-')}: does not apply to {dataset}"
