@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.calibration.noise.estimate import AxisNoise, Estimate, data_and_design
-from imu_sim_ros.calibration.noise.likelihood import Data, Fits, fit, intervals, profile_interval
+from imu_sim_ros.calibration.noise.likelihood import CONFIDENCE_DROP, Data, Fits, fit, intervals
 from imu_sim_ros.calibration.noise.spectrum import Spectrum
 from imu_sim_ros.calibration.noise.terms import TERMS, WHITE, gauss_markov_expectation
 from imu_sim_ros.types import Array
@@ -52,7 +52,7 @@ def estimate_gauss_markov(spectrum: Spectrum, axis: int) -> AxisNoise:
         centre = _minimum(lambda x: held(x, value).lowest, low, high, _GRID // 3)
         return held(centre, value).lowest
 
-    sigma_low, sigma_high = profile_interval(over_time, sigma, best.lowest, 0.2 * sigma)
+    sigma_low, sigma_high = _profile_interval(over_time, sigma, best.lowest, 0.2 * sigma)
     estimates[SIGMA] = Estimate(
         sigma if visible else None, sigma_low if visible else 0.0, sigma_high
     )
@@ -89,7 +89,7 @@ def _time_interval(
     def inside(x: float) -> float:
         return profile(low + x) if low + x < high else np.inf
 
-    start, end = profile_interval(inside, best - low, lowest, 0.2)
+    start, end = _profile_interval(inside, best - low, lowest, 0.2)
     end = min(low + end, high)
     return Estimate(float(np.exp(best)), float(np.exp(low + start)), float(np.exp(end)))
 
@@ -103,3 +103,44 @@ def _minimum(objective: Callable[[float], float], low: float, high: float, count
     bounds = (float(grid[max(k - 1, 0)]), float(grid[min(k + 1, count - 1)]))
     found = minimize_scalar(objective, bounds=bounds, method="bounded", options={"xatol": 1e-3})
     return float(found.x)
+
+
+def _profile_interval(
+    profile: Callable[[float], float], best: float, lowest: float, step: float
+) -> tuple[float, float]:
+    """Return where a profile of minus the log-likelihood has risen by the confidence drop.
+
+    :param profile: objective with the parameter held at a value >= 0, minimised over all others.
+    :param best: the estimate, >= 0.
+    :param lowest: objective at the estimate.
+    :param step: first guess of the distance to either end, > 0.
+    :returns: the interval; its lower end is 0 if zero cannot be excluded.
+    """
+    limit = lowest + CONFIDENCE_DROP
+
+    def excess(value: float) -> float:
+        return profile(value) - limit
+
+    below, above = _outside(excess, best, -step), _outside(excess, best, step)
+    low = _root(excess, below, best) if below > 0.0 or excess(0.0) > 0.0 else 0.0
+    return low, _root(excess, best, above)
+
+
+def _outside(excess: Callable[[float], float], best: float, step: float) -> float:
+    """Return a value on one side of the best where the excess is positive, or 0."""
+    for _ in range(60):
+        value = best + step
+        if value <= 0.0 or excess(value) > 0.0:
+            break
+        step *= 2.0
+    return max(value, 0.0)
+
+
+def _root(
+    excess: Callable[[float], float], low: float, high: float, tolerance: float = 1e-4
+) -> float:
+    from scipy.optimize import brentq
+
+    if excess(low) * excess(high) >= 0.0:  # a plateau within rounding
+        return low if abs(excess(low)) < abs(excess(high)) else high
+    return float(brentq(excess, low, high, xtol=tolerance * (high - low), rtol=1e-8))
