@@ -95,9 +95,8 @@ class McapBag(ChunkedBag[_Chunk]):
         statistics = None
         try:
             end = self._end - len(MAGIC) - _FOOTER_BYTES - _HEADER_BYTES
-            footer = self._bytes(end, _HEADER_BYTES + _FOOTER_BYTES)
-            opcode, length, begin = struct.unpack_from("<BQQ", footer)
-            if (opcode, length) != (_FOOTER, _FOOTER_BYTES) or begin > end:
+            opcode, _, begin = struct.unpack_from("<BQQ", self._bytes(end, self._end - end))
+            if opcode != _FOOTER or begin > end:
                 raise ValueError("there is no footer, or that of another file")
             summary = self._bytes(begin, end - begin) if begin else b""
             last = 0
