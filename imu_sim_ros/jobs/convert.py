@@ -495,7 +495,8 @@ def _describe(output: _Output, states: bool, tables: Collection[str]) -> None:
     folder, comment = output.staged, output.comment
     pose = np.eye(3), np.zeros(3)
     text_writer.write_euroc_descriptions(folder, rate("imu0"), {}, *pose, comment, states)
-    for table, _ in _described(dict.fromkeys(tables, "")):
+    for kind in tables:
+        table = known_tables()[kind]
         text_writer.write_euroc_table(
             folder, table, 0, rate(f"{table.name}0", table), *pose, comment
         )
