@@ -3,6 +3,10 @@
 
 """What the simulator refuses: one clear line for each problem, status 2, no traceback."""
 
+import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -19,72 +23,103 @@ from imu_sim_ros.simulation.playback import SimulatorParameters, load_simulator
 pytestmark = pytest.mark.ros
 
 
-@pytest.mark.parametrize(
-    ("arguments", "lines"),
-    [
-        (
-            ["-p", "rate:=.nan", "-p", "seed:=x"],
-            ["rate = nan: must be a finite number above 0 and at most 20000 [Hz]", "seed = 'x': "],
-        ),
-        (["-p", "rat:=100"], ["rat: unknown parameter; did you mean rate?"]),
-        (["-p", "rate"], ["-p rate: must be name:=value"]),
-        (["--params-file", "/no/such.yaml"], ["/no/such.yaml: No such file or directory"]),
-        (
-            ["-p", "imu.preset:=none", "-p", "rate:=0", "-p", "imu.latency:=-1"],
-            ["unknown IMU 'none'; did you mean phone?", "rate = 0: must", "imu.latency = -1: must"],
-        ),
-        (["-p", "trajectory.type:=warp"], ["trajectory.type = 'warp': must be one of"]),
-        (["--nonsense"], ["--ros-args: ['--nonsense']"]),
-        (["-p", "publish.tf_rate:=1e-9"], ["publish.tf_rate = 1e-09: must be 0 or at least 1e-06"]),
-        (["-p", "imus:=[a, a]"], ["imus = ['a', 'a']: names must differ"]),
-        (["-p", "imus:=[a]", "-p", "a.duration:=1"], ["a.duration: unknown parameter"]),
-        (["-p", "use_sim_time:=true", "-p", "real_time_factor:=2"], ["real_time_factor = 2: must"]),
-        (
-            ["-p", "qos_overrides./imu/data_raw.publisher.dept:=3"],
-            ["qos_overrides./imu/data_raw.publisher.dept: the policy must be one of history, "],
-        ),
-        (
-            ["-p", "qos_overrides./imu/data_raw.publisher.depth:=many"],
-            ["qos_overrides./imu/data_raw: "],
-        ),
-        (
-            [
-                *("-p", "qos_overrides./imu/data_raw.publisher.deadline:=1.5"),
-                *("-p", "qos_overrides./ground_truth/odom.publisher.deadline:=-1"),
-            ],
-            [
-                "qos_overrides./ground_truth/odom.publisher.deadline = -1: must be an integer",
-                "qos_overrides./imu/data_raw.publisher.deadline = 1.5: must be an integer of",
-            ],
-        ),
-    ],
-)
-def test_bad_arguments(start: Any, arguments: list[str], lines: list[str]) -> None:
+REFUSED: list[tuple[list[str], list[str]]] = [
+    (
+        ["-p", "rate:=.nan", "-p", "seed:=x"],
+        ["rate = nan: must be a finite number above 0 and at most 20000 [Hz]", "seed = 'x': "],
+    ),
+    (["-p", "rat:=100"], ["rat: unknown parameter; did you mean rate?"]),
+    (["-p", "rate"], ["-p rate: must be name:=value"]),
+    (["--params-file", "/no/such.yaml"], ["/no/such.yaml: No such file or directory"]),
+    (
+        ["-p", "imu.preset:=none", "-p", "rate:=0", "-p", "imu.latency:=-1"],
+        ["unknown IMU 'none'; did you mean phone?", "rate = 0: must", "imu.latency = -1: must"],
+    ),
+    (["-p", "trajectory.type:=warp"], ["trajectory.type = 'warp': must be one of"]),
+    (["--nonsense"], ["--ros-args: ['--nonsense']"]),
+    (["-p", "publish.tf_rate:=1e-9"], ["publish.tf_rate = 1e-09: must be 0 or at least 1e-06"]),
+    (["-p", "imus:=[a, a]"], ["imus = ['a', 'a']: names must differ"]),
+    (["-p", "imus:=[a]", "-p", "a.duration:=1"], ["a.duration: unknown parameter"]),
+    (["-p", "use_sim_time:=true", "-p", "real_time_factor:=2"], ["real_time_factor = 2: must"]),
+    (
+        ["-p", "qos_overrides./imu/data_raw.publisher.dept:=3"],
+        ["qos_overrides./imu/data_raw.publisher.dept: the policy must be one of history, "],
+    ),
+    (
+        ["-p", "qos_overrides./imu/data_raw.publisher.depth:=many"],
+        ["qos_overrides./imu/data_raw: "],
+    ),
+    (
+        [
+            *("-p", "qos_overrides./imu/data_raw.publisher.deadline:=1.5"),
+            *("-p", "qos_overrides./ground_truth/odom.publisher.deadline:=-1"),
+        ],
+        [
+            "qos_overrides./ground_truth/odom.publisher.deadline = -1: must be an integer",
+            "qos_overrides./imu/data_raw.publisher.deadline = 1.5: must be an integer of",
+        ],
+    ),
+]
+BAD_FILES = [
+    ("", "not a ROS 2 parameter file"),
+    ("a: [", "not a YAML file"),
+    ("/**:\n  ros__parameters:\n    rte: 3\n", "rte: unknown parameter"),
+    ("/**:\n  ros__parameters:\n    rate:\n", "rate: a value is missing"),
+    ("/**:\n  ros__parameters:\n    gravity: [1, a, 2.0]\n", "a list of values of one type"),
+]
+ONE_AFTER_THE_OTHER = """
+import json, sys
+from imu_sim_ros.nodes import run
+from imu_sim_ros.nodes.simulator.node import Simulator
+for words in json.loads(sys.argv[1]):
+    print("status", run.main("simulator", Simulator, ["--ros-args", *words]), file=sys.stderr)
+"""
+
+
+def refused(calls: list[list[str]], domain: int) -> list[list[str]]:
+    """Return the lines of errors that the simulator prints for each call; each has status 2.
+
+    All are in one process, whose start takes longer than what is tested. It warns of seeds that
+    several simulators in one process share.
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", ONE_AFTER_THE_OTHER, json.dumps(calls)],
+        env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    *found, rest = done.stderr.split("status 2\n")
+    assert len(found) == len(calls), done.stderr
+    assert rest == ""
+    shared = "in this process has it, too"
+    return [[line for line in said.splitlines() if shared not in line] for said in found]
+
+
+def test_bad_arguments(domains: tuple[int, int]) -> None:
+    found = refused([arguments for arguments, _ in REFUSED], domains[0])
+    for said, (_, lines) in zip(found, REFUSED, strict=True):
+        assert len(said) == len(lines), said
+        for line, expected in zip(said, lines, strict=True):
+            assert line.startswith(f"simulator: {expected}")
+
+
+def test_the_program_ends_with_a_line_for_each_problem(start: Any) -> None:
+    arguments, lines = REFUSED[0]
     node = start("simulator", "--ros-args", *arguments)
     assert node.status() == 2, node.output
-    said = node.output.splitlines()
-    assert len(said) == len(lines), node.output
-    for line, expected in zip(said, lines, strict=True):
+    for line, expected in zip(node.output.splitlines(), lines, strict=True):
         assert line.startswith(f"simulator: {expected}")
 
 
-@pytest.mark.parametrize(
-    ("text", "line"),
-    [
-        ("", "not a ROS 2 parameter file"),
-        ("a: [", "not a YAML file"),
-        ("/**:\n  ros__parameters:\n    rte: 3\n", "rte: unknown parameter"),
-        ("/**:\n  ros__parameters:\n    rate:\n", "rate: a value is missing"),
-        ("/**:\n  ros__parameters:\n    gravity: [1, a, 2.0]\n", "a list of values of one type"),
-    ],
-)
-def test_bad_files(start: Any, tmp_path: Path, text: str, line: str) -> None:
-    path = tmp_path / "parameters.yaml"
-    path.write_text(text)
-    node = start("simulator", "--ros-args", "--params-file", str(path))
-    assert node.status() == 2
-    (said,) = node.output.splitlines()
-    assert line in said
+def test_bad_files(domains: tuple[int, int], tmp_path: Path) -> None:
+    paths = [tmp_path / f"{k}.yaml" for k in range(len(BAD_FILES))]
+    for path, (text, _) in zip(paths, BAD_FILES, strict=True):
+        path.write_text(text)
+    found = refused([["--params-file", str(path)] for path in paths], domains[0])
+    for said, (_, expected) in zip(found, BAD_FILES, strict=True):
+        (line,) = said
+        assert expected in line
 
 
 def test_files_of_every_form_are_read(start: Any, tmp_path: Path) -> None:
