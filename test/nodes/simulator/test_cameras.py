@@ -90,18 +90,31 @@ def listen_to_all(listener: Any) -> None:
     listener.listen("/ground_truth/markers", MarkerArray, **latched)
 
 
-def test_frames_are_those_of_a_file_bit_for_bit(start, listener, offline):
-    """As fast as the listener takes them; the recorder below gets them in real time."""
+def test_frames_are_those_of_a_file_bit_for_bit(
+    tf2_msgs, start, listener, offline, tmp_path, capsys
+):
+    """For a listener and for a recorder, whose bag dead_reckon and convert_bag read.
+
+    In real time; bodies that move, below, come as fast as the listener takes them.
+    """
+    import json
+
+    import yaml
+
+    from imu_sim_ros.commands import convert_bag, dead_reckon
+
     listen_to_all(listener)
+    bag = tmp_path / "recording"
+    recorder = start("recorder", "-o", str(bag), *offline, "/tf_static")
     node = start(
         "simulator",
         *("--trajectory", "target"),
         **dotted(RIG),
-        wait_for_subscribers=1,
-        wait_for_truth_subscribers=1,
-        real_time_factor=0.0,
+        wait_for_subscribers=2,
+        wait_for_truth_subscribers=2,
     )
     assert listener.wait_for_end(node) == 0, node.output
+    assert recorder.end() == 0, recorder.output
     for topic, payloads in offline.items():
         if topic != "/ground_truth/landmarks":
             assert stamps(listener.raw[topic]) == stamps(payloads), topic
@@ -109,14 +122,37 @@ def test_frames_are_those_of_a_file_bit_for_bit(start, listener, offline):
             assert f"published {len(payloads)} messages on {topic[1:]}" in node.output
     assert len(offline["/cam1/image_raw"]) == len(offline["/cam1/depth/image_raw"]) < 30
     (cloud,) = listener.raw["/ground_truth/landmarks"]
-    (expected,) = offline["/ground_truth/landmarks"]
-    assert cloud[12 : len(expected)] == expected[12:]  # all but the stamp
+    (in_file,) = offline["/ground_truth/landmarks"]
+    assert cloud[12 : len(in_file)] == in_file[12:]  # all but the stamp
     (markers,) = listener.messages("/ground_truth/markers")
     shown = {marker.ns: len(marker.points) for marker in markers.markers}
     (points,) = listener.messages("/ground_truth/landmarks")
     assert points.width % 4 == 0  # four corners a tag; how many tags follows from the lens
     assert points.width >= 36
     assert shown == {"landmarks": points.width, "surfaces": 8, "cameras": 16}
+    with AnyReader([bag]) as reader:
+        recorded: dict[str, list[bytes]] = {}
+        for connection, _, raw in reader.messages():
+            recorded.setdefault(connection.topic, []).append(bytes(raw))
+    counts = {topic: len(payloads) for topic, payloads in recorded.items()}
+    expected = {topic: len(payloads) for topic, payloads in offline.items()}
+    # The latched message may arrive twice, live and as what a late subscriber is given.
+    assert counts.pop(latched := "/ground_truth/landmarks") in (1, 2)
+    assert expected.pop(latched) == 1
+    for topic in expected:
+        assert counts[topic] == expected[topic]
+        assert unpadded(recorded[topic], offline[topic]) == offline[topic], topic
+    assert dead_reckon.main([str(bag), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["samples"] == expected["/imu/data_raw"]
+    words = [str(bag), "-o", str(tmp_path / "mav0"), "--format", "euroc", "--quiet"]
+    assert convert_bag.main(words) == 0, capsys.readouterr().err
+    for name in ("cam0", "cam1"):
+        images = list((tmp_path / "mav0" / name / "data").iterdir())
+        assert len(images) == expected[f"/{name}/image_raw"]
+        sensor = yaml.safe_load((tmp_path / "mav0" / name / "sensor.yaml").read_text())
+        assert sensor["intrinsics"] == [57.3, 57.2, 45.9, 31.0]
+        pose = np.reshape(sensor["T_BS"]["data"], (4, 4))
+        assert np.allclose(pose[:3, 2], [1.0, 0.0, 0.0], atol=0.05)  # looks along x
 
 
 def test_frames_in_a_mesh_are_those_of_a_file_bit_for_bit(start, listener, tmp_path):
@@ -293,51 +329,6 @@ def test_without_cameras_nothing_of_them_is_imported():
         "assert not found, found"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
-
-
-def test_a_recording_is_read_as_a_file_is(tf2_msgs, start, listener, offline, tmp_path, capsys):
-    """With a recorder: the same bytes in real time; dead_reckon and convert_bag read it."""
-    import json
-
-    import yaml
-
-    from imu_sim_ros.commands import convert_bag, dead_reckon
-
-    bag = tmp_path / "recording"
-    topics = [*offline, "/tf_static"]
-    recorder = start("recorder", "-o", str(bag), *topics)
-    node = start(
-        "simulator",
-        *("--trajectory", "target"),
-        **dotted(RIG),
-        wait_for_subscribers=1,
-        wait_for_truth_subscribers=1,
-    )
-    assert listener.wait_for_end(node) == 0, node.output
-    assert recorder.end() == 0, recorder.output
-    with AnyReader([bag]) as reader:
-        recorded: dict[str, list[bytes]] = {}
-        for connection, _, raw in reader.messages():
-            recorded.setdefault(connection.topic, []).append(bytes(raw))
-    counts = {topic: len(payloads) for topic, payloads in recorded.items()}
-    expected = {topic: len(payloads) for topic, payloads in offline.items()}
-    # The latched message may arrive twice, live and as what a late subscriber is given.
-    assert counts.pop(latched := "/ground_truth/landmarks") in (1, 2)
-    assert expected.pop(latched) == 1
-    for topic in expected:
-        assert counts[topic] == expected[topic]
-        assert unpadded(recorded[topic], offline[topic]) == offline[topic], topic
-    assert dead_reckon.main([str(bag), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["samples"] == expected["/imu/data_raw"]
-    words = [str(bag), "-o", str(tmp_path / "mav0"), "--format", "euroc", "--quiet"]
-    assert convert_bag.main(words) == 0, capsys.readouterr().err
-    for name in ("cam0", "cam1"):
-        images = list((tmp_path / "mav0" / name / "data").iterdir())
-        assert len(images) == expected[f"/{name}/image_raw"]
-        sensor = yaml.safe_load((tmp_path / "mav0" / name / "sensor.yaml").read_text())
-        assert sensor["intrinsics"] == [57.3, 57.2, 45.9, 31.0]
-        pose = np.reshape(sensor["T_BS"]["data"], (4, 4))
-        assert np.allclose(pose[:3, 2], [1.0, 0.0, 0.0], atol=0.05)  # looks along x
 
 
 WALK = {
