@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A listener for tests: prints what arrives on topics as JSON lines; or calls a Trigger service."""
+"""A listener for tests: prints what arrives on topics as JSON lines."""
 
 import json
 import signal
@@ -13,7 +13,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.executors import SingleThreadedExecutor
-from std_srvs.srv import Trigger
 
 TYPES = {"odom": Odometry, "/diagnostics": DiagnosticArray, "path": Path}
 
@@ -74,19 +73,6 @@ def listen(topics: list[str]) -> None:
             executor.spin_once(timeout_sec=0.1)
 
 
-def call(service: str) -> None:
-    node = rclpy.create_node("caller")
-    client = node.create_client(Trigger, service)
-    if not client.wait_for_service(timeout_sec=20.0):
-        sys.exit(f"no service {service}")
-    future = client.call_async(Trigger.Request())
-    rclpy.spin_until_future_complete(node, future, timeout_sec=20.0)
-    time.sleep(0.1)
-    sys.exit(0 if future.result() and future.result().success else 1)
-
-
 if __name__ == "__main__":
     rclpy.init()
-    if sys.argv[1] == "--call":
-        call(sys.argv[2])
     listen(sys.argv[1:])
