@@ -310,7 +310,7 @@ def test_no_two_public_classes_have_the_same_name() -> None:
     found = [
         node.name
         for path in sorted(PACKAGE.rglob("*.py"))
-        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        for node in parsed(path).body
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
     ]
     assert [name for name, count in Counter(found).items() if count > 1] == []

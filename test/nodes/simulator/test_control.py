@@ -325,9 +325,9 @@ def test_as_fast_as_subscribers_acknowledge(start: Any, listener: Any) -> None:
     from sensor_msgs.msg import Imu
 
     listener.listen(IMU, Imu, history=HistoryPolicy.KEEP_ALL)
-    node = start("simulator", rate=200, duration=150.0, real_time_factor=0.0, **READY)
+    node = start("simulator", rate=200, duration=50.0, real_time_factor=0.0, **READY)
     assert listener.wait_for_end(node) == 0, node.output
-    assert np.diff(stamps(listener.messages(IMU))).tolist() == [5_000_000] * 29_999
+    assert np.diff(stamps(listener.messages(IMU))).tolist() == [5_000_000] * 9_999
 
 
 def test_follows_the_clock_of_another(start: Any, imu: Any) -> None:
