@@ -247,20 +247,6 @@ def right_jacobian(rotation_vector: ArrayLike) -> Array:
     return np.eye(3) - first * s + second * (s @ s)
 
 
-def right_jacobian_inverse(rotation_vector: ArrayLike) -> Array:
-    """Return the inverse of :func:`right_jacobian` (Sola eq. 184), below a full turn."""
-    v = np.asarray(rotation_vector, dtype=np.float64)
-    angle = np.linalg.norm(v, axis=-1)[..., None, None]
-    small = angle < _SMALL_ANGLE
-    x = np.where(small, 1.0, angle)
-    # 1/x^2 - (1 + cos x) / (2 x sin x), written without the cancellation at half a turn.
-    factor = np.where(
-        small, 1.0 / 12.0 + angle**2 / 720.0, (1.0 - 0.5 * x / np.tan(0.5 * x)) / x**2
-    )
-    s = skew(v)
-    return np.eye(3) + 0.5 * s + factor * (s @ s)
-
-
 def from_euler(roll_pitch_yaw: ArrayLike) -> Array:
     """Return ``q_wb`` (..., 4) of Euler angles (..., 3) [rad]: ``Rz(yaw) Ry(pitch) Rx(roll)``."""
     half = 0.5 * np.asarray(roll_pitch_yaw, dtype=np.float64)

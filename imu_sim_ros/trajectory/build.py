@@ -43,10 +43,11 @@ def build_trajectory(
         trajectory = Cut(trajectory, p.length)
     if p.repeat != 1:
         trajectory = _repeated(trajectory, p)
-    before = p.rest_before + p.lead_in.duration
+    with_lead_in = p.lead_in.rest > 0.0
+    before = p.rest_before + (p.lead_in.rest + p.lead_in.jerk_time if with_lead_in else 0.0)
     if before or p.rest_after or p.time_scale != 1.0:
         trajectory = Retimed(trajectory, _rests(trajectory.duration, before, p))
-    if p.lead_in.rest > 0.0:
+    if with_lead_in:
         trajectory = LeadIn(trajectory, p.lead_in)
     v = p.vibration
     if any(v.acceleration + v.noise_rms + v.angular_rate + v.angular_noise_rms):

@@ -121,11 +121,6 @@ class LeadInParameters:
     )
     jerk_time: float = number(1.0, "length of the jerk", unit="s", minimum=0.05, maximum=100.0)
 
-    @property
-    def duration(self) -> float:
-        """Time until the jerk is over [s]; 0: there is none."""
-        return self.rest + self.jerk_time if self.rest > 0.0 else 0.0
-
 
 @dataclass(frozen=True)
 class TrajectoryParameters:
