@@ -158,6 +158,7 @@ class SensorWithImu:
 
     def configure(self, imu: ImuParameters) -> None:
         """Take new values of live parameters, from the next sample on."""
+        self.parameters = imu.sensors[self.name]
         self._reference_temperature = imu.reference_temperature
         self.timing.configure(imu)
         self.triad.configure(unit_of_seed(imu.triad(self.name), self.name, self.seed))

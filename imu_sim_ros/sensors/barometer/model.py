@@ -17,7 +17,6 @@ from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.environment import AtmosphereParameters
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.faults import FaultSchedule
-from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.model import SensorWithImu
 from imu_sim_ros.sensors.samples import Sampled
 from imu_sim_ros.sensors.world import World
@@ -109,42 +108,40 @@ def gusts(parameters: BarometerParameters, seed: int) -> Gusts | None:
     return Gusts(seed, p.gust_rate, p.gust_sigma, 1.0 / p.rate) if p.gust_rate else None
 
 
-class PressureErrors:
-    """The errors of one barometer, or of those of a batch, on ideal pressures.
+def read_pressures(
+    triad: Triad,
+    limits: tuple[ArrayLike, ArrayLike],
+    first: int,
+    ideal: Array,
+    gust: Array | None,
+    additions: Additions,
+    faults: FaultSchedule | None = None,
+) -> dict[str, Array]:
+    """Return the next n samples and their truth, as a flight has them, of ideal pressures.
 
-    They are those of a triad's first axis.
+    Of one barometer, or of those of a batch; their errors are those of a triad's first axis.
+
+    :param limits: lowest and highest pressure that is read [Pa]; a highest of 0: none.
+    :param first: index of the first of them.
+    :param ideal: (n, ...) pressure of the still air [Pa].
+    :param gust: (n, ...) what wind adds [Pa]; None: nothing.
+    :param additions, faults: as for :meth:`Triad.read`.
     """
-
-    def __init__(self, triad: Triad, minimum: ArrayLike, maximum: ArrayLike) -> None:
-        """Take the sensor's own errors, and the limits of what it reads [Pa]; 0: none."""
-        self._triad = triad
-        self._limits = (minimum, np.where(np.asarray(maximum) > 0.0, maximum, math.inf))
-
-    def read(
-        self,
-        first: int,
-        ideal: Array,
-        gust: Array | None,
-        additions: Additions,
-        faults: FaultSchedule | None = None,
-    ) -> dict[str, Array]:
-        """Return the next n samples and their truth, as a flight has them.
-
-        :param ideal: (n, ...) pressure of the still air [Pa].
-        :param gust: (n, ...) what wind adds [Pa]; None: nothing.
-        :param additions, faults: as for :meth:`Triad.read`.
-        """
-        values = np.empty((*ideal.shape, 3), order="F")
-        values[..., 1:] = 0.0
-        values[..., 0] = ideal if gust is None else ideal + gust
-        made = self._triad.read(first, values, values, additions, faults)
-        bias = made.bias[..., 0] if gust is None else made.bias[..., 0] + gust
-        reading = np.clip(made.reading[..., 0], *self._limits)
-        return {"pressure": reading, "ideal_pressure": ideal, "bias": bias}
+    values = np.empty((*ideal.shape, 3), order="F")
+    values[..., 1:] = 0.0
+    values[..., 0] = ideal if gust is None else ideal + gust
+    made = triad.read(first, values, values, additions, faults)
+    bias = made.bias[..., 0] if gust is None else made.bias[..., 0] + gust
+    least, most = limits
+    most = np.where(np.asarray(most) > 0.0, most, math.inf)
+    reading = np.clip(made.reading[..., 0], least, most)
+    return {"pressure": reading, "ideal_pressure": ideal, "bias": bias}
 
 
 class Barometer(SensorWithImu):
     """One barometer."""
+
+    parameters: BarometerParameters
 
     def __init__(self, mounted: Mounted, t0_ns: int, _: object = None) -> None:
         """Set up all errors at their start.
@@ -155,12 +152,7 @@ class Barometer(SensorWithImu):
         environment = mounted.environment
         self._atmosphere = Atmosphere(environment.atmosphere)
         self._height = environment.height
-        self._gusts = gusts(mounted.own.barometer, environment.seed)
-
-    def configure(self, imu: ImuParameters) -> None:
-        """Take new values of live parameters, from the next sample on."""
-        super().configure(imu)
-        self._errors = PressureErrors(self.triad, imu.barometer.minimum, imu.barometer.maximum)
+        self._gusts = gusts(self.parameters, environment.seed)
 
     def ideal(self, t: Array, world: World) -> Array:
         """Return the pressure of the still air at the IMU (n,) [Pa]."""
@@ -172,4 +164,5 @@ class Barometer(SensorWithImu):
     def measure(self, samples: Sampled, ideal: Array, additions: Additions) -> dict[str, Array]:
         """Return pressures and biases [Pa] of the next n samples."""
         gust = None if self._gusts is None else self._gusts.next(len(samples.t))
-        return self._errors.read(samples.first, ideal, gust, additions, self.timing.faults)
+        limits, faults = (self.parameters.minimum, self.parameters.maximum), self.timing.faults
+        return read_pressures(self.triad, limits, samples.first, ideal, gust, additions, faults)

@@ -16,13 +16,13 @@ import numpy as np
 from imu_sim_ros.conventions import ERRORS, TRIADS
 from imu_sim_ros.random_streams import Units
 from imu_sim_ros.sensors.barometer.model import NAME as BAROMETER
-from imu_sim_ros.sensors.barometer.model import Gusts, PressureErrors, gusts
+from imu_sim_ros.sensors.barometer.model import Gusts, gusts, read_pressures
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.errors.realised import with_constants
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.units import AHEAD, Spread, Triads, UnitsOfBatch, check_alike
 from imu_sim_ros.sensors.magnetometer.model import NAME as MAGNETOMETER
-from imu_sim_ros.sensors.magnetometer.model import Iron, MagneticErrors, current_at, iron
+from imu_sim_ros.sensors.magnetometer.model import Iron, current_at, iron, read_field
 from imu_sim_ros.types import Array, Integers, Mask
 
 RESTARTS: Final = ("same_seed", "same_unit", "next_seed")
@@ -155,13 +155,13 @@ class MagnetometerBatch:
         """Whose rate and currents all share."""
         flows = {"current": self._currents} if self._common.current_profile else {}
         self._triads = Triads(units, [MAGNETOMETER], self._common, flows)
-        self._errors = MagneticErrors(self._triads[MAGNETOMETER], self._iron(slice(None)))
+        self._near = self._iron(slice(None))
 
     def begin(self, units: Integers, renewed: bool) -> None:
         """Let some units begin again; arguments as for :meth:`Triads.begin`."""
         self._triads.begin(units, renewed)
         if renewed:
-            for near, own in zip(self._errors.near, self._iron(units), strict=True):
+            for near, own in zip(self._near, self._iron(units), strict=True):
                 near[units] = own
 
     def read(self, t_ns: int, field: Array, held: Mask) -> BatchField:
@@ -172,7 +172,8 @@ class MagnetometerBatch:
         """
         additions, _, others = self._triads.next()
         current = others.get("current")
-        made = self._errors.read(0, field[None], current, additions[MAGNETOMETER])
+        triad, own = self._triads[MAGNETOMETER], additions[MAGNETOMETER]
+        made = read_field(triad, self._near, 0, field[None], current, own)
         return BatchField(t_ns, made["field"][0], made["bias"][0], held)
 
     def _iron(self, units: Units) -> Iron:
@@ -204,8 +205,7 @@ class BarometerBatch:
         flows = {"gust": self._blow} if any(one.gust_rate for one in own) else {}
         self._triads = Triads(units, [BAROMETER], own[0], flows)
         limits = [np.array([getattr(one, name) for one in own]) for name in ("minimum", "maximum")]
-        low, high = (limit[which] for limit in limits)
-        self._errors = PressureErrors(self._triads[BAROMETER], low, high)
+        self._limits = limits[0][which], limits[1][which]
 
     def _draw(self, units: Integers) -> None:
         """Let the gusts of some units begin; each is a process of its own."""
@@ -233,5 +233,6 @@ class BarometerBatch:
         """
         additions, _, others = self._triads.next()
         gust = others.get("gust")
-        made = self._errors.read(0, pressure[None], gust, additions[BAROMETER])
+        triad, own = self._triads[BAROMETER], additions[BAROMETER]
+        made = read_pressures(triad, self._limits, 0, pressure[None], gust, own)
         return BatchPressure(t_ns, made["pressure"][0], made["bias"][0], held)

@@ -140,38 +140,39 @@ def current_at(parameters: MagnetometerParameters, t: Array) -> Array:
     return np.interp(t, profile[0], profile[1])
 
 
-class MagneticErrors:
-    """The errors of one magnetometer, or of those of a batch, on ideal fields."""
+def read_field(
+    triad: Triad,
+    near: Iron,
+    first: int,
+    ideal: Array,
+    current: Array | None,
+    additions: Additions,
+    faults: FaultSchedule | None = None,
+) -> dict[str, Array]:
+    """Return the next n samples and their truth, as a flight has them, of ideal fields.
 
-    def __init__(self, triad: Triad, near: Iron) -> None:
-        """Take the sensor's own errors, and what is near it."""
-        self._triad, self.near = triad, near
+    Of one magnetometer, or of those of a batch.
 
-    def read(
-        self,
-        first: int,
-        ideal: Array,
-        current: Array | None,
-        additions: Additions,
-        faults: FaultSchedule | None = None,
-    ) -> dict[str, Array]:
-        """Return the next n samples and their truth, as a flight has them.
-
-        :param ideal: (n, ..., 3) field in the IMU's axes [T].
-        :param current: (n, ...) in the wires [A]; None: none.
-        :param additions, faults: as for :meth:`Triad.read`.
-        """
-        disturbance = np.broadcast_to(self.near.hard, ideal.shape)
-        if current is not None:
-            disturbance = disturbance + self.near.coupling * current[..., None]
-        along = transform(self.near.response, ideal) + disturbance
-        made = self._triad.read(first, along, along, additions, faults)
-        bias = made.bias + made.scale * disturbance
-        return {"field": made.reading, "ideal_field": ideal, "bias": bias}
+    :param triad: the sensor's own errors.
+    :param near: what is near it.
+    :param first: index of the first of them.
+    :param ideal: (n, ..., 3) field in the IMU's axes [T].
+    :param current: (n, ...) in the wires [A]; None: none.
+    :param additions, faults: as for :meth:`Triad.read`.
+    """
+    disturbance = np.broadcast_to(near.hard, ideal.shape)
+    if current is not None:
+        disturbance = disturbance + near.coupling * current[..., None]
+    along = transform(near.response, ideal) + disturbance
+    made = triad.read(first, along, along, additions, faults)
+    bias = made.bias + made.scale * disturbance
+    return {"field": made.reading, "ideal_field": ideal, "bias": bias}
 
 
 class Magnetometer(SensorWithImu):
     """One magnetometer."""
+
+    parameters: MagnetometerParameters
 
     def __init__(self, mounted: Mounted, t0_ns: int, _: object = None) -> None:
         """Set up all errors at their start.
@@ -180,13 +181,11 @@ class Magnetometer(SensorWithImu):
         """
         super().__init__(mounted, t0_ns)
         imu, environment = mounted.own, mounted.environment
-        self._parameters: MagnetometerParameters = imu.magnetometer
         self._field = MagneticField(environment)
         self.earth_w = self._field.earth_w
         """(3,) the Earth's field in the world [T]."""
         self._r_ib = np.reshape(imu.mounting, (3, 3)).T
-        unit = with_constants(self._parameters, NAME, environment.seed)
-        self._errors = MagneticErrors(self.triad, iron(unit))
+        self._near = iron(with_constants(self.parameters, NAME, environment.seed))
 
     def ideal(self, t: Array, world: World) -> Array:
         """Return the field in the IMU's axes (n, 3) [T]."""
@@ -196,6 +195,7 @@ class Magnetometer(SensorWithImu):
 
     def measure(self, samples: Sampled, ideal: Array, additions: Additions) -> dict[str, Array]:
         """Return fields and biases [T] of the next n samples."""
-        flows = bool(self._parameters.current_profile)
-        current = current_at(self._parameters, samples.t) if flows else None
-        return self._errors.read(samples.first, ideal, current, additions, self.timing.faults)
+        flows = bool(self.parameters.current_profile)
+        current = current_at(self.parameters, samples.t) if flows else None
+        faults = self.timing.faults
+        return read_field(self.triad, self._near, samples.first, ideal, current, additions, faults)
