@@ -14,15 +14,15 @@ FRAMES = {value for name, value in vars(conventions).items() if name.endswith("_
 SOURCES = sorted(path for path in PACKAGE.rglob("*.py") if path.name != "conventions.py")
 
 
-def constants(tree):
+def constants(nodes):
     """Return the constants of a file, its docstrings and help texts aside."""
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Constant):
             yield node.value
 
 
-def vectors(tree):
-    for node in ast.walk(tree):
+def vectors(nodes):
+    for node in nodes:
         if isinstance(node, ast.Tuple | ast.List):
             try:
                 yield tuple(ast.literal_eval(node))
@@ -32,12 +32,12 @@ def vectors(tree):
 
 def spelled_out(path):
     """Return what a file writes that only conventions.py may."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    found = list(constants(tree))
+    nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    found = list(constants(nodes))
     words = {value.removeprefix("/") for value in found if isinstance(value, str)}
     shared = (conventions.GRAVITY, conventions.TRIADS, conventions.AXES)
     gravity = {conventions.GRAVITY[2], -conventions.GRAVITY[2]} & set(found)
-    return [*(words & (TOPICS | FRAMES)), *(v for v in vectors(tree) if v in shared), *gravity]
+    return [*(words & (TOPICS | FRAMES)), *(v for v in vectors(nodes) if v in shared), *gravity]
 
 
 def test_topics_frames_gravity_and_triads_are_written_once():

@@ -13,6 +13,8 @@ from typing import Any
 
 import pytest
 
+from imu_sim_ros.commands.control import main
+
 pytestmark = pytest.mark.ros
 
 REPOSITORY = Path(__file__).parents[2]
@@ -182,9 +184,14 @@ def test_a_simulator_that_is_not_there_is_said(start: Any, listener: Any, contro
         ([], "the following arguments are required: ACTION"),
     ],
 )
-def test_bad_arguments_need_no_simulator(control: Any, arguments: list[str], line: str) -> None:
-    process = control(*arguments)
-    output, error = process.communicate(timeout=PATIENCE)
-    assert (process.returncode, output) == (2, "")
+def test_bad_arguments_need_no_simulator(capsys: Any, arguments: list[str], line: str) -> None:
+    """In this process; the status of the program itself is that of the refusals above."""
+    try:
+        status = main(arguments)
+    except SystemExit as end:  # as the parser ends a program
+        status = end.code
+    assert status == 2
+    output, error = capsys.readouterr()
+    assert output == ""
     assert line in error
     assert error.count("\n") == 1

@@ -44,13 +44,13 @@ def test_the_readmes_trio_is_consistent(start: Any, listener: Any) -> None:
     told = start("integrator", *sensor, "--initial_state", "truth", *renamed)
     simulator = start(
         "simulator",
-        *("--rate", "400", *sensor, "--trajectory", "figure_eight", "--duration", "5"),
+        *("--rate", "400", *sensor, "--trajectory", "figure_eight", "--duration", "2"),
         # The listener hears the truth as well.
         *("--wait_for_subscribers", "2", "--wait_for_truth_subscribers", "3"),
     )
     assert listener.wait_for_end(simulator) == 0, simulator.output
-    listener.wait_for(ODOMETRY, 2000)
-    listener.wait_for("told/odom", 2000)
+    listener.wait_for(ODOMETRY, 800)
+    listener.wait_for("told/odom", 800)
     assert asked.end() == 0
     assert told.end() == 0
     assert "the sensor is adis16448, according to /imu/data_raw/parameters" in asked.output

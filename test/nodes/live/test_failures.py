@@ -137,8 +137,9 @@ def test_the_integrator_hears_best_effort_drivers_while_the_clock_is_silent(node
     assert listener.output.count('"dead_reckoned/odom"') == 100
 
 
-@pytest.mark.parametrize("value", ["[1, 2]", "5", "maybe"])
-@pytest.mark.parametrize("name", ["simulator", "integrator", "recorder"])
+@pytest.mark.parametrize(
+    ("name", "value"), [("simulator", "[1, 2]"), ("integrator", "5"), ("recorder", "maybe")]
+)
 def test_a_file_whose_use_sim_time_is_no_truth_value_is_refused(node, tmp_path, name, value):
     path = tmp_path / "given.yaml"
     path.write_text(f"/**:\n  ros__parameters:\n    use_sim_time: {value}\n")

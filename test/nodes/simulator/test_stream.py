@@ -50,7 +50,7 @@ def test_readings_equal_those_of_the_stream(
     start: Any, listener: Any, rate: float, more: dict[str, Any]
 ) -> None:
     hear(listener)
-    chosen = {"rate": rate, "seed": 7, "duration": 1.5, "start_time": 1234.5, **more}
+    chosen = {"rate": rate, "seed": 7, "duration": 0.7, "start_time": 1234.5, **more}
     node = start("simulator", **chosen, **READY)
     assert listener.wait_for_end(node) == 0, node.output
 
