@@ -81,7 +81,7 @@ def test_a_camera_sees_the_motion_that_somebody_gave(given, start):
 
 def test_frames_have_the_cameras_size_and_times(flight):
     pytest.importorskip("cv2")
-    t_ns, image = next(ims.camera.frames(flight, CAMERA))
+    t_ns, image = next(ims.camera.frames(flight, CAMERA, "room"))
     assert (image.shape, image.dtype) == ((480, 752), np.uint8)
     assert image.std() > 5.0
     assert t_ns == next(ims.camera.tracks(flight, CAMERA)).frames.t_ns[0]
