@@ -19,7 +19,8 @@ from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.parameters import SensorParameters
-from imu_sim_ros.sensors.samples import Sampled, Samples, SampleTiming
+from imu_sim_ros.sensors.samples import Samples
+from imu_sim_ros.sensors.timing import Sampled, SampleTiming
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array, Mask, Times

@@ -7,6 +7,7 @@ import errno
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -30,14 +31,27 @@ def test_an_output_has_its_name_only_when_it_is_whole(tmp_path):
     assert os.listdir(tmp_path / "new/folder") == ["table.csv"]
 
 
+def end_with(error: BaseException, outputs: Outputs, contents: dict[Path, str]) -> None:
+    """Write some files of a run that then ends with an error."""
+    with outputs.staged():
+        for path, text in contents.items():
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(text)
+        raise error
+
+
+def end_in_an_empty_folder(outputs: Outputs, folder: Path) -> None:
+    with outputs.staged():
+        folder.mkdir()
+        raise KeyboardInterrupt
+
+
 def test_an_error_leaves_nothing_not_even_parents(tmp_path):
     outputs = Outputs()
     table, picture = outputs.add("a/b/table.csv"), outputs.add("picture.png")
-    told = r"^a/b/table\.csv: No space left"
-    with pytest.raises(MachineError, match=told), outputs.staged():  # noqa: PT012
-        table.write_text("half")
-        picture.write_text("torn")
-        raise system_error(table, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
+    full = system_error(table, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
+    with pytest.raises(MachineError, match=r"^a/b/table\.csv: No space left"):
+        end_with(full, outputs, {table: "half", picture: "torn"})
     assert os.listdir(tmp_path) == []
 
 
@@ -149,10 +163,8 @@ def test_an_interrupted_run_keeps_what_is_whole_as_a_part(tmp_path, discard):
         outputs = Outputs(discard_partial=discard)
         bag, side = outputs.add("x.mcap", kept=True), outputs.add("x_truth.yaml")
         outputs.describe("x.mcap", lambda: "12 messages up to stamp 1.2 s")
-        with pytest.raises(KeyboardInterrupt) as stopped, outputs.staged():  # noqa: PT012
-            bag.write_text(f"whole so far {count}")
-            side.write_text("torn")
-            raise KeyboardInterrupt
+        with pytest.raises(KeyboardInterrupt) as stopped:
+            end_with(KeyboardInterrupt(), outputs, {bag: f"whole so far {count}", side: "torn"})
         number = "" if count == 0 else "2"
         line = f"x.partial{number}.mcap: 12 messages up to stamp 1.2 s"
         assert stopped.value.args == (() if discard else (line,))
@@ -176,16 +188,12 @@ def test_companions_are_written_with_their_output_and_no_part_of_it(tmp_path):
     (tmp_path / "bag_truth.yaml").unlink()
     (tmp_path / "bag").rename(tmp_path / "older")
     run, (bag, truth) = outputs()
-    with pytest.raises(KeyboardInterrupt), run.staged():  # noqa: PT012
-        bag.mkdir()
-        (bag / "bag_0.mcap").write_text("half")
-        truth.write_text("true")
-        raise KeyboardInterrupt
+    with pytest.raises(KeyboardInterrupt):
+        end_with(KeyboardInterrupt(), run, {bag / "bag_0.mcap": "half", truth: "true"})
     assert sorted(os.listdir(tmp_path)) == ["bag.partial", "older"]
     run, (bag, _) = outputs()
-    with pytest.raises(KeyboardInterrupt) as interrupted, run.staged():  # noqa: PT012
-        bag.mkdir()
-        raise KeyboardInterrupt
+    with pytest.raises(KeyboardInterrupt) as interrupted:
+        end_in_an_empty_folder(run, bag)
     assert sorted(os.listdir(tmp_path)) == ["bag.partial", "older"]  # nothing of an empty folder
     assert interrupted.value.args == ()
 
@@ -238,10 +246,9 @@ def test_errors_of_the_machine_end_with_status_1():
 def test_the_parts_of_a_split_output_are_one_line():
     outputs = Outputs()
     bag = outputs.add("x.mcap", kept=True)
-    with pytest.raises(KeyboardInterrupt) as stopped, outputs.staged():  # noqa: PT012
-        for k in range(100):
-            bag.with_name(f"x_{k}.mcap").touch()
-        raise KeyboardInterrupt
+    parts = {bag.with_name(f"x_{k}.mcap"): "" for k in range(100)}
+    with pytest.raises(KeyboardInterrupt) as stopped:
+        end_with(KeyboardInterrupt(), outputs, parts)
     line = "x_0.partial.mcap and 99 more files: what was written before"
     assert stopped.value.args == (line,)
     assert len(os.listdir()) == 100

@@ -51,10 +51,13 @@ def test_nothing_is_used_after_an_error_which_is_raised_at_the_next_item(failing
             raise OSError("used")
         used.append(k)
 
-    pipeline = Pipeline(make, use, 2)
-    with pytest.raises(OSError, match="made|used"):  # noqa: PT012
+    def give_all():
         for k in range(50):
             pipeline.give(k)
+
+    pipeline = Pipeline(make, use, 2)
+    with pytest.raises(OSError, match="made|used"):
+        give_all()
     with pytest.raises(OSError, match="made|used"):
         pipeline.wait()
     pipeline.close()
@@ -73,11 +76,16 @@ def _messages(encoding):
 def test_what_is_interrupted_keeps_all_chunks_that_were_handed_over(tmp_path, name, compression):
     path = tmp_path / name
     writer = open_writer(path, compression=compression)
-    with pytest.raises(KeyboardInterrupt), writer:  # noqa: PT012
-        topic = writer.add_topic("/imu", IMU)
-        t_ns, gyro, messages = _messages(writer.encoding)
-        writer.write(topic, t_ns, messages)
-        raise KeyboardInterrupt
+    topic = writer.add_topic("/imu", IMU)
+    t_ns, gyro, messages = _messages(writer.encoding)
+
+    def write_and_stop():
+        with writer:
+            writer.write(topic, t_ns, messages)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_and_stop()
     assert topic.count == COUNT
     readings = read_imu(path)
     assert np.array_equal(readings.t_ns, t_ns)

@@ -79,7 +79,7 @@ MUTANTS = (
     ),
     # The clock's drift is twice what it should be.
     Mutant(
-        "sensors/samples.py",
+        "sensors/timing.py",
         "error = self._skew + 0.5 * self._drift * (since_ns * 1e-9)",
         "error = self._skew + self._drift * (since_ns * 1e-9)",
         ("sensor/test_timing.py", "-k", "drift"),

@@ -36,7 +36,7 @@ from imu_sim_ros.nodes.publishing import Counter, create
 from imu_sim_ros.nodes.simulator.apart import MARKERS, TOKEN, ProcessStart
 from imu_sim_ros.nodes.simulator.markers import markers
 from imu_sim_ros.parameters.sections import build
-from imu_sim_ros.sensors.samples import SampleTimes
+from imu_sim_ros.sensors.timing import SampleTimes
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.cameras import scene_around
 from imu_sim_ros.simulation.playback import SimulatorParameters

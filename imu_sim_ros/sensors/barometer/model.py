@@ -18,7 +18,7 @@ from imu_sim_ros.sensors.environment import AtmosphereParameters
 from imu_sim_ros.sensors.errors.triad import Additions, Triad
 from imu_sim_ros.sensors.faults import FaultSchedule
 from imu_sim_ros.sensors.model import SensorWithImu
-from imu_sim_ros.sensors.samples import Sampled
+from imu_sim_ros.sensors.timing import Sampled
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.types import Array
 

@@ -23,7 +23,8 @@ from imu_sim_ros.sensors.camera.view import Frames, View, view_of
 from imu_sim_ros.sensors.declaration import Model, Mounted
 from imu_sim_ros.sensors.deferred import Deferred, Each
 from imu_sim_ros.sensors.model import FixedModel
-from imu_sim_ros.sensors.samples import Samples, SampleTimes
+from imu_sim_ros.sensors.samples import Samples
+from imu_sim_ros.sensors.timing import SampleTimes
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.types import Array
 

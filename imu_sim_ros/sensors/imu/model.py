@@ -20,7 +20,8 @@ from imu_sim_ros.sensors.errors.triad import Additions, Reading, Triad
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.ideal import IdealImu, Quadrature, quadrature
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
-from imu_sim_ros.sensors.samples import Samples, SampleTiming, joined
+from imu_sim_ros.sensors.samples import Samples, joined
+from imu_sim_ros.sensors.timing import SampleTiming
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array, Times
@@ -34,6 +35,10 @@ _INTERNAL_READINGS: Final = 16384
 _ERRORS: Final = [(f"gyro_{error}", f"accel_{error}") for error in ERRORS]
 AHEAD: Final = 64
 """Samples whose noise is made at once where given readings come one by one."""
+_LONGEST_LOOK: Final = 3600.0
+"""[s] Of a motion that is compared with the ranges."""
+_MOST_LOOKS: Final = 100_000
+_LOOKS_AT_ONCE: Final = 10_000
 
 
 class _Ahead(NamedTuple):
@@ -244,11 +249,6 @@ class Imu:
         return motion, rate, force
 
 
-_LONGEST_LOOK: Final = 3600.0  # s
-_SAMPLES: Final = 100_000
-_BLOCK: Final = 10_000
-
-
 def exceeded(mounted: Mounted, world: World, duration: float) -> list[str]:
     """Return a line for each triad whose range the motion exceeds when it is read.
 
@@ -263,11 +263,11 @@ def exceeded(mounted: Mounted, world: World, duration: float) -> list[str]:
     if not (any(imu.gyroscope.range) or any(imu.accelerometer.range)):
         return []
     end = min(duration, trajectory.duration, _LONGEST_LOOK)
-    samples = max(1, min(_SAMPLES, math.ceil(end * environment.rate)))
+    samples = max(1, min(_MOST_LOOKS, math.ceil(end * environment.rate)))
     # Rows are the triads, columns the axes.
     peaks, times = np.zeros((2, 3)), np.zeros((2, 3))
-    for first in range(0, samples, _BLOCK):
-        t: Array = np.arange(first, min(first + _BLOCK, samples), dtype=np.float64)
+    for first in range(0, samples, _LOOKS_AT_ONCE):
+        t: Array = np.arange(first, min(first + _LOOKS_AT_ONCE, samples), dtype=np.float64)
         t *= end / samples
         motion = trajectory.sample(t)
         inertial = motion.acceleration - np.asarray(environment.gravity)

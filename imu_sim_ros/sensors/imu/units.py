@@ -25,7 +25,7 @@ from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters, names_as_in_triads
 from imu_sim_ros.sensors.magnetometer.parameters import MagnetometerParameters
 from imu_sim_ros.sensors.parameters import OwnRateParameters
-from imu_sim_ros.sensors.samples import SampleTimes
+from imu_sim_ros.sensors.timing import SampleTimes
 from imu_sim_ros.sensors.world import TemperatureProfile
 from imu_sim_ros.types import Array, Integers
 

@@ -25,7 +25,8 @@ from imu_sim_ros.sensors.declaration import (
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.gravity import geodetic
 from imu_sim_ros.sensors.model import FixedModel
-from imu_sim_ros.sensors.samples import Samples, SampleTimes
+from imu_sim_ros.sensors.samples import Samples
+from imu_sim_ros.sensors.timing import SampleTimes
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.types import Array
 

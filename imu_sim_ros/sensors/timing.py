@@ -1,0 +1,262 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""A sensor in time: when it samples, what its clock says of that, how its messages travel."""
+
+import math
+from collections.abc import Mapping
+from fractions import Fraction
+from functools import cache
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from imu_sim_ros import timebase
+from imu_sim_ros.random_streams import generator
+from imu_sim_ros.sensors.faults import Fault, FaultSchedule
+from imu_sim_ros.sensors.parameters import LARGEST_JITTER_SIGMA, TimingParameters
+from imu_sim_ros.sensors.samples import Samples
+from imu_sim_ros.sensors.world import Window
+from imu_sim_ros.types import Array, Integers, Mask, Times
+
+LARGEST_JITTER: Final = 0.45
+"""Jitter is cut off here, in intervals between two samples, so that stamps always increase."""
+_NEVER: Final = np.iinfo(np.int64).min
+
+
+class Sampled(NamedTuple):
+    """n samples that lie in a window of time."""
+
+    first: int
+    """Index of the first of them."""
+    true_t_ns: Times
+    """(n,) [ns]."""
+    t: Array
+    """(n,) since the start of the run [s]."""
+
+
+class SampleTimes:
+    """Times of a sensor's samples: sample k is taken at ``offset + k / rate`` after the start."""
+
+    def __init__(self, rate: float, t0_ns: int, offset: float = 0.0, span: float = 0.0) -> None:
+        """Keep them as exact numbers.
+
+        :param t0_ns: true time of the start [ns].
+        :param span: how long a sample takes [s].
+        """
+        self._rate, self._exact_rate = rate, timebase.exact_rate(rate)
+        self._offset, self._span = Fraction(repr(offset)), Fraction(repr(span))
+        self._t0_ns, self._first_ns = t0_ns, t0_ns + timebase.to_nanoseconds(offset)
+
+    def index(self, t: Fraction) -> int:
+        """Return the index of the first sample not before a time, or not complete by then.
+
+        :param t: since the start [s].
+        """
+        after = (t - self._offset - self._span) * self._exact_rate
+        if self._span:
+            return max(after.numerator // after.denominator + 1, 0)
+        return max(-(-after.numerator // after.denominator), 0)
+
+    def time(self, index: int) -> Fraction:
+        """Return the time of a sample since the start [s]."""
+        return self._offset + index / self._exact_rate
+
+    def within(self, window: Window) -> Sampled:
+        """Return the samples in a window."""
+        first = self.index(window.begin)
+        return self.following(first, self.index(window.end) - first)
+
+    def following(self, first: int, count: int) -> Sampled:
+        """Return the samples from an index on."""
+        true_t_ns = timebase.sample_times_ns(first, count, self._rate, self._first_ns)
+        return Sampled(first, true_t_ns, timebase.seconds_since(true_t_ns, self._t0_ns))
+
+
+class SampleTiming:
+    """Sample times, clock, transport and faults of one sensor.
+
+    Clock and transport have random streams of their own. A sensor of an IMU has the IMU's
+    parameters of both, but its jitter is at most a quarter of its own interval.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        rate: float,
+        timing: TimingParameters,
+        seed: int,
+        t0_ns: int,
+        offset: float = 0.0,
+        span: float = 0.0,
+    ) -> None:
+        """Start before the first sample.
+
+        :param name: of the sensor, the first part of its random streams' names; that of an IMU is
+            empty.
+        :param timing: of clock and transport.
+        :param t0_ns: time of the start [ns].
+        :param offset: of the first sample after the start [s].
+        :param span: how long a sample takes [s].
+        """
+        prefix = f"{name}." if name else ""
+        self._rate, self._dt, self._t0_ns = rate, 1.0 / rate, t0_ns
+        self._limit_ns = LARGEST_JITTER * (timebase.NANOSECONDS_PER_SECOND / rate)
+        self._span_ns = timebase.to_nanoseconds(span)
+        self.times = SampleTimes(rate, t0_ns, offset, span)
+        self.position = 0
+        """Index of the next sample."""
+        self.faults = FaultSchedule(seed, self._dt, prefix)
+        self._stream = cache(lambda source: generator(seed, f"{prefix}{source}"))
+        self._last_release_ns = int(_NEVER)
+        self._burst_end = 0
+        self._latency_ns, self._latency_jitter_ns = 0, 0.0
+        self.configure(timing)
+
+    def configure(self, timing: TimingParameters) -> None:
+        """Take new values of live parameters, from the next sample on.
+
+        A lowered latency applies to the next message at once: those still waiting leave first.
+        """
+        second = timebase.NANOSECONDS_PER_SECOND
+        self._offset_ns = timebase.to_nanoseconds(timing.stamp_offset)
+        self._skew = timing.clock_skew_ppm * 1e-6
+        self._drift = timing.clock_drift_ppm_per_hour * 1e-6 / 3600.0  # per second
+        # What suits the IMU's interval may be more than this sensor's allows.
+        stated = min(timing.jitter, LARGEST_JITTER_SIGMA / self._rate) * second
+        self._jitter_ns = deviation_before_cut(stated, self._limit_ns) if stated else 0.0
+        before = (self._latency_ns, self._latency_jitter_ns)
+        self._latency_ns = timebase.to_nanoseconds(timing.latency)
+        self._latency_jitter_ns = timing.latency_jitter * second
+        if self._latency_ns < before[0] or self._latency_jitter_ns < before[1]:
+            self._last_release_ns = int(_NEVER)
+        self._dropout = timing.dropout_probability
+        # The first burst of an interval; a Poisson process of the given rate.
+        self._burst = -np.expm1(-timing.dropout_burst_rate * self._dt)
+        self._burst_samples = timing.dropout_burst_duration / self._dt
+        self._duplicate = timing.duplicate_probability
+
+    def inject(self, fault: Fault, begin: Fraction) -> None:
+        """Let a fault begin with the first sample that is not before a time since the start [s]."""
+        self.faults.add(fault, max(self.times.index(begin), self.position), self.position)
+
+    def given(self, true_t_ns: Times) -> Sampled:
+        """Return the next samples, whose times somebody gives; errors follow the nominal ones.
+
+        :param true_t_ns: (n,) [ns].
+        """
+        nominal = self.times.following(self.position, len(true_t_ns))
+        return nominal._replace(true_t_ns=true_t_ns)
+
+    def samples(self, first: int, true_t_ns: Times, values: Mapping[str, Any]) -> Samples:
+        """Return the next n samples, with their stamps and their transport.
+
+        :param first: index of the first of them.
+        :param values: (n, ...) readings and their truth, by name.
+        """
+        self.position = first + len(true_t_ns)
+        return Samples(
+            true_t_ns,
+            self._stamps(true_t_ns),
+            self._releases(first, true_t_ns + self._span_ns),
+            self._delivered(first, len(true_t_ns)),
+            values,
+            first,
+            self._span_ns,
+        )
+
+    def _stamps(self, true_t_ns: Times) -> Times:
+        """Return the stamps (n,) that the sensor's clock gives the next n samples.
+
+        ``stamp = t + offset + skew (t - t0) + drift (t - t0)^2 / 2 + jitter``, t the true time.
+        """
+        stamps: Times = true_t_ns + self._offset_ns
+        if self._skew or self._drift:
+            since_ns = (true_t_ns - self._t0_ns).astype(np.float64)
+            error = self._skew + 0.5 * self._drift * (since_ns * 1e-9)
+            stamps += np.rint(error * since_ns).astype(np.int64)
+        if self._jitter_ns:
+            jitter = self._stream("clock.jitter").standard_normal(len(stamps)) * self._jitter_ns
+            jitter = np.clip(jitter, -self._limit_ns, self._limit_ns)
+            stamps += np.rint(jitter).astype(np.int64)
+        return stamps
+
+    def _releases(self, first: int, true_t_ns: Times) -> Times:
+        """Return when the next n messages leave the driver (n,) [ns]; none overtakes another."""
+        if not (self._latency_jitter_ns or self.faults.windows):
+            steady: Times = true_t_ns + self._latency_ns
+            if len(steady) and steady[0] >= self._last_release_ns:
+                self._last_release_ns = int(steady[-1])
+                return steady
+        latency = np.full(len(true_t_ns), self._latency_ns)
+        if self._latency_jitter_ns:
+            extra = self._stream("transport.latency").standard_exponential(len(latency))
+            latency += np.rint(extra * self._latency_jitter_ns).astype(np.int64)
+        self.faults.delay(first, latency)
+        times: Times = true_t_ns + latency
+        if len(times):
+            times[0] = max(times[0], self._last_release_ns)
+            np.maximum.accumulate(times, out=times)
+            self._last_release_ns = int(times[-1])
+        return times
+
+    def _delivered(self, first: int, count: int) -> Integers:
+        """Return the rows of the next n messages that are not lost, in order (m,)."""
+        loses = self._dropout or self._burst or self._duplicate or self.faults.windows
+        if not loses and self._burst_end <= first:
+            return np.arange(count)
+        lost = np.zeros(count, dtype=np.bool_)
+        if self._dropout:
+            lost |= self._stream("transport.dropout").random(count) < self._dropout
+        self._lose_in_bursts(first, lost)
+        self.faults.lose(first, lost)
+        rows = np.flatnonzero(~lost)
+        if self._duplicate:
+            # A number for each sample, lost or not: losses do not shift the duplicates.
+            twice = self._stream("transport.duplicate").random(count) < self._duplicate
+            rows = np.repeat(rows, 1 + twice[rows])
+        return rows
+
+    def _lose_in_bursts(self, first: int, lost: Mask) -> None:
+        """Mark samples lost in bursts: from each start, for an exponentially distributed time."""
+        if not self._burst and self._burst_end <= first:
+            return
+        index = np.arange(first, first + len(lost))
+        ends = np.zeros(len(lost), dtype=np.int64)
+        if self._burst:
+            begins = self._stream("transport.burst").random(len(lost)) < self._burst
+            starts = np.flatnonzero(begins)
+            lengths = self._stream("transport.burst_length").standard_exponential(len(starts))
+            ends[starts] = index[starts] + np.ceil(lengths * self._burst_samples).astype(np.int64)
+        if len(ends):
+            ends[0] = max(ends[0], self._burst_end)
+            np.maximum.accumulate(ends, out=ends)
+            self._burst_end = int(ends[-1])
+        lost |= ends > index
+
+
+def deviation_before_cut(deviation: float, limit: float) -> float:
+    """Return the deviation s of normal numbers that have the given one after clipping.
+
+    Numbers beyond ``+-limit`` are set to it. With ``c = limit / s`` what is left has the variance
+    ``s^2 (erf(c / sqrt 2) - c sqrt(2 / pi) exp(-c^2 / 2) + c^2 erfc(c / sqrt 2))``, the integral of
+    ``min(x^2, limit^2)`` over the normal density; it grows with s up to ``limit^2``.
+
+    :param deviation: the target, > 0 and below limit.
+    """
+    low, high = deviation, deviation
+    while _deviation_after_cut(high, limit) < deviation:
+        high *= 2.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if _deviation_after_cut(middle, limit) < deviation:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def _deviation_after_cut(s: float, limit: float) -> float:
+    c = limit / s
+    inner = math.erf(c / math.sqrt(2.0)) - c * math.sqrt(2.0 / math.pi) * math.exp(-0.5 * c * c)
+    return s * math.sqrt(inner + c * c * math.erfc(c / math.sqrt(2.0)))
