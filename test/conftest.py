@@ -3,6 +3,7 @@
 
 """How the tests are shared out among processes, and what a run of CI may leave out."""
 
+import gc
 import os
 import signal
 import sys
@@ -52,6 +53,14 @@ def pytest_configure() -> None:
     """
     if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
         signal.signal(signal.SIGHUP, lambda *_: None)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Iterator[None]:
+    """Look for no garbage meanwhile: a look goes through all tests so far, and finds little."""
+    gc.disable()
+    yield
+    gc.enable()
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
