@@ -11,6 +11,7 @@ happens within a row is the same for all rows, and the states before the rows fo
 import itertools
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 from typing import Final, NamedTuple
 
@@ -18,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from imu_sim_ros.random_streams import Seed, Streams, Units, generator
-from imu_sim_ros.types import Array, Times
+from imu_sim_ros.types import Array, Mask, Times
 
 _AT_ONCE: Final = 8192
 """Values of a column generated at once, as far as whole chunks allow: they stay in the cache."""
@@ -310,6 +311,8 @@ class Events:
         self._probability = -math.expm1(-rate * dt)
         self._duration = duration / dt
         self._done = self._end = self.count = 0
+        self._drawn, self._value = 0, np.zeros(0)
+        """Number and value of the last event for which a value was drawn."""
 
     def next(self, count: int) -> Times:
         """Return the number of the event (count,), from 1, that each sample lies in; 0: none."""
@@ -327,3 +330,14 @@ class Events:
                 found[k : k + length] = self.count
         self._done = first + count
         return found
+
+    def values(self, count: int, draw: Callable[[], Array]) -> Iterator[tuple[Mask, Array]]:
+        """Yield which of the next samples (count,) lie in an event, and its value, for each event.
+
+        :param draw: returns the value of an event, which holds until its end.
+        """
+        numbers = self.next(count)
+        for k in np.unique(numbers[numbers > 0]).tolist():
+            if k > self._drawn:
+                self._drawn, self._value = k, draw()
+            yield numbers == k, self._value

@@ -45,8 +45,7 @@ class Receiver(SensorModel):
         self._walked = np.zeros((1, 3))
         self._of_velocity = Streams(seed, f"{name}.velocity")
         self._jumps = Events(seed, f"{name}.multipath", p.multipath_rate, p.multipath_duration, dt)
-        self._sizes, self._jump = Streams(seed, f"{name}.multipath_size"), np.zeros(3)
-        self._jumped = 0
+        self._sizes = Streams(seed, f"{name}.multipath_size")
         self._random = Events(seed, f"{name}.outage", p.outage_rate, p.outage_duration, dt)
         self._known = np.full(6, np.nan)
         self._dt = dt
@@ -148,13 +147,13 @@ class Receiver(SensorModel):
             walked = np.cumsum(np.concatenate([self._walked, steps]), axis=0)[1:]
             self._walked = walked[-1:] if count else self._walked
             error += walked
-        numbers = self._jumps.next(count)
-        for k in np.unique(numbers[numbers > 0]):
-            if k > self._jumped:
-                self._jump = p.multipath_sigma * self._sizes.next(1)[0]
-                self._jumped = int(k)
-            error[numbers == k] += self._jump
+        for rows, jump in self._jumps.values(count, self._jump):
+            error[rows] += jump
         return error
+
+    def _jump(self) -> Array:
+        """Return the error (3,) that multipath adds, east, north, up, until it ends."""
+        return self.parameters.multipath_sigma * self._sizes.next(1)[0]
 
     def _velocity(self, motion: Motion) -> Array:
         """Return the antenna's velocity (n, 3), east, north, up."""

@@ -110,7 +110,6 @@ class Odometer(SensorModel):
         self._of_patch = [generator(seed, f"{name}.patch_slip.{k}") for k in wheels]
         self._steering = generator(seed, f"{name}.steering")
         self._patches = Events(seed, f"{name}.patch", p.patch_rate, p.patch_duration, self._dt)
-        self._patched, self._patch = 0, np.zeros(p.wheels)
         ambient = dataclasses.replace(
             environment.temperature, power=0.0, time_constant=p.temperature_time_constant
         )
@@ -195,14 +194,14 @@ class Odometer(SensorModel):
 
     def _patch_ratios(self, count: int) -> Array:
         """Return how much faster each wheel is on a patch (count, m)."""
-        numbers = self._patches.next(count)
-        ratio = np.zeros((count, len(self._patch)))
-        for k in sorted(set(numbers[numbers > 0].tolist())):
-            if k > self._patched:
-                share = np.array([one.random() for one in self._of_patch])
-                self._patch, self._patched = self.parameters.patch_slip * share, int(k)
-            ratio[numbers == k] = self._patch
+        ratio = np.zeros((count, len(self._of_patch)))
+        for rows, slip in self._patches.values(count, self._patch):
+            ratio[rows] = slip
         return ratio
+
+    def _patch(self) -> Array:
+        """Return how much faster each wheel (m,) is on a patch that begins."""
+        return self.parameters.patch_slip * np.array([one.random() for one in self._of_patch])
 
     def _box_ratios(self, motion: Motion) -> Array:
         """Return how much faster each wheel is in boxes where it touches the ground (count, m)."""
