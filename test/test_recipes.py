@@ -287,7 +287,7 @@ def test_a_preset(copy: Copy) -> None:
     """One file: ``--imu``, Python and the list of sensors have it."""
     copy.write(
         "config/imus/own.yaml",
-        "# Made up, for a test.\n# Grade: consumer. Price class: 10 EUR.\n"
+        "# Consumer, 10 EUR: Made up, for a test.\n"
         "# [1] Nobody, 2026.\n/**:\n  ros__parameters:\n    imu:\n"
         "      gyroscope_noise_density: 0.001\n",
     )
@@ -299,14 +299,14 @@ def test_a_preset(copy: Copy) -> None:
         from imu_sim_ros.sensors import catalogue
         flight = ims.simulate(imu="own", duration=1)
         print(json.dumps({
-            "value": flight.parameters.imu.gyroscope.noise_density, "table": catalogue.table(),
+            "value": flight.parameters.imu.gyroscope.noise_density,
+            "list": catalogue.listing("imus"),
             "status": generate.main("-o a.mcap --imu own --duration 1s --quiet".split()),
         }))
         """
     )
     assert found["value"] == [0.001] * 3
-    assert "own" in found["table"]
-    assert "consumer" in found["table"]
+    assert "own         Consumer, 10 EUR: Made up, for a test\n" in found["list"]
     assert found["status"] == 0
 
 

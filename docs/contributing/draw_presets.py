@@ -32,18 +32,18 @@ def deviation(triad):
 
 def main() -> None:
     """Write the picture."""
-    entries = list(catalogue.catalogue())
+    presets = catalogue.descriptions("imus").items()
     figure, axes = plt.subplots(
         2, len(PANELS), figsize=(13, 7.5), sharex=True, sharey="row", layout="constrained"
     )
     for column, (title, grades) in enumerate(PANELS.items()):
-        chosen = [entry for entry in entries if entry.grade.partition(" (")[0] in grades]
+        chosen = [name for name, text in presets if text.partition(",")[0].lower() in grades]
         colours = plt.get_cmap("tab20")(np.linspace(0, 1, 20))[: len(chosen)]
         for row, (name, unit) in enumerate(UNITS.items()):
             panel = axes[row, column]
-            for entry, colour in zip(chosen, colours, strict=True):
-                triad = load_simulation({"imu.preset": entry.name}).imu.triad(name)
-                panel.loglog(TIMES, deviation(triad), color=colour, label=entry.name)
+            for preset, colour in zip(chosen, colours, strict=True):
+                triad = load_simulation({"imu.preset": preset}).imu.triad(name)
+                panel.loglog(TIMES, deviation(triad), color=colour, label=preset)
             panel.grid(alpha=0.4)
             if column == 0:
                 panel.set_ylabel(f"{name} [{unit}]")

@@ -8,6 +8,7 @@
 
 import re
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,6 +53,25 @@ _FOLDERS = {
 }
 
 
+class Imu(NamedTuple):
+    """The header of a file in config/imus."""
+
+    name: str
+    grade: str
+    text: str
+    sources: list[str]
+
+
+def imus() -> Iterator[Imu]:
+    """Yield the headers of all IMUs: ``# Grade, price: maker and type.``, ``# [1] source``."""
+    for name, text in catalogue.descriptions("imus").items():
+        grade = text.partition(",")[0].lower()
+        file = files.find("imus", name).read_text(encoding="utf-8")
+        found = re.findall(r"^# (\[\d\] .+(?:\n#     .+)*)", file, re.MULTILINE)
+        sources = [source.replace("\n#     ", " ") for source in found]
+        yield Imu(name, grade, text, sources)
+
+
 def reference() -> str:
     """Return the whole page."""
     return "\n".join(_lines())
@@ -59,7 +79,7 @@ def reference() -> str:
 
 def _lines() -> Iterator[str]:
     yield _INTRODUCTION
-    entries = list(catalogue.catalogue())
+    entries = list(imus())
     for triad in ("gyroscope", "accelerometer"):
         yield f"### {triad.capitalize()}\n"
         yield f"| preset | grade | {' | '.join(_TERMS)} | bandwidth |"
@@ -68,13 +88,12 @@ def _lines() -> Iterator[str]:
         for entry in ordered:
             imu = load_simulation({"imu.preset": entry.name}).imu.triad(triad)
             cells = [_number(np.asarray(getattr(imu, term))) for term in _TERMS.values()]
-            grade = entry.grade.partition(" (")[0]
             cells.append(_bandwidth(entry.name, triad))
-            yield f"| `{entry.name}` | {grade} | {' | '.join(cells)} |"
+            yield f"| `{entry.name}` | {entry.grade} | {' | '.join(cells)} |"
         yield ""
     yield "### Makers and sources\n"
     for entry in entries:
-        yield f"**`{entry.name}`**: {entry.title}. Price class: {entry.price}."
+        yield f"**`{entry.name}`**: {entry.text}."
         yield from (f"\n- {source}" for source in entry.sources)
         yield ""
     for folder, heading in _FOLDERS.items():
@@ -86,11 +105,10 @@ def _lines() -> Iterator[str]:
         yield ""
 
 
-def _order(entry: catalogue.CatalogueEntry, triad: str) -> tuple[int, float]:
+def _order(entry: Imu, triad: str) -> tuple[int, float]:
     """Return the place of a sensor: by grade, then from much white noise to little."""
     density = load_simulation({"imu.preset": entry.name}).imu.triad(triad).noise_density
-    grade = entry.grade.partition(" (")[0]
-    return _GRADES.index(grade), -float(max(density))
+    return _GRADES.index(entry.grade), -float(max(density))
 
 
 def _bandwidth(preset: str, triad: str) -> str:

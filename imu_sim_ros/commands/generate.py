@@ -63,8 +63,7 @@ class _List(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_arguments: object) -> None:
         """Print the list."""
         folder = str(self.const)
-        tables = {"imus": catalogue.table, "sensors": catalogue.sensor_table}
-        print(tables[folder]() if folder in tables else catalogue.listing(folder))
+        print(catalogue.sensor_table() if folder == "sensors" else catalogue.listing(folder))
         parser.exit()
 
 

@@ -215,15 +215,15 @@ def test_a_16_bit_sensor_has_16_bit_codes(preset: str) -> None:
             assert math.floor(limit / step * (1.0 + 1e-6)) <= 2**15 - 1
 
 
-def test_every_preset_has_grade_price_class_and_source() -> None:
-    entries = {entry.name: entry for entry in catalogue.catalogue()}
-    assert set(entries) == set(PRESETS)
-    for entry in entries.values():
-        assert entry.title
-        assert entry.grade
-        assert entry.price
-        assert entry.sources or entry.name == "perfect"
-        assert all(source.endswith(".") for source in entry.sources)  # whole ones
+@pytest.mark.parametrize("preset", PRESETS)
+def test_every_preset_has_grade_price_class_and_source(preset: str) -> None:
+    text = catalogue.descriptions("imus")[preset]
+    grades = "Perfect|Classroom|Consumer|Industrial|Tactical|Navigation"
+    assert re.fullmatch(rf"({grades}), (no price|.+ EUR|.+ EUR \(module\)): [A-Z].+", text)
+    file = files.find("imus", preset).read_text(encoding="utf-8")
+    sources = re.findall(r"^# \[\d\] .+(?:\n#     .+)*", file, re.MULTILINE)
+    assert sources or preset == "perfect"
+    assert all(source.endswith(".") for source in sources)  # whole ones
 
 
 def test_grades_are_in_order() -> None:
