@@ -213,7 +213,7 @@ class Target:
     killed leaves one folder. With ``kept`` it is complete before that one's first part, and kept
     under the name of that part."""
     described: Callable[[], str] = field(default=lambda: "what was written before")
-    """Describes the contents of a kept part."""
+    """Describes the contents of a kept part: "812 messages up to stamp 4.06 s"."""
 
 
 class Outputs:
@@ -228,7 +228,7 @@ class Outputs:
         outputs = Outputs(inputs=[bag], force=arguments.force)
         table = outputs.add(Path("table.csv"))
         with outputs.staged():
-            write_csv(table, ...)
+            write_csv(table.path, ...)
     """
 
     def __init__(
@@ -256,35 +256,25 @@ class Outputs:
         *,
         endings: Sequence[str] = (),
         kept: bool = False,
-        companion_of: str | Path | None = None,
-    ) -> Path:
+        companion_of: Target | None = None,
+    ) -> Target:
         """Add a file, or a folder that is made as a whole.
 
         :param path: its name in the end.
         :param endings: allowed endings of the name; if empty, any.
         :param kept: keep complete parts when the program is interrupted.
-        :param companion_of: an output of the same folder that was added before.
-        :returns: the path for writing. Siblings with its stem (``NAME_0.bag``) are renamed as well.
+        :param companion_of: an output of the same folder.
+        :returns: the output, with the ``path`` for writing. Siblings with its stem (``NAME_0.bag``)
+            are renamed as well.
         """
         final = Path(path)
         if endings and final.suffix.lower() not in endings:
             raise InputError(f"{path}: must end in {' or '.join(endings)}")
-        of = None if companion_of is None else self._target(companion_of)
+        of = companion_of
         staging = of.staging if of else final.parent / (final.name + ACTIVE_SUFFIX)
-        there = staging / final.name
-        self._targets.append(Target(final, final.parent, [final], staging, there, kept, of))
-        return there
-
-    def where(self, path: str | Path) -> Path:
-        """Return the path for writing an output that was added."""
-        return self._target(path).path
-
-    def _target(self, path: str | Path) -> Target:
-        return next(target for target in self._targets if target.final == Path(path))
-
-    def describe(self, path: str | Path, described: Callable[[], str]) -> None:
-        """Set an output's description of its part: "812 messages up to stamp 4.06 s"."""
-        self._target(path).described = described
+        target = Target(final, final.parent, [final], staging, staging / final.name, kept, of)
+        self._targets.append(target)
+        return target
 
     def add_files(self, folder: str | Path, names: Iterable[str]) -> Path:
         """Add files of a folder that may exist, with other files in it.
@@ -298,7 +288,7 @@ class Outputs:
         return staging
 
     @contextmanager
-    def staged(self) -> "Iterator[Outputs]":
+    def staged(self) -> Iterator[None]:
         """Stage the outputs during a block of work, and give them their names after it.
 
         :raises InputError: with a line for each output that cannot be written.
@@ -327,7 +317,7 @@ class Outputs:
                 except OSError as error:
                     raise system_error(target.final, error) from None
             try:
-                yield self
+                yield
             except BaseException as error:
                 ending.enter_context(self._undisturbed())
                 if not isinstance(error, Exception) and not self.discard_partial:

@@ -5,6 +5,7 @@
 
 import argparse
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
@@ -24,25 +25,25 @@ def outputs(arguments: argparse.Namespace) -> Outputs:
     return Outputs(_named_files(arguments), force=arguments.force, undisturbed=signals.collected)
 
 
-def output_and_plot(arguments: argparse.Namespace) -> Outputs:
-    """Return the outputs ``--output`` and ``--plot``, those of them that are given."""
+@contextmanager
+def output_and_plot(arguments: argparse.Namespace) -> Iterator[tuple[Path | None, Path | None]]:
+    """Yield the paths for writing ``--output`` and ``--plot``; None: it is not given."""
     written = outputs(arguments)
-    if arguments.output is not None:
-        written.add(arguments.output)
-    if arguments.plot is not None:
-        written.add(arguments.plot, endings=PICTURES)
-    return written
+    output = None if arguments.output is None else written.add(arguments.output).path
+    plot = None if arguments.plot is None else written.add(arguments.plot, endings=PICTURES).path
+    with written.staged():
+        yield output, plot
 
 
-def save_plot(arguments: argparse.Namespace, written: Outputs, draw: Callable[[], Any]) -> None:
-    """Write the picture that ``--plot`` names, if it does.
+def save_plot(plot: Path | None, draw: Callable[[], Any]) -> None:
+    """Write a picture, if there is a path for it.
 
     :param draw: returns the figure.
     """
-    if arguments.plot is not None:
+    if plot is not None:
         from imu_sim_ros.plots import style  # 0.5 s of matplotlib
 
-        style.save(draw(), written.where(arguments.plot))
+        style.save(draw(), plot)
 
 
 def _named_files(arguments: argparse.Namespace) -> Iterator[Path]:

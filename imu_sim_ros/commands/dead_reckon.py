@@ -63,14 +63,14 @@ def run(arguments: argparse.Namespace) -> None:
         {name: value for name, value in layer.items() if (name, value) != ("covariance", True)}
         for layer in (files.load_all(arguments.params_file, "integrator"), dict(arguments.set))
     )
-    with output_and_plot(arguments).staged() as written:
+    with output_and_plot(arguments) as (output, plot):
         if arguments.all:
             made = call(dead_reckon_all, arguments, below, above)
         else:
             made = [call(dead_reckon, arguments, below, above)]
-        if arguments.output is not None:
-            made[0].save(written.where(arguments.output))
-        save_plot(arguments, written, lambda: plot_tracks(made))
+        if output is not None:
+            made[0].save(output)
+        save_plot(plot, lambda: plot_tracks(made))
     summaries = [track.to_dict() for track in made]
     result = summaries if arguments.all else summaries[0]
     program.print_result(arguments, result, lines(summaries))

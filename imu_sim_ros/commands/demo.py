@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> None:
     parameters = load_simulation(layers)
     Body(parameters, read_poses)  # a file that cannot be flown is refused before the start
     written = outputs(arguments)
-    folder = written.add(arguments.output)
+    folder = written.add(arguments.output).path
     with written.staged():
         folder.mkdir()
         _demonstrate(parameters, arguments, folder)

@@ -36,13 +36,13 @@ def parser() -> program.Parser:
 
 def run(arguments: argparse.Namespace) -> None:
     """Compare, write what is asked for, and print."""
-    with output_and_plot(arguments).staged() as written:
+    with output_and_plot(arguments) as (output, plot):
         found = call(evaluate, arguments)
         if isinstance(found, Evaluation):
             title = f"{arguments.estimate.name} against {arguments.truth.name}"
-            save_plot(arguments, written, lambda: found.plot(title))
-            if arguments.output is not None:
-                found.save(written.where(arguments.output))
+            save_plot(plot, lambda: found.plot(title))
+            if output is not None:
+                found.save(output)
         else:
             given = program.given(arguments, "plot", "output")
             if given:

@@ -41,9 +41,9 @@ def run(arguments: argparse.Namespace) -> None:
     path = arguments.output or default_output(arguments.inputs)
     inputs = [file for given in arguments.inputs for file in _files(given)]
     written = outputs(argparse.Namespace(**{**vars(arguments), "inputs": inputs}))
-    written.add(path, endings=(".html", ".htm"))
+    page = written.add(path, endings=(".html", ".htm"))
     with written.staged():
-        made = call(report, arguments, above={"output": written.where(path)})
+        made = call(report, arguments, above={"output": page.path})
     program.show(arguments, replace(made, output=path))
 
 

@@ -62,12 +62,11 @@ def view(arguments: argparse.Namespace) -> None:
     """Read the flight and send it to the viewer or into a file."""
     rerun()  # said before anything is read
     written = outputs(arguments)
-    if arguments.save is not None:
-        written.add(arguments.save, endings=(".rrd",))
+    save = arguments.save and written.add(arguments.save, endings=(".rrd",))
     with written.staged():
         shown = FlightView(arguments.flight.name)
-        if arguments.save is not None:
-            shown.save(written.where(arguments.save))
+        if save:
+            shown.save(save.path)
         else:
             shown.spawn()
         result = _fill(shown, arguments)

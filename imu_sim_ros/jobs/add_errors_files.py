@@ -5,24 +5,24 @@
 
 from __future__ import annotations
 
-import functools
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final
 
 from imu_sim_ros import arguments
-from imu_sim_ros.bags.outputs import Outputs
+from imu_sim_ros.bags.outputs import Outputs, Target
 from imu_sim_ros.bags.read import open_bag
-from imu_sim_ros.bags.reader import Bag
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.writer import Dataset
-from imu_sim_ros.bags.writer import OfBag, Writer, described, open_writer
+from imu_sim_ros.bags.writer import OfBag, described, open_writer
 from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.jobs import convert
 from imu_sim_ros.jobs.add_errors import ROWS_AT_ONCE, layers_of, rate_of, with_rate
 from imu_sim_ros.jobs.add_errors_bag import USUAL, BagErrors, names_in, rate_in, source_of
@@ -151,147 +151,117 @@ def add_errors_to_file(
     >>> ims.add_errors_to_file(ideal.output, folder / "n.bag", imu="bmi088", topics="imu/data_raw")
     <ErrorsAdded n.bag: 400 /imu/data_raw, 400 /ground_truth/imu>
     """
-    path = arguments.path("source", source)
-    bag = OfBag(storage, compression, split_duration, split_size)
-    target, form = checked_form(FORMATS, output, format, bag, topics, rename)
-    if form.dataset not in (None, *FORMATS):
-        raise InputError(f"{target}: {form.dataset} has no readings")
+    given = arguments.path("source", source)
+    of_bag = OfBag(storage, compression, split_duration, split_size)
+    path, form = checked_form(FORMATS, output, format, of_bag, topics, rename)
+    dataset = form.dataset
+    if dataset not in (None, *FORMATS):
+        raise InputError(f"{path}: {dataset} has no readings")
     topic = None if input_topic is None else arguments.text("input_topic", input_topic, "a topic")
     layers = layers_of(imu, seed, params_file, input, parameters, rate)
-    read = [path, *parameter_files(params_file), *layers.values()]
+    read = [given, *parameter_files(params_file), *layers.values()]
     written = outputs(force, discard_partial, read)
-    journal = Journal(path, arguments.switch("skip_bad_rows", skip_bad_rows))
-    left_out = arguments.words("without", without)
+    journal = Journal(given, arguments.switch("skip_bad_rows", skip_bad_rows))
+    left_out = {resolved(name.strip()) for name in arguments.words("without", without) if name}
     started = time.perf_counter()
     names = [name.strip().lstrip("/") for name in form.topics if name.strip()]
     unfit = [name for name in names if name not in OF_THE_ERROR_MODEL]
     if unfit:
         raise InputError([unknown("topic", name, OF_THE_ERROR_MODEL) for name in unfit])
-    added = USUAL if form.dataset else list(dict.fromkeys(names)) or USUAL
-    job = _Job(path, target, form, topic, added, left_out, layers, written, journal)
-    written.add(target, kept=True)
-    with written.staged(), tempfile.TemporaryDirectory(dir=written.where(target).parent) as folder:
-        found, messages = job.run(Path(folder))
-    wall_s = time.perf_counter() - started
-    return ErrorsAdded(target, messages, found, wall_s, tuple(journal.lines))
-
-
-@dataclass(frozen=True)
-class _Job:
-    """One output that is written."""
-
-    source: Path
-    path: Path
-    """Of the output."""
-    form: Form
-    """A dataset has room for one IMU."""
-    input_topic: str | None
-    """The ideal readings, or odometry; None: the only sensor_msgs/Imu."""
-    added: Sequence[str]
-    """Topics of the sensor, next to those of the input."""
-    without: Sequence[str]
-    """Topics of the input that are left out."""
-    layers: Mapping[str, object]
-    written: Outputs
-    journal: Journal
-
-    def _text_rate(self) -> float:
-        """Return the readings per second of a dataset [Hz]."""
-        for t_ns, _, _ in text_reader.imu_blocks(self.source, None, self._uncounted):
-            return rate_of(t_ns)
-        raise InputError(f"{self.source}: contains no readings")
-
-    @property
-    def _uncounted(self) -> Callable[[int], None] | None:
-        """What receives skipped rows that are counted elsewhere; None: they are errors."""
-        return self.journal.skipped and (lambda _: None)
-
-    def run(self, folder: Path) -> tuple[Counts, dict[str, int]]:
-        """Write the output; return what happened, and the messages by topic.
-
-        :param folder: an empty one for what lies in between.
-        """
-        staged = self.written.where(self.path)
-        if text_reader.is_text(self.source):
-            with_rate(self.layers, self._text_rate)  # what is wrong with them, before work begins
-            if self.form.dataset is not None:
-                return self._text(staged, folder, self.form.dataset)
-            between = folder / "between.mcap"
-            self._convert(self.source, between)
-            return self._bag(between, staged)
-        if self.form.dataset is None:
-            return self._bag(self.source, staged)
-        noisy = folder / "noisy.mcap"
-        found = self._bag(self.source, noisy)
-        self._convert(noisy, staged)
-        return found
-
-    def _convert(self, source: Path, target: Path) -> None:
-        """Convert text or bag into the other."""
-        form = Form(None if target.suffix == ".mcap" else self.form.dataset)
-        convert.write(source, target, form, Outputs([source]), self.journal, shown=False)
-
-    def _bag(self, path: Path, target: Path) -> tuple[Counts, dict[str, int]]:
-        with open_bag(path) as bag:
-            source = source_of(bag, self.input_topic if path == self.source else None)
-            parameters = with_rate(self.layers, lambda: rate_in(bag, source))
-            if "imu/data" in self.added and (found := list(orientation_problems(parameters.imu))):
-                raise InputError(found)
-            left_out = self._left_out(bag, source.name)
-            copied = [t for t in bag.topics if resolved(t.name) not in left_out]
-            if self.form.dataset:
-                copied = [topic for topic in copied if topic.type != source.type]
-            given = dict(self.form.renamed)
-            names, renamed = names_in(bag, source, copied, self.added, given)
-            errors = BagErrors(bag, source, parameters, names, self.journal.warn)
-            total = sum(topic.count for topic in {*copied, source})
-            skipped, warned = self.journal.skipped, self.journal.passed_on or _say_nothing
-            text = f"writing {self.path}"
-            with self._writer(target) as writer, progress(text, lambda: total) as advance:
-                errors.write(writer, copied, renamed, advance, skipped, warned)
-            return errors.model.counts, {topic.name: topic.count for topic in writer.topics}
-
-    def _left_out(self, bag: Bag, source: str) -> set[str]:
-        """Return the names of topics that are not copied."""
-        left_out = {resolved(name.strip()) for name in self.without if name}
-        have = {resolved(topic.name) for topic in bag.topics}
-        if bag.path != self.source:  # a dataset's biases are those of the readings before
-            left_out |= {resolved(name) for name in self.added} & have - {source}
-        if left_out - have:
-            raise InputError(
-                [unknown("topic", name, sorted(have)) for name in sorted(left_out - have)]
-            )
-        return left_out
-
-    def _writer(self, target: Path) -> Writer:
-        if self.form.dataset:
-            return open_writer(target)
-        writer = open_writer(target, *self.form.bag)
-        self.written.describe(self.path, lambda: described(writer.topics))
-        return writer
-
-    def _text(self, staged: Path, folder: Path, form: str) -> tuple[Counts, dict[str, int]]:
-        """Convert a dataset with all that it has, and replace the readings."""
-        self._convert(self.source, staged)
-        model: GivenImu | None = None
-        target = folder / ("noisy.csv" if staged.is_file() else "noisy")
-        with Dataset(target, form) as dataset:
-            for t_ns, gyro, accel in text_reader.imu_blocks(self.source, None, self._uncounted):
-                if model is None:
-                    parameters = with_rate(self.layers, functools.partial(rate_of, t_ns))
-                    model = GivenImu(parameters, remark=self.journal.warn)
-                for begin in range(0, len(t_ns), ROWS_AT_ONCE):
-                    rows = slice(begin, begin + ROWS_AT_ONCE)
-                    for samples in model.read(GivenReadings(t_ns[rows], gyro[rows], accel[rows])):
-                        dataset.write_imu(*delivered(samples[IMU]))
-        if model is None:
-            raise InputError(f"{self.source}: contains no readings")
-        if staged.is_file():
-            shutil.move(target, staged)
+    added = USUAL if dataset else list(dict.fromkeys(names)) or USUAL
+    target = written.add(path, kept=True)
+    with written.staged(), tempfile.TemporaryDirectory(dir=target.path.parent) as made:
+        folder, is_text = Path(made), text_reader.is_text(given)
+        if is_text:
+            with_rate(layers, lambda: _rate_of(given, journal))  # refused before work begins
+        if is_text and dataset:
+            found, messages = _dataset_to_dataset(given, target, folder, dataset, layers, journal)
         else:
-            shutil.move(target / "imu0" / "data.csv", staged / "imu0" / "data.csv")
-        return model.counts, {resolved(IMU_TOPIC): dataset.imu.rows if dataset.imu else 0}
+            ideal, noisy = given, folder / "noisy.mcap" if dataset else target.path
+            if is_text:
+                ideal = folder / "between.mcap"
+                convert.write(given, ideal, Form(), Outputs([given]), journal, shown=False)
+            with open_bag(ideal) as bag:
+                readings = source_of(bag, None if is_text else topic)
+                built = with_rate(layers, lambda: rate_in(bag, readings))
+                if "imu/data" in added and (problems := list(orientation_problems(built.imu))):
+                    raise InputError(problems)
+                have = {resolved(one.name) for one in bag.topics}
+                if is_text:  # a dataset's biases are those of the readings before
+                    left_out |= {resolved(name) for name in added} & have - {readings.name}
+                if left_out - have:
+                    raise InputError(
+                        [unknown("topic", name, sorted(have)) for name in sorted(left_out - have)]
+                    )
+                copied = [one for one in bag.topics if resolved(one.name) not in left_out]
+                if dataset:
+                    copied = [one for one in copied if one.type != readings.type]
+                new, renamed = names_in(bag, readings, copied, added, dict(form.renamed))
+                errors = BagErrors(bag, readings, built, new, journal.warn)
+                total = sum(one.count for one in {*copied, readings})
+                with (
+                    open_writer(noisy, *form.bag) as writer,
+                    progress(f"writing {path}", lambda: total) as advance,
+                ):
+                    if not dataset:
+                        target.described = lambda: described(writer.topics)
+                    warned = journal.passed_on or _unsaid
+                    errors.write(writer, copied, renamed, advance, journal.skipped, warned)
+                found = errors.model.counts
+                messages = {one.name: one.count for one in writer.topics}
+            if dataset:
+                convert.write(
+                    noisy, target.path, Form(dataset), Outputs([noisy]), journal, shown=False
+                )
+    wall_s = time.perf_counter() - started
+    return ErrorsAdded(path, messages, found, wall_s, tuple(journal.lines))
 
 
-def _say_nothing(_: object) -> None:
-    """Say nothing: what is left out of the errors is said once."""
+def _dataset_to_dataset(
+    source: Path,
+    target: Target,
+    folder: Path,
+    form: str,
+    layers: Mapping[str, object],
+    journal: Journal,
+) -> tuple[Counts, dict[str, int]]:
+    """Convert a dataset with all that it has, and replace the readings.
+
+    :param folder: an empty one for what lies in between.
+    :returns: what happened to the readings, and the rows by topic.
+    """
+    staged = target.path
+    convert.write(source, staged, Form(form), Outputs([source]), journal, shown=False)
+    model: GivenImu | None = None
+    noisy = folder / ("noisy.csv" if staged.is_file() else "noisy")
+    with Dataset(noisy, form) as dataset:
+        for t_ns, gyro, accel in text_reader.imu_blocks(source, None, _skips(journal)):
+            if model is None:
+                model = GivenImu(with_rate(layers, partial(rate_of, t_ns)), remark=journal.warn)
+            for begin in range(0, len(t_ns), ROWS_AT_ONCE):
+                rows = slice(begin, begin + ROWS_AT_ONCE)
+                for samples in model.read(GivenReadings(t_ns[rows], gyro[rows], accel[rows])):
+                    dataset.write_imu(*delivered(samples[IMU]))
+    if model is None:
+        raise InputError(f"{source}: contains no readings")
+    if staged.is_file():
+        shutil.move(noisy, staged)
+    else:
+        shutil.move(noisy / "imu0" / "data.csv", staged / "imu0" / "data.csv")
+    return model.counts, {resolved(IMU_TOPIC): dataset.imu.rows if dataset.imu else 0}
+
+
+def _rate_of(source: Path, journal: Journal) -> float:
+    """Return the readings per second of a dataset [Hz]."""
+    for t_ns, _, _ in text_reader.imu_blocks(source, None, _skips(journal)):
+        return rate_of(t_ns)
+    raise InputError(f"{source}: contains no readings")
+
+
+def _skips(journal: Journal) -> Skipped | None:
+    """Return what receives skipped rows, which are counted elsewhere; None: they are errors."""
+    return journal.skipped and _unsaid
+
+
+def _unsaid(_: object) -> None:
+    """Say nothing: what is wrong with rows and messages is said once, elsewhere."""

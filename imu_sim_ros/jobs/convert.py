@@ -22,7 +22,7 @@ from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, POSE_STAMPED
 from imu_sim_ros.bags.messages.encode_cameras import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
-from imu_sim_ros.bags.outputs import Outputs
+from imu_sim_ros.bags.outputs import Outputs, Target
 from imu_sim_ros.bags.read import open_bag, read_poses
 from imu_sim_ros.bags.reader import Bag
 from imu_sim_ros.bags.text import reader as text_reader
@@ -183,8 +183,8 @@ def write(
         )
     if dataset and images not in (None, "none"):
         raise InputError(f"images {images}: does not apply to {dataset}; only none does")
-    written.add(path, kept=True)
-    output = _Output(path, form, written, shown, f"converted from {source.name} by imu_sim_ros")
+    target = written.add(path, kept=True)
+    output = _Output(target, form, shown, f"converted from {source.name} by imu_sim_ros")
     with written.staged():
         if not is_text:
             return _from_bag(source, output, journal, recover)
@@ -201,19 +201,12 @@ def write(
 class _Output:
     """What is written, and how."""
 
-    path: Path
-    """Its name in the end."""
+    target: Target
     form: Form
-    written: Outputs
     shown: bool
     """Whether progress is."""
     comment: str
     """At the head of descriptions."""
-
-    @property
-    def staged(self) -> Path:
-        """Where it is written."""
-        return self.written.where(self.path)
 
     @property
     def renamed(self) -> dict[str, str]:
@@ -227,12 +220,12 @@ class _Output:
         """
         if not self.shown:
             return contextlib.nullcontext(lambda count: None)
-        return progress(f"writing {self.path}", lambda: total)
+        return progress(f"writing {self.target.final}", lambda: total)
 
     def bag(self) -> Writer:
         """Open a bag."""
-        writer = open_writer(self.staged, *self.form.bag)
-        self.written.describe(self.path, lambda: described(writer.topics))
+        writer = open_writer(self.target.path, *self.form.bag)
+        self.target.described = lambda: described(writer.topics)
         return writer
 
     def dataset(self, states: bool, tables: Collection[str]) -> Dataset:
@@ -243,12 +236,12 @@ class _Output:
         """
         known = known_tables()
         dataset = Dataset(
-            self.staged,
+            self.target.path,
             str(self.form.dataset),
             states,
             tables=[(known[kind], 0) for kind in tables],
         )
-        self.written.describe(self.path, lambda: amount(dataset.rows, dataset.last_ns, "rows"))
+        self.target.described = lambda: amount(dataset.rows, dataset.last_ns, "rows")
         return dataset
 
     def converted(
@@ -259,7 +252,9 @@ class _Output:
         :param last_ns: the last stamp; -1: there is none.
         """
         last = last_ns if last_ns >= 0 else None
-        return Converted(self.path, messages, False, last, not_converted=tuple(not_converted))
+        return Converted(
+            self.target.final, messages, False, last, not_converted=tuple(not_converted)
+        )
 
 
 def _from_bag(source: Path, output: _Output, journal: Journal, recover: bool) -> Converted:
@@ -321,7 +316,7 @@ def _without_table(
     if streams.TRUTH in converted and output.form.dataset == "euroc":
         converted |= {streams.GYRO_BIAS, streams.ACCEL_BIAS}  # columns of the states
     # What describes cameras is in a folder's files.
-    seen = {CAMERA_INFO, TF_MESSAGE} if output.staged.is_dir() else set()
+    seen = {CAMERA_INFO, TF_MESSAGE} if output.target.path.is_dir() else set()
     return [t.name for t in topics if t.count and t.name not in converted and t.type not in seen]
 
 
@@ -358,7 +353,7 @@ def _bag_to_dataset(
         if named is None:
             journal.remark(f"{bag.path}: {truth} becomes the truth of the dataset")
         chosen[ODOMETRY] = truth
-    one_table = output.staged.suffix.lower() == ".csv"
+    one_table = output.target.path.suffix.lower() == ".csv"
     tables = {} if one_table else sensor_tables.tables_of(topics, readings.name, known_tables())
     names = {kind: topic.name for kind, topic in tables.items()}
     total = readings.count + sum(topic.count for topic in [*truths, *tables.values()])
@@ -389,14 +384,16 @@ def _bag_to_dataset(
 def _images(bag: Bag, topics: Sequence[TopicInfo], output: _Output) -> RecordedImages | None:
     """Return the images of the topics, if there are some and the dataset is a folder."""
     kinds = {topic.type for topic in topics}
-    if not kinds & {IMAGE, COMPRESSED_IMAGE} or not output.staged.is_dir():
+    if not kinds & {IMAGE, COMPRESSED_IMAGE} or not output.target.path.is_dir():
         return None
     from imu_sim_ros.datasets.recorded_bag import (  # they need OpenCV
         RecordedImages,
         recorded_cameras,
     )
 
-    return RecordedImages(bag, recorded_cameras(topics), output.staged, str(output.form.dataset))
+    return RecordedImages(
+        bag, recorded_cameras(topics), output.target.path, str(output.form.dataset)
+    )
 
 
 def _poses(
@@ -417,7 +414,7 @@ def _to_tum(poses: PoseSequence, output: _Output, name: str) -> Counts:
     :param name: of the topic that they were.
     """
     none = np.zeros((len(poses.t_ns), 3))
-    with Dataset(output.staged, "tum") as dataset:
+    with Dataset(output.target.path, "tum") as dataset:
         dataset.write_states(text_writer.BodyStates(*poses[:3], none, none, none))
     return {name: len(poses.t_ns)}, int(max(poses.t_ns, default=-1))
 
@@ -448,7 +445,7 @@ def _text_to_dataset(
     poses = None if states else text_reader.pose_file(source)
     # Tables have states, with velocities.
     lost = [] if poses is None else [str(poses.relative_to(source))]
-    one_table = output.staged.suffix.lower() == ".csv"
+    one_table = output.target.path.suffix.lower() == ".csv"
     tables = {} if one_table else text_reader.table_names(source, known)
     names = {kind: name for name, kind in tables.items()}
     with (
@@ -459,9 +456,9 @@ def _text_to_dataset(
         chosen: dict[str, str | None] = {IMU: None, **({ODOMETRY: None} if states else {})}
         streams.to_dataset(source, dataset, chosen, advance, False, skipped, _described(names))
         seen = {}
-        if folder and output.staged.is_dir():
+        if folder and output.target.path.is_dir():
             form = str(output.form.dataset)
-            seen = folder.copy(output.staged, form, output.comment, advance)
+            seen = folder.copy(output.target.path, form, output.comment, advance)
     if output.form.dataset == "euroc":
         _describe(output, states, names)
     called = {kind: resolved(known[kind].topic) for kind in names}
@@ -488,11 +485,11 @@ def _describe(output: _Output, states: bool, tables: Collection[str]) -> None:
     def rate(name: str, table: Table | None = None) -> float:
         first = np.empty(0, np.int64)
         with contextlib.suppress(InputError):  # no usable row
-            first = next(sensor_tables.stamps(output.staged, name, table), first)
+            first = next(sensor_tables.stamps(output.target.path, name, table), first)
         period = float(np.median(np.diff(first))) if len(first) > 1 else 0.0
         return round(1e9 / period, 3) if period else 0.0
 
-    folder, comment = output.staged, output.comment
+    folder, comment = output.target.path, output.comment
     pose = np.eye(3), np.zeros(3)
     text_writer.write_euroc_descriptions(folder, rate("imu0"), {}, *pose, comment, states)
     for kind in tables:

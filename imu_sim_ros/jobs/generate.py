@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import glob
-import itertools
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, nullcontext
@@ -252,18 +251,16 @@ def generate(
     inputs = [*parameter_files(params_file), *values.values(), *folders]
     written = outputs(force, discard_partial, inputs)
     started = time.perf_counter()
-    written.add(path, kept=True)
+    whole = written.add(path, kept=True)
     if with_configs:
-        written.add(truth_files.configs(path), companion_of=path)
+        configs = written.add(truth_files.configs(path), companion_of=whole).path
     of_sensors: dict[str, list[Path]] = {}
     truths: dict[Path, str] = {}
     if dataset not in _WITHOUT_READINGS and not path.parent.is_file():  # one line will do
-        of_sensors = truth_files.companions(path, sensors)
-        truths = truth_files.new_truths(path, built)
-        for truth in truths:
-            written.add(truth, companion_of=path, kept=True)
-        for file in itertools.chain.from_iterable(of_sensors.values()):
-            written.add(file, companion_of=path)
+        for file, text in truth_files.new_truths(path, built).items():
+            truths[written.add(file, companion_of=whole, kept=True).path] = text
+        for name, own in truth_files.companions(path, sensors).items():
+            of_sensors[name] = [written.add(file, companion_of=whole).path for file in own]
     wanted = {known[name].name for name in names} | of_sensors.keys() | {POSE}
     wanted |= {name for name, one in sensors.items() if dataset in one.sensor.datasets}
 
@@ -277,7 +274,7 @@ def generate(
     long = any(one.sensor.apart for one in sensors.values())
     with written.staged(), threads(renderers) if long else nullcontext() as pool:
         for truth, text in truths.items():
-            written.where(truth).write_text(text, encoding="utf-8")
+            truth.write_text(text, encoding="utf-8")
         moving = build_trajectory(built.trajectory, pose_reader, motion.given)
         body = Body(built, trajectory=moving, sensors=wanted, threads=pool)
         if body.total is None:
@@ -291,7 +288,7 @@ def generate(
         with (
             opened(
                 dataset,
-                written.where(path),
+                whole.path,
                 names,
                 sensors,
                 body.world,
@@ -303,13 +300,13 @@ def generate(
             progress(f"writing {path}", lambda: body.total or 0) as advance,
             closing(prefetch(body.windows(BLOCK_SIZE))) as windows,
         ):
-            written.describe(path, target.described)
+            whole.described = target.described
             companions: dict[str, Companion] = {}
             for name, files_of_one in of_sensors.items():
                 one = sensors[name]
                 assert one.sensor.companions is not None
                 made = one.sensor.companions.open(
-                    one.own, one.environment, body.t0_ns, [written.where(f) for f in files_of_one]
+                    one.own, one.environment, body.t0_ns, files_of_one
                 )
                 companions[name] = stack.enter_context(closing(made))
             samples, every = 0, imus_in(body.sensors)
@@ -321,9 +318,8 @@ def generate(
                 samples += sum(lengths)
                 advance(max(lengths))
         if with_configs:
-            folder = written.where(truth_files.configs(path))
-            _write_configs(folder, path.name, body, names, format, journal)
-        size = _size(written.where(path))
+            _write_configs(configs, path.name, body, names, format, journal)
+        size = _size(whole.path)
     wall_s = time.perf_counter() - started
     lines, notes = tuple(journal.lines), tuple(journal.notes)
     return Generated(path, target.counts, samples, size, wall_s, lines, notes)

@@ -267,9 +267,9 @@ def saved(path: str | Path, force: bool, inputs: Iterable[object] = ()) -> Itera
     """
     arguments.switch("force", force)
     written = Outputs([word for word in inputs if is_file(word)], force)
-    staged = written.add(arguments.path("path", path, _OUTPUT_PATH))
+    target = written.add(arguments.path("path", path, _OUTPUT_PATH))
     with written.staged():
-        yield staged
+        yield target.path
 
 
 def is_file(word: object) -> TypeGuard[str | Path]:

@@ -22,7 +22,7 @@ def _here(tmp_path, monkeypatch):
 
 def test_an_output_has_its_name_only_when_it_is_whole(tmp_path):
     outputs = Outputs()
-    table = outputs.add(tmp_path / "new" / "folder" / "table.csv")
+    table = outputs.add(tmp_path / "new" / "folder" / "table.csv").path
     with outputs.staged():
         table.write_text("half")
         assert not (tmp_path / "new/folder/table.csv").exists()
@@ -48,7 +48,7 @@ def end_in_an_empty_folder(outputs: Outputs, folder: Path) -> None:
 
 def test_an_error_leaves_nothing_not_even_parents(tmp_path):
     outputs = Outputs()
-    table, picture = outputs.add("a/b/table.csv"), outputs.add("picture.png")
+    table, picture = outputs.add("a/b/table.csv").path, outputs.add("picture.png").path
     full = system_error(table, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
     with pytest.raises(MachineError, match=r"^a/b/table\.csv: No space left"):
         end_with(full, outputs, {table: "half", picture: "torn"})
@@ -78,7 +78,7 @@ def test_force_replaces_files_links_and_folders_of_outputs(tmp_path):
     (tmp_path / "bag").mkdir()
     (tmp_path / "bag" / "old.mcap").write_text("old")
     outputs = Outputs(force=True)
-    paths = [outputs.add(name) for name in ("a.csv", "link.csv", "bag")]
+    paths = [outputs.add(name).path for name in ("a.csv", "link.csv", "bag")]
     with outputs.staged():
         paths[0].write_text("new")
         paths[1].write_text("new")
@@ -161,10 +161,12 @@ def test_parts_of_a_split_output_are_refused_as_well(tmp_path):
 def test_an_interrupted_run_keeps_what_is_whole_as_a_part(tmp_path, discard):
     for count in range(2):
         outputs = Outputs(discard_partial=discard)
-        bag, side = outputs.add("x.mcap", kept=True), outputs.add("x_truth.yaml")
-        outputs.describe("x.mcap", lambda: "12 messages up to stamp 1.2 s")
+        bag, side = outputs.add("x.mcap", kept=True), outputs.add("x_truth.yaml").path
+        bag.described = lambda: "12 messages up to stamp 1.2 s"
         with pytest.raises(KeyboardInterrupt) as stopped:
-            end_with(KeyboardInterrupt(), outputs, {bag: f"whole so far {count}", side: "torn"})
+            end_with(
+                KeyboardInterrupt(), outputs, {bag.path: f"whole so far {count}", side: "torn"}
+            )
         number = "" if count == 0 else "2"
         line = f"x.partial{number}.mcap: 12 messages up to stamp 1.2 s"
         assert stopped.value.args == (() if discard else (line,))
@@ -176,7 +178,7 @@ def test_companions_are_written_with_their_output_and_no_part_of_it(tmp_path):
     def outputs() -> tuple[Outputs, list]:
         made = Outputs()
         bag = made.add("bag", kept=True)
-        return made, [bag, made.add("bag_truth.yaml", companion_of="bag")]
+        return made, [bag.path, made.add("bag_truth.yaml", companion_of=bag).path]
 
     run, (bag, truth) = outputs()
     with run.staged():
@@ -200,13 +202,13 @@ def test_companions_are_written_with_their_output_and_no_part_of_it(tmp_path):
 
 def test_two_runs_at_once_do_not_mix(tmp_path):
     first, second = Outputs(), Outputs(force=True)
-    first.add("x.mcap")
+    path = first.add("x.mcap").path
     second.add("x.mcap")
     with first.staged():
         # flock tells open files apart, so that this process stands for two
         with pytest.raises(InputError, match="another program is writing"), second.staged():
             pytest.fail("the work began")
-        first.where("x.mcap").write_text("whole")
+        path.write_text("whole")
     assert (tmp_path / "x.mcap").read_text() == "whole"
 
 
@@ -215,7 +217,7 @@ def test_what_a_killed_run_left_is_told_and_replaced_with_force(tmp_path):
     (tmp_path / "x.mcap.active" / "x.mcap.active").write_text("half")
     for force in (False, True):
         outputs = Outputs(force=force)
-        path = outputs.add("x.mcap")
+        path = outputs.add("x.mcap").path
         if not force:
             with pytest.raises(InputError, match="recover or delete"), outputs.staged():
                 pytest.fail("the work began")
@@ -245,7 +247,7 @@ def test_errors_of_the_machine_end_with_status_1():
 
 def test_the_parts_of_a_split_output_are_one_line():
     outputs = Outputs()
-    bag = outputs.add("x.mcap", kept=True)
+    bag = outputs.add("x.mcap", kept=True).path
     parts = {bag.with_name(f"x_{k}.mcap"): "" for k in range(100)}
     with pytest.raises(KeyboardInterrupt) as stopped:
         end_with(KeyboardInterrupt(), outputs, parts)
