@@ -71,10 +71,6 @@ class NavigationStates(NamedTuple):
         return NavigationState._make((self.position[k], self.velocity[k], self.q_wb[k]))
 
 
-AT_REST = NavigationState(np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-"""At the origin, level, not moving."""
-
-
 @dataclass(frozen=True)
 class Correction:
     """Known errors of an IMU; the defaults correct nothing."""

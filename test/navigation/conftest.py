@@ -14,6 +14,7 @@ from imu_sim_ros.navigation.state import NavigationState, NavigationStates
 from imu_sim_ros.timebase import sample_times_ns
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
+AT_REST = NavigationState(np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 
 
 class Record(NamedTuple):

@@ -19,9 +19,11 @@ from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, VELOCITY, prop
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.evaluation import anees_band, nees
 from imu_sim_ros.navigation.preintegration import StepReadings, preintegrate
-from imu_sim_ros.navigation.state import AT_REST, NavigationStates
+from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
+
+from .conftest import AT_REST
 
 RUNS = 150
 BAND = 0.999

@@ -18,8 +18,10 @@ from imu_sim_ros.navigation.covariance import (
 )
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.initialisation import after_rest
-from imu_sim_ros.navigation.state import AT_REST, NavigationState
+from imu_sim_ros.navigation.state import NavigationState
 from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
+
+from .conftest import AT_REST
 
 SILENT = TriadsParameters()
 AXES = np.array([1.0, 2.0, 3.0])

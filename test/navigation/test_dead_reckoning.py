@@ -12,8 +12,10 @@ from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.navigation import dead_reckoning
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.parameters import ATTITUDE_UPDATES, METHODS
-from imu_sim_ros.navigation.state import AT_REST, Correction, NavigationState
+from imu_sim_ros.navigation.state import Correction, NavigationState
 from imu_sim_ros.navigation.stepper import Stepper
+
+from .conftest import AT_REST
 
 WAYS = list(itertools.product(METHODS, ATTITUDE_UPDATES))
 CORRECTION = Correction(

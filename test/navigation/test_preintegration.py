@@ -19,8 +19,9 @@ from imu_sim_ros.navigation.preintegration import (
     corrected,
     preintegrate,
 )
-from imu_sim_ros.navigation.state import AT_REST
 from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
+
+from .conftest import AT_REST
 
 ADIS16448 = TriadsParameters(
     TriadParameters(noise_density=np.full(3, 1.6968e-4), random_walk=np.full(3, 1.9393e-5)),

@@ -7,8 +7,10 @@ import pytest
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.navigation.state import AT_REST, Correction, NavigationState
+from imu_sim_ros.navigation.state import Correction, NavigationState
 from imu_sim_ros.navigation.stepper import Stepper
+
+from .conftest import AT_REST
 
 LEVEL = (0.0, 0.0, 9.81)
 STILL = (0.0, 0.0, 0.0)

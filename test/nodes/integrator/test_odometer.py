@@ -10,7 +10,7 @@ from imu_sim_ros import rotation
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
-from imu_sim_ros.navigation.state import AT_REST
+from imu_sim_ros.navigation.state import NavigationState
 from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator, Row
 from imu_sim_ros.nodes.messages import ImuReading, OdometryFields
 from imu_sim_ros.parameters.sections import build
@@ -63,7 +63,7 @@ def test_every_method_gives_what_dead_reckoning_of_the_record_gives(method, atti
         np.array([r.t_ns for r in stream]),
         np.array([r.gyro for r in stream]),
         np.array([r.accel for r in stream]),
-        AT_REST,
+        NavigationState((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)),
         method,
         attitude,
     )
