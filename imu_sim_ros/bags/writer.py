@@ -165,40 +165,38 @@ class Writer(ABC):
             self.stop()
 
 
-class OfBag(NamedTuple):
-    """What applies to bags only: the arguments of :func:`open_writer` behind the path."""
+class BagOptions(NamedTuple):
+    """How a bag is written."""
 
     storage: str | None = None
+    """mcap, sqlite3 or ros1; None: the one that the name implies."""
     compression: str | None = None
+    """none, lz4 or zstd for mcap, none, lz4 or bz2 for ros1; None: none."""
     split_duration: float = 0.0
+    """Length of one file [s]; 0 for a single file."""
     split_size: int = 0
+    """Bytes after which a new file begins; 0: never."""
 
 
-def open_writer(
-    path: str | Path,
-    storage: str | None = None,
-    compression: str | None = None,
-    split_duration: float = 0.0,
-    split_size: int = 0,
-) -> Writer:
+AS_NAMED: Final = BagOptions()
+"""As the name implies: one file, not compressed."""
+
+
+def open_writer(path: str | Path, options: BagOptions = AS_NAMED) -> Writer:
     """Open a bag that does not exist yet.
 
     ``NAME.bag`` is a ROS 1 bag, ``NAME.mcap`` one MCAP file, any other name a rosbag2 folder. While
     a single file is written its name ends in ``.active``; a folder gets its metadata.yaml last.
     When single files are split they are named ``NAME_0.bag``, ``NAME_1.bag`` and so on.
 
-    :param storage: mcap, sqlite3 or ros1; by default the one that the name implies.
-    :param compression: none, lz4 or zstd for mcap, none, lz4 or bz2 for ros1; default none.
-    :param split_duration: length of one file [s]; 0 for a single file.
-    :param split_size: bytes after which a new file begins; 0: never.
     :raises InputError: for a place or an option that cannot be used.
     """
     from imu_sim_ros.bags.split import PartsWriter, Rosbag2Writer
 
     path = Path(path)
-    container, compressed = check_writer(path, storage, compression)
+    container, compressed = check_writer(path, options.storage, options.compression)
     single = container == "ros1" or path.suffix == ".mcap"
-    split_ns = round(split_duration * 1e9)
+    split_ns, split_size = round(options.split_duration * 1e9), options.split_size
 
     def open_file(file: Path) -> Writer:
         if container == "ros1":

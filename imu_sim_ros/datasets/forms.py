@@ -17,7 +17,16 @@ import numpy as np
 from imu_sim_ros.bags.messages.schemas import LATCHED
 from imu_sim_ros.bags.text.writer import FORMATS as TEXT_FORMATS
 from imu_sim_ros.bags.text.writer import WITH_TABLES, BodyStates, Dataset
-from imu_sim_ros.bags.writer import BagTopic, Block, OfBag, Writer, amount, described, open_writer
+from imu_sim_ros.bags.writer import (
+    AS_NAMED,
+    BagOptions,
+    BagTopic,
+    Block,
+    Writer,
+    amount,
+    described,
+    open_writer,
+)
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.tables import Table
@@ -293,7 +302,7 @@ def opened(
     world: World | None = None,
     jobs: int = 1,
     warn: Warn = lambda line: None,
-    bag: OfBag | None = None,
+    bag: BagOptions = AS_NAMED,
 ) -> Iterator[OpenOutput]:
     """Open an output for windows of samples; it is complete when the block ends without an error.
 
@@ -304,7 +313,7 @@ def opened(
     :param jobs: number of these threads.
     """
     if form is None:
-        with open_writer(output, *(bag or OfBag())) as writer:
+        with open_writer(output, bag) as writer:
             messages = BagTarget(writer, sensors, names)
             yield messages
             messages.finish()

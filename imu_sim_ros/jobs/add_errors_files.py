@@ -19,7 +19,7 @@ from imu_sim_ros.bags.outputs import Outputs, Target
 from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.writer import Dataset
-from imu_sim_ros.bags.writer import OfBag, described, open_writer
+from imu_sim_ros.bags.writer import BagOptions, described, open_writer
 from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import Skipped
@@ -152,8 +152,8 @@ def add_errors_to_file(
     <ErrorsAdded n.bag: 400 /imu/data_raw, 400 /ground_truth/imu>
     """
     given = arguments.path("source", source)
-    of_bag = OfBag(storage, compression, split_duration, split_size)
-    path, form = checked_form(FORMATS, output, format, of_bag, topics, rename)
+    options = BagOptions(storage, compression, split_duration, split_size)
+    path, form = checked_form(FORMATS, output, format, options, topics, rename)
     dataset = form.dataset
     if dataset not in (None, *FORMATS):
         raise InputError(f"{path}: {dataset} has no readings")
@@ -200,7 +200,7 @@ def add_errors_to_file(
                 errors = BagErrors(bag, readings, built, new, journal.warn)
                 total = sum(one.count for one in {*copied, readings})
                 with (
-                    open_writer(noisy, *form.bag) as writer,
+                    open_writer(noisy, form.bag) as writer,
                     progress(f"writing {path}", lambda: total) as advance,
                 ):
                     if not dataset:

@@ -28,7 +28,7 @@ from imu_sim_ros.bags.reader import Bag
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.bags.text.writer import Dataset
-from imu_sim_ros.bags.writer import OfBag, Writer, amount, described, open_writer
+from imu_sim_ros.bags.writer import BagOptions, Writer, amount, described, open_writer
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.inputs.tables import Table
@@ -148,7 +148,7 @@ def convert(
     <Converted whole.bag: 400 /imu/data_raw, 400 /ground_truth/odom>
     """
     path = arguments.path("source", source)
-    bag = OfBag(storage, compression, split_duration, split_size)
+    bag = BagOptions(storage, compression, split_duration, split_size)
     target, form = checked_form(text_writer.FORMATS, output, format, bag, topics, rename)
     written = outputs(force, discard_partial, [path])
     if images is not None:
@@ -224,7 +224,7 @@ class _Output:
 
     def bag(self) -> Writer:
         """Open a bag."""
-        writer = open_writer(self.target.path, *self.form.bag)
+        writer = open_writer(self.target.path, self.form.bag)
         self.target.described = lambda: described(writer.topics)
         return writer
 

@@ -15,7 +15,7 @@ from typing import Annotated, Any, Final
 
 from imu_sim_ros import arguments
 from imu_sim_ros.bags.threads import cores, prefetch, threads
-from imu_sim_ros.bags.writer import OfBag, check_split
+from imu_sim_ros.bags.writer import BagOptions, check_split
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.datasets import truth_files
 from imu_sim_ros.datasets.forms import (
@@ -216,7 +216,7 @@ def generate(
     >>> ims.generate(folder / "made.mcap", imu="mpu6000", duration=2, seed=1)
     <Generated made.mcap: 400 /imu/data_raw, 400 /ground_truth/odom>
     """
-    bag = OfBag(storage, compression, split_duration, split_size)
+    bag = BagOptions(storage, compression, split_duration, split_size)
     path, form = checked_form(FORMATS, output, format, bag, topics, rename)
     arguments.switch("imu_only", imu_only)
     arguments.switch("with_configs", with_configs)

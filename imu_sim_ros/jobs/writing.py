@@ -13,7 +13,14 @@ from typing import Annotated, Any, Final, TypeGuard
 from imu_sim_ros import arguments
 from imu_sim_ros.bags.outputs import Outputs
 from imu_sim_ros.bags.text.writer import DATASET_SUFFIXES
-from imu_sim_ros.bags.writer import COMPRESSED, COMPRESSIONS, STORAGES, OfBag, check_writer
+from imu_sim_ros.bags.writer import (
+    AS_NAMED,
+    COMPRESSED,
+    COMPRESSIONS,
+    STORAGES,
+    BagOptions,
+    check_writer,
+)
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
 from imu_sim_ros.progress import watcher
@@ -118,7 +125,7 @@ class Form:
 
     dataset: str | None = None
     """``euroc``, ``csv``, ``tum``, ...; None: a bag."""
-    bag: OfBag = OfBag()
+    bag: BagOptions = AS_NAMED
     topics: Sequence[str] = ()
     """Those that are written; empty: the usual ones."""
     renamed: Mapping[str, str] = field(default_factory=dict)
@@ -129,7 +136,7 @@ def checked_form(
     formats: Collection[str],
     output: str | Path,
     format: str | None,
-    given: OfBag,
+    given: BagOptions,
     topics: str | Sequence[str],
     rename: Mapping[str, str] | None,
 ) -> tuple[Path, Form]:

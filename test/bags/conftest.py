@@ -18,7 +18,7 @@ from imu_sim_ros.bags.messages.encode import (
     TemperatureEncoder,
     Vector3StampedEncoder,
 )
-from imu_sim_ros.bags.writer import Block, open_writer
+from imu_sim_ros.bags.writer import BagOptions, Block, open_writer
 
 COUNT = 9000
 FORMS = {
@@ -85,7 +85,7 @@ def bags(tmp_path_factory, content) -> dict[str, Path]:
     """One bag of each form, by name."""
     folder = tmp_path_factory.mktemp("bags")
     for name, (storage, compression) in FORMS.items():
-        with open_writer(folder / name, storage, compression) as writer:
+        with open_writer(folder / name, BagOptions(storage, compression)) as writer:
             content.write(writer)
     return {name: folder / name for name in FORMS}
 

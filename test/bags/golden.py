@@ -10,7 +10,7 @@ import numpy as np
 
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
 from imu_sim_ros.bags.text.writer import BodyStates, Dataset
-from imu_sim_ros.bags.writer import Block, open_writer
+from imu_sim_ros.bags.writer import BagOptions, Block, open_writer
 
 COUNT = 12
 K = np.arange(COUNT)
@@ -32,7 +32,7 @@ FORMS = {
 
 def write_bag(path: Path, storage: str, compression: str) -> None:
     """Write the golden content into a bag."""
-    with open_writer(path, storage, compression) as writer:
+    with open_writer(path, BagOptions(storage, compression)) as writer:
         # The files are older than the counting of header.seq: it stays the 0 of the payloads.
         imu = writer.add_topic("/imu/data_raw", IMU, keeps_seq=True)
         truth = writer.add_topic("/ground_truth/odom", ODOMETRY, keeps_seq=True)

@@ -23,7 +23,7 @@ from imu_sim_ros.bags.messages.encode import (
 )
 from imu_sim_ros.bags.messages.schemas import Qos
 from imu_sim_ros.bags.read import open_bag, read_imu
-from imu_sim_ros.bags.writer import Block, open_writer
+from imu_sim_ros.bags.writer import BagOptions, Block, open_writer
 from imu_sim_ros.errors import InputError
 
 ROS1_PYTHON = Path("/usr/bin/python3")
@@ -111,7 +111,7 @@ def test_mcap_doctor_finds_nothing(tmp_path, content, name):
     doctor = Path(sys.executable).with_name("pymcap-cli")
     if not doctor.exists():
         pytest.skip("pymcap-cli is not installed in this environment")
-    with open_writer(tmp_path / name, "mcap", name.removesuffix(".mcap")) as writer:
+    with open_writer(tmp_path / name, BagOptions("mcap", name.removesuffix(".mcap"))) as writer:
         type(content)(2400).write(writer)
     result = subprocess.run(
         [str(doctor), "doctor", str(tmp_path / name)], capture_output=True, text=True, check=False
@@ -190,9 +190,9 @@ def test_metadata_of_a_folder(bags, content):
 
 
 def test_splitting_by_time_and_size(tmp_path, content):
-    with open_writer(tmp_path / "time", split_duration=10.0) as writer:
+    with open_writer(tmp_path / "time", BagOptions(split_duration=10.0)) as writer:
         content.write(writer)
-    with open_writer(tmp_path / "size.bag", split_size=3_000_000) as writer:
+    with open_writer(tmp_path / "size.bag", BagOptions(split_size=3_000_000)) as writer:
         content.write(writer)
     parts = sorted((tmp_path / "time").glob("*.mcap"))
     # 9000 samples at 200 Hz are 45 s.
@@ -308,7 +308,7 @@ def test_places_and_options_that_cannot_be_used(tmp_path):
         ("x", {"storage": "paper"}, "must be one of mcap, sqlite3, ros1"),
     ):
         with pytest.raises(InputError, match=words):
-            open_writer(tmp_path / path, **options)
+            open_writer(tmp_path / path, BagOptions(**options))
     assert (tmp_path / "there.mcap").read_text() == "mine"
 
 
@@ -322,7 +322,7 @@ def test_a_topic_is_added_once(tmp_path):
 
 
 def _fail_with_a_topic(path, storage):
-    with open_writer(path, storage) as writer:
+    with open_writer(path, BagOptions(storage)) as writer:
         writer.add_topic("/imu", IMU)
         raise RuntimeError
 

@@ -12,7 +12,7 @@ import pytest
 import imu_sim_ros as ims
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
 from imu_sim_ros.bags.read import read_imu, read_odometry, read_poses
-from imu_sim_ros.bags.writer import open_writer
+from imu_sim_ros.bags.writer import BagOptions, open_writer
 from imu_sim_ros.commands import convert_bag, dead_reckon, evaluate, report
 from imu_sim_ros.errors import InputError
 
@@ -50,7 +50,7 @@ def write(path, spoilt=None, value=0.0, **options):
     }
     if spoilt:
         arrays[spoilt][BAD] = value
-    with open_writer(path, **options) as writer:
+    with open_writer(path, BagOptions(**options)) as writer:
         imu, odometry = (
             writer.add_topic("/imu/data_raw", IMU),
             writer.add_topic("/ground_truth/odom", ODOMETRY),

@@ -13,7 +13,7 @@ import pytest
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import open_bag, read_imu
 from imu_sim_ros.bags.reader import decompress, gather
-from imu_sim_ros.bags.writer import open_writer
+from imu_sim_ros.bags.writer import BagOptions, open_writer
 from imu_sim_ros.commands import convert_bag, dead_reckon, generate
 from imu_sim_ros.errors import InputError
 
@@ -95,7 +95,7 @@ def test_records_that_are_not_what_they_say(tmp_path, records, capsys):
     ],
 )
 def test_databases_that_are_none_of_rosbag2(tmp_path, statement, words, capsys):
-    with open_writer("bag", "sqlite3") as writer:
+    with open_writer("bag", BagOptions("sqlite3")) as writer:
         topic = writer.add_topic("/imu", IMU)
         t_ns = np.arange(1, 50) * 10**7
         rows = ImuEncoder("i", "cdr").encode(t_ns, np.ones((49, 3)), np.ones((49, 3)))
@@ -140,7 +140,7 @@ def test_devices_are_no_bags():
 def _write(name: str, t_s: np.ndarray, **options: object) -> list[int]:
     """Write readings at times [s]; return how many each part holds."""
     t_ns = np.round(t_s * 1e9).astype(np.int64)
-    with open_writer(name, **options) as writer:
+    with open_writer(name, BagOptions(**options)) as writer:
         topic = writer.add_topic("/imu", IMU)
         ones = np.ones((len(t_ns), 3))
         writer.write(topic, t_ns, ImuEncoder("i", writer.encoding).encode(t_ns, ones, ones))

@@ -13,7 +13,7 @@ import pytest
 
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import imu_blocks, open_bag
-from imu_sim_ros.bags.writer import open_writer
+from imu_sim_ros.bags.writer import BagOptions, open_writer
 from imu_sim_ros.errors import InputError
 
 CUTS = (0.3, 0.52, 0.77, 0.999)
@@ -121,8 +121,8 @@ WRITE_FOREVER = """
 import sys
 import numpy as np
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
-from imu_sim_ros.bags.writer import open_writer
-writer = open_writer(sys.argv[1], sys.argv[2])
+from imu_sim_ros.bags.writer import BagOptions, open_writer
+writer = open_writer(sys.argv[1], BagOptions(sys.argv[2]))
 encoder = ImuEncoder("imu_link", writer.encoding)
 topic = writer.add_topic("/imu/data_raw", IMU)
 k = 0
@@ -178,7 +178,7 @@ def test_what_a_killed_command_left_is_found(tmp_path):
 
 def test_durable_flush(tmp_path, content):
     for name, storage in (("x.mcap", "mcap"), ("y", "sqlite3"), ("x.bag", "ros1")):
-        with open_writer(tmp_path / name, storage) as writer:
+        with open_writer(tmp_path / name, BagOptions(storage)) as writer:
             topic = writer.add_topic("/imu/data_raw", IMU)
             row = ImuEncoder("i", writer.encoding).encode(
                 content.t_ns[:1], content.gyro[:1], content.accel[:1]

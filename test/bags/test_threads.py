@@ -12,7 +12,7 @@ from imu_sim_ros.bags.messages.blocks import side_by_side
 from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import read_imu
 from imu_sim_ros.bags.threads import Pipeline
-from imu_sim_ros.bags.writer import open_writer
+from imu_sim_ros.bags.writer import BagOptions, open_writer
 
 COUNT = 12_000  # four chunks
 
@@ -75,7 +75,7 @@ def _messages(encoding):
 )
 def test_what_is_interrupted_keeps_all_chunks_that_were_handed_over(tmp_path, name, compression):
     path = tmp_path / name
-    writer = open_writer(path, compression=compression)
+    writer = open_writer(path, BagOptions(compression=compression))
     topic = writer.add_topic("/imu", IMU)
     t_ns, gyro, messages = _messages(writer.encoding)
 
@@ -94,7 +94,7 @@ def test_what_is_interrupted_keeps_all_chunks_that_were_handed_over(tmp_path, na
 
 def test_a_topic_that_comes_late_stands_behind_the_chunks_before_it(tmp_path):
     path = tmp_path / "x.mcap"
-    with open_writer(path, compression="lz4") as writer:
+    with open_writer(path, BagOptions(compression="lz4")) as writer:
         t_ns, gyro, messages = _messages(writer.encoding)
         writer.write(writer.add_topic("/a", IMU), t_ns, messages)
         writer.write(writer.add_topic("/b", IMU), t_ns, messages)

@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from imu_sim_ros.bags.messages.encode import IMU
 from imu_sim_ros.bags.read import imu_blocks, open_bag
-from imu_sim_ros.bags.writer import Block, open_writer
+from imu_sim_ros.bags.writer import BagOptions, Block, open_writer
 from imu_sim_ros.commands import convert_bag, generate
 
 SETTINGS = {
@@ -349,7 +349,7 @@ def test_an_image_of_another_size_in_a_bag_is_refused(made, tmp_path, capsys, im
     for folder, bag in ((made, pair[1]), (small, pair[2])):
         assert run(folder, "-o", bag, "--images", images, "--quiet") == 0
     with (
-        open_writer(tmp_path / "both.mcap", "mcap") as writer,
+        open_writer(tmp_path / "both.mcap", BagOptions("mcap")) as writer,
         open_bag(pair[1]) as first,
         open_bag(pair[2]) as second,
     ):

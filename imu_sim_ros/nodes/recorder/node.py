@@ -17,7 +17,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from imu_sim_ros import program
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
-from imu_sim_ros.bags.writer import Writer, open_writer
+from imu_sim_ros.bags.writer import BagOptions, Writer, open_writer
 from imu_sim_ros.errors import ConfigurationError, InputError, MissingDependencyError
 from imu_sim_ros.json_text import as_json
 from imu_sim_ros.nodes import run, signals
@@ -96,13 +96,13 @@ class Recorder(ConfiguredNode[RecorderParameters]):
 
     def _open_bag(self) -> Writer:
         parameters = self.parameters
-        return open_writer(
-            self.output,
+        options = BagOptions(
             storage=parameters.form(),
             compression=parameters.compression,
             split_duration=parameters.split_duration,
             split_size=round(parameters.split_size * MEGABYTE),
         )
+        return open_writer(self.output, options)
 
     def _resolved(self, parameter: str, names: Sequence[str], problems: list[str]) -> list[str]:
         """Return the topics' names with their namespace; add a problem for each invalid one."""

@@ -9,7 +9,7 @@ from rosbags.rosbag1 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from imu_sim_ros.bags.messages.encode import CLOCK, IMU, ClockEncoder, ImuEncoder
-from imu_sim_ros.bags.writer import Block, open_writer
+from imu_sim_ros.bags.writer import BagOptions, Block, open_writer
 from imu_sim_ros.commands import convert_bag
 
 TYPES = get_typestore(Stores.ROS1_NOETIC)
@@ -43,7 +43,7 @@ def test_blocks_are_counted(bags, content, compression):
 
 
 def test_the_parts_of_a_split_bag_go_on_counting(tmp_path, content):
-    with open_writer(tmp_path / "split.bag", split_duration=10.0) as writer:
+    with open_writer(tmp_path / "split.bag", BagOptions(split_duration=10.0)) as writer:
         content.write(writer)
     parts = sorted(tmp_path.glob("*.bag"))
     assert len(parts) > 3
