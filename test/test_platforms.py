@@ -71,6 +71,8 @@ def run(folder: Path, *lines: str) -> None:
 
 
 def test_files_are_written_and_read_without_linux(tmp_path):
+    """Each kind, those of a drive with GNSS and wheels, and of a campaign."""
+    (tmp_path / "plan.yaml").write_text("parameters: {rate: 50.0, duration: 1.0}\nseeds: 2\n")
     run(
         tmp_path,
         "generate -o a.mcap --duration 3s --compression lz4 --quiet",
@@ -83,6 +85,9 @@ def test_files_are_written_and_read_without_linux(tmp_path):
         "generate -o rest.mcap --trajectory static --duration 60s --imu-only --quiet",
         "allan rest.mcap -o allan --skip-checks --quiet",
         "report a.mcap -o a.html --quiet",
+        "generate -o f.mcap --trajectory town --wheels husky_a200 --gnss zed_f9p --duration 2s "
+        "--quiet",
+        "campaign plan.yaml -o results --workers 1 --no-report --quiet",
     )
 
 
@@ -94,14 +99,6 @@ def test_images_are_written_and_read_without_linux(tmp_path):
         "convert_bag seen -o seen.mcap --images compressed --quiet",
         f"generate -o b --format euroc {SMALL} --scene corridor --trajectory tour "
         "--set trajectory.place=corridor --duration 0.1s --quiet",
-    )
-
-
-def test_a_drive_with_gnss_and_wheels_is_written_without_linux(tmp_path):
-    run(
-        tmp_path,
-        "generate -o a.mcap --trajectory town --wheels husky_a200 --gnss zed_f9p --duration 2s "
-        "--quiet",
     )
 
 
@@ -129,11 +126,6 @@ def test_every_name_that_only_linux_has_stands_behind_a_guard():
             assert f'hasattr(os, "{name}")' in text, f"{path}: os.{name}"
         assert "select.epoll" not in text, path
     assert used == {"fdatasync", "sched_getaffinity"}
-
-
-def test_a_campaign_runs_without_linux(tmp_path):
-    (tmp_path / "plan.yaml").write_text("parameters: {rate: 50.0, duration: 1.0}\nseeds: 2\n")
-    run(tmp_path, "campaign plan.yaml -o results --workers 1 --no-report --quiet")
 
 
 def test_a_program_is_run_and_killed_without_prctl(tmp_path, monkeypatch):

@@ -24,7 +24,8 @@ class Copy:
 
     def __init__(self, folder: Path) -> None:
         self.folder, self.touched = folder, set[str]()
-        ignored = shutil.ignore_patterns("__pycache__", "*.pyc")
+        # Compiled modules go along: those of changed files, whose dates differ, are made anew.
+        ignored = shutil.ignore_patterns("*.nbi", "*.nbc")
         for name in ("imu_sim_ros", "config"):
             shutil.copytree(ROOT / name, folder / name, ignore=ignored)
 

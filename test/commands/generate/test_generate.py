@@ -199,8 +199,16 @@ def test_bad_arguments_end_with_status_2(arguments):
 COMMAND = [sys.executable, "-m", "imu_sim_ros.commands.generate"]
 
 
-@pytest.mark.parametrize("name", ["x.mcap", "x.bag", "x", "y", "x.csv"])
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [
+        ("x.mcap", signal.SIGINT),
+        ("x.bag", signal.SIGTERM),
+        ("x", signal.SIGINT),
+        ("y", signal.SIGTERM),
+        ("x.csv", signal.SIGINT),
+    ],
+)
 def test_a_stopped_run_keeps_a_whole_part(tmp_path, name, number):
     arguments = ["-o", str(tmp_path / name), "--trajectory", "static", "--duration", "40h"]
     if name == "y":

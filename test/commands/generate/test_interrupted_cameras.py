@@ -19,12 +19,12 @@ from imu_sim_ros.datasets.images import ImageFolders
 
 COMMAND = [sys.executable, "-m", "imu_sim_ros.commands.generate"]
 SMALL = [
-    *("--set", "camera.width=188", "--set", "camera.height=120"),
-    *("--set", "camera.intrinsics=[114.7,114.3,91.8,62.1]"),
+    *("--set", "camera.width=94", "--set", "camera.height=60"),
+    *("--set", "camera.intrinsics=[57.4,57.2,45.7,30.8]"),
 ]
 STEREO = [
     *("--trajectory", "figure_eight", "--seed", "5", "--set", "camera.body_axes=flu"),
-    *("--camera", "euroc_cam0", "--camera", "euroc_cam1"),
+    *("--camera", "euroc_cam0", "--camera", "euroc_cam1", "--scene", "room"),
 ]
 
 
