@@ -20,7 +20,7 @@ folder.mkdir(parents=True, exist_ok=True)
 if len(sys.argv) > 2:
     bag = Path(sys.argv[2])
 else:
-    stranger = ims.simulate(imu="adis16448", trajectory="static", duration="30min", seed=11)
+    stranger = ims.simulate(imu="adis16448", trajectory="static", duration="20min", seed=11)
     bag = stranger.save(folder / "stranger.mcap", imu_only=True)
 
 # 1. What the record reveals, with 95 % intervals.
@@ -33,7 +33,7 @@ for name in ("gyroscope", "accelerometer"):
     triad = getattr(found, name)
     for key in ("noise_density", "random_walk"):
         imu[f"{name}_{key}"] = np.nan_to_num(getattr(triad, key).value)
-twin = ims.simulate(imu=imu, trajectory="static", duration="30min", rate=found.rate, seed=12)
+twin = ims.simulate(imu=imu, trajectory="static", duration="20min", rate=found.rate, seed=12)
 
 # 3. Its record shows the same.
 again = ims.allan(twin)

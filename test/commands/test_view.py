@@ -14,6 +14,11 @@ import pytest
 import imu_sim_ros as ims
 from imu_sim_ros.commands import dead_reckon, generate, view
 
+SMALL = [
+    *("--scene", "room", "--duration", "0.2s", "--quiet"),
+    *("--set", "camera.width=188", "--set", "camera.height=120"),
+    *("--set", "camera.intrinsics=[114.7,114.3,91.8,62.1]"),
+]
 TOPICS = "imu/data_raw,ground_truth/odom,ground_truth/gyroscope_bias"
 
 
@@ -53,7 +58,7 @@ def test_truth_estimate_readings_and_biases_are_in_the_file(flight, capsys):
 
 def test_the_images_of_a_folder_are_those_of_the_same_flight_as_a_bag(flight, capsys):
     pytest.importorskip("cv2")
-    words = ["--camera", "euroc_cam0", "--camera", "euroc_cam1", "--duration", "0.2s", "--quiet"]
+    words = ["--camera", "euroc_cam0", "--camera", "euroc_cam1", *SMALL]
     assert generate.main(["-o", str(flight / "euroc"), "--format", "euroc", *words]) == 0
     assert generate.main(["-o", str(flight / "same.mcap"), *words]) == 0
     capsys.readouterr()
@@ -73,7 +78,7 @@ def test_the_images_of_a_folder_are_those_of_the_same_flight_as_a_bag(flight, ca
 def test_images_and_landmarks_are_in_the_file(flight, capsys):
     pytest.importorskip("cv2")
     bag = flight / "seen.mcap"
-    words = ["--camera", "euroc_cam0", "--duration", "0.2s", "--quiet"]
+    words = ["--camera", "euroc_cam0", *SMALL]
     assert generate.main(["-o", str(bag), *words]) == 0
     assert view.main([str(bag), "--save", str(flight / "seen.rrd"), "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
