@@ -58,7 +58,7 @@ JSON_AND_QUIET: Final = {
 }
 
 
-def add_options(parser: Any, options: Mapping[str, Any]) -> None:
+def add_options(parser: argparse._ActionsContainer, options: Mapping[str, Any]) -> None:
     """Add arguments to a parser or a group of it.
 
     :param options: by names and metavariable, ``-o --output FILE``, which a switch does not have:
@@ -94,14 +94,14 @@ _BURST: Final = 1.1
 """What comes until this multiple of the first part's time is counted as one burst."""
 
 
-def print_json(result: Mapping[str, Any] | Sequence[Any]) -> None:
+def print_json(result: Mapping[str, object] | Sequence[object]) -> None:
     """Print a result as one JSON object; what is not finite is null."""
     print(as_json(result))
 
 
 def print_result(
     arguments: argparse.Namespace,
-    result: Mapping[str, Any] | Sequence[Any],
+    result: Mapping[str, object] | Sequence[object],
     lines: Iterable[str | TextTable],
 ) -> None:
     """Print a result as ``--json`` and ``--quiet`` ask for it: as JSON, not at all, or as text."""
@@ -114,14 +114,14 @@ def print_result(
 class Result(Protocol):
     """What a job returns."""
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Mapping[str, object]:
         """Return it in plain types."""
 
     def lines(self) -> Iterable[str | TextTable]:
         """Yield it as text."""
 
 
-def show(arguments: argparse.Namespace, result: Result, **named: Any) -> None:
+def show(arguments: argparse.Namespace, result: Result, **named: object) -> None:
     """Print a result as ``--json`` and ``--quiet`` ask for it.
 
     :param named: come first in the JSON object.
@@ -366,7 +366,7 @@ class Parser(argparse.ArgumentParser):
                 for parser in action.choices.values():
                     yield from parser._options()
 
-    def _check_value(self, action: argparse.Action, value: Any) -> None:
+    def _check_value(self, action: argparse.Action, value: object) -> None:
         if action.choices is not None and value not in action.choices:
             name = (action.option_strings or [str(action.metavar or action.dest).lower()])[-1]
             raise argparse.ArgumentError(None, unknown(name, value, action.choices))
@@ -385,8 +385,12 @@ class Parser(argparse.ArgumentParser):
 
 
 def add_subcommand(
-    actions: Any, command: str, text: str, examples: str, arguments: Mapping[str, Any]
-) -> Any:
+    actions: "argparse._SubParsersAction[Parser]",
+    command: str,
+    text: str,
+    examples: str,
+    arguments: Mapping[str, Any],
+) -> Parser:
     """Add the parser of a subcommand such as ``calibrate turntable``; returns it.
 
     :param examples: lines, of which those of the subcommand are taken.
@@ -441,7 +445,7 @@ def _remarks(program: str) -> Iterator[None]:
         warnings.simplefilter("always", Remark)
         usual = warnings.showwarning
 
-        def show(message: Any, category: type[Warning], *rest: Any, **more: Any) -> None:
+        def show(message: Warning | str, category: type[Warning], *rest: Any, **more: Any) -> None:
             if issubclass(category, Remark):
                 print(f"{program}: {message}", file=sys.stderr)
             else:

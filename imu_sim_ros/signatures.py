@@ -43,7 +43,7 @@ class Heading(str):
 
 
 Found = TypeVar("Found")
-_NONE: Mapping[str, Any] = {}
+_NONE: Mapping[str, object] = {}
 _REST = inspect.Parameter.VAR_KEYWORD
 
 
@@ -59,8 +59,8 @@ def arguments_of(job: Callable[..., object]) -> dict[str, dict[str, Any]]:
 def call(
     job: Callable[..., Found],
     arguments: Namespace,
-    below: Mapping[str, Any] = _NONE,
-    above: Mapping[str, Any] = _NONE,
+    below: Mapping[str, object] = _NONE,
+    above: Mapping[str, object] = _NONE,
 ) -> Found:
     """Return the result of a job with the arguments that are given.
 
@@ -190,7 +190,7 @@ def _help(text: str) -> str:
     return text.rstrip(".").replace("%", "%%")
 
 
-def _kind(hint: Any, metavar: str) -> Callable[[str], object]:
+def _kind(hint: object, metavar: str) -> Callable[[str], object]:
     """Return what reads an argument of a type."""
     kinds = [one for part in (hint, *get_args(hint)) for one in (part, *get_args(part))]
     if metavar == "TIME":

@@ -613,7 +613,7 @@ def _warn(line: str) -> None:
 
 
 def _given(
-    t_ns: object, gyro: object, accel: object, orientation: object, name: str
+    t_ns: object, gyro: ArrayLike, accel: ArrayLike, orientation: ArrayLike | None, name: str
 ) -> GivenReadings:
     """Return what somebody gives as arrays, checked.
 
@@ -641,7 +641,7 @@ def _given(
     return GivenReadings(times, np.array(rates, order="F"), np.array(forces, order="F"), q_wb)
 
 
-def _given_values(name: str, t_ns: object, values: object) -> GivenValues:
+def _given_values(name: str, t_ns: object, values: ArrayLike) -> GivenValues:
     """Return ideal values of another sensor as somebody gives them, checked.
 
     :param name: what they are.
@@ -662,12 +662,14 @@ def _given_values(name: str, t_ns: object, values: object) -> GivenValues:
     return GivenValues(times, np.array(found))
 
 
-def _several(values: Any) -> Any:
+def _several(values: ArrayLike) -> Any:
     """Return a single number as a list of it."""
     return [values] if isinstance(values, int | float | np.number) else values
 
 
-def _pressures(parameters: ErrorModelParameters, pressure: Any, altitude: Any) -> Any:
+def _pressures(
+    parameters: ErrorModelParameters, pressure: ArrayLike | None, altitude: ArrayLike | None
+) -> ArrayLike:
     """Return pressures [Pa], which somebody gives as such or as heights.
 
     :raises ConfigurationError: for both, or neither.
@@ -679,12 +681,12 @@ def _pressures(parameters: ErrorModelParameters, pressure: Any, altitude: Any) -
     return Atmosphere(parameters.atmosphere).pressure(heights)
 
 
-def _one_of(**values: Any) -> tuple[str, Any]:
+def _one_of(**values: ArrayLike | None) -> tuple[str, ArrayLike]:
     """Return the one of two arguments that is given.
 
     :raises ConfigurationError: if both are, or neither.
     """
-    given = [pair for pair in values.items() if pair[1] is not None]
+    given = [(name, value) for name, value in values.items() if value is not None]
     if len(given) != 1:
         raise ConfigurationError(f"read_pressure: needs either {' or '.join(values)}")
     return given[0]
@@ -702,7 +704,7 @@ def _delivered(sensor: GivenOther, given: GivenValues) -> Any:
     return readings(**{**values, "t_ns": none.t_ns, "true_t_ns": none.t_ns})
 
 
-def _rows(name: str, value: Any, columns: int) -> Array:
+def _rows(name: str, value: ArrayLike, columns: int) -> Array:
     """Return vectors (n, columns); one is a row."""
     try:
         one = np.ndim(value) == 1
@@ -713,7 +715,7 @@ def _rows(name: str, value: Any, columns: int) -> Array:
 
 
 def layers_of(
-    imu: Any,
+    imu: object,
     seed: int | None,
     params_file: str | Path | Sequence[str | Path] | None,
     input: Mapping[str, Any] | None,

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple, Protocol, overload
+from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple, Protocol, TypedDict, overload
 
 import numpy as np
 
@@ -79,6 +79,24 @@ class TimeOffset(NamedTuple):
     """The ATE without it."""
 
 
+class Reprojection(TypedDict):
+    """How far a camera's features lie from their landmarks, seen from estimate and truth."""
+
+    camera: str
+    features: int
+    """Those with poses at their times, of all: ``of``."""
+    of: int
+    behind: int
+    """Features whose landmarks would not be seen."""
+    rms_px: float | None
+    """In u and in v [pixels]; None: without features."""
+    median_px: float | None
+    """Of the distances [pixels]."""
+    behind_of_truth: int
+    rms_px_of_truth: float | None
+    median_px_of_truth: float | None
+
+
 @dataclass(frozen=True, repr=False)
 class Evaluation:
     """The errors of an estimate, truth minus estimate, at the m common times."""
@@ -112,9 +130,8 @@ class Evaluation:
     """Why there is no NEES, or none of the position or of the attitude."""
     time_offset: TimeOffset | None = None
     """What was added to the estimate's stamps, on request."""
-    reprojection: list[dict[str, Any]] | None = None
-    """For each camera, how far its features lie from their landmarks as seen from the estimate:
-    ``features`` are those with poses at their times, of all."""
+    reprojection: list[Reprojection] | None = None
+    """For each camera, on request."""
     rpe: tuple[tuple[float, str], ...] = ()
     """What the RPE is over in :meth:`to_dict`; empty: 1 s and tenths of the path."""
 
@@ -424,12 +441,16 @@ def evaluate(
     return replace(compared(track, true, align, max_gap, time_offset, folder), rpe=over)
 
 
-def _check_two(estimate: Any, truth: Any, estimate_topic: str | None, topic: str | None) -> None:
+def _check_two(
+    estimate: object, truth: object, estimate_topic: str | None, topic: str | None
+) -> None:
     """Refuse a topic of a bag that would be compared with itself, with errors of 0.
 
     :raises InputError: if it is.
     """
-    if not all(isinstance(one, str | Path) and os.path.exists(one) for one in (estimate, truth)):
+    if not (isinstance(estimate, str | Path) and isinstance(truth, str | Path)):
+        return
+    if not (os.path.exists(estimate) and os.path.exists(truth)):
         return
     path = Path(estimate)
     if is_text(path) or not path.samefile(truth):
@@ -544,11 +565,12 @@ def _time_offset(
     return TimeOffset(value, statistics(np.linalg.norm(before, axis=1)).rmse)
 
 
-def _track(name: str, given: Any, topic: str | None, skip_bad_rows: bool) -> RecordedTrack:
+def _track(
+    name: str, given: HasPoses | str | Path, topic: str | None, skip_bad_rows: bool
+) -> RecordedTrack:
     """Return the trajectory that an argument is, or that a path leads to."""
-    of_a_file = isinstance(given, str | Path)
-    topic = checked_topic(f"{name}_topic", topic, of_a_file)
-    if of_a_file:
+    topic = checked_topic(f"{name}_topic", topic, isinstance(given, str | Path))
+    if isinstance(given, str | Path):
         file = checked_path(name, given, BAG_OR_FILE)
         chosen = truth_topic_of(file, topic) if name == "truth" else topic
         return read_track(file, chosen, name == "estimate", skip_bad_rows)
@@ -626,9 +648,7 @@ def _nees_table(result: PoseNees) -> TextTable:
     return TextTable(["of", "mean", "final", "inside", "poses"], rows, title)
 
 
-def _reprojection(
-    folder: Path, estimate: PoseSequence, truth: PoseSequence
-) -> list[dict[str, Any]]:
+def _reprojection(folder: Path, estimate: PoseSequence, truth: PoseSequence) -> list[Reprojection]:
     """Return the reprojection errors of each camera, for the estimate and for the truth.
 
     :param estimate: aligned with the world of the landmarks.
@@ -648,14 +668,23 @@ def _reprojection(
         known = _has_poses(estimate.t_ns, t_ns) & _has_poses(truth.t_ns, t_ns)
         of, rows, t_ns = len(rows), rows[known], t_ns[known]
         points, uv = tracks.landmarks[tracks.landmark[rows]], tracks.uv[rows]
-        entry: dict[str, Any] = {"camera": name, "features": len(rows), "of": of}
-        for what, poses in (("", estimate), ("_of_truth", truth)):
+        seen = []
+        for poses in (estimate, truth):
             at = poses_at(poses, t_ns)
             errors = reprojection_errors(camera, at.position, at.q_wb, points, uv)
-            lengths = np.linalg.norm(errors[np.isfinite(errors[:, 0])], axis=1)
-            entry["behind" + what] = len(errors) - len(lengths)
-            entry["rms_px" + what] = _rms_per_axis(lengths)
-            entry["median_px" + what] = float(np.median(lengths)) if len(lengths) else None
+            seen.append(np.linalg.norm(errors[np.isfinite(errors[:, 0])], axis=1))
+        lengths, of_truth = seen
+        entry: Reprojection = {
+            "camera": name,
+            "features": len(rows),
+            "of": of,
+            "behind": len(rows) - len(lengths),
+            "rms_px": _rms_per_axis(lengths),
+            "median_px": _median(lengths),
+            "behind_of_truth": len(rows) - len(of_truth),
+            "rms_px_of_truth": _rms_per_axis(of_truth),
+            "median_px_of_truth": _median(of_truth),
+        }
         result.append(entry)
     if not any(entry["features"] for entry in result):
         raise InputError(
@@ -670,6 +699,10 @@ def _rms_per_axis(lengths: Array) -> float | None:
     return float(np.sqrt(np.mean(lengths**2) / 2.0)) if len(lengths) else None
 
 
+def _median(lengths: Array) -> float | None:
+    return float(np.median(lengths)) if len(lengths) else None
+
+
 def _has_poses(poses_ns: Integers, at_ns: Integers) -> Mask:
     """Return at which times there is a pose, or are two that are near enough to interpolate."""
     after = np.searchsorted(poses_ns, at_ns)
@@ -680,7 +713,7 @@ def _has_poses(poses_ns: Integers, at_ns: Integers) -> Mask:
     return np.asarray((near | between) & (at_ns >= poses_ns[0]) & (at_ns <= poses_ns[-1]))
 
 
-def _reprojection_lines(result: list[dict[str, Any]]) -> list[str]:
+def _reprojection_lines(result: list[Reprojection]) -> list[str]:
     """Return the result, one line for each camera."""
     return [
         f"reprojection, {entry['camera']}: {_shown(entry['rms_px'])} px in u and in v over "

@@ -8,6 +8,7 @@ first text.
 """
 
 import re
+from collections.abc import Hashable
 from functools import lru_cache
 from typing import Any, ClassVar, Final
 
@@ -28,7 +29,7 @@ _SOURCE: Final = ' in "<unicode string>",'
 _LONGEST_REASON: Final = 200
 
 
-def _refused(words: str, mark: Any) -> Exception:
+def _refused(words: str, mark: yaml.Mark | None) -> Exception:
     return yaml.MarkedYAMLError(None, None, words, mark)
 
 
@@ -37,7 +38,7 @@ class _Rules(Composer, SafeConstructor, Resolver):
 
     depth = aliases = values = 0
 
-    def compose_node(self, parent: Any, index: Any) -> Any:
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         parser: Any = self  # the other base of each loader
         mark = parser.peek_event().start_mark
         self.aliases += parser.check_event(yaml.AliasEvent)
@@ -53,7 +54,9 @@ class _Rules(Composer, SafeConstructor, Resolver):
         self.depth -= 1
         return node
 
-    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+    def construct_mapping(
+        self, node: yaml.MappingNode, deep: bool = False
+    ) -> dict[Hashable, object]:
         seen = set()
         for key, _ in node.value:
             if isinstance(key, yaml.ScalarNode) and key.tag != _MERGE:
@@ -62,11 +65,11 @@ class _Rules(Composer, SafeConstructor, Resolver):
                 seen.add(key.value)
         return super().construct_mapping(node, deep=True)
 
-    def construct_list(self, node: Any) -> Any:
+    def construct_list(self, node: yaml.SequenceNode) -> list[object]:
         """Return the whole list: without it, an alias inside it would contain itself."""
         return self.construct_sequence(node, deep=True)
 
-    def construct_scalar(self, node: Any) -> Any:
+    def construct_scalar(self, node: yaml.ScalarNode | yaml.MappingNode) -> str:
         if node.tag in _NUMBERS and len(str(node.value)) > _LONGEST_NUMBER:
             raise _refused(f"a number of {len(node.value)} letters", node.start_mark)
         return super().construct_scalar(node)
@@ -129,7 +132,7 @@ def content(text: str) -> Any:
         raise ValueError(words[:_LONGEST_REASON]) from None
 
 
-def _size(node: Any, sizes: dict[int, int]) -> int:
+def _size(node: yaml.Node, sizes: dict[int, int]) -> int:
     """Return how many values a node has once its aliases are written out.
 
     :param sizes: of the nodes that are known, by their id; 0 while a node's own is counted.

@@ -66,7 +66,7 @@ class Mounted(NamedTuple):
     own: Any
     """The parameters that its model is made with: those of its IMU, or its own section."""
     environment: Any
-    """The world, with the rate and seed of its IMU."""
+    """The parameters of its simulation: world, cameras, and the rate and seed of its IMU."""
     frame: str
     """Of its messages."""
     space: str = ""

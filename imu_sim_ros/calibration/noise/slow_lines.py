@@ -127,7 +127,7 @@ class _Fit(NamedTuple):
 
 
 class _Search:
-    """The search in records of n values, one after the other."""
+    """The search in records of n values, with what is the same for all of them."""
 
     def __init__(self, n: int, highest: float) -> None:
         from scipy.fft import dct
@@ -151,23 +151,22 @@ class _Search:
 
     def lines(self, x: Array) -> list[tuple[Line, Array, float]]:
         """Return the lines that may be in x (n,), with their values (n,), and what each gains."""
-        self._x, self._y = x, self._transform(x)[self._order]
-        nothing = np.empty(0)
-        best = self._fit(nothing, self._noise(self._y))
+        y = self._transform(x)[self._order]
+        best = self._fit(y, np.empty(0), self._noise(y))
         while len(best.periods) < _MAX_LINES:
             more = [
-                self._fit(np.append(best.periods, one), best)
-                for one in {*self._slow_candidates(best), *self._fast_candidates(best)}
+                self._fit(y, np.append(best.periods, one), best)
+                for one in {*self._slow_candidates(best), *self._fast_candidates(x, best)}
             ]
             found = min(more, key=lambda one: one.objective, default=best)
             if best.objective - found.objective <= _doubt(found.periods[-1:]).sum():
                 break
             best = found
-        gains = self._gains(best)
+        gains = self._gains(y, best)
         # Several lines that take the place of a walk gain much next to each other, little alone.
         evident = gains > _EVIDENCE
         while evident.any():
-            alone = self._gains(self._fit(best.periods[evident], best))
+            alone = self._gains(y, self._fit(y, best.periods[evident], best))
             if (alone > _EVIDENCE).all():
                 break
             gains[evident] = np.minimum(gains[evident], alone)
@@ -180,9 +179,9 @@ class _Search:
                 result.append((line, (part * np.exp(angle * periods)).real, float(gain)))
         return result
 
-    def _gains(self, best: _Fit) -> Array:
-        """Return the log-likelihood that each line gains next to the others."""
-        without = (self._fit(np.delete(best.periods, k), best) for k in range(len(best.periods)))
+    def _gains(self, y: Array, best: _Fit) -> Array:
+        """Return the log-likelihood that each line of coefficients y gains next to the others."""
+        without = (self._fit(y, np.delete(best.periods, k), best) for k in range(len(best.periods)))
         return np.array([one.objective for one in without]) - best.objective
 
     def _of_lines(self, periods: Array, rows: slice = _ALL) -> Waves:
@@ -215,8 +214,8 @@ class _Search:
         variance = np.repeat(rows, self._sizes)
         return _Fit(float(found.objective[0]), rows, smooth, variance, nothing, nothing, left)
 
-    def _fit(self, periods: Array, start: _Fit) -> _Fit:
-        """Return the fit with lines near some frequencies, in turns with the noise.
+    def _fit(self, y: Array, periods: Array, start: _Fit) -> _Fit:
+        """Return the fit to coefficients y with lines near some frequencies and noise, in turns.
 
         The frequencies follow by Gauss's and Newton's steps, none as far as to another line.
 
@@ -236,9 +235,9 @@ class _Search:
             # Ramp and lines by least squares, and the noise of what they leave.
             waves = self._of_lines(periods)
             columns = np.column_stack([self._ramp, waves.real, -waves.imag])
-            sizes = _solved(columns / root[:, None], self._y / root)
+            sizes = _solved(columns / root[:, None], y / root)
             _, cosines, sines = np.split(sizes, [1, 1 + len(periods)])
-            noise = self._noise(self._y - columns @ sizes, best.rows)
+            noise = self._noise(y - columns @ sizes, best.rows)
             gain = lowest - noise.objective
             if gain > 0.0:
                 best = noise._replace(periods=periods, parts=cosines + 1j * sines)
@@ -270,14 +269,14 @@ class _Search:
                 result.append(float(self._tried[k]))
         return result
 
-    def _fast_candidates(self, best: _Fit) -> list[float]:
-        """Return the highest peak over its surroundings among the averaged coefficients."""
+    def _fast_candidates(self, x: Array, best: _Fit) -> list[float]:
+        """Return the highest peak of x over its surroundings among the averaged coefficients."""
         slowest, last = int(0.45 * _SINGLE), int(self._last) + 1
         if last <= slowest + 1:
             return []
         angle = 2.0j * np.pi / self._n * (np.arange(self._n) + 0.5)
         waves = [one * np.exp(angle * p) for one, p in zip(best.parts, best.periods, strict=True)]
-        rest = self._x - np.sum(np.real(waves), axis=0) if waves else self._x
+        rest = x - np.sum(np.real(waves), axis=0) if waves else x
         line = np.linspace(-1.0, 1.0, self._n)
         level = rest - line * (line @ rest) / (line @ line)
         power = np.abs(np.fft.rfft(np.hanning(self._n) * level))[:last] ** 2
