@@ -23,6 +23,7 @@ REPOSITORY = Path(__file__).parents[2]
 PATIENCE = 300.0
 """[s] A loaded machine may take long; nothing that works takes as long as this."""
 QUEUE = 20000
+WAIT = 0.02  # [s]
 
 
 def until(condition: Callable[[], Any], act: Callable[[], None], what: str) -> None:
@@ -166,12 +167,15 @@ class Listener:
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
         self._types: dict[str, Any] = {}
+        self._subscriptions: list[Any] = []
+        self._pause = 0.005
         self._clients: dict[str, Any] = {}
         self.raw: dict[str, list[bytes]] = {}
 
     def host(self, node: Any) -> None:
         """Spin a node of this process, too."""
         self._executor.add_node(node)
+        self._pause = 0.0
 
     def listen(self, topic: str, kind: Any, depth: int = QUEUE, **qos: Any) -> None:
         """Keep what is published from now on."""
@@ -180,13 +184,24 @@ class Listener:
         self._types[topic] = kind
         taken = self.raw.setdefault(topic, [])
         profile = QoSProfile(depth=depth, **qos)
-        self.node.create_subscription(kind, topic, taken.append, profile, raw=True)
+        subscription = self.node.create_subscription(kind, topic, taken.append, profile, raw=True)
+        self._subscriptions.append(subscription)
 
     def spin(self, seconds: float = 0.05) -> None:
-        """Take what has come, for at most a moment."""
+        """Take what has come, for a moment.
+
+        The executor waits, which costs much more than to take a message: it waits once for all
+        messages of a few milliseconds. With another timeout each time it would serve the first of
+        what is ready and forget the rest.
+        """
         end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0:
-            self._executor.spin_once(timeout_sec=left)
+        while time.monotonic() < end:
+            self._executor.spin_once(timeout_sec=WAIT)
+            for subscription in self._subscriptions:
+                with subscription.handle:
+                    while taken := subscription.handle.take_message(subscription.msg_type, True):
+                        subscription.callback(taken[0])
+            time.sleep(self._pause)
 
     def wait_for(self, topic: str, count: int) -> None:
         """Spin until so many messages of a topic have come in all."""
