@@ -3,6 +3,7 @@
 
 """The simulator as a real process, and a listener to it, on a ROS domain of their own."""
 
+import json
 import os
 import random
 import signal
@@ -152,6 +153,44 @@ def start(domains: tuple[int, int], tmp_path: Path) -> Iterator[Callable[..., No
         if node.process.poll() is None:
             node.process.kill()
             node.process.wait()
+
+
+ONE_AFTER_THE_OTHER = """
+import json, sys
+from importlib import import_module
+_, name, calls = sys.argv
+node = import_module(f"imu_sim_ros.nodes.{name}.node")
+for words in json.loads(calls):
+    sys.argv[1:] = words
+    print("status", node.main(), file=sys.stderr)
+"""
+
+
+@pytest.fixture
+def refused(domains: tuple[int, int], tmp_path: Path) -> Callable[..., list[list[str]]]:
+    """Return a function that gives the lines of errors of a node for each of several calls.
+
+    The node must end with status 2 each time. All are in one process, whose start takes longer
+    than what is tested. It warns of seeds that several simulators in one process share.
+    """
+
+    def run(name: str, calls: list[list[str]]) -> list[list[str]]:
+        environment = {"PYTHONPATH": str(REPOSITORY), "ROS_DOMAIN_ID": str(domains[0])}
+        done = subprocess.run(
+            [sys.executable, "-c", ONE_AFTER_THE_OTHER, name, json.dumps(calls)],
+            env=os.environ | environment,
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 0, done.stderr
+        *found, rest = done.stderr.split("status 2\n")
+        assert len(found) == len(calls), done.stderr
+        assert rest == ""
+        shared = "in this process has it, too"
+        return [[line for line in said.splitlines() if shared not in line] for said in found]
+
+    return run
 
 
 class Listener:

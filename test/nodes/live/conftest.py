@@ -120,11 +120,29 @@ def node(start: Callable[..., Process]) -> Callable[..., Process]:
 
 
 @pytest.fixture
-def feed(start: Callable[..., Process]) -> Callable[..., Process]:
-    """Return a function that starts the driver of feed.py."""
+def feed(domains: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Any]]:
+    """Return a function that starts the driver of feed.py in this process."""
+    from test.nodes.live.feed import Driver
 
-    def feed_with(**options: Any) -> Process:
-        extra = options.pop("environment", {})
-        return start(str(FEED), json.dumps(options), **extra)
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    started: list[Any] = []
 
-    return feed_with
+    def feed_with(**options: Any) -> Any:
+        started.append(Driver(options, domains[0]))
+        return started[-1]
+
+    yield feed_with
+    for driver in started:
+        driver.close()
+
+
+@pytest.fixture
+def feed_apart(start: Callable[..., Process]) -> Callable[..., Process]:
+    """Return a function that starts the driver of feed.py in a process, which can be killed."""
+    return lambda **options: start(str(FEED), json.dumps(options))
+
+
+@pytest.fixture
+def without_shared_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Use sockets, which vanish with a killed process; its shared memory would stay."""
+    monkeypatch.setenv("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")

@@ -1,18 +1,21 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A driver for tests: publishes readings (and the truth) as told by one JSON argument.
+"""A driver for tests: publishes readings (and the truth) as its options tell.
+
+In the test's own process; as a program, with the options as one JSON argument, it can be killed.
 
 ``rate`` [Hz], ``count``, ``first_ns`` stamp of the first, ``skip`` and ``repeat`` indices, ``wait``
 for so many subscribers of each topic, ``best_effort``, ``latched``, ``topics`` (imu, truth, plain),
-``accel``, ``hold`` [s] before the end, ``unstamped``: all stamps are zero, ``spoil``: triples of a
-message's index, what is spoilt in it (stamp, gyro, accel, position, q_wb) and the value,
-``truths``: number of true states, after which there are readings alone.
+``accel``, ``hold`` [s] before the end, ``unstamped``: all stamps of readings and truth are zero,
+``spoil``: triples of a message's index, what is spoilt in it (stamp, gyro, accel, position, q_wb)
+and the value, ``truths``: number of true states, after which there are readings alone.
 """
 
 import json
 import struct
 import sys
+import threading
 import time
 
 import numpy as np
@@ -26,6 +29,8 @@ from std_msgs.msg import Float64
 
 from imu_sim_ros.bags.messages.encode import ImuEncoder, OdometryEncoder
 
+PATIENCE = 300.0
+"""[s] A loaded machine may take long; nothing that works takes as long as this."""
 DEFAULTS = {
     "rate": 200.0,
     "count": 400,
@@ -44,40 +49,69 @@ DEFAULTS = {
 }
 
 
-def main() -> None:
-    options = {**DEFAULTS, **json.loads(sys.argv[1])}
-    rclpy.init()
-    node = rclpy.create_node("feed")
-    qos = QoSProfile(depth=5000)
-    if options["best_effort"]:
-        qos.reliability = ReliabilityPolicy.BEST_EFFORT
-    if options["latched"]:
-        qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
-    outputs = [
-        (node.create_publisher(message, topic, qos), rows)
-        for message, topic, rows in (contents(name, options) for name in options["topics"])
-    ]
-    deadline = time.monotonic() + 300
-    while min(p.get_subscription_count() for p, _ in outputs) < options["wait"]:
-        if time.monotonic() > deadline:
-            sys.exit("no subscriber came")
-        time.sleep(0.01)
-    time.sleep(0.3)  # a subscriber that is known here may still have to learn of this publisher
-    print("begin", flush=True)
-    begin = time.monotonic()
-    for k in range(options["count"]):
-        time.sleep(max(0.0, begin + k / options["rate"] - time.monotonic()))
-        if k in options["skip"]:
-            continue
-        for publisher, rows in outputs:
-            for row in rows[k : k + 1]:
-                for _ in range(1 + options["repeat"].count(k)):
-                    publisher.publish(row)
-    print("end", flush=True)
-    for publisher, _ in outputs:
-        publisher.wait_for_all_acked(Duration(seconds=1))
-    time.sleep(options["hold"])
-    rclpy.shutdown()
+class Driver:
+    """Publishes in a thread of its own; :meth:`finish` waits for the end, :meth:`close` ends it."""
+
+    def __init__(self, options: dict, domain: int | None = None) -> None:
+        self._options = {**DEFAULTS, **options}
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context, domain_id=domain)
+        self._node = rclpy.create_node("feed", context=self._context)
+        self._begun, self._published, self._stop = (threading.Event() for _ in range(3))
+        self._thread = threading.Thread(target=self._drive, name="driver", daemon=True)
+        self._thread.start()
+
+    def wait_until_it_begins(self) -> None:
+        assert self._begun.wait(PATIENCE), "no subscriber came"
+
+    def wait_until_all_is_published(self) -> None:
+        assert self._published.wait(PATIENCE), "not all was published"
+
+    def finish(self) -> None:
+        """Wait until all messages were published and taken."""
+        self.wait_until_all_is_published()
+        self._thread.join(PATIENCE)
+        self.close()
+
+    def close(self) -> None:
+        """Stop publishing and leave the graph."""
+        self._stop.set()
+        self._thread.join()
+        if self._context.ok():
+            self._node.destroy_node()
+            self._context.shutdown()
+
+    def _drive(self) -> None:
+        options, stop = self._options, self._stop
+        qos = QoSProfile(depth=5000)
+        if options["best_effort"]:
+            qos.reliability = ReliabilityPolicy.BEST_EFFORT
+        if options["latched"]:
+            qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
+        outputs = [
+            (self._node.create_publisher(message, topic, qos), rows)
+            for message, topic, rows in (contents(name, options) for name in options["topics"])
+        ]
+        while min(p.get_subscription_count() for p, _ in outputs) < options["wait"]:
+            if stop.wait(0.01):
+                return
+        # A subscriber that is known here may still have to learn of this publisher.
+        stop.wait(0.3)
+        self._begun.set()
+        begin = time.monotonic()
+        for k in range(options["count"]):
+            if stop.wait(max(0.0, begin + k / options["rate"] - time.monotonic())):
+                return
+            if k in options["skip"]:
+                continue
+            for publisher, rows in outputs:
+                for row in rows[k : k + 1]:
+                    for _ in range(1 + options["repeat"].count(k)):
+                        publisher.publish(row)
+        self._published.set()
+        for publisher, _ in outputs:
+            publisher.wait_for_all_acked(Duration(seconds=10))
+        stop.wait(options["hold"])
 
 
 def contents(name: str, options: dict) -> tuple:
@@ -119,4 +153,7 @@ def stamped(rows: np.ndarray, options: dict) -> list[bytes]:
 
 
 if __name__ == "__main__":
-    main()
+    driver = Driver(json.loads(sys.argv[1]))
+    driver.wait_until_it_begins()
+    print("begin", flush=True)
+    driver.finish()

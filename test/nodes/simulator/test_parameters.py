@@ -3,10 +3,6 @@
 
 """What the simulator refuses: one clear line for each problem, status 2, no traceback."""
 
-import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -67,37 +63,10 @@ BAD_FILES = [
     ("/**:\n  ros__parameters:\n    rate:\n", "rate: a value is missing"),
     ("/**:\n  ros__parameters:\n    gravity: [1, a, 2.0]\n", "a list of values of one type"),
 ]
-ONE_AFTER_THE_OTHER = """
-import json, sys
-from imu_sim_ros.nodes import run
-from imu_sim_ros.nodes.simulator.node import Simulator
-for words in json.loads(sys.argv[1]):
-    print("status", run.main("simulator", Simulator, ["--ros-args", *words]), file=sys.stderr)
-"""
 
 
-def refused(calls: list[list[str]], domain: int) -> list[list[str]]:
-    """Return the lines of errors that the simulator prints for each call; each has status 2.
-
-    All are in one process, whose start takes longer than what is tested. It warns of seeds that
-    several simulators in one process share.
-    """
-    done = subprocess.run(
-        [sys.executable, "-c", ONE_AFTER_THE_OTHER, json.dumps(calls)],
-        env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stderr
-    *found, rest = done.stderr.split("status 2\n")
-    assert len(found) == len(calls), done.stderr
-    assert rest == ""
-    shared = "in this process has it, too"
-    return [[line for line in said.splitlines() if shared not in line] for said in found]
-
-
-def test_bad_arguments(domains: tuple[int, int]) -> None:
-    found = refused([arguments for arguments, _ in REFUSED], domains[0])
+def test_bad_arguments(refused: Any) -> None:
+    found = refused("simulator", [["--ros-args", *arguments] for arguments, _ in REFUSED])
     for said, (_, lines) in zip(found, REFUSED, strict=True):
         assert len(said) == len(lines), said
         for line, expected in zip(said, lines, strict=True):
@@ -112,11 +81,12 @@ def test_the_program_ends_with_a_line_for_each_problem(start: Any) -> None:
         assert line.startswith(f"simulator: {expected}")
 
 
-def test_bad_files(domains: tuple[int, int], tmp_path: Path) -> None:
+def test_bad_files(refused: Any, tmp_path: Path) -> None:
     paths = [tmp_path / f"{k}.yaml" for k in range(len(BAD_FILES))]
     for path, (text, _) in zip(paths, BAD_FILES, strict=True):
         path.write_text(text)
-    found = refused([["--params-file", str(path)] for path in paths], domains[0])
+    calls = [["--ros-args", "--params-file", str(path)] for path in paths]
+    found = refused("simulator", calls)
     for said, (_, expected) in zip(found, BAD_FILES, strict=True):
         (line,) = said
         assert expected in line
