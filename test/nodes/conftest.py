@@ -242,6 +242,13 @@ class Listener:
                         subscription.callback(taken[0])
             time.sleep(self._pause)
 
+    def wait_for_publishers(self) -> None:
+        """Spin until each topic has a publisher that knows of the subscription."""
+        find = self.node.get_publishers_info_by_topic
+        names = [subscription.topic_name for subscription in self._subscriptions]
+        self.wait_until(lambda: all(find(name) for name in names), f"publishers of {names}")
+        self.spin(0.5)  # they may still have to learn of the subscriptions
+
     def wait_for(self, topic: str, count: int) -> None:
         """Spin until so many messages of a topic have come in all."""
         taken = self.raw[topic]

@@ -11,10 +11,11 @@ from pathlib import Path
 
 import pytest
 
+from imu_sim_ros.nodes import run
+
 pytestmark = pytest.mark.ros
 
 REPOSITORY = Path(__file__).parents[3]
-CATCH = Path(__file__).with_name("catch.py")
 
 
 @pytest.fixture
@@ -60,9 +61,12 @@ def test_an_error_in_a_trajectory_ends_the_simulator(node, faulty):
     assert "messages on imu/data_raw" in simulator.output
 
 
-@pytest.mark.parametrize("more", [["--debug"], ["--ros-args", "--log-level", "debug"]])
-def test_the_traceback_is_shown_on_request(node, faulty, more):
-    simulator = node("simulator", "--trajectory", "faulty", *more, **faulty)
+def test_the_traceback_is_shown_on_request(node, faulty):
+    words = ["--ros-args", "--log-level", "debug"]
+    assert run.debugging(words) == (words, True)
+    assert run.debugging(["--debug", "--rate=9"]) == (["--rate=9"], True)
+    assert run.debugging(["--rate=9"]) == (["--rate=9"], False)
+    simulator = node("simulator", "--trajectory", "faulty", "--debug", **faulty)
     assert simulator.status() == 1
     assert 'faulty.py", line' in simulator.output
     assert "Traceback (most recent call last)" in simulator.output
@@ -126,17 +130,6 @@ def test_an_error_in_a_callback_ends_the_node(start, tmp_path):
     assert "messages on imu/data_raw" in simulator.output
 
 
-def test_the_integrator_hears_best_effort_drivers_while_the_clock_is_silent(node, feed, start):
-    listener = start(str(CATCH), "dead_reckoned/odom", "/diagnostics")
-    integrator = node("integrator", "--imu", "perfect", "--ros-args", "-p", "use_sim_time:=true")
-    listener.wait_for("publisher of dead_reckoned/odom")
-    feed(count=100, topics=["imu"], best_effort=True).status()
-    listener.wait_for('"readings"')
-    assert integrator.end() == 0
-    assert listener.end(signal.SIGTERM) == 0
-    assert listener.output.count('"dead_reckoned/odom"') == 100
-
-
 @pytest.mark.parametrize(
     ("name", "value"), [("simulator", "[1, 2]"), ("integrator", "5"), ("recorder", "maybe")]
 )
@@ -153,10 +146,22 @@ def test_a_file_whose_use_sim_time_is_no_truth_value_is_refused(node, tmp_path, 
 START = "import sys; from imu_sim_ros.nodes import start; sys.exit(start.{}())"
 
 
-@pytest.mark.parametrize("name", ["simulator", "integrator", "recorder"])
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-@pytest.mark.parametrize("delay", [0.02, 0.3, 0.6])
-def test_signals_end_a_node_at_any_moment_of_its_start(start, name, number, delay):
+@pytest.mark.parametrize(
+    ("name", "delay", "number"),
+    [
+        ("simulator", 0.02, signal.SIGINT),
+        ("simulator", 0.3, signal.SIGTERM),
+        ("simulator", 0.6, signal.SIGHUP),
+        ("integrator", 0.02, signal.SIGTERM),
+        ("integrator", 0.3, signal.SIGHUP),
+        ("integrator", 0.6, signal.SIGINT),
+        ("recorder", 0.02, signal.SIGHUP),
+        ("recorder", 0.3, signal.SIGINT),
+        ("recorder", 0.6, signal.SIGTERM),
+    ],
+)
+def test_signals_end_a_node_at_any_moment_of_its_start(start, name, delay, number):
+    """Each signal once at each moment and once in each node: one handler is for all of them."""
     process = start("-c", START.format(name))
     # Before that the interpreter starts, and a signal has the effect that the system gives it;
     # SIGHUP is the last of the signals to be watched.
