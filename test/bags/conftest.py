@@ -20,7 +20,7 @@ from imu_sim_ros.bags.messages.encode import (
 )
 from imu_sim_ros.bags.writer import BagOptions, Block, open_writer
 
-COUNT = 9000
+COUNT = 4500
 FORMS = {
     "none.mcap": ("mcap", "none"),
     "lz4.mcap": ("mcap", "lz4"),

@@ -41,9 +41,9 @@ def test_a_torn_file_keeps_what_comes_before_the_tear(bags, name, cut, tmp_path,
     np.testing.assert_array_equal(t_ns, content.t_ns[:count])
     np.testing.assert_array_equal(gyro, content.gyro[:count])
     # Without compression at most one message and the index are lost; a compressed chunk loses at
-    # most the block that is torn: 1 MiB of 4 x 9000 messages in about 12 MiB are 8 %; bz2's blocks
+    # most the block that is torn: 1 MiB of 4 x 4500 messages in about 6 MiB are 16 %; bz2's blocks
     # of 900 kB are nearly whole chunks.
-    allowed = 0.02 if name.startswith("none") else 0.10
+    allowed = 0.02 if name.startswith("none") else 0.20
     assert count >= (cut - allowed) * len(content.t_ns)
 
 
@@ -73,7 +73,7 @@ def test_what_follows_damage_in_the_middle_is_recovered(bags, name, damage, tmp_
     t_ns, gyro = _recovered(path)
     # The first chunk of 1 MiB or more has 834 readings, with the other topics 1,267 bytes each.
     # Without compression the messages next to the damage are lost: 4096 bytes hold 11 readings.
-    assert len(t_ns) >= 9000 - (835 if name[:3] in ("zst", "lz4") else 13)
+    assert len(t_ns) >= len(content.t_ns) - (835 if name[:3] in ("zst", "lz4") else 13)
     known = np.searchsorted(content.t_ns, t_ns)
     np.testing.assert_array_equal(content.t_ns[known], t_ns)
     np.testing.assert_array_equal(content.gyro[known], gyro)
@@ -81,7 +81,7 @@ def test_what_follows_damage_in_the_middle_is_recovered(bags, name, damage, tmp_
 
 def test_a_checksum_leaves_a_chunk_out_and_the_range_is_named(bags, tmp_path, content):
     data = bytearray(bags["none.mcap"].read_bytes())
-    place = data.index(content.gyro[4500].tobytes())
+    place = data.index(content.gyro[2250].tobytes())
     data[place] ^= 1  # all records still follow each other
     path = tmp_path / "none.mcap"
     path.write_bytes(data)
@@ -89,8 +89,8 @@ def test_a_checksum_leaves_a_chunk_out_and_the_range_is_named(bags, tmp_path, co
         (line,) = bag.damage
         assert line.endswith("chunk: the checksum is wrong")
     t_ns, _ = _recovered(path)
-    assert 0.85 * len(content.t_ns) < len(t_ns) < len(content.t_ns)
-    assert content.t_ns[4500] not in t_ns
+    assert len(content.t_ns) - 1350 < len(t_ns) < len(content.t_ns)
+    assert content.t_ns[2250] not in t_ns
 
 
 def test_a_folder_without_metadata(bags, tmp_path, content):

@@ -34,12 +34,6 @@ def test_a_clean_record(rest):
     assert [w for w in result.warnings if "needs hours" not in w] == []
 
 
-def test_does_not_depend_on_the_blocks(rest):
-    first, second = (analyse([rest.blocks(size)]) for size in (1000, 30000))
-    assert noise(first) == pytest.approx(noise(second), rel=1e-9)
-    assert first.deviation.deviation == pytest.approx(second.deviation.deviation, rel=1e-9)
-
-
 def test_single_losses_are_filled_and_told(rest):
     keep = np.random.default_rng(2).random(len(rest.t_ns)) > 0.005
     keep[0] = True
@@ -84,11 +78,12 @@ def test_a_tenth_lost_costs_no_bias(half_an_hour, burst):
     assert lossy.deviation.deviation[0] == pytest.approx(whole.deviation.deviation[0], rel=0.004)
 
 
-def test_draws_for_lost_samples_do_not_depend_on_the_blocks(rest):
+def test_neither_results_nor_draws_for_lost_samples_depend_on_the_blocks(rest):
     keep = np.random.default_rng(6).random(len(rest.t_ns)) > 0.05
     keep[0] = True
     one, other = (analyse([rest.blocks(size, keep)]) for size in (1000, 30000))
     assert noise(one) == pytest.approx(noise(other), rel=1e-9)
+    assert one.deviation.deviation == pytest.approx(other.deviation.deviation, rel=1e-9)
 
 
 def test_rate_is_the_count_over_the_time():
@@ -148,7 +143,7 @@ def test_walks_and_flicker_have_no_lines():
 
 @pytest.mark.parametrize(("walk", "size"), [(0.0, 1.0), (1.5e-5, 3.0), (0.0, 100.0)])
 def test_a_slow_sine_is_no_random_walk(walk, size):
-    """4.8 periods in an hour, of B to 100 B: of 18 intervals of 95 %, 15 or more hold in 98 %.
+    """4.8 periods in an hour, of B to 100 B: of 12 intervals of 95 %, 10 or more hold in 98 %.
 
     Taken out by itself, ahead of the noise, a line of B was a walk in a fifth of the records, and
     one of 3 B spoilt the interval of a true walk in half of them.
@@ -158,7 +153,7 @@ def test_a_slow_sine_is_no_random_walk(walk, size):
     from .conftest import Rest
 
     b, held, highs = 3e-4, 0, []
-    for seed in range(3):
+    for seed in range(2):
         rest = Rest(seconds=3600.0, rate=9.0)
         n = len(rest.t_ns)
         pair = [FlickerNoise(seed, f"test{k}", 1.0 / 9.0).next_block(n) for k in range(2)]
@@ -173,7 +168,7 @@ def test_a_slow_sine_is_no_random_walk(walk, size):
         held += sum(one.covers(walk) for one in found)
         highs += [one.high for one in found]
         assert size < 10.0 or sum("was taken out" in warning for warning in result.warnings) == 6
-    assert held >= 15
+    assert held >= 10
     assert np.median(highs) < 5e-5
 
 
@@ -325,18 +320,17 @@ def test_motion_in_one_stretch_of_a_walk_is_motion():
         analyse([rest.blocks()])
 
 
-def coarse(rest, sigma, mean, step=0.1):
-    """White noise of sigma per sample around a mean, rounded to steps, on all axes."""
+def coarse(rest, sigma, means, step=0.1):
+    """White noise of sigma per sample around the means (3,) of each triad's axes, in steps."""
     rng = np.random.default_rng(5)
     for readings in (rest.gyro, rest.accel):
         noise = sigma * rng.standard_normal(readings.shape)
-        readings[:] = step * np.round((mean + noise) / step)
+        readings[:] = step * np.round((means + noise) / step)
 
 
-@pytest.mark.parametrize("mean", [0.05, 0.03, 0.048])
-def test_what_a_coarse_resolution_hides_is_bounded(rest, mean):
+def test_what_a_coarse_resolution_hides_is_bounded(rest):
     """Noise of a tenth of a step: N is anywhere below what the rounding hides, never a value."""
-    coarse(rest, 0.01, mean)
+    coarse(rest, 0.01, [0.05, 0.03, 0.048])
     rest.gyro[:10], rest.accel[:10] = 0.1, 0.1  # no axis is constant
     result = analyse([rest.blocks()])
     for axis in range(6):
@@ -349,15 +343,14 @@ def test_what_a_coarse_resolution_hides_is_bounded(rest, mean):
     assert not says(result, "saturated")
 
 
-@pytest.mark.parametrize("mean", [0.0, 0.025, 0.05])
 @pytest.mark.parametrize("steps", [0.5, 0.6, 1.0])
-def test_fine_enough_a_resolution_adds_its_variance(rest, mean, steps):
+def test_fine_enough_a_resolution_adds_its_variance(rest, steps):
     """sigma^2 + s^2 / 12 wherever the mean lies, within the interval; which knows of the doubt."""
-    coarse(rest, steps * 0.1, mean)
+    coarse(rest, steps * 0.1, [0.0, 0.025, 0.05])
     result = analyse([rest.blocks()])
     truth = np.sqrt(((steps * 0.1) ** 2 + 0.1**2 / 12.0) / 100.0)
-    # Six intervals of 95 %: fewer than four hold once in 500 times.
-    assert sum(result.estimate(k, "noise_density").covers(truth) for k in range(6)) >= 4
+    # Six intervals of 95 %, two of each mean: fewer than five hold once in 30 times.
+    assert sum(result.estimate(k, "noise_density").covers(truth) for k in range(6)) >= 5
     assert not says(result, "saturated")
 
 

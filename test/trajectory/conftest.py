@@ -19,29 +19,28 @@ Array = NDArray[np.float64]
 STENCIL = ((1, 45 / 60), (2, -9 / 60), (3, 1 / 60))
 
 
-def derivative(f: Callable[[Array], Array], t: Array, h: float) -> Array:
-    return sum(w * (f(t + k * h) - f(t - k * h)) for k, w in STENCIL) / h
-
-
 def assert_exact_derivatives(
     trajectory: Trajectory, t: Array, h: float = 1e-4, tolerance: float = 1e-8
 ) -> Motion:
     """Compare every derivative of a motion with the finite difference of what it derives."""
     m = trajectory.sample(t)
+    near = [(w, trajectory.sample(t + k * h), trajectory.sample(t - k * h)) for k, w in STENCIL]
 
-    def turned(times: Array) -> Array:
+    def derivative(f: Callable[[Motion], Array]) -> Array:
+        return sum((w * (f(after) - f(before)) for w, after, before in near), np.zeros(3)) / h
+
+    def turned(there: Motion) -> Array:
         """Rotation vector from the attitude at t; its slope at t is omega_b."""
-        q = trajectory.sample(times).q_wb
-        return rotation.log(rotation.multiply(rotation.conjugate(m.q_wb), q))
+        return rotation.log(rotation.multiply(rotation.conjugate(m.q_wb), there.q_wb))
 
     def close(actual: Array, expected: Array) -> None:
         scale = max(1.0, float(np.max(np.abs(expected))))
         np.testing.assert_allclose(actual, expected, rtol=0, atol=tolerance * scale)
 
-    close(m.velocity, derivative(lambda s: trajectory.sample(s).position, t, h))
-    close(m.acceleration, derivative(lambda s: trajectory.sample(s).velocity, t, h))
-    close(m.angular_velocity, derivative(turned, t, h))
-    close(m.angular_acceleration, derivative(lambda s: trajectory.sample(s).angular_velocity, t, h))
+    close(m.velocity, derivative(lambda there: there.position))
+    close(m.acceleration, derivative(lambda there: there.velocity))
+    close(m.angular_velocity, derivative(turned))
+    close(m.angular_acceleration, derivative(lambda there: there.angular_velocity))
     np.testing.assert_allclose(np.linalg.norm(m.q_wb, axis=-1), 1.0, rtol=0, atol=1e-14)
     return m
 

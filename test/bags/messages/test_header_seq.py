@@ -43,7 +43,7 @@ def test_blocks_are_counted(bags, content, compression):
 
 
 def test_the_parts_of_a_split_bag_go_on_counting(tmp_path, content):
-    with open_writer(tmp_path / "split.bag", BagOptions(split_duration=10.0)) as writer:
+    with open_writer(tmp_path / "split.bag", BagOptions(split_duration=5.0)) as writer:
         content.write(writer)
     parts = sorted(tmp_path.glob("*.bag"))
     assert len(parts) > 3
