@@ -3,10 +3,13 @@
 
 """Who follows a job: a program prints its lines and shows its progress, in Python nobody does."""
 
+import sys
+from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from dataclasses import dataclass
+from typing import Final
 
 Advance = Callable[..., None]
 """Receives how many more are done."""
@@ -64,3 +67,93 @@ def progress(text: str, total: Callable[[], int], **more: int) -> Iterator[Advan
     else:
         with bar(text, total(), **more) as advance:
             yield advance
+
+
+_UNKNOWN_TIME: Final = "-:--:--"
+_LONGEST_TIME: Final = 3.6e7
+"""[s]; ten thousand hours."""
+_BURST: Final = 1.1
+"""What comes until this multiple of the first part's time is counted as one burst."""
+
+
+@contextmanager
+def terminal_bar(text: str, total: int, done: int = 0) -> Iterator[Advance]:
+    """Show a bar with speed and time left on a terminal; yields ``advance(count, text)``.
+
+    On a narrow terminal the text is cut off, the numbers never. Nothing is shown, and nothing
+    imported, if standard error is not a terminal.
+
+    :param done: how much of the total was there before; speed and time left are those of the rest.
+    """
+    if not sys.stderr.isatty():
+        yield lambda count, text="": None
+        return
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        Progress,
+        TaskProgressColumn,
+        TextColumn,
+    )
+    from rich.table import Column
+
+    columns = (
+        TextColumn("{task.description}", table_column=Column(no_wrap=True, ratio=2)),
+        BarColumn(None, table_column=Column(ratio=1)),
+        TaskProgressColumn(),
+        TextColumn("{task.fields[speed]}"),
+        TextColumn("{task.fields[left]}"),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True, expand=True) as bar:
+        pace = ProgressRate()
+        task = bar.add_task(text, total=total, completed=done, speed="", left=_UNKNOWN_TIME)
+
+        def advance(count: int, now: str = "") -> None:
+            """Count on; what there is to say now stands behind the text."""
+            words = ": ".join(part for part in (text, now) if part)
+            bar.update(task, advance=count, description=words)
+            now_done = bar.tasks[0].completed
+            speed, left = pace.after(now_done - done, total - now_done, bar.tasks[0].elapsed or 0)
+            bar.update(task, speed=speed, left=left)
+
+        yield advance
+
+
+class ProgressRate:
+    """Speed and time left of something that is done in parts, perhaps by several processes.
+
+    What they deliver arrives in bursts, the first only after the processes have started: neither a
+    moment nor the time since the start tells the speed. It is taken over the second half of the
+    time so far, and not before as much time has passed after the first burst as until then.
+    """
+
+    def __init__(self) -> None:
+        self._times, self._done = [0.0], [0.0]
+
+    def after(self, done: float, rest: float, elapsed: float) -> tuple[str, str]:
+        """Return speed and time left in words.
+
+        :param done: since the start.
+        :param rest: what is still to be done.
+        :param elapsed: since the start [s].
+        """
+        if done > self._done[-1] and elapsed > self._times[-1]:
+            self._times.append(elapsed)
+            self._done.append(done)
+        first = _BURST * self._times[min(1, len(self._times) - 1)]
+        base = bisect_right(self._times, max(0.5 * elapsed, first)) - 1
+        gone, took = done - self._done[base], elapsed - max(self._times[base], first)
+        if elapsed < 2.0 * first or not (gone > 0.0 and took > 0.0):
+            return "", _UNKNOWN_TIME
+        speed = gone / took
+        minutes, seconds = divmod(round(min(max(rest, 0.0) / speed, _LONGEST_TIME)), 60)
+        return speed_in_words(speed), f"{minutes // 60}:{minutes % 60:02}:{seconds:02}"
+
+
+def speed_in_words(speed: float | None) -> str:
+    """Return a number per second in few digits; nothing if it is not known yet."""
+    if not speed:
+        return ""
+    if speed < 1e4:
+        return f"{speed:,.0f}/s" if speed >= 10.0 else f"{speed:.2g}/s"
+    return f"{speed / 1e3:,.0f} k/s"

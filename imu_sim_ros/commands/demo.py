@@ -76,7 +76,7 @@ def _demonstrate(
         f"at {parameters.rate:g} Hz: IMU {arguments.imu}, trajectory {arguments.trajectory}",
         flush=True,
     )
-    counts = demo.fly(parameters, folder, partial(program.progress, "flying"))
+    counts = demo.fly(parameters, folder)
     print_lines([demo.message_table(folder / demo.BAG, counts)])
     found = demo.tracks(parameters, folder / demo.BAG)
     print_lines([demo.error_table(found, parameters.duration)])

@@ -9,8 +9,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager, ExitStack
+from collections.abc import Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import IO, Final
 
@@ -26,6 +26,7 @@ from imu_sim_ros.navigation.evaluation import TrueStates
 from imu_sim_ros.navigation.mount import mount_of
 from imu_sim_ros.parameters import files
 from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.progress import progress
 from imu_sim_ros.sensors.gravity import gravity_vector
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.simulation.engine import Body
@@ -39,16 +40,12 @@ _START_TIMEOUT: Final = 30.0
 """[s]"""
 _END_TIMEOUT: Final = 10.0
 """[s]"""
-Progress = Callable[[int], AbstractContextManager[Callable[..., None]]]
 
 
-def fly(
-    parameters: SimulationParameters, folder: Path, progress: Progress
-) -> dict[str, dict[str, int]]:
+def fly(parameters: SimulationParameters, folder: Path) -> dict[str, dict[str, int]]:
     """Run the nodes until the simulator is done; return the numbers in their closing lines.
 
     :param folder: receives the bag, the parameters and what the nodes say.
-    :param progress: of ten steps a second.
     :raises MachineError: if a node fails.
     """
     file = folder / "simulation.yaml"
@@ -68,7 +65,7 @@ def fly(
         )
         nodes = {"recorder": recorder, "integrator": integrator, "simulator": simulator}
         try:
-            _wait(nodes, parameters.duration, progress)
+            _wait(nodes, parameters.duration)
             time.sleep(0.5)  # the last readings are on their way to the integrator and back
             _end(integrator)
             _end(recorder)
@@ -96,11 +93,11 @@ def _start(log: IO[str], name: str, *arguments: str) -> "subprocess.Popen[str]":
     return subprocess.Popen(command, stdout=log, stderr=log, env=environment, text=True)
 
 
-def _wait(nodes: dict[str, "subprocess.Popen[str]"], duration: float, progress: Progress) -> None:
+def _wait(nodes: dict[str, "subprocess.Popen[str]"], duration: float) -> None:
     """Wait for the simulator's end, with a bar; another node's end is a failure."""
     steps = 10
     begin = time.monotonic()
-    with progress(round(duration * steps)) as advance:
+    with progress("flying", lambda: round(duration * steps)) as advance:
         while nodes["simulator"].poll() is None:
             time.sleep(1.0 / steps)
             advance(1)

@@ -11,8 +11,7 @@ import sys
 
 import pytest
 
-from imu_sim_ros import program, text_tables
-from imu_sim_ros import program as printing
+from imu_sim_ros import progress, text_tables
 
 HEADER = ["axis", "noise density [rad/s/sqrt(Hz)]", "random walk [rad/s^2/sqrt(Hz)]", "B [rad/s]"]
 ROWS = [[f"gyroscope {axis}", "0.0150012 +- 0.0000123", "5.123e-05", "< 1.5e-6"] for axis in "xyz"]
@@ -55,7 +54,7 @@ def test_a_narrow_bar_cuts_its_text_and_never_its_numbers(monkeypatch, columns):
     with os.fdopen(slave, "w") as terminal:
         monkeypatch.setattr(sys, "stderr", terminal)
         name = "a campaign with a name of more than 40 letters"
-        with program.progress(name, 1000, done=500) as advance:
+        with progress.terminal_bar(name, 1000, done=500) as advance:
             advance(20)
     shown = b""
     with os.fdopen(master, "rb", buffering=0) as seen, contextlib.suppress(OSError):
@@ -79,7 +78,7 @@ def test_the_time_left_is_neither_misled_by_bursts_nor_by_the_start(start, worke
 
     A window of time t contains t / 2 bursts, one more or one less: it is off by 2 / t.
     """
-    pace, total, shown = printing.ProgressRate(), 50 * workers * 100, 0
+    pace, total, shown = progress.ProgressRate(), 50 * workers * 100, 0
     for burst in range(1, 101):
         for worker in range(workers):
             elapsed = start + 2.0 * burst + 0.01 * worker / workers
@@ -98,7 +97,7 @@ def test_the_time_left_is_neither_misled_by_bursts_nor_by_the_start(start, worke
 
 
 def test_a_time_left_that_is_not_known_is_not_shown():
-    pace = printing.ProgressRate()
+    pace = progress.ProgressRate()
     assert pace.after(0, 1000, 3.0) == ("", "-:--:--")
     assert pace.after(50, 950, 10.0) == ("", "-:--:--")
     assert pace.after(100, 900, 10.1) == ("", "-:--:--")
@@ -111,4 +110,4 @@ def test_a_time_left_that_is_not_known_is_not_shown():
     ("speed", "words"), [(None, ""), (2.5, "2.5/s"), (656.4, "656/s"), (69e3, "69 k/s")]
 )
 def test_a_speed_has_few_digits(speed, words):
-    assert printing.speed_in_words(speed) == words
+    assert progress.speed_in_words(speed) == words

@@ -3,7 +3,6 @@
 
 """The recorder node: topics into a bag that survives the recorder's sudden end."""
 
-import argparse
 import sys
 import time
 from collections.abc import Sequence
@@ -15,7 +14,7 @@ from rclpy.exceptions import NameValidationException
 from rclpy.qos import QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from imu_sim_ros import program
+from imu_sim_ros import timebase
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 from imu_sim_ros.bags.writer import BagOptions, Writer, open_writer
 from imu_sim_ros.errors import ConfigurationError, InputError, MissingDependencyError
@@ -311,8 +310,8 @@ def plain_arguments(arguments: Sequence[str]) -> list[str]:
 
 def _seconds(name: str, words: str) -> str:
     try:
-        return repr(program.duration(words))
-    except argparse.ArgumentTypeError as error:
+        return repr(timebase.parse_duration(words))
+    except ValueError as error:
         raise ConfigurationError(f"{name}: {error}") from None
 
 
