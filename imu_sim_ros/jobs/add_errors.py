@@ -29,7 +29,7 @@ from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.jobs.flight import Flight, Source
 from imu_sim_ros.jobs.readings import delivered_of
-from imu_sim_ros.jobs.simulate import imu_parameters, keyword_parameters
+from imu_sim_ros.jobs.simulate import imu_parameters, keyword_parameters, sensor_name
 from imu_sim_ros.jobs.writing import parameter_files
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
@@ -130,7 +130,7 @@ def add_errors(
     for quantity, pair in (("magnetic_field", magnetic_field), ("pressure", pressure)):
         if pair is not None:
             topics += _add_other(model.other(quantity), pair, windows)
-    name = f"{_sensor_name(imu, built)} on given readings"
+    name = f"{sensor_name(imu, built.imu.preset)} on given readings"
     return Flight(Source(built, NOWHERE, int(given.t_ns[0])), windows, name, topics)
 
 
@@ -224,7 +224,7 @@ class ErrorModel:
         """
         given = _given(t_ns, gyro, accel, orientation, "read")
         blocks = [read[IMU] for read in self._model.read(given)]
-        return joined(blocks) if blocks else _nothing(self._model.position)
+        return joined(blocks) if blocks else _no_samples(self._model.position)
 
     def read_magnetic_field(self, t_ns: int | ArrayLike, field: ArrayLike) -> MagneticReadings:
         """Return what the magnetometer of the IMU reads: a sample for each ideal field.
@@ -547,6 +547,10 @@ def _impossible(values: Array, quantity: gate.Quantity) -> Mask:
 
 
 def _spread(name: str, value: object) -> Spread:
+    """Return how the units of a batch differ in a parameter.
+
+    :raises ConfigurationError: for anything but ("uniform", low, high) or ("gaussian", sigma).
+    """
     allowed = "('uniform', low, high) or ('gaussian', sigma), numbers or three of them"
     ways = {"uniform": 2, "gaussian": 1}
     if not isinstance(value, list | tuple) or not value or ways.get(value[0]) != len(value) - 1:
@@ -599,7 +603,7 @@ def from_sdf(file: str | Path, sensor: str | None = None) -> dict[str, Any]:
     return {**own, **{k: v for k, v in found.items() if not k.startswith("imu.")}}
 
 
-def _nothing(position: int) -> Samples:
+def _no_samples(position: int) -> Samples:
     times, vectors = np.empty(0, np.int64), np.empty((0, 3))
     values: dict[str, Any] = dict.fromkeys(
         ("gyro", "accel", "ideal_gyro", "ideal_accel", *ERROR_TOPICS.values()), vectors
@@ -767,8 +771,3 @@ def rate_of(t_ns: Integers) -> float:
     found = float(f"{whole.sum() / steps.sum() * timebase.NANOSECONDS_PER_SECOND:.6g}")
     nearest = float(round(found))
     return nearest if nearest and abs(found - nearest) < 2e-5 * nearest else found
-
-
-def _sensor_name(imu: object, built: ErrorModelParameters) -> str:
-    changed = isinstance(imu, Mapping) and set(imu) - {"preset"}
-    return f"{'modified ' if changed else ''}{Path(built.imu.preset).stem}"

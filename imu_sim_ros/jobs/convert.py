@@ -258,6 +258,7 @@ class _Output:
 
 
 def _from_bag(source: Path, output: _Output, journal: Journal, recover: bool) -> Converted:
+    """Convert a bag into another bag, a dataset, or poses in TUM format."""
     form = output.form
     whole = not recover or _is_whole(source)
     with open_bag(source, recover) as bag:
@@ -290,6 +291,7 @@ def _from_bag(source: Path, output: _Output, journal: Journal, recover: bool) ->
 
 
 def _is_whole(path: Path) -> bool:
+    """Return whether a bag can be read without recovering it."""
     try:
         with open_bag(path):
             return True
@@ -420,6 +422,7 @@ def _to_tum(poses: PoseSequence, output: _Output, name: str) -> Counts:
 
 
 def _text_to_bag(source: Path, output: _Output, journal: Journal, images: str | None) -> Converted:
+    """Write poses, or readings, tables and images, as messages."""
     renamed, skipped, known = output.renamed, journal.skipped, known_tables()
     if streams.holds_poses(source):
         with output.bag() as writer, output.progress(0) as advance:
@@ -440,6 +443,7 @@ def _text_to_bag(source: Path, output: _Output, journal: Journal, images: str | 
 def _text_to_dataset(
     source: Path, output: _Output, journal: Journal, images: str | None
 ) -> Converted:
+    """Write readings, states, tables and a folder's images in another form."""
     skipped, known = journal.skipped, known_tables()
     states = text_reader.has_states(source)
     poses = None if states else text_reader.pose_file(source)

@@ -717,17 +717,17 @@ def _reprojection_lines(result: list[Reprojection]) -> list[str]:
     """Return the result, one line for each camera."""
     return [
         f"reprojection, {entry['camera']}: {_shown(entry['rms_px'])} px in u and in v over "
-        f"{_of(entry['features'], entry['of'])}; from the true poses "
+        f"{_features(entry['features'], entry['of'])}; from the true poses "
         f"{_shown(entry['rms_px_of_truth'])} px"
         + (f"; {entry['behind']} landmarks would not be seen" if entry["behind"] else "")
         for entry in result
     ]
 
 
-def _of(features: int, every: int) -> str:
+def _features(count: int, every: int) -> str:
     """Return how many features have a pose at their time."""
-    words = f"{features:,} features"
-    return words if features == every else f"{words} of {every:,}, the others without poses"
+    words = f"{count:,} features"
+    return words if count == every else f"{words} of {every:,}, the others without poses"
 
 
 def _shown(value: float | None) -> str:

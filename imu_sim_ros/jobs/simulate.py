@@ -108,11 +108,10 @@ def simulate(
             f"duration: its {samples} samples, with those of all sensors, do not fit into memory, "
             f"which has room for {most}; blocks() yields them piece by piece"
         )
-    changed = "modified " if isinstance(imu, Mapping) and set(imu) - {"preset"} else ""
     motion = body.parameters.trajectory.type
     if isinstance(trajectory, str | Path):
         motion = Path(trajectory).stem
-    name = f"{changed}{Path(body.parameters.imu.preset).stem} on {motion}"
+    name = f"{sensor_name(imu, body.parameters.imu.preset)} on {motion}"
     return Flight(body, [first, *windows], name)
 
 
@@ -262,6 +261,10 @@ class GivenMotion(NamedTuple):
 
 
 def _motion(trajectory: object) -> GivenMotion:
+    """Return what an argument ``trajectory`` of any of its types means.
+
+    :raises ConfigurationError: for anything else.
+    """
     if trajectory is None:
         return GivenMotion({})
     if isinstance(trajectory, np.ndarray):
@@ -287,6 +290,12 @@ def _motion(trajectory: object) -> GivenMotion:
             wrong_type=True,
         )
     return GivenMotion({"trajectory.type": GIVEN}, given=given)
+
+
+def sensor_name(imu: object, preset: str) -> str:
+    """Return what a flight calls the sensor that ``imu`` gives: its preset, or a modified one."""
+    changed = isinstance(imu, Mapping) and set(imu) - {"preset"}
+    return f"{'modified ' if changed else ''}{Path(preset).stem}"
 
 
 def imu_parameters(imu: object) -> dict[str, object]:
