@@ -110,7 +110,7 @@ def test_the_truth_is_without_distortion():
 
 
 def test_points_of_people_are_on_them_at_their_own_times():
-    scene = {"type": "office", "bodies": {"people": 4, "carts": 1}, "seed": 3}
+    scene = {"type": "office", "bodies": {"people": 2, "carts": 1}, "seed": 3}
     flight = flown(scene, duration=1, trajectory={"type": "static"})
     scans = flight.lidar
     body = Body(flight.parameters, sensors={"lidar"})
