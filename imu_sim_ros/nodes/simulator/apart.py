@@ -18,7 +18,7 @@ import sys
 import threading
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import IO, Any, Final, TypedDict
+from typing import IO, Final, TypedDict
 
 import numpy as np
 from rclpy.duration import Duration
@@ -33,6 +33,7 @@ from imu_sim_ros.nodes.simulator.publish_queue import Send
 from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.declaration import Mounted
+from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.simulation.topics import Encode, Messages, delivered_rows, offered
@@ -194,7 +195,7 @@ class SensorProcess:
             self._fail(MachineError(f"{self.name}: the sensor's process ended, status {status}"))
 
 
-def requests(read: Any, _: Any) -> Messages:
+def requests(read: Samples, _: object) -> Messages:
     """Return a token for each sample that is delivered, due when its driver lets it go.
 
     It requests what a process publishes of the sample.

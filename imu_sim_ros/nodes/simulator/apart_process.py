@@ -36,6 +36,7 @@ from imu_sim_ros.nodes.publishing import Counter, create
 from imu_sim_ros.nodes.simulator.apart import MARKERS, TOKEN, ProcessStart
 from imu_sim_ros.nodes.simulator.markers import markers
 from imu_sim_ros.parameters.sections import build
+from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.timing import SampleTimes
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.cameras import scene_around
@@ -214,7 +215,7 @@ class SensorNode:
         ]
         return Made(int(read[self.name].true_t_ns[0]), messages)
 
-    def _messages(self, topic: str, window: Window, read: dict[str, Any]) -> list[bytes]:
+    def _messages(self, topic: str, window: Window, read: dict[str, Samples]) -> list[bytes]:
         """Return the messages of a topic in a window.
 
         :param read: the samples of it so far; those of further sensors are added.

@@ -164,9 +164,9 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
                 "is true; time comes from an external /clock"
             )
 
-    def _outputs(self, parameters: SimulatorParameters) -> list[tuple[str, Any, Any]]:
+    def _outputs(self, parameters: SimulatorParameters) -> list[tuple[str, topics.Encode, Send]]:
         """Return the sensor, encoder and receiver of each topic and serial line that there is."""
-        found: list[tuple[str, Any, Any]] = []
+        found: list[tuple[str, topics.Encode, Send]] = []
         sensors = mounted(parameters)
         for name, topic in topics.published(sensors, parameters.publish).items():
             if not topic.mounted.sensor.apart and self._can_publish(topic.topic):

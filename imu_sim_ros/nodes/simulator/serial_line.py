@@ -8,10 +8,11 @@ import select
 import tty
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.sensors.declaration import Serial
+from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.topics import Encode, Messages
 
 PLAIN: Final = "pty"
@@ -95,7 +96,7 @@ class PseudoTerminal:
 def messages(serial: Serial) -> Encode:
     """Return what turns samples into the messages of a serial line: those that are delivered."""
 
-    def encode(read: Any, _: Any) -> Messages:
+    def encode(read: Samples, _: object) -> Messages:
         rows = read.delivered
         lines = [line.encode("ascii") for line in serial.lines(read, rows)]
         return Messages(read.t_ns[rows], read.release_t_ns[rows], lines)
