@@ -92,8 +92,9 @@ class Recording(NamedTuple):
 
 
 # A drone of up to 8.3 m/s^2: unharmed, the spline's velocities are within 0.043 m/s of the file's
-# at every pose; of 40 s with its fastest and its hardest turn. A hand of up to 0.59 m/s and 2.97 m/s^2, whose file has no velocities: those of the
-# spline through the unharmed poses take their place.
+# at every pose; 40 s with its fastest and its hardest turn. A hand of up to 0.59 m/s and 2.97
+# m/s^2, whose file has no velocities: those of the spline through the unharmed poses take their
+# place.
 FLIGHT = Recording(EUROC, 0.1, 12.0, slice(4000, 12000))
 HAND = Recording(TUM, 0.04, 3.5, slice(None))
 real = pytest.mark.parametrize(
