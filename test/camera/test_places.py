@@ -42,17 +42,17 @@ def make_imager(make_rig, kind, **values):
     return rig, imager_of(rig)
 
 
-def distance_plainly(surfaces, eye, ray):
-    """Return how far the nearest front is that a ray of float64 meets."""
+def distances_plainly(surfaces, eye, rays):
+    """Return how far (n,) the nearest fronts are that rays (n, 3) of float64 meet."""
     o, a, b = surfaces[:3]
     n = np.cross(a, b)
-    front = n @ ray < 0.0
-    o, a, b, n = o[front], a[front], b[front], n[front]
-    t = (n * (o - eye)).sum(axis=1) / (n @ ray)
-    at = eye + t[:, None] * ray - o
-    s, r = ((at * side).sum(axis=1) / (side * side).sum(axis=1) for side in (a, b))
-    hit = (t > 0.0) & (s >= 0.0) & (s <= 1.0) & (r >= 0.0) & (r <= 1.0)
-    return t[hit].min(initial=np.inf)
+    slope = rays @ n.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = (n * (o - eye)).sum(axis=1) / slope
+        at = eye + t[:, :, None] * rays[:, None] - o
+        s, r = ((at * side).sum(axis=2) / (side * side).sum(axis=1) for side in (a, b))
+    hit = (slope < 0.0) & (t > 0.0) & (s >= 0.0) & (s <= 1.0) & (r >= 0.0) & (r <= 1.0)
+    return np.where(hit, t, np.inf).min(axis=1)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -66,12 +66,13 @@ def test_depth_is_that_of_the_surfaces_equation(make_rig, kind):
     for t in (0.5, 3.0, 6.0):
         poses = view.poses(rig.trajectory, np.array([t]))
         depth = renderer.depth(Eyes(poses))
-        for u, v in zip(stream.integers(0, 188, 60), stream.integers(0, 120, 60), strict=True):
-            ray = view.model.unproject([(float(u), float(v))]).direction[0]
-            way = rotation.rotate(poses.q_wc[0], ray)
-            expected = distance_plainly(rig.scene.surfaces, poses.position[0], way) * ray[2]
-            good += abs(depth[v, u] - expected) < 1e-4 * max(1.0, expected / 5.0)
-            checked += 1
+        u, v = stream.integers(0, 188, 60), stream.integers(0, 120, 60)
+        rays = view.model.unproject(np.column_stack([u, v]).astype(float)).direction
+        ways = rotation.rotate(np.tile(poses.q_wc[0], (len(rays), 1)), rays)
+        expected = distances_plainly(rig.scene.surfaces, poses.position[0], ways) * rays[:, 2]
+        error = np.abs(depth[v, u] - expected)
+        good += np.count_nonzero(error < 1e-4 * np.maximum(1.0, expected / 5.0))
+        checked += len(rays)
     assert good >= 0.97 * checked  # at an edge the other side may win
 
 
@@ -348,9 +349,12 @@ def before_a_glossy_wall(make_rig, lamp):
     return view, textures, Renderer(view.model, place.surfaces(), textures, 1)
 
 
-def added_by_gloss(view, renderer, poses):
-    """Return columns and rows (n,) of the pixels that see the wall, and what gloss adds there."""
-    u, v = (each.ravel() for each in np.meshgrid(np.arange(188), np.arange(120)))
+def added_by_gloss(view, renderer, poses, step=1):
+    """Return columns and rows (n,) of the pixels that see the wall, and what gloss adds there.
+
+    :param step: of so many columns and rows one is looked at.
+    """
+    u, v = (each.ravel() for each in np.meshgrid(np.arange(0, 188, step), np.arange(0, 120, step)))
     ray = view.model.unproject(np.column_stack([u, v]).astype(float)).direction
     way = rotation.rotate(np.broadcast_to(poses.q_wc[0], (len(ray), 4)), ray)
     eye = poses.position[0]
@@ -377,7 +381,7 @@ def test_a_square_lamp_has_a_square_highlight(make_rig):
     mounting = rotation.from_matrix(np.array(SMALL["camera__mounting"]).reshape(3, 3))
     eye = np.array([0.8, 2.1, 1.0])
     poses = CameraPoses(eye[None], mounting[None])
-    u, v, added = added_by_gloss(view, renderer, poses)
+    u, v, added = added_by_gloss(view, renderer, poses, step=2)
     ray = view.model.unproject(np.column_stack([u, v]).astype(float)).direction
     way = rotation.rotate(np.broadcast_to(mounting, (len(ray), 4)), ray)
     at = eye + way * ((4.0 - eye[0]) / way[:, :1])
@@ -390,7 +394,7 @@ def test_a_square_lamp_has_a_square_highlight(make_rig):
         cosine = (to * mirrored).sum(axis=1) / np.sqrt(square)
         expected += np.maximum(cosine, 0.0) ** 2048 * -to[:, 0] / square**1.5
     middle = expected > 0.02 * expected.max()
-    assert middle.sum() > 150
+    assert middle.sum() > 35
     found = added - np.median(added[~middle])
     scale = found[middle] @ expected[middle] / (expected[middle] @ expected[middle])
     assert np.abs(found / scale - expected).max() < 0.06 * expected.max()
