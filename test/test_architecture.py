@@ -4,6 +4,7 @@
 """The rooms of the package and the arrows between them, read from the import statements."""
 
 import ast
+import gc
 import importlib
 import re
 import types
@@ -13,6 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from xml.etree import ElementTree
 
+import pytest
 import yaml
 
 import imu_sim_ros
@@ -72,6 +74,14 @@ PARAMETERS = {"parameters", "presets", "triads"}
 # Reading a file of poses must not cost what only some commands need.
 HEAVY = {"cv2", "numba", "distributed", "pyarrow", "scipy", "matplotlib", "rosbags", "mcap", "rich"}
 HEAVY |= {"yaml"}
+
+
+@pytest.fixture(autouse=True)
+def uncollected():
+    """Leave the garbage collector off: trees have no cycles, and each of its passes visits all."""
+    gc.disable()
+    yield
+    gc.enable()
 
 
 def modules():

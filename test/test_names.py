@@ -4,6 +4,7 @@
 """Options and names as people mistype them, and what every program says of itself."""
 
 import importlib
+import re
 import subprocess
 import sys
 
@@ -118,26 +119,40 @@ WITHOUT_ROS = """
 import sys
 sys.modules.update(dict.fromkeys({blocked!r}))
 from imu_sim_ros.commands import start
-sys.argv[:] = ["imu_sim", *{words!r}]
-sys.exit(start.imu_sim())
+for words in {calls!r}:
+    sys.argv[:] = ["imu_sim", *words]
+    try:
+        status = start.imu_sim()
+    except SystemExit as ended:
+        status = ended.code
+    for stream in sys.stdout, sys.stderr:
+        print(f"status {{status}}", file=stream, flush=True)
 """
 ROS = ["rclpy", "sensor_msgs", "nav_msgs", "geometry_msgs", "diagnostic_msgs", "std_msgs"]
 
 
-def without_ros(*words):
-    code = WITHOUT_ROS.format(blocked=ROS, words=list(words))
-    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+def without_ros(calls):
+    """Start a program in one process for each call: its status, standard output and errors."""
+    code = WITHOUT_ROS.format(blocked=ROS, calls=calls)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    printed, complained = (
+        re.split(r"^status (\d)\n", text, flags=re.MULTILINE) for text in (done.stdout, done.stderr)
+    )
+    return list(zip(map(int, printed[1::2]), printed[::2], complained[::2], strict=False))
 
 
-@pytest.mark.parametrize("name", start.NODES)
-def test_nodes_say_what_they_are_without_ros(name):
-    version, shown, real = (without_ros(name, *rest) for rest in (["--version"], ["--help"], []))
-    assert (version.returncode, version.stdout) == (0, "imu_sim_ros 1.0.0\n")
-    assert shown.returncode == 0
-    assert shown.stdout.startswith(f"usage: {name} [--PARAMETER VALUE ...]")
-    assert real.returncode == 2
-    (line,) = real.stderr.splitlines()
-    assert line.startswith(f"{name}: needs ROS 2, but ")
+def test_nodes_say_what_they_are_without_ros():
+    rests = (["--version"], ["--help"], [])
+    found = without_ros([[name, *rest] for name in start.NODES for rest in rests])
+    assert len(found) == 3 * len(start.NODES)
+    for k, name in enumerate(start.NODES):
+        version, (status, usage, _), (refused, _, complaint) = found[3 * k : 3 * k + 3]
+        assert version == (0, "imu_sim_ros 1.0.0\n", "")
+        assert (status, usage.partition(" ...]")[0]) == (0, f"usage: {name} [--PARAMETER VALUE")
+        assert refused == 2
+        (line,) = complaint.splitlines()
+        assert line.startswith(f"{name}: needs ROS 2, but ")
 
 
 @pytest.mark.parametrize("name", start.PROGRAMS)
