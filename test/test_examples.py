@@ -54,24 +54,24 @@ def test_there_are_at_least_five_scripts_and_two_notebooks():
     assert len(list(EXAMPLES.glob("*.ipynb"))) == 2
 
 
-def test_lecture(tmp_path):
-    """Euler ends 0.906 m off and midpoint 1.29 mm: the lecture's trajectory without noise.
-
-    In a process of its own, as a user starts it.
-    """
-    words = [sys.executable, str(EXAMPLES / "lecture.py"), str(tmp_path)]
-    done = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
-    euler, midpoint, noisy, *_ = done.stdout.splitlines()
+def test_lecture(run, tmp_path):
+    """Euler ends 0.906 m off and midpoint 1.29 mm: the lecture's trajectory without noise."""
+    euler, midpoint, noisy, *_ = run(EXAMPLES / "lecture.py").splitlines()
     assert numbers(euler)[0] == pytest.approx(0.906, abs=0.001)
     assert numbers(midpoint)[0] == pytest.approx(1.29e-3, abs=1e-5)
     assert numbers(noisy)[0] > 0.01
     assert {path.name for path in tmp_path.iterdir()} == {"lecture_path.png", "lecture_allan.png"}
 
 
-def test_vio_residuals(run):
-    """True states have no residual but the midpoint rule's; derivatives equal differences."""
-    between_true, off = run(EXAMPLES / "vio_residuals.py").splitlines()
+def test_vio_residuals(tmp_path):
+    """True states have no residual but the midpoint rule's; derivatives equal differences.
+
+    In a process of its own, as a user starts it.
+    """
+    words = [sys.executable, str(EXAMPLES / "vio_residuals.py")]
+    done = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    between_true, off = done.stdout.splitlines()
     assert numbers(between_true)[-1] < 1e-6
     assert numbers(off)[-1] < 1e-8
 

@@ -91,13 +91,13 @@ def test_files_are_written_and_read_without_linux(tmp_path):
     )
 
 
-def test_images_are_written_and_read_without_linux(tmp_path):
+def test_images_and_tracks_are_written_and_read_without_linux(tmp_path):
     pytest.importorskip("cv2")
     run(
         tmp_path,
         f"generate -o seen --format euroc {SMALL} --duration 0.2s --quiet",
         "convert_bag seen -o seen.mcap --images compressed --quiet",
-        f"generate -o b --format euroc {SMALL} --scene corridor --trajectory tour "
+        f"generate -o b --format tracks {SMALL} --scene corridor --trajectory tour "
         "--set trajectory.place=corridor --duration 0.1s --quiet",
     )
 
