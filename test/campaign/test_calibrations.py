@@ -62,22 +62,22 @@ def test_allans_intervals_hold_the_truth_as_often_as_they_say(plan_file):
 
 
 @pytest.mark.parametrize(
-    ("kind", "trajectory"),
+    ("kind", "trajectory", "rate"),
     [
-        ("six_position", "six_position"),
-        ("turntable", "turntable"),
-        ("temperature", "temperature_soak"),
+        ("six_position", "six_position", 10),
+        ("turntable", "turntable", 25),
+        ("temperature", "temperature_soak", 10),
     ],
 )
 def test_calibrations_have_the_numbers_of_the_command(
-    plan_file, tmp_path, capsys, kind, trajectory
+    plan_file, tmp_path, capsys, kind, trajectory, rate
 ):
-    parameters = {"rate": 25.0, "trajectory": trajectory, "imu": "mpu6000"}
+    parameters = {"rate": float(rate), "trajectory": trajectory, "imu": "mpu6000"}
     (row,) = rows_of(plan_file(parameters=parameters, estimators={"a": {"type": kind}}), [2])
     assert row["status"] == "done"
     bag = tmp_path / "run.mcap"
     words = (
-        f"-o {bag} --rate 25 --trajectory {trajectory} --imu mpu6000 --seed 2 --quiet "
+        f"-o {bag} --rate {rate} --trajectory {trajectory} --imu mpu6000 --seed 2 --quiet "
         "--topics imu/data_raw,ground_truth/odom,imu/temperature"
     )
     assert generate.main(words.split()) == 0
