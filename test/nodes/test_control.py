@@ -47,13 +47,20 @@ def control(domains: tuple[int, int]) -> Any:
 
 
 @pytest.fixture
-def ask(control: Any) -> Any:
-    """Return a function that runs ``control ARGUMENTS``; it gives status, output and errors."""
+def ask(domains: tuple[int, int], monkeypatch: pytest.MonkeyPatch, capfd: Any) -> Any:
+    """Return a function that runs ``control ARGUMENTS`` in this process.
+
+    It gives status, output and errors.
+    """
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domains[0]))
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    for name in ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"):
+        monkeypatch.delenv(name, raising=False)  # the program sets it for the rest of its process
 
     def run(*arguments: str) -> tuple[int, str, str]:
-        process = control(*arguments, "--timeout", "20s")
-        output, error = process.communicate(timeout=PATIENCE)
-        return process.returncode, output, error
+        capfd.readouterr()
+        status = main([*arguments, "--timeout", "20s"])
+        return status, *capfd.readouterr()
 
     return run
 
@@ -185,7 +192,7 @@ def test_a_simulator_that_is_not_there_is_said(start: Any, listener: Any, contro
     ],
 )
 def test_bad_arguments_need_no_simulator(capsys: Any, arguments: list[str], line: str) -> None:
-    """In this process; the status of the program itself is that of the refusals above."""
+    """In this process; of the program itself, a status is that of the simulator not found above."""
     try:
         status = main(arguments)
     except SystemExit as end:  # as the parser ends a program
