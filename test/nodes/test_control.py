@@ -55,7 +55,9 @@ def ask(domains: tuple[int, int], monkeypatch: pytest.MonkeyPatch, capfd: Any) -
     monkeypatch.setenv("ROS_DOMAIN_ID", str(domains[0]))
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     for name in ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"):
-        monkeypatch.delenv(name, raising=False)  # the program sets it for the rest of its process
+        # The program sets one for the rest of its process; only what was set here is restored.
+        monkeypatch.setenv(name, "")
+        monkeypatch.delenv(name)
 
     def run(*arguments: str) -> tuple[int, str, str]:
         capfd.readouterr()

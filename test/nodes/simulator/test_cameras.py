@@ -38,6 +38,9 @@ RIG = {
     "start_time": 1.0,
     "seed": 4,
 }
+SINGLE = {key: value for key, value in RIG.items() if not key.startswith("cam1")} | {
+    "cameras": "[cam0]"
+}
 
 
 def dotted(values: dict[str, Any]) -> dict[str, Any]:
@@ -258,8 +261,7 @@ def test_the_frames_of_the_cameras_are_on_tf_static(tf2_msgs, start, listener):
 
 def test_what_is_wrong_with_a_camera_is_one_line(start):
     """One of those of test_scene.py: all are raised by the same reading of parameters."""
-    bad = RIG | {"scene.type": "cloud"}
-    node = start("simulator", "--trajectory", "target", **dotted(bad))
+    node = start("simulator", "--trajectory", "target", **dotted(SINGLE | {"scene.type": "cloud"}))
     assert node.status() == 2
     assert "scene.type = 'cloud': has points and lines only" in node.output
     assert "Traceback" not in node.output
@@ -293,13 +295,13 @@ def test_a_camera_that_dies_ends_the_node_and_a_node_that_dies_its_cameras(start
     from sensor_msgs.msg import Image
 
     listener.listen("/cam0/image_raw", Image)
-    endless = dotted(RIG | {"duration": 1000.0})
-    node = start("simulator", "--trajectory", "target", **endless)
+    endless = {"duration": 1000.0}
+    node = start("simulator", "--trajectory", "target", **dotted(SINGLE | endless))
     listener.wait_for("/cam0/image_raw", 2)
     os.kill(children(node.process.pid)[0], signal.SIGKILL)
     assert node.status() == 1
     assert "the sensor's process ended, status -9" in node.output
-    node = start("simulator", "--trajectory", "target", **endless)
+    node = start("simulator", "--trajectory", "target", **dotted(RIG | endless))
     listener.wait_for("/cam0/image_raw", len(listener.raw["/cam0/image_raw"]) + 2)
     cameras = children(node.process.pid)
     assert len(cameras) == 2
