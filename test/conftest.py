@@ -62,8 +62,18 @@ def pytest_collection() -> Iterator[None]:
     Tests and modules live to the end of the run: later looks leave them out.
     """
     gc.disable()
+    try:
+        yield
+    finally:
+        gc.freeze()
+        gc.enable()
+
+
+@pytest.fixture
+def uncollected() -> Iterator[None]:
+    """Leave the garbage collector off while sources are parsed: trees have no cycles."""
+    gc.disable()
     yield
-    gc.freeze()
     gc.enable()
 
 

@@ -4,7 +4,6 @@
 """The rooms of the package and the arrows between them, read from the import statements."""
 
 import ast
-import gc
 import importlib
 import re
 import types
@@ -74,14 +73,7 @@ PARAMETERS = {"parameters", "presets", "triads"}
 # Reading a file of poses must not cost what only some commands need.
 HEAVY = {"cv2", "numba", "distributed", "pyarrow", "scipy", "matplotlib", "rosbags", "mcap", "rich"}
 HEAVY |= {"yaml"}
-
-
-@pytest.fixture(autouse=True)
-def uncollected():
-    """Leave the garbage collector off: trees have no cycles, and each of its passes visits all."""
-    gc.disable()
-    yield
-    gc.enable()
+pytestmark = pytest.mark.usefixtures("uncollected")
 
 
 def modules():

@@ -4,7 +4,6 @@
 """Conventions have one home: no other source file spells them out."""
 
 import ast
-import gc
 from pathlib import Path
 
 import pytest
@@ -14,15 +13,8 @@ from imu_sim_ros import conventions
 PACKAGE = Path(conventions.__file__).parent
 TOPICS = {value for name, value in vars(conventions).items() if name.endswith("_TOPIC")}
 FRAMES = {value for name, value in vars(conventions).items() if name.endswith("_FRAME")}
+pytestmark = pytest.mark.usefixtures("uncollected")
 SOURCES = sorted(path for path in PACKAGE.rglob("*.py") if path.name != "conventions.py")
-
-
-@pytest.fixture(autouse=True)
-def uncollected():
-    """Leave the garbage collector off: trees have no cycles, and each of its passes visits all."""
-    gc.disable()
-    yield
-    gc.enable()
 
 
 def constants(nodes):
