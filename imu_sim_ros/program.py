@@ -140,12 +140,15 @@ def _called(line: str) -> str:
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose complaint is one line, and with ``--debug``, ``--version``.
+    """An argument parser with a line for each problem, and with ``--debug``, ``--version``.
 
     Options are written in full: an abbreviation of one may be that of another tomorrow. What it
     parses has ``words``: the names of the arguments that are one of a few words, and so
     never the name of a file.
     """
+
+    problems: list[str]
+    """What is wrong with the values of the command line that is being parsed."""
 
     def __init__(
         self,
@@ -212,8 +215,10 @@ class Parser(argparse.ArgumentParser):
 
         An unknown option is said before what is missing because of it.
         """
+        self.problems = []
         self._refuse(self._unknown_options(sys.argv[1:] if args is None else args))
         found, rest = super().parse_known_args(args, namespace)
+        self._end_if_wrong()
         return self._with_words(found), rest
 
     def parse_args(  # type: ignore[override]  # the overloads say the same
@@ -239,10 +244,10 @@ class Parser(argparse.ArgumentParser):
 
     def _unknown_options(self, words: Sequence[str]) -> Iterator[str]:
         """Yield the options that this parser does not have; a subcommand looks at its own."""
-        choices = [action.choices for action in self._actions if action.nargs == argparse.PARSER]
+        has_commands = any(self._commands())
         for word in words:
             name = word.partition("=")[0]
-            if word == "--" or any(word in each for each in choices if each is not None):
+            if word == "--" or (has_commands and not word.startswith("-")):
                 return
             if (
                 name.startswith("--")
@@ -252,19 +257,31 @@ class Parser(argparse.ArgumentParser):
                 yield word
 
     def _refuse(self, words: Iterable[str]) -> None:
-        """End if a word is left over that is no argument."""
+        """End if words are left over that are no arguments."""
+        others = []
         for word in words:
+            option = word.partition("=")[0]
             if not word.startswith("-"):
-                self.error(f"unexpected argument {word!r}")
-            self.error(unknown("option", word.partition("=")[0], self._options(), ""))
+                others.append(repr(word))
+            elif owners := [name for name, one in self._commands() if option in one._options()]:
+                self.problems.append(f"option {option!r} belongs after {' or '.join(owners)}")
+            else:
+                self.problems.append(unknown("option", option, self._options(), ""))
+        if others:
+            self.problems.append(f"unexpected argument{'s'[: len(others) - 1]} {', '.join(others)}")
+        self._end_if_wrong()
+
+    def _commands(self) -> Iterator[tuple[str, "Parser"]]:
+        """Yield the subcommands and their parsers."""
+        for action in self._actions:
+            if action.nargs == argparse.PARSER and isinstance(action.choices, dict):
+                yield from action.choices.items()
 
     def _options(self) -> Iterator[str]:
         """Yield the options of this parser and of its subcommands."""
         yield from self._option_string_actions
-        for action in self._actions:
-            if action.nargs == argparse.PARSER and isinstance(action.choices, dict):
-                for parser in action.choices.values():
-                    yield from parser._options()
+        for _, parser in self._commands():
+            yield from parser._options()
 
     def _check_value(self, action: argparse.Action, value: object) -> None:
         if action.choices is not None and value not in action.choices:
@@ -272,16 +289,31 @@ class Parser(argparse.ArgumentParser):
             raise argparse.ArgumentError(None, unknown(name, value, action.choices))
 
     def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
-        """Return the value of ``--name=--``, too; argparse would pass an empty list on."""
-        if arg_strings == ["--"] and action.option_strings and action.nargs is None:
-            value = self._get_value(action, "--")
-            self._check_value(action, value)
-            return value
-        return super()._get_values(action, arg_strings)
+        """Return the value of ``--name=--``, too; argparse would pass an empty list on.
+
+        A value that cannot be read is a problem among others; argparse would end with the first.
+        """
+        try:
+            if arg_strings == ["--"] and action.option_strings and action.nargs is None:
+                value = self._get_value(action, "--")
+                self._check_value(action, value)
+                return value
+            return super()._get_values(action, arg_strings)
+        except argparse.ArgumentError as error:
+            if action.nargs == argparse.PARSER:
+                raise
+            self.problems.append(str(error))
+            return None
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong in one line and end with status 2."""
-        self.exit(2, f"{self.prog}: {_shortened(message)} (--help lists the arguments)\n")
+        """Say what is wrong, a line for each problem, and end with status 2."""
+        lines = [*self.problems, message]
+        hint = "(--help lists the arguments)"
+        self.exit(2, "".join(f"{self.prog}: {_shortened(line)} {hint}\n" for line in lines))
+
+    def _end_if_wrong(self) -> None:
+        if self.problems:
+            self.error(self.problems.pop())
 
 
 def add_subcommand(

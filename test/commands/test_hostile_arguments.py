@@ -90,6 +90,31 @@ def test_arguments_without_measure_are_short_lines(tmp_path, monkeypatch, capsys
     assert all(len(line) < 1200 for line in error.splitlines())
 
 
+@pytest.mark.parametrize(
+    ("command", "words", "said"),
+    [
+        (
+            generate,
+            ["--duration", "nan", "--format", "foo", "--rate", "abc"],
+            ["--duration: 'nan'", "unknown --format 'foo'", "--rate: ", "required: -o/--output"],
+        ),
+        (generate, ["--bogus", "--rat", "5"], ["'--bogus'", "'--rat'; did you mean --rate?"]),
+        (evaluate, ["a", "b", "c", "d"], ["unexpected arguments 'c', 'd'"]),
+        (calibrate, ["--rates", "5", "turntable", "x"], ["'--rates' belongs after turntable or "]),
+        (calibrate, ["turnt", "--rates", "5"], ["unknown run 'turnt'"]),
+    ],
+)
+def test_every_problem_of_a_command_line_is_a_line(capsys, command, words, said):
+    with pytest.raises(SystemExit) as ended:
+        command.main(words)
+    assert ended.value.code == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == len(said)
+    for line, part in zip(lines, said, strict=True):
+        assert part in line
+        assert line.endswith(" (--help lists the arguments)")
+
+
 def test_an_unforeseen_error_is_one_line_and_a_traceback_on_request(capsys):
     def fail():
         raise KeyError("what")
