@@ -25,6 +25,7 @@ from imu_sim_ros.bags.writer import amount
 from imu_sim_ros.conventions import IMAGE_TOPIC
 from imu_sim_ros.datasets.bodies import add_tables
 from imu_sim_ros.datasets.columns import Tables
+from imu_sim_ros.datasets.recorded import DEPTH_FOLDER, pose_text
 from imu_sim_ros.errors import InputError, system_error
 from imu_sim_ros.rotation import pose_matrix
 from imu_sim_ros.sensors.camera.declaration import cameras_in
@@ -38,10 +39,9 @@ from imu_sim_ros.sensors.camera.view import View, view_of
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.topics import Read
-from imu_sim_ros.types import Array, Bytes, Single
+from imu_sim_ros.types import Bytes, Single
 
 EUROC_HEADER: Final = "#timestamp [ns],filename"
-DEPTH_FOLDER: Final = "depth"
 MASK_FOLDER: Final = "mask"
 FLOW_FOLDER: Final = "flow"
 _AHEAD: Final = 4
@@ -300,9 +300,3 @@ def _sensor_yaml(camera: CameraParameters, comment: str) -> str:
         f"distortion_model: {_DISTORTIONS[camera.distortion_model]}\n"
         f"distortion_coefficients: [{', '.join(decimal(x) for x in k)}]\n"
     )
-
-
-def pose_text(matrix: Array) -> str:
-    """Return T_BS (4, 4) as EuRoC's descriptions of sensors have it."""
-    rows = ",\n         ".join(", ".join(decimal(value) for value in row) for row in matrix)
-    return f"T_BS:\n  cols: 4\n  rows: 4\n  data: [{rows}]\n"

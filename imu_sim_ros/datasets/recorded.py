@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from imu_sim_ros.bags.messages.encode_cameras import CameraInfo
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.decimals import decimal
-from imu_sim_ros.datasets.images import DEPTH_FOLDER, pose_text
 from imu_sim_ros.errors import InputError, naming, system_error
 from imu_sim_ros.inputs.rows import (
     COLUMNS,
@@ -36,6 +35,7 @@ from imu_sim_ros.sensors.parameters import rotation_problems
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.types import Array, Integers
 
+DEPTH_FOLDER: Final = "depth"
 _TO_EUROC: Final = {
     "plumb_bob": "radial-tangential",
     "rational_polynomial": "radial-tangential8",
@@ -61,6 +61,12 @@ class Description(NamedTuple):
     info: CameraInfo | None = None
     pose: Array | None = None
     """T_bc (4, 4): maps points of the camera into the body."""
+
+
+def pose_text(matrix: Array) -> str:
+    """Return T_BS (4, 4) as EuRoC's descriptions of sensors have it."""
+    rows = ",\n         ".join(", ".join(decimal(value) for value in row) for row in matrix)
+    return f"T_BS:\n  cols: 4\n  rows: 4\n  data: [{rows}]\n"
 
 
 def sensor_yaml(found: Description, stamps: Sequence[int], comment: str) -> str:

@@ -16,7 +16,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros import rotation
 from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.messages.encode_cameras import (
     CAMERA_INFO,
@@ -37,16 +36,20 @@ from imu_sim_ros.conventions import (
     MASK_TOPIC,
     TF_STATIC_TOPIC,
 )
-from imu_sim_ros.datasets.images import DEPTH_FOLDER, image_name, millimetres, write_table
-from imu_sim_ros.datasets.recorded import Description, OneSize, as_png, image_size, sensor_yaml
+from imu_sim_ros.datasets.images import image_name, millimetres, write_table
+from imu_sim_ros.datasets.recorded import (
+    DEPTH_FOLDER,
+    Description,
+    OneSize,
+    as_png,
+    image_size,
+    sensor_yaml,
+)
+from imu_sim_ros.datasets.transforms import Transforms, fixed_transforms, to_root
 from imu_sim_ros.errors import InputError, naming, system_error
 from imu_sim_ros.sensors.camera.images.files import Size, png
 from imu_sim_ros.sensors.camera.images.libraries import opencv
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.types import Array
-
-Transforms = dict[str, tuple[str, Array]]
-"""By child: its parent, and T_parent_child (4, 4)."""
 
 _ENDINGS: Final = (
     f"/{COMPRESSED_TOPIC}",
@@ -267,34 +270,6 @@ def pixels(topic: str, message: Any) -> NDArray[Any]:
         return values
     values = values.reshape(height, width, count)[..., :3]
     return values if message.encoding.startswith("rgb") else values[..., ::-1]
-
-
-def fixed_transforms(message: Any) -> Transforms:
-    """Return the transforms of a message of /tf_static."""
-    found: Transforms = {}
-    for t in message.transforms:
-        q, p = t.transform.rotation, t.transform.translation
-        matrix = rotation.to_matrix(np.array([[q.w, q.x, q.y, q.z]]))[0]
-        pose = rotation.pose_matrix(matrix, (p.x, p.y, p.z))
-        found[t.child_frame_id] = (t.header.frame_id, pose)
-    return found
-
-
-def to_root(transforms: Transforms, frame: str) -> Array | None:
-    """Return T (4, 4) from a frame to the one that everything is fixed to; None: not known."""
-    return list(ancestors(transforms, frame).values())[-1] if frame in transforms else None
-
-
-def ancestors(transforms: Transforms, frame: str) -> dict[str, Array]:
-    """Return T (4, 4) from a frame to itself, its parent, the parent's parent, ..."""
-    found = {frame: np.eye(4)}
-    while frame in transforms:
-        parent, step = transforms[frame]
-        if parent in found:
-            break
-        found[parent] = step @ found[frame]
-        frame = parent
-    return found
 
 
 def _described(info: Any) -> CameraInfo | None:

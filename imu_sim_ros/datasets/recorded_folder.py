@@ -39,8 +39,9 @@ from imu_sim_ros.conventions import (
     IMAGE_TOPIC,
     TF_STATIC_TOPIC,
 )
-from imu_sim_ros.datasets.images import DEPTH_FOLDER, image_name, write_table
+from imu_sim_ros.datasets.images import image_name, write_table
 from imu_sim_ros.datasets.recorded import (
+    DEPTH_FOLDER,
     FolderCamera,
     OneSize,
     RecordedFrames,

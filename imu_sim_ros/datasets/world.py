@@ -14,7 +14,7 @@ from imu_sim_ros.bags.read import decoded_blocks, decoded_messages, open_bag
 from imu_sim_ros.bags.text.reader import imu_file, is_text, state_file
 from imu_sim_ros.conventions import GRAVITY, TF_STATIC_TOPIC
 from imu_sim_ros.datasets.recorded import read_sensor_yaml
-from imu_sim_ros.datasets.recorded_bag import Transforms, ancestors, fixed_transforms, to_root
+from imu_sim_ros.datasets.transforms import Transforms, ancestors, fixed_transforms, to_root
 from imu_sim_ros.datasets.truth_files import simulation_of
 from imu_sim_ros.inputs.rows import is_present
 from imu_sim_ros.rotation import inverse_pose

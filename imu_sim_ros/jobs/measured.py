@@ -33,7 +33,6 @@ from imu_sim_ros.jobs.tracks import assumed_truth, read_track
 from imu_sim_ros.navigation.association import common_rows, interpolate_vectors
 from imu_sim_ros.navigation.coverage import Coverage, coverage
 from imu_sim_ros.sensors import known_tables
-from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.types import Array, Times
 
@@ -138,6 +137,8 @@ def evaluate_measured(
 
 def _mounting(imu: str | Path | None) -> Array:
     """Return q_bi of the sensor that is named."""
+    from imu_sim_ros.simulation.parameters import load_simulation  # few comparisons need a sensor
+
     layer = {} if imu is None else {"imu.preset": str(imu)}
     mounting = load_simulation(layer).imu.mounting
     return rotation.from_matrix(np.reshape(mounting, (3, 3)))

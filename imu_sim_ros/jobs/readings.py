@@ -21,8 +21,7 @@ from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.rotation import from_euler, rotate
-from imu_sim_ros.sensors import find_sensor, named_sensors, registered, sensors_of_imus
-from imu_sim_ros.simulation.parameters import kind_of
+from imu_sim_ros.sensors import find_sensor, kind_of, named_sensors, registered, sensors_of_imus
 from imu_sim_ros.timebase import span
 from imu_sim_ros.types import Array, Times
 

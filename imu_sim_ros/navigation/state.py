@@ -5,23 +5,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from imu_sim_ros.arguments import array, refuse
 from imu_sim_ros.inputs import gate
+from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX, ZERO_MATRIX, ZERO_VECTOR, Matrix, Vector
 from imu_sim_ros.types import Array, Integers, shapes
 
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-from dataclasses import dataclass, fields
-from typing import Any
-
-from imu_sim_ros.navigation.parameters import IntegratorParameters
-from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX, ZERO_MATRIX, ZERO_VECTOR, Matrix, Vector
+    from imu_sim_ros.navigation.parameters import IntegratorParameters
 
 
 class _State(NamedTuple):

@@ -21,6 +21,7 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.names import shown, suggestion
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from importlib.metadata import EntryPoint
 
     from imu_sim_ros.inputs.tables import Table
@@ -124,6 +125,11 @@ def find_sensor(name: str) -> "Sensor":
         raise ConfigurationError(f"sensors: {name!r}: {hint}")
     _REGISTERED[name] = _loaded(name, offered[name])
     return _REGISTERED[name]
+
+
+def kind_of(name: str, given: "Mapping[str, object]") -> str:
+    """Return the kind of a sensor: ``NAME.type``, or its name."""
+    return str(given.get(f"{name}.type") or name)
 
 
 def all_sensors() -> "tuple[list[Sensor], list[str]]":

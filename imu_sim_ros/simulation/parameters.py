@@ -25,7 +25,7 @@ from imu_sim_ros.parameters.sections import (
     section,
     variant,
 )
-from imu_sim_ros.sensors import CAMERAS, find_sensor, is_known
+from imu_sim_ros.sensors import CAMERAS, find_sensor, is_known, kind_of
 from imu_sim_ros.sensors.environment import EnvironmentParameters
 from imu_sim_ros.sensors.imu.parameters import ImuParameters, layer_imu, sensor_layer
 from imu_sim_ros.sensors.parameters import LARGEST_JITTER_SIGMA
@@ -136,11 +136,6 @@ def _rig_parameters() -> type:
     from imu_sim_ros.sensors.camera.rig_parameters import RigParameters  # most runs need none
 
     return RigParameters
-
-
-def kind_of(name: str, given: Mapping[str, object]) -> str:
-    """Return the kind of a sensor: ``NAME.type``, or its name."""
-    return str(given.get(f"{name}.type") or name)
 
 
 def has_scene(given: Mapping[str, object]) -> bool:

@@ -15,7 +15,6 @@ from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.sensors.imu.triads import TriadParameters
-from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.types import Array
 
 
@@ -44,6 +43,8 @@ def load_truth(path: str) -> ImuParameters:
 
     :raises ConfigurationError: for a file that cannot be read or does not fit.
     """
+    from imu_sim_ros.simulation.parameters import load_simulation  # most analyses know no truth
+
     return load_simulation({"imu.preset": str(files.find("imus", path, "--truth"))}).imu
 
 
