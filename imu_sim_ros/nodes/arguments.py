@@ -100,8 +100,9 @@ def _plain(own: Sequence[str], section: type, problems: list[str]) -> list[str]:
         if not word.startswith("--") or not name:
             problems.append(f"{word}: not an argument (--help lists them)")
             continue
-        short = SHORT.get(name, "")
-        name = short if short in known or short.partition(".")[0] in named_sensors() else name
+        short = SHORT.get(name)
+        if short and (short in known or short.partition(".")[0] in named_sensors()):
+            name = short
         if of_other_nodes(section, [name]):
             problems.append(unknown(name, known))
         if not equals:

@@ -143,7 +143,7 @@ class RawSubscriptions:
         self._group = _OutsideTheExecutor()
         self._sources: dict[str, _Source] = {}
         self._lock = threading.Lock()
-        self._ended = threading.Event()
+        self._subscribed, self._ended = threading.Event(), threading.Event()
         self._thread = SupervisedThread("reader", self._run, fail)
         self._thread.start()
 
@@ -165,13 +165,16 @@ class RawSubscriptions:
             )
             take = partial(subscription.handle.take_message, subscription.msg_type, True)
             self._sources[name] = _Source(name, subscription, take)
+        self._subscribed.set()
 
     def close(self) -> None:
         """Take the messages so far and end the thread."""
         self._ended.set()
+        self._subscribed.set()
         self._thread.join()
 
     def _run(self) -> None:
+        self._subscribed.wait()
         delay = self._period
         while not self._ended.is_set():
             # Waiting for the event would take longer; the end waits for this instead.
