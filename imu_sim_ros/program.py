@@ -21,20 +21,8 @@ from imu_sim_ros.json_text import as_json
 from imu_sim_ros.names import unknown
 from imu_sim_ros.progress import Watcher, terminal_bar, watched_by
 from imu_sim_ros.signatures import reader
+from imu_sim_ros.startup import open_standard_streams
 from imu_sim_ros.text_tables import TextTable, print_lines
-
-
-def open_standard_streams() -> None:
-    """Point closed standard streams at nothing, so that no file opened later becomes one."""
-    for number, name in enumerate(("stdin", "stdout", "stderr")):
-        try:
-            os.fstat(number)
-        except OSError:
-            os.open(os.devnull, os.O_RDWR)  # the lowest free number is this one
-        if getattr(sys, name) is None:
-            mode = "r+" if number else "r"
-            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115
-
 
 _KINDS: Final[dict[str, Callable[[str], object]]] = {
     **dict.fromkeys(("FILE", "DIR", "PATH", "BAG"), Path),

@@ -49,7 +49,7 @@ ROOMS = {
     | {"campaigns", "reports", "signatures"},
     "signals": LOW,
     "signatures": LOW,
-    "program": LOW | {"signals", "signatures", "completion", "trajectory"},
+    "program": LOW | {"signals", "signatures", "completion", "startup", "trajectory"},
     "completion": LOW | {"navigation", "simulation"},
     "startup": LOW,
 }

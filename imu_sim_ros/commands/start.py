@@ -92,7 +92,7 @@ def imu_sim() -> int:
     if name in ("-h", "--help", "--version"):
         from imu_sim_ros import program
 
-        program.open_standard_streams()
+        startup.open_standard_streams()
         return program.run("imu_sim", _print_version if name == "--version" else _print_programs)
     sys.argv[:] = [name, *rest]
     if name in PROGRAMS:

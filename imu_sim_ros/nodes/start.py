@@ -8,11 +8,10 @@ from functools import partial
 
 from imu_sim_ros import startup
 from imu_sim_ros.nodes import signals
-from imu_sim_ros.program import open_standard_streams
 
 
 def _run(name: str) -> int:
-    open_standard_streams()  # otherwise the watch's pipe would take the place of a closed output
+    startup.open_standard_streams()  # else the watch's pipe would take the place of a closed one
     signals.watch(last=True)
     status: int | None = startup.load("imu_sim_ros.nodes.help").answer(name, sys.argv[1:])
     if status is not None:
