@@ -40,6 +40,45 @@ class ArgumentTypeError(ConfigurationError, TypeError):
     """An argument of the wrong type."""
 
 
+class Problems(list[str]):
+    """Lines about several parts of an input, which one error tells together.
+
+    Each part is tried::
+
+        problems = Problems()
+        for file in files:
+            with problems.gathered():
+                load(file)
+        problems.tell()
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._kinds: set[type[ConfigurationError]] = set()
+        self.unjudged: tuple[str, ...] = ()
+        """How the names of parameters begin that hang on something wrong; nobody judges them."""
+
+    @contextmanager
+    def gathered(self, before: str = "", hanging: str | None = None) -> Iterator[None]:
+        """Take what is wrong with a part; whoever comes after it goes on without that part.
+
+        :param before: stands before each line.
+        :param hanging: how the names of parameters begin that hang on the part; None: none does.
+        """
+        try:
+            yield
+        except ConfigurationError as error:
+            self += [f"{before}{line}" for line in error.problems if f"{before}{line}" not in self]
+            self._kinds.add(type(error))
+            self.unjudged += () if hanging is None else (hanging,)
+
+    def tell(self) -> None:
+        """Raise all of them, if there are any."""
+        if self:
+            alike = len(self._kinds) == 1
+            raise (self._kinds.pop() if alike else ConfigurationError)(self)
+
+
 class InputError(ImuSimError):
     """Input or output that cannot be used: a bag, a trajectory file, a folder."""
 

@@ -193,7 +193,7 @@ def _help(text: str) -> str:
 def _kind(hint: object, metavar: str) -> Callable[[str], object]:
     """Return what reads an argument of a type."""
     kinds = [one for part in (hint, *get_args(hint)) for one in (part, *get_args(part))]
-    if metavar == "TIME":
+    if metavar == "TIME" and str not in kinds:  # a job that takes words reads them itself
         return timebase.parse_duration
     if Path in kinds and "NAME" not in metavar:
         return Path

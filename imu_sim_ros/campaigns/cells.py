@@ -16,7 +16,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.errors import ConfigurationError, Problems
 from imu_sim_ros.names import shown
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors import named_sensors
@@ -100,16 +100,13 @@ def read_axes(grid: object) -> list[Axis]:
     if not isinstance(grid, Mapping):
         raise ConfigurationError(f"grid = {shown(grid)}: must hold names and lists of values")
     axes: list[Axis] = []
-    problems: list[str] = []
+    problems = Problems()
     for name, content in grid.items():
-        try:
+        with problems.gathered():
             axes.append(_axis(str(name), content))
-        except ConfigurationError as error:
-            problems += error.problems
     names = [name for axis in axes for name in axis.names]
     problems += [f"grid.{name}: given twice" for name in set(names) if names.count(name) > 1]
-    if problems:
-        raise ConfigurationError(problems)
+    problems.tell()
     return axes
 
 

@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Final, NamedTuple
 
 from imu_sim_ros.campaigns.metrics import SUCCESS
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.errors import ConfigurationError, Problems
 from imu_sim_ros.names import suggestion
 
 STATISTICS: Final = ("median", "mean", "p5", "p25", "p75", "p90", "p95", "p99", "min", "max")
@@ -71,14 +71,11 @@ def parse(lines: object, metrics: Sequence[str], names: Iterable[str]) -> list[R
         )
     known = set(names)
     found: list[Requirement] = []
-    problems: list[str] = []
+    problems = Problems()
     for line in lines:
-        try:
+        with problems.gathered():
             found.append(_requirement(str(line), metrics, known))
-        except ConfigurationError as error:
-            problems += error.problems
-    if problems:
-        raise ConfigurationError(problems)
+    problems.tell()
     return found
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.errors import ConfigurationError, Problems
 from imu_sim_ros.names import shown, suggestion
 from imu_sim_ros.navigation.coverage import ALLOWANCE, LEAST, MAX_GAP
 from imu_sim_ros.navigation.parameters import ATTITUDE_UPDATES, METHODS
@@ -162,16 +162,14 @@ def read_faults(content: object) -> tuple[TimedFault, ...]:
         return ()
     if not isinstance(content, list):
         raise ConfigurationError(f"faults = {shown(content)}: must be a list of faults")
-    found, problems = [], []
+    found, problems = [], Problems()
     for k, entry in enumerate(content):
         try:
-            found.append(_fault(f"faults[{k}]", entry))
-        except ConfigurationError as error:
-            problems += [f"faults[{k}]: {line}" for line in error.problems]
+            with problems.gathered(before=f"faults[{k}]: "):
+                found.append(_fault(f"faults[{k}]", entry))
         except (TypeError, ValueError) as error:
             problems.append(f"faults[{k}] = {shown(entry)}: {error}")
-    if problems:
-        raise ConfigurationError(problems)
+    problems.tell()
     return tuple(found)
 
 

@@ -49,7 +49,7 @@ from imu_sim_ros.campaigns.parameters import (
     find_estimator,
     read_faults,
 )
-from imu_sim_ros.errors import ConfigurationError, InputError, naming
+from imu_sim_ros.errors import ConfigurationError, InputError, Problems, naming
 from imu_sim_ros.inputs.rows import is_present
 from imu_sim_ros.names import shown, suggestion
 from imu_sim_ros.parameters import files
@@ -293,7 +293,7 @@ def read_plan(tree: Mapping[str, Any]) -> Plan:
 
     :raises ConfigurationError: with a line for each problem.
     """
-    problems: list[str] = []
+    problems = Problems()
 
     def attempt(read: Callable[[], Any], otherwise: Any) -> Any:
         try:
@@ -322,8 +322,7 @@ def read_plan(tree: Mapping[str, Any]) -> Plan:
     problems += [f"grid.{name}: is also in parameters" for name in names if name in (layer or {})]
     if "seed" in names or "seed" in layer:
         problems.append("seed: is given by seeds, not by parameters or grid")
-    if problems:
-        raise ConfigurationError(problems)
+    problems.tell()
     return Plan(
         *(options, layer, axes, seeds, faults, estimators, relative, require, environment),
         *(own, tolerance),
@@ -429,23 +428,19 @@ def _estimators(content: object) -> tuple[dict[str, Estimator], dict[str, dict[s
         raise ConfigurationError(
             f"estimators = {shown(content)}: must hold a name and parameters for each"
         )
-    found, environment, problems = {}, {}, []
+    found, environment, problems = {}, {}, Problems()
     for name, entry in content.items():
-        where = f"estimators.{name}"
         if not _NAME.fullmatch(str(name)):
             problems.append(
                 f"estimators: {shown(name)}: a name may contain letters, digits, _, ., + and - "
                 "only, and at most 64 characters"
             )
             continue
-        try:
+        with problems.gathered(before=f"estimators.{name}: "):
             found[str(name)], variables = _estimator(entry)
             if variables:
                 environment[str(name)] = variables
-        except ConfigurationError as error:
-            problems += [f"{where}: {line}" for line in error.problems]
-    if problems:
-        raise ConfigurationError(problems)
+    problems.tell()
     return found, environment
 
 

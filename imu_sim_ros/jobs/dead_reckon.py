@@ -39,7 +39,7 @@ from imu_sim_ros.navigation.parameters import (
     INITIAL_STATES,
     METHODS,
     IntegratorParameters,
-    layer_integrator,
+    load_integrator,
 )
 from imu_sim_ros.navigation.state import (
     Correction,
@@ -47,7 +47,6 @@ from imu_sim_ros.navigation.state import (
     NavigationStates,
     correction_of,
 )
-from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.rotation import to_euler
 from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.timebase import span
@@ -393,7 +392,7 @@ def read_world(path: Path, imu_topic: str | None, truth_topic: str | None) -> Kn
 
 
 def _settings(**parameters: object) -> IntegratorParameters:
-    return build_layered(IntegratorParameters, layer_integrator, parameters)
+    return load_integrator(parameters)
 
 
 _usual_settings = cache(_settings)

@@ -24,7 +24,7 @@ from imu_sim_ros.datasets.forms import (
     chosen_topics,
     opened,
 )
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.errors import ConfigurationError, Problems
 from imu_sim_ros.jobs.simulate import GivenMotion, Moving, given_layers
 from imu_sim_ros.jobs.writing import (
     OUTPUT,
@@ -73,6 +73,7 @@ from imu_sim_ros.trajectory.build import build_trajectory
 
 BLOCK_SIZE: Final = 16384
 _MAX_JOBS: Final = 1024
+_NAME_OR_FILE: Final = "a name or the path of a file"
 _WITHOUT_READINGS: Final = ("tum", "vio_data_simulation")
 """Datasets of which no sensor has files next to them."""
 
@@ -223,9 +224,10 @@ def generate(
     skip = arguments.switch("skip_bad_rows", skip_bad_rows)
     renderers = cores() if jobs is None else jobs
     arguments.whole("jobs", renderers, f"from 1 to {_MAX_JOBS}", 1, _MAX_JOBS)
-    journal = Journal()
+    journal, problems = Journal(), Problems()
     given, motion = described(
         journal,
+        problems,
         params_file,
         parameters,
         imu=imu,
@@ -237,7 +239,7 @@ def generate(
         cameras=cameras,
         scene=scene,
     )
-    built = load_simulator(given)
+    built = load_simulator(given, problems=problems)
 
     # What is to be written: topics, and the files next to the output.
     sensors, dataset = mounted(built), form.dataset
@@ -327,6 +329,7 @@ def generate(
 
 def described(
     journal: Journal,
+    problems: Problems,
     params_file: object,
     parameters: Mapping[str, Any],
     *,
@@ -344,11 +347,14 @@ def described(
     Arguments go before the files; cameras that are named replace those of the files.
 
     :param journal: receives notes about what has an unexpected effect.
+    :param problems: receives a line for each argument or file that cannot be used.
 
     The other arguments are those of :func:`generate`.
     """
-    in_files = files.load_all(parameter_files(params_file), "simulator")
-    own, last, motion = given_layers(imu, trajectory, duration, rate, seed, parameters)
+    in_files, seen = dict[str, object](), dict[str, object]()
+    with problems.gathered(hanging=""):
+        in_files = files.load_all(parameter_files(params_file), "simulator")
+    own, last, motion = given_layers(imu, trajectory, duration, rate, seed, parameters, problems)
     if arguments.switch("robust", robust):
         own["trajectory.robust"] = True
     asked = []
@@ -356,13 +362,19 @@ def described(
         if arguments.switch(one.name, own.pop(one.name, False)):
             own[f"{kind}.{one.parameter}"] = True
             asked.append(kind)
-    given = {**joined(in_files, named_cameras(cameras, scene)), **own}
+    with problems.gathered(hanging="cam"):
+        seen |= _named_cameras(cameras)
+    with problems.gathered(hanging="scene."):
+        seen |= _named_scene(scene)
+    given = {**joined(in_files, seen), **own}
     for kind in named_sensors():
-        value = given.pop(kind, ())
-        presets = [
-            one is True or str(arguments.path(kind, one, "a name, the path of a file, or several"))
-            for one in (value if isinstance(value, list | tuple) else [value])
-        ]
+        value, presets = given.pop(kind, ()), list[object]()
+        with problems.gathered(hanging=f"{kind}."):
+            presets = [
+                one is True
+                or str(arguments.path(kind, one, "a name, the path of a file, or several"))
+                for one in (value if isinstance(value, list | tuple) else [value])
+            ]
         if kind in asked and not presets:
             presets = [True]
         given = joined(given, named(kind, presets))
@@ -380,19 +392,22 @@ def described(
     return given, motion
 
 
-def named_cameras(cameras: object, scene: str | Path | None) -> dict[str, object]:
-    """Return the parameters, by dotted name, of cameras cam0, cam1, ... and of their scene."""
-    allowed = "a name or the path of a file"
+def _named_cameras(cameras: object) -> dict[str, object]:
+    """Return the parameters, by dotted name, of cameras cam0, cam1, ..."""
     several = [cameras] if isinstance(cameras, str | Path) else cameras
     if not isinstance(several, list | tuple):
         arguments.refuse("cameras", cameras, "names or paths of files", wrong_type=True)
-    presets = [str(arguments.path("cameras", one, allowed)) for one in several]
-    result = named("camera", presets)
-    if scene is not None:
-        from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
+    presets = [str(arguments.path("cameras", one, _NAME_OR_FILE)) for one in several]
+    return named("camera", presets)
 
-        result |= scene_layer(str(arguments.path("scene", scene, allowed)))
-    return result
+
+def _named_scene(scene: str | Path | None) -> dict[str, object]:
+    """Return the parameters, by dotted name, of the scene that sensors see; none for None."""
+    if scene is None:
+        return {}
+    from imu_sim_ros.sensors.camera.rig_parameters import scene_layer  # most runs have none
+
+    return scene_layer(str(arguments.path("scene", scene, _NAME_OR_FILE)))
 
 
 def _size(output: Path) -> int:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros import arguments, timebase
 from imu_sim_ros.arguments import number, refuse
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.errors import ConfigurationError, Problems
 from imu_sim_ros.jobs.flight import Flight
 from imu_sim_ros.jobs.readings import checked_poses, checked_sensors, poses_of_rows
 from imu_sim_ros.parameters import files
@@ -30,7 +30,7 @@ from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.engine import BLOCK_SIZE, Body
-from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
+from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.simulation.playback import SimulatorParameters, of_the_node
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.given import given_trajectory
@@ -176,15 +176,17 @@ def _body(
     """
     below: dict[str, object] = {}
     wanted = frozenset[str]()
+    problems = Problems()
     if params_file is not None:
-        below, wanted = _of_file(arguments.path("params_file", params_file))
-    own, last, motion = given_layers(imu, trajectory, duration, rate, seed, parameters)
+        with problems.gathered(hanging=""):
+            below, wanted = _of_file(arguments.path("params_file", params_file))
+    own, last, motion = given_layers(imu, trajectory, duration, rate, seed, parameters, problems)
     own |= last
     if sensors is not None:
         wanted = checked_sensors(sensors, {**below, **own})
         quantities = [sensor.quantity for sensor in sensors_of_imus()]
         own["sensors"] = sorted(name for name in wanted if name not in quantities)
-    built: SimulationParameters = load_simulation({**below, **own})
+    built = load_simulation({**below, **own}, problems=problems)
     for listing, words in (("imus", "one IMU"), ("cameras", "no cameras: see camera.images")):
         if getattr(built, listing):
             names = list(getattr(built, listing))
@@ -207,26 +209,38 @@ def given_layers(
     rate: float | None,
     seed: int | None,
     parameters: Mapping[str, Any],
+    problems: Problems,
 ) -> tuple[dict[str, object], dict[str, object], GivenMotion]:
     """Return the parameters that the arguments of :func:`simulate` give, by dotted name.
 
+    :param problems: receives a line for each argument that cannot be used.
     :returns: those of arguments; those in ``parameters={...}``, which win; the motion.
     """
     flat, last = keyword_parameters(parameters)
-    motion = _motion(trajectory)
-    own: dict[str, object] = {**imu_parameters(imu), **flat, **motion.parameters}
+    own, motion = dict[str, object](), GivenMotion({})
+    with problems.gathered():
+        own |= imu_parameters(imu)
+    with problems.gathered(hanging="trajectory."):
+        motion = _motion(trajectory)
+    own |= {**flat, **motion.parameters}
     if "trajectory.type" not in flat:  # else they describe another motion
         own.update({n: value for n, value in flat.items() if n.startswith("trajectory.")})
-    if isinstance(duration, str):
-        try:
-            duration = timebase.parse_duration(duration)
-        except ValueError as error:
-            raise ConfigurationError(f"duration: {error}") from None
-    elif duration is not None:
-        duration = number("duration", duration, "seconds, or words such as '2h'", 0.0)
-    given = {"duration": duration, "rate": rate, "seed": seed}
+    given = {"rate": rate, "seed": seed}
+    with problems.gathered():
+        given["duration"] = _seconds(duration)
     own.update({name: value for name, value in given.items() if value is not None})
     return own, last, motion
+
+
+def _seconds(duration: float | str | None) -> float | None:
+    if isinstance(duration, str):
+        try:
+            return timebase.parse_duration(duration)
+        except ValueError as error:
+            raise ConfigurationError(f"duration: {error}") from None
+    if duration is None:
+        return None
+    return number("duration", duration, "seconds, or words such as '2h'", 0.0)
 
 
 def _of_file(path: Path) -> tuple[dict[str, object], frozenset[str]]:

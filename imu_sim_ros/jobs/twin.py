@@ -35,7 +35,7 @@ from imu_sim_ros.calibration.twin.parameters import (
 )
 from imu_sim_ros.calibration.twin.pose_noise import PoseNoise
 from imu_sim_ros.conventions import GRAVITY
-from imu_sim_ros.errors import ArgumentTypeError, ConfigurationError, InputError, system_error
+from imu_sim_ros.errors import InputError, Problems, system_error
 from imu_sim_ros.jobs.calibrate import Calibrated
 from imu_sim_ros.jobs.flight import Flight
 from imu_sim_ros.jobs.readings import HasPoses, Readings
@@ -454,16 +454,11 @@ def _check_numbers(fit: float | None, gravity: float, cutoff: float, max_offset:
     ]
     if fit is not None:
         limits.append(("fit", fit, _LEAST_FIT, 1e7, "s"))
-    problems: list[str] = []
+    problems = Problems()
     for name, value, low, high, unit in limits:
-        try:
+        with problems.gathered():
             number(name, value, f"between {low:g} and {high:g} {unit}", low, high)
-        except ArgumentTypeError:
-            raise
-        except ConfigurationError as error:
-            problems += error.problems
-    if problems:
-        raise ConfigurationError(problems)
+    problems.tell()
 
 
 def _split(whole: Recording, seconds: float, name: str) -> tuple[Recording, Recording]:

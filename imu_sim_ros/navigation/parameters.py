@@ -6,12 +6,14 @@
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 from imu_sim_ros.conventions import BODY_FRAME, TRIADS, WORLD_FRAME
+from imu_sim_ros.errors import Problems
 from imu_sim_ros.navigation import increments
 from imu_sim_ros.parameters import kinds
-from imu_sim_ros.parameters.files import load
+from imu_sim_ros.parameters.files import build_layered, load
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
     ZERO_MATRIX,
@@ -167,25 +169,40 @@ class IntegratorParameters:
         return list(kinds.upward_gravity(self.gravity))
 
 
-def layer_integrator(
+def load_integrator(
     given: Mapping[str, object], sensor: Mapping[str, object] | None = None
+) -> IntegratorParameters:
+    """Return the integrator that parameters by dotted name describe.
+
+    :param sensor: parameters of the sensor, instead of a preset.
+    :raises ConfigurationError: with a line for each problem.
+    """
+    return build_layered(IntegratorParameters, partial(layer_integrator, sensor=sensor), given)
+
+
+def layer_integrator(
+    given: Mapping[str, object],
+    problems: Problems,
+    sensor: Mapping[str, object] | None = None,
 ) -> dict[str, object]:
     """Return parameters above those of the IMU preset and of the calibration that they name.
 
     :param given: by dotted name.
+    :param problems: receives a line for a preset or a calibration that cannot be read.
     :param sensor: parameters of the sensor, instead of a preset.
-    :raises ConfigurationError: for a preset or a calibration that cannot be read.
     """
     own = parameters(IntegratorParameters)
     result: dict[str, object] = {}
-    preset = given.get("imu.preset", DEFAULT_IMU)
-    for name, value in (sensor_layer(str(preset)) if sensor is None else sensor).items():
-        if name in own:
-            result[name] = value
+    with problems.gathered():
+        preset = given.get("imu.preset", DEFAULT_IMU)
+        for name, value in (sensor_layer(str(preset)) if sensor is None else sensor).items():
+            if name in own:
+                result[name] = value
     if given.get("calibration"):
-        for name, value in load(str(given["calibration"])).items():
-            short = name.removeprefix("imu.")
-            result.update({key: value for key in (name, short) if key in own})
+        with problems.gathered():
+            for name, value in load(str(given["calibration"])).items():
+                short = name.removeprefix("imu.")
+                result.update({key: value for key in (name, short) if key in own})
     return {**result, **given}
 
 

@@ -13,7 +13,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.errors import ConfigurationError, InputError, Problems
 from imu_sim_ros.inputs.rows import read_text
 from imu_sim_ros.names import shown
 from imu_sim_ros.nodes.help import of_other_nodes
@@ -39,9 +39,9 @@ def ros_arguments(arguments: Sequence[str], section: type, folder: Path) -> list
     :param folder: folder for rewritten parameter files.
     :raises ConfigurationError: with a line for each problem.
     """
-    problems = [f"{argument!r}: not UTF-8" for argument in arguments if not _is_text(argument)]
-    if problems:
-        raise ConfigurationError(problems)
+    problems = Problems()
+    problems += [f"{argument!r}: not UTF-8" for argument in arguments if not _is_text(argument)]
+    problems.tell()
     own, ros = _split(arguments)
     plain = _plain(own, section, problems)
     result = ["--ros-args"]
@@ -51,16 +51,13 @@ def ros_arguments(arguments: Sequence[str], section: type, folder: Path) -> list
         if flag in ("--params-file", "-p", "--param"):
             value = ros[position + 1] if position + 1 < len(ros) else ""
             convert = _file if flag == "--params-file" else _rule
-            try:
+            with problems.gathered():
                 result += [flag, convert(value, folder)]
-            except ConfigurationError as error:
-                problems += error.problems
             position += 2
         else:
             result.append(flag)
             position += 1
-    if problems:
-        raise ConfigurationError(problems)
+    problems.tell()
     return [*result, *plain]  # the last one wins: a plain argument overrides every file
 
 
@@ -86,7 +83,7 @@ def _split(arguments: Sequence[str]) -> tuple[list[str], list[str]]:
     return own, ros
 
 
-def _plain(own: Sequence[str], section: type, problems: list[str]) -> list[str]:
+def _plain(own: Sequence[str], section: type, problems: Problems) -> list[str]:
     """Turn ``--rate 400`` and ``--rate=400`` into ROS's ``-p rate:=400``."""
     known = parameters(section)
     result: list[str] = []
@@ -112,10 +109,8 @@ def _plain(own: Sequence[str], section: type, problems: list[str]) -> list[str]:
             continue
         kind = known[name].kind if name in known else ""
         quoted = kind in ("text", "choice")
-        try:
+        with problems.gathered():
             result += ["-p", f'{name}:="{value}"' if quoted else _rule(f"{name}:={value}", Path())]
-        except ConfigurationError as error:
-            problems += error.problems
     return result
 
 

@@ -14,7 +14,7 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.errors import ConfigurationError, Problems
 from imu_sim_ros.nodes.help import of_other_nodes
 from imu_sim_ros.nodes.lifetime import Lifetime
 from imu_sim_ros.parameters.files import Layering, build_layered
@@ -57,7 +57,7 @@ class ConfiguredNode(Node, Generic[_Section]):
         self,
         name: str,
         section: type[_Section],
-        layering: Layering | None = None,
+        layering: Layering = lambda given, _: given,
         **arguments: Any,
     ) -> None:
         """Declare all parameters.
@@ -78,7 +78,7 @@ class ConfiguredNode(Node, Generic[_Section]):
         self.changed: frozenset[str] = frozenset()
         self.lifetime = Lifetime(self)
         self.given: dict[str, object] = given
-        self.parameters = build_layered(self.section, layering or dict, given)
+        self.parameters = build_layered(self.section, layering, given)
         if "seed" in given:
             self._warn_of_the_same_seed(given["seed"])
         values = flatten(self.parameters)
@@ -167,11 +167,10 @@ class ConfiguredNode(Node, Generic[_Section]):
         self, parameter_list: Iterable[RosParameter]
     ) -> SetParametersResult:
         """Set parameters in their own types; a refusal gives every reason, not only the first."""
-        changes = []
-        problems = []
+        changes, problems = [], Problems()
         for change in parameter_list:
             parameter = self._known.get(change.name)
-            try:
+            with problems.gathered():
                 if parameter is None and not self.has_parameter(change.name):
                     problems.append(unknown(change.name, self._known))
                 elif parameter is None:
@@ -181,8 +180,6 @@ class ConfiguredNode(Node, Generic[_Section]):
                 else:
                     value = parameter.parse(change.name, plain(change))
                     changes.append(to_ros(change.name, parameter, value))
-            except ConfigurationError as error:
-                problems += error.problems
         if problems:
             return SetParametersResult(successful=False, reason="; ".join(problems))
         return super().set_parameters_atomically(changes)

@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
-from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.errors import ConfigurationError, InputError, Problems
 from imu_sim_ros.inputs.rows import is_present, read_text
 from imu_sim_ros.names import printable, unknown
 from imu_sim_ros.parameters.kinds import Value
@@ -23,11 +23,16 @@ from imu_sim_ros.parameters.yaml_text import parse_yaml
 
 _T = TypeVar("_T")
 
-Layering = Callable[[Mapping[str, object]], Mapping[str, object]]
-"""Returns given values merged over the values of the files that they name."""
+Layering = Callable[[Mapping[str, object], Problems], Mapping[str, object]]
+"""Returns given values merged over the values of the files that they name.
 
-_NAMES_OF_FILES: Final = ("preset", "barometer_preset", "calibration")
-_PATHS: Final = (*_NAMES_OF_FILES, "type", "file", "mesh", "ephemeris")
+Problems receives a line for each that cannot be read.
+"""
+
+_PATHS: Final = (
+    *("preset", "barometer_preset", "calibration"),
+    *("type", "file", "mesh", "ephemeris"),
+)
 """Last words of parameters whose values may be paths."""
 _PARAMETERS = "ros__parameters"
 _KALIBR_NOISE = (
@@ -123,14 +128,11 @@ def load_all(paths: Iterable[str | Path], node: str) -> dict[str, object]:
     :raises ConfigurationError: with a line for each problem of every file.
     """
     result: dict[str, object] = {}
-    problems: list[str] = []
+    problems = Problems()
     for path in paths:
-        try:
+        with problems.gathered():
             result.update(load(path, node))
-        except ConfigurationError as error:
-            problems += error.problems
-    if problems:
-        raise ConfigurationError(problems)
+    problems.tell()
     return result
 
 
@@ -194,31 +196,29 @@ def dotted(tree: object, where: str, prefix: str = "") -> dict[str, object]:
     return result
 
 
-def build_layered(cls: type[_T], layering: Layering, *layers: Mapping[str, object]) -> _T:
+def build_layered(
+    cls: type[_T],
+    layering: Layering,
+    *layers: Mapping[str, object],
+    problems: Problems | None = None,
+) -> _T:
     """Return the section from given values over those of the files that they name.
 
     :param layers: of given values, later ones above earlier ones.
+    :param problems: found before, told with those found here.
     :raises ConfigurationError: with one line per problem; a file that cannot be
         found hides no other problem.
     """
+    problems = Problems() if problems is None else problems
     given: dict[str, object] = {}
     for values in layers:
         given.update(values)
-    try:
-        every = layering(given)
-    except ConfigurationError as error:
-        problems = dict.fromkeys(error.problems)
-        rest = {
-            name: value
-            for name, value in given.items()
-            if name.rpartition(".")[2] not in _NAMES_OF_FILES
-        }
-        try:
-            build(cls, layering(rest))
-        except ConfigurationError as others:
-            problems |= dict.fromkeys(others.problems)
-        raise ConfigurationError(list(problems)) from None
-    return build(cls, every)
+    every = layering(given, problems)
+    with problems.gathered():
+        left = {key: every[key] for key in every if not key.startswith(problems.unjudged)}
+        built = build(cls, left)
+    problems.tell()
+    return built
 
 
 def dump(instance: object, path: Path, comment: str = "") -> None:

@@ -17,7 +17,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 from imu_sim_ros import arguments
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.errors import ConfigurationError, Problems
 from imu_sim_ros.names import shown, suggestion
 
 if TYPE_CHECKING:
@@ -138,12 +138,10 @@ def all_sensors() -> "tuple[list[Sensor], list[str]]":
     This looks up all entry points.
     """
     found: list[Sensor] = []
-    problems: list[str] = []
+    problems = Problems()
     for name in dict.fromkeys([*named_sensors(), *_REGISTERED, *sorted(_offered())]):
-        try:
+        with problems.gathered():
             found.append(find_sensor(name))
-        except ConfigurationError as error:
-            problems += error.problems
     return found, problems
 
 

@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from imu_sim_ros.errors import Problems
 from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
@@ -192,9 +193,12 @@ _OF_THE_SIMULATOR: Final = {
 }
 
 
-def layer_error_model(given: Mapping[str, object]) -> dict[str, object]:
-    """Return what was given above the preset that it names; what concerns motion is left out."""
-    layers = layer_imu(given, NODE)
+def layer_error_model(given: Mapping[str, object], problems: Problems) -> dict[str, object]:
+    """Return what was given above the preset that it names; what concerns motion is left out.
+
+    :param problems: receives a line for a preset that cannot be read.
+    """
+    layers = layer_imu(given, NODE, problems)
     return {name: value for name, value in layers.items() if not name.startswith("trajectory.")}
 
 

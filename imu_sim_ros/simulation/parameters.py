@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.errors import ConfigurationError, Problems
 from imu_sim_ros.names import nearest
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import build_layered
@@ -239,20 +239,25 @@ def values_of(parameters: SimulationParameters) -> dict[str, Value]:
     return {n: value for n, value in flatten(parameters).items() if value or n not in lists}
 
 
-def load_simulation(*layers: Mapping[str, object]) -> SimulationParameters:
+def load_simulation(
+    *layers: Mapping[str, object], problems: Problems | None = None
+) -> SimulationParameters:
     """Return the simulation that layers of parameters describe, later ones above earlier ones.
 
+    :param problems: found before, told with those found here.
     :raises ConfigurationError: with a line for each problem.
     """
-    return build_layered(SimulationParameters, layered, *layers)
+    return build_layered(SimulationParameters, layered, *layers, problems=problems)
 
 
-def layered(given: Mapping[str, object]) -> dict[str, object]:
+def layered(given: Mapping[str, object], problems: Problems) -> dict[str, object]:
     """Return what was given above the files that it names: presets, trajectory and scene.
 
     Scene and motion suit each other and what sees; what is given stays as it is. An IMU of several
     takes ``rate`` and ``imu.*`` from those of all, if it has none of its own; its seed is the
     common one plus its place in ``imus``, so that no two have the same noise.
+
+    :param problems: receives a line for each file that cannot be read.
     """
     seen = has_scene(given)
     if seen:
@@ -275,27 +280,29 @@ def layered(given: Mapping[str, object]) -> dict[str, object]:
 
     # Files below what is common: cameras and scene, other sensors, the IMU, the trajectory.
     if seen:
-        common = layer_rig(common)
+        common = layer_rig(common, problems)
     of_sensors: dict[str, object] = {}
     for name in listed("sensors", common):
         kind = kind_of(name, common)
         preset = common.get(f"{name}.preset")
         if preset and preset != "none":
-            path = files.find(find_sensor(kind).presets or kind, str(preset))
-            for key, value in files.load(path).items():
-                short = key.removeprefix(f"{kind}.")
-                of_sensors[key if short == key else f"{name}.{short}"] = value
-    result = layer_imu(common, NODE)
+            with problems.gathered():
+                path = files.find(find_sensor(kind).presets or kind, str(preset))
+                for key, value in files.load(path).items():
+                    short = key.removeprefix(f"{kind}.")
+                    of_sensors[key if short == key else f"{name}.{short}"] = value
+    result = layer_imu(common, NODE, problems)
     if "trajectory.type" in common:  # else the motion of the IMU's preset counts
         moved = [key for key in result if key.startswith("trajectory.") and key not in common]
         result = {key: value for key, value in result.items() if key not in moved}
     motion = str(result.setdefault("trajectory.type", DEFAULT_TRAJECTORY))
     if names_a_file(motion):
         del result["trajectory.type"]
-        result = {**trajectory_layer(motion), **result}
+        with problems.gathered(hanging="trajectory."):
+            result = {**trajectory_layer(motion), **result}
     result = {**of_sensors, **result}
     if seen:
-        result.update(axes(given, result["trajectory.type"] == PosesParameters.type))
+        result.update(axes(given, result.get("trajectory.type") == PosesParameters.type))
 
     # Files below what is one IMU's own.
     seed = common.get("seed", 0)
@@ -303,7 +310,7 @@ def layered(given: Mapping[str, object]) -> dict[str, object]:
         usual: dict[str, object] = {"imu_frame": f"{name}_imu_link"}
         if isinstance(seed, int):
             usual["seed"] = seed + k
-        for key, value in layer_imu({**of_all, **usual, **own[name]}, NODE).items():
+        for key, value in layer_imu({**of_all, **usual, **own[name]}, NODE, problems).items():
             if not key.startswith("trajectory."):
                 result[f"{name}.{key}"] = value
     return result

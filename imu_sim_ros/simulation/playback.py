@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from imu_sim_ros import timebase
 from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.errors import Problems
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.parameters.kinds import (
@@ -219,12 +220,15 @@ class SimulatorParameters(SimulationParameters):
         yield from self.inject.unknown_part(prefix, (*PARTS, *named))
 
 
-def load_simulator(*layers: Mapping[str, object]) -> SimulatorParameters:
+def load_simulator(
+    *layers: Mapping[str, object], problems: Problems | None = None
+) -> SimulatorParameters:
     """Return everything that layers of parameters give to the simulator, later ones above.
 
+    :param problems: found before, told with those found here.
     :raises ConfigurationError: with a line for each problem.
     """
-    return build_layered(SimulatorParameters, layered, *layers)
+    return build_layered(SimulatorParameters, layered, *layers, problems=problems)
 
 
 def of_the_node(given: Mapping[str, object]) -> list[str]:

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from imu_sim_ros.commands import control, start
+from imu_sim_ros.errors import Problems
 from imu_sim_ros.jobs.generate import described
 from imu_sim_ros.jobs.writing import Journal
 from imu_sim_ros.parameters import files
@@ -180,7 +181,7 @@ def body_of(given):
     more = {**sensors, "parameters": dict(given.parameters or ())}
     usual = ("imu", "trajectory", "duration", "rate", "seed", "robust", "cameras", "scene")
     known = {name: found for name in usual if (found := getattr(given, name))}
-    found, _ = described(Journal(), given.params_file, more, **known)
+    found, _ = described(Journal(), Problems(), given.params_file, more, **known)
     return load_simulator(found)
 
 

@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.navigation.parameters import layer_integrator
+from imu_sim_ros.navigation.parameters import load_integrator
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -150,8 +150,8 @@ def test_a_sensor_file_lies_above_the_preset_that_it_names(tmp_path):
 
 
 def test_the_integrator_takes_the_noise_of_a_chain_of_presets(tmp_path):
-    values = layer_integrator({"imu.preset": str(chain(tmp_path))})
-    assert values["imu.gyroscope_noise_density"] == 6.1707e-5
+    taken = load_integrator({"imu.preset": str(chain(tmp_path))})
+    assert taken.imu.gyroscope.noise_density == (6.1707e-5,) * 3
 
 
 def test_presets_in_a_circle_are_said(tmp_path):

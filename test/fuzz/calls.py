@@ -81,18 +81,17 @@ def _values(dice: random.Random, inputs: Path, place: Path) -> list[Any]:
 def messages(dice: random.Random) -> tuple[str, list[str], list[str]]:
     """Give hostile readings and truths to what stands behind the integrator's topics."""
     from imu_sim_ros.errors import ImuSimError
-    from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
+    from imu_sim_ros.navigation.parameters import load_integrator
     from imu_sim_ros.nodes import messages as decode
     from imu_sim_ros.nodes.integrator.diagnostics import TruthComparison
     from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator
-    from imu_sim_ros.parameters.sections import build
 
     given = {
         "initial_state": dice.choice(["truth", "parameters", "level"]),
         "method": dice.choice(["euler", "midpoint", "rk4"]),
         "covariance": dice.random() < 0.5,
     }
-    parameters = build(IntegratorParameters, layer_integrator(given))
+    parameters = load_integrator(given)
     odometer = LiveIntegrator(parameters, lambda _: None, lambda: dice.random() < 0.1)
     comparison = TruthComparison()
     words = [f"{name}={value}" for name, value in given.items()]

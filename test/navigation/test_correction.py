@@ -7,9 +7,8 @@ import pytest
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.initialisation import level
-from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
+from imu_sim_ros.navigation.parameters import load_integrator
 from imu_sim_ros.navigation.state import NO_CORRECTION, Correction, correction_of
-from imu_sim_ros.parameters.sections import build
 
 
 def test_correction_solves_the_model_of_the_sensor():
@@ -37,8 +36,7 @@ def test_a_calibration_file_becomes_a_correction(tmp_path):
         "/**:\n  ros__parameters:\n    imu:\n      gyroscope_bias: [0.1, 0.2, 0.3]\n"
         "      accelerometer_scale_misalignment: [2.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]\n"
     )
-    values = layer_integrator({"calibration": str(path)})
-    correction = correction_of(build(IntegratorParameters, values))
+    correction = correction_of(load_integrator({"calibration": str(path)}))
     assert correction.gyroscope_bias == (0.1, 0.2, 0.3)
     assert correction.accelerometer_inverse[0, 0] == 0.5
 

@@ -15,10 +15,9 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.jobs.dead_reckon import ReadingsAndTruth, initial_condition
 from imu_sim_ros.jobs.readings import Readings
 from imu_sim_ros.navigation import initialisation
-from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
+from imu_sim_ros.navigation.parameters import IntegratorParameters, load_integrator
 from imu_sim_ros.nodes.integrator.initialiser import initialiser
 from imu_sim_ros.nodes.messages import ImuReading
-from imu_sim_ros.parameters.sections import build
 
 STEP_NS = 5_000_000
 G_SENSITIVITY = [1e-3, 0.0, 2e-3, 0.0, -1e-3, 5e-4, 3e-4, 0.0, 1e-3]
@@ -38,7 +37,7 @@ KNOWN = {
 
 
 def parameters(**values) -> IntegratorParameters:
-    return build(IntegratorParameters, layer_integrator({**KNOWN, **values}))
+    return load_integrator({**KNOWN, **values})
 
 
 def record(count=300, gap=None):

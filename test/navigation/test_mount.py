@@ -17,10 +17,9 @@ from imu_sim_ros import rotation
 from imu_sim_ros.commands.dead_reckon import main
 from imu_sim_ros.commands.generate import main as generate
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
+from imu_sim_ros.navigation.parameters import load_integrator
 from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator
 from imu_sim_ros.nodes.messages import ImuReading, OdometryFields
-from imu_sim_ros.parameters.sections import build
 
 MOUNTING = [1, 0, 0, 0, 0, -1, 0, 1, 0]
 ARM = [0.1, -0.2, 0.3]
@@ -120,7 +119,7 @@ def test_the_node_gives_what_the_record_gives():
     track = ims.dead_reckon(made, covariance=True)
     imu = {f"imu.{name}": value for name, value in PLACE.items()}
     values = {"initial_state": "truth", "imu.preset": "adis16448", **imu}
-    parameters = build(IntegratorParameters, layer_integrator(values))
+    parameters = load_integrator(values)
     odometer = LiveIntegrator(parameters, lambda _: None, lambda: False)
     truth = made.truth
     first = (

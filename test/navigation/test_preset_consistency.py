@@ -18,10 +18,9 @@ from imu_sim_ros.navigation import initialisation
 from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, VELOCITY, propagate
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.evaluation import anees_band, nees
-from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
+from imu_sim_ros.navigation.parameters import load_integrator
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.parameters import files
-from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -42,8 +41,7 @@ def mean_nees(given, trajectory, runs, duration):
     shape = {"trajectory.type": trajectory, "trajectory.rest_before": REST, "rate": RATE}
     count, rest = round((REST + duration) * RATE) + 1, round(REST * RATE)
     parameters = load_simulation(given, {**shape, "duration": count / RATE})
-    values = layer_integrator({**given, "level_time": REST})
-    integrator = build(IntegratorParameters, values)
+    integrator = load_integrator({**given, "level_time": REST})
     errors = []
     for seed in range(runs):
         block = Body(dataclasses.replace(parameters, seed=FIRST_SEED + seed)).next(count)["imu"]

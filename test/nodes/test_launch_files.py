@@ -21,7 +21,7 @@ from imu_sim_ros.conventions import (
     ROLL_PITCH_YAW_TOPIC,
     TRUTH_TOPIC,
 )
-from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
+from imu_sim_ros.navigation.parameters import IntegratorParameters, load_integrator
 from imu_sim_ros.nodes import launching
 from imu_sim_ros.nodes.arguments import SHORT
 from imu_sim_ros.parameters import files
@@ -122,7 +122,7 @@ def test_rviz_shows_topics_that_exist_with_displays_of_their_types():
         "dead_reckoned/path": "Path",
     }
     assert {f"/{topic}" for topic in shown} <= set(published_topics())
-    world = build(IntegratorParameters, layer_integrator({})).world_frame
+    world = load_integrator({}).world_frame
     assert manager["Global Options"]["Fixed Frame"] == world
 
 
@@ -206,6 +206,6 @@ def test_plotjuggler_plots_fields_that_exist():
 
 def test_the_parameter_files_of_the_nodes_are_valid():
     integrator = files.load(REPOSITORY / "config/integrator.yaml", "integrator")
-    assert build(IntegratorParameters, layer_integrator(integrator)).initial_state == "truth"
+    assert load_integrator(integrator).initial_state == "truth"
     recorder = files.load(REPOSITORY / "config/recorder.yaml", "recorder")
     assert build(RecorderParameters, recorder).topics[0] == "imu/data_raw"

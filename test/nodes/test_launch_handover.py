@@ -17,10 +17,9 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.nodes import launching
 from imu_sim_ros.parameters import files
-from imu_sim_ros.parameters.sections import build, flatten, parameters
+from imu_sim_ros.parameters.sections import flatten, parameters
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 from imu_sim_ros.simulation.engine import Body
-from imu_sim_ros.simulation.parameters import layered
 from imu_sim_ros.simulation.playback import SimulatorParameters, load_simulator
 
 pytestmark = pytest.mark.ros
@@ -116,7 +115,7 @@ def test_the_lists_of_a_users_launch_file_reach_the_readings(
     node = start("simulator", *arguments_of(entry, tmp_path), wait_for_subscribers=1)
     assert listener.wait_for_end(node) == 0, node.output
     given = files.load(tmp_path / "launch_params")
-    simulated = build(SimulatorParameters, layered(given))
+    simulated = load_simulator(given)
     assert simulated.imu.gyroscope.bias == (0.01, 0.0, -0.02)
     block = Body(simulated).next(50)["imu"]
     live = [

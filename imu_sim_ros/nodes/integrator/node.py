@@ -35,6 +35,7 @@ from imu_sim_ros.navigation.parameters import (
     IntegratorImuParameters,
     IntegratorParameters,
     layer_integrator,
+    load_integrator,
     of_the_description,
     outside_covariance,
 )
@@ -52,7 +53,6 @@ from imu_sim_ros.nodes.publishing import Counter
 from imu_sim_ros.nodes.sensor_description import SensorDescription
 from imu_sim_ros.nodes.subscriptions import MatchedInputs, RawSubscriptions, Taken
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
-from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.rotation import to_euler
 
 _DEPTH = 2000
@@ -181,7 +181,7 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         :raises ConfigurationError: for invalid values.
         """
         sensor = of_the_description(self.given, sensor)
-        new = build(IntegratorParameters, layer_integrator(self.given, sensor))
+        new = load_integrator(self.given, sensor)
         with self._lock:
             later = not self.odometer.waiting and new.imu != self.odometer.parameters.imu
             self.replace(new)

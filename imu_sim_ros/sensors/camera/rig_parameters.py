@@ -13,11 +13,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.errors import ConfigurationError, Problems
 from imu_sim_ros.names import unknown
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import choice, texts
-from imu_sim_ros.parameters.sections import build, each, listed, section, variant
+from imu_sim_ros.parameters.sections import each, listed, section, variant
 from imu_sim_ros.places.mesh_file import is_mesh
 from imu_sim_ros.sensors import CAMERAS
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
@@ -106,10 +106,12 @@ def axes(given: Mapping[str, object], recorded: bool) -> dict[str, object]:
     return result
 
 
-def layer_rig(given: Mapping[str, object]) -> dict[str, object]:
+def layer_rig(given: Mapping[str, object], problems: Problems) -> dict[str, object]:
     """Return what was given above the presets of cameras and the scene's file.
 
     A camera takes ``camera.*`` from those of all, if it has none of its own.
+
+    :param problems: receives a line for each preset that cannot be read.
     """
     names = listed("cameras", given)
     of_all = {key: value for key, value in given.items() if key.startswith("camera.")}
@@ -117,8 +119,10 @@ def layer_rig(given: Mapping[str, object]) -> dict[str, object]:
     for name in names:
         own = {k.removeprefix(f"{name}."): v for k, v in given.items() if k.startswith(f"{name}.")}
         merged: dict[str, object] = {"camera.preset": DEFAULT_CAMERA, **of_all, **own}
-        preset = files.load(files.find("cameras", str(merged["camera.preset"])))
-        result.update({f"{name}.{key}": value for key, value in {**preset, **merged}.items()})
+        with problems.gathered():
+            preset = files.load(files.find("cameras", str(merged["camera.preset"])))
+            merged = {**preset, **merged}
+        result.update({f"{name}.{key}": value for key, value in merged.items()})
     kind = str(result.get("scene.type", DEFAULT_SCENE))
     if kind in files.names("scenes"):
         result.pop("scene.type", None)
@@ -139,7 +143,7 @@ def load_rig(given: Mapping[str, object]) -> RigParameters:
     :param given: ``cameras``, ``camera.*``, ``scene.*`` and ``NAME.camera.*`` by dotted name.
     :raises ConfigurationError: with a line for each problem.
     """
-    return build(RigParameters, layer_rig(given))
+    return files.build_layered(RigParameters, layer_rig, given)
 
 
 def rig_problems(rig: RigParameters, simulation: EnvironmentParameters) -> Iterator[str]:

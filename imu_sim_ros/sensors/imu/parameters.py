@@ -14,7 +14,7 @@ import numpy as np
 
 from imu_sim_ros import timebase
 from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.errors import ConfigurationError, InputError, Problems
 from imu_sim_ros.parameters.files import find, load, names
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
@@ -395,20 +395,23 @@ def sensor_layer(name_or_file: str, node: str = "simulator") -> dict[str, object
         name_or_file = str(below)
 
 
-def layer_imu(given: Mapping[str, object], node: str) -> dict[str, object]:
+def layer_imu(given: Mapping[str, object], node: str, problems: Problems) -> dict[str, object]:
     """Return what was given above the preset of an IMU, and above that of its barometer.
 
     What an included preset says, and the choices of a user leave no place for, is left out; a
     file of one's own is taken at its word.
 
     :param given: parameters of all kinds, as a preset may have, by dotted name.
-    :raises ConfigurationError: for a preset that cannot be read.
+    :param problems: receives a line for a preset that cannot be read.
     """
     above = {"imu.preset": DEFAULT_IMU, **given}
-    preset = sensor_layer(str(above["imu.preset"]), node)
+    preset, file = dict[str, object](), dict[str, object]()
+    with problems.gathered():
+        preset = sensor_layer(str(above["imu.preset"]), node)
     above["imu.preset"] = preset.pop("imu.preset", above["imu.preset"])
     barometer = {**preset, **given}.get(_BAROMETER)
-    file = load(find("barometers", str(barometer)), node) if barometer else {}
+    with problems.gathered():
+        file = load(find("barometers", str(barometer)), node) if barometer else {}
     # A barometer that the IMU's preset names may be changed there; another one is what it is.
     own = {**preset, **file} if _BAROMETER in given else {**file, **preset}
     result = {**own, **above}

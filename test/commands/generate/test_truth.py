@@ -13,6 +13,7 @@ import imu_sim_ros as ims
 from imu_sim_ros.bags.read import read_imu
 from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 from imu_sim_ros.commands import calibrate, dead_reckon, generate
+from imu_sim_ros.errors import Problems
 from imu_sim_ros.jobs.generate import described
 from imu_sim_ros.jobs.writing import Journal
 from imu_sim_ros.parameters import files
@@ -132,7 +133,7 @@ def test_every_shipped_file_is_understood_by_node_and_command(path):
     more = {"cameras": ["cam0"]} if path.parent.name in ("cameras", "scenes") else {}
     given = {**files.load(path, "simulator"), **more}
     load_simulator(given)
-    layers, _ = described(Journal(), path, {"parameters": more})
+    layers, _ = described(Journal(), Problems(), path, {"parameters": more})
     body = load_simulator(layers)
     assert (body.rig is not None) == bool(more)
 

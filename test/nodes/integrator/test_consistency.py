@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
+from imu_sim_ros.navigation.parameters import load_integrator
 from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator
 from imu_sim_ros.nodes.messages import ImuReading, OdometryFields
-from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -41,9 +40,7 @@ def final_errors(seed: int, place: dict[str, list[float]]) -> tuple[float, float
     motion = block.motion
     velocity_b = rotation.rotate_inverse(motion.q_wb, motion.velocity)
     values = {"initial_state": "truth", **sensor}
-    odometer = LiveIntegrator(
-        build(IntegratorParameters, layer_integrator(values)), lambda _: None, lambda: False
-    )
+    odometer = LiveIntegrator(load_integrator(values), lambda _: None, lambda: False)
     first = (motion.position[0], motion.q_wb[0], velocity_b[0], motion.angular_velocity[0])
     rows = list(odometer.add_truth(OdometryFields(int(block.t_ns[0]), *map(tuple, first))))
     for t_ns, gyro, accel in zip(

@@ -9,11 +9,10 @@ import pytest
 from imu_sim_ros import rotation
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
-from imu_sim_ros.navigation.parameters import IntegratorParameters, layer_integrator
+from imu_sim_ros.navigation.parameters import load_integrator
 from imu_sim_ros.navigation.state import NavigationState
 from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator, Row
 from imu_sim_ros.nodes.messages import ImuReading, OdometryFields
-from imu_sim_ros.parameters.sections import build
 
 STEP_NS = 5_000_000
 LEVEL = (0.0, 0.0, 9.81)
@@ -26,7 +25,7 @@ class Harness:
     def __init__(self, **values: object) -> None:
         self.complaints: list[str] = []
         self.new_source = False
-        parameters = build(IntegratorParameters, layer_integrator(values))
+        parameters = load_integrator(values)
         self.odometer = LiveIntegrator(parameters, self.complaints.append, lambda: self.new_source)
 
     def feed(self, readings: list[ImuReading]) -> list[Row]:
@@ -172,7 +171,7 @@ def test_new_biases_hold_from_the_next_reading_on():
     harness = Harness(method="euler")
     harness.feed(readings(3, gyro=(0.1, 0.0, 0.0)))
     values = {"gyroscope_bias": [0.1, 0.0, 0.0], "method": "euler"}
-    harness.odometer.correct_with(build(IntegratorParameters, layer_integrator(values)))
+    harness.odometer.correct_with(load_integrator(values))
     (row,) = harness.feed(readings(1, first=3, gyro=(0.1, 0.0, 0.0)))
     assert row.angular_velocity_b.tolist() == [0.0, 0.0, 0.0]
 

@@ -9,7 +9,7 @@ from imu_sim_ros.bags.recorder_parameters import RecorderParameters
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.navigation.parameters import (
     IntegratorParameters,
-    layer_integrator,
+    load_integrator,
     outside_covariance,
 )
 from imu_sim_ros.parameters.sections import build
@@ -17,7 +17,7 @@ from imu_sim_ros.parameters.sections import parameters as described
 
 
 def integrator(**values: object) -> IntegratorParameters:
-    return build(IntegratorParameters, layer_integrator(values))
+    return load_integrator(values)
 
 
 def test_the_noise_is_that_of_the_preset_below_what_is_given():

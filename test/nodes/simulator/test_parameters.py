@@ -12,9 +12,9 @@ from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.nodes import help
 from imu_sim_ros.nodes.arguments import ros_arguments
 from imu_sim_ros.nodes.launching import command_line
-from imu_sim_ros.parameters.sections import parameters
-from imu_sim_ros.simulation.parameters import layered
+from imu_sim_ros.parameters.sections import flatten, parameters
 from imu_sim_ros.simulation.playback import SimulatorParameters, load_simulator
+from imu_sim_ros.trajectory.parameters import PosesParameters
 
 pytestmark = pytest.mark.ros
 
@@ -116,9 +116,9 @@ def test_the_short_trajectory_is_a_file_of_poses_too(start: Any, tmp_path: Path)
     assert f"trajectory {poses}" in node.output
     words = command_line(SimulatorParameters, {"trajectory": str(poses), "duration": "0.2"})
     assert words == ["--trajectory", str(poses), "--duration", "0.2"]
-    found = layered({"trajectory.type": str(poses)})
-    assert found["trajectory.type"] == "poses"
-    assert found["trajectory.file"] == str(poses)
+    found = load_simulator({"trajectory.type": str(poses)}).trajectory
+    assert isinstance(found, PosesParameters)
+    assert found.file == str(poses)
 
 
 def test_parameters_are_described(start: Any, listener: Any) -> None:
@@ -126,7 +126,7 @@ def test_parameters_are_described(start: Any, listener: Any) -> None:
 
     start("simulator")
     names = listener.call("simulator/list_parameters", ListParameters).result.names
-    assert set(parameters(SimulatorParameters, layered({}))) <= set(names)
+    assert set(parameters(SimulatorParameters, flatten(load_simulator({})))) <= set(names)
     rate, density = listener.call(
         "simulator/describe_parameters",
         DescribeParameters,
@@ -197,7 +197,7 @@ def test_parameters_keep_their_types_whatever_is_set(start: Any, listener: Any) 
     start("simulator")
 
     def types() -> dict[str, int]:
-        known = parameters(SimulatorParameters, layered({}))
+        known = parameters(SimulatorParameters, flatten(load_simulator({})))
         described = listener.call(
             "simulator/describe_parameters", DescribeParameters, names=list(known)
         ).descriptors
