@@ -73,7 +73,6 @@ from imu_sim_ros.trajectory.build import build_trajectory
 
 BLOCK_SIZE: Final = 16384
 _MAX_JOBS: Final = 1024
-_NAME_OR_FILE: Final = "a name or the path of a file"
 _WITHOUT_READINGS: Final = ("tum", "vio_data_simulation")
 """Datasets of which no sensor has files next to them."""
 
@@ -351,7 +350,7 @@ def described(
 
     The other arguments are those of :func:`generate`.
     """
-    in_files, seen = dict[str, object](), dict[str, object]()
+    in_files, in_scene = dict[str, object](), dict[str, object]()
     with problems.gathered(hanging=""):
         in_files = files.load_all(parameter_files(params_file), "simulator")
     own, last, motion = given_layers(imu, trajectory, duration, rate, seed, parameters, problems)
@@ -362,17 +361,20 @@ def described(
         if arguments.switch(one.name, own.pop(one.name, False)):
             own[f"{kind}.{one.parameter}"] = True
             asked.append(kind)
-    with problems.gathered(hanging="cam"):
-        seen |= _named_cameras(cameras)
-    with problems.gathered(hanging="scene."):
-        seen |= _named_scene(scene)
-    given = {**joined(in_files, seen), **own}
-    for kind in named_sensors():
-        value, presets = given.pop(kind, ()), list[object]()
-        with problems.gathered(hanging=f"{kind}."):
+    if scene is not None:
+        from imu_sim_ros.sensors.camera.rig_parameters import scene_layer  # most runs have none
+
+        with problems.gathered(hanging="scene."):
+            file = arguments.path("scene", scene, "a name or the path of a file")
+            in_scene = scene_layer(str(file))
+    given = {**in_files, **in_scene, **own}
+    for kind in ("camera", *named_sensors()):
+        option = "cameras" if kind == "camera" else kind
+        value, presets = cameras if kind == "camera" else given.pop(kind, ()), list[object]()
+        with problems.gathered(hanging="cam" if kind == "camera" else f"{kind}."):
             presets = [
                 one is True
-                or str(arguments.path(kind, one, "a name, the path of a file, or several"))
+                or str(arguments.path(option, one, "a name, the path of a file, or several"))
                 for one in (value if isinstance(value, list | tuple) else [value])
             ]
         if kind in asked and not presets:
@@ -390,24 +392,6 @@ def described(
             f"the values of the file take precedence: {', '.join(above[:3])}{others}"
         )
     return given, motion
-
-
-def _named_cameras(cameras: object) -> dict[str, object]:
-    """Return the parameters, by dotted name, of cameras cam0, cam1, ..."""
-    several = [cameras] if isinstance(cameras, str | Path) else cameras
-    if not isinstance(several, list | tuple):
-        arguments.refuse("cameras", cameras, "names or paths of files", wrong_type=True)
-    presets = [str(arguments.path("cameras", one, _NAME_OR_FILE)) for one in several]
-    return named("camera", presets)
-
-
-def _named_scene(scene: str | Path | None) -> dict[str, object]:
-    """Return the parameters, by dotted name, of the scene that sensors see; none for None."""
-    if scene is None:
-        return {}
-    from imu_sim_ros.sensors.camera.rig_parameters import scene_layer  # most runs have none
-
-    return scene_layer(str(arguments.path("scene", scene, _NAME_OR_FILE)))
 
 
 def _size(output: Path) -> int:
