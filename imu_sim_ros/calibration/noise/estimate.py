@@ -194,9 +194,7 @@ def explains_wander(spectrum: Spectrum, axis: int) -> bool:
 
     data, design = data_and_design(spectrum, axis)
     best = fit(data, design, slope=np.nan)
-    single = data.amplitude != 0.0
-    left = (data.amplitude - best.slope[0] * data.trend) ** 2
-    ratio = np.where(single, left, data.power) / best.expected[0]
+    ratio = data.without_trend(best.slope)[0] / best.expected[0]
     slow = spectrum.frequency < 1.0
     ratio, freedom = ratio[slow], data.freedom[slow]
     improbable = gammaincc(0.5 * freedom, 0.5 * freedom * ratio) < _IMPROBABLE

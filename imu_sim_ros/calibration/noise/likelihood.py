@@ -21,6 +21,8 @@ at once, in batches of fits.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from typing import Final, NamedTuple
 
@@ -48,7 +50,8 @@ _CLOSE: Final = 0.004
 """Relative error of the drop's root at which an end is found."""
 
 
-class Data(NamedTuple):
+@dataclass(frozen=True)
+class Data:
     """The data that a model is compared with, for one axis."""
 
     power: Array
@@ -59,6 +62,23 @@ class Data(NamedTuple):
     """(m,) single coefficients with their sign, 0 elsewhere."""
     trend: Array
     """(m,) addition to ``amplitude`` of a trend of 1."""
+
+    def without_trend(self, slopes: Array) -> Array:
+        """Return the rows (b, m) without trends of some slopes (b,)."""
+        left = (self.amplitude - slopes[:, None] * self.trend) ** 2
+        return np.where(self.amplitude != 0.0, left, self.power)
+
+    @cached_property
+    def first_guesses(self) -> Array:
+        """(2, m) where to start: rows smoothed by running medians, and a flat line.
+
+        A walk and a trend explain each other away: from the first guess the walk has the first
+        chance, from the second the trend.
+        """
+        width = min(9, len(self.power))
+        padded = np.pad(self.power, (width // 2, width - 1 - width // 2), mode="edge")
+        smooth = np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1)
+        return np.stack([smooth, np.full(len(smooth), np.median(smooth))])
 
 
 class Fits(NamedTuple):
@@ -105,23 +125,24 @@ def fit_many(
     products = (scaled[:, :, None] * scaled[:, None, :]).reshape(len(scaled), -1)
     expected = np.maximum(guess, floor)
     objective = np.full(len(held), np.inf)
+    positive = free
     _, power, slopes = _objective(data, expected, slope, restricted)
     for _ in range(_ITERATIONS):
         weight = 0.5 * data.freedom / expected**2
         curvature = (weight @ products).reshape(-1, *free.shape[1:], free.shape[1])
         gradient = (weight * (power - known)) @ scaled
-        step = np.where(free, _non_negative(curvature, gradient, free) - theta, 0.0)
+        best = _non_negative(curvature, gradient, free, positive)
+        step = np.where(free, best - theta, 0.0)
         last = objective
-        fraction = np.ones(len(held))
         for _ in range(_HALVINGS):  # the first step of all is taken as it is
-            trial = theta + fraction[:, None] * step
+            trial = theta + step
             expected = np.maximum(trial @ scaled.T, floor)
             objective, power, slopes = _objective(data, expected, slope, restricted)
             worse = ~(objective <= last + _ROUNDING)
             if not worse.any():
                 break
-            fraction = np.where(worse, 0.4 * fraction, fraction)
-        theta = trial
+            step = np.where(worse[:, None], 0.4 * step, step)
+        theta, positive = trial, free & (trial > 0.0)
         if np.all(last - objective < _TOLERANCE):
             break
     return Fits(theta * scale, slopes, objective, expected)
@@ -135,25 +156,27 @@ def _objective(
     Arguments are those of :func:`fit_many`.
     """
     inverse = 1.0 / expected
-    weighted = data.trend * inverse
-    norm = np.maximum(weighted @ data.trend, 1e-300)
-    estimated = np.isnan(slope)
-    slopes = np.where(estimated, (weighted @ data.amplitude) / norm, slope)
-    single = data.amplitude != 0.0
-    without_trend = (data.amplitude - slopes[:, None] * data.trend) ** 2
-    power = np.where(single, without_trend, data.power)
+    slopes, estimated = slope, np.isnan(slope)
+    if any_estimated := bool(estimated.any()):
+        weighted = data.trend * inverse
+        norm = np.maximum(weighted @ data.trend, 1e-300)
+        slopes = np.where(estimated, (weighted @ data.amplitude) / norm, slope)
+    power = data.without_trend(slopes)
     objective = 0.5 * ((np.log(expected) + power * inverse) @ data.freedom)
-    if restricted:
+    if restricted and any_estimated:
         objective = objective + np.where(estimated, 0.5 * np.log(norm), 0.0)
         power = power + np.where(estimated, 1.0 / norm, 0.0)[:, None] * data.trend**2
     return objective, power, slopes
 
 
-def _non_negative(curvature: Array, gradient: Array, free: Mask) -> Array:
+def _non_negative(curvature: Array, gradient: Array, free: Mask, positive: Mask) -> Array:
     """Return (b, p) the minima of ``x H x / 2 - g x`` with x >= 0 and x = 0 if not free.
 
-    If the minimum without the bound is feasible it is the solution. Elsewhere every subset of
-    the few components is solved without the bound; the best feasible one is the solution.
+    A minimum over some components is the solution if none of them is below zero, and no other one
+    would make it smaller (Karush, Kuhn and Tucker). Elsewhere every subset of the few components
+    is solved without the bound; the best feasible one is the solution.
+
+    :param positive: (b, p) free components that are tried first.
     """
     size = gradient.shape[1]
     if size == 0:
@@ -161,8 +184,10 @@ def _non_negative(curvature: Array, gradient: Array, free: Mask) -> Array:
     root = np.sqrt(np.einsum("bii->bi", curvature))
     scaled = curvature / (root[:, :, None] * root[:, None, :])
     right: Array = free * (gradient / root)
-    x: Array = _restricted_minima(scaled, right, free[:, None, :].astype(np.float64))[:, 0]
-    bound = np.flatnonzero((x < -_NEGATIVE).any(axis=1))
+    x: Array = _restricted_minima(scaled, right, positive[:, None, :].astype(np.float64))[:, 0]
+    downwards = right - (scaled @ x[:, :, None])[:, :, 0] > _NEGATIVE
+    wrong = np.where(positive, x < -_NEGATIVE, free & downwards)
+    bound = np.flatnonzero(wrong.any(axis=1))
     if len(bound):
         subsets = np.array(list(product([0.0, 1.0], repeat=size)))
         inside = subsets * free[bound, None, :]  # (b, 2^p, p)
@@ -184,18 +209,6 @@ def _restricted_minima(curvature: Array, gradient: Array, inside: Array) -> Arra
     return np.asarray(np.linalg.solve(blocks, right[..., None])[..., 0], dtype=np.float64)
 
 
-def first_guesses(data: Data) -> Array:
-    """Return (2, m) where to start: rows smoothed by running medians, and a flat line.
-
-    A walk and a trend explain each other away: from the first guess the walk has the first chance,
-    from the second the trend.
-    """
-    width = min(9, len(data.power))
-    padded = np.pad(data.power, (width // 2, width - 1 - width // 2), mode="edge")
-    smooth = np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1)
-    return np.stack([smooth, np.full(len(smooth), np.median(smooth))])
-
-
 def fit(
     data: Data,
     design: Array,
@@ -210,7 +223,7 @@ def fit(
     :param slope: (k,) given slope of the trend, NaN if it is estimated; a number: that of all.
     :param restricted: integrate the trend out.
     """
-    guesses = first_guesses(data)
+    guesses = data.first_guesses
     models = np.full((1, design.shape[1]), np.nan) if held is None else np.atleast_2d(held)
     count = len(models)
     fits = fit_many(

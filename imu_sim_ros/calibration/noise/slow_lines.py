@@ -16,7 +16,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.calibration.noise.likelihood import Data, first_guesses, fit_many
+from imu_sim_ros.calibration.noise.likelihood import Data, fit_many
 from imu_sim_ros.types import Array
 
 _MAX_LINES: Final = 5
@@ -114,8 +114,6 @@ class _Fit(NamedTuple):
     """Minus the log-likelihood."""
     rows: Array
     """Expected rows."""
-    smooth: Array
-    """The measured rows, smoothed."""
     variance: Array
     """(m,) of each coefficient."""
     periods: Array
@@ -198,21 +196,24 @@ class _Search:
         one, other = kernel * np.exp(1j * self._n * half)
         return np.asarray((one + other) / np.sqrt(2.0 * self._n))
 
+    def _rows(self, left: Array) -> Data:
+        """Return the mean squares of coefficients (m,)."""
+        power = np.add.reduceat(left**2, self._starts) / self._sizes
+        zeros = np.zeros(len(power))
+        return Data(power, self._sizes.astype(np.float64), zeros, zeros)
+
     def _noise(self, left: Array, guess: Array | None = None) -> _Fit:
         """Return the noise of coefficients (m,) in which nothing else is.
 
         :param guess: of the expected rows; None: a smooth spectrum.
         """
-        power = np.add.reduceat(left**2, self._starts) / self._sizes
-        zeros = np.zeros(len(power))
-        data = Data(power, self._sizes.astype(np.float64), zeros, zeros)
-        smooth = first_guesses(data)[0]
+        data = self._rows(left)
         free, level = np.full((1, self._design.shape[1]), np.nan), np.zeros(1)
-        start = smooth if guess is None else guess
+        start = data.first_guesses[0] if guess is None else guess
         found = fit_many(data, self._design, free, slope=level, guess=start[None])
         rows, nothing = found.expected[0], np.empty(0)
         variance = np.repeat(rows, self._sizes)
-        return _Fit(float(found.objective[0]), rows, smooth, variance, nothing, nothing, left)
+        return _Fit(float(found.objective[0]), rows, variance, nothing, nothing, left)
 
     def _fit(self, y: Array, periods: Array, start: _Fit) -> _Fit:
         """Return the fit to coefficients y with lines near some frequencies and noise, in turns.
@@ -256,7 +257,7 @@ class _Search:
         """Return the frequencies that fit best to the noise, and to a smooth spectrum."""
         rows = self._single
         known, price = self._tangent(best, rows), _doubt(self._tried)
-        smooth = np.repeat(best.smooth, self._sizes)
+        smooth = np.repeat(self._rows(best.left).first_guesses[0], self._sizes)
         result = []
         for variance in (best.variance, np.maximum(smooth, 1e-300)):
             root = np.sqrt(variance[rows])[:, None]
