@@ -187,33 +187,37 @@ class _Sums:
         bins = self._bins[segment]
         return weight[bins] / self._shape[segment], self.left[bins]
 
-    def add(self, segment: int, residuals: Array, jacobian: Array) -> None:
-        """Add residuals (n, 6) and Jacobian (n, 6, 42) of a segment."""
-        for k, axis, values, columns in self._binned(segment, residuals, jacobian):
-            self.square[k, axis] += values @ values
-            self.product[k, axis] += columns.T @ values
-            self.matrix[k, axis] += columns.T @ columns
+    def add(self, segment: int, residuals: Array, signals: Array, coefficients: Array) -> None:
+        """Add residuals (n, 6) and Jacobian of a segment.
+
+        :param signals: (n, s), and coefficients (6, s, p), whose products are the Jacobian.
+        """
+        for k, values, columns in self._binned(segment, residuals, signals, coefficients):
+            self.square[k] += np.sum(values**2, axis=1)
+            self.product[k] += np.einsum("ami,am->ai", columns, values)
+            self.matrix[k] += np.swapaxes(columns, 1, 2) @ columns
         self.count += np.bincount(self._bins[segment], minlength=len(self.count))
 
-    def add_noise(self, segment: int, residuals: Array, jacobian: Array, share: float) -> None:
+    def add_noise(
+        self, segment: int, residuals: Array, signals: Array, coefficients: Array, share: float
+    ) -> None:
         """Add a share of the effect of the poses' noise on residuals and Jacobian."""
         self._noise[segment] += share * _transformed(residuals, len(self._bins[segment])) ** 2
-        for k, axis, values, columns in self._binned(segment, residuals, jacobian):
-            self.noise_product[k, axis] += share * (columns.T @ values)
-            self.noise_matrix[k, axis] += share * (columns.T @ columns)
+        for k, values, columns in self._binned(segment, residuals, signals, coefficients):
+            self.noise_product[k] += share * np.einsum("ami,am->ai", columns, values)
+            self.noise_matrix[k] += share * (np.swapaxes(columns, 1, 2) @ columns)
 
     def _binned(
-        self, segment: int, residuals: Array, jacobian: Array
-    ) -> Iterator[tuple[int, int, Array, Array]]:
-        """Return the coefficients of each bin and axis: of residuals (m,) and Jacobian (m, 42)."""
+        self, segment: int, residuals: Array, signals: Array, coefficients: Array
+    ) -> Iterator[tuple[int, Array, Array]]:
+        """Return the coefficients of each bin: of residuals (6, m) and Jacobian (6, m, p)."""
         bins = self._bins[segment]
-        root = np.sqrt(self._shape[segment])
-        c = _transformed(residuals, len(bins)) / root
-        j = _transformed(jacobian, len(bins)) / root[:, :, None]
+        root = np.sqrt(self._shape[segment]).T
+        c = _transformed(residuals, len(bins)).T / root
+        j = _transformed(signals, len(bins)) @ coefficients / root[:, :, None]
         starts = np.flatnonzero(np.diff(bins, prepend=-1))
         for first, last in pairwise([*starts.tolist(), len(bins)]):
-            for axis in range(6):
-                yield int(bins[first]), axis, c[first:last, axis], j[first:last, axis]
+            yield int(bins[first]), c[:, first:last], j[:, first:last]
 
     def shape(self, density: Array) -> None:
         """Take the noise of the poses as the shape of the densities within their bins.
@@ -308,16 +312,13 @@ def fit(
         if fresh:
             sums.forget_noise()
         for k, rows in enumerate(sums.segments):
-            predicted, jacobian, _ = model.linearised(
-                errors, motion_at, stamps[rows], reference, wander[rows]
-            )
-            sums.add(k, recording.readings[rows] - predicted, jacobian[:, :, free])
+            own = model.linearised(errors, motion_at, stamps[rows], reference, wander[rows])
+            by = own.coefficients[:, :, free]
+            sums.add(k, recording.readings[rows] - own.readings, own.signals, by)
             for other in noisy if fresh else ():
-                also, also_jacobian, _ = model.linearised(
-                    errors, other, stamps[rows], reference, wander[rows]
-                )
-                more = (also_jacobian - jacobian)[:, :, free]
-                sums.add_noise(k, predicted - also, more, 1.0 / len(noisy))
+                also = model.linearised(errors, other, stamps[rows], reference, wander[rows])
+                more = also.signals - own.signals
+                sums.add_noise(k, own.readings - also.readings, more, by, 1.0 / len(noisy))
         for _ in range(_WEIGHTINGS if count else 1):
             step, inverse = _step(sums, density, errors.deviation()[free], prior[free])
             density = sums.density(step, inverse, density)
@@ -382,19 +383,18 @@ def _summary(
     normal, middle = np.diag(prior[free] ** -2), np.diag(prior[free] ** -2)
     weight = sums.shown(prior[free]) / density
     for k, rows in enumerate(sums.segments):
-        predicted, jacobian, slopes[rows] = model.linearised(
-            errors, motion_at, recording.stamps[rows], reference, wander[rows]
-        )
-        residuals[rows] = recording.readings[rows] - predicted
+        own = model.linearised(errors, motion_at, recording.stamps[rows], reference, wander[rows])
+        residuals[rows], slopes[rows] = recording.readings[rows] - own.readings, own.slope
         weights, left = sums.weights_of(k, weight)
         root = np.sqrt(weights)
-        j = _transformed(jacobian[:, :, free], len(root)) * root[:, :, None]
+        j = _transformed(own.signals, len(root)) @ own.coefficients[:, :, free]
+        j *= root.T[:, :, None]
         flat = j.reshape(-1, len(free))
         normal += flat.T @ flat
         white = idct(
             _transformed(residuals[rows], len(root)) * (root / np.sqrt(left)), norm="ortho", axis=0
         )
-        parts = np.einsum("nai,na->ni", idct(j, norm="ortho", axis=0), white)
+        parts = np.einsum("ani,na->ni", idct(j, norm="ortho", axis=1), white)
         parts -= parts.mean(axis=0)
         middle += parts.T @ parts
     normal -= np.einsum("kaij,ka->ij", sums.noise_matrix, weight)
@@ -436,11 +436,7 @@ def _smooth(power: Array) -> Array:
 
 
 def _transformed(values: Array, count: int) -> Array:
-    """Return the first cosine coefficients (count, ...) of each column that is not zero."""
+    """Return the first cosine coefficients (count, c) of columns (n, c)."""
     from scipy.fft import dct
 
-    columns = values.reshape(len(values), -1)
-    used = columns.any(axis=0)
-    result = np.zeros((count, columns.shape[1]))
-    result[:, used] = dct(columns[:, used], norm="ortho", axis=0)[:count]
-    return result.reshape(count, *values.shape[1:])
+    return np.asarray(dct(values, norm="ortho", axis=0)[:count])

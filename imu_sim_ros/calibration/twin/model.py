@@ -34,6 +34,11 @@ BIAS: Final = slice(32, 38)
 CURVATURE: Final = slice(38, 39)
 WORLD: Final = slice(39, 42)
 UPPER: Final = np.triu_indices(3)
+
+# Signals of which the Jacobian consists.
+_SLOPE, _SLOPE_OVER_TIME = slice(0, 6), slice(6, 12)
+_RATE, _FORCE, _BENT = slice(12, 15), slice(15, 18), slice(18, 24)
+_BY_ARM, _BY_WORLD, _ONE = slice(24, 33), slice(33, 42), 42
 _STEP: Final = 5e-4
 """[s] for the derivatives in time."""
 
@@ -171,6 +176,24 @@ def true_times(errors: Errors, stamps: Array, reference: float, wander: Array) -
     return stamps + errors.offset + errors.skew * (stamps - reference) + wander
 
 
+class Linear(NamedTuple):
+    """Readings, and how they depend on the errors: the Jacobian (n, 6, 42) of axis a is
+    ``signals @ coefficients[a]``.
+    """
+
+    readings: Array
+    """(n, 6)"""
+    signals: Array
+    """(n, 43) of time."""
+    coefficients: Array
+    """(6, 43, 42)"""
+
+    @property
+    def slope(self) -> Array:
+        """(n, 6) rate of change of the readings [1/s]."""
+        return self.signals[:, _SLOPE]
+
+
 class _Linearised(NamedTuple):
     """What moves an IMU according to a truth whose own errors are taken out."""
 
@@ -220,35 +243,45 @@ def predicted(errors: Errors, motion_at: MotionAt, t: Array) -> tuple[Array, Arr
 
 def linearised(
     errors: Errors, motion_at: MotionAt, stamps: Array, reference: float, wander: Array
-) -> tuple[Array, Array, Array]:
-    """Return readings (n, 6), their Jacobian (n, 6, 40), and their rate of change (n, 6)."""
+) -> Linear:
+    """Return the readings at stamps (n,) [s], linear in small changes of the errors."""
     t = true_times(errors, stamps, reference, wander)
     motion, slope, by_curvature, by_world = _linearised(errors, motion_at, t)
-    rate, force = _ideal(errors, motion)
-    jacobian = np.zeros((len(stamps), 6, COUNT))
-    jacobian[:, :, 0] = slope
-    jacobian[:, :, 1] = slope * (stamps - reference)[:, None]
-    turned_rate, turned_force = -rotation.skew(rate), -rotation.skew(force)
-    s_g, s_a, g = errors.gyroscope, errors.accelerometer, errors.g_sensitivity
-    jacobian[:, :3, MOUNTING] = s_g @ turned_rate + g @ turned_force
-    jacobian[:, 3:, MOUNTING] = s_a @ turned_force
-    across = rotation.skew(motion.angular_acceleration)
     turning = rotation.skew(motion.rate)
-    arm = errors.r_ib @ (across + turning @ turning)
-    jacobian[:, :3, LEVER_ARM] = g @ arm
-    jacobian[:, 3:, LEVER_ARM] = s_a @ arm
-    for row in range(3):
-        first = GYROSCOPE.start + 3 * row
-        jacobian[:, row, first : first + 3] = rate
-        first = G_SENSITIVITY.start + 3 * row
-        jacobian[:, row, first : first + 3] = force
+    by_arm = rotation.skew(motion.angular_acceleration) + turning @ turning
+    bent = _with_arm(by_curvature, motion.rate, errors.lever_arm)
+    signals = [
+        slope,
+        slope * (stamps - reference)[:, None],
+        *_ideal(errors, motion),
+        *(change @ errors.r_ib.T for change in bent),
+        by_arm.reshape(-1, 9),
+        by_world.reshape(-1, 9),
+        np.ones((len(stamps), 1)),
+    ]
+    return Linear(
+        readings(errors, motion), np.concatenate(signals, axis=1), _coefficients(errors)
+    )
+
+
+def _coefficients(errors: Errors) -> Array:
+    """Return the change (6, 43, 42) of each reading per signal and change of an error."""
+    result, axes, eye = np.zeros((6, _ONE + 1, COUNT)), np.arange(6), np.eye(3)
+    result[axes, axes + _SLOPE.start, OFFSET.start] = 1.0
+    result[axes, axes + _SLOPE_OVER_TIME.start, SKEW.start] = 1.0
+    result[axes, _ONE, axes + BIAS.start] = 1.0
+    for k in range(3):
+        for part, signal in ((GYROSCOPE, _RATE), (G_SENSITIVITY, _FORCE)):
+            first = part.start + 3 * k
+            result[k, signal, first : first + 3] = eye
     for k, (i, j) in enumerate(zip(*UPPER, strict=True)):
-        jacobian[:, 3 + i, ACCELEROMETER.start + k] = force[:, j]
-    jacobian[:, np.arange(6), BIAS.start + np.arange(6)] = 1.0
-    bent_rate, bent_force = _with_arm(by_curvature, motion.rate, errors.lever_arm)
-    bent_rate, bent_force = bent_rate @ errors.r_ib.T, bent_force @ errors.r_ib.T
-    jacobian[:, :3, CURVATURE.start] = bent_rate @ s_g.T + bent_force @ g.T
-    jacobian[:, 3:, CURVATURE.start] = bent_force @ s_a.T
-    jacobian[:, :3, WORLD] = g @ errors.r_ib @ by_world
-    jacobian[:, 3:, WORLD] = s_a @ errors.r_ib @ by_world
-    return readings(errors, motion), jacobian, slope
+        result[3 + i, _FORCE.start + j, ACCELEROMETER.start + k] = 1.0
+    # Of the readings by the ideal ones: a turn changes those by its cross product.
+    by_rate = np.concatenate([errors.gyroscope, np.zeros((3, 3))])
+    by_force = np.concatenate([errors.g_sensitivity, errors.accelerometer])
+    for by, signal in ((by_rate, _RATE), (by_force, _FORCE)):
+        result[:, signal, MOUNTING] = np.einsum("ai,kij->akj", by, -rotation.skew(eye))
+    result[:, _BENT, CURVATURE.start] = np.concatenate([by_rate, by_force], axis=1)
+    by_matrix = np.einsum("ai,jk->aijk", by_force @ errors.r_ib, eye).reshape(6, 9, 3)
+    result[:, _BY_ARM, LEVER_ARM] = result[:, _BY_WORLD, WORLD] = by_matrix
+    return result
