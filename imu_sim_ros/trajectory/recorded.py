@@ -3,6 +3,7 @@
 
 """A recorded motion: a B-spline fitted to poses, and how well it fits them."""
 
+from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -77,27 +78,41 @@ class RecordedMotion:
         self.t0_ns = int(poses.t_ns[0])
         """Stamp of the first pose [ns]."""
         t = timebase.seconds_since(poses.t_ns, self.t0_ns)
-        found = mended(t, poses.position, poses.q_wb)
-        words = suspicions(found.findings, parameters.file, poses, t, parameters.robust)
-        if parameters.robust and found.findings:
-            t = found.t
-            t_ns = self.t0_ns + np.round(t * 1e9).astype(np.int64)
-            poses = PoseSequence(t_ns, found.position, found.q_wb, poses.dropped, poses.skipped)
-        knots = UniformKnots(float(t[-1]), spacing)
-        cutoff, outliers = parameters.cutoff, parameters.outlier_distance
-        self._spline = fit(t, poses.position, poses.q_wb, knots, cutoff, outliers)
-        self.report = report = _report(t, poses, self._spline, knots, parameters.cutoff)
-        self.repairs: list[str] = words if parameters.robust else []
+        self.repairs: list[str] = []
         """What was repaired, as text."""
-        self.warnings: list[str] = [] if parameters.robust else words
+        if parameters.robust:
+            found = mended(t, poses.position, poses.q_wb)
+            self.repairs = suspicions(found.findings, parameters.file, poses, t, robust=True)
+            if found.findings:
+                t = found.t
+                t_ns = self.t0_ns + np.round(t * 1e9).astype(np.int64)
+                poses = PoseSequence(t_ns, found.position, found.q_wb, poses.dropped, poses.skipped)
+        self._parameters, self._t, self._poses = parameters, t, poses
+        self._knots = UniformKnots(float(t[-1]), spacing)
+        cutoff, outliers = parameters.cutoff, parameters.outlier_distance
+        self._spline = fit(t, poses.position, poses.q_wb, self._knots, cutoff, outliers)
+
+    @cached_property
+    def report(self) -> FitReport:
+        """How well the spline fits."""
+        return _report(self._t, self._poses, self._spline, self._knots, self._parameters.cutoff)
+
+    @cached_property
+    def warnings(self) -> list[str]:
         """What looks wrong, as text."""
-        self.warnings += beyond_any_body(
-            parameters.file,
+        t, poses, report, file = self._t, self._poses, self.report, self._parameters.file
+        result = []
+        if not self._parameters.robust:
+            found = mended(t, poses.position, poses.q_wb)
+            result = suspicions(found.findings, file, poses, t, robust=False)
+        result += beyond_any_body(
+            file,
             report.peak_acceleration,
             report.peak_acceleration_at,
             report.peak_rate,
             report.peak_rate_at,
         )
+        return result
 
     @property
     def duration(self) -> float:
@@ -107,7 +122,7 @@ class RecordedMotion:
     @property
     def highest_frequency(self) -> float:
         """That the spline follows [Hz]."""
-        return min(self.report.cutoff, 0.5 / self.report.knot_spacing)
+        return min(self._parameters.cutoff, 0.5 / self._knots.spacing)
 
     def sample(self, t: Array) -> Motion:
         """Return the motion at times t (n,) [s]."""
