@@ -177,8 +177,9 @@ def true_times(errors: Errors, stamps: Array, reference: float, wander: Array) -
 
 
 class Linear(NamedTuple):
-    """Readings, and how they depend on the errors: the Jacobian (n, 6, 42) of axis a is
-    ``signals @ coefficients[a]``.
+    """Readings, and how they depend on the errors.
+
+    The Jacobian (n, 42) of axis a is ``signals @ coefficients[a]``.
     """
 
     readings: Array
@@ -259,9 +260,7 @@ def linearised(
         by_world.reshape(-1, 9),
         np.ones((len(stamps), 1)),
     ]
-    return Linear(
-        readings(errors, motion), np.concatenate(signals, axis=1), _coefficients(errors)
-    )
+    return Linear(readings(errors, motion), np.concatenate(signals, axis=1), _coefficients(errors))
 
 
 def _coefficients(errors: Errors) -> Array:
