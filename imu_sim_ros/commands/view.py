@@ -8,6 +8,7 @@ Needs rerun: ``pip install imu_sim_ros[view]``.
 
 import argparse
 import sys
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -27,6 +28,7 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.jobs.recorded import camera_names, read_images
 from imu_sim_ros.jobs.tracks import has_truth, read_track, truth_topic
 from imu_sim_ros.plots.flight_view import FlightView, rerun
+from imu_sim_ros.poses import PoseSequence
 
 EXAMPLES: Final = """
 view flight.mcap
@@ -64,12 +66,13 @@ def view(arguments: argparse.Namespace) -> None:
     written = outputs(arguments)
     save = arguments.save and written.add(arguments.save, endings=(".rrd",))
     with written.staged():
+        truth, paths = _paths(arguments)  # what cannot be read is said before the viewer starts
         shown = FlightView(arguments.flight.name)
         if save:
             shown.save(save.path)
         else:
             shown.spawn()
-        result = _fill(shown, arguments)
+        result = _fill(shown, arguments, truth, paths)
         shown.flush()
     result = {"output": arguments.save and str(arguments.save), **result}
     if arguments.json:
@@ -79,16 +82,32 @@ def view(arguments: argparse.Namespace) -> None:
         print(f"{arguments.save or 'rerun'}: {parts}")
 
 
-def _fill(shown: FlightView, arguments: argparse.Namespace) -> dict[str, Any]:
-    """Add all that the inputs hold; returns how much it is."""
-    flight = arguments.flight
-    found = {"paths": 0, "readings": 0, "biases": 0, "images": 0, "scans": 0, "landmarks": 0}
+def _paths(arguments: argparse.Namespace) -> tuple[str | None, dict[str, PoseSequence]]:
+    """Return the topic of the truth, and truth and estimates by name, as far as there are some."""
+    flight, paths = arguments.flight, dict[str, PoseSequence]()
     truth = truth_topic(flight, arguments.truth_topic) if has_truth(flight) else None
     if truth is not None:
-        shown.path(_TRUTH, read_track(flight, truth).poses)
-        found["paths"] += 1
+        paths[_TRUTH] = read_track(flight, truth).poses
     for estimate in arguments.estimates:
-        shown.path(estimate.stem, read_track(estimate).poses)
+        name = estimate.stem if estimate.stem not in paths else str(estimate.with_suffix(""))
+        paths[name] = read_track(estimate).poses
+    return truth, paths
+
+
+def _fill(
+    shown: FlightView,
+    arguments: argparse.Namespace,
+    truth: str | None,
+    paths: Mapping[str, PoseSequence],
+) -> dict[str, Any]:
+    """Add all that the inputs hold; returns how much it is.
+
+    :param truth, paths: as :func:`_paths` returns them.
+    """
+    flight = arguments.flight
+    found = {"paths": 0, "readings": 0, "biases": 0, "images": 0, "scans": 0, "landmarks": 0}
+    for name, poses in paths.items():
+        shown.path(name, poses)
         found["paths"] += 1
     for topic in [None] if is_text(flight) else _topics(flight, IMU):
         readings = read_imu(flight, topic)
@@ -165,3 +184,6 @@ def _landmarks(flight: Path, path: Path | None) -> Any:
 
 
 main = partial(program.main, parser, view)
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -3,6 +3,9 @@
 
 """A flight in rerun's viewer: paths, readings, biases, images, scans on one time line."""
 
+import os
+import shutil
+import sysconfig
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final
@@ -25,6 +28,9 @@ _BRIGHTER: Final = 0.5
 """Exponent of intensities, so that dark surfaces differ, too."""
 _MAX_POINTS: Final = 20_000
 """Largest number of points in the line of a path; the moving body has all poses."""
+
+
+_OTHERWISE: Final = "--save FILE writes what rerun opens elsewhere"
 
 
 def rerun() -> Any:
@@ -61,12 +67,29 @@ class FlightView:
         self._recording.save(str(path))
 
     def spawn(self) -> None:
-        """Start the viewer and send everything from now on to it; call it first."""
-        self._recording.spawn()
+        """Start the viewer and send everything from now on to it; call it first.
+
+        :raises MissingDependencyError: if there is no viewer, and no screen for it.
+        """
+        if not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")):
+            raise MissingDependencyError(f"there is no screen for rerun's viewer; {_OTHERWISE}")
+        # Next to this Python, which a program of a virtual environment need not have in PATH.
+        folders = (sysconfig.get_path("scripts"), os.environ.get("PATH", os.defpath))
+        viewer = shutil.which("rerun", path=os.pathsep.join(folders))
+        try:
+            self._rr.spawn(executable_path=viewer, recording=self._recording)
+        except RuntimeError as error:
+            raise MissingDependencyError(f"rerun: {error}; {_OTHERWISE}") from None
 
     def flush(self) -> None:
-        """Wait until everything has arrived."""
-        self._recording.flush()
+        """Wait until everything has arrived.
+
+        :raises MissingDependencyError: if the viewer has gone.
+        """
+        try:
+            self._recording.flush()
+        except RuntimeError as error:
+            raise MissingDependencyError(f"rerun: {error}; {_OTHERWISE}") from None
         self._recording.disconnect()
 
     def path(self, name: str, poses: PoseSequence) -> None:

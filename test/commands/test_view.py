@@ -5,6 +5,7 @@
 
 import json
 import re
+import shutil
 import subprocess
 import sys
 
@@ -96,6 +97,32 @@ def test_an_existing_file_is_kept_and_a_missing_library_is_named(flight, capsys,
     monkeypatch.setitem(sys.modules, "rerun", None)
     assert view.main([str(flight / "flight.mcap"), "--save", "x.rrd"]) == 2
     assert "pip install imu_sim_ros[view]" in capsys.readouterr().err
+
+
+def test_what_cannot_be_shown_is_said_before_a_viewer_starts(flight, capsys, monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    bag = str(flight / "flight.mcap")
+    assert view.main([bag]) == 2
+    assert capsys.readouterr().err == (
+        "view: there is no screen for rerun's viewer; --save FILE writes what rerun opens "
+        "elsewhere\n"
+    )
+    for words in (["gone.mcap"], [bag, "gone.csv"]):
+        assert view.main(words) == 2
+        assert capsys.readouterr().err == f"view: {words[-1]}: No such file or directory\n"
+
+
+def test_estimates_of_the_same_name_are_two_paths(flight, capsys):
+    other = flight / "other"
+    other.mkdir()
+    shutil.copy(flight / "track.csv", other)
+    tracks = [str(flight / "track.csv"), str(other / "track.csv")]
+    saved = flight / "two.rrd"
+    assert view.main([str(flight / "flight.mcap"), *tracks, "--save", str(saved), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["paths"] == 3
+    bodies = [name for name in rows(saved)[0] if re.fullmatch(r"/world/.*track/body", name)]
+    assert len(bodies) == 2
 
 
 def test_scans_of_a_lidar_are_in_the_file(flight, capsys):
