@@ -162,31 +162,30 @@ def bake(
         own, others = (
             np.moveaxis(p.of(m, v.T), 0, 2) for p, v in ((fine, direct), (coarse, given))
         )
-        maps.append(own + resampled(others, rows, columns))
+        maps.append(own + resampled(resampled(others, 1, columns), 0, rows))
     return Baked(maps, [fine.of(m, sources) for m in range(len(maps))])
 
 
-def resampled(grid: Single, rows: int, columns: int, first: int = 0, some: int = 0) -> Single:
-    """Return values (a, b, ...) of even parts at the middles of (rows, columns) even parts.
+def resampled(grid: Single, axis: int, length: int, first: int = 0, some: int = 0) -> Single:
+    """Return values of even parts along an axis at the middles of so many even parts.
 
     In between they are interpolated.
 
-    :param first: of the rows that are returned.
+    :param first: of the parts that are returned.
     :param some: their number; 0: all.
     """
-    for axis, length, start, count in ((1, columns, 0, columns), (0, rows, first, some or rows)):
-        parts = grid.shape[axis]
-        index = np.arange(start, start + count).astype(np.float32) + np.float32(0.5)
-        place = np.clip(index * np.float32(parts / length) - np.float32(0.5), 0, parts - 1)
-        before = np.floor(place).astype(np.int64)
-        share = place - before.astype(np.float32)
-        share = share.reshape(-1, *(1,) * (grid.ndim - 1 - axis))
-        low = grid.take(before, axis=axis)
-        low *= 1 - share
-        grid = grid.take(np.minimum(before + 1, parts - 1), axis=axis)
-        grid *= share
-        grid += low
-    return grid
+    parts = grid.shape[axis]
+    index = np.arange(first, first + (some or length)).astype(np.float32) + np.float32(0.5)
+    place = np.clip(index * np.float32(parts / length) - np.float32(0.5), 0, parts - 1)
+    before = np.floor(place).astype(np.int64)
+    share = place - before.astype(np.float32)
+    share = share.reshape(-1, *(1,) * (grid.ndim - 1 - axis))
+    low = grid.take(before, axis=axis)
+    low *= 1 - share
+    result = grid.take(np.minimum(before + 1, parts - 1), axis=axis)
+    result *= share
+    result += low
+    return result
 
 
 def _direct(points: _Points, solid: Caster, lighting: Lighting) -> tuple[Single, Single]:

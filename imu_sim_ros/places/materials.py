@@ -44,7 +44,7 @@ class Canvas(NamedTuple):
             for length, size in ((self.rows, across or cell), (self.columns, cell))
         ]
         knots = self.stream.integers(-1000, 1001, shape).astype(np.float32) / np.float32(1000.0)
-        return _stretched(_stretched(knots, self.rows).T, self.columns).T
+        return _stretched(_stretched(knots, self.rows, 0), self.columns, 1)
 
     def grain(self) -> Array:
         """Return noise (rows, columns) from -1 to 1 of its own in each texel."""
@@ -91,20 +91,22 @@ class Cells(NamedTuple):
     """(rows, columns) distance from the cell's edge [m]."""
 
 
-def _stretched(knots: Array, length: int) -> Array:
-    """Return rows (n, k) interpolated to (length, k), the last followed by the first."""
-    count = len(knots)
+def _stretched(knots: Array, length: int, axis: int) -> Array:
+    """Return knots (a, b) interpolated along an axis, the last followed by the first."""
+    count = knots.shape[axis]
     place = np.arange(length, dtype=np.float32) * np.float32(count / length)
     whole = np.floor(place).astype(np.int64) % count
-    part = (place - np.floor(place))[:, None]
+    part = place - np.floor(place)
     part = part * part * (np.float32(3.0) - np.float32(2.0) * part)
-    result: Array = knots[whole] * (1 - part) + knots[(whole + 1) % count] * part
+    part = part if axis else part[:, None]
+    result: Array = knots.take(whole, axis) * (1 - part)
+    result += knots.take((whole + 1) % count, axis) * part
     return result
 
 
 def _plain(colour: Array, value: Array, tint: Array | None = None) -> Array:
-    """Return colours (rows, columns, 3): one colour, brighter and darker by value [grey values]."""
-    result = np.broadcast_to(colour, (*value.shape, 3)) + value[..., None]
+    """Return colours (3, rows, columns): one colour, brighter and darker by value [grey values]."""
+    result: Array = colour[:, None, None] + value
     return result if tint is None else result + tint
 
 
@@ -124,13 +126,13 @@ def _wood(c: Canvas, colour: Array) -> Array:
     tone = c.stream.integers(-14, 15, planks.cells).astype(np.float32)[planks.number]
     grain = 10 * c.noise(0.35, 0.012) + 6 * c.noise(0.15, 0.005) + 5 * c.noise(0.8, 0.04)
     value = tone + grain - 50 * (planks.edge < 0.0015)
-    return _plain(colour, value, np.stack([0.1 * grain, 0 * grain, -0.3 * grain], axis=-1))
+    return _plain(colour, value, np.stack([0.1 * grain, 0 * grain, -0.3 * grain]))
 
 
 def _board(c: Canvas, colour: Array) -> Array:
     """Veneer without joints."""
     grain = 9 * c.noise(0.5, 0.02) + 5 * c.noise(0.2, 0.006) + 2 * c.grain()
-    return _plain(colour, grain, np.stack([0.1 * grain, 0 * grain, -0.3 * grain], axis=-1))
+    return _plain(colour, grain, np.stack([0.1 * grain, 0 * grain, -0.3 * grain]))
 
 
 def _brick(c: Canvas, colour: Array) -> Array:
@@ -138,9 +140,9 @@ def _brick(c: Canvas, colour: Array) -> Array:
     tone = c.stream.integers(-34, 35, bricks.cells).astype(np.float32)[bricks.number]
     hue = c.stream.integers(-10, 11, bricks.cells).astype(np.float32)[bricks.number]
     value = tone + 8 * c.noise(0.03) + 6 * c.grain()
-    face = _plain(colour, value, np.stack([hue, -0.3 * hue, -0.5 * hue], axis=-1))
+    face = _plain(colour, value, np.stack([hue, -0.3 * hue, -0.5 * hue]))
     mortar = _plain(np.array([176, 170, 160], np.float32), 6 * c.noise(0.02) + 6 * c.grain())
-    return np.where(bricks.edge[..., None] < 0.006, mortar, face)
+    return np.where(bricks.edge < 0.006, mortar, face)
 
 
 def _tiles(c: Canvas, colour: Array, edge: float = 0.333, joint: float = 0.003) -> Array:
@@ -152,7 +154,7 @@ def _tiles(c: Canvas, colour: Array, edge: float = 0.333, joint: float = 0.003) 
 
 
 def _slabs(c: Canvas, colour: Array) -> Array:
-    return _tiles(c, colour, 0.5, 0.005) + (5 * c.grain() + 5 * c.noise(0.06))[..., None]
+    return _tiles(c, colour, 0.5, 0.005) + (5 * c.grain() + 5 * c.noise(0.06))
 
 
 def _ceiling(c: Canvas, colour: Array) -> Array:
@@ -210,21 +212,21 @@ def _cardboard(c: Canvas, colour: Array) -> Array:
 def _leaves(c: Canvas, colour: Array) -> Array:
     value = 34 * c.noise(0.05) + 26 * c.noise(0.12) + 18 * c.noise(0.025) + 10 * c.grain()
     value -= 30 * (c.noise(0.08) < -0.45)
-    return _plain(colour, value, np.stack([0.2 * value, 0.1 * value, -0.3 * value], axis=-1))
+    return _plain(colour, value, np.stack([0.2 * value, 0.1 * value, -0.3 * value]))
 
 
 def _grass(c: Canvas, colour: Array) -> Array:
     value = 20 * c.grain() + 10 * c.noise(0.04) + 8 * c.noise(0.4)
-    return _plain(colour, value, np.stack([0.3 * value, 0 * value, -0.2 * value], axis=-1))
+    return _plain(colour, value, np.stack([0.3 * value, 0 * value, -0.2 * value]))
 
 
 def _sky(c: Canvas, colour: Array) -> Array:
     clouds = np.maximum(
         c.noise(60.0, 12.0) + 0.5 * c.noise(25.0, 6.0) + 0.25 * c.noise(9.0, 3.0), 0.0
     )
-    white = np.array([255, 255, 255], np.float32)
-    share = np.minimum(clouds, 1.0)[..., None]
-    return colour * (1 - share) + white * share
+    white = np.float32(255.0)
+    share = np.minimum(clouds, 1.0)
+    return colour[:, None, None] * (1 - share) + white * share
 
 
 _WEAR: Final = {
@@ -327,20 +329,30 @@ def tile(material: str, texel: float, seed: int, contrast: float) -> Bytes:
     count = max(8, 8 * round(period / texel / 8))  # halved three times without a seam
     canvas = Canvas(count, count, period / count, generator(seed, f"material.{material}"))
     colour = colour_of(material)
+    mean = colour[:, None, None]
     values = painter(canvas, colour)
-    values = colour + np.float32(contrast) * (values - colour)
-    return np.clip(values + np.float32(0.5), 0.0, 255.0).astype(np.uint8)
+    values -= mean
+    values *= np.float32(contrast)
+    values += mean
+    values += np.float32(0.5)
+    planes = np.clip(values, 0.0, 255.0, out=values).astype(np.uint8)
+    return np.ascontiguousarray(np.moveaxis(planes, 0, -1))
 
 
-def wear(kind: str, period: float, texel: float, seed: int, contrast: float) -> Differences:
-    """Return a layer of stains and wear (n, n) to be added to a tile, which repeats without a seam.
+def stains(period: float, texel: float, seed: int) -> Array:
+    """Return where stains and wear are (n, n), about -1 to 1, which repeats without a seam.
 
-    :param kind: of the material.
     :param period: length after which it repeats [m].
     :param texel: edge of a texel, about [m].
-    :param contrast: factor of the differences.
     """
     count = max(8, 8 * round(period / texel / 8))
     canvas = Canvas(count, count, period / count, generator(seed, f"wear.{period}"))
-    value = 0.3 * canvas.noise(0.12) + 0.8 * canvas.noise(0.04) + 0.9 * canvas.noise(0.016)
-    return np.rint(np.float32(contrast * _WEAR[kind]) * value).astype(np.int8)
+    return 0.3 * canvas.noise(0.12) + 0.8 * canvas.noise(0.04) + 0.9 * canvas.noise(0.016)
+
+
+def wear(kind: str, where: Array, contrast: float) -> Differences:
+    """Return what stains and wear (n, n) add to a tile of a kind of material.
+
+    :param contrast: factor of the differences.
+    """
+    return np.rint(np.float32(contrast * _WEAR[kind]) * where).astype(np.int8)

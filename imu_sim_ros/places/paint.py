@@ -19,6 +19,7 @@ from imu_sim_ros.places.materials import (
     WEAR_PERIODS,
     Differences,
     colour_of,
+    stains,
     tile,
     wear,
 )
@@ -61,6 +62,7 @@ class Painter:
         self._base: float | None = None
         """Edge of the texels of tiles, from which those of other sizes are made [m]."""
         self._tiles: dict[tuple[str, float, bool], Bytes] = {}
+        self._stains: dict[tuple[float, float], Array] = {}
         self._layers: dict[tuple[str, float, float], Differences] = {}
 
     @cached_property
@@ -186,19 +188,23 @@ class Painter:
         first = [starts.integers(0, len(layer), 2) for layer in layers]
         for top in range(0, len(texture), _ROWS):
             part = texture[top : top + _ROWS]
-            value = part.astype(np.int16)
+            value = np.zeros(part.shape[:2], np.int16)
             for layer, (row, column) in zip(layers, first, strict=True):
-                worn = _repeated(layer, (row + top, column), *part.shape[:2])
-                value += worn if value.ndim == 2 else worn[..., None]
-            part[:] = np.clip(value, 0, 255)
+                value += _repeated(layer, (row + top, column), *part.shape[:2])
+            if part.ndim == 3:
+                value = np.stack([value] * 3, axis=-1)
+            value += part
+            part[:] = np.clip(value, 0, 255, out=value)
 
     def _wear(self, material: str, period: float, texel: float, base: float | None) -> Differences:
         key = material.partition(":")[0], period, round(texel, 4)
         if key not in self._layers and base is not None and round(base, 4) != key[2]:
             self._layers[key] = _resized(self._wear(material, period, base, None), texel / base)
         elif key not in self._layers:
+            if key[1:] not in self._stains:
+                self._stains[key[1:]] = stains(*key[1:], self._site.seed)
             contrast = CONTRASTS[self._site.texture]
-            self._layers[key] = wear(*key, self._site.seed, contrast)
+            self._layers[key] = wear(key[0], self._stains[key[1:]], contrast)
         return self._layers[key]
 
     def _lit(self, texture: Bytes, m: int) -> None:
@@ -208,13 +214,13 @@ class Painter:
             red, green, blue = (np.float32(w / 256) for w in _WEIGHTS)
             light = light[..., 0] * red + light[..., 1] * green + light[..., 2] * blue
         rows, columns = texture.shape[:2]
-        wide = resampled(light, len(light), columns)
+        wide = resampled(light, 1, columns)
         for top in range(0, rows, _ROWS):
             part = texture[top : top + _ROWS]
-            value = resampled(wide, rows, columns, top, len(part))
+            value = resampled(wide, 0, rows, top, len(part))
             value *= part
             value += np.float32(0.5)
-            part[:] = np.minimum(value, np.float32(255.0)).astype(np.uint8)
+            part[:] = np.minimum(value, np.float32(255.0), out=value).astype(np.uint8)
 
 
 def _enlarged(texels: Array, areas: Array, most: float) -> float:
@@ -229,10 +235,10 @@ def _resized(tile: NDArray[_Value], factor: float) -> NDArray[_Value]:
         return tile.repeat(times, axis=0).repeat(times, axis=1)
     step = round(factor)
     rows = len(tile) // step
-    part = tile[: rows * step, : rows * step]
-    shape = rows, step, rows, step, *tile.shape[2:]
-    result: NDArray[_Value] = np.rint(part.reshape(shape).mean(axis=(1, 3))).astype(tile.dtype)
-    return result
+    total = np.zeros((rows, rows, *tile.shape[2:]), np.int32)
+    for i, j in np.ndindex(step, step):
+        total += tile[i : rows * step : step, j : rows * step : step]
+    return np.rint(total / step**2).astype(tile.dtype)
 
 
 def _repeated(

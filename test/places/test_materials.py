@@ -8,7 +8,7 @@ import pytest
 from scipy import ndimage
 
 from imu_sim_ros.places.catalogue import build, usual
-from imu_sim_ros.places.materials import _KINDS, WEAR_PERIODS, colour_of, tile, wear
+from imu_sim_ros.places.materials import _KINDS, WEAR_PERIODS, colour_of, stains, tile, wear
 from imu_sim_ros.places.paint import Painter
 from imu_sim_ros.places.place import Site
 from imu_sim_ros.places.prints import PRINTS, picture
@@ -70,7 +70,7 @@ def test_a_print_fills_its_size_and_follows_its_number(kind):
 
 @pytest.mark.parametrize("period", WEAR_PERIODS)
 def test_wear_has_no_seam_and_no_mean(period):
-    layer = wear("concrete", period, 0.01, 3, 1.0).astype(float)
+    layer = wear("concrete", stains(period, 0.01, 3), 1.0).astype(float)
     # About 20,000 knots of at most 8 grey values each: the mean's deviation is below 0.1.
     assert abs(layer.mean()) < 0.4 < layer.std()
     for axis in (0, 1):
