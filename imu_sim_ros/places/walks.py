@@ -208,15 +208,15 @@ class _Walkers:
     def _keep_off(self, others: Sequence[MovingBody]) -> None:
         """Mark at which knots each cell is not off other bodies."""
         middles = self._floor.places[self._cells]
-        shifts: Array = np.arange(-4.0, 5.0) * (0.5 * STEP)
+        halves: Array = np.arange(2.0 * _KNOTS) * (0.5 * STEP)
         for other in others:
             if other.kind == "door":  # all that it sweeps is no floor
                 continue
             reach = self._radius + RADIUS[other.kind] + _APART + _SLACK
-            for k in range(_KNOTS):
-                there = other.course.at(k * STEP + shifts)[:, :2]
-                away = np.hypot(*(middles[None] - there[:, None]).transpose(2, 0, 1))
-                self._clear[k] &= away.min(axis=0) > reach
+            there = other.course.at(halves)[:, :2]
+            off = np.array([np.hypot(*(middles - place).T) > reach for place in there])
+            for shift in range(-4, 5):  # a knot moves a body for two steps before and after it
+                self._clear &= np.roll(off, shift, axis=0)[::2]
 
     def course(self, number: int, others: Sequence[MovingBody]) -> Course | None:
         """Return a course that keeps off the bodies that are there; None: none was found.
@@ -242,11 +242,10 @@ class _Walkers:
         """Tell which legs (stops, stops, knots) may begin at which knots."""
         count = len(self._stops)
         result = np.zeros((count * count, _KNOTS), np.bool_)
-        knots = np.arange(_KNOTS)[:, None]
+        at = (np.arange(_KNOTS)[:, None] + 1 + np.arange(_KNOTS // 2)) % _KNOTS
         for k, cells in enumerate(self._along):
             if 0 < len(cells) <= _KNOTS // 2:
-                at = (knots + 1 + np.arange(len(cells))) % _KNOTS
-                result[k] = clear[at, cells].all(axis=1)
+                result[k] = clear[at[:, : len(cells)], cells].all(axis=1)
         return result.reshape(count, count, _KNOTS)
 
     def _homewards(self, home: int, go: Mask, stay: Mask) -> Mask:
@@ -300,7 +299,7 @@ class _Walkers:
         line = self._floor.places[part[::-1]]
         if len(line) < 2:
             return np.zeros((0, 2))
-        padded = np.pad(line, ((2, 2), (0, 0)), mode="edge")
+        padded = np.concatenate([line[[0, 0]], line, line[[-1, -1]]])
         smooth = np.stack([np.convolve(padded[:, k], np.full(5, 0.2), "valid") for k in (0, 1)], 1)
         smooth[0], smooth[-1] = line[0], line[-1]
         lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(smooth, axis=0).T))])
@@ -417,7 +416,8 @@ def _floor(place: Place, top: float, keep_off: Passage | None) -> _Floor:
 
         near = keep_off.places[keep_off.places[..., 2] < top + CLEARANCE][:, :2]
         if len(near):
-            away, _ = cKDTree(near).query(grid.reshape(-1, 2))
+            far = _REACH + 2.0 * CLEARANCE  # from there on the path is of no interest
+            away, _ = cKDTree(near).query(grid.reshape(-1, 2), distance_upper_bound=far)
             free = np.minimum(free, away.reshape(shape) - CLEARANCE)
     return _Floor(grid.reshape(-1, 2), free.ravel(), shape, cell)
 
