@@ -123,6 +123,8 @@ class PlaceBuilder:
         self.decor = site.stream("decor")
         """Random stream of what is only seen: another texture leaves every body in place."""
         self._count = 0
+        self._standing: dict[tuple[int, int], tuple[Array, Array]] = {}
+        """What stands before a wall, by its place and the number of faces at that time."""
 
     def number(self) -> int:
         """Return a number that no other print has."""
@@ -201,7 +203,10 @@ class PlaceBuilder:
         hung = [each for each in self.faces[wall].prints if each.kind not in _LINES]
         low = np.array([[each.left, each.bottom] for each in hung]).reshape(-1, 2)
         high = low + np.array([[each.width, each.height] for each in hung]).reshape(-1, 2)
-        standing = self._standing_before(wall)
+        now = wall, len(self.faces)
+        if now not in self._standing:
+            self._standing[now] = self._standing_before(wall)
+        standing = self._standing[now]
         low, high = np.concatenate([low, standing[0]]), np.concatenate([high, standing[1]])
         corner = np.array([what.left, what.bottom])
         end = corner + np.array([what.width, what.height])
