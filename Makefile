@@ -130,7 +130,9 @@ test-floor:
 	@if $(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 13))'; then
 	  $(MAKE) --no-print-directory .venv-floor/installed
 	  echo "make: what depends on the libraries, on the oldest supported versions"
-	  $(CLEAN) $(ONE_THREAD) .venv-floor/bin/$(PYTEST) -m "not slow and not ros" \
+	  # What numba compiled is kept apart: each version throws away what another one left.
+	  $(CLEAN) $(ONE_THREAD) NUMBA_CACHE_DIR="$$PWD/.venv-floor/numba" \
+	    .venv-floor/bin/$(PYTEST) -m "not slow and not ros" \
 	    -p no:cacheprovider $(FLOOR)
 	else
 	  echo "make: Python 3.13 has no numpy 1.26: the run on the oldest supported versions is left out"
