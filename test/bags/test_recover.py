@@ -15,6 +15,7 @@ from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
 from imu_sim_ros.bags.read import imu_blocks, open_bag
 from imu_sim_ros.bags.writer import BagOptions, open_writer
 from imu_sim_ros.errors import InputError
+from test.programs import program, until
 
 CUTS = (0.3, 0.52, 0.77, 0.999)
 SINGLE = ("none.mcap", "lz4.mcap", "zstd.mcap", "none.bag", "lz4.bag", "bz2.bag")
@@ -159,14 +160,10 @@ def test_kill_9_costs_at_most_what_was_not_flushed(tmp_path, name, storage):
 
 
 def test_what_a_killed_command_left_is_found(tmp_path):
-    command = [sys.executable, "-m", "imu_sim_ros.commands.generate", "--duration", "40h"]
-    command += ["--trajectory", "static", "-o", str(tmp_path / "x.mcap")]
-    process = subprocess.Popen(command)
+    words = ["--duration", "40h", "--trajectory", "static", "-o", str(tmp_path / "x.mcap")]
+    process = subprocess.Popen([*program("generate"), *words])
     growing = tmp_path / "x.mcap.active" / "x.mcap.active"
-    deadline = time.monotonic() + 300
-    while not (growing.exists() and growing.stat().st_size > 2 * 10**6):
-        assert time.monotonic() < deadline, process.poll()
-        time.sleep(0.01)
+    until(lambda: growing.exists() and growing.stat().st_size > 2 * 10**6)
     process.kill()
     process.wait()
     with pytest.raises(InputError, match="is an unfinished one, convert_bag --recover"):

@@ -4,12 +4,12 @@
 import json
 import os
 import subprocess
-import sys
 
 import pytest
 import yaml
 
 from imu_sim_ros.commands.campaign import main
+from test.programs import program
 
 
 @pytest.fixture
@@ -32,7 +32,7 @@ def start():
 
     def begin(*arguments, **options):
         process = subprocess.Popen(
-            [sys.executable, "-m", "imu_sim_ros.commands.campaign", *map(str, arguments)],
+            [*program("campaign"), *map(str, arguments)],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,

@@ -19,10 +19,9 @@ from typing import Any
 import pytest
 
 from imu_sim_ros.nodes.fast_dds import remove_torn_segments
+from test.programs import PATIENCE
 
 REPOSITORY = Path(__file__).parents[2]
-PATIENCE = 300.0
-"""[s] A loaded machine may take long; nothing that works takes as long as this."""
 QUEUE = 20000
 WAIT = 0.02  # [s]
 

@@ -5,11 +5,11 @@
 
 import json
 import subprocess
-import sys
 
 import pytest
 
 from imu_sim_ros.campaigns.results import read_results
+from test.programs import program
 
 pytestmark = pytest.mark.ros
 
@@ -28,7 +28,7 @@ def test_the_live_integrator_has_the_errors_of_dead_reckoning(tmp_path):
     """Equal to the twelve digits of a TUM file; in a process of its own, whose children it ends."""
     path, folder = tmp_path / "plan.yaml", tmp_path / "out"
     path.write_text(json.dumps(PLAN))
-    command = [sys.executable, "-m", "imu_sim_ros.commands.campaign", path, "-o", folder]
+    command = [*program("campaign"), path, "-o", folder]
     subprocess.run([*command, "--quiet", "--no-report", "--workers", "1"], check=True)
     live, offline = read_results(folder)
     assert live["status"] == "done", live["status"]

@@ -7,19 +7,18 @@ import json
 import os
 import signal
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from imu_sim_ros.commands.control import main
+from test.programs import PATIENCE, program
 
 pytestmark = pytest.mark.ros
 
 REPOSITORY = Path(__file__).parents[2]
 IMU = "imu/data_raw"
-PATIENCE = 300.0
 
 
 @pytest.fixture
@@ -34,9 +33,8 @@ def control(domains: tuple[int, int]) -> Any:
     }
 
     def start(*arguments: str) -> "subprocess.Popen[str]":
-        program = "import sys; from imu_sim_ros.commands import start; sys.exit(start.control())"
         return subprocess.Popen(
-            [sys.executable, "-c", program, *arguments],
+            [*program("control"), *arguments],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,

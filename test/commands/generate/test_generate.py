@@ -8,8 +8,6 @@ import os
 import resource
 import signal
 import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +21,7 @@ from imu_sim_ros.rotation import rotate
 from imu_sim_ros.sensors.errors.triad import variance_discrete
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
+from test.programs import program, until
 
 LAYER = {"trajectory.type": "lecture", "imu.preset": "lecture", "duration": 4.0, "seed": 3}
 ARGUMENTS = ["--trajectory", "lecture", "--imu", "lecture", "--duration", "4s", "--seed", "3"]
@@ -196,7 +195,7 @@ def test_bad_arguments_end_with_status_2(arguments):
     assert ended.value.code == 2
 
 
-COMMAND = [sys.executable, "-m", "imu_sim_ros.commands.generate"]
+COMMAND = program("generate")
 
 
 @pytest.mark.parametrize(
@@ -214,10 +213,7 @@ def test_a_stopped_run_keeps_a_whole_part(tmp_path, name, number):
     if name == "y":
         arguments += ["--storage", "sqlite3"]
     process = subprocess.Popen([*COMMAND, *arguments], stderr=subprocess.PIPE, text=True)
-    deadline = time.monotonic() + 300
-    while not any(f.is_file() and f.stat().st_size > 10**7 for f in tmp_path.rglob("*")):
-        assert time.monotonic() < deadline, process.poll()
-        time.sleep(0.01)
+    until(lambda: any(f.is_file() and f.stat().st_size > 10**7 for f in tmp_path.rglob("*")))
     process.send_signal(number)
     error = process.communicate(timeout=300)[1]
     assert process.returncode != 0

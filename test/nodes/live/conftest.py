@@ -8,17 +8,16 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from test.programs import PATIENCE, program, until
+
 REPOSITORY = Path(__file__).parents[3]
 FEED = Path(__file__).with_name("feed.py")
-PATIENCE = 300.0
-"""[s] A loaded machine may take long; nothing that works takes as long as this."""
 
 
 class Process:
@@ -78,15 +77,6 @@ class Process:
         self._out.close()
 
 
-def until(condition: Callable[[], Any]) -> Any:
-    """Wait until a condition holds; returns what it gave."""
-    deadline = time.monotonic() + PATIENCE
-    while not (result := condition()):
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.02)
-    return result
-
-
 @pytest.fixture
 def start(tmp_path: Path, domains: tuple[int, int]) -> Iterator[Callable[..., Process]]:
     """Return a function that starts ``python ARGUMENTS``; all are ended with the test."""
@@ -114,9 +104,7 @@ def start(tmp_path: Path, domains: tuple[int, int]) -> Iterator[Callable[..., Pr
 @pytest.fixture
 def node(start: Callable[..., Process]) -> Callable[..., Process]:
     """Return a function that starts a node by its name."""
-    return lambda name, *arguments, **extra: start(
-        "-m", f"imu_sim_ros.nodes.{name}.node", *arguments, **extra
-    )
+    return lambda name, *arguments, **extra: start(*program(name)[1:], *arguments, **extra)
 
 
 @pytest.fixture
@@ -128,7 +116,7 @@ def feed(domains: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> Iterator[
     started: list[Any] = []
 
     def feed_with(**options: Any) -> Any:
-        started.append(Driver(options, domains[0]))
+        started.append(Driver({**options, "patience": PATIENCE}, domains[0]))
         return started[-1]
 
     yield feed_with
@@ -139,7 +127,7 @@ def feed(domains: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> Iterator[
 @pytest.fixture
 def feed_apart(start: Callable[..., Process]) -> Callable[..., Process]:
     """Return a function that starts the driver of feed.py in a process, which can be killed."""
-    return lambda **options: start(str(FEED), json.dumps(options))
+    return lambda **options: start(str(FEED), json.dumps({**options, "patience": PATIENCE}))
 
 
 @pytest.fixture

@@ -9,7 +9,8 @@ In the test's own process; as a program, with the options as one JSON argument, 
 for so many subscribers of each topic, ``best_effort``, ``latched``, ``topics`` (imu, truth, plain),
 ``accel``, ``hold`` [s] before the end, ``unstamped``: all stamps of readings and truth are zero,
 ``spoil``: triples of a message's index, what is spoilt in it (stamp, gyro, accel, position, q_wb)
-and the value, ``truths``: number of true states, after which there are readings alone.
+and the value, ``truths``: number of true states, after which there are readings alone, ``patience``
+[s] for what others have to do.
 """
 
 import json
@@ -29,8 +30,6 @@ from std_msgs.msg import Float64
 
 from imu_sim_ros.bags.messages.encode import ImuEncoder, OdometryEncoder
 
-PATIENCE = 300.0
-"""[s] A loaded machine may take long; nothing that works takes as long as this."""
 DEFAULTS = {
     "rate": 200.0,
     "count": 400,
@@ -62,15 +61,15 @@ class Driver:
         self._thread.start()
 
     def wait_until_it_begins(self) -> None:
-        assert self._begun.wait(PATIENCE), "no subscriber came"
+        assert self._begun.wait(self._options["patience"]), "no subscriber came"
 
     def wait_until_all_is_published(self) -> None:
-        assert self._published.wait(PATIENCE), "not all was published"
+        assert self._published.wait(self._options["patience"]), "not all was published"
 
     def finish(self) -> None:
         """Wait until all messages were published and taken."""
         self.wait_until_all_is_published()
-        self._thread.join(PATIENCE)
+        self._thread.join(self._options["patience"])
         self.close()
 
     def close(self) -> None:

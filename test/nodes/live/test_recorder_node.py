@@ -10,7 +10,6 @@ import shutil
 import signal
 import struct
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -22,13 +21,13 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from imu_sim_ros.commands import convert_bag
+from test.programs import PATIENCE, program
 
 pytestmark = pytest.mark.ros
 
 PERIOD_NS = 5_000_000
 IMU, TRUTH = "/imu/data_raw", "/ground_truth/odom"
 FORMS = {"mcap": "bag", "sqlite3": "bag", "ros1": "bag.bag", "file": "bag.mcap"}
-PATIENCE = 300.0
 
 
 def stored(path: Path) -> dict[str, list[int]]:
@@ -267,15 +266,7 @@ def test_a_driver_that_is_killed_and_started_again_is_recorded_on(
 
 def test_a_terminal_shows_a_live_line_until_the_duration_ends_it(feed, tmp_path, domains):
     terminal, stderr = os.openpty()
-    command = [
-        sys.executable,
-        "-m",
-        "imu_sim_ros.nodes.recorder.node",
-        "-o",
-        "bag",
-        "--duration",
-        "2s",
-    ]
+    command = [*program("recorder"), "-o", "bag", "--duration", "2s"]
     environment = {
         **os.environ,
         "ROS_DOMAIN_ID": str(domains[0]),

@@ -1,0 +1,27 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""How tests start programs of the package in processes of their own, and wait for them."""
+
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+PATIENCE = 300.0
+"""[s] A loaded machine may take long; nothing that works takes as long as this."""
+
+
+def program(name: str) -> list[str]:
+    """Return the words that start a program or node as ``imu_sim NAME`` does."""
+    start = "import sys; from imu_sim_ros.commands.start import imu_sim; sys.exit(imu_sim())"
+    return [sys.executable, "-c", start, name]
+
+
+def until(condition: Callable[[], Any], what: str = "what was to come") -> Any:
+    """Wait until a condition holds; returns what it gave."""
+    deadline = time.monotonic() + PATIENCE
+    while not (result := condition()):
+        assert time.monotonic() < deadline, f"waited {PATIENCE:g} s for {what}"
+        time.sleep(0.02)
+    return result
