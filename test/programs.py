@@ -14,8 +14,7 @@ PATIENCE = 300.0
 
 def program(name: str) -> list[str]:
     """Return the words that start a program or node as ``imu_sim NAME`` does."""
-    start = "import sys; from imu_sim_ros.commands.start import imu_sim; sys.exit(imu_sim())"
-    return [sys.executable, "-c", start, name]
+    return [sys.executable, "-m", "imu_sim_ros.commands.start", name]
 
 
 def until(condition: Callable[[], Any], what: str = "what was to come") -> Any:

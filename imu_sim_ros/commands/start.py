@@ -103,3 +103,7 @@ def imu_sim() -> int:
 
     print(f"imu_sim: {unknown('program', name, PROGRAMS | NODES)}", file=sys.stderr)
     return 2
+
+
+if __name__ == "__main__":
+    sys.exit(imu_sim())

@@ -89,7 +89,7 @@ def _start(log: IO[str], name: str, *arguments: str) -> "subprocess.Popen[str]":
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
         "RCUTILS_COLORIZED_OUTPUT": "0",
     }
-    command = [sys.executable, "-m", f"imu_sim_ros.nodes.{name}.node", "--ros-args", *arguments]
+    command = [sys.executable, "-m", "imu_sim_ros.commands.start", name, "--ros-args", *arguments]
     return subprocess.Popen(command, stdout=log, stderr=log, env=environment, text=True)
 
 

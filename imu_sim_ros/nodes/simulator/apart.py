@@ -42,6 +42,11 @@ TOKEN: Final = struct.Struct("<qq")
 """Number of a sample, and its true time [ns]."""
 MARKERS: Final = "visualization_msgs/msg/MarkerArray"
 _OVERRIDES: Final = "qos_overrides"
+_PROGRAM: Final = """
+import sys
+from imu_sim_ros import startup
+sys.exit(startup.load("imu_sim_ros.nodes.simulator.apart_process").main())
+"""
 _LONGEST_FRAME: Final = 10.0
 _LONGEST_CONNECTION: Final = 5.0
 """[s] A subscriber that is not connected by then has another quality of service."""
@@ -119,7 +124,7 @@ class SensorProcess:
         self._changed = threading.Condition()
         environment = {**fast_dds.without_own_profile(os.environ), "OMP_NUM_THREADS": "1"}
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "imu_sim_ros.nodes.simulator.apart_process"],
+            [sys.executable, "-c", _PROGRAM],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env={**environment, "OPENBLAS_NUM_THREADS": "1"},

@@ -311,7 +311,3 @@ def _run(node: SensorNode, reports: Reports) -> None:
     reports.say(done=done, counts={t: c.count for t, c in node.counters.items()})
     node.node.destroy_node()
     rclpy.try_shutdown()
-
-
-if __name__ == "__main__":
-    sys.exit(main())
