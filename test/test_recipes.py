@@ -6,6 +6,7 @@
 Each counts the files that it touches, without its test and its page.
 """
 
+import importlib.util
 import json
 import shutil
 import subprocess
@@ -55,23 +56,17 @@ class Copy:
         shutil.copy(ROOT / "test" / "test_architecture.py", guards)
         shutil.copy(ROOT / "pyproject.toml", self.folder)
         files = [name for name in sorted(self.touched) if name.endswith(".py")]
-        self.run(
-            f"""
-            import sys
-            from pathlib import Path
-            sys.path.insert(0, "test")
-            import test_architecture as guards
-            checks = (
-                guards.test_imports_follow_the_arrows,
-                guards.test_no_heavy_import_at_the_top_of_what_a_node_starts_with,
-                guards.test_json_is_written_in_one_place,
-            )
-            for file in {files}:
-                for one in checks:
-                    one.check(guards.ROOT / file)
-            print("{{}}")
-            """
-        )
+        spec = importlib.util.spec_from_file_location("guards_of_a_copy", guards)
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        assert self.folder == module.ROOT
+        for name in files:
+            for one in (
+                module.test_imports_follow_the_arrows,
+                module.test_no_heavy_import_at_the_top_of_what_a_node_starts_with,
+                module.test_json_is_written_in_one_place,
+            ):
+                one.check(self.folder / name)
         ruff = [sys.executable, "-m", "ruff", "check", "--quiet", *files]
         done = subprocess.run(ruff, cwd=self.folder, capture_output=True, text=True)
         assert done.returncode == 0, done.stdout

@@ -120,25 +120,25 @@ for path in sys.argv[1:]:
 
 
 def test_mcap_doctor_finds_nothing(tmp_path, content):
-    """Three chunks, a first, a middle and a last one: the doctor looks at each message.
+    """One chunk, or three: a first, a middle and a last one; the doctor looks at each message.
 
     One process examines all files: a third of its time is its start.
     """
     pytest.importorskip("pymcap_cli")
-    for name in MCAP_FILES:
+    chunks = dict(zip(MCAP_FILES, (1, 1, 3), strict=True))
+    for name, count in chunks.items():
         with open_writer(tmp_path / name, BagOptions("mcap", name.removesuffix(".mcap"))) as writer:
-            type(content)(2400).write(writer)
+            type(content)(800 * count - 200).write(writer)
     paths = [str(tmp_path / name) for name in MCAP_FILES]
     result = subprocess.run(
         [sys.executable, "-c", EXAMINE_ALL, *paths], capture_output=True, text=True, check=False
     )
     assert result.returncode == 0, result.stdout + result.stderr
     _, *reports = result.stdout.split("examined:")
-    assert len(reports) == len(paths)
-    for report in reports:
+    for report, count in zip(reports, chunks.values(), strict=True):
         words = " ".join(report.split())
         assert words.endswith("status: 0"), report
-        assert "3 chunks" in words
+        assert f"{count} chunk" in words
         assert "passed" in words
         assert "warning" not in words.lower()
 

@@ -34,7 +34,7 @@ def until(condition: Callable[[], Any], act: Callable[[], None], what: str) -> N
         act()
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture
 def no_torn_segments() -> None:
     """Keep what a killed process left half made from hanging the peers of nodes."""
     remove_torn_segments()
@@ -123,7 +123,9 @@ def tf2_msgs(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def start(domains: tuple[int, int], tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
+def start(
+    domains: tuple[int, int], tmp_path: Path, no_torn_segments: None
+) -> Iterator[Callable[..., NodeProcess]]:
     """Start nodes: ``start("simulator", rate=100, ...)``; they end with the test.
 
     ``installed`` is a folder with packages of other people; ``as_module``: by ``python -m``.
@@ -306,7 +308,9 @@ class Listener:
 
 
 @pytest.fixture
-def listener_on(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[int], Listener]]:
+def listener_on(
+    monkeypatch: pytest.MonkeyPatch, no_torn_segments: None
+) -> Iterator[Callable[[int], Listener]]:
     """Make a listener on a domain."""
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     made: list[Listener] = []

@@ -34,13 +34,7 @@ SECTIONS = {
     "integrator": IntegratorParameters,
     "recorder": RecorderParameters,
 }
-LISTS = ("vector", "matrix", "numbers", "texts")
-ALL_LISTS = [
-    (node, name)
-    for node, section in SECTIONS.items()
-    for name, parameter in parameters(section).items()
-    if parameter.kind in LISTS
-]
+LISTS = ("vector", "gravity", "matrix", "numbers", "texts")
 
 
 def of_node(run: str, node: str, place: int = 0) -> dict[str, Any]:
@@ -65,21 +59,25 @@ def launch_file(name: str) -> Any:
     return module
 
 
-@pytest.mark.parametrize(("node", "name"), ALL_LISTS)
-def test_every_list_is_read_from_a_file_as_launch_ros_writes_it(tmp_path, node, name):
+@pytest.mark.parametrize("node", list(SECTIONS))
+def test_every_list_is_read_from_a_file_as_launch_ros_writes_it(tmp_path, node):
     """launch_ros' own line: yaml.dump(parameters, file, default_flow_style=False)."""
-    parameter = parameters(SECTIONS[node])[name]
-    value = parameter.default or (
-        ("a", "b") if parameter.kind == "texts" else (1.0,) * parameter.group
-    )
+    lists = {name: one for name, one in parameters(SECTIONS[node]).items() if one.kind in LISTS}
+    assert lists
+    values = {
+        name: (*(one.default or (("a", "b") if one.kind == "texts" else (1.0,) * one.group)),)
+        for name, one in lists.items()
+    }
     path = tmp_path / "launch_params"
     with path.open("w") as file:
-        tree = {f"/robot/{node}": {"ros__parameters": {name: tuple(value)}}}
+        tree = {f"/robot/{node}": {"ros__parameters": values}}
         yaml.dump(tree, file, default_flow_style=False)
-    assert "!!python/tuple" in path.read_text()
-    read = files.load(path, node)[name]
-    assert isinstance(read, list)
-    assert parameter.parse(name, read) == parameter.parse(name, value)
+    assert path.read_text().count("!!python/tuple") == len(lists)
+    loaded = files.load(path, node)
+    assert loaded.keys() == lists.keys()
+    for name, one in lists.items():
+        assert isinstance(loaded[name], list), name
+        assert one.parse(name, loaded[name]) == one.parse(name, values[name]), name
 
 
 @pytest.mark.parametrize("tag", ["!!python/name:os.system", "!!python/object/new:tuple [[1]]"])
@@ -132,16 +130,12 @@ def test_names_of_imus_in_a_users_launch_file(start, tmp_path):
     assert "published 100 messages on right/imu/data_raw" in node.output
 
 
-def test_a_wrong_argument_names_itself(start, tmp_path):
+def test_a_wrong_argument_names_itself(refused, tmp_path):
     arguments = arguments_of(of_node("simulate_wrong", "simulator"), tmp_path)
-    node = start("simulator", *arguments)
-    assert node.status() == 2
-    assert node.output.splitlines() == ["simulator: /no/such.yaml: No such file or directory"]
-    arguments.remove("/no/such.yaml")
-    arguments.remove("--params-file")
-    node = start("simulator", *arguments)
-    assert node.status() == 2
-    assert [line.split(": must")[0] for line in node.output.splitlines()] == [
+    others = [word for word in arguments if word not in ("--params-file", "/no/such.yaml")]
+    missing, wrong = refused("simulator", [arguments, others])
+    assert missing == ["simulator: /no/such.yaml: No such file or directory"]
+    assert [line.split(": must")[0] for line in wrong] == [
         "simulator: rate = 'abc'",
         "simulator: seed = -1",
     ]

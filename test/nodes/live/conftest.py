@@ -78,7 +78,9 @@ class Process:
 
 
 @pytest.fixture
-def start(tmp_path: Path, domains: tuple[int, int]) -> Iterator[Callable[..., Process]]:
+def start(
+    tmp_path: Path, domains: tuple[int, int], no_torn_segments: None
+) -> Iterator[Callable[..., Process]]:
     """Return a function that starts ``python ARGUMENTS``; all are ended with the test."""
     started: list[Process] = []
 

@@ -13,6 +13,7 @@ import pytest
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
+from test.programs import PATIENCE
 
 pytestmark = pytest.mark.ros
 
@@ -69,7 +70,7 @@ def test_a_signal_while_the_process_ends_changes_nothing(
 ) -> None:
     """Launch sends SIGINT to every node when the first has ended, also to one that ends itself."""
     node = start("simulator", as_module=as_module, duration=0.1)
-    end = time.monotonic() + 300
+    end = time.monotonic() + PATIENCE
     while node.process.poll() is None and time.monotonic() < end:
         if "messages on ground_truth/odom" in node.output:  # the last thing that it prints
             node.send(number)
@@ -176,7 +177,7 @@ def test_noise_changes_between_two_blocks_and_all_or_nothing(start: Any, imu: An
 def test_many_changes_under_load_lose_nothing(start: Any, imu: Any) -> None:
     node = start("simulator", rate=1000, start_time=1.0, **READY)
     imu.wait_for(IMU, 1)
-    for k in range(60):
+    for k in range(30):
         accepted = k % 3 != 0
         density = 0.01 + 1e-3 * k if accepted else float("nan")
         result = imu.set("simulator", imu__gyroscope_noise_density=density)
@@ -303,28 +304,29 @@ def test_faster_than_real_time_with_a_clock(start: Any, imu: Any) -> None:
 
     imu.listen("/clock", Clock)
     more = {"real_time_factor": 5.0, "publish__clock_rate": 50, "start_time": 0.0}
-    node = start("simulator", rate=200, duration=10.0, **more, **READY)
+    node = start("simulator", rate=100, duration=5.0, **more, **READY)
     begin = time.monotonic()
-    imu.wait_for(IMU, 2000)
-    assert time.monotonic() - begin >= 10.0 / 5.0
+    imu.wait_for(IMU, 500)
+    assert time.monotonic() - begin >= 5.0 / 5.0
     assert imu.wait_for_end(node) == 0
     clock = [m.clock.sec * 10**9 + m.clock.nanosec for m in imu.messages("/clock")]
-    assert clock == list(range(0, 10 * 10**9, 20_000_000))
-    assert stamps(imu.messages(IMU)).tolist() == list(range(0, 10 * 10**9, 5_000_000))
+    assert clock == list(range(0, 5 * 10**9, 20_000_000))
+    assert stamps(imu.messages(IMU)).tolist() == list(range(0, 5 * 10**9, 10_000_000))
 
 
 def test_as_fast_as_subscribers_acknowledge(start: Any, listener: Any) -> None:
+    """More than the 5,000 messages that Fast DDS keeps at most."""
     from rclpy.qos import HistoryPolicy
     from sensor_msgs.msg import Imu
 
     listener.listen(IMU, Imu, history=HistoryPolicy.KEEP_ALL)
-    node = start("simulator", rate=200, duration=50.0, real_time_factor=0.0, **READY)
+    node = start("simulator", rate=200, duration=30.0, real_time_factor=0.0, **READY)
     assert listener.wait_for_end(node) == 0, node.output
-    assert np.diff(stamps(listener.messages(IMU))).tolist() == [5_000_000] * 9_999
+    assert np.diff(stamps(listener.messages(IMU))).tolist() == [5_000_000] * 5_999
 
 
 def test_follows_the_clock_of_another(start: Any, imu: Any) -> None:
-    more = {"real_time_factor": 3.0, "publish__clock_rate": 1000, "start_time": 50.0}
+    more = {"real_time_factor": 3.0, "publish__clock_rate": 250, "start_time": 50.0}
     start("simulator", "--ros-args", "-r", "__ns:=/master", rate=100, **more)
     follower = start("simulator", rate=200, duration=3.0, use_sim_time=True, **READY)
     assert imu.wait_for_end(follower) == 0, follower.output
@@ -372,6 +374,6 @@ def test_a_slow_subscriber_does_not_slow_the_others(
 
     slow = listener_on(domains[0])
     slow.listen(IMU, Imu, depth=5)  # and never spins
-    node = start("simulator", rate=1000, duration=2.0, start_time=1.0, wait_for_subscribers=2)
+    node = start("simulator", rate=1000, duration=1.0, start_time=1.0, wait_for_subscribers=2)
     assert imu.wait_for_end(node) == 0, node.output
-    assert np.diff(stamps(imu.messages(IMU))).tolist() == [1_000_000] * 1999
+    assert np.diff(stamps(imu.messages(IMU))).tolist() == [1_000_000] * 999

@@ -65,12 +65,20 @@ BAD_FILES = [
 ]
 
 
-def test_bad_arguments(refused: Any) -> None:
-    found = refused("simulator", [["--ros-args", *arguments] for arguments, _ in REFUSED])
-    for said, (_, lines) in zip(found, REFUSED, strict=True):
+def test_bad_arguments_and_files(refused: Any, tmp_path: Path) -> None:
+    paths = [tmp_path / f"{k}.yaml" for k in range(len(BAD_FILES))]
+    for path, (text, _) in zip(paths, BAD_FILES, strict=True):
+        path.write_text(text)
+    calls = [arguments for arguments, _ in REFUSED]
+    calls += [["--params-file", str(path)] for path in paths]
+    found = refused("simulator", [["--ros-args", *arguments] for arguments in calls])
+    for said, (_, lines) in zip(found[: len(REFUSED)], REFUSED, strict=True):
         assert len(said) == len(lines), said
         for line, expected in zip(said, lines, strict=True):
             assert line.startswith(f"simulator: {expected}")
+    for said, (_, expected) in zip(found[len(REFUSED) :], BAD_FILES, strict=True):
+        (line,) = said
+        assert expected in line
 
 
 def test_the_program_ends_with_a_line_for_each_problem(start: Any) -> None:
@@ -79,17 +87,6 @@ def test_the_program_ends_with_a_line_for_each_problem(start: Any) -> None:
     assert node.status() == 2, node.output
     for line, expected in zip(node.output.splitlines(), lines, strict=True):
         assert line.startswith(f"simulator: {expected}")
-
-
-def test_bad_files(refused: Any, tmp_path: Path) -> None:
-    paths = [tmp_path / f"{k}.yaml" for k in range(len(BAD_FILES))]
-    for path, (text, _) in zip(paths, BAD_FILES, strict=True):
-        path.write_text(text)
-    calls = [["--ros-args", "--params-file", str(path)] for path in paths]
-    found = refused("simulator", calls)
-    for said, (_, expected) in zip(found, BAD_FILES, strict=True):
-        (line,) = said
-        assert expected in line
 
 
 def test_files_of_every_form_are_read(start: Any, tmp_path: Path) -> None:
@@ -119,22 +116,6 @@ def test_the_short_trajectory_is_a_file_of_poses_too(start: Any, tmp_path: Path)
     found = load_simulator({"trajectory.type": str(poses)}).trajectory
     assert isinstance(found, PosesParameters)
     assert found.file == str(poses)
-
-
-def test_parameters_are_described(start: Any, listener: Any) -> None:
-    from rcl_interfaces.srv import DescribeParameters, ListParameters
-
-    start("simulator")
-    names = listener.call("simulator/list_parameters", ListParameters).result.names
-    assert set(parameters(SimulatorParameters, flatten(load_simulator({})))) <= set(names)
-    rate, density = listener.call(
-        "simulator/describe_parameters",
-        DescribeParameters,
-        names=["rate", "imu.gyroscope_noise_density"],
-    ).descriptors
-    assert (rate.read_only, density.read_only) == (True, False)
-    assert rate.description == "samples per second [Hz]"
-    assert "above 0 and at most 20000 [Hz]" in rate.additional_constraints
 
 
 def test_plain_arguments_become_those_of_ros(tmp_path: Path) -> None:
@@ -189,12 +170,24 @@ def test_own_parameters_of_several_imus() -> None:
         load_simulator({**given, "left.imu.jitter": 0.1})
 
 
-def test_parameters_keep_their_types_whatever_is_set(start: Any, listener: Any) -> None:
+def test_parameters_are_described_and_keep_their_types_whatever_is_set(
+    start: Any, listener: Any
+) -> None:
     """`ros2 param set` sends a list of floats and integers, or an empty one, as a string."""
     from rcl_interfaces.msg import ParameterType
-    from rcl_interfaces.srv import DescribeParameters, GetParameters
+    from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
 
     start("simulator")
+    names = listener.call("simulator/list_parameters", ListParameters).result.names
+    assert set(parameters(SimulatorParameters, flatten(load_simulator({})))) <= set(names)
+    rate, density = listener.call(
+        "simulator/describe_parameters",
+        DescribeParameters,
+        names=["rate", "imu.gyroscope_noise_density"],
+    ).descriptors
+    assert (rate.read_only, density.read_only) == (True, False)
+    assert rate.description == "samples per second [Hz]"
+    assert "above 0 and at most 20000 [Hz]" in rate.additional_constraints
 
     def types() -> dict[str, int]:
         known = parameters(SimulatorParameters, flatten(load_simulator({})))
@@ -252,22 +245,21 @@ def test_a_dump_of_a_node_with_remappings_starts_again(start: Any) -> None:
     assert "published 100 messages on imu/data_raw" in node.output
 
 
-@pytest.mark.parametrize("name", ["simulator", "integrator", "recorder", "error_model"])
-def test_a_value_of_a_type_that_ros_does_not_have_is_refused(
-    start: Any, listener: Any, tmp_path: Path, name: str
-) -> None:
-    """For it rclpy raises in the callback of its service, which used to end the node."""
+def test_a_value_of_a_type_that_ros_does_not_have_is_refused(start: Any, listener: Any) -> None:
+    """For it rclpy raises in the callback of its service, which used to end the node.
+
+    All nodes have these services from one class.
+    """
     from rcl_interfaces.msg import Parameter, ParameterValue
     from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 
-    output = {"output": tmp_path / "bag"} if name == "recorder" else {}
-    node = start(name, **output)
+    node = start("integrator")
     bad = Parameter(name="strange", value=ParameterValue(type=99))
     good = Parameter(name="use_sim_time", value=ParameterValue(type=1, bool_value=False))
-    each = listener.call(f"{name}/set_parameters", SetParameters, parameters=[bad, good]).results
+    each = listener.call("integrator/set_parameters", SetParameters, parameters=[bad, good]).results
     assert [one.successful for one in each] == [False, True]
     assert each[0].reason == "strange: a value of the unknown type 99"
-    service = f"{name}/set_parameters_atomically"
+    service = "integrator/set_parameters_atomically"
     result = listener.call(service, SetParametersAtomically, parameters=[good, bad]).result
     assert not result.successful
     assert listener.call(service, SetParametersAtomically, parameters=[good]).result.successful

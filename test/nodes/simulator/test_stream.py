@@ -78,22 +78,7 @@ def test_readings_equal_those_of_the_stream(
     assert f"published {len(rows)} messages on {IMU}" in node.output
 
 
-def test_frames_covariances_and_spacing(start: Any, listener: Any) -> None:
-    hear(listener)
-    node = start("simulator", rate=100, duration=0.5, imu_frame="sensor", **READY)
-    assert listener.wait_for_end(node) == 0
-    (first, *_), truth = listener.messages(IMU), listener.messages(TRUTH)
-    assert np.diff(stamps(listener.messages(IMU))).tolist() == [10_000_000] * 49
-    assert first.header.frame_id == "sensor"
-    assert first.orientation_covariance[0] == -1.0
-    # The lecture's densities squared, times the rate.
-    gyro, accel = 0.015**2 * 100, 0.019**2 * 100
-    np.testing.assert_allclose(first.angular_velocity_covariance, np.eye(3).ravel() * gyro)
-    np.testing.assert_allclose(first.linear_acceleration_covariance, np.eye(3).ravel() * accel)
-    assert (truth[0].header.frame_id, truth[0].child_frame_id) == ("world", "base_link")
-
-
-def test_truth_beside_the_readings(start: Any, listener: Any) -> None:
+def test_frames_covariances_and_the_truth_beside_the_readings(start: Any, listener: Any) -> None:
     from geometry_msgs.msg import Vector3Stamped
     from sensor_msgs.msg import Imu, NavSatFix, Temperature
 
@@ -111,8 +96,17 @@ def test_truth_beside_the_readings(start: Any, listener: Any) -> None:
     names = ("biases", "errors", "ground_truth_imu", "temperature", "ground_truth_fix")
     topics = dict.fromkeys(names, True)
     more = {f"publish__{name}": value for name, value in topics.items()}
-    node = start("simulator", **chosen, **more, **READY)
+    node = start("simulator", imu_frame="sensor", **chosen, **more, **READY)
     assert listener.wait_for_end(node) == 0, node.output
+    (first, *_), (true, *_) = listener.messages(IMU), listener.messages(TRUTH)
+    assert np.diff(stamps(listener.messages(IMU))).tolist() == [10_000_000] * 99
+    assert first.header.frame_id == "sensor"
+    assert first.orientation_covariance[0] == -1.0
+    assert (true.header.frame_id, true.child_frame_id) == ("world", "base_link")
+    # The lecture's densities squared, times the rate.
+    gyro, accel = 0.015**2 * 100, 0.019**2 * 100
+    np.testing.assert_allclose(first.angular_velocity_covariance, np.eye(3).ravel() * gyro)
+    np.testing.assert_allclose(first.linear_acceleration_covariance, np.eye(3).ravel() * accel)
     parameters = load_simulation({key.replace("__", "."): v for key, v in chosen.items()})
     block = Body(parameters).next(100)["imu"]
     np.testing.assert_array_equal(xyz([m.vector for m in listener.messages(bias)]), block.gyro_bias)
