@@ -113,10 +113,8 @@ def _means(band: Bytes, step: int) -> Bytes:
     """Return the rounded means of squares of texels."""
     if step == 1:
         return band
-    rows, columns = band.shape[0] // step, band.shape[1] // step
-    result = np.empty((rows, columns, 3), np.uint8)
-    for row in range(rows):
-        part = band[row * step : (row + 1) * step].astype(np.uint32)
-        means = part.reshape(step, columns, step, 3).sum(axis=(0, 2))
-        result[row] = (means + step * step // 2) // (step * step)
-    return result
+    shape = band.shape[0] // step, band.shape[1] // step, 3
+    total = np.full(shape, step * step // 2, np.uint32)
+    for i, j in np.ndindex(step, step):
+        total += band[i::step, j::step]
+    return (total // (step * step)).astype(np.uint8)

@@ -9,6 +9,8 @@ import numpy as np
 import trimesh
 from PIL import Image
 
+_PAIRS = 20_000
+"""Rays times triangles that are looked at together."""
 UNIT = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 
@@ -18,18 +20,24 @@ def met(corners, origins, directions):
     :param corners: (m, 3, 3).
     """
     best, number = np.full(len(origins), np.inf), np.full(len(origins), -1)
-    for k, (a, b, c) in enumerate(corners):
+    rays, ways = np.arange(len(origins)), directions[:, None]
+    size = max(1, _PAIRS // len(origins))
+    for k in range(0, len(corners), size):
+        a, b, c = corners[k : k + size].transpose(1, 0, 2)
         first, second = b - a, c - a
-        p = np.cross(directions, second)
+        p = np.cross(ways, second)
         with np.errstate(divide="ignore", invalid="ignore"):
-            inverse = 1.0 / (p @ first)
-            offset = origins - a
-            u = (offset * p).sum(axis=1) * inverse
+            inverse = 1.0 / (p * first).sum(axis=2)
+            offset = origins[:, None] - a
+            u = (offset * p).sum(axis=2) * inverse
             q = np.cross(offset, first)
-            v = (directions * q).sum(axis=1) * inverse
-            t = (q @ second) * inverse
-        here = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 1e-9) & (t < best)
-        best[here], number[here] = t[here], k
+            v = (ways * q).sum(axis=2) * inverse
+            t = (q * second).sum(axis=2) * inverse
+        t[~((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 1e-9))] = np.inf
+        nearest = t.argmin(axis=1)
+        t = t[rays, nearest]
+        nearer = t < best
+        best[nearer], number[nearer] = t[nearer], k + nearest[nearer]
     return best, number
 
 

@@ -193,9 +193,9 @@ def _next_level(above: Bytes) -> Bytes:
     for axis in (0, 1):
         if above.shape[axis] % 2:
             even = np.concatenate([even, even.take([-1], axis=axis)], axis=axis)
-    four = even[::2, ::2].astype(np.uint16)
-    for part in (even[1::2, ::2], even[::2, 1::2], even[1::2, 1::2]):
-        four += part
+    two = even[::2].astype(np.uint16)
+    two += even[1::2]
+    four = two[:, ::2] + two[:, 1::2]
     four += 2
     four >>= 2
     return four.astype(np.uint8)
