@@ -216,7 +216,7 @@ def build_layered(
     every = layering(given, problems)
     with problems.gathered():
         left = {key: every[key] for key in every if not key.startswith(problems.unjudged)}
-        built = build(cls, left)
+        built = build(cls, left, complete=not problems)
     problems.tell()
     return built
 

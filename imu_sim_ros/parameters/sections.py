@@ -203,7 +203,7 @@ def is_of_ros(name: str) -> bool:
     return name in OF_EVERY_NODE or name.startswith(_QOS)
 
 
-def build(cls: type[_T], values: Mapping[str, object]) -> _T:
+def build(cls: type[_T], values: Mapping[str, object], complete: bool = True) -> _T:
     """Return the section with the given values and the defaults of all others.
 
     A section may have ``problems(prefix)``: a line for each value that does not fit another one. It
@@ -213,6 +213,7 @@ def build(cls: type[_T], values: Mapping[str, object]) -> _T:
     that does not exist; None: the usual one.
 
     :param values: by dotted name, as :func:`imu_sim_ros.parameters.files.load` returns them.
+    :param complete: False if some are missing: nothing is said about what fits what.
     :raises ConfigurationError: with a line for every unknown name and every bad value.
     """
     unused = {**OF_EVERY_NODE, **getattr(cls, "passed_over", dict)()}
@@ -225,7 +226,7 @@ def build(cls: type[_T], values: Mapping[str, object]) -> _T:
         if name not in known and name not in unused and not is_of_ros(name)
     ]
     problems += {**bad_values(unused, values), **building.bad}.values()
-    if not problems:
+    if complete and not problems:
         asked = (one for one in building.made if hasattr(one[0], "problems"))
         problems = [line for one, prefix in asked for line in one.problems(prefix)]
     if problems:

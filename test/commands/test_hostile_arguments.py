@@ -138,6 +138,11 @@ def test_every_problem_of_a_command_line_is_a_line(capsys, command, words, said)
             ["unknown barometer 'y'", "unknown IMU 'x'"],
         ),
         (
+            # The preset may have the threshold that this needs.
+            "--imu mpu600 --set imu.gyroscope_shock_bias_sigma=0.001",
+            ["unknown IMU 'mpu600'"],
+        ),
+        (
             # What a file describes that cannot be read is not known, nor what is wrong next to it.
             "--params-file gone.yaml --trajectory cirle --set x=1 --set trajectory.radius=1",
             ["gone.yaml: No such file", "unknown trajectory 'cirle'"],
