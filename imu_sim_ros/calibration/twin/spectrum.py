@@ -72,10 +72,8 @@ class Bands(NamedTuple):
     @property
     def interval(self) -> Array:
         """(2, m, 6) ends of a density's 95 % interval over its value."""
-        from scipy.stats import chi2
-
         freedom = np.maximum(self.freedom, 1e-3)
-        ends = np.stack([chi2.ppf(p, freedom) / freedom for p in (0.975, 0.025)])
+        ends = np.stack([_quantile(p, freedom) for p in (0.975, 0.025)])
         return np.sqrt(1.0 / np.maximum(ends, 1e-300))
 
     def rows(self, chosen: Mask) -> "Bands":
@@ -220,8 +218,6 @@ def white_floor(bands: Bands, lowest: float) -> White:
 
     :param lowest: [Hz] bands below it are not asked.
     """
-    from scipy.stats import chi2
-
     power = bands.density**2
     selected = np.flatnonzero(bands.low >= lowest)
     if not len(selected):
@@ -238,7 +234,7 @@ def white_floor(bands: Bands, lowest: float) -> White:
         mean, of_mean = _common(rows, freedom) if len(whole) > 1 else (0.0, 0.0)
         of_mean *= np.average(bands.own[clear], weights=freedom)
         if mean:
-            ends = chi2.ppf([0.975, 0.025], of_mean) / of_mean
+            ends = _quantile(np.array([0.975, 0.025]), of_mean)
             density[axis], (low[axis], high[axis]) = np.sqrt(mean), np.sqrt(mean / ends)
             chance = 1.0 + _CHANCE * np.sqrt(2.0 / np.maximum(bands.freedom[:, axis], 1e-3))
             floor[:, axis] = power[:, axis] <= mean * chance
@@ -246,8 +242,16 @@ def white_floor(bands: Bands, lowest: float) -> White:
             density[axis] = np.sqrt(rows.min())
             # Sidak: the lowest of m bands is that low by chance more often than each of them.
             rarest = 1.0 - 0.975 ** (1.0 / len(rows))
-            high[axis] = np.sqrt((rows * freedom / chi2.ppf(rarest, freedom)).min())
+            high[axis] = np.sqrt((rows / _quantile(rarest, freedom)).min())
     return White(density, low, high, floor)
+
+
+def _quantile(p: Array | float, freedom: Array | float) -> Array:
+    """Return the quantile of chi-square over its degrees of freedom."""
+    from scipy.special import gammaincinv  # scipy.stats has chi2.ppf and takes 0.5 s to import
+
+    half = 0.5 * np.asarray(freedom)
+    return np.asarray(gammaincinv(half, p) / half)
 
 
 def _common(power: Array, freedom: Array) -> tuple[float, float]:
@@ -260,10 +264,10 @@ def _common(power: Array, freedom: Array) -> tuple[float, float]:
     :param power: (m,) chi-square distributed means.
     :param freedom: (m,)
     """
-    from scipy.stats import chi2
+    from scipy.special import chdtr
 
-    end = chi2.ppf(_KEPT, freedom) / freedom
-    part = chi2.cdf(freedom * end, freedom + 2.0) / _KEPT
+    end = _quantile(_KEPT, freedom)
+    part = chdtr(freedom + 2.0, freedom * end) / _KEPT
     for start in _STARTS:
         mean = float(np.quantile(power, start))
         for _ in range(_ROUNDS):
@@ -283,9 +287,9 @@ def _common(power: Array, freedom: Array) -> tuple[float, float]:
     else:
         return 0.0, 0.0
     # A root of sum n (P - m part) over kept rows: its variance is that of the sum over its slope^2.
-    second = (1.0 + 2.0 / freedom) * chi2.cdf(freedom * end, freedom + 4.0)
+    second = (1.0 + 2.0 / freedom) * chdtr(freedom + 4.0, freedom * end)
     variance = freedom**2 * (second - _KEPT * part**2)
-    at_end = end * freedom * chi2.pdf(freedom * end, freedom)
+    at_end = 0.5 * freedom * _KEPT * (1.0 - part)  # x f_n(x) = n / 2 (F_n(x) - F_{n+2}(x))
     slope = freedom * (_KEPT * part - (end - part) * at_end)
     return mean, 2.0 * share * float(np.sum(slope) ** 2 / np.sum(variance))
 
