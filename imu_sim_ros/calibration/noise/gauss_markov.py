@@ -4,6 +4,7 @@
 """White noise with a first-order Gauss-Markov process, for users who request that model."""
 
 from collections.abc import Callable
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -36,6 +37,7 @@ def estimate_gauss_markov(spectrum: Spectrum, axis: int) -> AxisNoise:
     duration = float(np.max(spectrum.duration[np.isfinite(spectrum.duration)]))
     low, high = np.log(10.0 * spectrum.sample_interval), np.log(duration)
 
+    @cache  # the searches begin where others have been
     def held(log_time: float, sigma: float = np.nan) -> Fits:
         """Fit the noise, and sigma unless it is given, at one correlation time."""
         process = gauss_markov_expectation(spectrum, float(np.exp(log_time)))
@@ -48,6 +50,7 @@ def estimate_gauss_markov(spectrum: Spectrum, axis: int) -> AxisNoise:
     sigma = float(np.sqrt(best.components[0, 1]))
     visible = fit(data, white[:, None]).lowest - best.lowest > _EVIDENCE
 
+    @cache
     def over_time(value: float) -> float:
         centre = _minimum(lambda x: held(x, value).lowest, low, high, _GRID // 3)
         return held(centre, value).lowest
