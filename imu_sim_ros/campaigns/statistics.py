@@ -108,21 +108,31 @@ def _bootstrap(values: Array) -> tuple[Array, Array]:
     return ends.low, ends.high
 
 
-def quantile(values: Array, p: float) -> ConfidenceInterval:
-    """Return a quantile of values (n,), 0 < p < 1, with the interval of the order statistics.
+@functools.cache  # a summary asks for few pairs, thousands of times
+def _ranks(n: int, p: float) -> tuple[int, int]:
+    """Return the ranks, from 1, of the ends of the interval of the p quantile of n values.
 
-    The ends are the values of ranks r and s with ``P(B < r) <= 0.025`` and ``P(B >= s) <= 0.025``
-    for a binomial B of n trials with probability p; an end without such a rank is None.
+    ``P(B < low) <= 0.025`` and ``P(B >= high) <= 0.025`` for a binomial B of n trials with
+    probability p; 0 or n + 1 if there is none.
     """
     from scipy.stats import binom
 
+    tail = 0.5 * (1.0 - CONFIDENCE)
+    below = binom.cdf(np.arange(n), n, p)  # P(B <= k)
+    low = int(np.searchsorted(below, tail, side="right"))  # P(B <= rank - 1) <= tail
+    return low, int(np.searchsorted(below, 1.0 - tail)) + 1  # P(B <= rank - 1) >= 1 - tail
+
+
+def quantile(values: Array, p: float) -> ConfidenceInterval:
+    """Return a quantile of values (n,), 0 < p < 1, with the interval of the order statistics.
+
+    An end without a rank (:func:`_ranks`) is None.
+    """
     if not len(values):
         return ConfidenceInterval(None, None, None)
-    n, ordered, tail = len(values), np.sort(values), 0.5 * (1.0 - CONFIDENCE)
+    n, ordered = len(values), np.sort(values)
     found = float(np.quantile(ordered, p))
-    below = binom.cdf(np.arange(n), n, p)  # P(B <= k)
-    low_rank = int(np.searchsorted(below, tail, side="right"))  # P(B <= rank - 1) <= tail
-    high_rank = int(np.searchsorted(below, 1.0 - tail)) + 1  # P(B <= rank - 1) >= 1 - tail
+    low_rank, high_rank = _ranks(n, p)
     return ConfidenceInterval(
         found,
         float(ordered[low_rank - 1]) if low_rank >= 1 else None,
