@@ -145,7 +145,8 @@ class _Search:
         self._design = np.stack([f**0, 1.0 / f, f**-2.0], axis=1)
         self._single = slice(0, single)
         self._tried = np.arange(_SLOWEST, min(0.5 * single, self._last), _SPACING)
-        self._columns = self._of_lines(self._tried, self._single)
+        waves = self._of_lines(self._tried, self._single)
+        self._columns = np.concatenate([waves.real, waves.imag], axis=1)
 
     def lines(self, x: Array) -> list[tuple[Line, Array, float]]:
         """Return the lines that may be in x (n,), with their values (n,), and what each gains."""
@@ -308,9 +309,13 @@ def _solved(columns: Array, y: Array) -> Array:
     return found / size
 
 
-def _explained(waves: Waves, y: Array) -> Array:
-    """Return how much of ``y @ y`` cosine and sine of each wave explain; y (m,), waves (m, f)."""
-    c, s = waves.real, waves.imag
+def _explained(waves: Array, y: Array) -> Array:
+    """Return how much of ``y @ y`` cosine and sine of each wave explain (f,).
+
+    :param waves: (m, 2 f) cosines, and then sines.
+    :param y: (m,)
+    """
+    c, s = np.split(waves, 2, axis=1)
     cc, ss, cs = (np.sum(one * other, axis=0) for one, other in ((c, c), (s, s), (c, s)))
     yc, ys = y @ c, y @ s
     determinant = cc * ss - cs * cs
