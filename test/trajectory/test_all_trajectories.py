@@ -13,7 +13,15 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build as build_section
 from imu_sim_ros.trajectory.parameters import TYPES
 
+from .conftest import build
+
 NAMES = files.names("trajectories")
+
+
+@pytest.fixture(scope="module", params=NAMES)
+def trajectory(request):
+    """Return each, made once: a trajectory does not change."""
+    return build(type=request.param)
 
 
 def some_times(trajectory, count=2000, margin=0.01):
@@ -41,15 +49,13 @@ def test_a_file_named_like_a_kind_holds_its_defaults(name):
     assert build_section(TYPES[name], relative(name)) == TYPES[name]()
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_derivatives_are_exact(name, build, assert_exact_derivatives):
-    trajectory = build(type=name)
+def test_derivatives_are_exact(trajectory, assert_exact_derivatives):
     assert_exact_derivatives(trajectory, some_times(trajectory))
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_derivatives_are_exact_with_every_wrapper(name, build, assert_exact_derivatives):
-    trajectory = build(
+def test_derivatives_are_exact_with_every_wrapper(name, assert_exact_derivatives):
+    wrapped = build(
         type=name,
         length=2.0 if name == "waypoints" else 15.0,
         repeat=3,
@@ -64,15 +70,20 @@ def test_derivatives_are_exact_with_every_wrapper(name, build, assert_exact_deri
         vibration__noise_low=2.0,
         vibration__noise_high=9.0,
     )
-    assert_exact_derivatives(trajectory, some_times(trajectory))
+    assert_exact_derivatives(wrapped, some_times(wrapped))
 
 
-@pytest.mark.parametrize("name", [*NAMES, "wrapped"])
-def test_samples_do_not_depend_on_their_block(name, build):
-    if name == "wrapped":
-        trajectory = build(type="lecture", rest_before=1.0, vibration__noise_rms=1.0)
-    else:
-        trajectory = build(type=name)
+def test_samples_do_not_depend_on_their_block(trajectory):
+    assert_samples_do_not_depend_on_their_block(trajectory)
+
+
+def test_samples_of_a_wrapped_trajectory_do_not_depend_on_their_block():
+    assert_samples_do_not_depend_on_their_block(
+        build(type="lecture", rest_before=1.0, vibration__noise_rms=1.0)
+    )
+
+
+def assert_samples_do_not_depend_on_their_block(trajectory):
     t = np.arange(1000) * 0.005
     together = trajectory.sample(t)
     for size in (1, 7, 64):
@@ -82,9 +93,8 @@ def test_samples_do_not_depend_on_their_block(name, build):
                 np.testing.assert_array_equal(field, expected[first : first + size])
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_no_times_give_no_rows(name, build):
-    motion = build(type=name).sample(np.zeros(0))
+def test_no_times_give_no_rows(trajectory):
+    motion = trajectory.sample(np.zeros(0))
     assert [len(field) for field in motion] == [0] * 6
 
 

@@ -3,6 +3,7 @@
 
 """Recordings that no body flew: a real flight with what goes wrong in recordings done to it."""
 
+import functools
 from pathlib import Path
 from typing import NamedTuple
 
@@ -75,6 +76,17 @@ def everything(t, p, q, rng):
 HARMS = (bad_pose, spike, jump, stretch, updates, arrival, lost, everything)
 
 
+@functools.cache
+def read_once(path):
+    """Return a file's poses, which nobody changes."""
+    return read_poses(path)
+
+
+@functools.cache
+def velocities_of_file():
+    return np.loadtxt(EUROC, delimiter=",", skiprows=1, usecols=(8, 9, 10))
+
+
 class Recording(NamedTuple):
     """A real motion, and how closely the velocity of each pose is to be found again."""
 
@@ -84,7 +96,7 @@ class Recording(NamedTuple):
     rows: slice  # of the file
 
     def poses(self):
-        poses = read_poses(self.path)
+        poses = read_once(self.path)
         t_ns, position, q_wb = (
             each[self.rows] for each in (poses.t_ns, poses.position, poses.q_wb)
         )
@@ -132,7 +144,7 @@ def follow(build, tmp_path):
 def test_robust_velocities_are_those_of_the_unharmed_motion(build, follow, harm, recording):
     t, p, q = recording.poses()
     if recording is FLIGHT:
-        velocity = np.loadtxt(EUROC, delimiter=",", skiprows=1, usecols=(8, 9, 10))[recording.rows]
+        velocity = velocities_of_file()[recording.rows]
     else:
         velocity = build(type="poses", file=str(recording.path)).sample(t).velocity
     trajectory = follow(*harm(t.copy(), p, q, np.random.default_rng(3)), robust=True)
