@@ -23,8 +23,9 @@ from imu_sim_ros.commands import (
 from imu_sim_ros.commands.common import outputs
 from imu_sim_ros.commands.start import PROGRAMS
 from imu_sim_ros.errors import InputError
+from test import programs
 
-GENERATE = [sys.executable, "-m", "imu_sim_ros.commands.generate", "--duration", "1s", "--json"]
+GENERATE = [*programs.program("generate"), "--duration", "1s", "--json"]
 
 
 def _shell(command, folder, **options):

@@ -29,7 +29,7 @@ SEED, RATE = 3, 500.0
 
 @pytest.fixture(scope="module")
 def flight() -> ims.Flight:
-    return ims.simulate(imu="mpu6000", trajectory="figure_eight", rate=RATE, duration=4, seed=SEED)
+    return ims.simulate(imu="mpu6000", trajectory="figure_eight", rate=RATE, duration=2, seed=SEED)
 
 
 class Source:

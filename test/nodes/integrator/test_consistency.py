@@ -33,10 +33,10 @@ def final_errors(seed: int, place: dict[str, list[float]]) -> tuple[float, float
     simulation = Body(
         load_simulation(
             {"imu.preset": "lecture", "trajectory.type": "lecture", **sensor},
-            {"rate": 50.0, "duration": 5.0, "seed": seed, "start_time": 1.0},
+            {"rate": 25.0, "duration": 5.0, "seed": seed, "start_time": 1.0},
         )
     )
-    block = simulation.next(250)["imu"]
+    block = simulation.next(125)["imu"]
     motion = block.motion
     velocity_b = rotation.rotate_inverse(motion.q_wb, motion.velocity)
     values = {"initial_state": "truth", **sensor}
@@ -47,7 +47,7 @@ def final_errors(seed: int, place: dict[str, list[float]]) -> tuple[float, float
         block.t_ns.tolist(), block.gyro.tolist(), block.accel.tolist(), strict=True
     ):
         rows += odometer.add_reading(ImuReading(t_ns, tuple(gyro), tuple(accel)))
-    assert len(rows) == 250
+    assert len(rows) == 125
     row = rows[-1]
     turn = rotation.multiply(motion.q_wb[-1], rotation.conjugate(row.q_wb))
     pose = np.concatenate([motion.position[-1] - row.position, rotation.log(turn)])

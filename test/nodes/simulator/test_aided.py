@@ -11,7 +11,7 @@ from imu_sim_ros import timebase
 
 pytestmark = pytest.mark.ros
 
-DURATION = 5
+DURATION = 2
 RATES = {
     200: ("imu/data_raw", "ground_truth/odom", "ground_truth/imu"),
     10: ("gps/fix", "gps/velocity", "ground_truth/gps_fix", "ground_truth/gps_velocity"),
