@@ -379,7 +379,8 @@ def described(
             ]
         if kind in asked and not presets:
             presets = [True]
-        given = joined(given, named(kind, presets))
+        if presets:
+            given = joined(given, named(kind, presets))
     given |= last
     of_node = dict.fromkeys(name.partition("./")[0] for name in of_the_node(given))
     if of_node:
