@@ -9,7 +9,6 @@ import shlex
 import signal
 import subprocess
 import sys
-import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -21,6 +20,7 @@ from imu_sim_ros.campaigns import command_estimator as command
 from imu_sim_ros.campaigns.plan import load_plan
 from imu_sim_ros.campaigns.runs import CellRuns
 from imu_sim_ros.commands.campaign import main
+from test.programs import until
 
 # Reads the truth of the EuRoC folder and writes it as its estimate, moved and turned in yaw.
 HONEST = """
@@ -289,14 +289,6 @@ open(sys.argv[1] + f"/pid_{os.getpid()}.part", "w").close()
 os.rename(sys.argv[1] + f"/pid_{os.getpid()}.part", sys.argv[1] + f"/pid_{os.getpid()}")
 time.sleep(600)
 """
-
-
-def until(condition):
-    """Wait until a condition holds; a minute is for a machine that is busy."""
-    deadline = time.monotonic() + 300
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
 
 
 def runs(pid):

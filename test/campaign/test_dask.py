@@ -12,12 +12,12 @@ import socket
 import subprocess
 import sys
 import sysconfig
-import time
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 from imu_sim_ros.campaigns.results import read_log, read_results
+from test.programs import PATIENCE, until
 
 # Not part of the run on the oldest versions, which has no Dask.
 pytestmark = pytest.mark.ros
@@ -62,9 +62,7 @@ def cluster(tmp_path):
             begin("distributed.cli.dask_worker", "--scheduler-file", file, *one)
             for _ in range(workers)
         ]
-        deadline = time.monotonic() + 300
-        while not (file.exists() and file.stat().st_size) and time.monotonic() < deadline:
-            time.sleep(0.05)
+        until(lambda: file.exists() and file.stat().st_size)
         return json.loads(file.read_text())["address"], scheduler, found
 
     yield start
@@ -75,12 +73,7 @@ def cluster(tmp_path):
 
 
 def wait_for(path, rows):
-    deadline = time.monotonic() + 500
-    while time.monotonic() < deadline:
-        if path.exists() and path.read_bytes().count(b"\n") >= rows:
-            return
-        time.sleep(0.02)
-    raise AssertionError(f"{path}: fewer than {rows} rows")
+    until(lambda: path.exists() and path.read_bytes().count(b"\n") >= rows, f"{rows} rows")
 
 
 def test_killed_workers_and_schedulers_lose_nothing(plan_file, start, campaign, cluster, tmp_path):
@@ -100,7 +93,7 @@ def test_killed_workers_and_schedulers_lose_nothing(plan_file, start, campaign, 
     os.killpg(workers[0].pid, signal.SIGKILL)
     wait_for(log, before + 20)
     os.killpg(scheduler.pid, signal.SIGKILL)
-    _, stderr = process.communicate(timeout=500)
+    _, stderr = process.communicate(timeout=PATIENCE)
     assert process.returncode == 1
     assert stderr == (
         "campaign: the connection to the scheduler was lost; continue with --resume\n"
@@ -155,7 +148,7 @@ for t in 1 2 3; do echo "$t 0 0 0 0 0 0 1"; done > estimate.txt
             *(path, "-o", folder, "--dask", "--workers", 1, "--batch", 3, "--quiet", "--no-report"),
             env={**os.environ, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0"},
         )
-        assert process.communicate(timeout=500) == ("", "")
+        assert process.communicate(timeout=PATIENCE) == ("", "")
     found = [row["status"] for row in read_results(folder)]
     assert found.pop(1) == "failed: the worker process died"
     assert found == ["done"] * 2

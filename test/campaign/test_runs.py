@@ -33,6 +33,7 @@ from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.jobs import campaign as job
 from imu_sim_ros.jobs.report import report
 from imu_sim_ros.navigation.evaluation import anees_band
+from test.programs import PATIENCE, until
 
 GRID = {"imu": ["adis16448", "perfect"], "trajectory": ["lecture", "circle"]}
 
@@ -174,9 +175,7 @@ def test_kill_9_costs_the_runs_in_flight_only(plan_file, start, campaign, tmp_pa
     folder = tmp_path / "killed"
     process = start(path, "-o", folder, "--workers", 2, start_new_session=True)
     log = folder / "runs.jsonl"
-    deadline = time.monotonic() + 300
-    while not (log.exists() and log.stat().st_size) and time.monotonic() < deadline:
-        time.sleep(0.01)
+    until(lambda: log.exists() and log.stat().st_size)
     os.killpg(process.pid, signal.SIGKILL)
     process.communicate()
     with log.open("ab") as file:
@@ -196,18 +195,16 @@ def test_ctrl_c_ends_cleanly(plan_file, start, tmp_path):
     path = plan_file(seeds=5000)
     process = start(path, "-o", tmp_path / "out", "--workers", 2, start_new_session=True)
     log = tmp_path / "out" / "runs.jsonl"
-    deadline = time.monotonic() + 300
-    while not (log.exists() and log.stat().st_size) and time.monotonic() < deadline:
-        time.sleep(0.01)
+    until(lambda: log.exists() and log.stat().st_size)
     process.send_signal(signal.SIGINT)
-    _, stderr = process.communicate(timeout=300)
+    _, stderr = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130
     assert "continue with --resume" in stderr
     assert "Traceback" not in stderr
     assert 0 < len(table(tmp_path / "out")) < 5000
     for name in ("summary.csv", "results.parquet"):  # they come with a campaign's last run
         assert not (tmp_path / "out" / name).exists()
-    assert process_group_is_empty(process.pid)
+    until(lambda: process_group_is_empty(process.pid))
 
 
 def test_a_signal_interrupts_the_wait_for_a_run(plan_file, tmp_path, monkeypatch):
@@ -234,16 +231,11 @@ def test_a_signal_interrupts_the_wait_for_a_run(plan_file, tmp_path, monkeypatch
 
 
 def process_group_is_empty(group):
-    """Wait until no process of a group runs; one that has ended and waits for init does not."""
-    deadline = time.monotonic() + 300
-    while time.monotonic() < deadline:
-        states = subprocess.run(
-            ["ps", "-o", "stat=", "-g", str(group)], capture_output=True, text=True, check=False
-        ).stdout.split()
-        if all(state.startswith("Z") for state in states):
-            return True
-        time.sleep(0.1)
-    return False
+    """Return whether no process of a group runs; one that has ended and waits for init does not."""
+    states = subprocess.run(
+        ["ps", "-o", "stat=", "-g", str(group)], capture_output=True, text=True, check=False
+    ).stdout.split()
+    return all(state.startswith("Z") for state in states)
 
 
 def test_a_campaign_that_was_interrupted_before_its_first_run_resumes(
@@ -517,7 +509,7 @@ def test_a_disk_that_takes_no_more_is_told_in_a_line_and_costs_no_run(
         resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
 
     process = start(path, "-o", folder, "--workers", 1, "--quiet", preexec_fn=limit)
-    _, stderr = process.communicate(timeout=300)
+    _, stderr = process.communicate(timeout=PATIENCE)
     assert process.returncode == 1
     assert stderr.startswith(f"campaign: {folder}: ")
     assert stderr.endswith("File too large\n")
