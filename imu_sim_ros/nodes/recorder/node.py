@@ -80,7 +80,8 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_DISCOVERY_PERIOD, self._discover, clock=steady)
-        self.create_timer(_CHECK_PERIOD, self._check_end, clock=steady)
+        if parameters.duration or parameters.max_size:
+            self.create_timer(_CHECK_PERIOD, self._check_end, clock=steady)
         if self._live_line:
             self.create_timer(_STATUS_PERIOD, self._show_status, clock=steady)
         self._discover()
