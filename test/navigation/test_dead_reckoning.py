@@ -82,7 +82,7 @@ def test_rk4_is_of_order_4_where_readings_are_linear(attitude):
 @pytest.mark.parametrize("correction", [Correction(), CORRECTION])
 @pytest.mark.parametrize(("method", "attitude"), WAYS)
 def test_stepper_equals_arrays(record, method, attitude, correction, earth_rate):
-    motion = record("lecture", 200.0, 2.0)
+    motion = record("lecture", 200.0, 0.5)
     states = dead_reckon(
         motion.t_ns,
         motion.gyro,
