@@ -19,7 +19,7 @@ Rectangle = tuple[Array, Array, Array]
 
 _SELF: float = 1e-6
 """Relative depth within which a landmark lies on a surface and is not hidden by it."""
-_RAYS: Final = 8192
+_RAYS: Final = 16_384
 """Rays that are processed at once: their arrays stay in a processor's cache."""
 
 

@@ -271,7 +271,6 @@ def _given_back(
 def _met(points: _Points, caster: Caster) -> NDArray[np.int32]:
     """Return the point (directions, n) that each direction from each point meets; n: none."""
     count, where = len(points.places), caster.surfaces
-    result = np.full((_DIRECTIONS, count), count, np.int32)
     sides = [
         (side / np.sqrt((side * side).sum(axis=1, keepdims=True))).astype(np.float32)[
             points.surface
@@ -281,15 +280,17 @@ def _met(points: _Points, caster: Caster) -> NDArray[np.int32]:
     index = np.arange(count) - points.first[points.surface]
     columns = points.shapes[points.surface, 1]
     turn = 2 * ((index // columns) % 2) + (index % columns) % 2
-    for k in range(_DIRECTIONS):
-        pattern = np.array([_direction(k, quarter) for quarter in range(4)], np.float32)[turn]
-        way = pattern[:, :1] * sides[0] + pattern[:, 1:2] * sides[1]
-        way += pattern[:, 2:] * points.normals
-        hits = caster.cast(points.places, way)
-        rows = np.flatnonzero(hits.surface >= 0)
-        at = points.places[rows] + hits.distance[rows, None] * way[rows]
-        result[k, rows] = points.at(where, hits.surface[rows], at)
-    return result
+    turns = [[_direction(k, quarter) for quarter in range(4)] for k in range(_DIRECTIONS)]
+    pattern = np.array(turns, np.float32)[:, turn]
+    ways = pattern[..., :1] * sides[0] + pattern[..., 1:2] * sides[1]
+    ways += pattern[..., 2:] * points.normals
+    starts, ways = np.tile(points.places, (_DIRECTIONS, 1)), ways.reshape(-1, 3)
+    hits = caster.cast(starts, ways)
+    rays = np.flatnonzero(hits.surface >= 0)
+    at = starts[rays] + hits.distance[rays, None] * ways[rays]
+    result = np.full(len(starts), count, np.int32)
+    result[rays] = points.at(where, hits.surface[rays], at)
+    return result.reshape(_DIRECTIONS, count)
 
 
 def _direction(k: int, quarter: int) -> tuple[float, float, float]:
