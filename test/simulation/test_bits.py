@@ -43,7 +43,7 @@ def test_samples_do_not_depend_on_the_block_size(sampling: str) -> None:
     reference = joined(perfect(values), SAMPLES)
     for size in (1, 3, 17, 64, 1000, 1024, 2999):
         # From 17 on through a chunk of the noise, from 64 on through all of them.
-        count = {1: 100, 3: 300, 17: 1500}.get(size, SAMPLES)
+        count = {1: 50, 3: 150, 17: 1100}.get(size, SAMPLES)
         pieces = joined(perfect(values), size, count)
         for k, (piece, whole) in enumerate(zip(pieces, reference, strict=True)):
             expected = whole[whole < count] if k == 3 else whole[:count]
@@ -54,7 +54,7 @@ def test_samples_do_not_depend_on_the_block_size(sampling: str) -> None:
 def test_no_trajectory_depends_on_the_block_size(name: str) -> None:
     values = {"imu.preset": "perfect", "trajectory.type": name, "rate": 190.0}
     whole = joined(Body(load_simulation(values)), SAMPLES)
-    pieces = joined(Body(load_simulation(values)), 37)
+    pieces = joined(Body(load_simulation(values)), 137)
     for k, (a, b) in enumerate(zip(whole, pieces, strict=True)):
         assert np.array_equal(a, b), k
 
