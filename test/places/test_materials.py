@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from imu_sim_ros.places.catalogue import build, usual
+from imu_sim_ros.places.light import Lighting
 from imu_sim_ros.places.materials import _KINDS, WEAR_PERIODS, colour_of, stains, tile, wear
 from imu_sim_ros.places.paint import Painter
-from imu_sim_ros.places.place import Site
+from imu_sim_ros.places.place import Place, PlaceBuilder, Site
 from imu_sim_ros.places.prints import PRINTS, picture
 from imu_sim_ros.places.sheet import Print
 
@@ -62,7 +62,7 @@ def test_a_print_fills_its_size_and_follows_its_number(kind):
     image = picture(what, 0.01, 5)
     assert image.shape == (80, 120, 3)
     assert np.array_equal(image, picture(what, 0.01, 5))
-    others = [picture(what._replace(number=k), 0.01, 5) for k in range(2, 8)]
+    others = [picture(what._replace(number=k), 0.01, 5) for k in range(2, 5)]
     assert all(np.array_equal(image, other) for other in others) == (kind not in DRAWN)
     if kind in ("grid", "door", "doors", "window", "books"):
         assert np.ptp(image.astype(int)) > 80
@@ -80,16 +80,14 @@ def test_wear_has_no_seam_and_no_mean(period):
 
 def test_a_surface_does_not_repeat():
     """After a period of the tile only the tile is the same, after one of wear only that layer."""
-    site = Site(*usual("office", ()), np.empty((0, 3)), texture="rich")
-    painter = Painter(build("office", site), site)
-    surfaces = painter.place.surfaces()
-    floor = int(np.argmax(surfaces.sides.prod(axis=1)))
-    texel = 0.02
-    rows, columns = (round(float(side) / texel) for side in surfaces.sides[floor][::-1])
-    texture = painter.texture(floor, rows, columns, texel, colour=False).astype(float)
+    low, high, texel = np.zeros(3), np.array([13.0, 9.0, 3.0]), 0.02
+    site = Site(low, high, np.empty((0, 3)), texture="rich")
+    builder = PlaceBuilder(site)
+    builder.face((0, 0, 0), (13, 0, 0), (0, 9, 0), "flecked")
+    place = Place(tuple(builder.faces), Lighting(sky=(1.0, 1.0, 1.0)), low, high, site.path)
+    texture = Painter(place, site).texture(0, 450, 650, texel, colour=False).astype(float)
     texture -= ndimage.uniform_filter(texture, 25)  # without the light
-    kind = painter.place.faces[floor].material.partition(":")[0]
-    for period in (_KINDS[kind][2], *WEAR_PERIODS):
+    for period in (_KINDS["flecked"][2], *WEAR_PERIODS):
         n = round(period / texel)
         alike = np.corrcoef(texture[:, n:].ravel(), texture[:, :-n].ravel())[0, 1]
-        assert alike < 0.85, (kind, period)
+        assert alike < 0.85, period

@@ -335,6 +335,7 @@ WALK = {
     "scene.type": "corridor",
     "scene.size": "[12.0, 4.0, 2.6]",
     "scene.center": "[0.0, 0.0, 1.3]",
+    "scene.texture": "blank",
     "scene.bodies.people": 1,
     "scene.bodies.doors": 1,
     "duration": 0.6,

@@ -21,6 +21,7 @@ from imu_sim_ros.campaigns.plan import load_plan
 from imu_sim_ros.campaigns.run_files import write_dataset
 from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.commands import generate
+from imu_sim_ros.jobs.flight import Flight
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.lidar.layouts import LAYOUTS, custom_points
 from imu_sim_ros.sensors.lidar.model import (
@@ -110,12 +111,18 @@ def test_the_truth_is_without_distortion():
 
 
 def test_points_of_people_are_on_them_at_their_own_times():
-    scene = {"type": "office", "bodies": {"people": 2, "carts": 1}, "seed": 3}
-    flight = flown(scene, duration=1, trajectory={"type": "static"})
-    scans = flight.lidar
-    body = Body(flight.parameters, sensors={"lidar"})
-    body.next(1)
-    crowd = body.world.scene.crowd
+    scene = {"type": "office", "bodies.people": 2, "bodies.carts": 1, "seed": 3}
+    values = {
+        "imu.preset": "perfect",
+        "trajectory.type": "static",
+        "duration": 1.0,
+        "sensors": ["lidar"],
+        "lidar.preset": "perfect",
+        **{f"scene.{name}": value for name, value in scene.items()},
+    }
+    body = Body(load_simulation(values), sensors={"imu", "lidar", "pose"})
+    flight = Flight(body, list(body.windows()), "")
+    scans, crowd = flight.lidar, body.world.scene.crowd
     t, place, q_ws = poses(flight, flight.parameters.lidar)
     points = place + rotation.rotate(q_ws, scans.points.reshape(-1, 3))
     seen = np.unique(scans.body[scans.body > 0])
