@@ -54,6 +54,22 @@ def test_a_short_run_loads_what_it_needs(tmp_path):
     assert not NOT_NEEDED & set(modules)
 
 
+def test_jobs_on_tracks_and_readings_load_no_simulation():
+    code = """
+import sys
+from imu_sim_ros.jobs import evaluate, report
+print("evaluate", *sys.modules)
+from imu_sim_ros.jobs import dead_reckon
+print("dead_reckon", *sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    evaluating, reckoning = (set(line.split()) for line in done.stdout.splitlines())
+    loaded = {"imu_sim_ros.simulation.parameters", "imu_sim_ros.navigation.parameters"}
+    assert not loaded & evaluating
+    assert "imu_sim_ros.navigation.parameters" in reckoning
+    assert "imu_sim_ros.sensors.camera.view" not in reckoning
+
+
 def test_the_number_of_threads_that_a_user_chose_stays(monkeypatch):
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "3")
     with pytest.raises(ModuleNotFoundError):
