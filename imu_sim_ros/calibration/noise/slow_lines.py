@@ -146,7 +146,10 @@ class _Search:
         self._single = slice(0, single)
         self._tried = np.arange(_SLOWEST, min(0.5 * single, self._last), _SPACING)
         waves = self._of_lines(self._tried, self._single)
-        self._columns = np.concatenate([waves.real, waves.imag], axis=1)
+        c, s = waves.real, waves.imag
+        # (m, 2 f) cosines and sines of the lines that are tried, and (m, 3 f) their products.
+        self._columns = np.concatenate([c, s], axis=1)
+        self._products = np.concatenate([c * c, s * s, c * s], axis=1)
 
     def lines(self, x: Array) -> list[tuple[Line, Array, float]]:
         """Return the lines that may be in x (n,), with their values (n,), and what each gains."""
@@ -261,15 +264,33 @@ class _Search:
         smooth = np.repeat(self._rows(best.left).first_guesses[0], self._sizes)
         result = []
         for variance in (best.variance, np.maximum(smooth, 1e-300)):
-            root = np.sqrt(variance[rows])[:, None]
-            q = np.linalg.qr(known / root)[0]
-            y, c = best.left[rows] / root[:, 0], self._columns / root
-            gain = 0.5 * _explained(c - q @ (q.T @ c), y - q @ (q.T @ y))
+            weight = 1.0 / variance[rows]
+            root = np.sqrt(weight)
+            q = np.linalg.qr(known * root[:, None])[0]
+            y = best.left[rows] * root
+            rest = (y - q @ (q.T @ y)) * root
+            gain = 0.5 * self._explained(weight, q * root[:, None], rest)
             gain[(np.abs(self._tried[:, None] - best.periods) < _APART).any(axis=1)] = 0.0
             k = int(np.argmax(gain - price))
             if gain[k] > 0.5 * price[k]:  # more of it is found with the noise that fits to it
                 result.append(float(self._tried[k]))
         return result
+
+    def _explained(self, weight: Array, known: Array, rest: Array) -> Array:
+        """Return how much of a rest's square each line that is tried explains (f,), next to others.
+
+        :param weight: (m,) of each coefficient's square.
+        :param known: (m, p) times the roots of the weights: an orthonormal base of what is known.
+        :param rest: (m,) times the weights: what that leaves of the coefficients.
+        """
+        c, s = np.split(known.T @ self._columns, 2, axis=1)
+        taken = np.concatenate([c * c, s * s, c * s], axis=1).sum(axis=0)
+        cc, ss, cs = np.split(weight @ self._products - taken, 3)
+        yc, ys = np.split(rest @ self._columns, 2)
+        determinant = cc * ss - cs * cs
+        sound = determinant > 1e-9 * cc * ss
+        safe = np.where(sound, determinant, 1.0)
+        return np.where(sound, (ss * yc * yc - 2.0 * cs * yc * ys + cc * ys * ys) / safe, 0.0)
 
     def _fast_candidates(self, x: Array, best: _Fit) -> list[float]:
         """Return the highest peak of x over its surroundings among the averaged coefficients."""
@@ -307,18 +328,3 @@ def _solved(columns: Array, y: Array) -> Array:
     size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     found: Array = np.linalg.lstsq(columns / size, y, rcond=1e-10)[0]
     return found / size
-
-
-def _explained(waves: Array, y: Array) -> Array:
-    """Return how much of ``y @ y`` cosine and sine of each wave explain (f,).
-
-    :param waves: (m, 2 f) cosines, and then sines.
-    :param y: (m,)
-    """
-    c, s = np.split(waves, 2, axis=1)
-    cc, ss, cs = (np.sum(one * other, axis=0) for one, other in ((c, c), (s, s), (c, s)))
-    yc, ys = y @ c, y @ s
-    determinant = cc * ss - cs * cs
-    sound = determinant > 1e-9 * cc * ss
-    safe = np.where(sound, determinant, 1.0)
-    return np.where(sound, (ss * yc * yc - 2.0 * cs * yc * ys + cc * ys * ys) / safe, 0.0)
