@@ -208,7 +208,7 @@ def afterwards(folder: Path, runs: int) -> None:
     for words, work in (
         ("tables", lambda: write_tables(output, rows, campaign.columns(plan), plan.metrics)),
         ("summary", lambda: campaign.write_summary(output, plan, rows)),
-        ("page", lambda: write_campaign_page(output, "", [], None, "bench")),
+        ("page", lambda: write_campaign_page(output, "", [], (None, None), "bench")),
     ):
         work()
         now = time.process_time()

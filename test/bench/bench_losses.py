@@ -123,8 +123,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--results", type=Path, help="is appended to, and continued from")
     arguments = parser.parse_args(argv)
-    lines = arguments.results.read_text().splitlines() if arguments.results else []
-    rows = [json.loads(line) for line in lines]
+    rows = []
+    if arguments.results and arguments.results.exists():
+        rows = [json.loads(line) for line in arguments.results.read_text().splitlines()]
     done = {row["seed"] for row in rows}
     for seed in sorted(set(range(arguments.seeds)) - done):
         new = list(held(seed))

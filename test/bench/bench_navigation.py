@@ -16,7 +16,7 @@ from imu_sim_ros.navigation.covariance import Covariance
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.parameters import ATTITUDE_UPDATES, METHODS
 from imu_sim_ros.navigation.preintegration import StepReadings, preintegrate
-from imu_sim_ros.navigation.state import AT_REST, NavigationState, NavigationStates
+from imu_sim_ros.navigation.state import NavigationState, NavigationStates
 from imu_sim_ros.navigation.stepper import Stepper
 from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
 from imu_sim_ros.simulation.engine import Body
@@ -25,6 +25,7 @@ from imu_sim_ros.text_tables import print_table
 
 SAMPLES = 2_000_000
 STEPS = 40_000
+AT_REST = NavigationState(np.zeros(3), np.zeros(3), [1.0, 0.0, 0.0, 0.0])
 NOISE = TriadsParameters(
     TriadParameters(noise_density=np.full(3, 1.7e-4), random_walk=np.full(3, 1.9e-5)),
     TriadParameters(noise_density=np.full(3, 2e-3), random_walk=np.full(3, 3e-3)),

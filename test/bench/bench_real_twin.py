@@ -46,7 +46,10 @@ def shares(seen: Windows) -> list[str]:
 
 def main(arguments: list[str]) -> None:
     """Run all and print."""
-    if not arguments or len(arguments) % 3:
+    if not arguments:
+        print(__doc__)
+        return
+    if len(arguments) % 3:
         raise SystemExit(__doc__)
     rows = []
     for imu, truth, seconds in zip(*[iter(arguments)] * 3, strict=True):

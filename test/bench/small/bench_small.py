@@ -22,13 +22,14 @@ import imu_sim_ros as ims
 from imu_sim_ros.navigation.covariance import Covariance
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.preintegration import StepReadings, preintegrate
-from imu_sim_ros.navigation.state import AT_REST
+from imu_sim_ros.navigation.state import NavigationState
 from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.text_tables import print_table
 
 FLIGHT = Path(__file__).parents[3].parent / "shared/data/euroc_V1_02_medium_groundtruth.csv"
 STATIC = ["--trajectory", "static", "--imu", "lecture", "--rate", "200", "--imu-only"]
+AT_REST = NavigationState(np.zeros(3), np.zeros(3), [1.0, 0.0, 0.0, 0.0])
 ALL_AXES = np.ones(3)
 NOISE = TriadsParameters(
     TriadParameters(noise_density=1.7e-4 * ALL_AXES, random_walk=1.9e-5 * ALL_AXES),
@@ -117,7 +118,8 @@ def of_calls(repeats: int) -> None:
     interval = StepReadings(np.full((1, 200), 0.005), gyro[None], accel[None])
     many = np.arange(40_000)
     long = (many * 5_000_000, np.resize(gyro, (40_000, 3)), np.resize(accel, (40_000, 3)))
-    force, rate, level = (0.1, 0.2, 9.81), (0.1, 0.2, 0.3), np.eye(3)
+    force, rate = np.array([0.1, 0.2, 9.81]), np.array([0.1, 0.2, 0.3])
+    level = np.eye(3)
     simple = Covariance(NOISE)
     every = Covariance(load_simulation({"imu.preset": "mpu6000"}).imu)
     work: dict[str, tuple[Callable[[], object], int, float]] = {
