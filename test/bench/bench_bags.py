@@ -89,6 +89,7 @@ def rosbags_loop(kind: str, folder: Path) -> None:
     covariance = np.zeros(9)
     absent = np.array([-1.0] + [0.0] * 8)
     serialize = getattr(store, f"serialize_{encoding}")
+    writer: Writer1 | Writer2
     if kind == "ROS 1":
         writer = Writer1(folder / "x.bag")
     else:

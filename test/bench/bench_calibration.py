@@ -22,7 +22,7 @@ from imu_sim_ros.calibration.deterministic.turntable import (
     specific_force,
 )
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
-from imu_sim_ros.navigation.state import Correction, NavigationState
+from imu_sim_ros.navigation.state import NO_CORRECTION, Correction, NavigationState
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 from imu_sim_ros.text_tables import print_table
@@ -110,13 +110,13 @@ def recovery(runs: int) -> None:
                 sure = found.sigma > 0.0
                 z = (found.value - truth[name])[sure] / found.sigma[sure]
                 deviations.setdefault(name, []).extend(z.tolist())
-        for name, z in deviations.items():
-            if z:
-                absolute = np.abs(z)
+        for name, scores in deviations.items():
+            if scores:
+                absolute = np.abs(scores)
                 rows.append(
                     [
                         f"{trajectory}: {name}",
-                        f"{len(z)}",
+                        f"{len(scores)}",
                         f"{np.sqrt(np.mean(absolute**2)):.2f}",
                         f"{100 * np.mean(absolute < 3.0):.1f} %",
                         f"{absolute.max():.1f}",
@@ -141,9 +141,10 @@ def drift(runs: int) -> None:
         errors.append(
             [
                 np.linalg.norm(
-                    dead_reckon(run.t_ns, run.gyro, run.accel, start, **kwargs).position[-1] - last
+                    dead_reckon(run.t_ns, run.gyro, run.accel, start, correction=known).position[-1]
+                    - last
                 )
-                for kwargs in ({}, {"correction": correction})
+                for known in (NO_CORRECTION, correction)
             ]
         )
     before, after = np.median(errors, axis=0)

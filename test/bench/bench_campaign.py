@@ -23,12 +23,13 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 import imu_sim_ros as ims
 from imu_sim_ros.campaigns import campaign
+from imu_sim_ros.campaigns.parameters import DeadReckonEstimator
 from imu_sim_ros.campaigns.plan import load_plan
 from imu_sim_ros.campaigns.reckoning import DeadReckoning
 from imu_sim_ros.campaigns.results import read_log, write_tables
@@ -39,6 +40,7 @@ from imu_sim_ros.navigation.covariance import POSITION, initial_covariance, prop
 from imu_sim_ros.navigation.evaluation import nees
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.simulation.engine import Body
+from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.text_tables import print_table
 
 RATE, SECONDS, IMU = 200.0, 20.0, "mpu6000"
@@ -46,6 +48,9 @@ LOOP = 100
 """Runs of the plain loop, before and after the campaign."""
 NO_OP = 40
 BATCH = 20
+
+Given = TypeVar("Given")
+Made = TypeVar("Made")
 
 
 class Cost(NamedTuple):
@@ -112,7 +117,7 @@ def plain_loop(first: int, count: int, covariance: np.ndarray) -> tuple[float, f
 
 def final_covariance() -> np.ndarray:
     """Return the covariance of the final position; it is the same for all seeds."""
-    parameters = ims.simulate(imu=IMU, rate=RATE, duration=SECONDS, seed=0).parameters
+    parameters = load_simulation({"imu.preset": IMU, "rate": RATE, "duration": SECONDS})
     block = Body(parameters).next(round(RATE * SECONDS))["imu"]
     motion, imu = block.motion, parameters.imu
     truth = NavigationStates(block.true_t_ns, motion.position, motion.velocity, motion.q_wb)
@@ -178,10 +183,11 @@ def stages(folder: Path) -> None:
     runs = CellRuns(plan, next(plan.cells()))
     cell, name = runs.simulated, next(iter(plan.estimators))
     reckoning, estimator = DeadReckoning(cell), plan.estimators[name]
+    assert isinstance(estimator, DeadReckonEstimator)
     list(runs.rows(plan.seeds[:5], [name], folder))
     best: dict[str, float] = {}
 
-    def timed(words: str, work: Callable[[Any], object], given: Sequence[object]) -> list[object]:
+    def timed(words: str, work: Callable[[Given], Made], given: Sequence[Given]) -> list[Made]:
         started = time.process_time()
         made = [work(one) for one in given]
         each = (time.process_time() - started) / len(given) * 1e3

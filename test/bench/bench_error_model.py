@@ -72,16 +72,16 @@ def main() -> None:
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
     alone = ("--topics", "imu/data_raw", "--without", "imu/data_raw")
+    single_us = {imu: single(imu) for imu in ("lecture", "bmi088", "mpu6000")}
     found = {
-        "single_us": {imu: single(imu) for imu in ("lecture", "bmi088", "mpu6000")},
         "arrays_per_s": arrays("bmi088"),
         "mcap_per_s": files("bmi088"),
         "mcap_readings_only_per_s": files("bmi088", *alone),
     }
     if options.json:
-        print(json.dumps(found))
+        print(json.dumps({"single_us": single_us, **found}))
         return
-    for imu, cost in found["single_us"].items():
+    for imu, cost in single_us.items():
         print(f"ErrorModel.read, one sample, {imu}: {cost:.1f} us of processor time")
     print(f"add_errors, arrays: {found['arrays_per_s'] / 1e6:.2f} M readings/s")
     print(f"MCAP to MCAP, with biases and ideal: {found['mcap_per_s'] / 1e6:.2f} M readings/s")

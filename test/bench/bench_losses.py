@@ -13,14 +13,14 @@ import argparse
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypedDict
 
 import numpy as np
 from bench_coverage import exact_flicker
 from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.noise.analysis import analyse
-from imu_sim_ros.calibration.noise.estimate import KEYS
+from imu_sim_ros.calibration.noise.estimate import KEYS, Estimate
 from imu_sim_ros.text_tables import print_table
 
 Array = NDArray[np.float64]
@@ -78,7 +78,17 @@ def kept(rng: np.random.Generator, n: int, share: float, burst: int) -> NDArray[
     return ~lost
 
 
-def held(seed: int) -> Iterator[dict[str, object]]:
+class Held(TypedDict):
+    """Which intervals of one axis hold the truth."""
+
+    losses: str
+    axis: int
+    seed: int
+    held: list[bool]
+    found: list[Estimate]
+
+
+def held(seed: int) -> Iterator[Held]:
     """Yield for each kind of loss and axis which intervals hold the truth."""
     n = int(SECONDS * RATE)
     y = readings(np.random.default_rng([seed, 1]), n)
@@ -100,7 +110,7 @@ def held(seed: int) -> Iterator[dict[str, object]]:
             }
 
 
-def table(rows: Sequence[dict[str, object]]) -> None:
+def table(rows: Sequence[Held]) -> None:
     """Print the shares that hold the truth, and the band that 95 % stays in by chance."""
     from scipy.stats import binom
 
@@ -123,7 +133,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--results", type=Path, help="is appended to, and continued from")
     arguments = parser.parse_args(argv)
-    rows = []
+    rows: list[Held] = []
     if arguments.results and arguments.results.exists():
         rows = [json.loads(line) for line in arguments.results.read_text().splitlines()]
     done = {row["seed"] for row in rows}

@@ -7,6 +7,7 @@ import statistics
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -27,8 +28,8 @@ SAMPLES = 2_000_000
 STEPS = 40_000
 AT_REST = NavigationState(np.zeros(3), np.zeros(3), [1.0, 0.0, 0.0, 0.0])
 NOISE = TriadsParameters(
-    TriadParameters(noise_density=np.full(3, 1.7e-4), random_walk=np.full(3, 1.9e-5)),
-    TriadParameters(noise_density=np.full(3, 2e-3), random_walk=np.full(3, 3e-3)),
+    TriadParameters(noise_density=(1.7e-4,) * 3, random_walk=(1.9e-5,) * 3),
+    TriadParameters(noise_density=(2e-3,) * 3, random_walk=(3e-3,) * 3),
 )
 
 
@@ -80,13 +81,12 @@ def throughput() -> None:
     for method in METHODS:
         for attitude in ATTITUDE_UPDATES:
             record = some if attitude == "euler_angles" else many
-            rate = len(record[0]) / median_time(
-                lambda r=record, m=method, a=attitude: dead_reckon(*r, AT_REST, m, a)
-            )
+            work = partial(dead_reckon, *record, AT_REST, method, attitude)
+            rate = len(record[0]) / median_time(work)
             rows.append([f"arrays, {method}", attitude, f"{rate / 1e3:,.0f}", f"{rate / base:.0f}"])
     for method in METHODS:
         for attitude in ATTITUDE_UPDATES:
-            rate = STEPS / median_time(lambda m=method, a=attitude: step_through(some, m, a), 3)
+            rate = STEPS / median_time(partial(step_through, some, method, attitude), 3)
             rows.append(
                 [f"stepper, {method}", attitude, f"{rate / 1e3:,.0f}", f"{rate / base:.0f}"]
             )
@@ -119,7 +119,7 @@ def others() -> None:
             np.tile(accel, (batch, 1, 1)),
         )
         for noise, words in ((None, "Jacobians"), (NOISE, "Jacobians and covariance")):
-            duration = median_time(lambda r=repeated, n=noise: preintegrate(r, n), 3)
+            duration = median_time(partial(preintegrate, repeated, noise), 3)
             rows.append(
                 [
                     f"preintegration of {batch} x 200 readings, {words}, per reading",

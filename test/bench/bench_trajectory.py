@@ -7,6 +7,7 @@ import statistics
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -45,17 +46,18 @@ def build(**values: object) -> Trajectory:
 
 def sampling() -> None:
     """Print the speed of every trajectory, in blocks of the stream's size."""
-    shaken = {"vibration__noise_rms": 1.0}
-    runs = {name: {"type": name} for name in files.names("trajectories")}
+    runs: dict[str, dict[str, object]] = {
+        name: {"type": name} for name in files.names("trajectories")
+    }
     runs["lecture, rest before"] = {"type": "lecture", "rest_before": 1.0}
-    runs["lecture, vibration noise"] = {"type": "lecture", **shaken}
+    runs["lecture, vibration noise"] = {"type": "lecture", "vibration__noise_rms": 1.0}
     for path in (*sorted(DATA.glob("*groundtruth*")), *sorted(DATA.glob("kaist*"))):
         runs[f"poses: {path.name}"] = {"type": "poses", "file": str(path)}
     rows = []
     for name, values in runs.items():
         trajectory = build(**values)
         t = np.arange(BLOCK) / RATE % min(trajectory.duration, 1e9)
-        speed = BLOCK / median_time(lambda trajectory=trajectory, t=t: trajectory.sample(t), 25)
+        speed = BLOCK / median_time(partial(trajectory.sample, t), 25)
         rows.append([name, f"{speed / 1e6:.2f}", f"{speed / NEEDED:.1f}"])
     print_table(
         ["trajectory", "M samples/s", f"of {NEEDED / 1e6} M/s"],
@@ -88,7 +90,9 @@ def fit_row(path: Path) -> list[str]:
     """Return one row of the table of fits."""
     reading = median_time(lambda: read_poses(path), 3)
     both = median_time(lambda: build(type="poses", file=str(path)), 3)
-    report = recorded_in(build(type="poses", file=str(path))).report
+    motion = recorded_in(build(type="poses", file=str(path)))
+    assert motion is not None
+    report = motion.report
     return [
         path.name,
         f"{report.poses:,}",

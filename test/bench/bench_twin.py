@@ -68,7 +68,7 @@ def sensor(seed: int) -> model.Errors:
     )
 
 
-def spoiled(poses: PoseSequence, kind: str, seed: int) -> PoseSequence:
+def spoiled(poses: ims.Odometry, kind: str, seed: int) -> PoseSequence:
     """Return poses with noise of so many millimetres and milliradians, or of so many decimals.
 
     Before rounding, the world gets another origin and heading: each seed has other digits, and so

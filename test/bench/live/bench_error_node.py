@@ -16,6 +16,7 @@ accumulated): the floor of a node in Python.
 """
 
 import argparse
+import json
 import os
 import signal
 import struct
@@ -78,7 +79,7 @@ def relay(way: str) -> None:
 
     from imu_sim_ros.nodes.fast_dds import set_profile
     from imu_sim_ros.nodes.publishing import Counter
-    from imu_sim_ros.nodes.subscriptions import RawSubscriptions
+    from imu_sim_ros.nodes.subscriptions import RawSubscriptions, Taken
 
     folder = tempfile.TemporaryDirectory()
     set_profile(Path(folder.name))
@@ -88,7 +89,7 @@ def relay(way: str) -> None:
     send = Counter("", publisher).send
     if way == "thread":
 
-        def pass_on(_, taken) -> None:
+        def pass_on(_topic: str, taken: list[Taken]) -> None:
             for payload, _ in taken:
                 send(payload)
 
@@ -113,7 +114,7 @@ def listen(topics: list[str], file: Path) -> None:
     from sensor_msgs.msg import Imu
 
     from imu_sim_ros.nodes.fast_dds import set_profile
-    from imu_sim_ros.nodes.subscriptions import RawSubscriptions
+    from imu_sim_ros.nodes.subscriptions import RawSubscriptions, Taken
 
     folder = tempfile.TemporaryDirectory()
     set_profile(Path(folder.name))
@@ -121,7 +122,7 @@ def listen(topics: list[str], file: Path) -> None:
     node = rclpy.create_node("listener")
     arrived: dict[str, list[tuple[bytes, int]]] = {topic: [] for topic in topics}
 
-    def take(topic, taken) -> None:
+    def take(topic: str, taken: list[Taken]) -> None:
         if not arrived[topic]:
             print("receiving", topic, flush=True)
         arrived[topic] += [(data[4:12], said["received_timestamp"]) for data, said in taken]
@@ -137,7 +138,7 @@ def listen(topics: list[str], file: Path) -> None:
         columns[topic] = [
             (s * 10**9 + ns, at) for (s, ns), (_, at) in zip(stamps, rows, strict=True)
         ]
-    np.savez(file, **columns)
+    file.write_text(json.dumps(columns))
     rclpy.try_shutdown()
 
 
@@ -182,12 +183,12 @@ def measure(own: Mapping[str, Variant], rate: int, duration: float) -> list[list
     """Run all variants at the same time."""
     topics = ["imu/ideal", *(variant.topic for variant in own.values())]
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "arrived.npz"
+        file = Path(folder) / "arrived.json"
         listener = subprocess.Popen(
             [sys.executable, str(HERE), "--listen", str(file), *topics],
             stdout=subprocess.PIPE,
-            text=True,
         )
+        assert listener.stdout is not None
         running = [
             subprocess.Popen(variant.words, stdout=subprocess.DEVNULL) for variant in own.values()
         ]
@@ -207,8 +208,7 @@ def measure(own: Mapping[str, Variant], rate: int, duration: float) -> list[list
         for process in [*running, listener]:
             process.send_signal(signal.SIGINT)
             process.wait()
-        with np.load(file) as arrived:
-            columns = {topic: arrived[topic] for topic in topics}
+        columns = {topic: np.array(rows) for topic, rows in json.loads(file.read_text()).items()}
     return list(_rows(own, columns, np.subtract(after, before) / passed))
 
 

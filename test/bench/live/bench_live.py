@@ -25,9 +25,14 @@ import subprocess
 import sys
 import tempfile
 import time
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from imu_sim_ros.text_tables import print_table
+
+if TYPE_CHECKING:
+    from rclpy.publisher import Publisher
 
 HERE = Path(__file__).resolve()
 RATES = (200, 400, 1000, 2000, 8000)
@@ -51,11 +56,13 @@ def subscribe(seconds: float) -> None:
     rclpy.init()
     node = rclpy.create_node("listener")
     stamps: dict[str, list[bytes]] = {"imu/data_raw": [], "ground_truth/odom": []}
+
+    def keep(taken: list[bytes], data: bytes) -> None:
+        taken.append(data[4:12])
+
     for topic, kind in (("imu/data_raw", Imu), ("ground_truth/odom", Odometry)):
-        keep = stamps[topic].append
-        node.create_subscription(
-            kind, topic, lambda data, keep=keep: keep(data[4:12]), QoSProfile(depth=8000), raw=True
-        )
+        keeping = partial(keep, stamps[topic])
+        node.create_subscription(kind, topic, keeping, QoSProfile(depth=8000), raw=True)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     end = time.monotonic() + seconds
@@ -73,7 +80,7 @@ def subscribe(seconds: float) -> None:
     rclpy.try_shutdown()
 
 
-def wait_for_subscribers(*publishers) -> None:
+def wait_for_subscribers(*publishers: "Publisher") -> None:
     """Wait until each publisher has a subscriber that knows of it."""
     while not all(publisher.get_subscription_count() for publisher in publishers):
         time.sleep(0.01)
@@ -188,7 +195,7 @@ def measure(publisher: str, rate: int, duration: float, preset: str) -> list[str
     time.sleep(1.0)
     listener.send_signal(signal.SIGINT)
     heard = listener.communicate()[0]
-    published = int(re.search(r"published (\d+) messages on imu/data_raw", said)[1])
+    published = int(re.findall(r"published (\d+) messages on imu/data_raw", said)[0])
     lateness = re.search(r"p50 (\d+) us, p99 (\d+) us, max (\d+) us", said)
     received = [int(n) for n in re.findall(r"listener: \S+ (\d+) lost", heard)]
     return [

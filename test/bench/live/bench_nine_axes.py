@@ -16,6 +16,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 from imu_sim_ros.text_tables import print_table
@@ -54,7 +55,7 @@ def subscribe() -> None:
     node = rclpy.create_node("listener")
     counts: dict[str, int] = {}
 
-    def count(topic: str) -> None:
+    def count(topic: str, _: bytes) -> None:
         if not counts:
             print("receiving", flush=True)
         counts[topic] = counts.get(topic, 0) + 1
@@ -66,9 +67,8 @@ def subscribe() -> None:
         ("imu/mag", MagneticField),
         ("imu/pressure", FluidPressure),
     ):
-        node.create_subscription(
-            kind, topic, lambda _, topic=topic: count(topic), QoSProfile(depth=1000), raw=True
-        )
+        depth = QoSProfile(depth=1000)
+        node.create_subscription(kind, topic, partial(count, topic), depth, raw=True)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:
@@ -86,7 +86,7 @@ def cpu_seconds(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / _TICKS
 
 
-def start(variant: str, rate: int, seconds: float, domain: int) -> list[subprocess.Popen]:
+def start(variant: str, rate: int, seconds: float, domain: int) -> list[subprocess.Popen[str]]:
     """Start a listener and a simulator."""
     environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
     simulator = [
@@ -105,6 +105,7 @@ def measure(rate: int, duration: float) -> list[list[str]]:
     seconds = _WARM_UP + duration
     pairs = [start(v, rate, seconds, _DOMAIN + k) for k, v in enumerate(VARIANTS)]
     for listener, _ in pairs:
+        assert listener.stdout is not None
         listener.stdout.readline()
     time.sleep(_WARM_UP)
     before = [cpu_seconds(simulator.pid) for _, simulator in pairs]
@@ -118,7 +119,7 @@ def measure(rate: int, duration: float) -> list[list[str]]:
         said = simulator.communicate()[0]
         time.sleep(0.5)
         listener.send_signal(signal.SIGINT)
-        received = int(re.search(r"received (\d+)", listener.communicate()[0])[1])
+        received = int(re.findall(r"received (\d+)", listener.communicate()[0])[0])
         sent = sum(int(n) for n in re.findall(r"published (\d+) messages", said))
         extra = cpu - percent[0]
         rows.append([variant, f"{cpu:.2f}", f"{extra:.2f}", f"{cpu / percent[0]:.2f}"])

@@ -26,7 +26,7 @@ from imu_sim_ros.text_tables import print_table
 
 HERE = Path(__file__).resolve()
 RATES = (1000, 2000)
-ROWS = (
+ROWS: tuple[tuple[str, str, str, list[str]], ...] = (
     ("recorder", "mcap", "bag", []),
     ("recorder", "mcap, zstd", "bag", ["--compression", "zstd"]),
     ("recorder", "sqlite3", "bag", ["--storage", "sqlite3"]),

@@ -117,7 +117,7 @@ def main() -> None:
     os.environ["PYTHONPATH"] = str(HERE.parents[3])
     said, arrivals, memory = soaked(duration)
     settled = min(60, len(memory) // 10)
-    published = int(re.search(r"published (\d+) messages on imu/data_raw", said)[1])
+    published = int(re.findall(r"published (\d+) messages on imu/data_raw", said)[0])
     print_table(
         ["simulated", "published", "not received", "memory", "growth", "drift of the stamps"],
         [

@@ -26,7 +26,6 @@ PUBLISHERS = {
     "rclpy publisher": [sys.executable, str(HERE), "--publish"],
 }
 _TOPIC = "imu/data_raw"
-_QUIET = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
 
 
 class Listener:
@@ -78,6 +77,12 @@ def pauses(starts: int) -> Iterator[float]:
     return (1.0 + 3.0 * (0.618 * k % 1.0) for k in range(starts))
 
 
+def launched(publisher: str) -> subprocess.Popen[bytes]:
+    """Start a publisher."""
+    quiet = subprocess.DEVNULL
+    return subprocess.Popen(PUBLISHERS[publisher], stdout=quiet, stderr=quiet)
+
+
 def starts_of(publisher: str, starts: int) -> list[float]:
     """Start a publisher again and again while a listener runs; return seconds to the message."""
     import rclpy
@@ -87,7 +92,7 @@ def starts_of(publisher: str, starts: int) -> list[float]:
     for pause in pauses(starts):
         listener.rest(pause)
         start = time.monotonic()
-        process = subprocess.Popen(PUBLISHERS[publisher], **_QUIET)
+        process = launched(publisher)
         times.append(listener.first() - start)
         process.send_signal(signal.SIGINT)
         process.wait()
@@ -97,7 +102,7 @@ def starts_of(publisher: str, starts: int) -> list[float]:
 
 def starts_of_a_listener(publisher: str, starts: int) -> list[float]:
     """Start a listener again and again while a publisher runs; return seconds to the message."""
-    process = subprocess.Popen(PUBLISHERS[publisher], **_QUIET)
+    process = launched(publisher)
     times = []
     for pause in pauses(starts):
         time.sleep(pause)

@@ -13,6 +13,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from resource import RUSAGE_CHILDREN, getrusage
 
@@ -30,10 +31,9 @@ from imu_sim_ros.text_tables import print_table
 FLIGHT = Path(__file__).parents[3].parent / "shared/data/euroc_V1_02_medium_groundtruth.csv"
 STATIC = ["--trajectory", "static", "--imu", "lecture", "--rate", "200", "--imu-only"]
 AT_REST = NavigationState(np.zeros(3), np.zeros(3), [1.0, 0.0, 0.0, 0.0])
-ALL_AXES = np.ones(3)
 NOISE = TriadsParameters(
-    TriadParameters(noise_density=1.7e-4 * ALL_AXES, random_walk=1.9e-5 * ALL_AXES),
-    TriadParameters(noise_density=2e-3 * ALL_AXES, random_walk=3e-3 * ALL_AXES),
+    TriadParameters(noise_density=(1.7e-4,) * 3, random_walk=(1.9e-5,) * 3),
+    TriadParameters(noise_density=(2e-3,) * 3, random_walk=(3e-3,) * 3),
 )
 SECOND = ["--duration", "1s", "-o"]
 
@@ -74,7 +74,7 @@ def run(command: Sequence[str], folder: str) -> tuple[float, float]:
 
 def of_programs(repeats: int) -> None:
     """Print the table of whole processes."""
-    rows = []
+    rows: list[list[str]] = []
     with tempfile.TemporaryDirectory() as top:
         bag = f"{top}/2h.mcap"
         run(["generate", *STATIC, "--duration", "2h", "--quiet", "-o", bag], top)
@@ -110,8 +110,8 @@ def timed(work: Callable[[], object], calls: int, repeats: int) -> list[float]:
 
 def of_calls(repeats: int) -> None:
     """Print the table of calls in one process."""
-    flight = {"imu": "mpu6000", "rate": 200.0, "duration": 20.0, "seed": 1}
-    simulated = ims.simulate(**flight)
+    flight = partial(ims.simulate, imu="mpu6000", rate=200.0, duration=20.0, seed=1)
+    simulated = flight()
     t = np.arange(201)[:, None] * 0.005
     gyro = 0.5 * np.sin(t * [1.1, 1.7, 2.3])
     accel = np.sin(t * [3.1, 2.7, 2.3]) + np.array([0.0, 0.0, 9.81])
@@ -124,7 +124,7 @@ def of_calls(repeats: int) -> None:
     every = Covariance(load_simulation({"imu.preset": "mpu6000"}).imu)
     work: dict[str, tuple[Callable[[], object], int, float]] = {
         "20 s at 200 Hz of mpu6000: parameters and samples, ms": (
-            lambda: ims.simulate(**flight),
+            flight,
             20,
             1e-3,
         ),
