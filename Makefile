@@ -85,7 +85,8 @@ build: .venv/built
 
 .venv/test-installed: .venv/installed .ci/requirements-test.txt
 	@echo "make: installing the test tools into .venv"
-	$(CLEAN) $(BIN)/pip install -qq -r .ci/requirements-test.txt
+	# Most of what they bring is never imported; the rest is compiled when it is.
+	$(CLEAN) $(BIN)/pip install -qq --no-compile -r .ci/requirements-test.txt
 	# It asks for OpenCV with windows, which wants libraries of a desktop; the one without will do.
 	$(CLEAN) $(BIN)/pip install -qq --no-deps aprilgrid==0.5.0
 	touch $@
@@ -95,7 +96,7 @@ build: .venv/built
 	@echo "make: installing the oldest supported versions into .venv-floor"
 	$(CLEAN) $(PYTHON) -m venv .venv-floor
 	touch .venv-floor/COLCON_IGNORE
-	$(CLEAN) .venv-floor/bin/pip install -qq -r .ci/requirements-floor.txt
+	$(CLEAN) .venv-floor/bin/pip install -qq --no-compile -r .ci/requirements-floor.txt
 	# Not installed, and yet there for the scripts that tests start elsewhere.
 	echo "$$PWD" > "$$(.venv-floor/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/imu_sim_ros.pth"
 	touch $@
