@@ -7,9 +7,9 @@ import subprocess
 
 import pytest
 import yaml
+from programs import program
 
 from imu_sim_ros.commands.campaign import main
-from test.programs import program
 
 
 @pytest.fixture

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from programs import until
 
 import imu_sim_ros as ims
 from imu_sim_ros.campaigns import command_estimator as command
 from imu_sim_ros.campaigns.plan import load_plan
 from imu_sim_ros.campaigns.runs import CellRuns
 from imu_sim_ros.commands.campaign import main
-from test.programs import until
 
 # Reads the truth of the EuRoC folder and writes it as its estimate, moved and turned in yaw.
 HONEST = """

@@ -15,9 +15,9 @@ import sysconfig
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+from programs import PATIENCE, until
 
 from imu_sim_ros.campaigns.results import read_log, read_results
-from test.programs import PATIENCE, until
 
 # Not part of the run on the oldest versions, which has no Dask.
 pytestmark = pytest.mark.ros

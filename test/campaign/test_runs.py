@@ -19,6 +19,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from programs import PATIENCE, until
 
 from imu_sim_ros import signals
 from imu_sim_ros.campaigns import campaign as driver
@@ -33,7 +34,6 @@ from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.jobs import campaign as job
 from imu_sim_ros.jobs.report import report
 from imu_sim_ros.navigation.evaluation import anees_band
-from test.programs import PATIENCE, until
 
 GRID = {"imu": ["adis16448", "perfect"], "trajectory": ["lecture", "circle"]}
 

@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from programs import PATIENCE
 
 from imu_sim_ros.nodes.fast_dds import remove_torn_segments
-from test.programs import PATIENCE
 
 REPOSITORY = Path(__file__).parents[2]
 QUEUE = 20000

@@ -7,9 +7,9 @@ import json
 import subprocess
 
 import pytest
+from programs import program
 
 from imu_sim_ros.campaigns.results import read_results
-from test.programs import program
 
 pytestmark = pytest.mark.ros
 

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from programs import PATIENCE, program
 
 from imu_sim_ros.commands.control import main
-from test.programs import PATIENCE, program
 
 pytestmark = pytest.mark.ros
 

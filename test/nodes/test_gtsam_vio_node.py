@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from programs import PATIENCE
 
 from imu_sim_ros.commands import generate
-from test.programs import PATIENCE
 
 pytestmark = pytest.mark.ros
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from programs import program, until
 
 from imu_sim_ros.bags.read import open_bag, read_imu, read_odometry, read_poses
 from imu_sim_ros.commands.generate import main
@@ -21,7 +22,6 @@ from imu_sim_ros.rotation import rotate
 from imu_sim_ros.sensors.errors.triad import variance_discrete
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
-from test.programs import program, until
 
 LAYER = {"trajectory.type": "lecture", "imu.preset": "lecture", "duration": 4.0, "seed": 3}
 ARGUMENTS = ["--trajectory", "lecture", "--imu", "lecture", "--duration", "4s", "--seed", "3"]

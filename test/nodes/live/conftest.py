@@ -13,8 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-from test.programs import PATIENCE, program, until
+from programs import PATIENCE, program, until
 
 REPOSITORY = Path(__file__).parents[3]
 FEED = Path(__file__).with_name("feed.py")

@@ -18,10 +18,10 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
+from programs import PATIENCE, program
 from rosbags.highlevel import AnyReader
 
 from imu_sim_ros.commands import convert_bag
-from test.programs import PATIENCE, program
 
 pytestmark = pytest.mark.ros
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from programs import PATIENCE
 
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
-from test.programs import PATIENCE
 
 pytestmark = pytest.mark.ros
 
