@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 
+import programs
 import pytest
 
 from imu_sim_ros import program
@@ -23,7 +24,6 @@ from imu_sim_ros.commands import (
 from imu_sim_ros.commands.common import outputs
 from imu_sim_ros.commands.start import PROGRAMS
 from imu_sim_ros.errors import InputError
-from test import programs
 
 GENERATE = [*programs.program("generate"), "--duration", "1s", "--json"]
 
