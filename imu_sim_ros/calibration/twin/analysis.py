@@ -93,8 +93,7 @@ def foreseen(recording: Recording, truth: KnownMotion, found: Fit) -> Foreseen:
         rest = Recording(
             recording.stamps[rows], recording.readings[rows], tuple(pieces), recording.rate
         )
-        # Some standard errors off, over which readings are linear.
-        other = fit(rest, truth, found.errors, wander=found.wander[rows], near=True)
+        other = fit(rest, truth, found.errors, wander=found.wander[rows])
         t = true_times(
             other.errors, recording.stamps[first:last], other.reference, found.wander[first:last]
         )

@@ -51,8 +51,6 @@ as a smoothing of the truth: half of these 1.6 %."""
 _STEPS: Final = 8
 _WEIGHTINGS: Final = 2
 """Times that the densities are taken again in one step."""
-_SETTLING: Final = 16
-"""The same, at most, where readings are linear: then no step but that for the shape is repeated."""
 _SHAPED: Final = 2
 """Steps after which the shape of the densities within their bins is found again."""
 _WITH_NOISE: Final = 3
@@ -292,8 +290,6 @@ def fit(
     wander: Array | None = None,
     prior: Array = PRIOR,
     free: Indices = EVERY,
-    *,
-    near: bool = False,
 ) -> Fit:
     """Return the errors of an IMU.
 
@@ -302,7 +298,6 @@ def fit(
     :param wander: (n,) of the truth's clock [s]; None: 0.
     :param prior: (42,) standard deviations.
     :param free: (p,) parameters that are found; the others stay as they start.
-    :param near: whether the start is so near that the readings are linear from there on.
     """
     stamps, errors = recording.stamps, start
     wander = np.zeros(len(stamps)) if wander is None else wander
@@ -311,8 +306,7 @@ def fit(
     sums = _Sums(_segments(recording.pieces), recording.rate, _HIGHEST * cutoff, len(free))
     size = np.std(recording.readings, axis=0) + 1e-9
     density = np.where(sums.middle[:, None] < cutoff, 1.0, 100.0) * size**2
-    of_shape = _SHAPED if noisy else 0
-    for count in range(1 + of_shape if near else _STEPS):
+    for count in range(_STEPS):
         sums.clear()
         fresh = count < _WITH_NOISE
         if fresh:
@@ -325,15 +319,9 @@ def fit(
                 also = model.linearised(errors, other, stamps[rows], reference, wander[rows])
                 more = also.signals - own.signals
                 sums.add_noise(k, own.readings - also.readings, more, by, 1.0 / len(noisy))
-        step = np.zeros(len(free))
-        for _ in range(_SETTLING if near else _WEIGHTINGS if count else 1):
-            before = step
+        for _ in range(_WEIGHTINGS if count else 1):
             step, inverse = _step(sums, density, errors.deviation()[free], prior[free])
             density = sums.density(step, inverse, density)
-            change, sigma = step - before if near else step, np.sqrt(np.diag(inverse))
-            last = float(np.max(np.abs(change) / sigma))
-            if near and last < _CLOSE:
-                break
         of_all = np.zeros(COUNT)
         of_all[free] = step
         errors = errors.moved(of_all)
@@ -341,6 +329,7 @@ def fit(
         if noisy and count < _SHAPED:
             sums.shape(density)
             density = np.ones_like(density)
+        last = float(np.max(np.abs(step) / np.sqrt(np.diag(inverse))))
         if count > 1 and last < _CLOSE:
             break
     found = _summary(recording, motion_at, errors, sums, density, (reference, wander, prior, free))
