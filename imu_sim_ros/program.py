@@ -256,7 +256,8 @@ class Parser(argparse.ArgumentParser):
             else:
                 self.problems.append(unknown("option", option, self._options(), ""))
         if others:
-            self.problems.append(f"unexpected argument{'s'[: len(others) - 1]} {', '.join(others)}")
+            plural = "s" if len(others) > 1 else ""
+            self.problems.append(f"unexpected argument{plural} {', '.join(others)}")
         self._end_if_wrong()
 
     def _commands(self) -> Iterator[tuple[str, "Parser"]]:

@@ -213,8 +213,8 @@ def build_layered(
     given: dict[str, object] = {}
     for values in layers:
         given.update(values)
-    every = layering(given, problems)
     with problems.gathered():
+        every = layering(given, problems)
         left = {key: every[key] for key in every if not key.startswith(problems.unjudged)}
         built = build(cls, left, complete=not problems)
     problems.tell()

@@ -5,6 +5,7 @@
 
 import os
 import shutil
+import sys
 import sysconfig
 from collections.abc import Iterable
 from pathlib import Path
@@ -69,9 +70,10 @@ class FlightView:
     def spawn(self) -> None:
         """Start the viewer and send everything from now on to it; call it first.
 
-        :raises MissingDependencyError: if there is no viewer, and no screen for it.
+        :raises MissingDependencyError: if there is no viewer, or no screen for it.
         """
-        if not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")):
+        screens = ("DISPLAY", "WAYLAND_DISPLAY")
+        if sys.platform == "linux" and not any(os.environ.get(name) for name in screens):
             raise MissingDependencyError(f"there is no screen for rerun's viewer; {_OTHERWISE}")
         # Next to this Python, which a program of a virtual environment need not have in PATH.
         folders = (sysconfig.get_path("scripts"), os.environ.get("PATH", os.defpath))

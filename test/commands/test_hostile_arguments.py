@@ -101,6 +101,7 @@ def test_arguments_without_measure_are_short_lines(tmp_path, monkeypatch, capsys
         ),
         (generate, ["--bogus", "--rat", "5"], ["'--bogus'", "'--rat'; did you mean --rate?"]),
         (evaluate, ["a", "b", "c", "d"], ["unexpected arguments 'c', 'd'"]),
+        (evaluate, ["a", "b", "c"], ["unexpected argument 'c'"]),
         (calibrate, ["--rates", "5", "turntable", "x"], ["'--rates' belongs after turntable or "]),
         (calibrate, ["turnt", "--rates", "5"], ["unknown run 'turnt'"]),
     ],
