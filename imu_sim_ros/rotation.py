@@ -134,10 +134,9 @@ def transform(matrix: Array, v: Array) -> Array:
 
     :param matrix: (..., 3, 3), broadcast against the vectors' leading axes.
     """
-    shape = np.broadcast(matrix[..., 0], v).shape
-    result, product = np.zeros(shape, order="F"), np.empty(shape, order="F")
-    for j in range(3):
-        result += np.multiply(matrix[..., j], v[..., j, None], out=product)
+    result: Array = np.multiply(matrix[..., 0], v[..., 0, None], order="F")
+    for j in (1, 2):
+        result += np.multiply(matrix[..., j], v[..., j, None], order="F")
     return result
 
 
@@ -304,8 +303,8 @@ def euler_motion(angles: Array, first: Array, second: Array) -> tuple[Array, Arr
     """
     half = 0.5 * angles
     sines, cosines = np.sin(half), np.cos(half)
-    twice = 2.0 * sines
-    (sr, sp, _), (cr, cp, _) = (twice * cosines).T, (1.0 - twice * sines).T
+    twice = 2.0 * sines[:, :2]
+    (sr, sp), (cr, cp) = (twice * cosines[:, :2]).T, (1.0 - twice * sines[:, :2]).T
     (roll1, pitch1, yaw1), (roll2, pitch2, yaw2) = first.T, second.T
     across, down, turn = sr * cp, cr * cp, yaw1 * pitch1
     omega, alpha = (np.empty(angles.shape, order="F") for _ in range(2))

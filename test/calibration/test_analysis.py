@@ -429,3 +429,13 @@ def test_fewer_than_0_6_periods_are_a_ramp():
     lines = found.lines + found.doubtful
     assert lines
     assert min(line.frequency * n for line in lines) >= 0.6 - 1e-9
+
+
+@pytest.mark.parametrize("n", [400, 720, 1000])
+def test_a_ramp_without_noise_is_no_division_by_what_is_left_of_it(n):
+    """An ideal sensor that warms up; weights of 1e300 overflowed, and NumPy told the user so."""
+    from imu_sim_ros.calibration.noise.slow_lines import find_lines
+
+    with np.errstate(all="raise", under="ignore"):
+        found = find_lines(np.arange(float(n))[None], 0.05)
+    assert all(line.amplitude < 1e-12 for line in found.lines)  # what rounding leaves

@@ -56,6 +56,8 @@ _AROUND: Final = 1.5
 """Ratio of frequencies that are surroundings, with four more on each side."""
 
 _ALL: Final = slice(None)
+_LEAST: Final = 1e-100
+"""Of a variance: products of two weights, its inverses, must be numbers."""
 Waves = NDArray[np.complex128]
 
 
@@ -263,7 +265,7 @@ class _Search:
         known, price = self._tangent(best, rows), _doubt(self._tried)
         smooth = np.repeat(self._rows(best.left).first_guesses[0], self._sizes)
         result = []
-        for variance in (best.variance, np.maximum(smooth, 1e-300)):
+        for variance in (best.variance, np.maximum(smooth, _LEAST)):
             weight = 1.0 / variance[rows]
             root = np.sqrt(weight)
             q = np.linalg.qr(known * root[:, None])[0]
