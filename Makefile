@@ -12,7 +12,8 @@ SHELL := /bin/bash
 .DEFAULT_GOAL := build
 .ONESHELL:
 .NOTPARALLEL:
-.PHONY: build demo demo-vio test test-all test-tools lint bench same fuzz mutants docs reference clean test-floor test-kilted
+.PHONY: build demo demo-vio test test-all test-tools test-installed test-prepared test-floor test-kilted lint bench \
+        same fuzz mutants docs reference clean
 
 PYTHON ?= python3
 TRAJECTORY ?= lecture
@@ -92,6 +93,7 @@ build: .venv/built
 	touch $@
 
 # numpy 1.26 has no wheels for Python 3.13: there this run is left out, and says so.
+HAS_FLOOR := $(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 13))'
 .venv-floor/installed: .ci/requirements-floor.txt
 	@echo "make: installing the oldest supported versions into .venv-floor"
 	$(CLEAN) $(PYTHON) -m venv .venv-floor
@@ -117,18 +119,38 @@ demo-vio: build .venv/gtsam-installed
 # What a single run of pytest needs.
 test-tools: build .venv/test-installed
 
-test: build .venv/test-installed test-floor
+# Both wait for the network most of the time; the oldest versions tell by themselves what is wrong.
+test-installed: build
+	@{ $(HAS_FLOOR) && $(MAKE) .venv-floor/installed; } &>/dev/null &
+	$(MAKE) --no-print-directory .venv/test-installed
+	wait
+
+# Next to the oldest versions, what each process of the tests would otherwise do by itself: byte
+# code, assertions written anew, and the loops of images, which numba compiles. The tests tell
+# whatever goes wrong here.
+test-prepared: test-installed
+	@images=$$(mktemp -d)
+	{
+	  $(CLEAN) $(BIN)/python -m pytest -q --collect-only -m "not slow" --ignore test/fuzz || true
+	  $(CLEAN) $(BIN)/generate -o "$$images/office" --format euroc --camera euroc_cam0 \
+	    --scene office --trajectory static --duration 0.1s || true
+	  rm -rf "$$images"
+	} &>/dev/null &
+	$(MAKE) --no-print-directory test-floor
+	wait
+
+test: test-prepared
 	@echo "make: all tests"
 	# All of test/fuzz is slow; each process would import it, and Hypothesis read the whole package.
 	$(CLEAN) $(ONE_THREAD) $(BIN)/$(PYTEST) -m "not slow" --ignore test/fuzz
 
 # As well the tests marked slow: statistics over many runs, and hostile inputs in full.
-test-all: build .venv/test-installed test-floor
+test-all: test-prepared
 	@echo "make: all tests, the slow ones too"
 	$(CLEAN) $(ONE_THREAD) $(BIN)/$(PYTEST) --timeout 3600
 
 test-floor:
-	@if $(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 13))'; then
+	@if $(HAS_FLOOR); then
 	  $(MAKE) --no-print-directory .venv-floor/installed
 	  echo "make: what depends on the libraries, on the oldest supported versions"
 	  # What numba compiled is kept apart: each version throws away what another one left.
