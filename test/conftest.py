@@ -47,10 +47,12 @@ _LAST_WAITING = 0.7
 
 
 def pytest_configure() -> None:
-    """Let the programs that tests start be hung up, also where the tests run under nohup.
+    """Let the programs that tests start be hung up, also if the tests run under nohup.
 
-    A signal that is ignored stays so in them; one with a handler does not.
+    A signal that is ignored stays so in them; one with a handler does not. A RuntimeWarning ends
+    them, as it ends a test (pyproject.toml): NumPy tells of overflows and invalid values so.
     """
+    os.environ.setdefault("PYTHONWARNINGS", "error::RuntimeWarning")
     if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
         signal.signal(signal.SIGHUP, lambda *_: None)
 

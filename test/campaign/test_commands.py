@@ -407,6 +407,14 @@ def test_a_program_that_fills_the_disk_is_ended(run, tmp_path, program):
     )
 
 
+def test_a_program_that_ends_just_before_it_is_killed_has_ended():
+    """Nobody may take its status meanwhile: "No child processes" was what the run failed with."""
+    process = subprocess.Popen([sys.executable, "-c", ""])
+    until(lambda: "\nState:\tZ" in Path(f"/proc/{process.pid}/status").read_text())
+    assert command._killed(process, command._PeakMemory()) > 0.0
+    assert process.returncode == 0
+
+
 def test_a_file_without_content_counts_with_its_size(plan_file, tmp_path):
     plan = load_plan(plan_file(estimators={"a": {"command": "truncate -s 100G one"}}))
     (row,) = CellRuns(plan, next(plan.cells())).rows([1], ["a"], tmp_path / "out")

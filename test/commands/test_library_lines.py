@@ -107,8 +107,9 @@ sys.meta_path.insert(0, Loud())
 """
 
 
-def test_warnings_of_python(tmp_path):
-    """They name lines of source; developers ask for them by PYTHONWARNINGS."""
+def test_warnings_of_python(tmp_path, monkeypatch):
+    """They name lines of source; developers ask for them by PYTHONWARNINGS, as the tests do."""
+    monkeypatch.delenv("PYTHONWARNINGS")
     bag = tmp_path / "flight.mcap"
     assert generate.main(["-o", str(bag), "--duration", "1s", "--quiet"]) == 0
     assert ran("dead_reckon", bag, "--json", more=WARNING) == (0, [])
