@@ -241,7 +241,8 @@ def _wait(
 
 def _killed(process: "subprocess.Popen[bytes]", memory: "_PeakMemory") -> float:
     """Kill a program; return its peak memory [MB]."""
-    os.kill(process.pid, signal.SIGKILL)  # process.kill() would take the status of one that has ended
+    # process.kill() would take the status of one that has ended.
+    os.kill(process.pid, signal.SIGKILL)
     _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     return memory.at_end(usage)
