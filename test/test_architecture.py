@@ -187,6 +187,15 @@ def test_no_module_imports_itself_in_a_circle():
     assert not wants, "these import each other"
 
 
+@over(sorted((ROOT / "test").rglob("*.py")))
+def test_tests_share_modules_that_only_they_have(path):
+    """Python has a package named test, and every folder of tests may have a conftest."""
+    nodes = list(ast.walk(parsed(path)))
+    names = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+    names += [node.module for node in nodes if isinstance(node, ast.ImportFrom) and not node.level]
+    assert not {name.split(".")[0] for name in names} & {"test", "conftest"}
+
+
 @over(importable_rooms())
 def test_rooms_say_what_they_are_and_export_what_exists(room):
     module = importlib.import_module(dotted(room))

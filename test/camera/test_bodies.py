@@ -5,6 +5,7 @@
 
 import numpy as np
 import pytest
+from rigs import make_rig
 from rosbags.highlevel import AnyReader
 from small_camera import imager_of
 
@@ -48,15 +49,11 @@ ROLLING = {"camera__row_time": 1e-4}
 
 @pytest.fixture(name="hall", scope="module")
 def hall_fixture():
-    from test.camera.conftest import make_rig
-
     return make_rig("tour", duration=90.0, **TOUR)
 
 
 @pytest.fixture(name="rolling_hall", scope="module")
 def rolling_hall_fixture(hall):
-    from test.camera.conftest import make_rig
-
     return make_rig("tour", duration=90.0, scene=hall.scene, **TOUR, **ROLLING)
 
 

@@ -8,6 +8,7 @@ import json
 
 import numpy as np
 import pytest
+from rigs import make_rig
 from small_camera import SMALL_CAMERA, imager_of, without_textures
 
 from imu_sim_ros import rotation
@@ -33,7 +34,7 @@ TOUR = {
 }
 
 
-def flowing(make_rig, trajectory="figure_eight", **values):
+def flowing(trajectory="figure_eight", **values):
     """Return a rig and what gives the flow of its camera, and no images."""
     rig = make_rig(trajectory, **{**HALL, **values})
     textures = without_textures(rig.scene)
@@ -42,18 +43,14 @@ def flowing(make_rig, trajectory="figure_eight", **values):
 
 @pytest.fixture(scope="module")
 def scene():
-    from conftest import make_rig
-
     return make_rig("tour", duration=90.0, **TOUR).scene
 
 
 @pytest.fixture(scope="module", params=[0.0, 2e-4], ids=["global", "rolling"])
 def hall(request, scene):
     """Return a rig in a scene that both shutters see, what gives its flow, and its row time."""
-    from conftest import make_rig
-
     rolling = {"camera__row_time": request.param}
-    rig, imager = flowing(make_rig, "tour", duration=90.0, scene=scene, **TOUR, **rolling)
+    rig, imager = flowing("tour", duration=90.0, scene=scene, **TOUR, **rolling)
     return rig, imager, request.param
 
 
@@ -104,7 +101,7 @@ def test_flow_is_that_of_depth_and_poses(hall):
     assert len(bodies) >= 3  # the hall and two that move
 
 
-def test_the_next_image_warped_by_the_flow_is_the_image(make_rig):
+def test_the_next_image_warped_by_the_flow_is_the_image():
     """Where there is flow: what light and gloss change of it aside, to a few grey values."""
     cv2 = pytest.importorskip("cv2")
     plain = {"scene__texture": "plain", "trajectory__y.amplitude": [1.2]}
@@ -122,10 +119,8 @@ def test_the_next_image_warped_by_the_flow_is_the_image(make_rig):
         assert moved.mean() < 0.5 * still.mean()
 
 
-def test_the_last_frame_has_none_and_what_leaves_the_image_has_none(make_rig):
-    rig, imager = flowing(
-        make_rig, scene__type="office", scene__bodies__people=0, scene__bodies__carts=0
-    )
+def test_the_last_frame_has_none_and_what_leaves_the_image_has_none():
+    rig, imager = flowing(scene__type="office", scene__bodies__people=0, scene__bodies__carts=0)
     assert np.isnan(imager.flow(rig.views["cam0"].total - 1)).all()
     steps = imager.flow(30)
     rows, columns = np.mgrid[:120, :188]

@@ -16,7 +16,7 @@ import pytest
 from programs import PATIENCE, program, until
 
 REPOSITORY = Path(__file__).parents[3]
-FEED = Path(__file__).with_name("feed.py")
+FEED = REPOSITORY / "test" / "data" / "feed.py"
 
 
 class Process:
@@ -111,7 +111,7 @@ def node(start: Callable[..., Process]) -> Callable[..., Process]:
 @pytest.fixture
 def feed(domains: tuple[int, int], monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Any]]:
     """Return a function that starts the driver of feed.py in this process."""
-    from test.nodes.live.feed import Driver
+    from feed import Driver  # needs rclpy
 
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     started: list[Any] = []

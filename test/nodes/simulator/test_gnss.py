@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from programs import until
 
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.nodes.simulator.serial_line import PseudoTerminal
@@ -83,14 +84,12 @@ def test_nmea_comes_from_a_terminal(start: Any, listener: Any, tmp_path: Path) -
     """What pynmeagps reads live is what the simulation gives, all of it."""
     from sensor_msgs.msg import Imu
 
-    from test.nodes.conftest import until
-
     pynmeagps = pytest.importorskip("pynmeagps")
     link = tmp_path / "gps0"
     chosen = {name.replace(".", "__"): value for name, value in GIVEN.items()}
     words = ("--sensors", "[gnss]", "--nmea", str(link))
     node = start("simulator", *words, "--ros-args", **chosen, wait_for_subscribers=1)
-    until(link.is_symlink, lambda: threading.Event().wait(0.05), "the link")
+    until(link.is_symlink, "the link")
     assert os.readlink(link).startswith("/dev/pts/")
     reader = Reader(link)
     listener.listen("imu/data_raw", Imu)
