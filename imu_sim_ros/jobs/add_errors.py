@@ -10,7 +10,7 @@ import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -175,26 +175,58 @@ class ErrorModel:
     ((1, 3), (1, 3))
     """
 
-    def __new__(cls, *, count: int | None = None, **arguments: Any) -> Any:
-        """Return one sensor, or an :class:`ErrorModelBatch` of ``count``."""
-        if count is not None:
-            return ErrorModelBatch(count=count, **arguments)
-        return super().__new__(cls)
+    _model: GivenImu
 
-    def __init__(
-        self,
+    @overload
+    def __new__(
+        cls,
         *,
         rate: float,
-        count: None = None,
-        imu: str | Path | Mapping[str, Any] | None = None,
+        count: None = ...,
+        imu: str | Path | Mapping[str, Any] | None = ...,
+        seed: int | None = ...,
+        params_file: str | Path | None = ...,
+        input: Mapping[str, Any] | None = ...,
+        **parameters: Any,
+    ) -> ErrorModel: ...
+
+    @overload
+    def __new__(  # type: ignore[misc]  # another class, on purpose
+        cls,
+        *,
+        rate: float,
+        count: int,
+        imu: str | Path | Mapping[str, Any] | Sequence[Any] | None = ...,
+        seed: int | None = ...,
+        params_file: str | Path | None = ...,
+        input: Mapping[str, Any] | None = ...,
+        spread: Mapping[str, Any] | None = ...,
+        **parameters: Any,
+    ) -> ErrorModelBatch: ...
+
+    def __new__(  # type: ignore[misc]  # with __init__, type checkers would know one class alone
+        cls,
+        *,
+        rate: float,
+        count: int | None = None,
+        imu: Any = None,
         seed: int | None = None,
         params_file: str | Path | None = None,
         input: Mapping[str, Any] | None = None,
         **parameters: Any,
-    ) -> None:
-        """Set up the sensor."""
+    ) -> ErrorModel | ErrorModelBatch:
+        """Set up the sensor, or a batch of ``count``."""
+        if count is not None:
+            given = {"imu": imu, "seed": seed, "params_file": params_file, "input": input}
+            return ErrorModelBatch(rate=rate, count=count, **given, **parameters)
+        self = super().__new__(cls)
         layers = layers_of(imu, seed, params_file, input, parameters, rate)
         self._model = GivenImu(load_error_model(layers), OTHERS, _warn)
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let copies and pickles take the state, without the arguments of the sensor."""
+        return object.__new__, (type(self),), vars(self)
 
     @property
     def parameters(self) -> ErrorModelParameters:
@@ -356,7 +388,7 @@ class ErrorModelBatch:
         *,
         count: int,
         rate: float,
-        imu: Any = None,
+        imu: str | Path | Mapping[str, Any] | Sequence[Any] | None = None,
         seed: int | None = None,
         params_file: str | Path | None = None,
         input: Mapping[str, Any] | None = None,
@@ -379,7 +411,11 @@ class ErrorModelBatch:
         self.parameters: ErrorModelParameters = built[0]
         declared = self.parameters.input
         if declared.place == "body" or declared.rate:
-            refuse("input", input, "without place and rate in a batch: readings in the IMU's place")
+            refuse(
+                "input",
+                input,
+                "without place and rate in a batch: readings where the IMU is mounted",
+            )
         if self.parameters.seed > _LARGEST_SEED:
             refuse("seed", seed, f"at most {_LARGEST_SEED} in a batch: each unit has its own")
         self._conventions = Conventions(self.parameters)

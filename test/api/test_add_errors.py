@@ -3,9 +3,11 @@
 
 """Errors on given readings from Python: one sample or many, saved, refused; models of Gazebo."""
 
+import copy
 import math
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,6 +38,18 @@ def test_one_sample_or_many_are_those_of_the_simulation(flight: ims.Flight) -> N
     assert np.isnan(added.trajectory.sample(np.zeros(2)).q_wb).all()
     assert added.parameters.rate == 200.0
     assert repr(model) == "<ErrorModel mpu6000 at 200 Hz, seed 3>"
+
+
+@pytest.mark.parametrize("count", [None, 2])
+def test_a_copy_of_a_model_goes_on_like_it(count: int | None) -> None:
+    model: Any = ims.ErrorModel(imu="mpu6000", rate=200, seed=3, count=count)
+    zero = np.zeros((count or 1, 3))
+    model.read(0, zero, zero + 1.0)
+    again = copy.deepcopy(model)
+    assert type(again) is (ims.ErrorModel if count is None else ims.ErrorModelBatch)
+    one, other = (each.read(5_000_000, zero, zero + 1.0) for each in (model, again))
+    assert np.array_equal(one.gyro, other.gyro)
+    assert np.array_equal(one.gyro_bias, other.gyro_bias)
 
 
 def test_a_bag_and_back(flight: ims.Flight, tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ def batch(imu: str) -> tuple[float, float]:
     """Return the time of an environment and step [us], and the memory of an environment [kB]."""
     gyro, accel = np.zeros((COUNT, 3)), np.tile([0.1, 0.2, 9.81], (COUNT, 1))
     before = resident()
-    model = ims.ErrorModelBatch(imu=imu, rate=200, seed=1, count=COUNT)
+    model: ims.ErrorModelBatch = ims.ErrorModel(imu=imu, rate=200, seed=1, count=COUNT)
 
     def steps() -> None:
         for k in range(AHEAD):

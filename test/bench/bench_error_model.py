@@ -37,7 +37,7 @@ def single(imu: str) -> float:
     gyro, accel = np.zeros(3), np.array([0.1, 0.2, 9.81])
 
     def work() -> None:
-        model = ims.ErrorModel(imu=imu, rate=1000, seed=1)
+        model: ims.ErrorModel = ims.ErrorModel(imu=imu, rate=1000, seed=1)
         for k in range(SAMPLES):
             model.read(k * 1_000_000, gyro, accel)
 
