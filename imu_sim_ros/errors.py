@@ -40,8 +40,12 @@ class ArgumentTypeError(ConfigurationError, TypeError):
     """An argument of the wrong type."""
 
 
+class InputError(ImuSimError):
+    """Input or output that cannot be used: a bag, a trajectory file, a folder."""
+
+
 class Problems(list[str]):
-    """Lines about several parts of an input, which one error tells together.
+    """Lines about several inputs, or parts of one, which one error tells together.
 
     Each part is tried::
 
@@ -54,7 +58,7 @@ class Problems(list[str]):
 
     def __init__(self) -> None:
         super().__init__()
-        self._kinds: set[type[ConfigurationError]] = set()
+        self._kinds: set[type[ConfigurationError | InputError]] = set()
         self.unjudged: tuple[str, ...] = ()
         """How the names of parameters begin that hang on something wrong; nobody judges them."""
 
@@ -67,7 +71,7 @@ class Problems(list[str]):
         """
         try:
             yield
-        except ConfigurationError as error:
+        except (ConfigurationError, InputError) as error:
             self += [f"{before}{line}" for line in error.problems if f"{before}{line}" not in self]
             self._kinds.add(type(error))
             self.unjudged += () if hanging is None else (hanging,)
@@ -77,10 +81,6 @@ class Problems(list[str]):
         if self:
             alike = len(self._kinds) == 1
             raise (self._kinds.pop() if alike else ConfigurationError)(self)
-
-
-class InputError(ImuSimError):
-    """Input or output that cannot be used: a bag, a trajectory file, a folder."""
 
 
 class MachineError(ImuSimError):

@@ -17,7 +17,9 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros import program
+from imu_sim_ros.calibration.noise.truth import load_truth
 from imu_sim_ros.commands.common import FORCE, outputs
+from imu_sim_ros.errors import Problems
 from imu_sim_ros.jobs.calibrate import RUNS
 from imu_sim_ros.signatures import arguments_of, call
 from imu_sim_ros.types import Array
@@ -72,9 +74,15 @@ def calibrate(arguments: argparse.Namespace) -> None:
     staging = None if arguments.no_files else written.add_files(folder, names)
     rates = getattr(arguments, "rates", None)
     with written.staged():
-        found = call(
-            RUNS[arguments.kind].job, arguments, above={} if rates is None else {"rates": rates}
-        )
+        problems = Problems()
+        with problems.gathered():
+            found = call(
+                RUNS[arguments.kind].job, arguments, above={} if rates is None else {"rates": rates}
+            )
+        if arguments.truth:
+            with problems.gathered():
+                load_truth(arguments.truth)
+        problems.tell()
         for line in found.warnings:
             print(f"calibrate: {line}", file=sys.stderr)
         true = found.true_values(arguments.truth) if arguments.truth else {}

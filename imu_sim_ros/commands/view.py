@@ -24,7 +24,7 @@ from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.commands.common import FORCE, outputs
 from imu_sim_ros.conventions import LANDMARKS_TOPIC, TF_STATIC_TOPIC
 from imu_sim_ros.datasets.world import fixed_in, frame_of, pose_between
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.errors import InputError, Problems
 from imu_sim_ros.jobs.recorded import camera_names, read_images
 from imu_sim_ros.jobs.tracks import has_truth, read_track, truth_topic
 from imu_sim_ros.plots.flight_view import FlightView, rerun
@@ -84,13 +84,16 @@ def view(arguments: argparse.Namespace) -> None:
 
 def _paths(arguments: argparse.Namespace) -> tuple[str | None, dict[str, PoseSequence]]:
     """Return the topic of the truth, and truth and estimates by name, as far as there are some."""
-    flight, paths = arguments.flight, dict[str, PoseSequence]()
-    truth = truth_topic(flight, arguments.truth_topic) if has_truth(flight) else None
-    if truth is not None:
-        paths[_TRUTH] = read_track(flight, truth).poses
+    flight, paths, problems = arguments.flight, dict[str, PoseSequence](), Problems()
+    with problems.gathered():
+        truth = truth_topic(flight, arguments.truth_topic) if has_truth(flight) else None
+        if truth is not None:
+            paths[_TRUTH] = read_track(flight, truth).poses
     for estimate in arguments.estimates:
         name = estimate.stem if estimate.stem not in paths else str(estimate.with_suffix(""))
-        paths[name] = read_track(estimate).poses
+        with problems.gathered():
+            paths[name] = read_track(estimate).poses
+    problems.tell()
     return truth, paths
 
 

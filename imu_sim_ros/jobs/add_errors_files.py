@@ -21,7 +21,7 @@ from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.bags.writer import BagOptions, described, open_writer
 from imu_sim_ros.conventions import IMU_TOPIC
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.errors import InputError, Problems
 from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.jobs import convert
 from imu_sim_ros.jobs.add_errors import ROWS_AT_ONCE, layers_of, rate_of, with_rate
@@ -158,7 +158,13 @@ def add_errors_to_file(
     if dataset not in (None, *FORMATS):
         raise InputError(f"{path}: {dataset} has no readings")
     topic = None if input_topic is None else arguments.text("input_topic", input_topic, "a topic")
-    layers = layers_of(imu, seed, params_file, input, parameters, rate)
+    problems = Problems()
+    with problems.gathered():
+        layers = layers_of(imu, seed, params_file, input, parameters, rate)
+    if problems and not text_reader.is_text(given):
+        with problems.gathered(), open_bag(given):
+            pass
+    problems.tell()
     read = [given, *parameter_files(params_file), *layers.values()]
     written = outputs(force, discard_partial, read)
     journal = Journal(given, arguments.switch("skip_bad_rows", skip_bad_rows))
@@ -184,8 +190,8 @@ def add_errors_to_file(
             with open_bag(ideal) as bag:
                 readings = source_of(bag, None if is_text else topic)
                 built = with_rate(layers, lambda: rate_in(bag, readings))
-                if "imu/data" in added and (problems := list(orientation_problems(built.imu))):
-                    raise InputError(problems)
+                if "imu/data" in added and (wrong := list(orientation_problems(built.imu))):
+                    raise InputError(wrong)
                 have = {resolved(one.name) for one in bag.topics}
                 if is_text:  # a dataset's biases are those of the readings before
                     left_out |= {resolved(name) for name in added} & have - {readings.name}

@@ -21,7 +21,7 @@ from imu_sim_ros.calibration.noise.estimate import Estimate
 from imu_sim_ros.calibration.noise.terms import QUANTITIES
 from imu_sim_ros.calibration.noise.truth import Comparison
 from imu_sim_ros.conventions import AXES, TRIADS
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.errors import InputError, Problems
 from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.readings import Readings
@@ -265,7 +265,11 @@ def allan(
         paths = [arguments.path("source", one, BAG_OR_FILE) for one in given]
         if not paths:
             arguments.refuse("source", source, BAG_OR_FILE)
-        topic = arguments.topic("topic", topic)
+        topic, problems = arguments.topic("topic", topic), Problems()
+        for path in paths if len(paths) > 1 else ():  # before long records are read
+            with problems.gathered():
+                next(imu_blocks(path, topic, skipped=lambda count: None), None)
+        problems.tell()
         blocks = (
             imu_blocks(path, topic, skipped=tell_skipped(path) if skip_bad_rows else None)
             for path in paths

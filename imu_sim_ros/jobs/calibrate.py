@@ -35,14 +35,14 @@ from imu_sim_ros.calibration.deterministic.turntable import calibrate_turntable 
 from imu_sim_ros.calibration.deterministic.turntable import known_rates, specific_force, true_rates
 from imu_sim_ros.calibration.noise.truth import load_truth
 from imu_sim_ros.conventions import GRAVITY, TRIADS
-from imu_sim_ros.errors import InputError, naming
+from imu_sim_ros.errors import InputError, Problems, naming
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.readings import Readings
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.navigation.parameters import IntegratorParameters
-from imu_sim_ros.navigation.state import correction_of
+from imu_sim_ros.navigation.state import NO_CORRECTION, Correction, correction_of
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.sensors.magnetometer.declaration import SENSOR, TABLE
@@ -398,9 +398,13 @@ def calibrate_turntable(
     """
     run = _Run(readings, topic, skip_bad_rows)
     gravity = _gravity(gravity)
-    imu = run.imu()
-    if accelerometer is not None:
-        imu = _corrected(imu, accelerometer)
+    problems = Problems()
+    with problems.gathered():
+        imu = run.imu()
+    with problems.gathered():
+        known = NO_CORRECTION if accelerometer is None else _correction(accelerometer)
+    problems.tell()
+    imu = Readings(imu.t_ns, imu.gyro, known.apply(imu.gyro, imu.accel)[1], imu.name)
     with run.naming():
         steady, rate = run.steady(imu, rates, truth_topic, rotating=True)
         found = turntable(steady, rate, gravity)
@@ -548,8 +552,8 @@ def _gravity(value: float) -> float:
     return number("gravity", value, "a magnitude from 1 to 30 m/s^2", 1.0, 30.0)
 
 
-def _corrected(imu: Readings, given: Calibration | str | Path) -> Readings:
-    """Return readings without the accelerometer's errors that a calibration found."""
+def _correction(given: Calibration | str | Path) -> Correction:
+    """Return how the errors that a calibration found are taken from readings."""
     values: Mapping[str, object]
     if isinstance(given, Calibration):
         values = correction.for_integrator(given.parameters)
@@ -558,8 +562,7 @@ def _corrected(imu: Readings, given: Calibration | str | Path) -> Readings:
             arguments.path("accelerometer", given, "a Calibration or the path of its correction"),
             "integrator",
         )
-    accel = correction_of(build(IntegratorParameters, values)).apply(imu.gyro, imu.accel)[1]
-    return Readings(imu.t_ns, imu.gyro, accel, imu.name)
+    return correction_of(build(IntegratorParameters, values))
 
 
 def _rms(values: Array) -> list[float]:

@@ -21,7 +21,7 @@ from imu_sim_ros.arguments import path as checked_path
 from imu_sim_ros.arguments import topic as checked_topic
 from imu_sim_ros.datasets import world as worlds
 from imu_sim_ros.datasets.world import KnownWorld, world_of_simulation
-from imu_sim_ros.errors import InputError, Remark
+from imu_sim_ros.errors import InputError, Problems, Remark
 from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs import tracks
 from imu_sim_ros.jobs.flight import Flight, readings_of
@@ -294,7 +294,13 @@ def _begun(
         allowed = "a name or the path of a file"
         given["calibration"] = str(checked_path("calibration", calibration, allowed))
     if isinstance(readings, str | PathLike):
-        _settings(**given)  # wrong ones are refused before anything is read
+        problems = Problems()
+        with problems.gathered():
+            _settings(**given)  # wrong ones are refused before readings are read
+        if problems:
+            with problems.gathered():
+                tracks.has_truth(checked_path("readings", readings, BAG_OR_FILE))
+        problems.tell()
     recording = _recording(readings, *topics, skip_bad_rows).after(skip)
     world = _world(readings, *topics)
     known = {**world.parameters, **given}

@@ -18,7 +18,7 @@ from imu_sim_ros.arguments import BAG_OR_FILE, array, number, one_of, refuse, sw
 from imu_sim_ros.arguments import path as checked_path
 from imu_sim_ros.arguments import topic as checked_topic
 from imu_sim_ros.bags.text.reader import is_text
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.errors import InputError, Problems
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.attitude import (
     AttitudeEvaluation,
@@ -28,7 +28,7 @@ from imu_sim_ros.jobs.attitude import (
 )
 from imu_sim_ros.jobs.measured import ReadingsEvaluation, evaluate_measured, sensor_of
 from imu_sim_ros.jobs.readings import HasPoses, checked_poses
-from imu_sim_ros.jobs.tracks import RecordedTrack, odometry_topics, read_track
+from imu_sim_ros.jobs.tracks import RecordedTrack, has_truth, odometry_topics, read_track
 from imu_sim_ros.jobs.tracks import truth_topic as truth_topic_of
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.navigation.association import (
@@ -59,6 +59,7 @@ from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.types import Array, Integers, Mask, Times
 
 if TYPE_CHECKING:
+    from imu_sim_ros.datasets.tracks import TrackFolder
     from imu_sim_ros.plots.style import Figure
 
 
@@ -425,7 +426,14 @@ def evaluate(
         "time_offset": time_offset or None,
         "rpe": [f"{length:g}{unit}" for length, unit in over] or None,
     }
-    table = _table(estimate, estimate_topic)
+    problems = Problems()
+    table = None
+    with problems.gathered():
+        table = _table(estimate, estimate_topic)
+    if problems and isinstance(truth, str | Path):
+        with problems.gathered():
+            has_truth(checked_path("truth", truth, BAG_OR_FILE))
+    problems.tell()
     if table is not None:
         _refuse_all(unfit, f"omitted: {estimate_topic} is no trajectory")
         recording = (truth, truth_topic)
@@ -436,9 +444,18 @@ def evaluate(
         true = _track("truth", truth, truth_topic, skip)
         return evaluate_attitude(estimate, true.poses, max_gap)
     _check_two(estimate, truth, estimate_topic, truth_topic)
-    track = _track("estimate", estimate, estimate_topic, skip)
-    true = _track("truth", truth, truth_topic, skip)
-    return replace(compared(track, true, align, max_gap, time_offset, folder), rpe=over)
+    with problems.gathered():
+        track = _track("estimate", estimate, estimate_topic, skip)
+    with problems.gathered():
+        true = _track("truth", truth, truth_topic, skip)
+    with problems.gathered():
+        seen = None if folder is None else _read_tracks(folder)
+    problems.tell()
+    found = compared(track, true, align, max_gap, time_offset)
+    if seen is not None:
+        reprojection = _reprojection(seen, str(folder), found.estimate, true.poses)
+        found = replace(found, reprojection=reprojection)
+    return replace(found, rpe=over)
 
 
 def _check_two(
@@ -504,7 +521,6 @@ def compared(
     align: str,
     max_gap: float,
     find_offset: bool = False,
-    folder: Path | None = None,
 ) -> Evaluation:
     """Return the errors of a trajectory; arguments as for :func:`evaluate`.
 
@@ -533,7 +549,6 @@ def compared(
     )
     linear = None if twist is None else twist[:, :3, :3]
     found, why = stated_nees(stated, given, true, align, velocity_b, linear)
-    seen = None if folder is None else _reprojection(folder, poses, truth.poses)
     return Evaluation(
         t_ns,
         errors.position,
@@ -549,7 +564,6 @@ def compared(
         found,
         why,
         offset,
-        seen,
     )
 
 
@@ -648,20 +662,25 @@ def _nees_table(result: PoseNees) -> TextTable:
     return TextTable(["of", "mean", "final", "inside", "poses"], rows, title)
 
 
-def _reprojection(folder: Path, estimate: PoseSequence, truth: PoseSequence) -> list[Reprojection]:
+def _read_tracks(folder: Path) -> TrackFolder:
+    from imu_sim_ros.datasets.tracks import read_track_folder  # most evaluations have no camera
+
+    return read_track_folder(folder)
+
+
+def _reprojection(
+    tracks: TrackFolder, name: str, estimate: PoseSequence, truth: PoseSequence
+) -> list[Reprojection]:
     """Return the reprojection errors of each camera, for the estimate and for the truth.
 
+    :param name: of the folder.
     :param estimate: aligned with the world of the landmarks.
     :raises InputError: if no feature has a pose of the estimate.
     """
-    from imu_sim_ros.datasets.tracks import read_track_folder
-    from imu_sim_ros.sensors.camera.model import (
-        reprojection_errors,  # most evaluations have no camera
-    )
+    from imu_sim_ros.sensors.camera.model import reprojection_errors
 
-    tracks = read_track_folder(folder)
     result = []
-    for k, (name, camera) in enumerate(tracks.cameras.items()):
+    for k, (camera_name, camera) in enumerate(tracks.cameras.items()):
         rows = np.flatnonzero((tracks.camera == k) & ~tracks.wrong)
         row = tracks.uv[rows, 1] - 0.5 * (camera.height - 1)
         t_ns = tracks.true_t_ns[rows] + np.rint(camera.row_time * row * 1e9).astype(np.int64)
@@ -675,7 +694,7 @@ def _reprojection(folder: Path, estimate: PoseSequence, truth: PoseSequence) -> 
             seen.append(np.linalg.norm(errors[np.isfinite(errors[:, 0])], axis=1))
         lengths, of_truth = seen
         entry: Reprojection = {
-            "camera": name,
+            "camera": camera_name,
             "features": len(rows),
             "of": of,
             "behind": len(rows) - len(lengths),
@@ -688,7 +707,7 @@ def _reprojection(folder: Path, estimate: PoseSequence, truth: PoseSequence) -> 
         result.append(entry)
     if not any(entry["features"] for entry in result):
         raise InputError(
-            f"{folder}: no frame has poses of estimate and truth at its time, or within 20 ms "
+            f"{name}: no frame has poses of estimate and truth at its time, or within 20 ms "
             "before and after it"
         )
     return result

@@ -17,8 +17,8 @@ from imu_sim_ros.bags import sensor_tables
 from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.bags.sensor_tables import TableRows, read_table
 from imu_sim_ros.bags.text.reader import is_text
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs.rows import Skipped, tell_skipped
+from imu_sim_ros.errors import InputError, Problems
+from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.attitude import (
     AttitudeEvaluation,
@@ -116,23 +116,49 @@ def evaluate_measured(
     :param skip_bad_rows: leave out bad rows, and tell how many; else they are errors.
     :raises InputError: for what cannot be read or has no truth.
     """
-    path, topic = estimate
-    measured = read_table(path, table, topic, tell_skipped(path) if skip_bad_rows else None)
-    where = f"{path}, {topic}"
-    if table.of_readings and not len(measured.t_ns):
-        raise InputError(f"{where}: no message has an orientation: orientation_covariance[0] is -1")
-    if len(measured.t_ns) < 2:
-        raise InputError(f"{where}: {len(measured.t_ns)} values; two or more are needed")
+    topic, problems = estimate[1], Problems()
+    with problems.gathered():
+        measured = _measured(table, *estimate, skip_bad_rows)
     if table.of_readings:
-        chosen = assumed_truth(*truth)
-        poses = read_track(truth[0], chosen, skip_bad_rows=skip_bad_rows).poses
+        with problems.gathered():
+            chosen = assumed_truth(*truth)
+            poses = read_track(truth[0], chosen, skip_bad_rows=skip_bad_rows).poses
+        with problems.gathered():
+            mounting = _mounting(imu)
+        problems.tell()
         attitudes = (measured.t_ns, measured.values, poses, max_gap)
-        turned = compared_attitudes(*attitudes, _mounting(imu), measured.covariance)
+        turned = compared_attitudes(*attitudes, mounting, measured.covariance)
         return replace(turned, topic=topic)
     truths = sensor_tables.truths_of(table, topic)
-    skipped = tell_skipped(truth[0]) if skip_bad_rows else None
-    found = _readings(table, measured, truths, truth, max_gap, skipped)
+    with problems.gathered():
+        ideal = _ideal(table, truth[0], truth[1] or truths.ideal, skip_bad_rows)
+    problems.tell()
+    found = _readings(table, measured, ideal, truths, truth[0], max_gap)
     return replace(found, topic=topic)
+
+
+def _measured(table: Table, path: Path, topic: str, skip_bad_rows: bool) -> TableRows:
+    """Return what a sensor has measured.
+
+    :raises InputError: for fewer than two values.
+    """
+    found = read_table(path, table, topic, tell_skipped(path) if skip_bad_rows else None)
+    where = f"{path}, {topic}"
+    if table.of_readings and not len(found.t_ns):
+        raise InputError(f"{where}: no message has an orientation: orientation_covariance[0] is -1")
+    if len(found.t_ns) < 2:
+        raise InputError(f"{where}: {len(found.t_ns)} values; two or more are needed")
+    return found
+
+
+def _ideal(table: Table, path: Path, topic: str, skip_bad_rows: bool) -> TableRows:
+    """Return the ideal readings of a recording.
+
+    :raises InputError: if it has none.
+    """
+    if is_text(path):
+        raise InputError(f"{path}: has no {topic}; a bag that has it is needed")
+    return read_table(path, table, topic, tell_skipped(path) if skip_bad_rows else None)
 
 
 def _mounting(imu: str | Path | None) -> Array:
@@ -147,16 +173,15 @@ def _mounting(imu: str | Path | None) -> Array:
 def _readings(
     table: Table,
     measured: TableRows,
+    ideal: TableRows,
     truths: sensor_tables.Truths,
-    truth: tuple[Path, str | None],
+    path: Path,
     max_gap: float,
-    skipped: Skipped | None,
 ) -> ReadingsEvaluation:
-    """Compare readings with the ideal ones of a recording and, if it has them, their biases."""
-    path, topic = truth[0], truth[1] or truths.ideal
-    if is_text(path):
-        raise InputError(f"{path}: has no {topic}; a bag that has it is needed")
-    ideal = read_table(path, table, topic, skipped)
+    """Compare readings with the ideal ones of a recording and, if it has them, their biases.
+
+    :param path: of the recording.
+    """
     rows = common_rows(measured.t_ns, ideal.t_ns, max_gap)
     t_ns = measured.t_ns[rows]
     errors = measured.values[rows] - interpolate_vectors(ideal.t_ns, ideal.values, t_ns)

@@ -26,7 +26,7 @@ from imu_sim_ros.calibration.twin.pose_noise import (
     spoiled,
 )
 from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.errors import InputError, Problems
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs.flight import Flight, readings_of
@@ -173,9 +173,13 @@ def recorded(
 
     :raises InputError: with a line for each reason why there is no twin.
     """
-    readings = readings_of("recording", recording, topic, skip_bad_rows=skip_bad_rows)
-    _check(readings)
-    poses, name = _poses(truth, truth_topic, skip_bad_rows)
+    problems = Problems()
+    with problems.gathered():
+        readings = readings_of("recording", recording, topic, skip_bad_rows=skip_bad_rows)
+        _check(readings)
+    with problems.gathered():
+        poses, name = _poses(truth, truth_topic, skip_bad_rows)
+    problems.tell()
     splines = _Splines(poses, name)
     noise, highest = splines.noise(cutoff)
     visible = float(np.clip(_ROOM * highest, min(_LOWEST, cutoff), cutoff))

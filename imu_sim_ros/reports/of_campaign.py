@@ -15,7 +15,7 @@ from imu_sim_ros.campaigns.results import LOG, TABLE, Row, read_results
 from imu_sim_ros.campaigns.statistics import quantile
 from imu_sim_ros.campaigns.summary import Group, groups, slopes
 from imu_sim_ros.campaigns.verdict import judge, varying_names
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.errors import InputError, Problems
 from imu_sim_ros.inputs.rows import is_present
 from imu_sim_ros.names import unknown
 from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA, anees_band
@@ -60,11 +60,17 @@ def campaign_sections(
     :param non_inferiority: margin of the comparison with the last baseline; None: not asked.
     :raises InputError: for a folder without plan or runs, or an unknown metric.
     """
-    plan = load_plan(folder / PLAN)
-    rows = read_results(folder)
-    earlier = [(_named(path), read_results(path)) for path in baselines]
-    if not rows:
-        raise InputError(f"{folder}: contains no run yet")
+    problems, earlier = Problems(), []
+    with problems.gathered():
+        plan = load_plan(folder / PLAN)
+    with problems.gathered():
+        rows = read_results(folder)
+        if not rows:
+            raise InputError(f"{folder}: contains no run yet")
+    for path in baselines:
+        with problems.gathered():
+            earlier.append((_named(path), read_results(path)))
+    problems.tell()
     present = [name for name in plan.metrics if any(row.get(name) is not None for row in rows)]
     if metric and metric not in (*present, SUCCESS):
         none = None if present else "no run is done"

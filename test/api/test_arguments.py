@@ -206,7 +206,7 @@ EMPTY = ims.PoseSequence(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 4
     [
         (lambda flight: ims.evaluate(EMPTY, flight.truth), "estimate"),
         (lambda flight: ims.evaluate(flight.truth, EMPTY), "truth"),
-        (lambda flight: ims.evaluate(EMPTY, EMPTY), "estimate"),
+        (lambda flight: ims.evaluate(EMPTY, EMPTY), "estimate: contains no poses\ntruth"),
         (lambda _: ims.twin(ims.simulate(trajectory="lecture", duration=2), EMPTY), "truth"),
         (lambda flight: ims.simulate(trajectory=EMPTY), "trajectory"),
     ],

@@ -160,6 +160,46 @@ def test_every_name_that_does_not_exist_is_a_line(tmp_path, capsys, words, said)
     assert not list(tmp_path.iterdir())
 
 
+GONE = ": No such file"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("evaluate a b --tracks c", ["a" + GONE, "b" + GONE, "c/cameras.yaml" + GONE]),
+        ("evaluate empty.txt no.bag", ["empty.txt: contains no poses", "no.bag: not a bag"]),
+        ("evaluate a b --estimate-topic imu/data", ["a" + GONE, "b" + GONE]),
+        (
+            "evaluate flight.mcap b --estimate-topic imu/mag",
+            ["flight.mcap: has no topic imu/mag", "b" + GONE],
+        ),
+        ("twin a --truth b", ["a" + GONE, "b" + GONE]),
+        ("allan a flight.mcap no.bag", ["a" + GONE, "no.bag: not a bag"]),
+        (
+            "calibrate turntable a --accelerometer b --truth c",
+            ["a" + GONE, "b" + GONE, "unknown IMU 'c'"],
+        ),
+        ("dead_reckon a --correction b", ["a" + GONE, "b" + GONE]),
+        ("add_errors a -o x.mcap --params-file b --imu c", ["a" + GONE, "b" + GONE]),
+        (
+            "report no.bag a flight.mcap empty.txt --baseline b",
+            [*(f"{name}: no such file or folder" for name in "ab"), "no.bag: ", "empty.txt: "],
+        ),
+    ],
+)
+def test_every_input_that_cannot_be_read_is_a_line(tmp_path, monkeypatch, capsys, words, said):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "empty.txt").touch()
+    (tmp_path / "no.bag").write_text("words")
+    assert generate.main(["-o", "flight.mcap", "--rate", "50", "--duration", "1s", "--quiet"]) == 0
+    program, *given = words.split()
+    assert importlib.import_module(f"imu_sim_ros.commands.{program}").main(given) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == len(said), lines
+    for part in said:
+        assert any(part in line for line in lines), lines
+
+
 def test_an_unforeseen_error_is_one_line_and_a_traceback_on_request(capsys):
     def fail():
         raise KeyError("what")

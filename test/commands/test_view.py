@@ -108,9 +108,11 @@ def test_what_cannot_be_shown_is_said_before_a_viewer_starts(flight, capsys, mon
         "view: there is no screen for rerun's viewer; --save FILE writes what rerun opens "
         "elsewhere\n"
     )
-    for words in (["gone.mcap"], [bag, "gone.csv"]):
+    for gone in (["gone.mcap"], ["gone.csv", "x.tum"], ["gone.mcap", "gone.csv"]):
+        words = gone if gone[0] == "gone.mcap" else [bag, *gone]
         assert view.main(words) == 2
-        assert capsys.readouterr().err == f"view: {words[-1]}: No such file or directory\n"
+        lines = [f"view: {name}: No such file or directory" for name in gone]
+        assert capsys.readouterr().err.splitlines() == lines
 
 
 def test_estimates_of_the_same_name_are_two_paths(flight, capsys):
