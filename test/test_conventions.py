@@ -4,6 +4,7 @@
 """Conventions have one home: no other source file spells them out."""
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from imu_sim_ros import conventions
 
 PACKAGE = Path(conventions.__file__).parent
+MANUAL = Path(__file__).parents[1] / "docs"
 TOPICS = {value for name, value in vars(conventions).items() if name.endswith("_TOPIC")}
 FRAMES = {value for name, value in vars(conventions).items() if name.endswith("_FRAME")}
 pytestmark = pytest.mark.usefixtures("uncollected")
@@ -46,3 +48,14 @@ def spelled_out(path):
 def test_topics_frames_gravity_and_triads_are_written_once():
     found = {str(path.relative_to(PACKAGE)): spelled_out(path) for path in SOURCES}
     assert not {path: what for path, what in found.items() if what}
+
+
+def test_a_place_is_that_of_a_scene():
+    """A sensor has a mount."""
+    sensor = "(?:IMU|sensor|gyroscope|accelerometer|camera|LiDAR)"
+    mount = re.compile(
+        f"{sensor}s?'s? places?\\b|places? of (?:the|an?) {sensor}|{sensor} [ia][nt] its place"
+    )
+    pages = [*SOURCES, *sorted(MANUAL.rglob("*.md"))]
+    found = {path.name: mount.findall(path.read_text(encoding="utf-8")) for path in pages}
+    assert not {name: words for name, words in found.items() if words}

@@ -116,8 +116,8 @@ class Contest:
     """All pairs, or the first with each other one if there are more than 30 members."""
 
     @property
-    def place(self) -> str:
-        """``where`` in words."""
+    def where_in_words(self) -> str:
+        """``where`` as a line of a table has it."""
         return ", ".join(f"{name}={value}" for name, value in self.where.items()) or "all"
 
     def outcome(self, tolerance: str) -> str:
@@ -140,7 +140,7 @@ class Contest:
 
     def line(self, metric: str, tolerance: str) -> str:
         """Return the result in a line."""
-        where = f"{self.place}: " if self.where else ""
+        where = f"{self.where_in_words}: " if self.where else ""
         return f"{where}{self.outcome(tolerance)}; {self.told(metric)}"
 
 

@@ -131,7 +131,8 @@ def _of_bag(
     return _RecordedMount(
         None,
         f"nothing says where {frame} is in {body} ({TF_STATIC_TOPIC}, or the _truth.yaml of "
-        "generate): taken as the same place; imu.lever_arm and imu.mounting state another",
+        "generate): taken to be in its origin with its axes; imu.lever_arm and imu.mounting state "
+        "another mount",
     )
 
 

@@ -399,7 +399,7 @@ def _difference_lines(found: Judgement) -> Iterator[str | TextTable]:
         yield contest.line(found.metric, found.tolerance)
     rows = [
         [
-            *(contest.place, effect.a, effect.b, effect.size(), effect.at_once()),
+            *(contest.where_in_words, effect.a, effect.b, effect.size(), effect.at_once()),
             *(_number(effect.p), effect.verdict),
         ]
         for contest in found.contests

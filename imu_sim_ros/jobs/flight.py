@@ -55,9 +55,9 @@ class Truth(Odometry):
     acceleration: Array
     """(n, 3) of the body in the world, without gravity [m/s^2]."""
     gyro: Array
-    """(n, 3) readings of a perfect gyroscope at its place in the body [rad/s]."""
+    """(n, 3) readings of a perfect gyroscope where it is mounted [rad/s]."""
     accel: Array
-    """(n, 3) readings of a perfect accelerometer at its place in the body [m/s^2]."""
+    """(n, 3) readings of a perfect accelerometer where it is mounted [m/s^2]."""
     gyro_bias: Array
     """(n, 3) sum of all biases of the gyroscope [rad/s]."""
     accel_bias: Array

@@ -164,7 +164,7 @@ class Covariance:
         """
         transition, p = self._transition, self.matrix
         _ROWS.pack_into(transition.data, 0, *_rows(h, r_wb, force_b))
-        # F P F^T in its own place; half the call of the operator @
+        # F P F^T in the array of P; half the call of the operator @
         transition.dot(p, self._half).dot(transition.T, p)
         if h != self._added_h:
             self._gyro_white, self._accel_white = (t.white_variance(1.0 / h) for t in self._triads)
@@ -326,7 +326,7 @@ def propagate(
     :param initial: (15, 15) covariance at the first row, or one such as
         :func:`~imu_sim_ros.navigation.initialisation.after_rest` gives; None is no error.
     :param at: the m rows to return, increasing; -1 is the last.
-    :param mount: place of the IMU in the body, whose states are given and whose covariance is
+    :param mount: that of the IMU in the body, whose states are given and whose covariance is
         returned, the biases in the IMU's axes; ``initial`` is that of the IMU's state.
     :returns: (m, 15, 15) mean squares of the error, the second order included.
     """

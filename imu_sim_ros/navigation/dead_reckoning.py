@@ -87,7 +87,7 @@ def dead_reckon(
     :param correction: the known errors of the readings.
     :param max_gap: longest interval that is integrated over [s].
     :param earth_rate: (3,) rate of the world, in the world frame [rad/s].
-    :param mount: place of the IMU in the body.
+    :param mount: that of the IMU in the body.
     :param initial_rate: (3,) angular rate of the body at the first stamp, relative to the world and
         in the body [rad/s]; with a lever arm it decides the IMU's velocity. None: as it is read.
     :returns: the states of the body at all stamps, the initial one first.

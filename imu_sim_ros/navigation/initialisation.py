@@ -237,7 +237,7 @@ def after_rest(
     :param r_wb: (3, 3) attitude of the body.
     :param gravity: (3,) in the world, along z [m/s^2].
     :param rate_hz: readings per second; it decides how far rounding averages out.
-    :param mount: place of the IMU in the body.
+    :param mount: that of the IMU in the body.
     :returns: that of the IMU's state.
     """
     result = Covariance(noise)

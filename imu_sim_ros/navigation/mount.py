@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The place of an IMU in the body: dead reckoning integrates the IMU, and states the body's motion.
+"""The mount of an IMU in the body: dead reckoning integrates the IMU, and states the body's motion.
 
 With p the lever arm ``p_bi`` and omega the angular rate relative to the world, in body axes,
 
@@ -38,7 +38,7 @@ class BodyState(NamedTuple):
 
 
 class ImuMount(NamedTuple):
-    """Place and axes of an IMU in the body; by default the body's own."""
+    """Position and axes of an IMU in the body; by default the body's own."""
 
     lever_arm: Vector = ZERO_VECTOR
     """p_bi [m]."""
@@ -142,12 +142,12 @@ ALIGNED = ImuMount()
 
 
 def mount_of(imu: ImuParameters | IntegratorImuParameters) -> ImuMount:
-    """Return the place that parameters describe."""
+    """Return the mount that parameters describe."""
     return mount_at(np.asarray(imu.lever_arm), np.reshape(imu.mounting, (3, 3)))
 
 
 def mount_at(lever_arm: Array, r_bi: Array) -> ImuMount:
-    """Return the place with a lever arm (3,) [m] and a rotation (3, 3)."""
+    """Return the mount with a lever arm (3,) [m] and a rotation (3, 3)."""
     x, y, z = lever_arm.tolist()
     qw, qx, qy, qz = rotation.from_matrix(r_bi).tolist()
     return ImuMount((x, y, z), (qw, qx, qy, qz))

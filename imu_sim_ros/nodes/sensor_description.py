@@ -80,7 +80,7 @@ def decode(text: str) -> dict[str, object]:
 class SensorDescription:
     """Holds messages back until the description of the sensor has arrived.
 
-    If the place of the IMU is given, and its noise is given or no covariance is requested, nothing
+    If the mount of the IMU is given, and its noise is given or no covariance is requested, nothing
     waits.
 
     :param adopt: takes the description's parameters, by dotted name.

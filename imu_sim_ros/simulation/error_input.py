@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""From what another simulator sends to the ideal reading of an IMU in its place.
+"""From what another simulator sends to the ideal reading of an IMU where it is mounted.
 
 Everything is carried from one call to the next, so that the result does not depend on how many
 readings come at a time.
@@ -246,7 +246,7 @@ class Gaps:
 
 
 class Conventions:
-    """Axes, gravity and place as declared."""
+    """Axes, gravity and mount as declared."""
 
     def __init__(self, parameters: ErrorModelParameters) -> None:
         """Take the declaration."""
@@ -270,7 +270,7 @@ class Conventions:
         return values if self._turn_field is None else transform(self._turn_field, values)
 
     def apply(self, given: GivenReadings) -> GivenReadings:
-        """Return readings of the IMU in its place.
+        """Return readings of the IMU where it is mounted.
 
         :raises InputError: if gravity is missing, and the orientation too.
         """
@@ -326,7 +326,7 @@ class _Mount:
         self._t_ns, self._rates = np.empty(0, np.int64), np.empty((0, 3))
 
     def apply(self, t_ns: Times, gyro: Array, accel: Array) -> tuple[Array, Array]:
-        """Return rate and specific force in the IMU's place and axes."""
+        """Return rate and specific force where the IMU is mounted, in its axes."""
         alpha = self._derivative(t_ns, gyro)
         force = accel + cross(alpha, self._arm)
         force += cross(gyro, cross(gyro, self._arm))

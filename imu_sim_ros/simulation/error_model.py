@@ -162,7 +162,7 @@ class GivenImu(GivenSensor[GivenReadings, dict[str, Any]]):
         return self._conventions.apply(given)
 
     def _sampled(self, given: GivenReadings) -> list[dict[str, Any]]:
-        """Return the samples of readings in the IMU's place."""
+        """Return the samples of readings where the IMU is mounted."""
         inside = (given.gyro, given.accel)
         if self._resampler is not None:
             given, inside = self._resampler.apply(given)

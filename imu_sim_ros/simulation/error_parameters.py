@@ -135,7 +135,7 @@ class ErrorModelParameters(SampledParameters):
         if self.input.place == "imu" and any(self.imu.accelerometer_positions):
             yield (
                 f"{prefix}imu.accelerometer_positions: must be 0 unless {prefix}input.place is "
-                "body: readings in the IMU's place are those of a single point"
+                "body: readings where the IMU is mounted are those of a single point"
             )
         exponents = (*self.imu.vibration.gyroscope_exponents,)
         if any(exponents) or any(self.imu.vibration.accelerometer_exponents):

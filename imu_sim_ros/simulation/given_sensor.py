@@ -89,12 +89,12 @@ class GivenSensor(ABC, Generic[Given, Made]):
         """Those that wait for the first reading, with the first sample that they hit."""
 
     def _placed(self, given: Given) -> Given:
-        """Return readings in the sensor's place and axes."""
+        """Return readings where the sensor is mounted, in its axes."""
         return given
 
     @abstractmethod
     def _sampled(self, given: Given) -> list[Made]:
-        """Return the samples of readings in the sensor's place; ``position`` counts on."""
+        """Return the samples of readings of the mounted sensor; ``position`` counts on."""
 
     @abstractmethod
     def _count(self, window: Made) -> int:

@@ -267,7 +267,7 @@ def test_the_same_camera_twice_is_an_error():
     simulation = load_simulation({})
     both = {"cameras": ["a", "b"], "camera.preset": "euroc_cam0"}
     [problem] = rig_problems(load_rig(both), simulation)
-    assert problem.startswith("b.camera: is a again, with the same lens at the same place")
+    assert problem.startswith("b.camera: is a again, with the same lens and mount")
     for own in ({"b.camera.preset": "euroc_cam1"}, {"b.camera.lever_arm": [0.1, 0.0, 0.0]}):
         assert not list(rig_problems(load_rig({**both, **own}), simulation))
 

@@ -253,7 +253,7 @@ def write_euroc_descriptions(
     :param index: of the IMU.
     :param noise: the four densities by kalibr's names; nothing if they are not known.
     :param r_bi: (3, 3) orientation of the IMU on the body.
-    :param p_bi: (3,) place of the IMU on the body [m].
+    :param p_bi: (3,) position of the IMU on the body [m].
     """
     (folder / "body.yaml").write_text(f"# body\ncomment: {comment}\n", encoding="utf-8")
     densities = "".join(f"{name}: {decimal(value)}\n" for name, value in noise.items())

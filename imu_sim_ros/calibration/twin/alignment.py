@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A truth's clock and place against the readings': offset, skew, wander, lever arm."""
+"""A truth's clock and mount against the readings': offset, skew, wander, lever arm."""
 
 from typing import Final
 

@@ -201,7 +201,7 @@ def _lio_sam(one: Ranging, parameters: SimulationParameters) -> str:
             *remarks(values, ()),
         ]
     )
-    # R_li maps what the IMU measures to the LiDAR's axes; the IMU's place is in those.
+    # R_li maps what the IMU measures to the LiDAR's axes; the IMU's position is in those.
     r_li, p_li = rotation.T, -(rotation.T @ position)
     numbers = {
         "lidarMinRange": own.minimum_range,

@@ -82,7 +82,7 @@ def whole(rig: RigValues, cameras: int) -> str:
     head = comment(
         [
             f"ORB_SLAM3, whole, {'mono' if cameras == 1 else 'stereo'}-inertial: lenses, IMU and "
-            "their places as they are simulated; continuous-time densities.",
+            "their mounts as they are simulated; continuous-time densities.",
             *_lens_remarks(rig, names),
             *rig.remarks(("k3",), cameras),
             *remarks(rig.imu),

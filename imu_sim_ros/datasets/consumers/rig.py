@@ -56,7 +56,7 @@ class RigValues:
     ) -> Iterator[str]:
         """Yield a sentence for each property of the cameras that a format cannot express.
 
-        :param expressed: parameters that it can express next to lens, place and rate; ``k3``: the
+        :param expressed: parameters that it can express next to lens, mount and rate; ``k3``: the
             fifth coefficient of a pinhole; ``unified.distortion``: four of that sphere.
         :param cameras: how many it describes, the first ones; None: all.
         :param offsets: it has a time offset for each camera; else one for all, the first one's.

@@ -41,7 +41,7 @@ _NO_TERMS: Final = frozenset(
 )
 _VIBRATION: Final = ("vibration.line_amplitude", "vibration.band_density")
 """The strengths of the vehicle's vibration; the rest of it says where and when."""
-# Poses: consumers take the trajectory of the IMU from the truth, and its place from the user.
+# Poses: consumers take the trajectory of the IMU from the truth, and its mount from the user.
 _EXTRINSICS: Final = frozenset(["lever_arm", "mounting"])
 
 

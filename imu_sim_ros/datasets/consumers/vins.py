@@ -167,7 +167,7 @@ def fusion(rig: RigValues, prefix: str) -> str:
 def _head(name: str, rig: RigValues, missing: Iterator[str]) -> str:
     return comment(
         [
-            f"{name}, whole: lenses and their places as they are simulated, the rest as for EuRoC. "
+            f"{name}, whole: lenses and their mounts as they are simulated, the rest as for EuRoC. "
             "The motion must start with parallax: it initialises from it.",
             "Values per sample at this rate, not densities: noise and walk are multiplied by the "
             f"square root of the rate, sqrt({rig.imu.rate:g} Hz) (integration_base.h).",

@@ -277,7 +277,7 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
 
 
 def _words(imu: IntegratorImuParameters) -> str:
-    """Return the sensor's name, and its place if that is not the body's."""
+    """Return the sensor's name, and its mount if it is not aligned with the body."""
     if mount_of(imu) == ALIGNED:
         return imu.preset
     x, y, z = imu.lever_arm

@@ -154,7 +154,7 @@ def rig_problems(rig: RigParameters, simulation: EnvironmentParameters) -> Itera
         first = of_values.setdefault(dataclasses.replace(camera, preset="", frame=""), name)
         if first != name:
             yield (
-                f"{name}.camera: is {first} again, with the same lens at the same place; give it "
+                f"{name}.camera: is {first} again, with the same lens and mount; give it "
                 f"another {name}.camera.preset or {name}.camera.lever_arm"
             )
     for name, camera in rig.each().items():
