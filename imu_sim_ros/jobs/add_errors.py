@@ -492,7 +492,7 @@ class ErrorModelBatch:
         fields = arguments.array("field", field, (self.count, 3), finite=False)
         fields = np.array(fields, order="F")
         held = _impossible(fields, gate.FIELD)
-        fields = self._conventions.field(fields)
+        fields = self._conventions.turned(fields)
         self._hold(held, field=fields)
         return self._batch.magnetometers.read(t_ns, fields, held)
 

@@ -89,7 +89,7 @@ class InputParameters:
     check: bool = flag(
         True,
         "check the first 2 s and report rate, gravity, units or axes that contradict the "
-        "declaration",
+        "declaration, and noise that would be added twice",
     )
     odometry_span: int = integer(
         1,

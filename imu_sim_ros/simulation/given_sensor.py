@@ -271,7 +271,7 @@ class GivenOther(GivenSensor[GivenValues, Samples]):
     def _placed(self, given: GivenValues) -> GivenValues:
         if given.values.ndim == 1:
             return given
-        return given._replace(values=self._conventions.field(given.values))
+        return given._replace(values=self._conventions.turned(given.values))
 
     def _sampled(self, given: GivenValues) -> list[Samples]:
         self._held = given

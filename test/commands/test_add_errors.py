@@ -89,6 +89,20 @@ def test_python_writes_what_the_program_writes(
     assert made.warnings == ("rate = 120: the readings come 100 times a second",)
 
 
+def test_noise_that_would_be_added_twice_is_told(folder: Path, tmp_path: Path, capsys) -> None:
+    noisy = str(tmp_path / "noisy.mcap")
+    assert generate.main(["-o", noisy, "--imu", "mpu6000", *COMMON]) == 0
+    capsys.readouterr()
+    for source, told in ((noisy, ["gyroscope", "accelerometer"]), (folder / "ideal.mcap", [])):
+        words = [str(source), "-o", str(tmp_path / "n.mcap"), "--imu", "mpu6000", "--force"]
+        assert add_errors.main([*words, "--json"]) == 0
+        said = capsys.readouterr()
+        assert json.loads(said.out)["samples"] == 300
+        assert [line.split(" has white noise")[0] for line in said.err.splitlines()] == [
+            f"add_errors: warning: input: the {triad}" for triad in told
+        ]
+
+
 def test_the_first_irregular_stamps_are_reported_and_all_counted(tmp_path: Path, capsys) -> None:
     t_ns = np.repeat(np.arange(200), 2) * 10_000_000
     t_ns[-1] = 5_000_000  # one more that comes late

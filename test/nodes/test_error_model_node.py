@@ -105,6 +105,23 @@ def test_live_readings_are_those_of_the_simulation(start, listener, flight):
     assert f"error_model: published {len(flight)} messages on imu/data_raw" in node.output
 
 
+def test_noise_that_would_be_added_twice_is_told(start, listener):
+    listener.listen("/diagnostics", DiagnosticArray)
+    node = start("error_model", "--imu", "mpu6000", "--rate", "500", "--seed", "4")
+    noisy = ims.simulate(imu="mpu6000", rate=RATE, duration=2.1, seed=SEED)
+    rows = ImuEncoder("imu_link").encode(noisy.t_ns, noisy.gyro, noisy.accel)
+    Source(listener, Imu, "imu/ideal").send([row.tobytes() for row in rows])
+    line = "input: the gyroscope has white noise of "
+
+    def told():
+        return any(line in m.status[0].message for m in listener.messages("/diagnostics"))
+
+    listener.wait_until(told, "diagnostics")
+    assert node.end() == 0
+    assert node.output.count(line) == 1
+    assert node.output.count("input: the accelerometer has white noise of ") == 1
+
+
 def test_magnetometer_and_barometer_are_those_of_the_simulation(start, listener):
     given = {"preset": "mpu9250", "barometer_preset": "bmp388", "barometer_rate": 50.0}
     sensors = ["magnetic_field", "pressure"]

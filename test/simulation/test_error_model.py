@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from simulation_runs import EVERY_TERM
 
+import imu_sim_ros as ims
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import parameters
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.triads import TriadParameters
@@ -454,6 +456,207 @@ def test_axes_of_a_tumbling_body_are_said_to_be_unchecked() -> None:
     model = GivenImu(load_error_model({"imu.preset": "perfect"}), remark=lines.append)
     model.read(GivenReadings(np.rint(t * 1e9).astype(np.int64), gyro.T, force.T))
     assert "input.axes: not checked" in lines[0]
+
+
+QUIETEST = "navigation"
+"""The preset with the least white noise of both triads."""
+
+
+def said_of(given: GivenReadings, rate: float, imu: str = QUIETEST, **values: object) -> list[str]:
+    """Return the remarks on noise, those of blocks of any size."""
+    lines: list[list[str]] = []
+    for size in (len(given.t_ns), 77):
+        own: list[str] = []
+        given_values = {"imu.preset": imu, "rate": rate, **values}
+        model = GivenImu(load_error_model(given_values), remark=own.append)
+        read_in(model, given, [size])
+        lines.append([line for line in own if "white noise" in line])
+    assert lines[0] == lines[1]
+    return lines[0]
+
+
+def flown(rate: float, trajectory: str = "figure_eight", **imu: object) -> ims.Flight:
+    """Return 2.1 s of an IMU."""
+    given = {"preset": "perfect", **imu}
+    return ims.simulate(imu=given, trajectory=trajectory, rate=rate, duration=2.1, seed=1)
+
+
+def read_of(flight: ims.Flight) -> GivenReadings:
+    return GivenReadings(flight.t_ns, flight.gyro, flight.accel)
+
+
+def ideal_of(rate: float, trajectory: str = "figure_eight") -> GivenReadings:
+    return read_of(flown(rate, trajectory))
+
+
+def densities(lines: list[str]) -> list[float]:
+    return [float(line.split("white noise of ")[1].split()[0]) for line in lines]
+
+
+def test_the_quietest_preset() -> None:
+    presets = set(files.names("imus")) - {"perfect"}
+    for triad in ("gyroscope", "accelerometer"):
+        values = {
+            name: min(load_error_model({"imu.preset": name}).imu.triad(triad).noise_density)
+            for name in presets
+        }
+        assert min(values, key=values.__getitem__) == QUIETEST
+
+
+@pytest.mark.parametrize("rate", [100.0, 1000.0])
+@pytest.mark.parametrize("trajectory", files.names("trajectories"))
+def test_ideal_readings_have_no_noise(trajectory: str, rate: float) -> None:
+    given = ideal_of(rate, trajectory)
+    assert said_of(given, rate) == []
+    single = [values.astype(np.float32).astype(np.float64) for values in (given.gyro, given.accel)]
+    assert said_of(GivenReadings(given.t_ns, *single), rate) == []
+
+
+@pytest.mark.parametrize("rate", [50.0, 100.0, 1000.0])
+@pytest.mark.parametrize("trajectory", ["static", "excitation"])
+def test_noise_is_told_with_its_density(trajectory: str, rate: float) -> None:
+    """Half of the sensor's is told, a quarter is not; the number is good to 40 %."""
+    ideal, own = ideal_of(rate, trajectory), (6.1707e-05, 0.0027737)
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        noise = rng.standard_normal((2, len(ideal.t_ns), 3)) * np.sqrt(rate)
+        for share, told in ((1.0, True), (0.5, True), (0.25, False)):
+            gyro, accel = (
+                values + share * density * white
+                for values, density, white in zip(
+                    (ideal.gyro, ideal.accel), own, noise, strict=True
+                )
+            )
+            coarse = {f"imu.{triad}_resolution": 0.0 for triad in ("gyroscope", "accelerometer")}
+            lines = said_of(GivenReadings(ideal.t_ns, gyro, accel), rate, "mpu6000", **coarse)
+            assert [line.split()[2] for line in lines] == ["gyroscope", "accelerometer"] * told
+            found = np.array(densities(lines)) / share / own[: len(lines)]
+            assert ((found > 0.7) & (found < 1.4)).all()
+
+
+@pytest.mark.parametrize("rate", [100.0, 1000.0])
+@pytest.mark.parametrize("sensor", ["mpu6000", "bmi088", "adis16470", "lecture", QUIETEST])
+def test_errors_that_are_added_twice_are_told(sensor: str, rate: float) -> None:
+    given = read_of(flown(rate, preset=sensor))
+    gyro, accel = said_of(given, rate, sensor)
+    assert "input: the gyroscope has white noise of " in gyro
+    assert "rad/s/sqrt(Hz) already, and imu.gyroscope_noise_density adds " in gyro
+    assert "m/s^2/sqrt(Hz) already, and imu.accelerometer_noise_density adds " in accel
+    assert "switch off the noise of the source, or set imu.gyroscope_noise_density = 0" in gyro
+    # Who does so is not told again, and a perfect sensor adds none.
+    assert said_of(given, rate, sensor, **{"imu.gyroscope_noise_density": 0.0}) == [accel]
+    assert said_of(given, rate, "perfect") == []
+    assert said_of(given, rate, sensor, **{"input.check": False}) == []
+    # Much less than that of another sensor does not matter.
+    if sensor == QUIETEST:
+        assert said_of(given, rate, "mpu6000") == []
+
+
+def test_noise_of_an_input_in_other_axes_and_faster_than_the_sensor() -> None:
+    ideal = ideal_of(1000.0)
+    noise = np.random.default_rng(1).standard_normal((len(ideal.t_ns), 3)) * [0.0, 0.0, 0.05]
+    given = ideal._replace(accel=ideal.accel + noise)
+    axes = {"imu.accelerometer_noise_density": [1.0, 1.0, 0.002], "input.axes": "optical"}
+    assert said_of(given, 1000.0, "perfect", **axes) == []  # z is the sensor's x
+    axes["imu.accelerometer_noise_density"] = [0.002, 1.0, 1.0]
+    (line,) = said_of(given, 1000.0, "perfect", **axes)
+    assert "adds 0.002" in line
+    # Every tenth reading has the noise of each; a mean of ten has less.
+    faster = {"imu.accelerometer_noise_density": 0.002, "input.rate": 1000.0}
+    (single,) = densities(said_of(given, 100.0, "perfect", **faster))
+    faster["imu.sampling"] = "averaged"
+    (mean,) = densities(said_of(given, 100.0, "perfect", **faster))
+    assert single == pytest.approx(0.05 / 10.0, rel=0.15)
+    assert mean == pytest.approx(0.05 / np.sqrt(1000.0), rel=0.15)
+
+
+LINES = {
+    "line_frequency": [87.0, 261.0],
+    "line_amplitude": [0.02, 0.01] * 3 + [2.0, 0.5] * 3,
+}
+BAND = {"band_low": [20.0], "band_high": [80.0], "band_density": [1e-3] * 3 + [0.05] * 3}
+
+
+@pytest.mark.parametrize("vibration", [LINES, BAND], ids=["lines", "band"])
+@pytest.mark.parametrize("rate", [200.0, 1000.0])
+def test_vibration_is_no_noise(vibration: dict[str, object], rate: float) -> None:
+    shaken = flown(rate, **{f"vibration.{name}": value for name, value in vibration.items()})
+    assert said_of(read_of(shaken), rate) == []
+
+
+@pytest.mark.parametrize("share", [0.06, 1 / 7, 0.25, 0.3, 0.45, 0.5, 0.75, 0.9, 0.95])
+def test_held_readings_are_no_noise_and_theirs_is_told(share: float) -> None:
+    """A simulator takes coarser steps than its IMU reads, at any ratio."""
+    rate = 1000.0
+    fine = ims.simulate(imu="perfect", trajectory="excitation", rate=20 * rate, duration=2.1)
+    t_ns = np.arange(2050) * 1_000_000
+    step = np.floor(np.arange(len(t_ns)) * share + 1e-9).astype(int)
+    at = np.rint(step / share * 20).astype(int)
+    given = GivenReadings(t_ns, fine.gyro[at], fine.accel[at])
+    assert said_of(given, rate) == []
+    first = np.unique(step, return_index=True)[1]
+    joined_up = [np.interp(t_ns, t_ns[first], one) for one in given.accel[first].T]
+    assert said_of(given._replace(accel=np.stack(joined_up, axis=1)), rate) == []
+    density = 0.001
+    noise = np.random.default_rng(1).standard_normal(given.accel.shape)
+    noise *= density * np.sqrt(rate * share)
+    noisy = said_of(given._replace(accel=given.accel + noise[step]), rate, "bmi055")
+    if share in (0.06, 0.25, 0.5, 0.95):  # others have no stretch of even steps
+        assert densities(noisy) == [pytest.approx(density, rel=0.3)]
+
+
+def swinging(t: np.ndarray, frequency: float, to: float) -> GivenReadings:
+    """Return readings of up to 20 m/s^2 whose frequency rises in 2 s [Hz]."""
+    phase = 2.0 * np.pi * (frequency * t + 0.25 * (to - frequency) * t * t)
+    swing = 20.0 * np.sin(phase[:, None] + np.arange(3))
+    return GivenReadings(np.rint(t * 1e9).astype(np.int64), 0.1 * swing, swing)
+
+
+@pytest.mark.parametrize(("rate", "band"), [(100.0, (8.3, 8.3)), (200.0, (1.0, 13.0))])
+def test_fast_motion_is_no_noise(rate: float, band: tuple[float, float]) -> None:
+    t = np.arange(round(2.1 * rate)) / rate
+    assert said_of(swinging(t, *band), rate, "hg4930") == []
+
+
+@pytest.mark.parametrize("rate", [100.0, 1000.0])
+def test_contacts_gaps_and_jitter_are_no_noise(rate: float) -> None:
+    rng, count = np.random.default_rng(1), round(2.1 * rate)
+    t = np.arange(count) / rate
+    given = swinging(t, 3.0, 3.0)
+    hit = rng.random((count, 1)) < 0.1
+    kicks = rng.standard_normal((2, count, 3)) * hit
+    kicked = given._replace(gyro=given.gyro + kicks[0], accel=given.accel + 20.0 * kicks[1])
+    assert said_of(kicked, rate, "bmi088") == []
+    for lost in (0.01, 0.1, 0.4):
+        assert said_of(given.at(rng.random(count) >= lost), rate) == []
+    late = np.sort(t + rng.uniform(0.0, 0.3 / rate, count))
+    assert said_of(swinging(late, 3.0, 3.0), rate) == []
+
+
+def test_noise_is_told_in_spite_of_contacts_and_a_gap_but_not_of_few_readings() -> None:
+    rng, density = np.random.default_rng(1), 6e-5
+    coarse = {"imu.gyroscope_resolution": 0.0}
+    for rate in (1000.0, 40.0):
+        t = np.arange(round(2.1 * rate)) / rate
+        given = swinging(t, 1.0, 1.0)
+        kicks = rng.standard_normal(given.gyro.shape) * (rng.random((len(t), 1)) < 0.05)
+        noise = density * np.sqrt(rate) * rng.standard_normal(kicks.shape)
+        noisy = given._replace(gyro=given.gyro + kicks + noise).at((t < 0.7) | (t > 1.1))
+        found = densities(said_of(noisy, rate, "mpu6000", **coarse))
+        assert found == ([pytest.approx(density, rel=0.2)] if rate > 50.0 else [])
+
+
+@pytest.mark.parametrize("rate", [100.0, 1000.0])
+def test_rounding_is_noise_if_it_is_coarse(rate: float) -> None:
+    ideal, deviation = ideal_of(rate), 0.00019613 * np.sqrt(rate)
+    k = np.arange(len(ideal.t_ns))[:, None]
+    moving = np.sin(0.05 * k + np.arange(3)) + np.sin(0.071 * k)
+    for steps, told in ((0.8, 0), (2.0, 1)):
+        step = steps * deviation
+        given = ideal._replace(accel=np.rint(ideal.accel / step + 300.0 * moving) * step)
+        lines = said_of(given, rate, **{"imu.accelerometer_resolution": 0.0})
+        assert len(lines) == told
+        assert all("coarse rounding look the same" in line for line in lines)
 
 
 @pytest.mark.parametrize(

@@ -207,7 +207,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
     def _remark(self, line: str) -> None:
         """Say what looks like a mistake, not more than a few lines a second."""
         now = time.monotonic()
-        if line.startswith(("input.", "rate", "gravity")):  # of the declaration, for good
+        if line.startswith(("input", "rate", "gravity")):  # of the declaration, for good
             self._remarks.append(line)
         if len(self._said) < _REMARKS_A_SECOND or now - self._said[0] > 1.0:
             self._said.append(now)
