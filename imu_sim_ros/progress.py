@@ -44,6 +44,11 @@ def watcher() -> Watcher:
     return _watcher.get()
 
 
+def watch_thread(follower: Watcher) -> None:
+    """Let somebody follow the jobs of this thread, which does not know who follows its maker."""
+    _watcher.set(follower)
+
+
 @contextmanager
 def watched_by(follower: Watcher) -> Iterator[None]:
     """Let somebody follow the jobs in a block."""

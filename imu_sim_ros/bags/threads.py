@@ -15,6 +15,8 @@ from contextlib import contextmanager
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Final, Generic, TypeAlias, TypeVar
 
+from imu_sim_ros.progress import watch_thread, watcher
+
 if TYPE_CHECKING:
     from concurrent.futures import ThreadPoolExecutor
 
@@ -71,7 +73,7 @@ def threads(count: int) -> "Iterator[ThreadPoolExecutor]":
     """Offer threads; what has not begun when the block ends is not done."""
     from concurrent.futures import ThreadPoolExecutor  # most runs have no work for them
 
-    pool = ThreadPoolExecutor(count, thread_name_prefix="jobs")
+    pool = ThreadPoolExecutor(count, "jobs", watch_thread, (watcher(),))
     try:
         yield pool
     finally:

@@ -132,8 +132,8 @@ def test_the_bytes_do_not_depend_on_the_processor():
     }
     folder, cases = Path(__file__).parent, ("fisheye", "colour", "linear")  # all that there is
     code = (
-        f"import sys; sys.path.insert(0, {str(folder)!r}); import test_images as t, conftest as c\n"
-        f"for case in {cases}: print(t.digest(t.make_imager(c.make_rig, **t.CASES[case])[1]))"
+        f"import sys; sys.path.insert(0, {str(folder)!r}); import test_images as t, rigs\n"
+        f"for case in {cases}: print(t.digest(t.make_imager(rigs.make_rig, **t.CASES[case])[1]))"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
@@ -659,6 +659,41 @@ def test_what_is_missing_is_named(make_rig, monkeypatch):
     monkeypatch.setitem(sys.modules, "cv2", None)
     with pytest.raises(MissingDependencyError, match=r"python3-opencv.*opencv-python-headless"):
         new_imager(make_rig)
+
+
+COMPILING = """
+from imu_sim_ros.bags.threads import threads
+from imu_sim_ros.progress import Watcher, watched_by
+from imu_sim_ros.sensors.camera.images import libraries, loops
+
+def more(x):
+    return x + 1
+
+more.__module__ = loops.__name__
+with watched_by(Watcher(note=print)), threads(1) as pool:
+    compiled = libraries.compiled(more)
+    print(pool.submit(compiled, 1).result(), compiled(1.0))
+"""
+
+
+def test_whoever_follows_a_job_is_told_before_anything_is_compiled(tmp_path):
+    """Once, also from the threads of the job; not if it is on the disk from an earlier run."""
+    script, notices = tmp_path / "compiling.py", []
+    script.write_text(COMPILING)
+    for _ in range(2):
+        done = subprocess.run(
+            [sys.executable, script],
+            env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": os.getcwd()},
+            stdout=subprocess.PIPE,
+            text=True,
+            check=True,
+        )
+        *told, result = done.stdout.splitlines()
+        assert result == "2 2.0"
+        notices.append(told)
+    [notice] = notices[0]
+    assert "is compiled first" in notice
+    assert notices[1] == []
 
 
 def test_compiled_loops_are_compiled_anew_when_a_formula_of_theirs_changes():

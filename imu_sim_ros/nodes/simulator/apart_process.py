@@ -36,6 +36,7 @@ from imu_sim_ros.nodes.publishing import Counter, create
 from imu_sim_ros.nodes.simulator.apart import MARKERS, TOKEN, ProcessStart
 from imu_sim_ros.nodes.simulator.markers import markers
 from imu_sim_ros.parameters.sections import build
+from imu_sim_ros.progress import Watcher, watch_thread
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.timing import SampleTimes
 from imu_sim_ros.sensors.world import Window, World
@@ -276,6 +277,7 @@ def _report_connected(node: SensorNode, reports: Reports, begun: threading.Event
 def _run(node: SensorNode, reports: Reports) -> None:
     def work() -> None:
         os.nice(_RENDERING_NICE)  # of this thread alone on Linux; readings go first
+        watch_thread(Watcher(note=lambda line: reports.say(notes=[line])))
         try:
             node.samples.work()
         except BaseException as error:

@@ -5,9 +5,11 @@
 
 import os
 from collections.abc import Callable
+from functools import cache
 from typing import Any, TypeVar
 
 from imu_sim_ros.errors import MissingDependencyError
+from imu_sim_ros.progress import watcher
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -29,7 +31,7 @@ def opencv() -> Any:
 
 
 def numba() -> Any:
-    """Return numba's module.
+    """Return numba's module, which will tell before it compiles.
 
     :raises MissingDependencyError: if it is not installed.
     """
@@ -39,6 +41,7 @@ def numba() -> Any:
         raise MissingDependencyError(
             f"images need numba ({error}): apt install python3-numba, or pip install numba"
         ) from None
+    _tell_before_compiling()
     return numba
 
 
@@ -56,6 +59,29 @@ def compiled(function: _Function, part: bool = False) -> _Function:
         nogil=True, error_model="numpy", cache=not part, forceinline=part, _nrt=False
     )(function)
     return result
+
+
+@cache
+def _tell_before_compiling() -> None:
+    """Let who follows a job know, once, why no image comes: nothing is on the disk yet."""
+    from numba.core import event
+
+    class Notice(event.Listener):  # type: ignore[misc]
+        told = False
+
+        def on_start(self, compiling: Any) -> None:
+            ours = compiling.data["dispatcher"].py_func.__module__.startswith(f"{__package__}.")
+            if ours and not self.told:
+                self.told = True
+                watcher().note(
+                    "the code that makes images is compiled first, once after an installation: "
+                    "5 to 15 s of processor time"
+                )
+
+        def on_end(self, _: Any) -> None:
+            pass
+
+    event.register("numba:compile", Notice())
 
 
 def part(function: _Function) -> _Function:
