@@ -4,6 +4,8 @@
 """The errors that a user can cause, and how any error is reported: lines and an exit status."""
 
 import errno
+import sys
+import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,6 +19,7 @@ _MACHINE: Final = frozenset(
     }
 )
 """System errors that no other argument would avoid."""
+_PASSED_OVER: Final = (__name__.partition(".")[0], "contextlib")
 
 
 class ImuSimError(Exception):
@@ -98,6 +101,14 @@ class Remark(UserWarning):
 
     A program prints it as a line of standard error.
     """
+
+
+def warn(line: str, category: type[Warning] = UserWarning) -> None:
+    """Warn at the line that called the package, however deep in it this is."""
+    frame, level = sys._getframe(1), 2
+    while frame.f_back and frame.f_globals["__name__"].partition(".")[0] in _PASSED_OVER:
+        frame, level = frame.f_back, level + 1
+    warnings.warn(line, category, stacklevel=level)
 
 
 def system_error(path: str | Path, error: OSError) -> ImuSimError:

@@ -5,12 +5,11 @@
 
 import os
 import stat
-import warnings
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import BinaryIO, Final
 
-from imu_sim_ros.errors import InputError, Remark, system_error
+from imu_sim_ros.errors import InputError, Remark, system_error, warn
 
 LARGEST_TEXT: Final = 16 << 20
 """[bytes] of a file that is read as a whole; the largest of this package have some 10 kB."""
@@ -247,7 +246,7 @@ def tell_skipped(source: object) -> Skipped:
     """Return what tells the user how many rows of a source are left out."""
 
     def tell(count: int) -> None:
-        warnings.warn(f"{source}: {count} bad rows skipped", Remark, stacklevel=2)
+        warn(f"{source}: {count} bad rows skipped", Remark)
 
     return tell
 

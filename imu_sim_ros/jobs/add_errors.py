@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final, overload
@@ -25,7 +24,7 @@ from imu_sim_ros.conventions import (
     IMU_TOPIC,
     TRIADS,
 )
-from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.errors import ConfigurationError, InputError, warn
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.jobs.flight import Flight, Source
 from imu_sim_ros.jobs.readings import delivered_of
@@ -122,7 +121,7 @@ def add_errors(
         raise InputError("add_errors: no readings")
     layers = layers_of(imu, seed, params_file, input, parameters, rate)
     built = with_rate(layers, lambda: rate_of(given.t_ns))
-    model = GivenImu(built, OTHERS, _warn)
+    model = GivenImu(built, OTHERS, warn)
     windows: list[dict[str, Samples]] = []
     for begin in range(0, len(given.t_ns), ROWS_AT_ONCE):
         windows += model.read(given.at(slice(begin, begin + ROWS_AT_ONCE)))
@@ -221,7 +220,7 @@ class ErrorModel:
             return ErrorModelBatch(rate=rate, count=count, **given, **parameters)
         self = super().__new__(cls)
         layers = layers_of(imu, seed, params_file, input, parameters, rate)
-        self._model = GivenImu(load_error_model(layers), OTHERS, _warn)
+        self._model = GivenImu(load_error_model(layers), OTHERS, warn)
         return self
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -536,10 +535,9 @@ class ErrorModelBatch:
             first = ", ".join(map(str, units[:_TOLD].tolist()))
             more = f" and {len(units) - _TOLD} more" if len(units) > _TOLD else ""
             last = "; further ones are only marked in held" if self._told == _TOLD else ""
-            warnings.warn(
+            warn(
                 f"environment {first}{more}: a reading that is not finite or not possible; "
-                f"it keeps the one before{last}",
-                stacklevel=4,
+                f"it keeps the one before{last}"
             )
 
     def reset(self, mask: ArrayLike | None = None, restart: str = "next_seed") -> None:
@@ -635,7 +633,7 @@ def from_sdf(file: str | Path, sensor: str | None = None) -> dict[str, Any]:
     found = sdf.read(path, name).parameters
     own = {k.removeprefix("imu."): v for k, v in found.items() if k.startswith("imu.")}
     if not any(np.asarray(value).any() for name, value in own.items() if name != "preset"):
-        warnings.warn(f"{own['preset']}: has no noise at all", stacklevel=2)
+        warn(f"{own['preset']}: has no noise at all")
     return {**own, **{k: v for k, v in found.items() if not k.startswith("imu.")}}
 
 
@@ -646,10 +644,6 @@ def _no_samples(position: int) -> Samples:
     )
     values |= {"temperature": np.empty(0), "motion": unknown_motion(0)}
     return Samples(times, times, times, times, values, position)
-
-
-def _warn(line: str) -> None:
-    warnings.warn(line, stacklevel=6)
 
 
 def _given(

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, wraps
@@ -21,7 +20,7 @@ from imu_sim_ros.arguments import path as checked_path
 from imu_sim_ros.arguments import topic as checked_topic
 from imu_sim_ros.datasets import world as worlds
 from imu_sim_ros.datasets.world import KnownWorld, world_of_simulation
-from imu_sim_ros.errors import InputError, Problems, Remark
+from imu_sim_ros.errors import InputError, Problems, Remark, warn
 from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs import tracks
 from imu_sim_ros.jobs.flight import Flight, readings_of
@@ -308,7 +307,7 @@ def _begun(
     settings = (_usual_settings if usual else _settings)(**known)
     prefix = f"{readings}: " if isinstance(readings, str | PathLike) else ""
     for note in (*world.notes, *settings.warnings()):
-        warnings.warn(f"{prefix}{note}", Remark, stacklevel=3)
+        warn(f"{prefix}{note}", Remark)
     if isinstance(initial, NavigationState):
         return InitialCondition(recording, initial, correction_of(settings)), settings
     return initial_condition(settings, recording), settings

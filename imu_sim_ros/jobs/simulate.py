@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
 from os import PathLike
 from pathlib import Path
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros import arguments, timebase
 from imu_sim_ros.arguments import number, refuse
-from imu_sim_ros.errors import ConfigurationError, Problems
+from imu_sim_ros.errors import ConfigurationError, Problems, warn
 from imu_sim_ros.jobs.flight import Flight
 from imu_sim_ros.jobs.readings import checked_poses, checked_sensors, poses_of_rows
 from imu_sim_ros.parameters import files
@@ -172,7 +171,7 @@ def _body(
 ) -> Body:
     """Return the body of the arguments of :func:`simulate`.
 
-    What is allowed but may be unintended causes warnings, at the line of the caller's caller.
+    What is allowed but may be unintended causes warnings.
     """
     below: dict[str, object] = {}
     wanted = frozenset[str]()
@@ -198,7 +197,7 @@ def _body(
             "duration: this trajectory has no end; give a duration, duration=60"
         )
     for line in body.warnings():
-        warnings.warn(line, stacklevel=3)
+        warn(line)
     return body
 
 

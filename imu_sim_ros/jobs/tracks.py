@@ -3,7 +3,6 @@
 
 """Trajectories from wherever the commands find them: text, folders, topics of bags."""
 
-import warnings
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,7 +12,7 @@ from imu_sim_ros.bags.messages.encode import ODOMETRY
 from imu_sim_ros.bags.read import odometry_blocks, open_bag, read_poses
 from imu_sim_ros.bags.text.reader import has_states, is_text
 from imu_sim_ros.conventions import TRUTH_TOPIC
-from imu_sim_ros.errors import InputError, Remark
+from imu_sim_ros.errors import InputError, Remark, warn
 from imu_sim_ros.inputs.rows import Skipped, tell_skipped
 from imu_sim_ros.navigation.state import NavigationStates
 from imu_sim_ros.poses import PoseSequence, write_tum
@@ -61,7 +60,7 @@ def assumed_truth(path: Path, topic: str | None) -> str | None:
     if len(names) != 1:
         return None
     words = f"{path}: taken as the truth: {names[0]}, the only topic of {ODOMETRY}"
-    warnings.warn(words, Remark, stacklevel=4)
+    warn(words, Remark)
     return names[0]
 
 

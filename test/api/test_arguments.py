@@ -262,3 +262,24 @@ def test_a_noise_of_a_model_that_no_sensor_has_is_refused(tmp_path):
         ims.from_sdf(file)
     with pytest.raises(ims.ImuSimError, match=line):
         ims.simulate(imu=file, duration=1)
+
+
+def test_warnings_name_the_line_of_the_caller(tmp_path):
+    """Those of ims.add_errors named the package's own file on Python 3.11."""
+    t_ns = np.arange(500) * 5_000_000
+    still, heavy = np.zeros((500, 3)), np.tile([0.0, 0.0, 1.0], (500, 1))
+    rows = tmp_path / "path.txt"
+    rows.write_text("0 0 0 0 0 0 0 1\nx\n1 0 0 0 0 0 0 1\n2 0 0 0 0 0 0 1\n")
+    model = tmp_path / "model.sdf"
+    model.write_text("<sdf><plugin name='p' filename='libgazebo_ros_imu.so'/></sdf>")
+    causes = [
+        lambda: ims.simulate(imu={"accelerometer_range": 5.0}, duration=1),
+        lambda: ims.add_errors(t_ns, still, heavy, imu="lecture"),
+        lambda: ims.ErrorModel(imu="lecture", rate=200).read(t_ns, still, heavy),
+        lambda: ims.from_sdf(model),
+        lambda: ims.evaluate(rows, rows, skip_bad_rows=True),
+    ]
+    for cause in causes:
+        with pytest.warns(UserWarning) as caught:
+            cause()
+        assert {one.filename for one in caught} == {__file__}
