@@ -11,6 +11,7 @@ that only the one that kills its worker is blamed.
 
 import contextlib
 import functools
+import gc
 import logging
 import multiprocessing
 import os
@@ -389,10 +390,16 @@ def client(scheduler: str | None, workers: int, worker_timeout: float = 60.0) ->
                 _kill(cluster)
                 raise
         return
+    problem = None
     try:
         found = Client(scheduler, timeout=_CONNECT_S)
     except (OSError, ValueError) as error:
-        raise InputError(f"--scheduler {scheduler}: {error}") from None
+        problem = f"--scheduler {scheduler}: {error}"
+    if problem is not None:
+        # A client that has failed ends when it is collected; if another one is beginning, it waits
+        # for a lock that its own thread holds.
+        gc.collect()
+        raise InputError(problem)
     with found:
         try:
             found.wait_for_workers(1, timeout=worker_timeout)

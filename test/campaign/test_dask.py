@@ -4,6 +4,7 @@
 """A real Dask cluster on this machine: scheduler and workers in their own processes, over TCP."""
 
 import contextlib
+import gc
 import json
 import os
 import shutil
@@ -17,7 +18,9 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from programs import PATIENCE, until
 
+from imu_sim_ros.campaigns import engine
 from imu_sim_ros.campaigns.results import read_log, read_results
+from imu_sim_ros.errors import InputError
 
 # Not part of the run on the oldest versions, which has no Dask.
 pytestmark = pytest.mark.ros
@@ -217,3 +220,15 @@ def test_workers_that_cannot_run_anything_are_told_before_the_first_run(
     assert "estimators.a.command: my_program: no such program" in complaint(*worker)
     shutil.copy(program, path.parent / "my_program")  # next to the plan, which all machines see
     assert complaint(*worker, LANG="C") == ""
+
+
+def test_a_client_that_could_not_connect_is_gone_before_another_begins():
+    """Collected while the next one began, it waited for a lock of its own thread, for ever."""
+    distributed = pytest.importorskip("distributed")
+    gc.disable()
+    try:
+        with pytest.raises(InputError, match="missing port"), engine.client("nowhere", 1):
+            pass
+        assert not any(isinstance(one, distributed.Client) for one in gc.get_objects())
+    finally:
+        gc.enable()
