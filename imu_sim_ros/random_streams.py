@@ -142,15 +142,28 @@ class Streams:
         :param seed: kept as it is: a batch changes its array and lets units begin again.
         :param numbers: ``standard_normal``, or ``random``, from 0 to 1.
         """
-        self._seed, self._sources = seed, sources
+        self._seed, self._sources, self._numbers = seed, sources, numbers
         shape = (*np.shape(seed), len(AXES) * len(sources))
         self._indices = np.arange(math.prod(shape)).reshape(shape)
         """(*units, 3 m) of the streams in the list of states."""
         self._states = [b""] * self._indices.size
         self.begin(...)
+        self._make_generator()
+
+    def _make_generator(self) -> None:
+        """Make the generator that draws for all streams, and the place of its state."""
         bits = SFC64(0)
-        self._draw = getattr(Generator(bits), numbers)
+        self._draw = getattr(Generator(bits), self._numbers)
         self._state = (ctypes.c_char * _BYTES).from_address(bits.ctypes.state_address)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy needs; it draws by a generator of its own."""
+        return {name: one for name, one in vars(self).items() if name not in ("_draw", "_state")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Become a copy."""
+        vars(self).update(state)
+        self._make_generator()
 
     def begin(self, units: Units) -> None:
         """Let the streams of some units begin, or begin again, from their present seeds."""

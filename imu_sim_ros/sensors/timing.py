@@ -6,10 +6,10 @@
 import math
 from collections.abc import Mapping
 from fractions import Fraction
-from functools import cache
 from typing import Any, Final, NamedTuple
 
 import numpy as np
+from numpy.random import Generator
 
 from imu_sim_ros import timebase
 from imu_sim_ros.random_streams import generator
@@ -99,15 +99,15 @@ class SampleTiming:
         :param offset: of the first sample after the start [s].
         :param span: how long a sample takes [s].
         """
-        prefix = f"{name}." if name else ""
+        self._prefix = f"{name}." if name else ""
         self._rate, self._dt, self._t0_ns = rate, 1.0 / rate, t0_ns
         self._limit_ns = LARGEST_JITTER * (timebase.NANOSECONDS_PER_SECOND / rate)
         self._span_ns = timebase.to_nanoseconds(span)
         self.times = SampleTimes(rate, t0_ns, offset, span)
         self.position = 0
         """Index of the next sample."""
-        self.faults = FaultSchedule(seed, self._dt, prefix)
-        self._stream = cache(lambda source: generator(seed, f"{prefix}{source}"))
+        self.faults = FaultSchedule(seed, self._dt, self._prefix)
+        self._seed, self._streams = seed, dict[str, Generator]()
         self._last_release_ns = int(_NEVER)
         self._burst_end = 0
         self._latency_ns, self._latency_jitter_ns = 0, 0.0
@@ -164,6 +164,12 @@ class SampleTiming:
             first,
             self._span_ns,
         )
+
+    def _stream(self, source: str) -> Generator:
+        """Return the random stream of a source, which begins when it is first needed."""
+        if source not in self._streams:
+            self._streams[source] = generator(self._seed, f"{self._prefix}{source}")
+        return self._streams[source]
 
     def _stamps(self, true_t_ns: Times) -> Times:
         """Return the stamps (n,) that the sensor's clock gives the next n samples.

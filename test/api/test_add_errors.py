@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from simulation_runs import EVERY_TERM
 
 import imu_sim_ros as ims
 
@@ -42,14 +43,27 @@ def test_one_sample_or_many_are_those_of_the_simulation(flight: ims.Flight) -> N
 
 @pytest.mark.parametrize("count", [None, 2])
 def test_a_copy_of_a_model_goes_on_like_it(count: int | None) -> None:
-    model: Any = ims.ErrorModel(imu="mpu6000", rate=200, seed=3, count=count)
+    """Copies drew other numbers once what had been made ahead was used up, or the same stream."""
+    terms = EVERY_TERM if count is None else {"imu.gyroscope_random_walk": 1e-4}
+    model: Any = ims.ErrorModel(imu="mpu9250", rate=200, seed=3, count=count, parameters=terms)
     zero = np.zeros((count or 1, 3))
-    model.read(0, zero, zero + 1.0)
-    again = copy.deepcopy(model)
-    assert type(again) is (ims.ErrorModel if count is None else ims.ErrorModelBatch)
-    one, other = (each.read(5_000_000, zero, zero + 1.0) for each in (model, again))
-    assert np.array_equal(one.gyro, other.gyro)
-    assert np.array_equal(one.gyro_bias, other.gyro_bias)
+
+    def following(one: Any, begin: int) -> list[np.ndarray]:
+        found = []
+        for t_ns in range(begin, begin + 1_000_000_000, 5_000_000):
+            read = one.read(t_ns, zero, zero + 1.0)
+            field = one.read_magnetic_field(t_ns, zero + 2e-5)
+            found += [read.gyro, read.accel, read.accel_bias, read.t_ns, field.field]
+            found += [one.read_pressure(t_ns, zero[:, 0] + 1e5).pressure]
+            found += [read.delivered] if count is None else []
+        return found
+
+    following(model, 0)
+    other = copy.deepcopy(model)
+    assert type(other) is (ims.ErrorModel if count is None else ims.ErrorModelBatch)
+    for begin in (1_000_000_000, 2_000_000_000):
+        pairs = zip(following(model, begin), following(other, begin), strict=True)
+        assert all(np.array_equal(one, own) for one, own in pairs)
 
 
 def test_a_bag_and_back(flight: ims.Flight, tmp_path: Path) -> None:

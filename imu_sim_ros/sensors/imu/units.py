@@ -204,11 +204,11 @@ class Triads:
         self._make_others = dict(others or {})
         self._others = {name: np.empty((AHEAD, count)) for name in self._make_others}
         self._degrees = np.empty((1 if self._temperature.constant else AHEAD, count))
-        self._offset: Array | None = None
-        """(AHEAD, ...) of a temperature that never changes, above the reference [K]."""
+        self._offset: float | None = None
+        """Of a temperature that never changes, above the reference [K]."""
         if self._temperature.constant:
             self._degrees[...] = degrees = self._temperature.at(np.zeros(1))
-            self._offset = np.broadcast_to(degrees - self._reference, (AHEAD, _AT_ONCE))
+            self._offset = float(degrees[0]) - self._reference
 
     def __getitem__(self, name: str) -> Triad:
         return self._triads[name]
@@ -269,7 +269,7 @@ class Triads:
         """Make what the next samples of some units get, whatever their ideal readings are."""
         first = self._index[units]
         if self._offset is not None:
-            offset = self._offset[:, : len(first)]
+            offset = np.broadcast_to(self._offset, (AHEAD, len(first)))
         else:
             temperature = self.at_times(first, self._temperature.at)
             self._degrees[:, units] = temperature
