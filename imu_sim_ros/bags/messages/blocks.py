@@ -20,7 +20,7 @@ class Column(NamedTuple):
     offset: int
     """Offsets at which they begin in a row [bytes]."""
     values: NDArray[np.generic]
-    """(n,) or (n, m), little-endian."""
+    """(n,) or (n, m), little-endian; (n,) whole rows as bytes."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,11 @@ class RowTemplate:
     count: int
     """Number of rows."""
 
+    @property
+    def are_whole(self) -> bool:
+        """Whether a single column has all of the rows."""
+        return len(self.columns) == 1 and self.columns[0].values.dtype.kind == "V"
+
     def __len__(self) -> int:
         return self.count
 
@@ -49,13 +54,13 @@ class RowTemplate:
 def side_by_side(patterns: Sequence[RowTemplate], rows: slice = slice(None)) -> Bytes:
     """Return consecutive rows of patterns as an array (n, size): row k is that of each in turn."""
     template = b"".join(pattern.template for pattern in patterns)
-    table = np.empty((len(range(*rows.indices(patterns[0].count))), len(template)), np.uint8)
-    table[:] = np.frombuffer(template, np.uint8)
+    count, size = len(range(*rows.indices(patterns[0].count))), len(template)
+    table: Bytes = np.frombuffer(bytearray(template) * count, np.uint8).reshape(count, size)
     before = 0
     for pattern in patterns if table.size else ():
         for offset, values in pattern.columns:
             own = values[rows]
-            strides = (len(template), own.itemsize)[: own.ndim]
+            strides = (size, own.itemsize)[: own.ndim]
             cells: NDArray[Any] = np.ndarray(own.shape, own.dtype, table, before + offset, strides)
             cells[...] = own
         before += len(pattern.template)
@@ -107,8 +112,8 @@ def as_list(payloads: Payloads | RowTemplate) -> list[bytes]:
     if isinstance(payloads, list):
         return payloads
     if isinstance(payloads, RowTemplate):
-        if not payloads.columns:
-            return [payloads.template] * payloads.count
+        if payloads.are_whole:
+            return payloads.columns[0].values.tolist()
         payloads = side_by_side([payloads])
     if payloads.shape[1] == 0:
         return [b""] * len(payloads)

@@ -41,6 +41,8 @@ _COVARIANCE_TYPE_KNOWN: Final = 3
 _COVARIANCE_TYPE_DIAGONAL: Final = 2
 _SOURCE_DOPPLER: Final = 4
 """gps_msgs/GPSStatus"""
+_FEW: Final = 16
+"""Most messages that are made as whole rows."""
 _STAMP: Final = struct.Struct("<II")
 _POSE: Final = struct.Struct("<7d")
 _TWIST: Final = struct.Struct("<6d")
@@ -61,7 +63,8 @@ def seconds(t_ns: Times, encoding: str) -> tuple[Times, Times]:
     """
     second, nanosecond = divided(t_ns)
     last = _LAST_SECOND[encoding]
-    if len(t_ns) and (second.min() < 0 or second.max() > last):
+    # The last one is all ones in binary: together, numbers have a further bit if one is beyond it.
+    if not 0 <= np.bitwise_or.reduce(second) <= last:
         raise InputError(
             f"stamps from {t_ns.min() * 1e-9:.3f} s to {t_ns.max() * 1e-9:.3f} s: a message "
             f"holds 0 to {last} s"
@@ -84,6 +87,7 @@ class Encoder:
         self.layout = layout
         fields = (self.layout.dtype.fields or {}).items()
         self._fields = {name: (kind, offset) for name, (kind, offset, *_) in fields}
+        self._whole = np.dtype((np.void, self.layout.dtype.itemsize))
         self._template = self.layout.template
         self._template = self._row(constant)
 
@@ -116,9 +120,12 @@ class Encoder:
             else (m,) or one number.
         """
         t_ns = np.asarray(t_ns, dtype=np.int64)
-        if len(t_ns) == 1:  # the same bytes: a fifth of the time for readings that come live
-            second, nanosecond = self._stamp(int(t_ns[0]))
-            return RowTemplate(self._row({"sec": second, "nanosec": nanosecond, **numbers}), (), 1)
+        if 0 < len(t_ns) <= _FEW:  # the same bytes: a third of the time for what comes live
+            rows = np.frombuffer(bytearray(self._template) * len(t_ns), self.layout.dtype)
+            rows["sec"], rows["nanosec"] = zip(*map(self._stamp, t_ns.tolist()), strict=True)
+            for name, given in numbers.items():
+                rows[name] = given
+            return RowTemplate(self._template, [Column(0, rows.view(self._whole))], len(rows))
         stamp = zip(("sec", "nanosec"), seconds(t_ns, self.layout.encoding), strict=True)
         columns, constant = [], {}
         for name, given in (*stamp, *numbers.items()):

@@ -15,6 +15,8 @@ from imu_sim_ros.errors import InputError
 
 STORES = {"cdr": get_typestore(Stores.ROS2_JAZZY), "ros1": get_typestore(Stores.ROS1_NOETIC)}
 N = 5
+MANY = 20
+"""Messages that are not made as whole rows."""
 FRAMES = ("imu_link", "a", "", "imu/ä", "x" * 13)
 
 
@@ -120,7 +122,7 @@ def _numbers(value):
         encode.TEMPERATURE,
     ],
 )
-@pytest.mark.parametrize("count", [1, N])
+@pytest.mark.parametrize("count", [1, N, MANY])
 def test_bytes_equal_those_of_rosbags(count, name, frame, encoding):
     rng = np.random.default_rng(3)
     t_ns, rows, fields = _messages(name, encoding, frame, rng, count)
@@ -152,10 +154,11 @@ def test_no_samples_are_no_messages():
     assert rows.shape == (0, 324)
 
 
+@pytest.mark.parametrize("count", [1, MANY])
 @pytest.mark.parametrize("t_ns", [-1, 2**31 * 10**9])
-def test_stamps_that_a_message_cannot_hold(t_ns):
+def test_stamps_that_a_message_cannot_hold(t_ns, count):
     with pytest.raises(InputError, match="a message holds 0 to 2147483647 s"):
-        encode.ClockEncoder().encode(np.array([t_ns]))
+        encode.ClockEncoder().encode(np.array([*range(count - 1), t_ns]))
 
 
 @pytest.mark.parametrize("name", [encode.IMU, encode.ODOMETRY])
