@@ -134,9 +134,9 @@ def transform(matrix: Array, v: Array) -> Array:
 
     :param matrix: (..., 3, 3), broadcast against the vectors' leading axes.
     """
-    result: Array = np.multiply(matrix[..., 0], v[..., 0, None], order="F")
-    for j in (1, 2):
-        result += np.multiply(matrix[..., j], v[..., j, None], order="F")
+    products = np.multiply(matrix, v[..., None, :], order="F")
+    result: Array = products[..., 0] + products[..., 1]
+    result += products[..., 2]
     return result
 
 

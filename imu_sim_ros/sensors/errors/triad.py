@@ -64,6 +64,8 @@ class Response:
         :param ideal: (n, ..., 3) input of the triad.
         :param force: (n, ..., 3) specific force [m/s^2].
         """
+        if self.is_perfect:
+            return ideal.copy(order="F")
         result = transform(self._s, ideal)
         if self._quadratic is not None:
             square = self._quadratic * ideal
@@ -146,6 +148,12 @@ class LowPass:
         return np.subtract(values, before, out=before)
 
 
+def _one_of_all(values: Array) -> Array:
+    """Return the number () that all values are, if they are: it takes no broadcasting."""
+    first: Array = values.reshape(-1)[:1].reshape(())
+    return first if (values == first).all() else values
+
+
 _WHOLE: Final = 1.0 + 1e-6
 """A range this close to whole steps counts as whole steps: files round their numbers."""
 
@@ -160,11 +168,11 @@ class Digitiser:
         self._rounded: Mask | bool = rounded
         if rounded.all() or not rounded.any():
             self._rounded = bool(rounded.any())
-        self._step = np.where(rounded, step, 1.0)
+        step = np.where(rounded, step, 1.0)
         self._limited = bool(limit.any())
-        steps = np.where(rounded, np.floor(limit / self._step * _WHOLE), limit)
-        self._most = np.where(limit > 0.0, steps, np.inf)
-        self._least = -self._most
+        steps = np.where(rounded, np.floor(limit / step * _WHOLE), limit)
+        most = np.where(limit > 0.0, steps, np.inf)
+        self._step, self._most, self._least = map(_one_of_all, (step, most, -most))
 
     def apply(self, values: Array) -> None:
         """Saturate and round values (n, ..., 3) in place."""
@@ -234,10 +242,10 @@ class Additions(NamedTuple):
     """(n, ..., 3) white noise; None: none."""
 
     def at(self, rows: slice) -> "Additions":
-        """Return some consecutive ones."""
-        scale = None if self.scale is None else self.scale[rows]
-        noise = None if self.noise is None else self.noise[rows]
-        return Additions(scale, self.bias[rows], noise)
+        """Return some consecutive ones, copies: NumPy adds what lies together in half the time."""
+        scale = None if self.scale is None else self.scale[rows].copy(order="F")
+        noise = None if self.noise is None else self.noise[rows].copy(order="F")
+        return Additions(scale, self.bias[rows].copy(order="F"), noise)
 
 
 class Triad:
@@ -380,15 +388,15 @@ class Triad:
                 faults.hold(self._name, first, reading, self._last)
             if len(reading):
                 self._last = reading[-1].copy()
-        shape = reading.shape
+        none = _constant(0.0, reading.shape)
         return Reading(
             reading,
             bias,
-            _constant(1.0, shape) if scale is None else scale,
-            _constant(0.0, shape) if noise is None else noise,
-            _constant(0.0, shape) if response_error is None else response_error,
-            _constant(0.0, shape) if low_pass is None else low_pass,
-            _constant(0.0, shape) if vibration is None else vibration,
+            _constant(1.0, reading.shape) if scale is None else scale,
+            none if noise is None else noise,
+            none if response_error is None else response_error,
+            none if low_pass is None else low_pass,
+            none if vibration is None else vibration,
         )
 
 
