@@ -140,13 +140,15 @@ def _find(package: str, name: str) -> Path | None:
 
 
 class ImuReading(NamedTuple):
-    """The fields of a sensor_msgs/Imu that the integrator uses."""
+    """The fields of a sensor_msgs/Imu."""
 
     t_ns: int
     gyro: Vector
     """[rad/s]"""
     accel: Vector
     """[m/s^2]"""
+    q_wb: Quaternion | None = None
+    """(w, x, y, z); None: it has none, or none that was looked at."""
 
 
 class OdometryFields(NamedTuple):
@@ -192,8 +194,8 @@ def imu_reading(payload: bytes) -> ImuReading:
     return _checked(second, nanosecond, (gx, gy, gz), (ax, ay, az))
 
 
-def ideal_reading(payload: bytes) -> tuple[ImuReading, Quaternion | None]:
-    """Return the reading in a sensor_msgs/Imu, and its orientation (w, x, y, z) if it has one.
+def ideal_reading(payload: bytes) -> ImuReading:
+    """Return the reading in a sensor_msgs/Imu, with its orientation if it has one.
 
     :raises InputError: as for :func:`imu_reading`; an orientation of another length is none.
     """
@@ -201,8 +203,8 @@ def ideal_reading(payload: bytes) -> tuple[ImuReading, Quaternion | None]:
     gx, gy, gz, ax, ay, az = rest[-6:]
     result = _checked(second, nanosecond, (gx, gy, gz), (ax, ay, az))
     if stated < 0.0 or not abs(w * w + x * x + y * y + z * z - 1.0) < _LENGTH:
-        return result, None
-    return result, _unit((w, x, y, z))
+        return result
+    return result._replace(q_wb=_unit((w, x, y, z)))
 
 
 def value(type_name: str, payload: bytes) -> tuple[int, tuple[float, ...]]:

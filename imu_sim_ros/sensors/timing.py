@@ -158,7 +158,7 @@ class SampleTiming:
         return Samples(
             true_t_ns,
             self._stamps(true_t_ns),
-            self._releases(first, true_t_ns + self._span_ns),
+            self._releases(first, true_t_ns),
             self._delivered(first, len(true_t_ns)),
             values,
             first,
@@ -189,12 +189,13 @@ class SampleTiming:
 
     def _releases(self, first: int, true_t_ns: Times) -> Times:
         """Return when the next n messages leave the driver (n,) [ns]; none overtakes another."""
+        after_ns = self._span_ns + self._latency_ns
         if not (self._latency_jitter_ns or self.faults.windows):
-            steady: Times = true_t_ns + self._latency_ns
+            steady: Times = true_t_ns + after_ns
             if len(steady) and steady[0] >= self._last_release_ns:
                 self._last_release_ns = int(steady[-1])
                 return steady
-        latency = np.full(len(true_t_ns), self._latency_ns)
+        latency = np.full(len(true_t_ns), after_ns)
         if self._latency_jitter_ns:
             extra = self._stream("transport.latency").standard_exponential(len(latency))
             latency += np.rint(extra * self._latency_jitter_ns).astype(np.int64)

@@ -156,8 +156,8 @@ class Order(Generic[Given]):
             return
         if self._first_ns is None:
             self._first_ns, self.last_ns = t_ns[0], t_ns[0] - 1
-        alone = len(t_ns) == 1
-        if t_ns[0] > self.last_ns and (alone or (given.t_ns[1:] > given.t_ns[:-1]).all()):
+        disordered = np.count_nonzero(given.t_ns[1:] <= given.t_ns[:-1])
+        if t_ns[0] > self.last_ns and not disordered:
             self.last_ns = t_ns[-1]
             yield given, 0
             return

@@ -8,7 +8,9 @@ import sys
 import threading
 import time
 from collections import Counter, deque
-from typing import Any, Final
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
@@ -40,8 +42,7 @@ from imu_sim_ros.simulation.error_parameters import (
 )
 from imu_sim_ros.simulation.given_sensor import OTHERS
 
-Reading = tuple[decode.ImuReading, decode.Quaternion | None]
-"""Reading of one message, and the orientation if it has one."""
+_Decoded = TypeVar("_Decoded")
 _READ_PERIOD: Final = 0.001
 """[s] How long readings wait for each other, and about the longest that one waits. At 1 kHz they
 come in pairs, for half as many wakes as one by one."""
@@ -70,7 +71,8 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
             if one.quantity in sensors
         }
         self.model = GivenImu(parameters, sensors, self._remark)
-        self._oriented = self.model.uses_orientation
+        oriented = self.model.uses_orientation
+        self._decode = decode.ideal_reading if oriented else decode.imu_reading
         self._odometry = Differentiator(parameters) if parameters.odometry else None
         turned = sensor_rotation(parameters.input) is not None or parameters.input.place == "body"
         own = "imu_frame" in self.given or parameters.imu_frame != conventions.IMU_FRAME
@@ -140,12 +142,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
     def _take_values(self, topic: str, taken: list[Taken]) -> None:
         """Add errors to ideal values of another sensor, and publish them."""
         quantity, kind = self._values[topic]
-        found = []
-        for payload, _ in taken:
-            try:
-                found.append(decode.value(kind, payload))
-            except InputError as error:
-                self._refuse(topic, error)
+        found = self._decoded(topic, taken, partial(decode.value, kind))
         if found:
             t_ns = np.array([one for one, _ in found], np.int64)
             values = np.array([numbers for _, numbers in found])
@@ -168,27 +165,24 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         """Return the readings in messages."""
         if self._odometry is not None:
             return self._of_odometry(self._odometry, topic, taken)
-        readings = [one for payload, _ in taken if (one := self._reading(topic, payload))]
-        return _given(readings, self._oriented)
+        return _given(self._decoded(topic, taken, self._decode))
 
-    def _reading(self, topic: str, payload: bytes) -> Reading | None:
-        try:
-            if not self._oriented:
-                return decode.imu_reading(payload), None
-            return decode.ideal_reading(payload)
-        except InputError as error:
-            self._refuse(topic, error)
-            return None
+    def _decoded(
+        self, topic: str, taken: list[Taken], fields: Callable[[bytes], _Decoded]
+    ) -> list[_Decoded]:
+        """Return what is in messages; those that cannot be used are refused."""
+        found = []
+        for payload, _ in taken:
+            try:
+                found.append(fields(payload))
+            except InputError as error:
+                self._refuse(topic, error)
+        return found
 
     def _of_odometry(
         self, odometry: Differentiator, topic: str, taken: list[Taken]
     ) -> GivenReadings:
-        states: list[decode.OdometryFields] = []
-        for payload, _ in taken:
-            try:
-                states.append(decode.truth(payload))
-            except InputError as error:
-                self._refuse(topic, error)
+        states = self._decoded(topic, taken, decode.truth)
         return odometry.apply(
             np.array([state.t_ns for state in states], np.int64),
             np.array([state.q_wb for state in states]).reshape(-1, 4),
@@ -253,16 +247,14 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         )
 
 
-def _given(readings: list[Reading], oriented: bool) -> GivenReadings:
-    """Return readings as arrays; their orientations if each has one, and it is of use."""
-    q_wb = None
-    if oriented and all(orientation is not None for _, orientation in readings):
-        q_wb = np.array([orientation for _, orientation in readings], np.float64)
+def _given(readings: list[decode.ImuReading]) -> GivenReadings:
+    """Return readings as arrays; their orientations if each has one."""
+    q_wb = [one.q_wb for one in readings if one.q_wb is not None]
     return GivenReadings(
-        np.array([reading.t_ns for reading, _ in readings], np.int64),
-        np.array([reading.gyro for reading, _ in readings]).reshape(-1, 3),
-        np.array([reading.accel for reading, _ in readings]).reshape(-1, 3),
-        q_wb,
+        np.array([one.t_ns for one in readings], np.int64),
+        np.array([one.gyro for one in readings], order="F"),
+        np.array([one.accel for one in readings], order="F"),
+        np.array(q_wb) if q_wb and len(q_wb) == len(readings) else None,
     )
 
 

@@ -169,7 +169,7 @@ class LiveIntegrator:
     def _step(self, stepper: Stepper, reading: ImuReading) -> Row | None:
         before = stepper.t_ns
         force, rate = stepper.specific_force, stepper.angular_velocity
-        if stepper.add(*reading):
+        if stepper.add(reading.t_ns, reading.gyro, reading.accel):
             assert before is not None
             h = (reading.t_ns - before) * 1e-9
             self._interval += (h - self._interval) * (_SMOOTHING if self._interval else 1.0)

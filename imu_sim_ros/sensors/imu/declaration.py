@@ -65,8 +65,8 @@ def readings(mounted: Mounted, encoding: str, *orientation: str) -> Payloads:
         if now is not known:
             variances = (variance_discrete(now.imu, triad, now.rate) for triad in TRIADS)
             known, messages = now, ImuEncoder(mounted.frame, encoding, *variances)
-        stated = (getattr(read, name)[rows] for name in orientation)
-        return messages.pattern(read.t_ns[rows], read.gyro[rows], read.accel[rows], *stated)
+        columns = (read.values[name][rows] for name in ("gyro", "accel", *orientation))
+        return messages.pattern(read.t_ns[rows], *columns)
 
     return payloads
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Sequence
 from fractions import Fraction
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -32,7 +32,12 @@ if TYPE_CHECKING:
 
 _INTERNAL_READINGS: Final = 16384
 """Generated at a time inside an oversampled sensor."""
-_ERRORS: Final = [(f"gyro_{error}", f"accel_{error}") for error in ERRORS]
+_VALUES: Final = (
+    *("gyro", *(f"gyro_{error}" for error in ERRORS)),
+    *("accel", *(f"accel_{error}" for error in ERRORS)),
+    *("temperature", "ideal_gyro", "ideal_accel", "motion"),
+)
+"""What samples have, in the order in which it is made."""
 AHEAD: Final = 64
 """Samples whose noise is made at once where given readings come one by one."""
 _LONGEST_LOOK: Final = 3600.0
@@ -184,16 +189,8 @@ class Imu:
     ) -> Samples:
         """Return n samples with stamps and transport."""
         gyro, accel = made
-        values: dict[str, Any] = {
-            "gyro": gyro.reading,
-            "accel": accel.reading,
-            "temperature": temperature,
-            "ideal_gyro": ideal[0],
-            "ideal_accel": ideal[1],
-            "motion": motion,
-        }
-        for (of_gyro, of_accel), *errors in zip(_ERRORS, gyro[1:], accel[1:], strict=True):
-            values[of_gyro], values[of_accel] = errors
+        given = (*gyro, *accel, temperature, *ideal, motion)
+        values = dict(zip(_VALUES, given, strict=True))
         self.latest = self._timing.samples(first, true_t_ns, values)
         return self.latest
 
