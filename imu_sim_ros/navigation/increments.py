@@ -190,22 +190,22 @@ def states(
     q = normalise(cumulative_product(chain))
     velocities = np.empty((len(h) + 1, 3), order="F")
     velocities[0] = velocity
-    if world.earth_rate.any():
+    if np.count_nonzero(world.earth_rate):
         t = np.concatenate([np.zeros(1), np.cumsum(h)])[:, None]
         back = exp(-world.earth_rate * t)
         q = multiply(back, q)
         half = exp(-world.earth_rate * (0.5 * length))
         force = rotate(multiply(half, q[:-1]), increment.dv)
         velocities[1:] = rotate(exp(world.earth_rate * (t[:-1] + t[1:])), force + moved)
-        np.cumsum(velocities, axis=0, out=velocities)
+        np.add.accumulate(velocities, axis=0, out=velocities)
         velocities = rotate(multiply(back, back), velocities)
     else:
         np.add(rotate(q[:-1], increment.dv), moved, out=velocities[1:])
-        np.cumsum(velocities, axis=0, out=velocities)
+        np.add.accumulate(velocities, axis=0, out=velocities)
     positions = np.empty((len(h) + 1, 3), order="F")
     positions[0] = position
     np.multiply(velocities[:-1] + velocities[1:], 0.5 * length, out=positions[1:])
     if increment.dp is not None:
         positions[1:] += rotate(q[:-1], increment.dp)
-    np.cumsum(positions, axis=0, out=positions)
+    np.add.accumulate(positions, axis=0, out=positions)
     return States(positions, velocities, q)

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -79,12 +80,12 @@ class Correction:
     accelerometer_scale_misalignment: Matrix = IDENTITY_MATRIX
     gyroscope_g_sensitivity: Matrix = ZERO_MATRIX
 
-    @property
+    @cached_property
     def gyroscope_inverse(self) -> Array:
         """(3, 3) the inverse of S of the gyroscope."""
         return np.linalg.inv(np.reshape(self.gyroscope_scale_misalignment, (3, 3)))
 
-    @property
+    @cached_property
     def accelerometer_inverse(self) -> Array:
         """(3, 3) the inverse of S of the accelerometer."""
         return np.linalg.inv(np.reshape(self.accelerometer_scale_misalignment, (3, 3)))
