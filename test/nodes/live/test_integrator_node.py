@@ -271,7 +271,7 @@ def test_readings_are_found_in_messages_with_any_frame(frame):
     t_ns = np.array([1_234_567_890_123_456_789])
     (payload,) = ImuEncoder(frame, "cdr", 1e-4, 1e-2).encode(t_ns, gyro, accel)
     found = decode.imu_reading(payload.tobytes())
-    assert found == (t_ns[0], tuple(gyro[0]), tuple(accel[0]))
+    assert found == (t_ns[0], tuple(gyro[0]), tuple(accel[0]), None)
     position, velocity, rate = generator.normal(size=(3, 1, 3))
     q_wb = rotation.normalise(generator.normal(size=(1, 4)))
     for child in ("", "b", "base_link"):
