@@ -345,17 +345,23 @@ def main(
         return _report_error(made.prog, error, debug=False)
     debug = getattr(arguments, "debug", False)
     quiet = any(getattr(arguments, name, False) for name in ("quiet", "json"))
-    with watched_by(_watcher(made.prog, quiet)):
-        return run(made.prog, lambda: command(arguments), debug)
+    written: list[Path] = []
+    with watched_by(_watcher(made.prog, quiet, written.append)):
+        return run(made.prog, lambda: command(arguments), debug, written)
 
 
-def _watcher(name: str, quiet: bool) -> Watcher:
+def _watcher(name: str, quiet: bool, complete: Callable[[Path], None]) -> Watcher:
     """Return who prints what jobs say, as lines of a program, and their progress."""
 
     def said(kind: str) -> Callable[[str], None]:
         return lambda line: print(f"{name}: {kind}{line}", file=sys.stderr)
 
-    lines = Watcher(warn=said("warning: "), remark=said(""), undisturbed=signals.collected)
+    lines = Watcher(
+        warn=said("warning: "),
+        remark=said(""),
+        undisturbed=signals.collected,
+        complete=complete,
+    )
     return lines if quiet else replace(lines, bar=terminal_bar, note=said("note: "))
 
 
@@ -376,31 +382,35 @@ def _remarks(program: str) -> Iterator[None]:
         yield
 
 
-def run(program: str, command: Callable[[], None], debug: bool = False) -> int:
+def run(
+    program: str, command: Callable[[], None], debug: bool = False, written: Sequence[Path] = ()
+) -> int:
     """Run a command; return its exit status after printing a line for each problem.
 
     :param debug: print tracebacks as well.
+    :param written: the outputs that are complete so far.
     """
     try:
         with signals.raised(), _remarks(program):
             command()
-        sys.stdout.flush()
+            sys.stdout.flush()
     except BrokenPipeError:  # `| head` closed standard output
         _give_up_output()
         return 1
     except KeyboardInterrupt as error:
-        return _report_interruption(program, error)
+        return _report_interruption(program, error, written)
     except Exception as error:
         # Initialising an extension module turns an interruption into an ImportError (pybind11).
         if isinstance(error.__cause__, KeyboardInterrupt):
-            return _report_interruption(program, error.__cause__)
+            return _report_interruption(program, error.__cause__, written)
         return _report_error(program, error, debug)
     return 0
 
 
-def _report_interruption(program: str, error: KeyboardInterrupt) -> int:
+def _report_interruption(program: str, error: KeyboardInterrupt, written: Sequence[Path]) -> int:
     """Print what became of the outputs; return the exit status."""
-    for line in error.args or ["nothing was written"]:
+    whole = f"{', '.join(map(str, written))} {'is' if len(written) == 1 else 'are'} complete"
+    for line in error.args or [whole if written else "nothing was written"]:
         print(f"{program}: interrupted; {line}", file=sys.stderr)
     return signals.status()
 

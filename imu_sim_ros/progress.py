@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from contextvars import ContextVar
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 Advance = Callable[..., None]
@@ -17,8 +18,8 @@ Bar = Callable[..., AbstractContextManager[Advance]]
 """Shows a text and progress up to a total."""
 
 
-def _nothing(line: str) -> None:
-    """Print nothing."""
+def _nothing(what: object) -> None:
+    """Nobody wants to know."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,8 @@ class Watcher:
     """Receives lines about what was chosen."""
     undisturbed: Callable[[], AbstractContextManager[object]] = nullcontext
     """Holds signals while outputs get their names."""
+    complete: Callable[[Path], None] = _nothing
+    """Receives each output that has its name."""
 
 
 _watcher: ContextVar[Watcher] = ContextVar("watcher", default=Watcher())  # noqa: B039 - frozen

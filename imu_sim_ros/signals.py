@@ -103,10 +103,10 @@ def _fragile(frame: FrameType | None) -> bool:
 
 
 @contextmanager
-def collected() -> Iterator[list[int]]:
-    """Keep signals: yields the list into which their numbers go.
+def collected() -> Iterator[None]:
+    """Keep signals until the block is over, which has to be soon.
 
-    The block has to end soon after the first one, and its owner raises :class:`Interrupted` then.
+    :raises Interrupted: after the block, if one has come and nothing else ended it.
     """
     requests: list[int] = []
 
@@ -117,9 +117,11 @@ def collected() -> Iterator[list[int]]:
 
     before = _handle(keep, (*SIGNALS, signal.SIGALRM))
     try:
-        yield requests
+        yield
     finally:
         _restore(before)
+    if requests:
+        raise Interrupted
 
 
 def _handle(handler: _Handler, numbers: Iterable[int] = SIGNALS) -> dict[int, Any]:

@@ -8,13 +8,15 @@ import fcntl
 import glob
 import os
 import shutil
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 from imu_sim_ros.errors import ImuSimError, InputError, MachineError, system_error
+from imu_sim_ros.progress import watcher
 
 ACTIVE_SUFFIX = ".active"
 """What ROS 1 appends to the name of a bag that is being recorded."""
@@ -162,13 +164,19 @@ class OutputFile:
         return self._file.closed
 
     def finish(self) -> None:
-        """Close the file and give it its name."""
+        """Close the file and give it its name.
+
+        :raises InputError: if something else has this name by now.
+        """
         self._check_untouched()
-        self.cut(self.position)
-        self._file.close()
         if self.current != self.path:
-            self.current.rename(self.path)
-            self.current = self.path
+            _refuse_newcomer(self.path)
+        self.cut(self.position)
+        with watcher().undisturbed():  # what is closed has its name
+            self._file.close()
+            if self.current != self.path:
+                self.current.rename(self.path)
+                self.current = self.path
 
     def abandon(self, empty: bool = False) -> None:
         """Close the file and keep its partial name; an empty file is removed."""
@@ -178,7 +186,16 @@ class OutputFile:
             self.current.unlink(missing_ok=True)
 
 
+def _refuse_newcomer(path: Path) -> None:
+    """Refuse to replace what got the name of an output while the output was written."""
+    if os.path.lexists(path):
+        raise InputError(f"{path}: appeared in the meantime; nothing is overwritten")
+
+
 PARTIAL: Final = "partial"
+_LOOK: Final = 0.01
+"""[s]"""
+_LOOKS: Final = 50
 _LONGEST_ADDITION: Final = len(".partial99")
 _OURS: Final = frozenset(
     {
@@ -236,16 +253,13 @@ class Outputs:
         inputs: Iterable[str | Path] = (),
         force: bool = False,
         discard_partial: bool = False,
-        undisturbed: Callable[[], AbstractContextManager[object]] = nullcontext,
     ) -> None:
         """Set up without targets.
 
         :param inputs: files and folders that are read; none of them is ever written to.
         :param force: replace what exists.
         :param discard_partial: keep nothing of an interrupted run.
-        :param undisturbed: holds signals during the last step, the renaming.
         """
-        self._undisturbed = undisturbed
         self.force, self.discard_partial = force, discard_partial
         self._inputs = [Path(path) for path in inputs]
         self._targets: list[Target] = []
@@ -298,6 +312,7 @@ class Outputs:
         if problems:
             raise InputError(problems)
         staged = [target for target in self._targets if target.companion_of is None]
+        follower = watcher()
         with ExitStack() as ending, ExitStack() as made:
             for target in staged:
                 folder = target.staging
@@ -308,18 +323,18 @@ class Outputs:
                         made.callback(_remove_empty, parent)
                     if os.path.lexists(folder):
                         self._remove_stale(folder)
-                    folder.mkdir()
-                    lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-                    made.callback(os.close, lock)
-                    made.callback(shutil.rmtree, folder, ignore_errors=True)
-                    with suppress(OSError):  # a file system without locks
-                        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    with follower.undisturbed():  # else a folder could remain
+                        lock = _claimed(folder)
+                        made.callback(os.close, lock)
+                        made.callback(_remove_own, folder, lock)
+                    # One that found it unlocked may be looking whether it is stale.
+                    _lock(lock, folder, _LOOKS)
                 except OSError as error:
                     raise system_error(target.final, error) from None
             try:
                 yield
             except BaseException as error:
-                ending.enter_context(self._undisturbed())
+                ending.enter_context(follower.undisturbed())
                 if not isinstance(error, Exception) and not self.discard_partial:
                     error.args = (*error.args, *self._keep_parts(staged))
                 if isinstance(error, OSError) and error.errno in _FULL and error.filename is None:
@@ -329,24 +344,27 @@ class Outputs:
                     named = [self._finally_named(line) for line in error.problems]
                     raise type(error)(named) from None
                 raise
-            ending.enter_context(self._undisturbed())
+            ending.enter_context(follower.undisturbed())
+            entries: dict[Path, list[Path]] = {}
+            for target in staged:  # all before the first gets its name: none is left alone
+                try:
+                    entries[target.staging] = sorted(target.staging.iterdir())
+                except OSError as error:
+                    raise system_error(target.final, error) from None
+                for entry in () if self.force else entries[target.staging]:
+                    _refuse_newcomer(target.folder / entry.name)
             for target in staged:
                 try:
-                    entries = sorted(target.staging.iterdir())
                     target.folder.mkdir(exist_ok=True)
-                    for entry in entries:
+                    for entry in entries[target.staging]:
                         output = target.folder / entry.name
-                        if os.path.lexists(output):
-                            if not self.force:
-                                raise InputError(
-                                    f"{output}: appeared in the meantime; nothing is overwritten"
-                                )
-                            if output.is_dir() and not output.is_symlink():
-                                # removed with the staging folder
-                                output.rename(active_path(entry))
+                        if output.is_dir() and not output.is_symlink():
+                            # removed with the staging folder
+                            output.rename(active_path(entry))
                         entry.rename(output)
                 except OSError as error:
                     raise system_error(target.final, error) from None
+                follower.complete(target.final)
 
     def _problems(self, target: Target) -> Iterator[str]:
         """Yield the problems of a target, at most one line for each of its paths."""
@@ -421,24 +439,22 @@ class Outputs:
 
     def _remove_stale(self, staging: Path) -> None:
         """Remove the remains of a killed run, with ``force``; never the output of a running one."""
-        if staging.is_dir() and not staging.is_symlink():
-            lock = os.open(staging, os.O_RDONLY | os.O_DIRECTORY)
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise InputError(f"{staging}: another program is writing this output") from None
-            except OSError:  # a file system without locks
-                pass
-            finally:
-                os.close(lock)
-        if not self.force:
-            raise InputError(
-                f"{staging}: an unfinished output is in the way; recover or delete it, or --force"
-            )
-        if staging.is_dir() and not staging.is_symlink():
-            shutil.rmtree(staging)
-        else:
-            staging.unlink()
+        with ExitStack() as looking:
+            folder = staging.is_dir() and not staging.is_symlink()
+            if folder:
+                lock = _opened(staging)
+                looking.callback(os.close, lock)
+                _lock(lock, staging)
+            if not self.force:
+                raise InputError(
+                    f"{staging}: an unfinished output is in the way; recover or delete it, or "
+                    "--force"
+                )
+            # Still locked: another program that finds it, too, does not take it for its own.
+            if folder:
+                shutil.rmtree(staging)
+            else:
+                staging.unlink()
 
     def _keep_parts(self, staged: Sequence[Target]) -> list[str]:
         """Rename the complete parts of an interrupted run, and describe their contents."""
@@ -482,6 +498,63 @@ class Outputs:
             shown = "" if target.folder == Path() else f"{target.folder}/"
             line = line.replace(f"{target.staging}/", shown)
         return line
+
+
+def _claimed(staging: Path) -> int:
+    """Make a staging folder; return its descriptor.
+
+    :raises InputError: if another program was faster.
+    """
+    try:
+        staging.mkdir()
+    except FileExistsError:
+        raise _taken(staging) from None
+    return _opened(staging)
+
+
+def _opened(staging: Path) -> int:
+    try:
+        return os.open(staging, os.O_RDONLY | os.O_DIRECTORY)
+    except FileNotFoundError:
+        raise _taken(staging) from None
+
+
+def _remove_own(staging: Path, lock: int) -> None:
+    """Remove a staging folder, but not one that another program has put in its place."""
+    with suppress(InputError):
+        _lock(lock, staging)
+        shutil.rmtree(staging, ignore_errors=True)
+
+
+def _lock(descriptor: int, staging: Path, looks: int = 1) -> None:
+    """Lock an open staging folder.
+
+    :raises InputError: if another program has it, or has put its own in its place.
+    """
+    for _ in range(looks):
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            time.sleep(_LOOK)
+            continue
+        except OSError:  # a file system without locks
+            pass
+        if _is_still(descriptor, staging):
+            return
+        break
+    raise _taken(staging)
+
+
+def _is_still(descriptor: int, path: Path) -> bool:
+    """Return whether a path leads to what was opened."""
+    try:
+        return os.path.samestat(os.fstat(descriptor), os.stat(path))
+    except FileNotFoundError:
+        return False
+
+
+def _taken(staging: Path) -> InputError:
+    return InputError(f"{staging}: another program is writing this output")
 
 
 def _remove_empty(folder: Path) -> None:

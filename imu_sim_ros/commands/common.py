@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
-from imu_sim_ros import signals
 from imu_sim_ros.bags.outputs import Outputs
 
 PICTURES: Final = (".png", ".svg", ".pdf")
@@ -22,7 +21,7 @@ FORCE: Final = {"--force": "overwrite existing output"}
 
 def outputs(arguments: argparse.Namespace) -> Outputs:
     """Return the outputs of a command, kept from everything that its arguments name."""
-    return Outputs(_named_files(arguments), force=arguments.force, undisturbed=signals.collected)
+    return Outputs(_named_files(arguments), force=arguments.force)
 
 
 @contextmanager

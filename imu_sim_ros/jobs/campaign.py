@@ -188,25 +188,26 @@ def campaign(
         Store(folder, resume, force) as store,
         _engine(loaded, processes, scheduler, dask, worker_timeout) as engine,
     ):
-        store.keep_plan(path)
-        done = min(sum(1 for _ in store.rows()), loaded.run_count)
-        tally = runs.Tally(loaded, done)
-        bar = progress("", lambda: loaded.run_count, done=done)
-        with _explaining_interruption(folder), bar as advance:
-            advance(0, tally.add([]))
-            outcome = runs.run(
-                loaded,
-                store,
-                engine,
-                lambda rows: advance(len(rows), tally.add(rows)),
-                retry_failed,
-                batch,
-            )
-        if report:
-            # A metric that no run has cannot be drawn.
-            there = judged == SUCCESS or any(row.get(judged) is not None for row in outcome.rows)
-            drawn = judged if there else ""
-            write_campaign_page(folder, drawn, [before] if before else [], limits, command)
+        with _explaining_interruption(folder):
+            store.keep_plan(path)
+            done = min(sum(1 for _ in store.rows()), loaded.run_count)
+            tally = runs.Tally(loaded, done)
+            with progress("", lambda: loaded.run_count, done=done) as advance:
+                advance(0, tally.add([]))
+                outcome = runs.run(
+                    loaded,
+                    store,
+                    engine,
+                    lambda rows: advance(len(rows), tally.add(rows)),
+                    retry_failed,
+                    batch,
+                )
+            if report:
+                # A metric that no run has cannot be drawn.
+                there = any(row.get(judged) is not None for row in outcome.rows)
+                drawn = judged if there or judged == SUCCESS else ""
+                write_campaign_page(folder, drawn, [before] if before else [], limits, command)
+        watcher().complete(folder)
     found = judge(loaded, outcome.rows, judged, earlier, *limits)
     wall_s = time.perf_counter() - started
     return Campaign(loaded, folder, outcome.rows, outcome.new, found, wall_s)

@@ -258,7 +258,7 @@ def outputs(force: bool, discard_partial: bool, inputs: Iterable[object]) -> Out
     arguments.switch("discard_partial", discard_partial)
     arguments.switch("force", force)
     read = [one for one in inputs if isinstance(one, Path) or is_file(one)]
-    return Outputs(read, force, discard_partial, watcher().undisturbed)
+    return Outputs(read, force, discard_partial)
 
 
 @contextmanager

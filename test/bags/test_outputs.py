@@ -4,15 +4,21 @@
 """Outputs: refused before any work, named when whole, parts of interrupted runs."""
 
 import errno
+import fcntl
 import os
+import signal
 import subprocess
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
+from imu_sim_ros import signals
+from imu_sim_ros.bags import outputs as outputs_module
 from imu_sim_ros.bags.outputs import OutputFile, Outputs
 from imu_sim_ros.errors import InputError, MachineError, explain, system_error
+from imu_sim_ros.progress import Watcher, watched_by
 
 
 @pytest.fixture(autouse=True)
@@ -210,6 +216,91 @@ def test_two_runs_at_once_do_not_mix(tmp_path):
             pytest.fail("the work began")
         path.write_text("whole")
     assert (tmp_path / "x.mcap").read_text() == "whole"
+
+
+def test_a_folder_that_is_not_locked_yet_is_not_shared(tmp_path, monkeypatch):
+    """Between making the staging folder and locking it, another run takes it for a stale one."""
+    first, second = Outputs(), Outputs(force=True)
+    first.add("x.mcap")
+    path = second.add("x.mcap").path
+    faster = ExitStack()
+    opened = outputs_module._opened
+
+    def after_the_other(staging):
+        monkeypatch.setattr(outputs_module, "_opened", opened)
+        faster.enter_context(second.staged())
+        return opened(staging)
+
+    monkeypatch.setattr(outputs_module, "_opened", after_the_other)
+    with pytest.raises(InputError, match="another program is writing"), first.staged():
+        pytest.fail("the work began")
+    path.write_text("of the second")
+    faster.close()
+    assert os.listdir(tmp_path) == ["x.mcap"]
+    assert (tmp_path / "x.mcap").read_text() == "of the second"
+
+
+def test_a_run_that_only_looks_takes_no_folder_away(tmp_path, monkeypatch):
+    """Another run holds the lock for a moment, to see whether a staging folder is stale."""
+    outputs = Outputs()
+    path = outputs.add("x.mcap").path
+    looking = ExitStack()
+    opened = outputs_module._opened
+
+    def looked_at(staging):
+        descriptor = os.open(staging, os.O_RDONLY)
+        looking.callback(os.close, descriptor)
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        return opened(staging)
+
+    monkeypatch.setattr(outputs_module, "_opened", looked_at)
+    monkeypatch.setattr(outputs_module.time, "sleep", lambda _: looking.close())
+    with outputs.staged():
+        path.write_text("whole")
+    assert (tmp_path / "x.mcap").read_text() == "whole"
+
+
+def test_of_several_outputs_none_gets_its_name_if_one_is_taken(tmp_path):
+    outputs = Outputs()
+    paths = [outputs.add(name).path for name in ("a.mcap", "b.csv")]
+    running = ExitStack()
+    running.enter_context(outputs.staged())
+    for path in paths:
+        path.write_text("of the program")
+    (tmp_path / "b.csv").write_text("of the user")
+    with pytest.raises(InputError, match=r"^b\.csv: appeared in the meantime"):
+        running.close()
+    assert os.listdir(tmp_path) == ["b.csv"]
+    assert (tmp_path / "b.csv").read_text() == "of the user"
+
+
+def test_a_recording_replaces_nothing_that_got_its_name(tmp_path):
+    path = tmp_path / "x.mcap"
+    file = OutputFile(path)
+    file.write(b"of the program")
+    path.write_text("of the user")
+    with pytest.raises(InputError, match="appeared in the meantime"):
+        file.finish()
+    file.abandon()
+    assert path.read_text() == "of the user"
+    assert (tmp_path / "x.mcap.active").read_text() == "of the program"
+
+
+def test_a_signal_as_the_staging_folder_is_made_leaves_none(tmp_path, monkeypatch):
+    opened = outputs_module._opened
+
+    def interrupted(staging):
+        os.kill(os.getpid(), signal.SIGTERM)
+        return opened(staging)
+
+    monkeypatch.setattr(outputs_module, "_opened", interrupted)
+    outputs = Outputs()
+    outputs.add("x.mcap")
+    follower = Watcher(undisturbed=signals.collected)
+    with watched_by(follower), pytest.raises(KeyboardInterrupt), signals.raised():  # noqa: SIM117
+        with outputs.staged():
+            pytest.fail("the work began")
+    assert os.listdir(tmp_path) == []
 
 
 def test_what_a_killed_run_left_is_told_and_replaced_with_force(tmp_path):

@@ -4,6 +4,7 @@
 """Signals end every command with the status that a shell expects, from the first moment on."""
 
 import importlib
+import io
 import os
 import random
 import re
@@ -19,6 +20,7 @@ from pathlib import Path
 import pytest
 
 from imu_sim_ros import program, signals
+from imu_sim_ros.commands import generate
 
 COMMANDS = ("allan", "calibrate", "convert_bag", "dead_reckon", "evaluate", "generate")
 STATUS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
@@ -96,14 +98,66 @@ def test_a_signal_during_the_work_runs_what_cleans_up(number):
 @pytest.mark.parametrize("number", STATUS, ids=lambda number: number.name)
 def test_a_step_that_must_not_be_broken_off_keeps_the_signal(number):
     def work() -> None:
-        with signals.collected() as requests:
+        with signals.collected():
             os.kill(os.getpid(), number)
-            assert requests == [number]
-        raise signals.Interrupted
+            done.append(number)
+        pytest.fail("the signal is lost")
 
+    done: list[int] = []
     before = [signal.getsignal(each) for each in signals.SIGNALS]
     assert program.run("work", work) == STATUS[number]
+    assert done == [number]
     assert [signal.getsignal(each) for each in signals.SIGNALS] == before
+
+
+def test_a_signal_after_the_output_has_its_name_does_not_deny_it(tmp_path, monkeypatch, capsys):
+    def interrupted(*_: object) -> None:
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    monkeypatch.setattr(program, "show", interrupted)
+    monkeypatch.chdir(tmp_path)
+    assert generate.main(["-o", "x.mcap", "--duration", "1s", "--imu-only"]) == 143
+    assert capsys.readouterr().err == "generate: interrupted; x.mcap is complete\n"
+    assert (tmp_path / "x.mcap").is_file()
+
+
+@pytest.mark.parametrize(
+    ("staged", "names", "told"),
+    [
+        (False, ["x.partial.mcap", "x.partial_truth.yaml"], "x.partial.mcap: 200 messages "),
+        (True, ["x.mcap", "x_truth.yaml"], "x.mcap is complete\n"),
+    ],
+    ids=["in the staging folder", "out of it"],
+)
+def test_a_signal_while_an_output_gets_its_name_ends_the_program_after_it(
+    tmp_path, monkeypatch, capsys, staged, names, told
+):
+    rename = Path.rename
+
+    def interrupted(path: Path, name: Path) -> Path:
+        if staged == (len(Path(name).parts) == 1):
+            os.kill(os.getpid(), signal.SIGTERM)
+        return rename(path, name)
+
+    monkeypatch.chdir(tmp_path)
+    arguments = ["-o", "x.mcap", "--duration", "1s", "--imu-only"]
+    monkeypatch.setattr(Path, "rename", interrupted)
+    assert generate.main(arguments) == 143
+    assert sorted(path.name for path in tmp_path.iterdir()) == names
+    assert capsys.readouterr().err.startswith(f"generate: interrupted; {told}")
+
+
+def test_what_is_printed_is_not_lost_to_a_signal_at_the_end(monkeypatch):
+    """Standard output is flushed while signals still interrupt, not end the process at once."""
+    seen = []
+    monkeypatch.setattr(sys, "stdout", io.StringIO())
+    monkeypatch.setattr(
+        sys.stdout, "flush", lambda: seen.append(signal.getsignal(signal.SIGTERM)), raising=False
+    )
+    before = signal.getsignal(signal.SIGTERM)
+    assert program.run("work", lambda: print("result")) == 0
+    assert seen
+    assert before not in seen
 
 
 def test_nohup_is_respected():
