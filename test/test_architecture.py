@@ -42,7 +42,7 @@ ROOMS = {
     "navigation": LOW | {"sensors"},
     "calibration": LOW | {"sensors", "simulation"},
     "plots": LOW | {"sensors", "navigation", "calibration"},
-    "campaigns": BODY | {"simulation", "bags", "datasets", "navigation", "calibration"},
+    "campaigns": BODY | {"simulation", "bags", "datasets", "navigation", "calibration", "signals"},
     "reports": LOW | {"sensors", "bags", "datasets", "navigation", "calibration", "campaigns"},
     "jobs": BODY
     | {"simulation", "bags", "datasets", "navigation", "calibration", "plots"}

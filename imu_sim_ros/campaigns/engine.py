@@ -36,6 +36,7 @@ from imu_sim_ros.campaigns.parameters import CommandEstimator
 from imu_sim_ros.campaigns.plan import Plan, missing
 from imu_sim_ros.campaigns.results import Row
 from imu_sim_ros.errors import ImuSimError, InputError, MachineError, MissingDependencyError
+from imu_sim_ros.signals import SIGNALS
 
 if TYPE_CHECKING:
     from distributed import Client, LocalCluster
@@ -281,7 +282,8 @@ class Processes(Executor):
             return future
 
     def _new(self) -> ProcessPoolExecutor:
-        pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _begin)
+        with _environment():  # the first one starts the tracker of semaphores
+            pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _begin)
         self._pools.add(pool)
         return pool
 
@@ -313,8 +315,10 @@ class Processes(Executor):
 def _begin() -> None:
     """Prepare a worker: Ctrl-C is handled by the main process, whose end is that of the worker."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     signal.signal(signal.SIGTERM, _end)
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # nohup has it ignored
+        signal.signal(signal.SIGHUP, _end)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
@@ -339,9 +343,13 @@ def _end(number: int, frame: object = None) -> None:
 
 @contextmanager
 def _environment() -> Iterator[None]:
-    """Give the processes that are started here their variables, and keep Ctrl-C from them."""
+    """Give the processes that are started here their variables, and keep signals from them.
+
+    One that comes meanwhile waits: it must not part a process that has begun from those who wait
+    for its end.
+    """
     before = {name: os.environ.get(name) for name in _ENVIRONMENT}
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
     os.environ.update(_ENVIRONMENT)
     try:
         yield

@@ -320,6 +320,33 @@ def test_a_program_does_not_outlive_its_campaign(plan_file, start, campaign, tmp
     resumes(plan_file, campaign, tmp_path / "out")
 
 
+def test_a_hang_up_of_the_terminal_is_one_line_and_leaves_no_process(plan_file, start, tmp_path):
+    """It reaches every process of the group: workers, and what tracks their semaphores."""
+    script, pids = tmp_path / "sleeper.py", tmp_path / "pids"
+    script.write_text(SLEEPER, encoding="utf-8")
+    pids.mkdir()
+    folder = tmp_path / "out"
+    path = plan_file(seeds=2, estimators={"a": {"command": f"{{python}} {script} {pids}"}})
+    process = start(
+        *(path, "-o", folder, "--workers", 2, "--batch", 1),
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
+    )
+    until(lambda: len(list(pids.glob("pid_??*[0-9]"))) == 4)
+    programs = [int(name.name[4:]) for name in pids.iterdir()]
+    os.kill(process.pid, signal.SIGSTOP)  # the others hear of it first
+    for other in command._children(process.pid):
+        os.kill(other, signal.SIGHUP)
+    until(lambda: not any(map(runs, programs)))
+    os.kill(process.pid, signal.SIGHUP)
+    os.kill(process.pid, signal.SIGCONT)
+    _, stderr = process.communicate()
+    assert process.returncode == 129
+    assert stderr == (
+        f"campaign: interrupted; {folder} has the runs made so far; continue with --resume\n"
+    )
+
+
 def resumes(plan_file, campaign, folder):
     """Check that a campaign ended within its first program is refused without ``--resume``.
 
