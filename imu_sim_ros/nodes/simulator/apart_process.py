@@ -24,6 +24,7 @@ from rclpy.duration import Duration
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
+from rclpy.signals import SignalHandlerOptions
 
 from imu_sim_ros.bags.messages.blocks import as_list
 from imu_sim_ros.bags.messages.encode_cameras import restamped
@@ -40,6 +41,7 @@ from imu_sim_ros.progress import Watcher, watch_thread
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.timing import SampleTimes
 from imu_sim_ros.sensors.world import Window, World
+from imu_sim_ros.signals import SIGNALS
 from imu_sim_ros.simulation.cameras import scene_around
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.simulation.sensors import models, mounted
@@ -136,7 +138,7 @@ class SensorNode:
         parameters = build(SimulatorParameters, start["parameters"])
         self.name = start["sensor"]
         overrides = [Parameter(name, value=value) for name, value in start["overrides"].items()]
-        rclpy.init(args=[])
+        rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
         self.node = rclpy.create_node(
             start["node"],
             namespace=start["namespace"],
@@ -243,7 +245,8 @@ class Reports:
 
 def main() -> int:
     """Run the process until its standard input ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the node closes the pipe when it ends
+    for number in SIGNALS:  # the node, which gets them too, closes the pipe when it ends
+        signal.signal(number, signal.SIG_IGN)
     os.nice(_NICE)
     reports = Reports(os.dup(1))
     os.dup2(2, 1)  # other output must not get between the reports

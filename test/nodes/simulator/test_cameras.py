@@ -302,6 +302,21 @@ def test_a_camera_that_dies_ends_the_node_and_a_node_that_dies_its_cameras(start
     listener.wait_until(gone, "the end of the cameras")
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_to_all_processes_of_a_node_ends_it_well(start, listener, number):
+    """A terminal and a supervisor tell the whole group; the camera may hear of it first."""
+    from sensor_msgs.msg import Image
+
+    listener.listen("/cam0/image_raw", Image)
+    node = start("simulator", "--trajectory", "target", **dotted(CAM0 | {"duration": 1000.0}))
+    listener.wait_for("/cam0/image_raw", 2)
+    os.kill(children(node.process.pid)[0], number)
+    listener.wait_for("/cam0/image_raw", len(listener.raw["/cam0/image_raw"]) + 2)
+    node.send(number)
+    assert node.status() == 0, node.output
+    assert "unexpected" not in node.output
+
+
 def _runs(pid: int) -> bool:
     try:
         return "Z" not in Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
