@@ -53,25 +53,26 @@ def fly(parameters: SimulationParameters, folder: Path) -> dict[str, dict[str, i
     with ExitStack() as stack:
         log = stack.enter_context((folder / "nodes.log").open("w+", encoding="utf-8"))
         topics = f"[{', '.join(TOPICS)}]"
-        recorder = _start(
-            log, "recorder", "-p", f"output:={folder / BAG}", "-p", f"topics:={topics}"
-        )
-        integrator = _start(log, "integrator", "-p", "initial_state:=truth", "-p", "error:=true")
-        simulator = _start(
-            log,
-            "simulator",
-            *("--params-file", str(file)),
-            *("-p", "wait_for_subscribers:=2", "-p", "wait_for_truth_subscribers:=2"),
-        )
-        nodes = {"recorder": recorder, "integrator": integrator, "simulator": simulator}
+        arguments = {
+            "recorder": ("-p", f"output:={folder / BAG}", "-p", f"topics:={topics}"),
+            "integrator": ("-p", "initial_state:=truth", "-p", "error:=true"),
+            "simulator": (
+                *("--params-file", str(file)),
+                *("-p", "wait_for_subscribers:=2", "-p", "wait_for_truth_subscribers:=2"),
+            ),
+        }
+        nodes: dict[str, subprocess.Popen[str]] = {}
         try:
+            for name, words in arguments.items():
+                nodes[name] = _start(log, name, *words)
             _wait(nodes, parameters.duration)
             time.sleep(0.5)  # the last readings are on their way to the integrator and back
-            _end(integrator)
-            _end(recorder)
+            _end(nodes["integrator"])
+            _end(nodes["recorder"])
         finally:
             for process in nodes.values():
                 process.kill()
+                process.wait()
         for name, process in nodes.items():
             if process.returncode != 0:
                 log.seek(0)

@@ -4,10 +4,15 @@
 """The demonstration: three real nodes, and nothing lost between them."""
 
 import re
+import signal
 import subprocess
 import sys
 
 import pytest
+
+from imu_sim_ros.errors import MachineError
+from imu_sim_ros.jobs import demo as job
+from imu_sim_ros.simulation.parameters import load_simulation
 
 pytestmark = pytest.mark.ros
 
@@ -39,3 +44,28 @@ def test_a_trajectory_that_does_not_exist_is_one_line(tmp_path):
         r"demo: unknown trajectory 'nowhere.csv'; neither a file nor .*\n", result.stderr
     )
     assert not (tmp_path / "out").exists()
+
+
+def test_nodes_that_have_begun_end_if_another_one_cannot_begin(tmp_path, monkeypatch):
+    begun = []
+
+    def start(log, name, *arguments):
+        if begun:
+            raise KeyboardInterrupt
+        begun.append(subprocess.Popen(["sleep", "600"]))
+        return begun[0]
+
+    monkeypatch.setattr(job, "_start", start)
+    with pytest.raises(KeyboardInterrupt):
+        job.fly(load_simulation({"duration": 1.0}), tmp_path)
+    assert begun[0].returncode == -signal.SIGKILL
+
+
+def test_a_simulator_that_does_not_end_is_told_with_its_status(tmp_path, monkeypatch):
+    def start(log, name, *arguments):
+        return subprocess.Popen(["sleep", "600" if name == "simulator" else "0"])
+
+    monkeypatch.setattr(job, "_start", start)
+    monkeypatch.setattr(job, "_wait", lambda nodes, duration: nodes["integrator"].wait())
+    with pytest.raises(MachineError, match="^simulator ended with status -9"):
+        job.fly(load_simulation({"duration": 1.0}), tmp_path)
