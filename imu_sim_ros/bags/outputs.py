@@ -11,7 +11,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -229,8 +229,9 @@ class Target:
     """An output of the same folder, in whose staging folder this one is written: a program that is
     killed leaves one folder. With ``kept`` it is complete before that one's first part, and kept
     under the name of that part."""
-    described: Callable[[], str] = field(default=lambda: "what was written before")
-    """Describes the contents of a kept part: "812 messages up to stamp 4.06 s"."""
+    described: Callable[[], str] | None = None
+    """Describes the contents of a kept part: "812 messages up to stamp 4.06 s". None: there is no
+    whole part yet, for its files are only being opened."""
 
 
 class Outputs:
@@ -461,7 +462,7 @@ class Outputs:
         lines = []
         companions = {target.path for target in self._targets if target.companion_of is not None}
         for target in staged:
-            if not target.kept:
+            if not target.kept or target.described is None:
                 continue
             names: list[str] = []
             for entry in sorted(target.staging.iterdir()):

@@ -184,6 +184,7 @@ def test_companions_are_written_with_their_output_and_no_part_of_it(tmp_path):
     def outputs() -> tuple[Outputs, list]:
         made = Outputs()
         bag = made.add("bag", kept=True)
+        bag.described = lambda: "12 messages"
         return made, [bag.path, made.add("bag_truth.yaml", companion_of=bag).path]
 
     run, (bag, truth) = outputs()
@@ -204,6 +205,16 @@ def test_companions_are_written_with_their_output_and_no_part_of_it(tmp_path):
         end_in_an_empty_folder(run, bag)
     assert sorted(os.listdir(tmp_path)) == ["bag.partial", "older"]  # nothing of an empty folder
     assert interrupted.value.args == ()
+
+
+def test_files_that_were_only_opened_are_no_part():
+    outputs = Outputs()
+    dataset = outputs.add("folder", kept=True).path
+    files = {dataset / "data.csv.active": "#timestamp [ns]\n"}
+    with pytest.raises(KeyboardInterrupt) as stopped:
+        end_with(KeyboardInterrupt(), outputs, files)
+    assert stopped.value.args == ()
+    assert os.listdir() == []
 
 
 def test_two_runs_at_once_do_not_mix(tmp_path):
@@ -338,11 +349,13 @@ def test_errors_of_the_machine_end_with_status_1():
 
 def test_the_parts_of_a_split_output_are_one_line():
     outputs = Outputs()
-    bag = outputs.add("x.mcap", kept=True).path
+    target = outputs.add("x.mcap", kept=True)
+    target.described = lambda: "12 messages"
+    bag = target.path
     parts = {bag.with_name(f"x_{k}.mcap"): "" for k in range(100)}
     with pytest.raises(KeyboardInterrupt) as stopped:
         end_with(KeyboardInterrupt(), outputs, parts)
-    line = "x_0.partial.mcap and 99 more files: what was written before"
+    line = "x_0.partial.mcap and 99 more files: 12 messages"
     assert stopped.value.args == (line,)
     assert len(os.listdir()) == 100
 
