@@ -12,6 +12,7 @@ sample.
 
 import json
 import os
+import signal
 import struct
 import subprocess
 import sys
@@ -34,6 +35,7 @@ from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.samples import Samples
+from imu_sim_ros.signals import SIGNALS
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.simulation.topics import Encode, Messages, delivered_rows, offered
@@ -123,12 +125,18 @@ class SensorProcess:
         self._closing = self._overflow = False
         self._changed = threading.Condition()
         environment = {**fast_dds.without_own_profile(os.environ), "OMP_NUM_THREADS": "1"}
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", _PROGRAM],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env={**environment, "OPENBLAS_NUM_THREADS": "1"},
-        )
+        # Blocked in the process from its first moment on: what a terminal tells all processes is
+        # the node's, which closes the pipe when it ends.
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+        try:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", _PROGRAM],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                env={**environment, "OPENBLAS_NUM_THREADS": "1"},
+            )
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._input: IO[bytes] = self._process.stdin

@@ -10,7 +10,6 @@ and the thread that makes them below that: a batch job that whoever wakes up may
 
 import json
 import os
-import signal
 import sys
 import tempfile
 import threading
@@ -41,7 +40,6 @@ from imu_sim_ros.progress import Watcher, watch_thread
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.timing import SampleTimes
 from imu_sim_ros.sensors.world import Window, World
-from imu_sim_ros.signals import SIGNALS
 from imu_sim_ros.simulation.cameras import scene_around
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.simulation.sensors import models, mounted
@@ -245,8 +243,6 @@ class Reports:
 
 def main() -> int:
     """Run the process until its standard input ends."""
-    for number in SIGNALS:  # the node, which gets them too, closes the pipe when it ends
-        signal.signal(number, signal.SIG_IGN)
     os.nice(_NICE)
     reports = Reports(os.dup(1))
     os.dup2(2, 1)  # other output must not get between the reports

@@ -309,8 +309,11 @@ def test_a_signal_to_all_processes_of_a_node_ends_it_well(start, listener, numbe
 
     listener.listen("/cam0/image_raw", Image)
     node = start("simulator", "--trajectory", "target", **dotted(CAM0 | {"duration": 1000.0}))
+    listener.wait_until(lambda: children(node.process.pid), "the camera's process")
+    (camera,) = children(node.process.pid)
+    os.kill(camera, number)  # as it begins
     listener.wait_for("/cam0/image_raw", 2)
-    os.kill(children(node.process.pid)[0], number)
+    os.kill(camera, number)
     listener.wait_for("/cam0/image_raw", len(listener.raw["/cam0/image_raw"]) + 2)
     node.send(number)
     assert node.status() == 0, node.output
