@@ -5,8 +5,8 @@
 
 Before a command's work begins there is nothing to clean up: the process ends at once. During the
 work a signal raises :class:`Interrupted` wherever the program is, so that ``with`` and ``finally``
-do what they are there for; if a step must not be broken off, :func:`collected` keeps the signal
-until it is over.
+do what they are there for, and further ones wait a few seconds for them; if a step must not be
+broken off, :func:`collected` keeps the signal until it is over.
 
 Python runs a handler between any two instructions, and at some an exception does harm: the first
 one of ``__exit__``, which would leave a lock of :mod:`threading` taken for ever, or in a
@@ -27,10 +27,14 @@ _Handler = Callable[[int, FrameType | None], Any]
 
 
 _received: list[int] = []
+_begun = False
+"""Whether a command's work has begun, and is perhaps over."""
 _AGAIN: Final = 0.005
 """After this time a signal that came at a bad moment comes again [s]."""
 _LONGEST_DELAY: Final = 0.5
 """A thread that waits for a lock this long is interrupted all the same [s]."""
+_LONGEST_END: Final = 5.0
+"""A further signal waits this long for what the first one has begun to clean up [s]."""
 _FRAGILE: Final = ("__enter__", "__exit__", "__del__")
 
 
@@ -47,6 +51,8 @@ def end_at_once(program: str) -> None:
     """Let a signal end the process on the spot: nothing was begun yet."""
 
     def end(number: int, _: FrameType | None) -> None:
+        if _begun:  # all that is left is to say what came of it
+            return
         name = signal.Signals(number).name
         os.write(2, f"{program}: interrupted by {name}; nothing was written\n".encode())
         os._exit(128 + number)
@@ -63,24 +69,32 @@ def ignore() -> None:
 @contextmanager
 def raised() -> Iterator[None]:
     """Let signals raise :class:`Interrupted` in the main thread."""
-    first = 0.0
+    global _begun
+    first = end = 0.0
 
     def interrupt(number: int, frame: FrameType | None) -> None:
-        nonlocal first
-        first = first or time.monotonic()
+        nonlocal first, end
+        now = time.monotonic()
+        first = first or now
         if number != signal.SIGALRM:
             _received.append(number)
-        if _fragile(frame) and time.monotonic() - first < _LONGEST_DELAY:
+        if now < end:
+            signal.setitimer(signal.ITIMER_REAL, end - now)
+        elif _fragile(frame) and now - first < _LONGEST_DELAY:
             signal.setitimer(signal.ITIMER_REAL, _AGAIN)
         else:
+            end = now + _LONGEST_END
             raise Interrupted
 
     def swallowed(event: "sys.UnraisableHookArgs") -> None:
+        nonlocal end
         if issubclass(event.exc_type, Interrupted):
+            end = 0.0
             signal.setitimer(signal.ITIMER_REAL, _AGAIN)
         else:
             hook(event)
 
+    _begun = True
     _received.clear()
     hook = sys.unraisablehook
     before = _handle(interrupt, (*SIGNALS, signal.SIGALRM))

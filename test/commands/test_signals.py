@@ -160,6 +160,53 @@ def test_what_is_printed_is_not_lost_to_a_signal_at_the_end(monkeypatch):
     assert before not in seen
 
 
+def test_a_signal_when_the_work_is_over_changes_nothing():
+    script = textwrap.dedent("""
+        import os, signal, sys
+        from imu_sim_ros import program, signals
+
+        def told(*_):
+            os.kill(os.getpid(), signal.SIGHUP)
+            return told_before(*_)
+
+        told_before = program._report_interruption
+        program._report_interruption = told
+        signals.end_at_once("work")
+        sys.exit(program.run("work", lambda: os.kill(os.getpid(), signal.SIGTERM)))
+    """)
+    command = [sys.executable, "-c", script]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert (result.returncode, result.stderr) == (143, "work: interrupted; nothing was written\n")
+
+
+def test_a_second_signal_does_not_break_off_what_the_first_one_cleans_up(capsys):
+    def work() -> None:
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+            pytest.fail("the signal is lost")
+        finally:
+            os.kill(os.getpid(), signal.SIGTERM)
+            print("cleaned up")
+
+    assert program.run("work", work) == 130
+    assert capsys.readouterr() == ("cleaned up\n", "work: interrupted; nothing was written\n")
+
+
+def test_a_second_signal_ends_what_does_not_come_to_an_end(monkeypatch, capsys):
+    monkeypatch.setattr(signals, "_LONGEST_END", 0.01)
+
+    def work() -> None:
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+        finally:
+            os.kill(os.getpid(), signal.SIGINT)
+            threading.Event().wait(300)
+            pytest.fail("the signal is lost")
+
+    assert program.run("work", work) == 130
+    assert capsys.readouterr().err == "work: interrupted; nothing was written\n"
+
+
 def test_nohup_is_respected():
     program = (
         "import os, signal; from imu_sim_ros import program\n"
