@@ -102,6 +102,10 @@ def raised() -> Iterator[None]:
         sys.unraisablehook = swallowed
     try:
         yield
+    except Exception:
+        if first and not end:  # the signal, on its way to us, has reached other processes already
+            raise Interrupted from None
+        raise
     finally:
         if before:
             signal.setitimer(signal.ITIMER_REAL, 0.0)

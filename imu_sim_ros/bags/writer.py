@@ -158,7 +158,12 @@ class Writer(ABC):
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         if error is None:
-            self.close()
+            try:
+                self.close()
+            except BaseException as stopped:
+                if not isinstance(stopped, Exception):
+                    self.stop()
+                raise
         elif isinstance(error, Exception):
             self.abandon()
         else:

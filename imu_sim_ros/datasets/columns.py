@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.bags.outputs import OutputFile
 from imu_sim_ros.bags.text import decimals
 from imu_sim_ros.errors import system_error
+from imu_sim_ros.progress import watcher
 
 Column = NDArray[Any]
 
@@ -158,5 +159,6 @@ class Tables:
         if error is not None and self._whole is not None:
             for table, state in zip(self.open, self._whole, strict=True):
                 table.back(state)
-        for table in self.open:
-            table.close(error)
+        with watcher().undisturbed():
+            for table in self.open:
+                table.close(error)

@@ -20,6 +20,7 @@ from pathlib import Path
 import pytest
 
 from imu_sim_ros import program, signals
+from imu_sim_ros.bags import outputs
 from imu_sim_ros.commands import generate
 
 COMMANDS = ("allan", "calibrate", "convert_bag", "dead_reckon", "evaluate", "generate")
@@ -147,6 +148,26 @@ def test_a_signal_while_an_output_gets_its_name_ends_the_program_after_it(
     assert capsys.readouterr().err.startswith(f"generate: interrupted; {told}")
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [["x.mcap"], ["x.bag"], ["x.csv"], ["x", "--format", "euroc"]],
+    ids=["mcap", "ROS 1", "csv", "euroc"],
+)
+def test_a_signal_while_a_file_is_closed_leaves_none_without_its_end(
+    tmp_path, monkeypatch, arguments
+):
+    def interrupted(path: Path) -> None:
+        if any(part.endswith(".active") for part in path.parts):
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    monkeypatch.setattr(outputs, "_refuse_newcomer", interrupted)
+    monkeypatch.chdir(tmp_path)
+    assert generate.main(["-o", *arguments, "--duration", "2s"]) == 143
+    names = [str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")]
+    assert any(name.startswith("x.partial") for name in names)
+    assert not [name for name in names if "active" in name]
+
+
 def test_what_is_printed_is_not_lost_to_a_signal_at_the_end(monkeypatch):
     """Standard output is flushed while signals still interrupt, not end the process at once."""
     seen = []
@@ -177,6 +198,25 @@ def test_a_signal_when_the_work_is_over_changes_nothing():
     command = [sys.executable, "-c", script]
     result = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert (result.returncode, result.stderr) == (143, "work: interrupted; nothing was written\n")
+
+
+def test_what_fails_since_a_signal_is_due_to_it(capsys):
+    """Ctrl-C reaches all processes: a worker may end before this one is at a good moment."""
+
+    class Workers:
+        def __enter__(self) -> None:
+            os.kill(os.getpid(), signal.SIGINT)
+            raise RuntimeError("a worker failed to start")
+
+        def __exit__(self, *_: object) -> None:
+            pytest.fail("they have not begun")
+
+    def work() -> None:
+        with Workers():
+            pytest.fail("they have not begun")
+
+    assert program.run("work", work) == 130
+    assert capsys.readouterr().err == "work: interrupted; nothing was written\n"
 
 
 def test_a_second_signal_does_not_break_off_what_the_first_one_cleans_up(capsys):

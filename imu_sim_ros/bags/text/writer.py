@@ -19,6 +19,7 @@ from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.names import suggestion
+from imu_sim_ros.progress import watcher
 from imu_sim_ros.rotation import pose_matrix
 from imu_sim_ros.types import Array, Times
 
@@ -226,6 +227,10 @@ class Dataset:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        with watcher().undisturbed():
+            self._close(kind)
+
+    def _close(self, kind: type[BaseException] | None) -> None:
         files = self._open
         for file in files:
             if kind is not None:
