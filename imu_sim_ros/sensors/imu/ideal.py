@@ -87,7 +87,7 @@ def _error(rule: Quadrature, c: float) -> float:
     return float(np.max(np.abs(means - np.sinc(trials / np.pi))))
 
 
-_SAMPLED_AT_ONCE: Final = 8192
+_SAMPLED_AT_ONCE: Final = 4096
 """Times at which a motion is sampled in one call: the arrays fit into the processor's cache."""
 
 
