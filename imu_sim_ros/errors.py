@@ -20,6 +20,7 @@ _MACHINE: Final = frozenset(
 )
 """System errors that no other argument would avoid."""
 _PASSED_OVER: Final = (__name__.partition(".")[0], "contextlib")
+"""Packages whose lines no warning names: this one, and what stands between its own calls."""
 
 
 class ImuSimError(Exception):

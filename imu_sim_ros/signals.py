@@ -121,6 +121,16 @@ def _fragile(frame: FrameType | None) -> bool:
 
 
 @contextmanager
+def blocked() -> Iterator[None]:
+    """Keep signals from the processes that begin in a block; one that comes meanwhile waits."""
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+
+
+@contextmanager
 def collected() -> Iterator[None]:
     """Keep signals until the block is over, which has to be soon.
 

@@ -194,8 +194,9 @@ def _refuse_newcomer(path: Path) -> None:
 
 PARTIAL: Final = "partial"
 _LOOK: Final = 0.01
-"""[s]"""
+"""[s] Between two tries to lock a staging folder."""
 _LOOKS: Final = 50
+"""Tries for one's own folder, which another program may be looking at."""
 _LONGEST_ADDITION: Final = len(".partial99")
 _OURS: Final = frozenset(
     {

@@ -36,7 +36,7 @@ from imu_sim_ros.campaigns.parameters import CommandEstimator
 from imu_sim_ros.campaigns.plan import Plan, missing
 from imu_sim_ros.campaigns.results import Row
 from imu_sim_ros.errors import ImuSimError, InputError, MachineError, MissingDependencyError
-from imu_sim_ros.signals import SIGNALS
+from imu_sim_ros.signals import SIGNALS, blocked
 
 if TYPE_CHECKING:
     from distributed import Client, LocalCluster
@@ -349,17 +349,16 @@ def _environment() -> Iterator[None]:
     for its end.
     """
     before = {name: os.environ.get(name) for name in _ENVIRONMENT}
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
-    os.environ.update(_ENVIRONMENT)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+    with blocked():
+        os.environ.update(_ENVIRONMENT)
+        try:
+            yield
+        finally:
+            for name, value in before.items():
+                if value is None:
+                    del os.environ[name]
+                else:
+                    os.environ[name] = value
 
 
 @contextmanager

@@ -12,7 +12,6 @@ sample.
 
 import json
 import os
-import signal
 import struct
 import subprocess
 import sys
@@ -35,7 +34,7 @@ from imu_sim_ros.parameters.kinds import Value
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.samples import Samples
-from imu_sim_ros.signals import SIGNALS
+from imu_sim_ros.signals import blocked
 from imu_sim_ros.simulation.playback import SimulatorParameters
 from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.simulation.topics import Encode, Messages, delivered_rows, offered
@@ -127,16 +126,13 @@ class SensorProcess:
         environment = {**fast_dds.without_own_profile(os.environ), "OMP_NUM_THREADS": "1"}
         # Blocked in the process from its first moment on: what a terminal tells all processes is
         # the node's, which closes the pipe when it ends.
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
-        try:
+        with blocked():
             self._process = subprocess.Popen(
                 [sys.executable, "-c", _PROGRAM],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 env={**environment, "OPENBLAS_NUM_THREADS": "1"},
             )
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         self._input: IO[bytes] = self._process.stdin
