@@ -5,7 +5,8 @@
 
 Quaternions are Hamilton, ``(w, x, y, z)`` on the last axis; ``q_wb`` maps body to world. Equation
 numbers are those of the lecture "IMU sensors" (He, Gao, Cui, 2019); "Sola" is J. Sola, "Quaternion
-kinematics for the error-state Kalman filter", arXiv:1711.02508. Imports nothing of the package.
+kinematics for the error-state Kalman filter", arXiv:1711.02508. Formulas that a live reading passes
+through are those of :mod:`imu_sim_ros.components`; here they take and return whole arrays.
 
 Results lie in memory one component after the other (order F), so that every operand of the
 arithmetic is contiguous; arrays in any other order are taken as well. But for
@@ -19,6 +20,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from imu_sim_ros import components
+from imu_sim_ros.components import from_half_angles, quaternion, stack, vector
 from imu_sim_ros.types import Array
 
 IDENTITY: Final[Array] = np.array([1.0, 0.0, 0.0, 0.0])
@@ -36,21 +39,7 @@ def multiply(p: ArrayLike, q: ArrayLike) -> Array:
     :param p: (..., 4) quaternions.
     :param q: (..., 4) quaternions, broadcast against p.
     """
-    pw, px, py, pz = _parts(p)
-    qw, qx, qy, qz = _parts(q)
-    w = pw * qw - px * qx - py * qy - pz * qz
-    result = np.empty((*w.shape, 4), order="F")
-    result[..., 0] = w
-    result[..., 1] = pw * qx + px * qw + py * qz - pz * qy
-    result[..., 2] = pw * qy - px * qz + py * qw + pz * qx
-    result[..., 3] = pw * qz + px * qy - py * qx + pz * qw
-    return result
-
-
-def _parts(values: ArrayLike) -> list[Array]:
-    """Return the components (...) of vectors or quaternions."""
-    array = np.asarray(values, dtype=np.float64)
-    return [array[..., k] for k in range(array.shape[-1])]
+    return stack(components.multiply(quaternion(p), quaternion(q)))
 
 
 def conjugate(q: ArrayLike) -> Array:
@@ -70,50 +59,20 @@ def normalise(q: ArrayLike) -> Array:
 def rotate(q_ab: ArrayLike, v_b: ArrayLike) -> Array:
     """Return ``v_a = R_ab @ v_b``.
 
-    ``v + 2 w (u x v) + 2 u x (u x v)`` with ``q = (w, u)``: 30 operations instead of the 56 of two
-    quaternion products.
-
     :param q_ab: (..., 4) unit quaternions.
     :param v_b: (..., 3) vectors, broadcast against q_ab.
     """
-    w, i, j, k = _parts(q_ab)
-    x, y, z = _parts(v_b)
-    a = 2.0 * (j * z - k * y)
-    b = 2.0 * (k * x - i * z)
-    c = 2.0 * (i * y - j * x)
-    result = np.empty((*a.shape, 3), order="F")
-    result[..., 0] = x + w * a + (j * c - k * b)
-    result[..., 1] = y + w * b + (k * a - i * c)
-    result[..., 2] = z + w * c + (i * b - j * a)
-    return result
+    return stack(components.rotate(quaternion(q_ab), vector(v_b)))
 
 
 def rotate_inverse(q_ab: ArrayLike, v_a: ArrayLike) -> Array:
-    """Return ``v_b = R_ab.T @ v_a``; shapes as for :func:`rotate`.
-
-    ``v - 2 w (u x v) + 2 u x (u x v)`` with ``q = (w, u)``.
-    """
-    q = np.asarray(q_ab, dtype=np.float64)
-    w, u = q[..., :1], q[..., 1:]
-    twice = cross(u, v_a)
-    twice *= 2.0
-    result = cross(u, twice)
-    result += np.asarray(v_a)
-    twice *= w
-    result -= twice
-    return result
+    """Return ``v_b = R_ab.T @ v_a``; shapes as for :func:`rotate`."""
+    return stack(components.rotate_inverse(quaternion(q_ab), vector(v_a)))
 
 
 def cross(a: ArrayLike, b: ArrayLike) -> Array:
     """Return ``a x b`` of vectors (..., 3), broadcast against each other."""
-    ax, ay, az = _parts(a)
-    bx, by, bz = _parts(b)
-    x = ay * bz - az * by
-    result = np.empty((*x.shape, 3), order="F")
-    result[..., 0] = x
-    result[..., 1] = az * bx - ax * bz
-    result[..., 2] = ax * by - ay * bx
-    return result
+    return stack(components.cross(vector(a), vector(b)))
 
 
 def pose_matrix(r_ab: ArrayLike, p_ab: ArrayLike) -> Array:
@@ -142,13 +101,11 @@ def transform(matrix: Array, v: Array) -> Array:
 
 def to_matrix(q_ab: ArrayLike) -> Array:
     """Return ``R_ab`` (..., 3, 3) of unit quaternions (..., 4) (Sola eq. 115)."""
-    w, x, y, z = _parts(q_ab)
-    rows = [
-        [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    entries = components.to_matrix(quaternion(q_ab))
+    result = np.empty((*np.shape(entries[0]), 9))
+    for k, entry in enumerate(entries):
+        result[..., k] = entry
+    return result.reshape(*result.shape[:-1], 3, 3)
 
 
 def from_matrix(r_ab: ArrayLike) -> Array:
@@ -195,31 +152,12 @@ def continuous(q: ArrayLike) -> Array:
 
 def exp(rotation_vector: ArrayLike) -> Array:
     """Return the quaternions (..., 4) of rotation vectors (..., 3) [rad] (Sola eq. 101)."""
-    v = np.asarray(rotation_vector, dtype=np.float64)
-    half = 0.5 * np.linalg.norm(v, axis=-1)
-    result = np.empty((*half.shape, 4), order="F")
-    result[..., 0] = np.cos(half)
-    # np.sinc(x) is sin(pi x) / (pi x), exact at 0.
-    factor = 0.5 * np.sinc(half / np.pi)
-    np.multiply(v, factor[..., None], out=result[..., 1:])
-    return result
+    return stack(components.exp(vector(rotation_vector)))
 
 
 def log(q: ArrayLike) -> Array:
     """Return the rotation vectors (..., 3) [rad], at most pi long, of unit quaternions (..., 4)."""
-    w, x, y, z = _parts(q)
-    cosine, sine = np.abs(w), np.sqrt(x * x + y * y + z * z)
-    small = sine < _SMALL_ANGLE
-    # 2 atan2(s, w) / s; near zero its series 2 / w - 2 s^2 / (3 w^3) (Sola eq. 105).
-    factor = 2.0 * np.arctan2(sine, cosine) / np.where(small, 1.0, sine)
-    if small.any():
-        safe = np.where(small, cosine, 1.0)
-        factor = np.where(small, 2.0 / safe - 2.0 / 3.0 * sine**2 / safe**3, factor)
-    factor = np.where(w < 0.0, -factor, factor)  # q and -q are one rotation
-    result = np.empty((*w.shape, 3), order="F")
-    for k, part in enumerate((x, y, z)):
-        np.multiply(part, factor, out=result[..., k])
-    return result
+    return stack(components.log(quaternion(q)))
 
 
 def skew(v: ArrayLike) -> Array:
@@ -248,28 +186,12 @@ def right_jacobian(rotation_vector: ArrayLike) -> Array:
 
 def from_euler(roll_pitch_yaw: ArrayLike) -> Array:
     """Return ``q_wb`` (..., 4) of Euler angles (..., 3) [rad]: ``Rz(yaw) Ry(pitch) Rx(roll)``."""
-    half = 0.5 * np.asarray(roll_pitch_yaw, dtype=np.float64)
-    return _of_half_angles(np.sin(half), np.cos(half))
-
-
-def _of_half_angles(sines: Array, cosines: Array) -> Array:
-    """Return ``q_wb`` (..., 4) of the sines and cosines (..., 3) of half the Euler angles."""
-    (sr, sp, sy), (cr, cp, cy) = _parts(sines), _parts(cosines)
-    result = np.empty((*sr.shape, 4), order="F")
-    result[..., 0] = cr * cp * cy + sr * sp * sy
-    result[..., 1] = sr * cp * cy - cr * sp * sy
-    result[..., 2] = cr * sp * cy + sr * cp * sy
-    result[..., 3] = cr * cp * sy - sr * sp * cy
-    return result
+    return stack(components.from_euler(vector(roll_pitch_yaw)))
 
 
 def to_euler(q_wb: ArrayLike) -> Array:
     """Return roll, pitch, yaw (..., 3) [rad]; pitch in [-pi/2, pi/2], the others in [-pi, pi]."""
-    w, x, y, z = _parts(q_wb)
-    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
-    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return np.stack([roll, pitch, yaw], axis=-1)
+    return stack(components.to_euler(quaternion(q_wb)))
 
 
 def euler_rates_to_body_rates(roll_pitch_yaw: ArrayLike) -> Array:
@@ -315,7 +237,7 @@ def euler_motion(angles: Array, first: Array, second: Array) -> tuple[Array, Arr
     alpha[:, 0] = roll2 - yaw2 * sp - turn * cp
     alpha[:, 1] = pitch2 * cr + yaw2 * across + roll1 * z - turn * sp * sr
     alpha[:, 2] = yaw2 * down - pitch2 * sr - roll1 * y - turn * sp * cr
-    return _of_half_angles(sines, cosines), omega, alpha
+    return stack(from_half_angles(vector(sines), vector(cosines))), omega, alpha
 
 
 def cumulative_product(q: ArrayLike) -> Array:
@@ -329,8 +251,6 @@ def cumulative_product(q: ArrayLike) -> Array:
     n = first.shape[1]
     if n < 2:
         return first.T.copy()
-    if n == 2:  # a single step of dead reckoning: without the table
-        return np.array([first[:, 0], multiply(first[:, 0], first[:, 1])])
     columns = math.ceil(math.sqrt(n))
     rows = -(-n // columns)
     table = np.zeros((columns, 4, rows))
@@ -352,24 +272,20 @@ def cumulative_product(q: ArrayLike) -> Array:
     starts = np.empty((4, columns, rows))
     starts[:] = _running(table[-1].T.tolist())[:, None]
     ends = np.ascontiguousarray(table.transpose(1, 0, 2))
-    product = multiply(starts.reshape(4, -1).T, ends.reshape(4, -1).T).T.reshape(ends.shape)
+    q = components.multiply(quaternion(starts.reshape(4, -1).T), quaternion(ends.reshape(4, -1).T))
+    product = stack(q).T.reshape(ends.shape)
     result: Array = starts.reshape(4, -1)  # its memory serves once more
     result.reshape(4, rows, columns)[:] = product.transpose(0, 2, 1)
     return result[:, :n].T
 
 
 def _running(products: list[list[float]]) -> Array:
-    """Return the product of the rows before each (4, m): m is small, plain numbers are fast."""
-    pw, px, py, pz = 1.0, 0.0, 0.0, 0.0
+    """Return the product of the rows before each (4, m)."""
+    before: components.Quaternion[float] = (1.0, 0.0, 0.0, 0.0)
     starts = []
-    for qw, qx, qy, qz in products:
-        starts.append((pw, px, py, pz))
-        pw, px, py, pz = (
-            pw * qw - px * qx - py * qy - pz * qz,
-            pw * qx + px * qw + py * qz - pz * qy,
-            pw * qy - px * qz + py * qw + pz * qx,
-            pw * qz + px * qy - py * qx + pz * qw,
-        )
+    for w, x, y, z in products:
+        starts.append(before)
+        before = components.multiply(before, (w, x, y, z))
     return np.array(starts).T
 
 

@@ -23,7 +23,7 @@ PACKAGE = ROOT / "imu_sim_ros"
 LOW = {
     "__version__",
     "types",
-    *("arguments", "conventions", "errors", "inputs", "json_text", "names"),
+    *("arguments", "components", "conventions", "errors", "inputs", "json_text", "names"),
     *("parameters", "poses", "progress", "random_streams", "rotation", "text_tables", "timebase"),
 }
 BODY = LOW | {"places", "trajectory", "sensors"}
