@@ -33,8 +33,7 @@ def write_junit(path: Path, name: str, found: Judgement) -> None:
     for one in found.requirements:
         case = suite.case(f"{one.requirement} ({one.cell}; {one.estimator})")
         if not one.met:
-            value = "does not exist" if one.value is None else f"is {one.value:.6g}"
-            suite.failed(case, "failure", f"{one.requirement}: {value}")
+            suite.failed(case, "failure", f"{one.requirement}: {one.comment}")
     suite = _Suite(root, "baseline")
     for effect in found.baseline or []:
         case = suite.case(f"{found.metric} ({effect.a})")

@@ -88,6 +88,11 @@ def better(metric: str, own: Mapping[str, Better]) -> Better:
     return 0.95 if metric.endswith("_covered") else LOWER
 
 
+def is_share(metric: str) -> bool:
+    """Return whether a metric lies between 0 and 1."""
+    return metric in (SUCCESS, "coverage") or metric.endswith("_covered")
+
+
 def depends_on_alignment(metric: str) -> bool:
     """Return whether a metric is computed after the trajectory was aligned with the truth."""
     return metric in POSE or metric.startswith("rpe_") or metric == "final_velocity_error_m_s"

@@ -315,10 +315,7 @@ def read_plan(tree: Mapping[str, Any]) -> Plan:
     own = attempt(lambda: parse_own(tree.get("metrics"), [*built_in, *_COLUMNS, *names]), {})
     metrics = [*built_in, *own]
     tolerance = attempt(lambda: parse_tolerance(tree.get("tolerance", "2 %")), None)
-    require = attempt(
-        lambda: parse(tree.get("require"), metrics, [*names, "estimator"]),
-        [],
-    )
+    require = attempt(lambda: parse(tree.get("require"), metrics, axes, list(estimators)), [])
     problems += [f"grid.{name}: is also in parameters" for name in names if name in (layer or {})]
     if "seed" in names or "seed" in layer:
         problems.append("seed: is given by seeds, not by parameters or grid")

@@ -69,11 +69,32 @@ class Group(NamedTuple):
             return False
         return bool(np.any(self.values("attitude_sigma_rad") > LARGEST_SIGMA))
 
-    def value(self, requirement: Requirement) -> float | None:
-        """Return the number that a requirement is about; None: there is none."""
+    def checked(self, requirement: Requirement, asked: int) -> "Checked":
+        """Return a requirement with what this group has.
+
+        :param asked: runs of the group that the plan asks for.
+        """
+        asked = max(asked, len(self.rows))
         if requirement.metric == SUCCESS:
-            return self.success().value
-        return statistic(self.values(requirement.metric), requirement.statistic).value
+            share, missing = self.done / asked, 0
+            value: float | None = share
+        else:
+            rows = self.rows
+            if requirement.of_done:
+                rows = [row for row in rows if row["status"] == "done"]
+                asked = len(rows)
+            values = numbers(rows, requirement.metric)
+            missing = asked - len(values)
+            value = statistic(np.array(values), requirement.statistic).value
+        return Checked(
+            requirement.text,
+            self.cell,
+            self.estimator,
+            value,
+            asked,
+            missing,
+            requirement.holds(value) and not missing,
+        )
 
 
 def groups(rows: Iterable[Row], grid: Sequence[str]) -> list[Group]:
@@ -91,19 +112,36 @@ class Checked(NamedTuple):
     cell: str
     estimator: str
     value: float | None
+    """Statistic of the runs that have a value; None: no run has."""
+    runs: int
+    """Runs of the group that the requirement is about."""
+    missing: int
+    """Runs among them without a value, which leave a requirement unmet."""
     met: bool
 
+    @property
+    def comment(self) -> str:
+        """The value in words: ``is 0.3``, ``does not exist``."""
+        if self.value is None:
+            return "does not exist"
+        if not self.missing:
+            return f"is {self.value:.4g}"
+        with_value = self.runs - self.missing
+        none = "1 run has" if self.missing == 1 else f"{self.missing} runs have"
+        return f"is {self.value:.4g} over {with_value} of {self.runs} runs; {none} no value"
 
-def checked(found: Sequence[Group], require: Sequence[Requirement]) -> list[Checked]:
-    """Return every requirement with each group that it concerns."""
-    result = []
-    for one in require:
-        for group in found:
-            if one.concerns(group.words):
-                value = group.value(one)
-                key = (group.cell, group.estimator)
-                result.append(Checked(one.text, *key, value, one.holds(value)))
-    return result
+
+def checked(found: Sequence[Group], require: Sequence[Requirement], asked: int) -> list[Checked]:
+    """Return every requirement with each group that it concerns.
+
+    :param asked: runs of each group that the plan asks for.
+    """
+    return [
+        group.checked(requirement, asked)
+        for requirement in require
+        for group in found
+        if requirement.concerns(group.words)
+    ]
 
 
 _SHOWN: Final = 10
@@ -113,14 +151,13 @@ _SHOWN: Final = 10
 def unmet_lines(require: Sequence[Requirement], results: Sequence[Checked]) -> list[str]:
     """Return a line for each requirement that is not met, and group."""
     lines: list[str] = []
-    for text, one in {one.text: one for one in require}.items():
-        name = f"{one.metric}.{one.statistic}" if one.statistic else one.metric
-        of_text = []
-        for result in results:
-            if result.requirement == text and not result.met:
-                value = "does not exist" if result.value is None else f"is {result.value:.4g}"
-                where = f"{result.cell}; {result.estimator}"
-                of_text.append(f"require {text}: {name} {value} ({where})")
+    for text, requirement in {requirement.text: requirement for requirement in require}.items():
+        of_text = [
+            f"require {text}: {requirement.quantity} {result.comment} "
+            f"({result.cell}; {result.estimator})"
+            for result in results
+            if result.requirement == text and not result.met
+        ]
         lines += of_text[:_SHOWN]
         if len(of_text) > _SHOWN:
             more = len(of_text) - _SHOWN

@@ -286,9 +286,9 @@ def judge(
     against = None if baseline is None else _baseline(found, baseline, rule)
     contests, factor = _contests(found, rule), _factor(found)
     contests.sort(key=lambda contest: contest.factor != factor)
-    requirements = checked(found, plan.require)
+    requirements = checked(found, plan.require, len(plan.seeds))
     unmatched = [
-        f"require {one.text}: no cell has these values"
+        f"require {one.text}: no run of these cells is there"
         for one in plan.require
         if not any(one.concerns(group.words) for group in found)
     ]

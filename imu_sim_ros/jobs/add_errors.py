@@ -49,7 +49,12 @@ from imu_sim_ros.sensors.imu.units import Spread
 from imu_sim_ros.sensors.magnetometer.declaration import MagneticReadings
 from imu_sim_ros.sensors.parameters import LONGEST
 from imu_sim_ros.sensors.samples import Samples, joined
-from imu_sim_ros.simulation.error_input import Conventions, GivenReadings, GivenValues
+from imu_sim_ros.simulation.error_input import (
+    BatchStartCheck,
+    Conventions,
+    GivenReadings,
+    GivenValues,
+)
 from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import (
     NODE,
@@ -125,6 +130,7 @@ def add_errors(
     windows: list[dict[str, Samples]] = []
     for begin in range(0, len(given.t_ns), ROWS_AT_ONCE):
         windows += model.read(given.at(slice(begin, begin + ROWS_AT_ONCE)))
+    model.finish()
     topics: tuple[str, ...] = TOPICS
     for quantity, pair in (("magnetic_field", magnetic_field), ("pressure", pressure)):
         if pair is not None:
@@ -407,6 +413,7 @@ class ErrorModelBatch:
             load_error_model(layers_of(one, seed, params_file, input, parameters, rate))
             for one in imus
         ]
+        self._built = built
         self.parameters: ErrorModelParameters = built[0]
         declared = self.parameters.input
         if declared.place == "body" or declared.rate:
@@ -425,6 +432,9 @@ class ErrorModelBatch:
         self._last: dict[str, Array] = {}
         """The last ideal values, by quantity."""
         self._told = 0
+        self._check = BatchStartCheck(built, self.count)
+        for line in dict.fromkeys(line for entry in built for line in entry.warnings()):
+            warn(line)
 
     @property
     def seeds(self) -> Integers:
@@ -432,9 +442,11 @@ class ErrorModelBatch:
         return self._batch.units.seeds.copy()
 
     def unit(self, k: int) -> dict[str, Any]:
-        """Return the arguments ``imu`` and ``seed`` of the one ``ErrorModel`` that reads the same.
+        """Return the arguments of the one ``ErrorModel`` that reads the same, all but ``rate``.
 
-        With its rate and other arguments. A unit that has begun again as ``same_unit`` has none.
+        ``imu`` has the preset and whatever differs from it, ``seed`` is the unit's, and further
+        arguments are those in which the batch differs from the defaults. A unit that has begun
+        again as ``same_unit`` has none.
 
         :param k: environment.
         """
@@ -442,7 +454,24 @@ class ErrorModelBatch:
         units = self._batch.units
         if units.seeds[k] != units.unit_seeds[k]:
             refuse("k", k, "an environment that did not begin again as the same unit")
-        return {"imu": units.unit(k), "seed": int(units.seeds[k])}
+        own = self._built[k % len(self._built)]
+        preset = {"imu.preset": own.imu.preset, "rate": own.rate}
+        usual = flatten(load_error_model(preset))
+        changed = {
+            name: value
+            for name, value in flatten(own).items()
+            if value != usual[name] and name not in ("rate", "seed")
+        }
+        given: dict[str, Any] = {"imu": {"preset": own.imu.preset}, "seed": int(units.seeds[k])}
+        for name, value in changed.items():
+            section, dot, rest = name.partition(".")
+            entry = list(value) if isinstance(value, tuple) else value
+            if dot:
+                given.setdefault(section, {})[rest] = entry
+            else:
+                given[name] = entry
+        given["imu"].update(units.unit(k))
+        return given
 
     def read(
         self,
@@ -472,6 +501,8 @@ class ErrorModelBatch:
         held = _impossible(rates, gate.RATE) | _impossible(forces, gate.FORCE)
         if q_wb is not None:
             held |= ~(np.abs(np.linalg.norm(q_wb, axis=1) - 1.0) < gate.UNIT_TOLERANCE)
+        if not self._check.done:
+            self._remark(self._check.look(t_ns, rates, forces, held))
         given = self._conventions.apply(GivenReadings(single, rates, forces, q_wb))
         rates, forces = given.gyro, given.accel
         self._hold(held, gyro=rates, accel=forces)
@@ -529,6 +560,11 @@ class ErrorModelBatch:
             self._tell(np.flatnonzero(held))
         self._last |= values
 
+    @staticmethod
+    def _remark(lines: Sequence[str]) -> None:
+        for line in lines:
+            warn(line)
+
     def _tell(self, units: Integers) -> None:
         self._told += 1
         if self._told <= _TOLD:
@@ -556,6 +592,8 @@ class ErrorModelBatch:
             refuse("mask", mask, f"{self.count} Booleans", wrong_type=True)
         if chosen.dtype != np.bool_ or chosen.shape != (self.count,):
             refuse("mask", mask, f"{self.count} Booleans")
+        if chosen.all():
+            self._remark(self._check.finish())
         self._batch.begin(np.flatnonzero(chosen), restart)
 
     def __repr__(self) -> str:

@@ -164,6 +164,7 @@ class BagErrors:
             )
         else:
             lines = self._write_without_source(writer, copied, renamed, advance, warned)
+        self.model.finish()
         for line in lines:
             self._remark(line)
         if skipped is not None and self._bad.rows:

@@ -250,6 +250,7 @@ def _dataset_to_dataset(
                     dataset.write_imu(*delivered(samples[IMU]))
     if model is None:
         raise InputError(f"{source}: contains no readings")
+    model.finish()
     if staged.is_file():
         shutil.move(noisy, staged)
     else:

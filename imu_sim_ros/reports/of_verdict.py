@@ -71,7 +71,7 @@ def verdict_section(
         "count": len(plan.require),
         "texts": len(reported),
         "missed": [
-            {"requirement": one.requirement, "value": one.value}
+            {"requirement": one.requirement, "comment": one.comment}
             | {"place": place(one.cell, one.estimator), "query": query(one.cell, one.estimator)}
             for one in missed
         ],

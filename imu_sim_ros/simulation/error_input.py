@@ -9,6 +9,7 @@ readings come at a time.
 
 import itertools
 import math
+import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Final, Generic, NamedTuple, Protocol, TypeVar
 
@@ -557,6 +558,8 @@ def _none() -> GivenReadings:
 
 
 _LOOK_NS: Final = 2_000_000_000
+_FEWEST_AT_START: Final = 5
+"""Readings from which on they are judged: fewer do not tell rest from motion."""
 _REST_RATE: Final = 0.02
 """[rad/s] Deviation of each axis below which a body is at rest; any smooth start is."""
 _REST_FORCE: Final = 0.1
@@ -586,12 +589,16 @@ _QUARTILE: Final = 0.3186
 _JUMP: Final = 5.0
 """Size of a difference that is not noise, in standard deviations."""
 _BANDS: Final = 3
+_UNITS_CHECKED: Final = 32
+"""Units of a batch whose first readings are looked at."""
+_NUMBER: Final = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
+"""Numbers in remarks, in which units differ that have the same problem."""
 _LOWEST: Final = 0.1
 """Frequency from which on noise is looked for, in 1 / reading: below that there is motion."""
 
 
 class StartCheck:
-    """Looks at the first 2 s of readings as they come in, and says what is wrong with them."""
+    """A comparison of the first 2 s of readings, or of all of fewer, with the declaration."""
 
     def __init__(self, parameters: ErrorModelParameters) -> None:
         """Begin with the next reading."""
@@ -599,25 +606,43 @@ class StartCheck:
         self._g = math.hypot(*gravity_vector(parameters).tolist())
         self._turned = Conventions(parameters).turned
         self._seen: list[GivenReadings] = []
+        self._span = ""
+        """Time of the readings that are judged, in words."""
         self.done = not parameters.input.check
 
     def look(self, given: GivenReadings) -> list[str]:
         """Take readings as they came; return the remarks when 2 s are over, before that none."""
         self._seen.append(given)
         first, last = int(self._seen[0].t_ns[0]), int(given.t_ns[-1])
-        if last - first < _LOOK_NS:
+        return self.finish() if last - first >= _LOOK_NS else []
+
+    def finish(self) -> list[str]:
+        """Return the remarks on the readings so far, after which no more are needed."""
+        seen, self._seen = self._seen, []
+        if self.done or not seen:
             return []
         self.done = True
-        seen, self._seen = self._seen, []
-        t_ns = np.concatenate([one.t_ns for one in seen])
-        rows = t_ns <= first + _LOOK_NS
-        gyro = np.concatenate([one.gyro for one in seen])[rows]
-        accel = np.concatenate([one.accel for one in seen])[rows]
+        t_ns = np.concatenate([readings.t_ns for readings in seen])
+        rows = t_ns <= t_ns[0] + _LOOK_NS
+        gyro = np.concatenate([readings.gyro for readings in seen])[rows]
+        accel = np.concatenate([readings.accel for readings in seen])[rows]
+        return self.remarks(t_ns[rows], gyro, accel)
+
+    def remarks(self, t_ns: Times, gyro: Array, accel: Array) -> list[str]:
+        """Return a line for each contradiction between readings and declaration.
+
+        :param t_ns: (n,) stamps [ns], increasing.
+        :param gyro: (n, 3) angular rates in the axes of the input [rad/s].
+        :param accel: (n, 3) specific forces in the axes of the input [m/s^2].
+        """
+        if len(t_ns) < _FEWEST_AT_START:
+            return []
+        self._span = f"{1e-9 * float(t_ns[-1] - t_ns[0]):.2g} s"
         return [
-            *self._of_stamps(t_ns[rows]),
+            *self._of_stamps(t_ns),
             *self._of_rates(gyro),
             *self._of_forces(gyro, accel),
-            *self._of_noise(t_ns[rows], gyro, accel),
+            *self._of_noise(t_ns, gyro, accel),
         ]
 
     def _of_stamps(self, t_ns: Times) -> Iterator[str]:
@@ -635,8 +660,8 @@ class StartCheck:
         mean = float(np.linalg.norm(gyro, axis=1).mean())
         if mean > _FASTEST:
             yield (
-                f"input: the angular rate is {mean:.3g} rad/s on average over 2 s; are the "
-                "readings in deg/s? They must be in rad/s"
+                f"input: the angular rate is {mean:.3g} rad/s on average over {self._span}; are "
+                "the readings in deg/s? They must be in rad/s"
             )
 
     def _of_forces(self, gyro: Array, accel: Array) -> Iterator[str]:
@@ -646,7 +671,7 @@ class StartCheck:
         # A body in motion turns; the length of its readings does not.
         upwards = float(np.linalg.norm(mean))
         size = upwards if rests else float(np.linalg.norm(accel, axis=1).mean())
-        when = "at rest" if rests else "on average over 2 s"
+        when = "at rest" if rests else f"on average over {self._span}"
         least, most = (1.0 - _TOLERANCE, 1.0 + _TOLERANCE) if rests else _IN_G
         declared, g = self._parameters.input, self._g
         included = declared.gravity == "included"
@@ -672,7 +697,7 @@ class StartCheck:
             yield from self._of_axes(mean / upwards, rests)
         else:
             yield (
-                "input.axes: not checked, the body turns over in the first 2 s; "
+                f"input.axes: not checked, the body turns over in the first {self._span}; "
                 "input.check = false if that is as it should be"
             )
 
@@ -699,7 +724,7 @@ class StartCheck:
         if not rests and not fits:
             return
         would = f"; {fits[0]} would fit" if fits else ""
-        when = "at rest" if rests else "on average over 2 s"
+        when = "at rest" if rests else f"on average over {self._span}"
         shown = ", ".join(f"{value:.2f}" for value in up)
         yield (
             f"input.axes = {declared.axes}: {when} upwards is [{shown}] of the input, which is "
@@ -734,6 +759,68 @@ class StartCheck:
                     f"noise of the source, or set {name} = 0 (shaking and coarse rounding look "
                     "the same)"
                 )
+
+
+class BatchStartCheck:
+    """The check of the first readings of a batch: that of one sensor for some of its units.
+
+    The declaration is common to all units, whose readings come from one simulator: as many as
+    ``_UNITS_CHECKED`` of them, spread over the batch, speak for all.
+    """
+
+    def __init__(self, parameters: Sequence[ErrorModelParameters], count: int) -> None:
+        """Begin with the next sample.
+
+        :param parameters: unit k has those of k modulo their number.
+        :param count: of units.
+        """
+        spread = np.linspace(0, count - 1, min(count, _UNITS_CHECKED)).round().astype(np.int64)
+        self._units: Integers = np.unique(spread)
+        self._parameters = parameters
+        self._step_ns = 1e9 / parameters[0].rate
+        self._samples = round(_LOOK_NS / self._step_ns) + 1
+        self._seen: list[tuple[int, Array, Array, Mask]] = []
+        self.done = not parameters[0].input.check
+
+    def look(self, t_ns: int, gyro: Array, accel: Array, held: Mask) -> list[str]:
+        """Take a sample of all units as it came; return the remarks when 2 s are over.
+
+        :param t_ns: as given [ns].
+        :param gyro: (count, 3) angular rates in the axes of the input [rad/s].
+        :param accel: (count, 3) specific forces in the axes of the input [m/s^2].
+        :param held: (count,) units whose reading is impossible.
+        """
+        units = self._units
+        self._seen.append((t_ns, gyro[units], accel[units], held[units]))
+        return self.finish() if len(self._seen) >= self._samples else []
+
+    def finish(self) -> list[str]:
+        """Return the remarks on the samples so far, after which no more are needed.
+
+        A line that several units have is there once, with the first of them.
+        """
+        seen, self._seen = self._seen, []
+        if self.done or not seen:
+            return []
+        self.done = True
+        t_ns, gyro, accel, held = (np.array(column) for column in zip(*seen, strict=True))
+        if not (np.diff(t_ns) > 0).all():  # passed on, without a meaning for the samples
+            t_ns = np.rint(np.arange(len(t_ns)) * self._step_ns).astype(np.int64)
+        lines: dict[str, list[tuple[int, str]]] = {}
+        for k, unit in enumerate(self._units.tolist()):
+            rows = ~held[:, k]
+            check = StartCheck(self._parameters[unit % len(self._parameters)])
+            for line in check.remarks(t_ns[rows], gyro[rows, k], accel[rows, k]):
+                lines.setdefault(_NUMBER.sub("", line), []).append((unit, line))
+        return [self._line(alike) for alike in lines.values()]
+
+    def _line(self, alike: Sequence[tuple[int, str]]) -> str:
+        """Return a remark with the units that have it."""
+        (first, line), checked = alike[0], len(self._units)
+        if len(alike) == checked:
+            return line
+        share = f", and {len(alike) - 1} more of {checked} checked" if len(alike) > 1 else ""
+        return f"environment {first}{share}: {line}"
 
 
 def _in_a_row(t_ns: Times, readings: Sequence[Array]) -> Integers:

@@ -89,6 +89,7 @@ class GivenImu(GivenSensor[GivenReadings, dict[str, Any]]):
 
     def reset(self) -> None:
         """Begin again with the next reading, with the seed that input.restart gives."""
+        self.finish()
         super().reset()
         for other in self._given_others.values():
             other.reset()
@@ -150,6 +151,11 @@ class GivenImu(GivenSensor[GivenReadings, dict[str, Any]]):
         if not self._check.done:
             for line in self._check.look(given):
                 self._remark(line)
+
+    def finish(self) -> None:
+        """Remark on the readings so far, if they are fewer than the check of the start takes."""
+        for line in self._check.finish():
+            self._remark(line)
 
     def _missing(self, count: int) -> int:
         return count if self._resampler is None else 0

@@ -8,7 +8,7 @@ import subprocess
 
 import pytest
 
-from imu_sim_ros.campaigns.cells import cell_count, cells, read_axes
+from imu_sim_ros.campaigns.cells import Axis, cell_count, cells, read_axes
 from imu_sim_ros.campaigns.gate import parse
 from imu_sim_ros.campaigns.plan import (
     check_cells,
@@ -18,6 +18,7 @@ from imu_sim_ros.campaigns.plan import (
     load_plan,
     read_plan,
 )
+from imu_sim_ros.commands.campaign import main as command
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters import files
 
@@ -151,8 +152,9 @@ def test_a_bad_value_of_the_grid_is_one_line(plan_file, campaign, tmp_path):
 
 
 def test_requirements_are_read_with_filters():
+    axes = [Axis(("imu",), (("a b",), ("c",)))]
     (found,) = parse(
-        ["ate_rmse_m.p95 <= 1e-1 @ imu=a b, estimator=x"], ["ate_rmse_m"], ["imu", "estimator"]
+        ["ate_rmse_m.p95 <= 1e-1 @ imu=a b, estimator=x"], ["ate_rmse_m"], axes, ["x", "y"]
     )
     assert (found.metric, found.statistic, found.limit) == ("ate_rmse_m", "p95", 0.1)
     assert found.filters == (("imu", "a b"), ("estimator", "x"))
@@ -161,6 +163,43 @@ def test_requirements_are_read_with_filters():
     assert found.holds(0.1)
     assert not found.holds(0.11)
     assert not found.holds(None)
+    assert not found.of_done
+
+
+@pytest.mark.parametrize(
+    "text", ["ate_rmse_m.max of done < 1", "ate_rmse_m.max < 1 of done @ imu=c"]
+)
+def test_a_requirement_may_ask_for_the_runs_that_are_done(text):
+    (found,) = parse([text], ["ate_rmse_m"], [Axis(("imu",), (("c",),))], ["x"])
+    assert (found.of_done, found.statistic, found.limit) == (True, "max", 1.0)
+
+
+@pytest.mark.parametrize(
+    ("requirement", "line"),
+    [
+        ("success >= 0.9 @ estimator=nosuch", "require: estimator=nosuch: must be one of mine"),
+        ("success >= 0.9 @ imu=bmi08", "require: imu=bmi08: must be one of "),
+        ("coverage.min > 0.1 @ rate=300", "require: rate=300: must be one of 100, 200"),
+        ("success >= 0.9 @ rate=100, duration=2", "require: rate=100, duration=2: no cell has the"),
+        (
+            "success >= 98",
+            "require: 'success >= 98': success is a share, whose limit must be at le",
+        ),
+        ("success < -0.1", "require: 'success < -0.1': success is a share"),
+        ("coverage.p5 > 1.01", "require: 'coverage.p5 > 1.01': coverage is a share"),
+        ("success of done > 0.5", "require: success of done: success is the share of all runs"),
+    ],
+)
+def test_check_finds_requirements_that_no_run_can_meet(plan_file, capsys, requirement, line):
+    together = {"zip": {"rate": [100.0, 200.0], "duration": [1.0, 2.0]}}
+    path = plan_file(
+        parameters={},
+        grid={"imu": ["bmi088", "perfect"], "a": together},
+        estimators={"mine": {}},
+        require=[requirement],
+    )
+    assert command([str(path), "--check"]) == 2
+    assert f"plan.yaml: {line}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("kind", ["obj", "gltf"])

@@ -34,6 +34,7 @@ from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.jobs import campaign as job
 from imu_sim_ros.jobs.report import report
 from imu_sim_ros.navigation.evaluation import anees_band
+from imu_sim_ros.reports.of_campaign import campaign_sections
 
 GRID = {"imu": ["adis16448", "perfect"], "trajectory": ["lecture", "circle"]}
 
@@ -313,6 +314,45 @@ def test_json_and_junit_hold_what_fails_the_gate(plan_file, campaign, tmp_path):
     assert suites["requirements"].get("failures") == "1"
     assert "ate_rmse_m.max < 1e-9: is " in suites["requirements"].find(".//failure").get("message")
     assert suites["baseline"].findtext("testcase/system-out").startswith("equal: all; dead_reckon")
+
+
+CRASHES = """import sys
+data, out, seed = sys.argv[1:]
+if int(seed):
+    sys.exit("tracking lost")
+rows = [row.split(",") for row in open(data + "/mav0/state_groundtruth_estimate0/data.csv")][1:]
+with open(out, "w") as file:
+    for row in rows:
+        w, x, y, z = row[4:8]
+        print(int(row[0]) * 1e-9, *row[1:4], x, y, z, w, file=file)
+"""
+
+
+def test_runs_that_crash_fail_the_gate_in_status_json_junit_and_page(plan_file, campaign, tmp_path):
+    (tmp_path / "crashes.py").write_text(CRASHES)
+    statistics = ("mean", "median", "min", "p95", "max")
+    require = [f"ate_rmse_m.{name} < 5" for name in statistics]
+    require += ["ate_rmse_m.max of done < 5", "coverage.min >= 0", "success >= 0.5"]
+    command = "{python} {plan}/crashes.py {dataset} {estimate} {seed}"
+    path = plan_file(require=require, estimators={"mine": {"command": command}})
+    junit, folder = tmp_path / "junit.xml", tmp_path / "out"
+    status, result, lines = campaign(path, "-o", folder, "--junit", junit)
+    assert (status, result["done"], result["failed"]) == (3, 1, 2)
+    judged = result["judgement"]["requirements"]
+    assert [one["met"] for one in judged] == [False] * 5 + [True, True, False]
+    assert len(lines) == 6
+    (suite,) = ElementTree.parse(junit).findall("testsuite[@name='requirements']")
+    assert (suite.get("tests"), suite.get("failures")) == ("8", "6")
+    (verdict, *_), *_ = [section.items for section in campaign_sections(folder)[1]]
+    missed = verdict["requirements"]["missed"]
+    messages = [one.get("message") for one in suite.iter("failure")]
+    for one, line, message in zip(missed, lines, messages, strict=True):
+        assert message == f"{one['requirement']}: {one['comment']}"
+        assert line.startswith(f"campaign: require {one['requirement']}: ")
+        assert line.endswith(f" {one['comment']} (all; mine)")
+    assert all(
+        one["comment"].endswith("over 1 of 3 runs; 2 runs have no value") for one in missed[:5]
+    )
 
 
 def test_power_says_how_many_seeds_it_takes(plan_file, capsys):

@@ -40,12 +40,39 @@ def test_an_unmet_requirement_of_many_cells_does_not_bury_the_results():
         {"cell": f"rate={k}", "estimator": "a", "seed": 0, "status": "done", "ate_rmse_m": 2.0}
         for k in range(72)
     ]
-    require = parse(["ate_rmse_m.median < 1", "success >= 1.1"], ["ate_rmse_m"], [])
-    lines = unmet_lines(require, checked(groups(rows, ()), require))
+    require = parse(["ate_rmse_m.median < 1", "success < 1"], ["ate_rmse_m"], [], [])
+    lines = unmet_lines(require, checked(groups(rows, ()), require, 1))
     assert len(lines) == 2 * 11
     assert lines[0] == "require ate_rmse_m.median < 1: ate_rmse_m.median is 2 (rate=0; a)"
     assert lines[10].startswith("require ate_rmse_m.median < 1: not met 62 more times")
-    assert lines[21].startswith("require success >= 1.1: not met 62 more times")
+    assert lines[21].startswith("require success < 1: not met 62 more times")
+
+
+@pytest.mark.parametrize("statistic", ["mean", "median", "min", "p95", "max"])
+@pytest.mark.parametrize(("without", "value"), [("failed: lost", None), ("done", None)])
+def test_a_run_without_a_value_leaves_every_requirement_unmet(statistic, without, value):
+    """Failed or done without the metric; ``of done`` asks for the runs that are done alone."""
+    rows = [
+        {"cell": "all", "estimator": "a", "seed": seed, "status": "done", "ate_rmse_m": 2.0}
+        for seed in range(5)
+    ]
+    rows[3] = {**rows[3], "status": without, "ate_rmse_m": value}
+    texts = [f"ate_rmse_m.{statistic} < 5", f"ate_rmse_m.{statistic} of done < 5"]
+    require = parse(texts, ["ate_rmse_m"], [], ["a"])
+    every, of_done = checked(groups(rows, ()), require, 5)
+    assert (every.met, every.value, every.missing, every.runs) == (False, 2.0, 1, 5)
+    assert every.comment == "is 2 over 4 of 5 runs; 1 run has no value"
+    assert of_done.met == (without != "done")
+    (line,) = unmet_lines(require[:1], [every])
+    assert line == f"require {texts[0]}: ate_rmse_m.{statistic} {every.comment} (all; a)"
+
+
+def test_runs_that_were_asked_for_and_not_made_count_too():
+    rows = [{"cell": "all", "estimator": "a", "seed": 0, "status": "done", "coverage": 1.0}]
+    require = parse(["coverage.min > 0.5", "success >= 0.9"], ["coverage"], [], ["a"])
+    share, success_rate = checked(groups(rows, ()), require, 3)
+    assert (share.met, share.missing) == (False, 2)
+    assert (success_rate.met, success_rate.value) == (False, pytest.approx(1 / 3))
 
 
 def test_success_is_wilsons_interval():

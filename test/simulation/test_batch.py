@@ -5,6 +5,7 @@
 
 import gc
 import tracemalloc
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -127,9 +128,104 @@ def test_a_spread_unit_can_be_made_alone() -> None:
     for unit in range(COUNT):
         given = model.unit(unit)
         assert given["seed"] == 3 + unit
-        assert set(given["imu"]) >= set(SPREAD)
-        alone = {"preset": "bmi088", **given["imu"]}
-        assert_same(samples, unit, ims.ErrorModel(imu=alone, rate=RATE, seed=given["seed"]))
+        assert set(given["imu"]) == {"preset", *SPREAD}
+        assert_same(samples, unit, ims.ErrorModel(rate=RATE, **given))
+
+
+UNITS: dict[str, dict[str, Any]] = {
+    "preset": {"imu": "mpu6000"},
+    "parameter": {"imu": {"preset": "mpu6000", "gyroscope_bias": [0.1, 0.0, 0.0]}},
+    "list": {"imu": ["bmi088", {"preset": "perfect", "accelerometer_range": 12.0}]},
+    "default": {},
+    "other arguments": {
+        "imu": "bmi088",
+        "input": {"axes": "frd"},
+        "temperature": {"profile": [0.0, 20.0, 1.0, 40.0]},
+        "gravity": [0.0, 0.0, -9.79],
+    },
+    "spread": {"imu": "bmi088", "imu.accelerometer_bias": [0.0, 1.0, 0.0], "spread": SPREAD},
+}
+
+
+@pytest.mark.filterwarnings("ignore:input")
+@pytest.mark.parametrize("name", UNITS)
+def test_a_unit_has_all_its_arguments(name: str) -> None:
+    model = ims.ErrorModel(rate=RATE, seed=3, count=COUNT, **UNITS[name])
+    samples = steps(model, GYRO[:20], ACCEL[:20])
+    for unit in range(COUNT):
+        assert_same(samples, unit, ims.ErrorModel(rate=RATE, **model.unit(unit)))
+
+
+def test_a_unit_of_files_has_all_its_arguments(tmp_path: Path) -> None:
+    """A file of parameters, one of a sensor, and a model of Gazebo, whose name is no preset's."""
+    noise = "<noise type='gaussian'><stddev>0.01</stddev></noise>"
+    rates = "".join(f"<{axis}>{noise}</{axis}>" for axis in "xyz")
+    sdf = tmp_path / "model.sdf"
+    imu = f"<imu><angular_velocity>{rates}</angular_velocity></imu>"
+    sensor = f"<sensor name='imu' type='imu'><update_rate>100</update_rate>{imu}</sensor>"
+    sdf.write_text(f"<sdf><model name='m'><link name='l'>{sensor}</link></model></sdf>")
+    own = tmp_path / "own.yaml"
+    head = "/**:\n  ros__parameters:\n    imu:\n      preset: bmi088\n"
+    own.write_text(head + "      gyroscope_bias: [0.0, 0.2, 0.0]\n")
+    parameters = tmp_path / "params.yaml"
+    parameters.write_text(head + "      accelerometer_bias: 0.3\n")
+    for given in ({"imu": sdf}, {"imu": own}, {"params_file": parameters}):
+        model = ims.ErrorModel(rate=RATE, seed=3, count=2, **given)
+        samples = model.read(0, GYRO[0, :2], ACCEL[0, :2])
+        for unit in range(2):
+            single = ims.ErrorModel(rate=RATE, **model.unit(unit))
+            block = single.read(0, GYRO[0, unit], ACCEL[0, unit])
+            np.testing.assert_array_equal(block.gyro[0], samples.gyro[unit])
+            np.testing.assert_array_equal(block.accel[0], samples.accel[unit])
+
+
+UP = [0.0, 0.0, 9.81]
+
+
+@pytest.mark.parametrize(
+    ("accel", "line"),
+    [
+        ([0.0, 0.0, 1.0], "at rest the readings are 1 long, instead of 9.81: they are in g"),
+        ([0.0, 0.0, 0.0], "gravity is missing"),
+        ([0.0, 0.0, -9.81], "input.axes = flu: at rest upwards is"),
+    ],
+)
+@pytest.mark.parametrize("count", [1, 50])
+@pytest.mark.parametrize(("seconds", "ends"), [(2.1, False), (0.4, True)])
+def test_the_first_readings_are_checked_as_those_of_one_sensor(
+    accel: list[float], line: str, count: int, seconds: float, ends: bool
+) -> None:
+    """After 2 s, or at the end of fewer readings, which a reset of all environments is."""
+    t_ns = np.arange(round(seconds * RATE)) * 5_000_000
+    gyro, forces = np.zeros((len(t_ns), 3)), np.tile(accel, (len(t_ns), 1))
+    with pytest.warns(UserWarning, match=line):
+        ims.add_errors(t_ns, gyro, forces, imu="bmi088", rate=RATE)
+    batch = ims.ErrorModel(imu="bmi088", rate=RATE, seed=1, count=count)
+
+    def read_all() -> None:
+        for k in t_ns.tolist():
+            batch.read(k, np.zeros((count, 3)), np.tile(accel, (count, 1)))
+        if ends:
+            batch.reset()
+
+    with pytest.warns(UserWarning, match=line) as told:
+        read_all()
+    assert len(told) == 1
+
+
+def test_one_environment_that_differs_is_named(recwarn: pytest.WarningsRecorder) -> None:
+    forces = np.tile(UP, (20, 1))
+    forces[7] *= -1.0
+    batch = ims.ErrorModel(imu="bmi088", rate=RATE, seed=1, count=20)
+    for _ in range(401):
+        batch.read(0, np.zeros((20, 3)), forces)  # a time that is only passed on
+    (line,) = (str(warning.message) for warning in recwarn)
+    assert line.startswith("environment 7: input.axes = flu: at rest upwards is")
+
+
+def test_what_looks_like_a_mistake_is_told_as_of_one_sensor() -> None:
+    with pytest.warns(UserWarning, match=r"imu.accelerometer_range = 5: smaller than gravity"):
+        ims.ErrorModel(imu={"accelerometer_range": 5.0}, rate=RATE, count=3)
 
 
 def test_spreads_have_their_distributions() -> None:
@@ -352,8 +448,8 @@ def test_a_list_and_a_spread_of_magnetometers() -> None:
     samples = board_steps(model, 0, 150)
     for unit in range(COUNT):
         own = model.unit(unit)
-        assert set(own["imu"]) == set(spread)
-        alone = ims.ErrorModel(imu={**each[unit % 2], **own["imu"]}, rate=RATE, seed=own["seed"])
+        assert set(own["imu"]) >= set(spread)
+        alone = ims.ErrorModel(rate=RATE, **own)
         assert_same_board(samples, unit, alone, 0)
 
 

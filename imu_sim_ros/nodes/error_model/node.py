@@ -113,6 +113,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
     def close(self) -> None:
         """Process what has arrived, wait for the subscribers, and print the counts."""
         self.reader.close()
+        self.model.finish()
         self.outputs.close()
         for counter in self.outputs.counters:
             counter.publisher.wait_for_all_acked(_ACKNOWLEDGEMENT)

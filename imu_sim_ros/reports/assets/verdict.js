@@ -33,7 +33,7 @@ class Verdict {
   requirements() {
     const { requirements, campaign, problems } = this.item;
     if (!requirements.count && !problems.length) return [];
-    const missed = requirements.missed.map((one) => element("li", {}, `${one.requirement}: `, element("b", {}, one.value === null ? "there is no value" : inWords(one.value)),
+    const missed = requirements.missed.map((one) => element("li", {}, `${one.requirement}: `, element("b", {}, one.comment),
       one.place ? ` with ${one.place} ` : " ", runsLink(campaign, one.query, "its runs")));
     const lines = [...missed, ...problems.map((line) => element("li", {}, line))];
     if (!lines.length) return [element("p", { class: "passed" }, `\u2713 ${requirements.count === 1 ? "the requirement is" : `all ${requirements.count} requirements are`} met`)];
