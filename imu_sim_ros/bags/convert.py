@@ -27,7 +27,7 @@ from imu_sim_ros.bags.messages.encode import (
     Vector3StampedEncoder,
 )
 from imu_sim_ros.bags.read import imu_blocks, odometry_blocks, open_bag, vector_blocks
-from imu_sim_ros.bags.reader import Bag, errors_naming, missing
+from imu_sim_ros.bags.reader import Bag, Recover, errors_naming, missing
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.writer import BodyStates, Dataset
 from imu_sim_ros.bags.threads import prefetch
@@ -312,7 +312,7 @@ def to_dataset(
     dataset: Dataset,
     topics: Mapping[str, str | None],
     advance: Callable[[int], object],
-    recover: bool = False,
+    recover: Recover = False,
     skipped: Skipped | None = None,
     tables: Sequence[tuple[Table, str]] = (),
     warned: Warned | None = None,
@@ -341,7 +341,7 @@ def to_dataset(
 def _states(
     path: Path,
     topic: str | None,
-    recover: bool,
+    recover: Recover,
     skipped: Skipped | None,
     warned: Warned | None,
 ) -> Iterator[BodyStates]:
@@ -359,7 +359,7 @@ def _states(
 class BiasTopicReader:
     """A topic of vectors that is read in step with another one; zero if the bag has none."""
 
-    def __init__(self, path: Path, name: str, of_truth: str | None, recover: bool) -> None:
+    def __init__(self, path: Path, name: str, of_truth: str | None, recover: Recover) -> None:
         with open_bag(path, recover) as bag:
             counts = {topic.name: topic.count for topic in bag.topics if topic.name == name}
             truth = bag.topic(ODOMETRY, of_truth).count

@@ -24,6 +24,7 @@ from imu_sim_ros.bags.messages.schemas import Schema
 from imu_sim_ros.bags.reader import (
     DAMAGE,
     END_NS,
+    LOOSE_BYTES,
     ChunkedBag,
     ContradictionError,
     decompress,
@@ -46,6 +47,25 @@ _CHUNK_BYTES = 40
 _LONGEST_HEAD = _HEADER_BYTES + _CHUNK_BYTES + len("zstd")
 _HEADS = re.compile(rb"(?=[\x02-\x0f].{4}\x00{4})", re.DOTALL)
 """Where a record of less than 4 GiB may begin."""
+_FIELDS = {
+    0x01: "ss",
+    _FOOTER: "884",
+    _SCHEMA: "2sss",
+    _CHANNEL: "22sss",
+    MESSAGE_INDEX: "2s",
+    _CHUNK_INDEX: "8888s8s88",
+    0x09: "88ssS4",
+    0x0A: "88888ss",
+    _STATISTICS: "82444488s",
+    0x0C: "ss",
+    0x0D: "88s",
+    0x0E: "188",
+    0x0F: "4",
+}
+"""Sizes of the fields of records by opcode [bytes]; s: 4 bytes that hold the size of what follows
+them, S: 8."""
+_INDEX_HEAD_BYTES = _HEADER_BYTES + 6
+"""Size of a message index without its entries."""
 
 
 class _Chunk(NamedTuple):
@@ -56,6 +76,12 @@ class _Chunk(NamedTuple):
     index_length: int
     start_ns: int
     torn: bool = False
+    checked: bool = True
+    """False: kept, although its checksum is wrong."""
+
+
+class WrongChecksumError(ValueError):
+    """A chunk whose checksum is not that of its content."""
 
 
 class McapBag(ChunkedBag[_Chunk]):
@@ -164,6 +190,8 @@ class McapBag(ChunkedBag[_Chunk]):
                 elif opcode in (_SCHEMA, _CHANNEL):
                     body = self._bytes(position, after - position)[_HEADER_BYTES:]
                     self._try_definition(opcode, body, position)
+                elif opcode >= _PRIVATE and self._recover:  # or a damaged opcode of a chunk
+                    self._leave_out(position, after, f"record of the unknown kind {opcode:#x}")
                 position = after
         except ContradictionError as error:
             if not self._recover:
@@ -197,32 +225,53 @@ class McapBag(ChunkedBag[_Chunk]):
         elif opcode == MESSAGE:
             plausible = after <= self._end and self._begins_message(head)
         elif opcode == _FOOTER:
-            plausible = length == _FOOTER_BYTES
+            plausible = length == _FOOTER_BYTES and MAGIC.startswith(self._head(after)[:8])
+        elif self._recover:
+            fields = position + _HEADER_BYTES
+            plausible = after <= self._end and self._is_filled(opcode, fields, after)
         else:
             plausible = after <= self._end and (0 < opcode <= _LAST_OPCODE or opcode >= _PRIVATE)
         return (opcode, after) if plausible else None
 
+    def _is_filled(self, opcode: int, position: int, end: int) -> bool:
+        """Return whether the fields of a record end where the record does.
+
+        :param position: begin of its fields.
+        """
+        if opcode >= _PRIVATE:  # its fields are not known: it counts if a known record follows
+            following = self._head(end)[:1]
+            return following < bytes([_PRIVATE]) and self._record_at(end) is not None
+        for field in _FIELDS.get(opcode, ""):
+            size = {"s": 4, "S": 8}.get(field, 0)
+            if size:
+                self._file.seek(position)
+                position += int.from_bytes(self._file.read(size), "little")
+            position += size or int(field)
+            if position > end:
+                return False
+        return position == end and opcode in _FIELDS
+
+    def _is_followed(self, position: int) -> bool:
+        """Return whether a record begins at an offset that another one, or the end, follows."""
+        record = self._record_at(position)
+        return record is not None and (
+            record[0] == _FOOTER or record[1] >= self._end or self._record_at(record[1]) is not None
+        )
+
     def _next_record(self, position: int) -> int:
         """Return the next offset at which a record begins that another one follows."""
-        for offset in self._offsets_of(_HEADS, position):
-            record = self._record_at(offset)
-            if record is not None and (
-                record[0] == _FOOTER or record[1] >= self._end or self._record_at(record[1])
-            ):
-                return offset
-        return self._end
+        offsets = self._offsets_of(_HEADS, position)
+        return next(filter(self._is_followed, offsets), self._end)
 
     def _begins_message(self, head: bytes) -> bool:
         """Return whether the header is that of a message of a known channel."""
         if len(head) < MESSAGE_HEADER.itemsize:
             return False
         opcode, length, channel = struct.unpack_from("<BQH", head)
-        known = self._summary_channels.union(self._channels)
-        return (
-            opcode == MESSAGE
-            and length >= MESSAGE_HEADER.itemsize - _HEADER_BYTES
-            and (channel in known or not known)
-        )
+        if opcode != MESSAGE or length < MESSAGE_HEADER.itemsize - _HEADER_BYTES:
+            return False
+        known, of_summary = self._channels, self._summary_channels
+        return channel in known or channel in of_summary or not (known or of_summary)
 
     def _add_chunk(self, position: int, after: int, counts: dict[int, int]) -> int:
         """Note a chunk and count its messages; returns where to go on.
@@ -236,10 +285,23 @@ class McapBag(ChunkedBag[_Chunk]):
         try:
             content = self._chunk_data(chunk)
             problem = "cut off by the end of the file" if chunk.torn else "damaged records"
+        except WrongChecksumError as error:
+            problem = str(error)
+            content = self._chunk_data(chunk, checked=False)
+            if self._keeps_damaged and _are_records(content):
+                chunk = chunk._replace(checked=False)
+                kept = self._add_scanned(chunk, content, counts)
+                self.found.append(
+                    f"chunk at byte {position}: {problem}; its {kept} messages are kept, and any "
+                    "of them may be wrong"
+                )
+                return after
+            if self._recover and _are_records(content):
+                problem += "; --keep-damaged keeps its messages"
         except DAMAGE as error:
             problem = str(error)
         else:
-            if not chunk.torn and (not self._recover or _are_records(content)):
+            if not chunk.torn and _are_records(content):
                 self._add_scanned(chunk, content, counts)
                 return after
         if not self._recover:
@@ -251,23 +313,38 @@ class McapBag(ChunkedBag[_Chunk]):
         elif chunk.torn and self._next_record(position + 1) == self._end:
             self._add_scanned(chunk, content, counts)
             return after
-        if after != self._end and not self._record_at(after):
+        if after != self._end and not self._is_followed(after):
             after = self._next_record(position + 1)
-        self._leave_out(position, after, f"chunk: {problem}")
+        messages = self._indexed_count(after)
+        self._leave_out(position, after, f"chunk: {problem}", messages)
         return after
+
+    def _indexed_count(self, position: int) -> int:
+        """Return how many messages the indexes at an offset name: those of the chunk before it."""
+        entries = 0
+        while (record := self._record_at(position)) and record[0] == MESSAGE_INDEX:
+            entries += (record[1] - position - _INDEX_HEAD_BYTES) // INDEX_ENTRY.itemsize
+            position = record[1]
+        return entries
 
     def _add_messages(self, position: int, counts: dict[int, int]) -> int:
         """Note messages that follow each other outside chunks; returns where to go on.
 
-        The one before a damaged place is left out: its end may be damaged as well.
+        The one before a damaged place is left out, from its second byte on the next record is
+        looked for: its size and its end may be damaged as well.
         """
-        last = end = position
-        while (record := self._record_at(end)) and record[0] == MESSAGE:
-            last, end = end, record[1]
+        previous = end = position
+        while (
+            end - position < LOOSE_BYTES
+            and (record := self._record_at(end))
+            and record[0] == MESSAGE
+        ):
+            previous, end = end, record[1]
         after = end
-        if not record and end < self._end and not self._is_cut(end):
-            self._leave_out(last, end, "no whole record")
-            end = last
+        if end < self._end and not self._record_at(end) and not self._is_cut(end):
+            after = self._next_record(previous + 1)
+            self._leave_out(previous, after, "no whole record")
+            end = previous
         if end > position:
             chunk = _Chunk(position, end - position, 0, 0)
             self._add_scanned(chunk, self._chunk_data(chunk), counts)
@@ -293,16 +370,16 @@ class McapBag(ChunkedBag[_Chunk]):
     def _is_compressed(self, position: int) -> bool:
         return self._bytes(position + _HEADER_BYTES + 28, 4) != bytes(4)
 
-    def _add_scanned(self, chunk: _Chunk, data: bytes | memoryview, counts: dict[int, int]) -> None:
-        starts, last, found = [END_NS], 0, dict[int, int]()
+    def _add_scanned(self, chunk: _Chunk, data: bytes | memoryview, counts: dict[int, int]) -> int:
+        """Note a chunk, its definitions and messages; returns how many messages it has."""
+        starts, found = [END_NS], dict[int, int]()
         for opcode, start, length in _records(memoryview(data)):
-            last = start + _HEADER_BYTES + length
             if opcode == MESSAGE:
                 _, channel, _, log_time = struct.unpack_from("<QHIQ", data, start + 1)
                 found[channel] = found.get(channel, 0) + 1
                 starts.append(log_time)
             else:
-                body = bytes(data[start + _HEADER_BYTES : last])
+                body = bytes(data[start + _HEADER_BYTES : start + _HEADER_BYTES + length])
                 self._try_definition(opcode, body, chunk.position + start)
         for channel, count in found.items():
             counts[channel] = counts.get(channel, 0) + count
@@ -313,12 +390,9 @@ class McapBag(ChunkedBag[_Chunk]):
                 "chunk: cut off by the end of the file; "
                 f"{sum(found.values())} messages before that are kept",
             )
-        elif last < len(data):
-            self.damage.append(
-                f"chunk at byte {chunk.position}: damaged {last} bytes after its beginning"
-            )
         if len(starts) > 1:
             self._chunks.append(chunk._replace(start_ns=min(starts)))
+        return sum(found.values())
 
     def _try_definition(self, opcode: int, body: bytes, position: int) -> None:
         """Register a schema or a channel; a damaged one is skipped when recovering."""
@@ -331,7 +405,7 @@ class McapBag(ChunkedBag[_Chunk]):
         except (McapError, *DAMAGE) as error:
             if not self._recover:
                 raise
-            self.damage.append(f"definition at byte {position}: {error}")
+            self._leave_out(position, position + _HEADER_BYTES + len(body), f"definition: {error}")
 
     def _note_definition(self, opcode: int, body: bytes) -> None:
         from io import BytesIO
@@ -354,6 +428,9 @@ class McapBag(ChunkedBag[_Chunk]):
     def _name_topics(self, counts: Mapping[int, int]) -> None:
         """Make a topic of all channels with the same name and type."""
         groups: dict[tuple[str, str], list[Channel]] = {}
+        for id_, count in counts.items():
+            if count and id_ not in self._channels:
+                self._leave_out_messages(count, f"the definition of channel {id_} is lost")
         for channel in self._channels.values():
             record = self._schemas.get(channel.schema_id)
             groups.setdefault((channel.topic, record.name if record else ""), []).append(channel)
@@ -399,8 +476,11 @@ class McapBag(ChunkedBag[_Chunk]):
             blocks.append(MessageBlock(wanted[channel], t_ns, payloads))
         return blocks
 
-    def _chunk_data(self, chunk: _Chunk) -> bytes | memoryview:
-        """Return the verified content of a chunk, or as much as there is of a truncated one."""
+    def _chunk_data(self, chunk: _Chunk, checked: bool = True) -> bytes | memoryview:
+        """Return the content of a chunk, or as much as there is of a truncated one.
+
+        :raises WrongChecksumError: if it has another checksum, unless it is not checked.
+        """
         record = self._bytes(chunk.position, chunk.length)
         if record[:1] == bytes([MESSAGE]):
             return record
@@ -410,8 +490,8 @@ class McapBag(ChunkedBag[_Chunk]):
         compression = record[start + 4 : start + 4 + name_length].decode()
         data = memoryview(record)[start + 4 + name_length + 8 :]
         content = decompress(data, compression, size, chunk.torn)
-        if not chunk.torn and crc and zlib.crc32(content) != crc:
-            raise ValueError("the checksum is wrong")
+        if checked and chunk.checked and not chunk.torn and crc and zlib.crc32(content) != crc:
+            raise WrongChecksumError("the checksum is wrong")
         return content
 
     def _bytes(self, offset: int, length: int) -> bytes:

@@ -27,7 +27,7 @@ from imu_sim_ros.bags.messages.encode import (
     VECTOR3_STAMPED,
 )
 from imu_sim_ros.bags.outputs import unfinished
-from imu_sim_ros.bags.reader import Bag, errors_naming
+from imu_sim_ros.bags.reader import Bag, Recover, errors_naming
 from imu_sim_ros.bags.ros1_reader import Rosbag1Bag
 from imu_sim_ros.bags.rosbag2_reader import Rosbag2Folder, SqliteBag
 from imu_sim_ros.bags.text import reader as text_reader
@@ -114,11 +114,11 @@ class TemperatureMessages(NamedTuple):
     """(n,) degC."""
 
 
-def open_bag(path: str | Path, recover: bool = False) -> Bag:
+def open_bag(path: str | Path, recover: Recover = False) -> Bag:
     """Open a ROS 1 bag, an MCAP file, or a rosbag2 folder or database; contents decide, not names.
 
     :param recover: read an interrupted or damaged bag as far as it goes; ``NAME.active`` is looked
-        if NAME does not exist.
+        if NAME does not exist; ``"keep_damaged"`` also keeps chunks whose checksum is wrong.
     :raises InputError: for a path that is missing, no bag, or a bag that is not whole.
     """
     path = Path(path)
@@ -167,7 +167,7 @@ def decoded_messages(bag: Bag, names: Collection[str]) -> Iterator[tuple[TopicIn
 def imu_blocks(
     path: str | Path,
     topic: str | None = None,
-    recover: bool = False,
+    recover: Recover = False,
     skipped: Skipped | None = None,
     warned: Warned | None = None,
 ) -> Iterator[ImuMessages]:
@@ -201,7 +201,7 @@ def read_imu(
 def odometry_blocks(
     path: str | Path,
     topic: str | None = None,
-    recover: bool = False,
+    recover: Recover = False,
     skipped: Skipped | None = None,
     warned: Warned | None = None,
 ) -> Iterator[OdometryMessages]:
@@ -245,7 +245,7 @@ def read_poses(
     skip_bad_rows: bool = False,
     covariance: bool = False,
     warned: Warned | None = None,
-    recover: bool = False,
+    recover: Recover = False,
 ) -> PoseSequence:
     """Return poses: of a text file (TUM, EuRoC), or a bag's Odometry or PoseStamped topic.
 
@@ -280,7 +280,7 @@ def read_poses(
 
 
 def vector_blocks(
-    path: str | Path, topic: str, recover: bool = False, gated: bool = True
+    path: str | Path, topic: str, recover: Recover = False, gated: bool = True
 ) -> Iterator[tuple[Times, Array]]:
     """Yield stamps (n,) and vectors (n, 3) of a Vector3Stamped topic in blocks.
 
@@ -308,7 +308,7 @@ def decoded_blocks(
     type_name: str,
     topic: str | None,
     names: tuple[str, ...],
-    recover: bool = False,
+    recover: Recover = False,
     skipped: Skipped | None = None,
     warned: Warned | None = None,
 ) -> Iterator[Decoded]:

@@ -10,7 +10,17 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO, Final, Generic, NamedTuple, Protocol, TypeVar
+from typing import (
+    Any,
+    BinaryIO,
+    Final,
+    Generic,
+    Literal,
+    NamedTuple,
+    Protocol,
+    TypeAlias,
+    TypeVar,
+)
 
 import numpy as np
 from numpy.lib.stride_tricks import as_strided, sliding_window_view
@@ -42,6 +52,8 @@ _LONGEST_MATCH: Final = 64
 _BAG_LIBRARIES: Final = ("mcap", "rosbags", "lz4", "zstandard")
 END_NS: Final = 2**63 - 1
 """After all messages."""
+LOOSE_BYTES: Final = 1 << 20
+"""Size of a run of messages outside chunks that is read at once [bytes]."""
 _LARGEST_CHUNK: Final = 1 << 30
 """[bytes] A larger chunk is refused; those of rosbag2 and roscpp have about 1 MB."""
 _ALWAYS_ALLOWED: Final = 64 << 20
@@ -50,6 +62,8 @@ _LARGEST_RATIO: Final = 40
 _UNPACKED_BYTES: Final = 1 << 20
 """Bytes that are unpacked at a time."""
 _Packed = TypeVar("_Packed", bytes, memoryview)
+Recover: TypeAlias = bool | Literal["keep_damaged"]
+"""Whether a bag is recovered, and then with chunks whose checksum is wrong."""
 
 
 class Timed(NamedTuple):
@@ -94,6 +108,10 @@ class Bag(AbstractContextManager["Bag"], ABC):
         """Defects of a bag in recovery that lose no message."""
         self.damage: list[str] = []
         """Lines about parts left out of a bag in recovery, with the reasons."""
+        self.lost_bytes = 0
+        """Bytes of those parts."""
+        self.lost_messages = 0
+        """Messages of those parts, as far as something counts them."""
         self._stack = ExitStack()
         """Closes the files."""
 
@@ -185,24 +203,40 @@ class ChunkInFile(Protocol):
         """The first time of its messages."""
 
 
+class LostRange(NamedTuple):
+    """Bytes of a file that a recovery leaves out."""
+
+    start: int
+    end: int
+    reasons: tuple[str, ...]
+    messages: int
+    """Number of messages that are known to be in it."""
+
+    def __str__(self) -> str:
+        count = f" ({self.messages} messages)" if self.messages else ""
+        return f"{self.end - self.start} bytes from byte {self.start} on{count}: " + "; ".join(
+            self.reasons
+        )
+
+
 _Chunk = TypeVar("_Chunk", bound=ChunkInFile)
 
 
 class ChunkedBag(Bag, Generic[_Chunk]):
     """A bag that is one file of chunks: MCAP, ROS 1."""
 
-    def __init__(self, path: Path, recover: bool) -> None:
+    def __init__(self, path: Path, recover: Recover) -> None:
         """Open the file, and close it again if it cannot be used.
 
         :raises InputError: for a file that is damaged, unless it is to be recovered.
         """
         super().__init__(path)
-        self._recover = recover
+        self._recover = bool(recover)
+        self._keeps_damaged = recover == "keep_damaged"
         self._file: BinaryIO = self._stack.enter_context(open_regular(path))
         self._end = self._file.seek(0, 2)
         self._chunks: list[_Chunk] = []
-        self._lost = (-1, -1, 0)
-        """The last range of lost bytes, and its line in ``damage``."""
+        self._latest_range: LostRange | None = None
         self._topic_of: dict[int, TopicInfo] = {}
         """Topics by number of the channel or connection that messages name."""
         try:
@@ -220,14 +254,27 @@ class ChunkedBag(Bag, Generic[_Chunk]):
     def _blocks(self, chunk: _Chunk, wanted: Mapping[int, TopicInfo]) -> list[MessageBlock]:
         """Return the messages of a chunk, in blocks of one topic each."""
 
-    def _leave_out(self, start: int, end: int, why: str) -> None:
-        """Note a range of lost bytes; neighbours are one."""
-        start_before, end_before, line = self._lost
-        if start == end_before:
-            start = start_before
-            del self.damage[line]
-        self._lost = (start, end, len(self.damage))
-        self.damage.append(f"{end - start} bytes from byte {start} on: {why}")
+    def _leave_out(self, start: int, end: int, why: str, messages: int = 0) -> None:
+        """Note a range of lost bytes; neighbours are one.
+
+        :param messages: those that are known to be in it.
+        """
+        self.lost_bytes += end - start
+        self.lost_messages += messages
+        latest = self._latest_range
+        if latest is not None and latest.end == start and self.damage[-1] == str(latest):
+            del self.damage[-1]
+            reasons = latest.reasons if why in latest.reasons else (*latest.reasons, why)
+            latest = LostRange(latest.start, end, reasons, latest.messages + messages)
+        else:
+            latest = LostRange(start, end, (why,), messages)
+        self._latest_range = latest
+        self.damage.append(str(latest))
+
+    def _leave_out_messages(self, count: int, why: str) -> None:
+        """Note messages that were read and cannot be used."""
+        self.lost_messages += count
+        self.damage.append(f"{count} messages: {why}")
 
     def _offsets_of(self, pattern: re.Pattern[bytes], position: int) -> Iterator[int]:
         """Yield the offsets of the file from ``position`` on that match a lookahead."""
@@ -371,3 +418,5 @@ def _stepwise(data: bytes | memoryview, compression: str) -> Iterator[bytes]:
             if not part:
                 return
         yield stream.decompress(part, _UNPACKED_BYTES)
+    if stream.unused_data or position < len(data):
+        raise ValueError("other bytes follow its compressed data")

@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
 from imu_sim_ros.bags.messages.schemas import Qos, Schema, ros2_name
-from imu_sim_ros.bags.reader import DAMAGE, ChunkedBag, ContradictionError, decompress, gather
+from imu_sim_ros.bags.reader import (
+    DAMAGE,
+    LOOSE_BYTES,
+    ChunkedBag,
+    ContradictionError,
+    decompress,
+    gather,
+)
 from imu_sim_ros.bags.ros1_writer import (
     INDEX_ENTRY,
     MAGIC,
@@ -29,6 +36,10 @@ from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.types import Bytes, Integers
 
 _LONGEST_HEADER = 1 << 24
+_LARGEST_BAG_HEADER: Final = 1 << 16
+"""[bytes] Bag headers have 4096."""
+_CHUNK_COUNT: Final = struct.Struct("<II")
+"""Connection and number of its messages, in the data of a chunk's information."""
 _FIELDS: Final = {
     OP_MESSAGE: {"conn", "time"},
     OP_BAG_HEADER: {"index_pos", "conn_count", "chunk_count"},
@@ -123,7 +134,7 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
                 self._chunks.append(
                     _Chunk(record.number("chunk_pos"), record.time("start_time"), True)
                 )
-                for connection, count in struct.iter_unpack("<II", self._data(record)):
+                for connection, count in _CHUNK_COUNT.iter_unpack(self._data(record)):
                     counts[connection] = counts.get(connection, 0) + count
             position = record.after
         if len(self._chunks) != header.number("chunk_count") or (
@@ -173,18 +184,34 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
         """
         try:
             record = self._record(position)
-            plausible = _FIELDS[record.op] <= set(record.fields)
+            plausible = _FIELDS[record.op] <= set(record.fields) and self._is_filled(record)
         except DAMAGE:
             return None
         return record if plausible and (record.whole or record.op == OP_CHUNK) else None
 
+    def _is_filled(self, record: _Record) -> bool:
+        """Return whether the data of a record have the size that its header implies."""
+        if record.op == OP_INDEX:
+            return record.size == record.number("count") * INDEX_ENTRY.itemsize
+        if record.op == OP_CHUNK_INFO:
+            return record.size == record.number("count") * _CHUNK_COUNT.size
+        if record.op == OP_BAG_HEADER:
+            return record.after <= _LARGEST_BAG_HEADER
+        if record.op == OP_CONNECTION:
+            return "type" in _fields(self._data(record), record.size)
+        return True
+
+    def _is_followed(self, position: int) -> bool:
+        """Return whether a record begins at an offset that another one, or the end, follows."""
+        record = self._record_at(position)
+        return record is not None and (
+            record.after >= self._end or self._record_at(record.after) is not None
+        )
+
     def _next_record(self, position: int) -> int:
         """Return the next offset at which a record begins that another one follows."""
-        for offset in self._offsets_of(_HEADS, position):
-            record = self._record_at(offset)
-            if record and (record.after >= self._end or self._record_at(record.after)):
-                return offset
-        return self._end
+        offsets = self._offsets_of(_HEADS, position)
+        return next(filter(self._is_followed, offsets), self._end)
 
     def _try_connection(self, record: _Record, data: bytes) -> None:
         """Take a connection; a damaged one is left out."""
@@ -193,7 +220,7 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
         except ContradictionError:
             raise
         except DAMAGE as error:
-            self.damage.append(f"connection at byte {record.start}: {error}")
+            self._leave_out(record.start, record.after, f"connection: {error}")
 
     def _scan_chunk(self, position: int, record: _Record, counts: dict[int, int]) -> int:
         """Note a chunk and count its messages; returns where to go on.
@@ -212,36 +239,50 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
         records = list(_records(data))
         if stored and (problem or not records or records[-1].after < len(data)):
             return record.start
+        after = record.after
         if problem and not (data and is_last):
-            after = record.after
-            if after != self._end and not self._record_at(after):
+            if after != self._end and not self._is_followed(after):
                 after = self._next_record(position + 1)
-            self._leave_out(position, after, f"chunk: {problem}")
+            messages = self._indexed_count(after)
+            self._leave_out(position, after, f"chunk: {problem}", messages)
             return after
         self._add_scanned(_Chunk(position, 0, False), data, records, counts)
         if problem:
-            kept = sum(one.op == OP_MESSAGE for one in records)
+            kept = sum(kept.op == OP_MESSAGE for kept in records)
             problem = f"chunk: {problem}; {kept} messages before that are kept"
             self._leave_out(position, self._end, problem)
-        elif records and records[-1].after < len(data):
-            line = (
-                f"chunk at byte {position}: damaged {records[-1].after} bytes after its beginning"
-            )
-            self.damage.append(line)
-        return record.after
+        elif not records or records[-1].after < len(data):
+            kept_bytes = records[-1].after if records else 0
+            problem = f"chunk: {len(data) - kept_bytes} of its {len(data)} bytes are no records"
+            self._leave_out(position, after, problem)
+        return after
+
+    def _indexed_count(self, position: int) -> int:
+        """Return how many messages the indexes at an offset name: those of the chunk before it."""
+        entries = 0
+        while (record := self._record_at(position)) and record.op == OP_INDEX:
+            entries += record.number("count")
+            position = record.after
+        return entries
 
     def _add_messages(self, position: int, counts: dict[int, int]) -> int:
         """Note messages that follow each other outside chunks; returns where to go on.
 
-        The one before a damaged place is left out: its end may be damaged as well.
+        The one before a damaged place is left out, from its second byte on the next record is
+        looked for: its size and its end may be damaged as well.
         """
-        last = end = position
-        while (record := self._record_at(end)) and record.op in (OP_MESSAGE, OP_CONNECTION):
-            last, end = end, record.after
+        previous = end = position
+        while (
+            end - position < LOOSE_BYTES
+            and (record := self._record_at(end))
+            and record.op in (OP_MESSAGE, OP_CONNECTION)
+        ):
+            previous, end = end, record.after
         after = end
-        if not record and end < self._end and not self._is_cut(end):
-            self._leave_out(last, end, "no whole record")
-            end = last
+        if end < self._end and not self._record_at(end) and not self._is_cut(end):
+            after = self._next_record(previous + 1)
+            self._leave_out(previous, after, "no whole record")
+            end = previous
         if end > position:
             chunk = _Chunk(position, 0, False, end - position)
             data = self._content(chunk)
@@ -311,6 +352,9 @@ class Rosbag1Bag(ChunkedBag[_Chunk]):
     def _name_topics(self, counts: Mapping[int, int]) -> None:
         """Make a topic of all connections with the same name and type."""
         groups: dict[tuple[str, str], list[int]] = {}
+        for id_, count in counts.items():
+            if count and id_ not in self._found:
+                self._leave_out_messages(count, f"the definition of connection {id_} is lost")
         for connection, (name, type_name, _, _) in self._found.items():
             groups.setdefault((name, type_name), []).append(connection)
         for (name, type_name), connections in groups.items():

@@ -16,7 +16,7 @@ import numpy as np
 from imu_sim_ros.bags.mcap_reader import McapBag
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
 from imu_sim_ros.bags.messages.schemas import Schema
-from imu_sim_ros.bags.reader import Bag, Timed, errors_naming
+from imu_sim_ros.bags.reader import Bag, Recover, Timed, errors_naming
 from imu_sim_ros.bags.sqlite_pages import MessagePages
 from imu_sim_ros.bags.writer import METADATA_FILE
 from imu_sim_ros.errors import InputError, MachineError
@@ -33,13 +33,13 @@ class SqliteBag(Bag):
 
     encoding = "cdr"
 
-    def __init__(self, path: Path, recover: bool = False) -> None:
+    def __init__(self, path: Path, recover: Recover = False) -> None:
         """Open a file.
 
         :param recover: roll an unfinished transaction back, in a copy, and leave damaged parts out.
         """
         super().__init__(path)
-        self._recover = recover
+        self._recover = bool(recover)
         self._read_from = path
         self._pages: MessagePages | None = None
         """Of a damaged file in recovery: its messages."""
@@ -166,6 +166,7 @@ class SqliteBag(Bag):
                 if row.id > last + 1:
                     lost = f"messages {last + 1} to {row.id - 1}"
                     self.damage.append(f"{lost} ({row.id - 1 - last}): {problem}")
+                    self.lost_messages += row.id - 1 - last
                 last = max(last, row.id)
                 counts[row.topic] = counts.get(row.topic, 0) + 1
         if self._pages.is_cut:
@@ -216,7 +217,7 @@ class Rosbag2Folder(Bag):
 
     encoding = "cdr"
 
-    def __init__(self, path: Path, recover: bool = False) -> None:
+    def __init__(self, path: Path, recover: Recover = False) -> None:
         """Open a folder.
 
         :param recover: do without metadata.yaml, and leave out damaged parts.
@@ -232,7 +233,7 @@ class Rosbag2Folder(Bag):
             self._stack.close()
             raise
 
-    def _add(self, file: Path, recover: bool) -> None:
+    def _add(self, file: Path, recover: Recover) -> None:
         """Open a file; one that cannot be opened is left out when recovering."""
         opener: Callable[..., Bag] = SqliteBag if file.suffix == ".db3" else McapBag
         try:
@@ -242,11 +243,14 @@ class Rosbag2Folder(Bag):
             if not recover:
                 raise
             self.damage += [line.removeprefix(f"{self.path}/") for line in error.problems]
+            self.lost_bytes += file.stat().st_size
             return
         self._stack.enter_context(part)
         self._parts.append(part)
         self.found += [f"{file.name}: {line}" for line in part.found]
         self.damage += [f"{file.name}: {line}" for line in part.damage]
+        self.lost_bytes += part.lost_bytes
+        self.lost_messages += part.lost_messages
 
     def _files_there(self) -> list[Path]:
         """Return the storage files that a folder has, and note how its metadata differ."""

@@ -16,6 +16,7 @@ from imu_sim_ros.bags.messages.blocks import TopicInfo
 from imu_sim_ros.bags.messages.decode import inside_order
 from imu_sim_ros.bags.messages.encode import ImuEncoder
 from imu_sim_ros.bags.read import decoded_blocks, open_bag, vector_blocks
+from imu_sim_ros.bags.reader import Recover
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.writer import BagTopic, Block, Writer
 from imu_sim_ros.conventions import IMU_FRAME, IMU_TOPIC
@@ -43,7 +44,7 @@ def blocks(
     path: Path,
     table: Table,
     topic: str | None,
-    recover: bool = False,
+    recover: Recover = False,
     skipped: Skipped | None = None,
     warned: Warned | None = None,
 ) -> Iterator[TableRows]:

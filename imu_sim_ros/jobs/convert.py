@@ -24,12 +24,12 @@ from imu_sim_ros.bags.messages.encode_cameras import CAMERA_INFO, COMPRESSED_IMA
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.outputs import Outputs, Target
 from imu_sim_ros.bags.read import open_bag, read_poses
-from imu_sim_ros.bags.reader import Bag
+from imu_sim_ros.bags.reader import Bag, Recover
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.bags.writer import BagOptions, Writer, amount, described, open_writer
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.writing import (
@@ -77,6 +77,10 @@ class Converted:
     found: tuple[str, ...] | None = None
     """Lines about the result of a recovery; None if nothing was recovered."""
     left_out: tuple[str, ...] | None = None
+    lost_bytes: int = 0
+    """Size of the ranges that a recovery leaves out [bytes]."""
+    lost_messages: int = 0
+    """Number of messages left out, as far as indexes and numbers tell it."""
     not_converted: tuple[str, ...] = ()
     """Topics and tables of the input for which the output has no place."""
     warnings: tuple[str, ...] = ()
@@ -94,7 +98,13 @@ class Converted:
         if self.found is None or self.left_out is None:
             return result
         lost = {"found": list(self.found), "left_out": list(self.left_out)}
-        return {**result, **lost, "lost_ranges": len(self.left_out)}
+        return {
+            **result,
+            **lost,
+            "lost_ranges": len(self.left_out),
+            "lost_bytes": self.lost_bytes,
+            "lost_messages": self.lost_messages,
+        }
 
     def lines(self) -> Iterator[str]:
         """Yield what ``convert_bag`` prints."""
@@ -123,6 +133,7 @@ def convert(
     rename: Rename = None,
     images: Annotated[str | None, IMAGES] = None,
     recover: Annotated[bool, "--recover"] = False,
+    keep_damaged: Annotated[bool, "--keep-damaged"] = False,
     skip_bad_rows: SkipBadRows = False,
     force: Force = False,
     discard_partial: DiscardPartial = False,
@@ -134,6 +145,8 @@ def convert(
     :param images: messages for a folder's images (default: raw); select a bag's images with
         --topics
     :param recover: recover all complete messages of an interrupted or damaged bag
+    :param keep_damaged: with --recover: keep the messages of chunks whose checksum is wrong and
+        whose records are in sequence; any of them may have wrong values
     :param skip_bad_rows: leave out readings and poses that are not finite or not possible
 
     The other arguments are those of :func:`generate`.
@@ -154,8 +167,11 @@ def convert(
     if images is not None:
         arguments.one_of("images", images, IMAGES)
     arguments.switch("recover", recover)
+    if arguments.switch("keep_damaged", keep_damaged) and not recover:
+        raise ConfigurationError("keep_damaged: applies to a recovery; give --recover, too")
     journal = Journal(path, arguments.switch("skip_bad_rows", skip_bad_rows))
-    found = write(path, target, form, written, journal, images=images, recover=recover)
+    recovery: Recover = "keep_damaged" if keep_damaged else recover
+    found = write(path, target, form, written, journal, images=images, recover=recovery)
     return dataclasses.replace(found, warnings=tuple(journal.lines))
 
 
@@ -167,7 +183,7 @@ def write(
     journal: Journal,
     *,
     images: str | None = None,
-    recover: bool = False,
+    recover: Recover = False,
     shown: bool = True,
 ) -> Converted:
     """Convert a source into an output; arguments as for :func:`convert`.
@@ -257,7 +273,7 @@ class _Output:
         )
 
 
-def _from_bag(source: Path, output: _Output, journal: Journal, recover: bool) -> Converted:
+def _from_bag(source: Path, output: _Output, journal: Journal, recover: Recover) -> Converted:
     """Convert a bag into another bag, a dataset, or poses in TUM format."""
     form = output.form
     whole = not recover or _is_whole(source)
@@ -287,6 +303,8 @@ def _from_bag(source: Path, output: _Output, journal: Journal, recover: bool) ->
         recovered=not whole or bool(bag.damage or bag.found),
         found=tuple(bag.found),
         left_out=tuple(bag.damage),
+        lost_bytes=bag.lost_bytes,
+        lost_messages=bag.lost_messages,
     )
 
 
@@ -307,7 +325,9 @@ def _recovery(bag: Bag) -> list[str]:
     if count > _SHOWN_DAMAGE:
         lines.append(f"{bag.path}: left out: and {count - _SHOWN_DAMAGE} more places")
     lost = {0: "nothing is", 1: "1 range is"}.get(count, f"{count} ranges are")
-    return [*lines, f"{bag.path}: {lost} left out"]
+    amounts = [f"{bag.lost_bytes} bytes"] if bag.lost_bytes else []
+    amounts += [f"at least {bag.lost_messages} messages"] if bag.lost_messages else []
+    return [*lines, f"{bag.path}: {lost} left out{': ' if amounts else ''}{', '.join(amounts)}"]
 
 
 def _without_table(
@@ -333,7 +353,7 @@ def _bag_to_bag(bag: Bag, topics: Sequence[TopicInfo], output: _Output, journal:
 
 
 def _bag_to_dataset(
-    bag: Bag, topics: Sequence[TopicInfo], output: _Output, journal: Journal, recover: bool
+    bag: Bag, topics: Sequence[TopicInfo], output: _Output, journal: Journal, recover: Recover
 ) -> Counts:
     """Write readings, tables, the truth if there is one, and the images of a folder."""
 
@@ -399,7 +419,7 @@ def _images(bag: Bag, topics: Sequence[TopicInfo], output: _Output) -> RecordedI
 
 
 def _poses(
-    source: Path, journal: Journal, topic: str | None = None, recover: bool = False
+    source: Path, journal: Journal, topic: str | None = None, recover: Recover = False
 ) -> PoseSequence:
     """Return the poses of a bag, a text file or a folder."""
     file = text_reader.pose_file(source) if text_reader.is_text(source) else None

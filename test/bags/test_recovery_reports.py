@@ -32,7 +32,11 @@ def recovered(capsys, path, output):
     expected += [f"left out: {line}" for line in result["left_out"]]
     count = len(result["left_out"])
     summary = "1 range is" if count == 1 else f"{count} ranges are" if count else "nothing is"
-    assert lines == [*expected, f"{summary} left out"]
+    amounts = [f"{result['lost_bytes']} bytes"] if result["lost_bytes"] else []
+    if result["lost_messages"]:
+        amounts.append(f"at least {result['lost_messages']} messages")
+    expected.append(f"{summary} left out{': ' if amounts else ''}{', '.join(amounts)}")
+    assert lines == expected
     assert result["lost_ranges"] == count
     return result
 
