@@ -24,7 +24,8 @@ LOW = {
     "__version__",
     "types",
     *("arguments", "components", "conventions", "errors", "inputs", "json_text", "names"),
-    *("parameters", "poses", "progress", "random_streams", "rotation", "text_tables", "timebase"),
+    *("parameters", "poses", "progress", "random_streams", "recordings", "rotation"),
+    *("text_tables", "timebase"),
 }
 BODY = LOW | {"places", "trajectory", "sensors"}
 ROOMS = {
@@ -32,6 +33,7 @@ ROOMS = {
     "camera": BODY | {"simulation", "jobs"},
     "inputs": {"errors", "types"},
     "parameters": LOW,
+    "recordings": {"errors", "records", "rotation", "timebase", "types"},
     "places": LOW,
     "trajectory": LOW | {"places"},
     "sensors": BODY | {"bags"},

@@ -19,7 +19,7 @@ FLOORS = (
     (("sensors", "one folder a sensor: parameters, model, topics"),
      ("bags", "messages and containers")),
     (("trajectory", "where the body is"), ("poses", "recorded poses")),
-    (("places", "geometry, materials, light"),),
+    (("places", "geometry, materials, light"), ("recordings", "clock of the stamps")),
     (("parameters", "declared once"), ("rotation", "quaternions"), ("inputs", "files, gate"),
      ("conventions", "errors, timebase, ...")),
 )  # fmt: skip

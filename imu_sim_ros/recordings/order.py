@@ -1,0 +1,165 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""StampOrder of stamps: stretches of one time, late readings, stray stamps and resets."""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from imu_sim_ros.types import Integers, Times
+
+RESTART_NS: Final = 1_000_000_000
+"""A longer step back is a clock that was reset [ns]."""
+RESET_READINGS: Final = 5
+"""Number of earlier stamps in a row from which on the clock was reset."""
+STRAY_READINGS: Final = RESET_READINGS - 1
+"""Largest number of neighbouring readings whose stamps can be stray."""
+LONGEST_PAUSE_NS: Final = 86_400_000_000_000
+"""A step forward of more, from or to a few readings, makes their stamps stray [ns]."""
+CLOCK_CHANGE_NS: Final = 100_000_000_000_000_000
+"""A step forward of more (three years) is another clock: time since boot turns into UTC [ns]."""
+_USUAL: Final = 65536
+"""Stamps of which the usual step is taken."""
+LONGEST_LOSS: Final = 10.0
+"""Number of missing readings in a row that is a loss at any rate."""
+
+
+def longest_loss(interval_ns: float) -> float:
+    """Return how many missing readings in a row are a loss; more of them are a pause.
+
+    Ten readings, or a second if that is more.
+    """
+    return max(LONGEST_LOSS, 1e9 / interval_ns)
+
+
+class StampOrder(NamedTuple):
+    """Rows of n stamps, by what their order says."""
+
+    pieces: tuple[Integers, ...]
+    """Rows of each stretch of one time, sorted by stamp."""
+    strays: Integers
+    """Rows with stray stamps."""
+    late: Integers
+    """Rows that came after later ones of the same time."""
+    resets: Integers
+    """First rows after a step back to an earlier time."""
+    changes: Integers
+    """First rows after a step forward from one clock to another."""
+
+
+def usual_step(t_ns: Times) -> float:
+    """Return the usual distance [ns] of different stamps, 0 if there are no two in order.
+
+    :param t_ns: (n,) stamps, of which the first 65,536 are used if they differ [ns].
+    """
+    for stamps in (t_ns[:_USUAL], t_ns):
+        steps = np.diff(stamps)
+        steps = steps[steps > 0]
+        if len(steps):
+            return float(np.median(steps))
+    return 0.0
+
+
+def order_stamps(t_ns: Times, step_ns: float | None = None) -> StampOrder:
+    """Return which stamps follow each other in one time.
+
+    A few readings whose stamps are far from those on both sides are stray. A few that are earlier
+    than what is before them, by a second at most, are late and take their place by stamp. Any
+    other step back is a reset: sorting would mix two times.
+
+    :param t_ns: (n,) stamps in the order of arrival [ns].
+    :param step_ns: usual distance of different stamps [ns]; None: that of these.
+    """
+    step_ns = usual_step(t_ns) if step_ns is None else step_ns
+    limit = step_ns * (longest_loss(step_ns) + 1.0) if step_ns else float(RESTART_NS)
+    # Steps between stamps at both ends of 64 bits overflow: compare as floats there.
+    steps = np.diff(t_ns)
+    if len(t_ns) and float(t_ns.max()) - float(t_ns.min()) >= 2.0**63:
+        steps = np.diff(t_ns.astype(np.float64)).clip(-(2.0**62), 2.0**62).astype(np.int64)
+    breaks = np.flatnonzero((steps < 0) | (steps > limit)) + 1
+    none = np.empty(0, dtype=np.int64)
+    if not len(breaks):
+        return StampOrder((np.arange(len(t_ns)),) if len(t_ns) else (), none, none, none, none)
+    return _Sorting(t_ns, [0, *breaks.tolist(), len(t_ns)], limit).order()
+
+
+class _Sorting:
+    """Assigns the runs between unusual steps to stretches of one time."""
+
+    def __init__(self, t_ns: Times, edges: list[int], limit: float) -> None:
+        self._t_ns, self._edges, self._limit = t_ns, edges, limit
+        self._first_ns = [int(t_ns[edge]) for edge in edges[:-1]]
+        self._pieces: list[list[tuple[int, int]]] = []
+        self._latest_ns = 0
+        self._strays: list[int] = []
+        self._late: list[int] = []
+        self._resets: list[int] = []
+        self._changes: list[int] = []
+
+    def order(self) -> StampOrder:
+        """Return the order of all stamps."""
+        run, edges = 0, self._edges
+        while run < len(edges) - 1:
+            skipped = self._stray_runs(run)
+            if skipped:
+                self._strays += range(edges[run], edges[run + skipped])
+                run += skipped
+                continue
+            self._take(edges[run], edges[run + 1])
+            run += 1
+        pieces = []
+        for runs in self._pieces:
+            rows = np.concatenate([np.arange(begin, end) for begin, end in runs])
+            pieces.append(rows[np.argsort(self._t_ns[rows], kind="stable")])
+        lists = (self._strays, self._late, self._resets, self._changes)
+        return StampOrder(tuple(pieces), *(np.array(rows, dtype=np.int64) for rows in lists))
+
+    def _follows(self, before_ns: int, t_ns: int) -> bool:
+        return 0 <= t_ns - before_ns <= self._limit
+
+    def _stray_runs(self, run: int) -> int:
+        """Return how many runs from this one on have stray stamps."""
+        edges = self._edges
+        begin, last = edges[run], len(edges) - 1
+        if edges[run + 1] - begin > STRAY_READINGS:
+            return 0
+        if not self._pieces:
+            if run + 1 == last or edges[-1] - begin <= 4 * STRAY_READINGS:
+                return 0
+            end = edges[run + 1]
+            step = self._first_ns[run + 1] - int(self._t_ns[end - 1])
+            return int(step < -RESTART_NS or step > LONGEST_PAUSE_NS)
+        step = self._first_ns[run] - self._latest_ns
+        if self._follows(self._latest_ns, self._first_ns[run]) or -RESTART_NS <= step < 0:
+            return 0
+        for following in range(run + 1, last):
+            if edges[following] - begin > STRAY_READINGS:
+                return 0
+            if self._follows(self._latest_ns, self._first_ns[following]):
+                return following - run
+        few = edges[-1] - begin <= STRAY_READINGS
+        return last - run if few and not 0 <= step <= LONGEST_PAUSE_NS else 0
+
+    def _take(self, begin: int, end: int) -> None:
+        """Add a run to the stretch before it, or begin another one."""
+        first_ns, last_ns = int(self._t_ns[begin]), int(self._t_ns[end - 1])
+        step = first_ns - self._latest_ns
+        if self._pieces and self._follows(self._latest_ns, first_ns):
+            self._pieces[-1].append((begin, end))
+            self._latest_ns = last_ns
+            return
+        if self._pieces and -RESTART_NS <= step < 0:
+            earlier = int(np.searchsorted(self._t_ns[begin:end], self._latest_ns))
+            first_of_piece = int(self._t_ns[self._pieces[-1][0][0]])
+            if earlier < RESET_READINGS and first_ns > first_of_piece:
+                self._late += range(begin, begin + earlier)
+                self._pieces[-1].append((begin, end))
+                self._latest_ns = max(self._latest_ns, last_ns)
+                return
+        if self._pieces and step < 0:
+            self._resets.append(begin)
+        elif self._pieces and step > CLOCK_CHANGE_NS:
+            self._changes.append(begin)
+        self._pieces.append([(begin, end)])
+        self._latest_ns = last_ns
