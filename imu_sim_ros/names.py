@@ -46,12 +46,15 @@ def _listed(known: list[str]) -> str:
     return ", ".join(known[:last]) + more
 
 
-def nearest(name: object, known: Iterable[str]) -> str | None:
-    """Return the name most like another one; None: none is."""
-    import difflib  # nobody needs it who types well
+def nearest(name: object, known: Iterable[str], similarity: float = 0.6) -> str | None:
+    """Return the name most like another one; None: none is.
+
+    :param similarity: from which on names are alike, 0 to 1 (``difflib.SequenceMatcher.ratio``).
+    """
+    import difflib  # only a name that does not exist needs it
 
     lower = {each.lower(): each for each in reversed(list(known))}
-    near = difflib.get_close_matches(str(name)[:_LONGEST].lower(), lower, n=1)
+    near = difflib.get_close_matches(str(name)[:_LONGEST].lower(), lower, n=1, cutoff=similarity)
     return lower[near[0]] if near else None
 
 

@@ -370,11 +370,14 @@ def _remarks(program: str) -> Iterator[None]:
     """Print remarks of jobs as lines of a program."""
     with warnings.catch_warnings():
         warnings.simplefilter("always", Remark)
-        usual = warnings.showwarning
+        usual, printed = warnings.showwarning, set[str]()
 
         def show(message: Warning | str, category: type[Warning], *rest: Any, **more: Any) -> None:
             if issubclass(category, Remark):
-                print(f"{program}: {message}", file=sys.stderr)
+                # What a file says is remarked on each time when it is read.
+                if str(message) not in printed:
+                    print(f"{program}: {message}", file=sys.stderr)
+                printed.add(str(message))
             else:
                 usual(message, category, *rest, **more)
 

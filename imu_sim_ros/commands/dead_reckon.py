@@ -15,7 +15,7 @@ from imu_sim_ros import program
 from imu_sim_ros.commands.common import FORCE, output_and_plot, save_plot
 from imu_sim_ros.jobs.dead_reckon import dead_reckon, dead_reckon_all, lines, plot_tracks
 from imu_sim_ros.jobs.writing import PARAMETERS
-from imu_sim_ros.parameters import files
+from imu_sim_ros.sensors.imu.presets import load_all
 from imu_sim_ros.signatures import arguments_of, assignment, call, reader
 
 EXAMPLES: Final = """
@@ -36,7 +36,7 @@ _ARGUMENTS: Final = {
         "type": str,
         "action": "append",
         "default": [],
-        "help": "ROS 2 parameter file or kalibr imu.yaml; repeatable",
+        "help": "ROS 2 parameter file, or kalibr's, OpenVINS' or EuRoC's of an IMU; repeatable",
         "group": PARAMETERS,
     },
     "--set KEY=VALUE": {
@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> None:
     # A node's file may ask for the covariance, which no result of this program states.
     below, above = (
         {name: value for name, value in layer.items() if (name, value) != ("covariance", True)}
-        for layer in (files.load_all(arguments.params_file, "integrator"), dict(arguments.set))
+        for layer in (load_all(arguments.params_file, "integrator"), dict(arguments.set))
     )
     with output_and_plot(arguments) as (output, plot):
         if arguments.all:

@@ -45,6 +45,8 @@ from imu_sim_ros.sensors.imu.batch import (
 )
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.imu.model import NOWHERE, unknown_motion
+from imu_sim_ros.sensors.imu.parameters import MOUNT
+from imu_sim_ros.sensors.imu.presets import load_all
 from imu_sim_ros.sensors.imu.units import Spread
 from imu_sim_ros.sensors.magnetometer.declaration import MagneticReadings
 from imu_sim_ros.sensors.parameters import LONGEST
@@ -670,7 +672,8 @@ def from_sdf(file: str | Path, sensor: str | None = None) -> dict[str, Any]:
     name = None if sensor is None else arguments.text("sensor", sensor, "the name of a sensor")
     found = sdf.read(path, name).parameters
     own = {k.removeprefix("imu."): v for k, v in found.items() if k.startswith("imu.")}
-    if not any(np.asarray(value).any() for name, value in own.items() if name != "preset"):
+    beside = ("preset", *(name.removeprefix("imu.") for name in MOUNT))
+    if not any(np.asarray(value).any() for name, value in own.items() if name not in beside):
         warn(f"{own['preset']}: has no noise at all")
     return {**own, **{k: v for k, v in found.items() if not k.startswith("imu.")}}
 
@@ -798,7 +801,7 @@ def layers_of(
 
     :raises ConfigurationError: with a line for each argument that is not what it must be.
     """
-    given = files.load_all(parameter_files(params_file), NODE)
+    given = load_all(parameter_files(params_file), NODE)
     of_sensor = imu_parameters(imu)
     of_sensor.pop("rate", None)  # readings have one of their own
     own, last = keyword_parameters(parameters)

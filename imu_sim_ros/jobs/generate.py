@@ -53,6 +53,7 @@ from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.progress import progress
 from imu_sim_ros.sensors import named_sensors, switches
 from imu_sim_ros.sensors.declaration import Companion
+from imu_sim_ros.sensors.imu.presets import load_all
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.signatures import Heading, Text
 from imu_sim_ros.simulation.engine import Body
@@ -352,7 +353,7 @@ def described(
     """
     in_files, in_scene = dict[str, object](), dict[str, object]()
     with problems.gathered(hanging=""):
-        in_files = files.load_all(parameter_files(params_file), "simulator")
+        in_files = load_all(parameter_files(params_file), "simulator")
     own, last, motion = given_layers(imu, trajectory, duration, rate, seed, parameters, problems)
     if arguments.switch("robust", robust):
         own["trajectory.robust"] = True

@@ -25,6 +25,7 @@ from imu_sim_ros.parameters.sections import OF_EVERY_NODE, bad_values
 from imu_sim_ros.parameters.sections import parameters as described
 from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.sensors import sensors_of_imus
+from imu_sim_ros.sensors.imu import presets
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.sensors.samples import Samples
@@ -247,7 +248,7 @@ def _of_file(path: Path) -> tuple[dict[str, object], frozenset[str]]:
 
     That of the node simulator will do.
     """
-    given = files.load(path)
+    given = presets.load(path)
     of_node = of_the_node(given)
     known = {**OF_EVERY_NODE, **described(SimulatorParameters)}
     problems = bad_values(known, {name: given[name] for name in of_node}).values()

@@ -101,7 +101,7 @@ ParameterFiles = Annotated[
     str | Path | Sequence[str | Path] | None,
     "--params-file FILE",
     str,
-    Text("ROS 2 parameter file or kalibr imu.yaml; repeatable"),
+    Text("ROS 2 parameter file, or kalibr's, OpenVINS' or EuRoC's of an IMU; repeatable"),
     PARAMETERS,
 ]
 Parameters = Annotated[

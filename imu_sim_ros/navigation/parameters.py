@@ -30,14 +30,15 @@ from imu_sim_ros.parameters.kinds import (
     vector,
 )
 from imu_sim_ros.parameters.sections import parameters, section
-from imu_sim_ros.sensors.imu.parameters import DEFAULT_IMU, MOUNT, ImuParameters, sensor_layer
+from imu_sim_ros.sensors.imu.parameters import DEFAULT_IMU, MOUNT, ImuParameters
+from imu_sim_ros.sensors.imu.presets import sensor_layer
 from imu_sim_ros.sensors.imu.triads import (
     TriadParameters,
     TriadsParameters,
     invertible_problems,
     triad,
 )
-from imu_sim_ros.sensors.parameters import rotation_problems
+from imu_sim_ros.sensors.parameters import OwnRateParameters, rotation_problems
 
 METHODS = tuple(increments.METHODS)
 ATTITUDE_UPDATES = ("quaternion", "so3", "euler_angles")
@@ -150,8 +151,15 @@ class IntegratorParameters:
 
     @staticmethod
     def passed_over() -> dict[str, Parameter]:
-        """Return the parameters of a simulator's file for the same IMU that have no use here."""
-        return {f"imu.{name}": parameter for name, parameter in parameters(ImuParameters).items()}
+        """Return the parameters of a file for the same IMU that have no use here.
+
+        Readings have a rate of their own.
+        """
+        of_the_imu = parameters(ImuParameters)
+        return {
+            **{f"imu.{name}": parameter for name, parameter in of_the_imu.items()},
+            "rate": parameters(OwnRateParameters)["rate"],
+        }
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield problems that involve several parameters."""

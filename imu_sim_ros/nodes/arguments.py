@@ -22,6 +22,7 @@ from imu_sim_ros.parameters.kinds import EMPTY_LIST
 from imu_sim_ros.parameters.sections import OF_EVERY_NODE, bad_values, parameters, unknown
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 from imu_sim_ros.sensors import named_sensors
+from imu_sim_ros.sensors.imu import presets
 
 _RULE = re.compile(r"(?P<name>(?:[^\s:]+:)?[^\s:=]+):=(?P<value>.*)", re.DOTALL)
 _PARAMETERS = "ros__parameters"
@@ -151,8 +152,8 @@ def _file(name: str, folder: Path) -> str:
     except ConfigurationError as error:
         raise ConfigurationError([f"{path}: {problem}" for problem in error.problems]) from None
     if not sections:
-        # A kalibr imu.yaml; for anything else load() reports what is missing.
-        uniform: object = {"/**": {_PARAMETERS: files.load(path)}}
+        # A file of another tool, or a flat one; for anything else load() reports what is missing.
+        uniform: object = {"/**": {_PARAMETERS: presets.load(path)}}
     else:
         problems: list[str] = []
         uniform = _uniform("", tree, problems)

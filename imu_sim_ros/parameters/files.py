@@ -5,11 +5,11 @@
 
 Sensors, trajectories, cameras, scenes, ... that come with the package are such files, too. The
 format is that of ROS 2: node names (or the wildcards ``/**`` and ``/*``) above ``ros__parameters``,
-nested or dotted names below. A kalibr ``imu.yaml`` is understood as well.
+nested or dotted names below.
 """
 
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -35,12 +35,6 @@ _PATHS: Final = (
 )
 """Last words of parameters whose values may be paths."""
 _PARAMETERS = "ros__parameters"
-_KALIBR_NOISE = (
-    "accelerometer_noise_density",
-    "accelerometer_random_walk",
-    "gyroscope_noise_density",
-    "gyroscope_random_walk",
-)
 _KINDS: Final = {
     "imus": "IMU",
     "trajectories": "trajectory",
@@ -96,44 +90,64 @@ def find(kind: str, name_or_file: str, option: str = "") -> Path:
 
 
 def load(path: str | Path, node: str = "simulator") -> dict[str, object]:
-    """Return the parameters that a file gives to a node, by dotted name.
+    """Return the parameters that a ROS 2 parameter file gives to a node, by dotted name.
 
-    :param node: the node's name without namespace; wildcards are applied first, as ROS does.
+    :param node: the node's name without namespace.
     :raises ConfigurationError: for a file that cannot be read or has another form.
     """
-    tree = read_tree(Path(path))
-    if any(name in tree for name in _KALIBR_NOISE):  # its topic is not ours
-        values = {f"imu.{name}": tree[name] for name in _KALIBR_NOISE if name in tree}
-        return {**values, "rate": tree["update_rate"]} if "update_rate" in tree else values
-    sections = [
-        (key, content)
-        for key, content in tree.items()
-        if key in ("/**", "/*") or str(key).rsplit("/", 1)[-1] == node
-    ]
+    return parameters_of(read_tree(Path(path)), Path(path), node)
+
+
+def has_sections(tree: object) -> bool:
+    """Return whether a tree has ``ros__parameters`` anywhere."""
+    if not isinstance(tree, Mapping):
+        return False
+    return _PARAMETERS in tree or any(map(has_sections, tree.values()))
+
+
+def parameters_of(tree: Mapping[Any, Any], path: Path, node: str) -> dict[str, object]:
+    """Return the parameters of a node in the content of a ROS 2 parameter file, by dotted name.
+
+    Wildcards are applied first, as ROS does. Any namespace will do, but the same one for all.
+
+    :param path: of the file, for the messages.
+    :raises ConfigurationError: for anything else, and for nodes of that name in two namespaces.
+    """
+    named = {
+        name: content
+        for name, content in _sections(tree, path, node)
+        if name.rpartition("/")[2] in (node, "*", "**")
+    }
+    nodes = [name for name in named if "*" not in name]
+    if len({name.strip("/") for name in nodes}) > 1:
+        raise ConfigurationError(
+            f"{path}: has parameters for several nodes, {', '.join(nodes)}: leave one of them"
+        )
     result: dict[str, object] = {}
-    for key, content in sorted(sections, key=lambda item: "*" not in str(item[0])):
-        if not isinstance(content, dict) or set(content) != {_PARAMETERS}:
-            raise ConfigurationError(f"{path}: {key} must hold {_PARAMETERS} and nothing else")
-        values = content[_PARAMETERS]
-        values = dotted({} if values is None else values, f"{path}: {key}: {_PARAMETERS}")
-        result.update({name: placed(name, value, Path(path)) for name, value in values.items()})
-    if not sections:
+    for name, content in sorted(named.items(), key=lambda item: "*" not in item[0]):
+        content = {} if content is None else content
+        values = dotted(content, f"{path}: {name}: {_PARAMETERS}")
+        result.update({key: placed(key, value, path) for key, value in values.items()})
+    if not named:
         raise ConfigurationError(f"{path}: no section for the node {node} (/{node} or /**)")
     return result
 
 
-def load_all(paths: Iterable[str | Path], node: str) -> dict[str, object]:
-    """Return the parameters that files give to a node, later files above earlier ones.
+def _sections(
+    tree: Mapping[Any, Any], path: Path, node: str, namespace: str = ""
+) -> Iterator[tuple[str, object]]:
+    """Yield the full name and the parameters of each node of a ROS 2 parameter file.
 
-    :raises ConfigurationError: with a line for each problem of every file.
+    Namespaces are parts of names, or names around them (rcl_yaml_param_parser).
     """
-    result: dict[str, object] = {}
-    problems = Problems()
-    for path in paths:
-        with problems.gathered():
-            result.update(load(path, node))
-    problems.tell()
-    return result
+    for key, content in tree.items():
+        name = f"{namespace}/{str(key).lstrip('/')}" if namespace else str(key)
+        if isinstance(content, Mapping) and set(content) == {_PARAMETERS}:
+            yield name, content[_PARAMETERS]
+        elif isinstance(content, Mapping) and _PARAMETERS not in content and has_sections(content):
+            yield from _sections(content, path, node, name)
+        elif namespace or has_sections(tree) or name.rpartition("/")[2] in (node, "*", "**"):
+            raise ConfigurationError(f"{path}: {name} must hold {_PARAMETERS} and nothing else")
 
 
 def placed(name: str, value: object, path: Path) -> object:

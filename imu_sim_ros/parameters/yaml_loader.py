@@ -79,6 +79,7 @@ class _Rules(Composer, SafeConstructor, Resolver):
         "tag:yaml.org,2002:python/tuple": construct_list,
         "tag:yaml.org,2002:seq": construct_list,
         "tag:yaml.org,2002:map": construct_mapping,
+        "tag:yaml.org,2002:opencv-matrix": construct_mapping,
     }
 
 

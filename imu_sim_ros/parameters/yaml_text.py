@@ -9,6 +9,7 @@ and the time grows with them only: a few seconds at most.
 """
 
 import copy
+import re
 from typing import Any, Final
 
 _LARGEST: Final = 4 << 20
@@ -16,18 +17,24 @@ _LARGEST: Final = 4 << 20
 _REMEMBERED: Final = 1 << 16
 """[letters] of a text that is parsed once only, however often it is read."""
 
+_OPENCV: Final = re.compile(r"\s*%YAML:1")
+"""Start of a file of OpenCV, whose first line is no directive of YAML."""
+
 
 def parse_yaml(text: str) -> Any:
     """Return the content of a YAML text, read safely and with numbers as ROS reads them.
 
     YAML 1.1 takes ``5e-4`` for a string because it has no point, and ``-.2`` because no digit is
     before its point; ROS, kalibr and people do not. launch_ros writes each list of a launch file
-    as a Python tuple: that tag, and no other of Python's, is read as the list that it is.
+    as a Python tuple: that tag, and no other of Python's, is read as the list that it is. The first
+    line of OpenCV's files, ``%YAML:1.0``, is passed over, and its matrices are names and values.
 
     :raises ValueError: for text that is not YAML or is refused, with the reason in one line.
     """
     if len(text) > _LARGEST:
         raise ValueError(f"more than {_LARGEST >> 20} MiB of YAML")
+    if _OPENCV.match(text):
+        text = text.replace("%", "#", 1)
     from imu_sim_ros.parameters.yaml_loader import content  # PyYAML, 30 ms
 
     return copy.deepcopy(content(text)) if len(text) < _REMEMBERED else content.__wrapped__(text)

@@ -24,7 +24,8 @@ from imu_sim_ros.parameters.kinds import (
 )
 from imu_sim_ros.parameters.sections import parameters, section, shared
 from imu_sim_ros.sensors import sensors_of_imus
-from imu_sim_ros.sensors.imu.parameters import ImuParameters, layer_imu
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.imu.presets import layer_imu
 from imu_sim_ros.sensors.parameters import LONGEST, rotation_problems
 from imu_sim_ros.simulation.parameters import SampledParameters
 from imu_sim_ros.simulation.playback import (

@@ -27,7 +27,8 @@ from imu_sim_ros.parameters.sections import (
 )
 from imu_sim_ros.sensors import CAMERAS, find_sensor, is_known, kind_of
 from imu_sim_ros.sensors.environment import EnvironmentParameters
-from imu_sim_ros.sensors.imu.parameters import ImuParameters, layer_imu, sensor_layer
+from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.sensors.imu.presets import layer_imu, sensor_layer
 from imu_sim_ros.sensors.parameters import LARGEST_JITTER_SIGMA
 from imu_sim_ros.timebase import exact_rate
 from imu_sim_ros.trajectory.parameters import (
@@ -110,7 +111,7 @@ class SampledParameters(EnvironmentParameters):
             name, cutoffs = f"imu.{triad}_bandwidth", self.imu.triad(triad).bandwidth
             if cutoffs == self.imu.low_pass(triad, self.rate):
                 continue
-            stated = sensor_layer(self.imu.preset).get(name, 0.0)
+            stated = sensor_layer(self.imu.preset, NODE, self.rate).get(name, 0.0)
             if not np.array_equal(np.broadcast_to(np.asarray(stated), 3), cutoffs):
                 lines.append(
                     f"{name} = {max(cutoffs):g}: without effect, since it is not below half the "

@@ -7,15 +7,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 from imu_sim_ros import timebase
 from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import ConfigurationError, InputError, Problems
-from imu_sim_ros.parameters.files import find, load, names
 from imu_sim_ros.parameters.kinds import (
     IDENTITY_MATRIX,
     ZERO_MATRIX,
@@ -32,14 +29,10 @@ from imu_sim_ros.parameters.kinds import (
 from imu_sim_ros.parameters.sections import section, shared
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.imu.triads import TriadsParameters
-from imu_sim_ros.sensors.orientation.parameters import MODEL_ERRORS
 from imu_sim_ros.sensors.parameters import LONGEST, TimingParameters, rotation_problems
 from imu_sim_ros.types import Complex
 
 DEFAULT_IMU: Final = "lecture"
-_BAROMETER: Final = "imu.barometer_preset"
-_OF_MODELS: Final = (".sdf", ".world", ".urdf", ".xacro", ".xml", ".jinja")
-"""Ends of the names of Gazebo's models; ``FILE#SENSOR`` is one, too."""
 AXES_READ = 6
 """Gyroscope x, y, z, accelerometer x, y, z."""
 PAIRS = 15
@@ -362,62 +355,3 @@ class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
                         f"given; without it there is none"
                     )
         yield from super().problems(prefix)
-
-
-def sensor_layer(name_or_file: str, node: str = "simulator") -> dict[str, object]:
-    """Return what ``imu.preset`` stands for, above the presets that its file names in turn.
-
-    For a model of Gazebo it contains ``imu.preset`` with the name of the sensor that was taken.
-
-    :param name_or_file: a name in config/imus, a parameter file, or a model of Gazebo,
-        ``model.sdf`` or ``model.sdf#SENSOR``.
-    :raises ConfigurationError: for a preset that cannot be read, or that leads back to itself.
-    """
-    if Path(name_or_file.partition("#")[0]).suffix.lower() in _OF_MODELS:
-        from imu_sim_ros.sensors.imu import sdf  # few sensors come from a model
-
-        try:
-            return dict(sdf.read(name_or_file).parameters)
-        except InputError as error:
-            raise ConfigurationError(error.problems) from None
-    result: dict[str, object] = {}
-    passed: list[Path] = []
-    while True:
-        path = find("imus", name_or_file)
-        if path.resolve() in passed:
-            raise ConfigurationError(f"{path}: imu.preset = {name_or_file} leads back to this file")
-        passed.append(path.resolve())
-        values = load(path, node)
-        below = values.pop("imu.preset", None)
-        result = {**values, **result}
-        if below is None:
-            return result
-        name_or_file = str(below)
-
-
-def layer_imu(given: Mapping[str, object], node: str, problems: Problems) -> dict[str, object]:
-    """Return what was given above the preset of an IMU, and above that of its barometer.
-
-    What an included preset says, and the choices of a user leave no place for, is left out; a
-    file of one's own is taken at its word.
-
-    :param given: parameters of all kinds, as a preset may have, by dotted name.
-    :param problems: receives a line for a preset that cannot be read.
-    """
-    above = {"imu.preset": DEFAULT_IMU, **given}
-    preset, file = dict[str, object](), dict[str, object]()
-    with problems.gathered():
-        preset = sensor_layer(str(above["imu.preset"]), node)
-    above["imu.preset"] = preset.pop("imu.preset", above["imu.preset"])
-    barometer = {**preset, **given}.get(_BAROMETER)
-    with problems.gathered():
-        file = load(find("barometers", str(barometer)), node) if barometer else {}
-    # A barometer that the IMU's preset names may be changed there; another one is what it is.
-    own = {**preset, **file} if _BAROMETER in given else {**file, **preset}
-    result = {**own, **above}
-    # A filter has none of the errors of a modelled orientation.
-    if result.get("imu.orientation_source") == "filter" and result["imu.preset"] in names("imus"):
-        for name in MODEL_ERRORS:
-            if f"imu.orientation_{name}" not in given:
-                result.pop(f"imu.orientation_{name}", None)
-    return result

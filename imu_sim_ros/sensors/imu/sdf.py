@@ -9,18 +9,21 @@ The XML is read without entities: a document type, with which they are declared,
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from imu_sim_ros.conventions import AXES, IMU_FRAME, TRIADS
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.errors import InputError, Remark, warn
 from imu_sim_ros.inputs.rows import number_of, read_text, shortened
 from imu_sim_ros.inputs.xml_text import Element, parsed
+from imu_sim_ros.names import nearest
 from imu_sim_ros.parameters.sections import bad_values, parameters
+from imu_sim_ros.rotation import from_euler, pose_matrix, to_matrix
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
+from imu_sim_ros.types import Array
 
 _QUANTITIES: Final = {"gyroscope": "angular_velocity", "accelerometer": "linear_acceleration"}
 _OLD_QUANTITIES: Final = {"gyroscope": "rate", "accelerometer": "accel"}
@@ -44,8 +47,21 @@ _ROTORS_DEFAULTS: Final = {
 same numbers in PX4-SITL_gazebo-classic/include/gazebo_imu_plugin.h)."""
 _ROTORS_LIBRARIES: Final = ("rotors_gazebo_imu_plugin", "gazebo_imu_plugin")
 _CLASSIC_LIBRARIES: Final = ("gazebo_ros_imu", "gazebo_ros_imu_sensor")
+_NOISE: Final = (
+    *("mean", "stddev", "bias_mean", "bias_stddev", "precision"),
+    *("dynamic_bias_stddev", "dynamic_bias_correlation_time"),
+)
+_OF_A_SENSOR: Final = ("update_rate", "imu", "pose", "gz_frame_id", "ignition_frame_id")
+_OF_CLASSIC: Final = (
+    *("gaussianNoise", "updateRateHZ", "updateRate", "frameName", "bodyName"),
+    *("xyzOffset", "rpyOffset"),
+)
+_TYPO: Final = 0.85
+"""Similarity from which on an element without an effect is a typing error of a known one."""
+_ALIKE: Final = 0.6
+"""The same within ``<noise>``, whose elements are all known."""
 _NO_SENSOR: Final = "imu-system"
-"""In the names of gz-sim's own plugins, which run the sensors that a model describes."""
+"""Part of the names of gz-sim's own plugins, which run the sensors of a model."""
 _TEMPLATE: Final = ("{%", "{{", "{#")
 
 
@@ -55,43 +71,104 @@ class Described(NamedTuple):
     name: str
     """Name of its sensor or plugin."""
     parameters: dict[str, object]
-    """By dotted name: ``imu.*``, of which ``imu.preset`` is ``FILE#NAME``, and ``rate`` and
-    ``imu_frame`` if they are given."""
+    """Values by dotted name: ``imu.*``, of which ``imu.preset`` is ``FILE#NAME``, ``rate`` and
+    ``imu_frame`` if the model has them."""
 
 
-def read(path: str | Path, sensor: str | None = None) -> Described:
-    """Return the IMU of a model.
+class _Part(NamedTuple):
+    """An element of an IMU, with the place that messages name."""
+
+    where: str
+    element: Element
+    remarks: list[str]
+    """A line for each element without an effect in Gazebo, and so here."""
+
+    def number(self, name: str) -> float:
+        """Return the number in a child; 0 if there is none.
+
+        :raises InputError: for a child that is no finite number.
+        """
+        return 0.0 if self.element.child(name) is None else self.numbers(name, 1)[0]
+
+    def numbers(self, name: str, *counts: int) -> list[float]:
+        """Return the numbers in a child; zeros if there is none.
+
+        :param counts: how many there may be; so many zeros as the first one says.
+        :raises InputError: for anything but finite numbers, and for another count.
+        """
+        child = self.element.child(name)
+        if child is None:
+            return [0.0] * counts[0]
+        text = child.text.strip()
+        try:
+            values = [number_of(word) for word in text.split()]
+        except ValueError:
+            values = []
+        if len(values) not in counts or not all(map(math.isfinite, values)):
+            hint = "; the file is a template: render it first" if "{" in text else ""
+            count = " or ".join(map(str, counts))
+            must = "a number" if counts == (1,) else f"{count} numbers"
+            raise InputError(f"{self.where}: <{name}> {shortened(text)}: must be {must}{hint}")
+        return values
+
+    def check(self, names: Collection[str], similarity: float = _TYPO) -> None:
+        """Refuse children that resemble known ones.
+
+        :param similarity: from which on they do, 0 to 1.
+        :raises InputError: for the first one of them.
+        """
+        for child in self.element.children:
+            suggested = None if child.tag in names else nearest(child.tag, names, similarity)
+            if suggested is not None:
+                raise InputError(
+                    f"{self.where}: <{child.tag}>: unknown element; did you mean <{suggested}>?"
+                )
+
+
+def read(path: str | Path, sensor: str | None = None, rate: object = None) -> Described:
+    """Return the IMU of a model; what has no effect in Gazebo is a remark.
 
     :param path: of the file, or ``FILE#SENSOR``.
     :param sensor: its name; None: the only one.
+    :param rate: samples per second [Hz] of a sensor whose model states none; what is no positive
+        number is none.
     :raises InputError: for a file that is none, one without an IMU, and one with several; the line
         lists them.
     """
-    file, _, named = str(path).partition("#")
-    sensor = sensor or named or None
+    file, _, fragment = str(path).partition("#")
+    sensor = sensor or fragment or None
     root = _parsed(file)
-    found = list(_all_described(file, root))
-    have = ", ".join(one.name for one in found) or "none"
+    elements = [
+        (element.attributes.get("name", "imu"), element, values_of)
+        for element, values_of in _imus(root)
+    ]
+    have = ", ".join(name for name, *_ in elements) or "none"
     if sensor is not None:
-        found = [one for one in found if one.name == sensor]
-        if not found:
+        elements = [imu for imu in elements if imu[0] == sensor]
+        if not elements:
             raise InputError(f"{file}: has no IMU {shortened(sensor)}; it has {have}")
-    if not found:
+    if not elements:
         _refuse_template(file)
-        others = [one for one in root.every() if one.tag == "plugin" and "imu" in _library(one)]
-        unknown = ", ".join(one.attributes["filename"] for one in others)
+        plugins = [
+            part for part in root.every() if part.tag == "plugin" and "imu" in _library(part)
+        ]
+        unknown = ", ".join(plugin.attributes["filename"] for plugin in plugins)
         why = f"; {unknown} is not known" if unknown else ""
         raise InputError(f"{file}: describes no IMU: no <sensor type='imu'>, no IMU plugin{why}")
-    if len({one.name for one in found}) > 1:
-        raise InputError(f"{file}: has several IMUs, name one of {have}: {file}#{found[0].name}")
-    if len(found) > 1:
-        raise InputError(f"{file}: has several IMUs named {found[0].name}; give them other names")
-    taken = found[0]
-    known = {f"imu.{name}": one for name, one in parameters(ImuParameters).items()}
-    problems = bad_values(known, taken.parameters).values()
+    name, element, values_of = elements[0]
+    if len({name for name, *_ in elements}) > 1:
+        raise InputError(f"{file}: has several IMUs, name one of {have}: {file}#{name}")
+    if len(elements) > 1:
+        raise InputError(f"{file}: has several IMUs named {name}; give them other names")
+    part = _Part(f"{file}: {element.tag} {shortened(name)}", element, [])
+    values = values_of(part, float(rate) if isinstance(rate, int | float) and rate > 0 else 0.0)
+    declared = {f"imu.{key}": parameter for key, parameter in parameters(ImuParameters).items()}
+    problems = bad_values(declared, values).values()
     if problems:
-        raise InputError([f"{file}: {taken.name}: {line}" for line in problems])
-    return taken._replace(parameters={**taken.parameters, "imu.preset": f"{file}#{taken.name}"})
+        raise InputError([f"{file}: {name}: {line}" for line in problems])
+    for line in part.remarks:
+        warn(line, Remark)
+    return Described(name, {**values, "imu.preset": f"{file}#{name}"})
 
 
 def _parsed(file: str) -> Element:
@@ -124,74 +201,136 @@ def _library(plugin: Element) -> str:
     return "" if _NO_SENSOR in name else name.removeprefix("lib").removesuffix(".so")
 
 
-def _all_described(path: str, root: Element) -> Iterator[Described]:
-    """Yield the IMUs of a model; a plugin within a sensor is no other IMU."""
-    inside: set[int] = set()
+def _imus(root: Element) -> Iterator[tuple[Element, "ValuesOf"]]:
+    """Yield each IMU of a model with the function that reads it.
+
+    A plugin within a sensor is a part of it.
+    """
+    parts: set[int] = set()
     for element in root.every():
         if element.tag == "sensor" and element.attributes.get("type") in ("imu", "imu_sensor"):
-            inside |= {id(child) for child in element.children}
-            yield _of_sensor(path, element)
-        elif element.tag == "plugin" and id(element) not in inside:
-            library = _library(element)
-            if library in _ROTORS_LIBRARIES or any(map(element.child, _ROTORS_DEFAULTS)):
-                yield _of_rotors(path, element)
-            elif library in _CLASSIC_LIBRARIES or ("imu" in library and _has_noise(element)):
-                yield _of_classic(path, element)
+            parts |= {id(child) for child in element.children}
+            yield element, _of_sensor
+        elif element.tag == "plugin" and id(element) not in parts:
+            if _library(element) in _ROTORS_LIBRARIES or any(map(element.child, _ROTORS_DEFAULTS)):
+                yield element, _of_rotors
+            elif _is_classic(element):
+                yield element, _of_classic
 
 
-def _has_noise(plugin: Element) -> bool:
-    return plugin.child("gaussianNoise") is not None
+ValuesOf = Callable[[_Part, float], dict[str, object]]
+"""Returns the parameters of an IMU by dotted name, given the rate where the model has none [Hz]."""
 
 
-def _of_sensor(path: str, element: Element) -> Described:
-    """Return an IMU of SDF."""
-    name = element.attributes.get("name", "imu")
-    where = f"{path}: sensor {shortened(name)}"
-    rate = _number(where, element, "update_rate")
-    own: dict[str, object] = {}
+def _is_classic(plugin: Element) -> bool:
+    library = _library(plugin)
+    noise = plugin.child("gaussianNoise")
+    return library in _CLASSIC_LIBRARIES or ("imu" in library and noise is not None)
+
+
+def _of_sensor(part: _Part, rate: float) -> dict[str, object]:
+    """Return an IMU of SDF.
+
+    A plugin of Gazebo classic in it takes the sensor's latest reading at a rate of its own, with
+    noise, frame and offset of its own (gazebo_ros_imu_sensor.cpp).
+    """
+    where, element, remarks = part
+    part.check(_OF_A_SENSOR)
+    plugins = [
+        _Part(f"{where}: plugin", child, remarks)
+        for child in element.children
+        if child.tag == "plugin" and _is_classic(child)
+    ]
+    stated = [part.number("update_rate"), *map(_classic_rate, plugins)]
+    slowest = min((hertz for hertz in stated if hertz), default=0.0)
+    values: dict[str, object] = {}
     for triad in TRIADS:
-        old = element.child("imu", "noise", _OLD_QUANTITIES[triad])
-        noises = [element.child("imu", _QUANTITIES[triad], axis, "noise") for axis in AXES]
-        if old is not None:
-            noises = [old, old, old]
+        noises = _noises(part, triad)
         if any(noises):
-            own |= _of_noise(where, f"imu.{triad}_", noises, rate)
-    for plugin in element.children:
-        if plugin.tag == "plugin" and "imu" in _library(plugin) and _has_noise(plugin):
-            added = _of_classic(path, plugin, rate).parameters
-            for key in (f"imu.{triad}_noise_density" for triad in TRIADS):
-                before = np.broadcast_to(np.asarray(own.get(key, 0.0)), (3,))
-                own[key] = np.hypot(before, np.asarray(added[key])).tolist()
+            values |= _of_noise(where, f"imu.{triad}_", noises, slowest or rate)
     frame = element.child("gz_frame_id") or element.child("ignition_frame_id")
-    return Described(name, {**_common(rate, frame), **own})
+    pose = _pose(part)
+    for plugin in plugins:
+        density = _classic_density(plugin, slowest or rate)
+        for key in (f"imu.{triad}_noise_density" for triad in TRIADS):
+            of_the_sensor = np.broadcast_to(np.asarray(values.get(key, 0.0)), (3,))
+            values[key] = np.hypot(of_the_sensor, density).tolist()
+        frame = plugin.element.child("frameName") or plugin.element.child("bodyName") or frame
+        pose = pose @ _offset(plugin)
+    return {**_common(slowest, frame), **_mount(pose), **values}
+
+
+def _noises(part: _Part, triad: str) -> "list[_Part | None]":
+    """Return the ``<noise>`` of the axes of a triad; None: none, or one that Gazebo passes over.
+
+    Its type is ``none`` unless the model says another one (sdformat, noise.sdf).
+
+    :raises InputError: for a type that does not exist.
+    """
+    where, element, remarks = part
+    imu, quantity = element.child("imu"), _QUANTITIES[triad]
+    if imu is None:
+        return [None, None, None]
+    _Part(f"{where}: <imu>", imu, remarks).check((*_QUANTITIES.values(), "noise"))
+    common, whole = imu.child("noise", _OLD_QUANTITIES[triad]), imu.child(quantity)
+    if common is not None:  # SDF up to 1.4 has one for the three axes
+        of_noise = imu.child("noise", "type")
+        kinds = ["" if of_noise is None else of_noise.text.strip()] * 3
+        elements: list[Element | None] = [common, common, common]
+    else:
+        elements = [imu.child(quantity, axis, "noise") for axis in AXES]
+        kinds = ["" if noise is None else noise.attributes.get("type", "") for noise in elements]
+    if whole is not None and whole.child("noise") is not None:
+        remarks.append(
+            f"{where}: <{quantity}><noise>: no effect, as in Gazebo; it reads the noise of <x>, "
+            "<y> and <z>"
+        )
+    noises: list[_Part | None] = []
+    silent: dict[str, list[str]] = {"type none": [], "without a type": []}
+    for axis, noise, kind in zip(AXES, elements, kinds, strict=True):
+        place = f"{where}: <{quantity}><{axis}><noise>"
+        if kind not in ("", "none", "gaussian", "gaussian_quantized"):
+            raise InputError(f"{place}: noise of type {shortened(kind)} is not known")
+        part_of_axis = None if noise is None else _Part(place, noise, remarks)
+        if part_of_axis is not None:
+            part_of_axis.check(_NOISE, _ALIKE)
+        if part_of_axis is not None and not kind.startswith("gaussian"):
+            if any(map(part_of_axis.number, _NOISE)):
+                silent["type none" if kind else "without a type"].append(f"<{axis}>")
+            part_of_axis = None
+        noises.append(part_of_axis)
+    remarks += [
+        f"{where}: <{quantity}>: the noise of {', '.join(axes)} is {why}: no effect, as in Gazebo"
+        for why, axes in silent.items()
+        if axes
+    ]
+    return noises
 
 
 def _of_noise(
-    where: str, prefix: str, noises: "list[Element | None]", rate: float
+    where: str, prefix: str, noises: "list[_Part | None]", rate: float
 ) -> dict[str, object]:
     """Return the parameters of three ``<noise>``.
 
     ``stddev`` is that of a sample, at the sensor's rate. The bias at the start is drawn with either
     sign, so ``bias_mean`` and ``bias_stddev`` are one deviation; ``dynamic_bias_stddev`` drives a
     first-order Gauss-Markov process (gz-sensors, GaussianNoiseModel.cc).
+
+    :param rate: samples per second [Hz]; 0: not known.
     """
 
     def values(name: str) -> list[float]:
-        return [0.0 if one is None else _number(where, one, name) for one in noises]
+        return [0.0 if noise is None else noise.number(name) for noise in noises]
 
-    for one in noises:
-        kind = one.attributes.get("type", "gaussian") if one is not None else "gaussian"
-        if kind not in ("gaussian", "gaussian_quantized", "none"):
-            raise InputError(f"{where}: noise of type {shortened(kind)} is not known")
     deviations = values("stddev")
     if any(deviations) and not rate:
         raise InputError(
             f"{where}: has no <update_rate>: <stddev> is that of one sample, so its density "
-            "depends on the rate"
+            "depends on the rate: give the rate (--rate)"
         )
     driving, times = values("dynamic_bias_stddev"), values("dynamic_bias_correlation_time")
     steady = zip(values("bias_mean"), values("bias_stddev"), strict=True)
-    found = {
+    axes = {
         "noise_density": [d / math.sqrt(rate) if d else 0.0 for d in deviations],
         "bias": values("mean"),
         "turn_on_bias_sigma": [math.hypot(mean, deviation) for mean, deviation in steady],
@@ -200,68 +339,93 @@ def _of_noise(
         "resolution": values("precision"),
     }
     for name in ("noise_density", "turn_on_bias_sigma", "gauss_markov_density", "resolution"):
-        if min(found[name]) < 0.0:
-            raise InputError(f"{where}: {name} would be {min(found[name]):g}: must be at least 0")
-    return {f"{prefix}{name}": numbers for name, numbers in found.items() if any(numbers)}
+        if min(axes[name]) < 0.0:
+            raise InputError(f"{where}: {name} would be {min(axes[name]):g}: must be at least 0")
+    return {f"{prefix}{name}": numbers for name, numbers in axes.items() if any(numbers)}
 
 
-def _of_rotors(path: str, element: Element) -> Described:
+def _of_rotors(part: _Part, _: float) -> dict[str, object]:
     """Return an IMU of RotorS; what the model leaves out the plugin has values for."""
-    name = element.attributes.get("name", "imu")
-    where = f"{path}: plugin {shortened(name)}"
-    own: dict[str, object] = {}
+    part.check(tuple(_ROTORS_DEFAULTS))
+    values: dict[str, object] = {}
     for key, default in _ROTORS_DEFAULTS.items():
-        triad = next(one for one in TRIADS if key.startswith(one))
-        value = default if element.child(key) is None else _number(where, element, key)
-        own[f"imu.{triad}_{_ROTORS[key.removeprefix(triad)]}"] = value
+        triad = next(name for name in TRIADS if key.startswith(name))
+        value = default if part.element.child(key) is None else part.number(key)
+        values[f"imu.{triad}_{_ROTORS[key.removeprefix(triad)]}"] = value
     for triad in TRIADS:
-        if not own[f"imu.{triad}_correlation_time"]:
-            own[f"imu.{triad}_gauss_markov_density"] = 0.0
-    return Described(name, {**_common(0.0, element.child("linkName")), **own})
+        if not values[f"imu.{triad}_correlation_time"]:
+            values[f"imu.{triad}_gauss_markov_density"] = 0.0
+    return {**_common(0.0, part.element.child("linkName")), **values}
 
 
-def _of_classic(path: str, element: Element, rate_of_sensor: float = 0.0) -> Described:
+def _of_classic(part: _Part, rate: float) -> dict[str, object]:
     """Return an IMU of Gazebo classic: one deviation for all axes, 0 if none is written."""
-    name = element.attributes.get("name", "imu")
-    where = f"{path}: plugin {shortened(name)}"
-    deviation = _number(where, element, "gaussianNoise")
-    rate = _number(where, element, "updateRateHZ") or _number(where, element, "updateRate")
-    rate = rate or rate_of_sensor
+    stated = _classic_rate(part)
+    density = _classic_density(part, stated or rate)
+    frame = part.element.child("frameName") or part.element.child("bodyName")
+    values = {f"imu.{triad}_noise_density": density for triad in TRIADS}
+    return {**_common(stated, frame), **_mount(_offset(part)), **values}
+
+
+def _classic_rate(part: _Part) -> float:
+    """Return the rate of a plugin of Gazebo classic [Hz]; 0: none is written."""
+    return part.number("updateRateHZ") or part.number("updateRate")
+
+
+def _classic_density(part: _Part, rate: float) -> float:
+    """Return the noise density of a plugin of Gazebo classic.
+
+    :param rate: messages per second [Hz]; 0: not known.
+    """
+    part.check(_OF_CLASSIC)
+    deviation = part.number("gaussianNoise")
     if deviation and not rate:
         raise InputError(
-            f"{where}: has no <updateRateHZ>: <gaussianNoise> is that of one sample, so its "
-            "density depends on the rate"
+            f"{part.where}: has no <updateRateHZ>: <gaussianNoise> is that of one sample, so its "
+            "density depends on the rate: give the rate (--rate)"
         )
-    density = deviation / math.sqrt(rate) if deviation else 0.0
-    own = {f"imu.{triad}_noise_density": density for triad in TRIADS}
-    return Described(name, {**_common(rate, element.child("frameName")), **own})
+    return deviation / math.sqrt(rate) if deviation else 0.0
+
+
+def _offset(part: _Part) -> Array:
+    """Return ``xyzOffset`` [m] and ``rpyOffset`` [rad] of a plugin as a pose (4, 4)."""
+    angles = np.array(part.numbers("rpyOffset", 3))
+    return pose_matrix(to_matrix(from_euler(angles)), part.numbers("xyzOffset", 3))
+
+
+def _pose(part: _Part) -> Array:
+    """Return the ``<pose>`` (4, 4) of a sensor in its link: x y z [m], roll pitch yaw."""
+    element = part.element.child("pose")
+    values = np.array(part.numbers("pose", 6, 7))
+    if element is None or not values.any():
+        return np.eye(4)
+    if element.attributes.get("relative_to"):
+        part.remarks.append(f"{part.where}: <pose relative_to>: no effect; only one in the link is")
+        return np.eye(4)
+    if len(values) == 7:  # rotation_format="quat_xyzw"
+        attitude = to_matrix(values[[6, 3, 4, 5]] / np.linalg.norm(values[3:]))
+    else:
+        angles = values[3:]
+        if element.attributes.get("degrees", "").lower() in ("true", "1"):
+            angles = np.radians(angles)
+        attitude = to_matrix(from_euler(angles))
+    return pose_matrix(attitude, values[:3])
+
+
+def _mount(pose: Array) -> dict[str, object]:
+    """Return the parameters of a pose (4, 4) in the body; none if it is the body's."""
+    if np.array_equal(pose, np.eye(4)):
+        return {}
+    arm, mounting = pose[:3, 3].tolist(), np.ravel(pose[:3, :3]).tolist()
+    return {"imu.lever_arm": arm, "imu.mounting": mounting}
 
 
 def _common(rate: float, frame: Element | None) -> dict[str, object]:
     """Return rate and frame, if they are given."""
-    result: dict[str, object] = {}
+    values: dict[str, object] = {}
     if rate:
-        result["rate"] = rate
-    words = frame.text.strip().lstrip("/") if frame is not None else ""
-    if words and words != IMU_FRAME:
-        result["imu_frame"] = words
-    return result
-
-
-def _number(where: str, element: Element, name: str) -> float:
-    """Return the number in a child; 0 if there is none.
-
-    :raises InputError: for a child that is no finite number.
-    """
-    child = element.child(name)
-    if child is None:
-        return 0.0
-    try:
-        value = number_of(child.text.strip())
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        words = child.text.strip()
-        hint = "; the file is a template: render it first" if "{" in words else ""
-        raise InputError(f"{where}: <{name}> {shortened(words)}: must be a number{hint}")
-    return value
+        values["rate"] = rate
+    name = frame.text.strip().lstrip("/") if frame is not None else ""
+    if name and name != IMU_FRAME:
+        values["imu_frame"] = name
+    return values

@@ -1,0 +1,127 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Files that describe an IMU: presets, parameter files, files of other tools, Gazebo's models."""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Final
+
+from imu_sim_ros.errors import ConfigurationError, InputError, Problems, Remark, warn
+from imu_sim_ros.parameters import files
+from imu_sim_ros.parameters.files import find, names
+from imu_sim_ros.sensors.imu import calibration_files, sdf
+from imu_sim_ros.sensors.imu.parameters import DEFAULT_IMU
+from imu_sim_ros.sensors.orientation.parameters import MODEL_ERRORS
+
+_BAROMETER: Final = "imu.barometer_preset"
+_OF_MODELS: Final = (".sdf", ".world", ".urdf", ".xacro", ".xml", ".jinja")
+"""Ends of the names of Gazebo's models; ``FILE#SENSOR`` is one, too."""
+
+
+def load(path: str | Path, node: str = "simulator") -> dict[str, object]:
+    """Return the parameters that a file gives to a node, by dotted name.
+
+    Keys of other tools' files without an effect, and missing noise, are remarks.
+
+    :param path: of a ROS 2 parameter file, an IMU's file of another tool, or a flat file;
+        ``FILE#imu1`` is one of several IMUs.
+    :param node: the node's name without namespace.
+    :raises ConfigurationError: for a file that cannot be read or has another form.
+    """
+    file, imu = _file_and_imu(path)
+    tree = files.read_tree(file)
+    if not imu and (files.has_sections(tree) or not calibration_files.is_readable(tree)):
+        return files.parameters_of(tree, file, node)
+    values = calibration_files.parameters_of(tree, file, imu, lambda line: warn(line, Remark))
+    return {name: files.placed(name, value, file) for name, value in values.items()}
+
+
+def load_all(paths: Iterable[str | Path], node: str) -> dict[str, object]:
+    """Return the parameters that files give to a node, later files above earlier ones.
+
+    :raises ConfigurationError: with a line for each problem of every file.
+    """
+    result: dict[str, object] = {}
+    problems = Problems()
+    for path in paths:
+        with problems.gathered():
+            result.update(load(path, node))
+    problems.tell()
+    return result
+
+
+def _file_and_imu(path: str | Path) -> tuple[Path, str]:
+    """Return the two parts of ``FILE#IMU``; the second one is empty if no IMU is named."""
+    file, mark, imu = str(path).rpartition("#")
+    if not mark or _exists(path):
+        return Path(path), ""
+    return Path(file), imu
+
+
+def _exists(path: str | Path) -> bool:
+    try:
+        return Path(path).exists()
+    except (OSError, ValueError):  # too long, or with a null character
+        return False
+
+
+def sensor_layer(
+    name_or_file: str, node: str = "simulator", rate: object = None
+) -> dict[str, object]:
+    """Return what ``imu.preset`` stands for, above the presets that its file names in turn.
+
+    For a model of Gazebo it contains ``imu.preset`` with the name of the sensor that was taken.
+
+    :param name_or_file: a name in config/imus, a parameter file, an IMU's file of another tool,
+        or a model of Gazebo, ``model.sdf`` or ``model.sdf#SENSOR``.
+    :param rate: samples per second [Hz], for a model that states none; None: not known.
+    :raises ConfigurationError: for a preset that cannot be read, or that leads back to itself.
+    """
+    if Path(name_or_file.partition("#")[0]).suffix.lower() in _OF_MODELS:
+        try:
+            return dict(sdf.read(name_or_file, rate=rate).parameters)
+        except InputError as error:
+            raise ConfigurationError(error.problems) from None
+    result: dict[str, object] = {}
+    passed: list[Path] = []
+    while True:
+        file, imu = _file_and_imu(name_or_file)
+        path = find("imus", str(file))
+        if path.resolve() in passed:
+            raise ConfigurationError(f"{path}: imu.preset = {name_or_file} leads back to this file")
+        passed.append(path.resolve())
+        values = load(f"{path}#{imu}" if imu else path, node)
+        base = values.pop("imu.preset", None)
+        result = {**values, **result}
+        if base is None:
+            return result
+        name_or_file = str(base)
+
+
+def layer_imu(given: Mapping[str, object], node: str, problems: Problems) -> dict[str, object]:
+    """Return what was given above the preset of an IMU, and above that of its barometer.
+
+    What an included preset says, and the choices of a user leave no place for, is left out; a
+    file of one's own is taken at its word.
+
+    :param given: parameters of all kinds, as a preset may have, by dotted name.
+    :param problems: receives a line for a preset that cannot be read.
+    """
+    above = {"imu.preset": DEFAULT_IMU, **given}
+    preset, file = dict[str, object](), dict[str, object]()
+    with problems.gathered():
+        preset = sensor_layer(str(above["imu.preset"]), node, given.get("rate"))
+    above["imu.preset"] = preset.pop("imu.preset", above["imu.preset"])
+    barometer = {**preset, **given}.get(_BAROMETER)
+    with problems.gathered():
+        file = files.load(find("barometers", str(barometer)), node) if barometer else {}
+    # A barometer that the IMU's preset names may be changed there; another one is what it is.
+    own = {**preset, **file} if _BAROMETER in given else {**file, **preset}
+    result = {**own, **above}
+    # A filter has none of the errors of a modelled orientation.
+    if result.get("imu.orientation_source") == "filter" and result["imu.preset"] in names("imus"):
+        for name in MODEL_ERRORS:
+            if f"imu.orientation_{name}" not in given:
+                result.pop(f"imu.orientation_{name}", None)
+    return result
