@@ -8,17 +8,17 @@ the means of each second: slow motion is reported, single disturbances are cut o
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from itertools import pairwise
 from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
 from imu_sim_ros import conventions
 from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.types import Array, Integers, Mask, Times
+from imu_sim_ros.recordings.stream import ClockStream, Stretch
+from imu_sim_ros.types import Array, Integers, Mask
 
 AXES: Final = tuple(f"{triad} {axis}" for triad in TRIADS for axis in conventions.AXES)
+_NO_READINGS: Final = (np.empty(0, dtype=np.int64), np.empty((0, 6)))
 _LOOKED_AT: Final = 4096
 _MAX_CODES: Final = 256
 _SATURATED: Final = 1e-4
@@ -53,15 +53,15 @@ class Timing(NamedTuple):
     jitter: float
     """Standard deviation of a stamp against equal intervals, if each is late on its own [s]."""
     lost: int
-    """Samples missing between others."""
-    filled: int
-    """Missing samples in losses short enough to be filled."""
+    """Samples missing between others, gaps apart."""
     gaps: int
-    """Losses that ended a piece."""
+    """Pauses that ended a piece."""
     longest_gap: float
     """[s]"""
     duplicates: int
-    """Messages with the stamp of the one before; the second was dropped."""
+    """Messages that came twice; the second was dropped."""
+    remarks: tuple[str, ...]
+    """Lines on whatever else the stamps show."""
 
 
 class Record:
@@ -71,8 +71,6 @@ class Record:
     """Samples per second [Hz], known from the first block on."""
     rest: "RestCheck"
     """What was found of motion, from the first block on."""
-    _interval: float
-    """Nominal [ns]."""
 
     def __init__(self) -> None:
         self.samples = 0
@@ -81,12 +79,7 @@ class Record:
         self.steps = StepFinder(6)
         self._sum = np.zeros(6)
         self._square = np.zeros(6)
-        self._clock: SampleClock | None = None
-        """Of the bag that is read, from its first message on."""
-        self._lost = self._filled = self._gaps = self._duplicates = 0
-        self._longest_gap = 0
-        self._intervals = np.zeros(3)  # count, sum and sum of squares, relative to the nominal
-        self._span = np.zeros(2)  # time and count of intervals, gaps apart
+        self._clock = ClockStream()
 
     def at_rest(
         self,
@@ -97,41 +90,32 @@ class Record:
 
         :param bags: for each bag its messages, in blocks.
         :param advance: called with the number of messages read.
-        :raises InputError: for stamps that run backwards.
+        :raises InputError: for stamps without a rate, and stamps in another unit.
         """
         for bag in bags:
             for block in bag:
                 if len(block.t_ns):
                     readings = np.concatenate([block.gyro, block.accel], axis=1)
-                    for piece in self._pieces(block.t_ns, readings):
-                        yield from self.rest.add(piece)
+                    yield from self._judged(self._clock.add(block.t_ns, readings))
                 advance(len(block.t_ns))
-            self._clock = None
+            yield from self._judged(self._clock.add(*_NO_READINGS, last=True))
             if self.samples:
                 yield from self.rest.add(None)
 
-    def _pieces(self, t_ns: Times, y: Array) -> Iterator[Array | None]:
-        """Take messages, note what they are like, and yield them cut where there are gaps."""
+    def _judged(self, stretches: Iterable[Stretch]) -> Iterator[Array | None]:
+        for stretch in stretches:
+            for piece in self._pieces(stretch):
+                yield from self.rest.add(piece)
+
+    def _pieces(self, stretch: Stretch) -> Iterator[Array | None]:
+        """Note what readings are like; yield them with rows of NaN for lost ones."""
+        y, missing = stretch.values, stretch.missing
         if not self.samples:
-            self._interval = sampling_interval(t_ns)
-            self.rate = 1e9 / self._interval
+            assert self._clock.pattern is not None
+            self.rate = 1e9 / self._clock.pattern.interval_ns
             self.rest = RestCheck(self.rate, self.steps)
-        is_first = self._clock is None
-        clock = self._clock = self._clock or SampleClock(self._interval)
-        before = t_ns[0] - 1 if clock.last_ns is None else clock.last_ns
-        steps = np.diff(t_ns, prepend=before)
-        if np.any(steps < 0):
-            k = int(np.argmax(steps < 0))
-            raise InputError(
-                f"stamps run backwards by {-steps[k] * 1e-9:.6f} s at sample {self.samples + k}: "
-                "sort the bag by stamp first"
-            )
-        new = steps > 0
-        if not new.all():
-            self._duplicates += int(np.count_nonzero(~new))
-            t_ns, y, steps = t_ns[new], y[new], steps[new]
-            if not len(y):  # nothing but repetitions of the message before
-                return
+        elif stretch.begins:
+            yield None
         self.samples += len(y)
         columns = np.ascontiguousarray(y.T)
         self._sum += columns.sum(axis=1)
@@ -139,48 +123,25 @@ class Record:
         self.lowest.take(columns)
         self.highest.take(columns)
         self.steps.look(columns)
-        missing = clock.missing(t_ns)
-        lost = int(missing.sum())
-        near = missing <= clock.longest
-        connected = near.copy()
-        connected[0] &= not is_first
-        self._span += steps[connected].sum(), (1 + missing[connected]).sum()
-        regular = steps[connected & (missing == 0)] / self._interval - 1.0
-        self._intervals += [len(regular), regular.sum(), (regular**2).sum()]
-        if not lost:
+        if not missing.any():
             yield y
             return
-        self._lost += lost
-        self._filled += int(missing[near].sum())
-        starts = np.concatenate([[0], np.flatnonzero(~near), [len(y)]])
-        for start, stop in pairwise(starts):
-            if start < len(y) and not near[start]:
-                self._gaps += 1
-                self._longest_gap = max(self._longest_gap, int(missing[start]) + 1)
-                missing[start] = 0
-                yield None
-            if stop > start:
-                there = np.cumsum(missing[start:stop] + 1) - 1
-                piece = np.full((int(there[-1]) + 1, y.shape[1]), np.nan)
-                piece[there] = y[start:stop]
-                yield piece
+        places = np.cumsum(missing + 1) - 1
+        piece = np.full((int(places[-1]) + 1, y.shape[1]), np.nan)
+        piece[places] = y
+        yield piece
 
     def timing(self) -> Timing:
         """Return rate, jitter and losses."""
-        count, total, squares = self._intervals
-        mean = total / max(count, 1.0)
-        # An interval between neighbours has the jitter of two stamps: twice the variance of one.
-        variance = 0.5 * max(squares / max(count, 1.0) - mean**2, 0.0)
-        jitter = np.sqrt(variance) * self._interval * 1e-9
-        span, steps = self._span
+        clock = self._clock
         return Timing(
-            float(1e9 * steps / span) if steps else self.rate,
-            float(jitter),
-            self._lost,
-            self._filled,
-            self._gaps,
-            self._longest_gap * self._interval * 1e-9,
-            self._duplicates,
+            1e9 / clock.interval_ns,
+            clock.jitter_ns * 1e-9,
+            clock.lost,
+            clock.pauses,
+            clock.longest_pause_ns * 1e-9,
+            clock.duplicates,
+            tuple(clock.remarks()),
         )
 
     @property
@@ -263,111 +224,6 @@ class StepFinder:
             if len(codes) > 1:
                 self.step[k] = float(np.min(np.diff(codes)))
                 self._open[k] = len(codes) < 8  # then a neighbouring pair has been seen
-
-
-_CLEAR: Final = 0.25
-"""Intervals: steps that are as close to whole numbers of them are counted one by one."""
-_NUMBERED: Final = 0.25
-"""Intervals of jitter up to which single losses can be seen."""
-_CHUNK: Final = 512
-"""Samples after which the phase of the sensor's clock is followed."""
-_NEIGHBOURS: Final = 4
-"""Samples on each side whose median tells a loss from a late stamp."""
-
-
-def sampling_interval(t_ns: Times) -> float:
-    """Return the interval [ns] at which a sensor takes its samples: the time over their count.
-
-    Missing samples are counted. The count of intervals between two stamps follows from an estimate
-    of the interval that the stamps before them give, ever further apart, so that jitter does not
-    add up.
-
-    :raises InputError: for fewer than two different stamps.
-    """
-    t = t_ns[np.append(True, np.diff(t_ns) > 0)]
-    if len(t) < 2:
-        raise InputError("fewer than two different stamps: no rate")
-    steps = np.diff(t).astype(np.float64)
-    interval, mean = float(np.median(steps)), float(np.mean(steps))
-    if mean > 1.5 * interval:
-        # Drivers that deliver in bursts have a median far below the mean, which alone is right.
-        return mean
-    for apart in (4, 16, 64, 256):
-        spans = (t[apart:] - t[:-apart]).astype(np.float64)
-        spans = spans[spans < 2.0 * apart * interval]  # no gap among them
-        if len(spans):
-            interval = float(np.sum(spans) / np.sum(np.rint(spans / interval)))
-    clock = SampleClock(interval)
-    missing = clock.missing(t)[1:]
-    regular = missing <= clock.longest
-    return float(np.sum(steps[regular]) / np.sum(1.0 + missing[regular]))
-
-
-class SampleClock:
-    """Counts the samples of one bag that are missing before each stamp, block by block."""
-
-    def __init__(self, interval: float) -> None:
-        """Set up.
-
-        :param interval: nominal sampling interval [ns].
-        """
-        self.interval = interval
-        self.longest = max(10.0, 1e9 / interval)
-        """So many missing samples in a row are a loss; more are a gap."""
-        self.last_ns: int | None = None
-        """The latest stamp."""
-        self._late = np.nan
-
-    def missing(self, t_ns: Times) -> Integers:
-        """Return (n,) how many samples are missing before each of n rising stamps."""
-        first = t_ns[:1] if self.last_ns is None else np.array([self.last_ns])
-        steps = np.diff(t_ns, prepend=first) / self.interval
-        if self.last_ns is None:
-            steps[0] = 1.0
-        self.last_ns = int(t_ns[-1])
-        whole = np.rint(steps)
-        if np.all(np.abs(steps - whole) < _CLEAR) and np.all(whole >= 1.0):
-            self._late = 0.0
-            return (whole - 1.0).astype(np.int64)
-        return self._among_jitter(steps)
-
-    def _among_jitter(self, steps: Array) -> Integers:
-        """Return the missing samples if stamps jitter: lasting shifts against the count."""
-        spread = 1.4826 * float(np.median(np.abs(steps - 1.0))) / np.sqrt(2.0)
-        if spread > _NUMBERED:
-            late = steps > 1.5 + 8.0 * np.sqrt(2.0) * spread
-            self._late = 0.0
-            return np.where(late, np.rint(steps) - 1.0, 0.0).astype(np.int64)
-        missing = np.where(steps > self.longest + 1.5, np.rint(steps) - 1.0, 0.0)
-        starts = np.concatenate([[0], np.flatnonzero(missing), [len(steps)]])
-        for start, stop in pairwise(starts):
-            run = steps[start:stop] - 1.0
-            if missing[start]:  # a gap: the phase of the clock after it is not known
-                run[0], self._late = 0.0, np.nan
-            for first in range(0, len(run), _CHUNK):
-                part = slice(first, first + _CHUNK)
-                missing[start:stop][part] += self._shifts(run[part])
-        return missing.astype(np.int64)
-
-    def _shifts(self, steps: Array) -> Array:
-        """Return how many intervals each stamp is later than its neighbours explain.
-
-        :param steps: less one, in intervals.
-        """
-        if not len(steps):
-            return steps
-        if np.isnan(self._late):
-            angle = 2j * np.pi * np.cumsum(steps)
-            self._late = -float(np.angle(np.mean(np.exp(angle)))) / (2.0 * np.pi)
-        late = self._late + np.cumsum(steps)
-        padded = np.pad(late, min(_NEIGHBOURS, len(late) - 1), mode="symmetric")
-        width = len(padded) - len(late) + 1
-        typical = np.median(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1)
-        shift = np.maximum.accumulate(np.maximum(np.rint(typical), 0.0))
-        phase = float(np.median(late - shift))
-        trust = len(late) / (len(late) + 0.1 * _CHUNK)
-        self._late = float(late[-1] - shift[-1]) - trust * phase
-        return np.diff(shift, prepend=0.0)
 
 
 _WINDOWS: Final = 256

@@ -139,7 +139,7 @@ def find_pattern(t_ns: Times) -> StampPattern:
     counts, steps = np.diff(rows), np.diff(heads)
     unit_ns = _unit(steps)
     mean = float(steps.sum() / counts.sum())
-    single = bool(np.all(counts == 1))
+    single = len(rows) >= (1.0 - _FEW_SHARED) * (rows[-1] - rows[0] + 1)
     typical = _typical_interval(rows, heads)
     clear = _clear(steps / typical - counts)
     interval = _long_spans(rows, heads, typical)
@@ -405,7 +405,12 @@ class Losses:
         self._late = np.nan
         self._strip = Strip(pattern.error + _SLACK)
         self._partial = pattern.bunch_ns >= 0.0
-        self._passed = np.zeros(2)  # time [ns] and intervals
+        self.passed = np.zeros(2)
+        """Time [ns] and intervals between the first stamps of batches, pauses apart."""
+        self.deviations = np.zeros(3)
+        """Count, sum and sum of squares of what steps of stamps are longer than their intervals, in
+        intervals."""
+        self._followed = np.zeros(2)
 
     def count(self, t_ns: Times) -> Integers:
         """Return (n,) how many samples are missing before each of n stamps in order."""
@@ -432,18 +437,33 @@ class Losses:
         self._head_ns, self._head_rows = int(t_ns[heads[-1]]), len(t_ns) - int(heads[-1])
         excess = steps / self.interval_ns
         excess -= rows
+        partial = np.zeros(len(steps), dtype=np.bool_)
         if self.pattern.bunch_ns >= 0.0:
             # A recording may begin within a batch, at its start and after a pause.
-            partial = np.insert(excess[:-1] > self.longest + 0.5, 0, self._partial)
+            partial[0] = self._partial
+            partial[1:] = excess[:-1] > self.longest + 0.5
             self._partial = bool(excess[-1] > self.longest + 0.5)
             excess[partial] = 0.0
         if self.pattern.coarse:
+            lost = np.empty(len(steps), dtype=np.int64)
             for begin in range(0, len(steps), _STRIP):
                 part = slice(begin, begin + _STRIP)
-                missing[heads[part]] = lost = self._among_rounding(excess[part])
-                self._follow(steps[part], rows[part] + lost)
+                lost[part] = self._among_rounding(excess[part])
+                self._follow(steps[part], rows[part] + lost[part])
         else:
-            missing[heads] = self._missing(excess)
+            lost = self._missing(excess)
+        missing[heads] = lost
+        regular = (lost <= self.longest) & ~partial
+        if not regular.all():
+            steps, rows, excess, lost = (
+                steps[regular],
+                rows[regular],
+                excess[regular],
+                lost[regular],
+            )
+        self.passed += steps.sum(), rows.sum() + lost.sum()
+        excess -= lost
+        self.deviations += np.array([len(excess), excess.sum(), excess @ excess])
         return missing
 
     def _missing(self, excess: Array) -> Integers:
@@ -474,8 +494,8 @@ class Losses:
     def _follow(self, steps: Integers, samples: Integers) -> None:
         """Refine the interval by what has passed."""
         regular = samples < self.longest
-        self._passed += steps[regular].sum(), samples[regular].sum()
-        time, count = self._passed.tolist()
+        self._followed += steps[regular].sum(), samples[regular].sum()
+        time, count = self._followed.tolist()
         if count > _SAMPLE:
             self.interval_ns = time / count
 
@@ -653,13 +673,20 @@ def estimate_clock(t_ns: Times, equal: Mask | None = None) -> Clock:
     edges = np.union1d(starts, np.flatnonzero(pause)).tolist()
     missing[pause] = 0
     slices = tuple(slice(a, b) for a, b in pairwise([*edges, len(rows)]))
-    residual, interval = _residual(pattern, stamps, missing, slices)
+    time, samples = np.sum([loss.passed for loss in losses], axis=0).tolist()
+    number, total, squares = np.sum([loss.deviations for loss in losses], axis=0).tolist()
+    # A step has the errors of two stamps.
+    variance = 0.5 * max(squares / number - (total / number) ** 2, 0.0) if number else 0.0
+    residual = math.sqrt(variance) * pattern.interval_ns
+    interval = pattern.interval_ns
+    if samples > _SAMPLE or (samples and not pattern.coarse):
+        interval = time / samples
     count = max(len(rows), 2)
     sigma = math.sqrt(12.0) * max(residual, 0.3) / count**1.5
-    clock = Clock(
-        pattern, interval, sigma, residual, rows, slices, missing, stamps, (Trait("", 0, 0, ""),)
-    )
-    traits = (_kind(clock), *_events(t_ns, clock, order, duplicates))
+    kind, text = kind_of_stamps(pattern, interval, residual, samples / number if number else 1.0)
+    trait = Trait(kind, len(rows), int(rows[0]), text)
+    clock = Clock(pattern, interval, sigma, residual, rows, slices, missing, stamps, (trait,))
+    traits = (trait, *_events(t_ns, clock, order, duplicates))
     return dataclasses.replace(clock, traits=traits)
 
 
@@ -691,54 +718,29 @@ def without_duplicates(
     return unique, np.concatenate([none, *removed])
 
 
-def _residual(
-    pattern: StampPattern, stamps: Times, missing: Integers, pieces: tuple[slice, ...]
-) -> tuple[float, float]:
-    """Return the deviation of a stamp from equal intervals, and the interval over all [ns]."""
-    time = count = 0.0
-    squares: list[Array] = []
-    for piece in pieces:
-        t, rows = stamps[piece], pattern.heads(stamps[piece])
-        if len(rows) < 2:
-            continue
-        lost = np.cumsum(missing[piece])
-        time += float(t[rows[-1]] - t[rows[0]])
-        count += float(rows[-1] - rows[0] + lost[rows[-1]] - lost[rows[0]])
-        rows = rows[:_SAMPLE]
-        numbers = rows + lost[rows]
-        squares.append(np.diff(t[rows]) - pattern.interval_ns * np.diff(numbers))
-    if not squares:
-        return 0.0, pattern.interval_ns
-    # A step has the errors of two stamps.
-    residual = float(np.std(np.concatenate(squares)) / math.sqrt(2.0))
-    interval = time / count if count > _SAMPLE or not pattern.coarse else pattern.interval_ns
-    return residual, interval
+def kind_of_stamps(
+    pattern: StampPattern, interval_ns: float, jitter_ns: float, size: float
+) -> tuple[str, str]:
+    """Return the kind of a clock and its evidence.
 
-
-def _kind(clock: Clock) -> Trait:
-    """Return the kind of a clock and its evidence."""
-    pattern, n = clock.pattern, len(clock.rows)
-    rate = f"{clock.rate:.6g} Hz"
-    heads = n if pattern.bunch_ns < 0.0 else len(pattern.heads(clock.stamps_ns))
-    row = int(clock.rows[0])
-    if pattern.bunch_ns >= 0.0 and n - heads > _FEW_SHARED * n:
-        size, gap = n / max(heads, 1), clock.interval_ns * n / max(heads, 1) * 1e-9
-        how = (
-            f"share a stamp, {size:.4g} of them on average"
-            if pattern.bunch_ns == 0.0
-            else f"come in bunches of {size:.4g} within {pattern.bunch_ns * 1e-6:.3g} ms steps"
-        )
-        text = f"readings {how}, every {gap:.4g} s: {rate}"
-        return Trait("bunches" if pattern.bunch_ns else "batches", heads, row, text)
-    jitter = clock.jitter_ns
-    limit = _JITTER_OF_UNIT * pattern.unit_ns
-    if pattern.unit_ns and jitter > 2.0 and (pattern.rounded or jitter < limit):
-        text = f"stamps are whole numbers of {pattern.unit_ns * 1e-6:.6g} ms: {rate}"
-        return Trait("rounded", n, row, text)
-    if jitter <= max(_EXACT_NS, _EXACT * clock.interval_ns):
-        return Trait("exact", n, row, f"stamps are {clock.interval_ns * 1e-6:.9g} ms apart: {rate}")
-    text = f"stamps deviate by {jitter * 1e-6:.3g} ms (standard deviation) from {rate}"
-    return Trait("jitter", n, row, text)
+    :param interval_ns: time between two samples [ns].
+    :param jitter_ns: standard deviation of a stamp around equal intervals [ns].
+    :param size: samples for each different stamp.
+    """
+    rate = f"{1e9 / interval_ns:.6g} Hz"
+    if pattern.bunch_ns >= 0.0 and size > 1.0 + _FEW_SHARED:
+        every = f"every {interval_ns * size * 1e-9:.4g} s: {rate}"
+        if pattern.bunch_ns == 0.0:
+            return "batches", f"readings share a stamp, {size:.4g} of them on average, {every}"
+        apart = f"at most {pattern.bunch_ns * 1e-6:.3g} ms apart"
+        return "bunches", f"readings come in bunches of {size:.4g}, {apart}, {every}"
+    rounded = pattern.rounded or jitter_ns < _JITTER_OF_UNIT * pattern.unit_ns
+    if pattern.unit_ns and jitter_ns > _EXACT_NS and rounded:
+        return "rounded", f"stamps are whole numbers of {pattern.unit_ns * 1e-6:.6g} ms: {rate}"
+    if jitter_ns <= max(_EXACT_NS, _EXACT * interval_ns):
+        return "exact", f"stamps are {interval_ns * 1e-6:.9g} ms apart: {rate}"
+    deviation = f"{jitter_ns * 1e-6:.3g} ms (standard deviation)"
+    return "jitter", f"stamps deviate by {deviation} from {rate}"
 
 
 def _events(t_ns: Times, clock: Clock, order: StampOrder, duplicates: Integers) -> list[Trait]:

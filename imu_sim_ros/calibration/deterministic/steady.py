@@ -8,9 +8,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.calibration.record import sampling_interval
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
+from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.types import Array, Integers, Mask, Times
 
 
@@ -122,7 +122,7 @@ def find_steady(
     """
     gate.readings(t_ns, gyro, accel).complain("readings")
     y = np.concatenate([gyro, accel], axis=1)
-    interval = sampling_interval(t_ns) * 1e-9
+    interval = estimate_clock(t_ns).interval_ns * 1e-9
     size = max(round(WINDOW / interval), _MIN_READINGS)
     count = len(y) // size
     if count < 10:

@@ -275,9 +275,9 @@ def _record_warnings(
     :param reasons: by axis why it is not analysed.
     :param dead: axes that are problems already.
     """
-    if timing.filled:
+    if timing.lost:
         yield (
-            f"{timing.filled} samples lost in short losses were replaced by draws from the noise "
+            f"{timing.lost} samples lost in short losses were replaced by draws from the noise "
             "of the record, given all around them"
         )
     if timing.gaps:
@@ -286,9 +286,10 @@ def _record_warnings(
             "the pieces between them are analysed separately and combined"
         )
     if timing.duplicates:
-        yield f"{timing.duplicates} messages repeat the stamp before them and were dropped"
+        yield f"{timing.duplicates} messages repeat the one before them and were dropped"
+    yield from timing.remarks
     share = timing.jitter * timing.rate
-    if share > 0.1:
+    if share > 0.1 and not timing.remarks:
         yield (
             f"stamps jitter by {timing.jitter * 1e3:.3f} ms, {100 * share:.0f} % of the interval; "
             "equal intervals are assumed"

@@ -1,0 +1,195 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The clock of a recording that is read block by block, in memory for a few blocks."""
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.recordings.clock import (
+    Losses,
+    StampPattern,
+    find_pattern,
+    kind_of_stamps,
+    number_unit,
+    without_duplicates,
+)
+from imu_sim_ros.recordings.order import CLOCK_CHANGE_NS, RESET_READINGS, order_stamps, usual_step
+from imu_sim_ros.types import Array, Integers, Times
+
+_FIRST: Final = 65536
+"""Readings from which the pattern of the stamps is found."""
+_HELD: Final = 2 * RESET_READINGS
+"""Readings whose order depends on those after them."""
+
+
+class Stretch(NamedTuple):
+    """n readings in the order of their stamps, without a pause between them."""
+
+    t_ns: Times
+    """(n,) stamps [ns]."""
+    values: Array
+    """(n, k) readings."""
+    missing: Integers
+    """(n,) samples that are lost before each of them."""
+    begins: bool
+    """True if a pause, a reset, or the start of a recording is before them."""
+
+
+class ClockStream:
+    """Puts the readings of recordings of one sensor in order and counts what is lost.
+
+    The recordings share a clock: its pattern is found from the first one.
+    """
+
+    def __init__(self) -> None:
+        """Begin with the first recording."""
+        self.pattern: StampPattern | None = None
+        """Known from the first stretch on."""
+        self.strays = self.late = self.resets = self.duplicates = self.pauses = self.lost = 0
+        self.longest_pause_ns = 0
+        self._usual_ns = 0.0
+        self._jitter = np.zeros(3)  # count, sum and sum of squares of deviations in intervals
+        self._passed = np.zeros(2)  # time [ns] and samples
+        self._end()
+
+    def _end(self) -> None:
+        self._waiting: list[tuple[Times, Array]] = []
+        self._count = self._context = 0
+        self._losses: Losses | None = None
+
+    @property
+    def interval_ns(self) -> float:
+        """Time between two samples, over all that has passed [ns]."""
+        time, samples = self._passed.tolist()
+        assert self.pattern is not None
+        return time / samples if samples else self.pattern.interval_ns
+
+    @property
+    def jitter_ns(self) -> float:
+        """Standard deviation of a stamp around equal intervals, if each is late on its own [ns]."""
+        count, total, squares = self._jitter.tolist()
+        if not count:
+            return 0.0
+        # A step has the errors of two stamps.
+        variance = 0.5 * max(squares / count - (total / count) ** 2, 0.0)
+        assert self.pattern is not None
+        return float(np.sqrt(variance)) * self.pattern.interval_ns
+
+    def add(self, t_ns: Times, values: Array, *, last: bool = False) -> Iterator[Stretch]:
+        """Take the next readings; yield those whose order is known.
+
+        :param t_ns: (n,) stamps in the order of arrival [ns].
+        :param values: (n, k) readings.
+        :param last: True at the end of a recording.
+        :raises InputError: if there are no two different stamps, or they are in another unit.
+        """
+        if len(t_ns):
+            self._waiting.append((t_ns, values))
+            self._count += len(t_ns)
+        if not last and (self.pattern is None or self._context == 0) and self._count < _FIRST:
+            return
+        if self._count > self._context:
+            waiting = self._waiting
+            t_ns = np.concatenate([part for part, _ in waiting])
+            values = np.concatenate([part for _, part in waiting])
+            end = len(t_ns) if last else max(len(t_ns) - _HELD, self._context)
+            yield from self._ordered(t_ns, values, end)
+            begin = max(end - _HELD, 0)
+            self._waiting = [(t_ns[begin:], values[begin:])]
+            self._count, self._context = len(t_ns) - begin, end - begin
+        if last:
+            self._end()
+
+    def _ordered(self, t_ns: Times, values: Array, end: int) -> Iterator[Stretch]:
+        """Yield the readings up to ``end``; those before the context were yielded before."""
+        context = self._context
+        if self.pattern is None:
+            self._usual_ns = usual_step(t_ns)
+        order = order_stamps(t_ns, self._usual_ns or None)
+        equal = None
+        if np.any(t_ns[1:] == t_ns[:-1]):
+            equal = np.append(False, np.all(values[1:] == values[:-1], axis=1))
+        pieces, duplicates = without_duplicates(t_ns, order.pieces, equal)
+        self.strays += self._number(order.strays, end)
+        self.late += self._number(order.late, end)
+        self.resets += self._number(order.resets, end)
+        self.duplicates += self._number(duplicates, end)
+        if self.pattern is None:
+            self.pattern = self._first_pattern(t_ns, pieces)
+        for piece in pieces:
+            rows = piece[(piece >= context) & (piece < end)]
+            goes_on = bool(context) and bool(np.any(piece < context)) and self._losses is not None
+            if goes_on and self._losses is not None and self._losses.last_ns is not None:
+                rows = rows[t_ns[rows] >= self._losses.last_ns]
+            if len(rows):
+                yield from self._stretches(t_ns[rows], values[rows], not goes_on)
+
+    def _number(self, rows: Integers, end: int) -> int:
+        """Return how many of some rows are new and before ``end``."""
+        return int(np.count_nonzero((rows >= self._context) & (rows < end)))
+
+    def _first_pattern(self, t_ns: Times, pieces: list[Integers]) -> StampPattern:
+        pattern = find_pattern(t_ns[max(pieces, key=len)])
+        factor, unit = number_unit(pattern.interval_ns)
+        if unit:
+            would = (
+                "row numbers"
+                if unit == "index"
+                else f"{1e9 / pattern.interval_ns / factor:.6g} Hz in {unit}"
+            )
+            raise InputError(
+                f"stamps are {pattern.interval_ns:.4g} ns apart: they are not nanoseconds ({would})"
+            )
+        return pattern
+
+    def _stretches(self, t_ns: Times, values: Array, begins: bool) -> Iterator[Stretch]:
+        """Yield readings cut at pauses."""
+        assert self.pattern is not None
+        if begins or self._losses is None:
+            if self._losses is not None and self._losses.last_ns is not None:
+                self._pause(int(t_ns[0]) - self._losses.last_ns)
+            self._losses = Losses(self.pattern)
+        losses = self._losses
+        before = losses.last_ns
+        missing = losses.count(t_ns)
+        self._passed += losses.passed
+        self._jitter += losses.deviations
+        losses.passed[:] = losses.deviations[:] = 0.0
+        cuts = np.flatnonzero(missing > losses.longest)
+        for cut in cuts.tolist():
+            previous = t_ns[cut - 1] if cut else before
+            self._pause(int(t_ns[cut] - previous))
+        missing[cuts] = 0
+        self.lost += int(missing.sum())
+        edges = [*([] if len(cuts) and cuts[0] == 0 else [0]), *cuts.tolist(), len(t_ns)]
+        for start, stop in pairwise(edges):
+            rows = slice(start, stop)
+            yield Stretch(t_ns[rows], values[rows], missing[rows], begins or start in cuts)
+            begins = False
+
+    def _pause(self, step_ns: int) -> None:
+        """Note a step forward between two stretches; other ones are resets."""
+        if 0 < step_ns <= CLOCK_CHANGE_NS:
+            self.pauses += 1
+            self.longest_pause_ns = max(self.longest_pause_ns, step_ns)
+
+    def remarks(self) -> Iterator[str]:
+        """Yield a line for each thing that the stamps show and that is not counted elsewhere."""
+        assert self.pattern is not None
+        steps, samples = float(self._jitter[0]), float(self._passed[1])
+        size = samples / steps if steps else 1.0
+        kind, text = kind_of_stamps(self.pattern, self.interval_ns, self.jitter_ns, size)
+        if kind not in {"exact", "jitter"}:
+            yield f"{text}; equal intervals are assumed"
+        for number, text in (
+            (self.strays, "stamps are far from their neighbours: those readings are left out"),
+            (self.resets, "times the clock went back: the pieces are analysed separately"),
+            (self.late, "readings came after later ones: their stamps put them in order"),
+        ):
+            if number:
+                yield f"{number} {text}"
