@@ -23,7 +23,8 @@ from pathlib import Path
 from imu_sim_ros.bags.read import read_imu, read_odometry
 from imu_sim_ros.conventions import DEAD_RECKONED_TOPIC, IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.parameters import files
-from imu_sim_ros.poses import PoseSequence, write_tum
+from imu_sim_ros.poses import write_tum
+from imu_sim_ros.records import States
 
 PATIENCE = 60.0
 """[s] for a node to end after it was asked to."""
@@ -94,7 +95,7 @@ def main() -> None:
     # A bag is in the order of arrival, which several topics at full speed do not keep.
     order = states.t_ns.argsort()
     t_ns = states.t_ns[order] - truth.t_ns.min() + begin
-    write_tum(arguments.estimate, PoseSequence(t_ns, states.position[order], states.q_wb[order]))
+    write_tum(arguments.estimate, States(t_ns, states.position[order], states.q_wb[order]))
 
 
 if __name__ == "__main__":

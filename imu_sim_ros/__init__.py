@@ -90,8 +90,6 @@ if TYPE_CHECKING:
     from imu_sim_ros.jobs.generate import generate as generate
     from imu_sim_ros.jobs.measured import ReadingsEvaluation as ReadingsEvaluation
     from imu_sim_ros.jobs.preintegrate import preintegrate as preintegrate
-    from imu_sim_ros.jobs.readings import Odometry as Odometry
-    from imu_sim_ros.jobs.readings import Readings as Readings
     from imu_sim_ros.jobs.readings import read_imu as read_imu
     from imu_sim_ros.jobs.readings import read_odometry as read_odometry
     from imu_sim_ros.jobs.recorded import read_images as read_images
@@ -105,7 +103,10 @@ if TYPE_CHECKING:
     from imu_sim_ros.jobs.twin_check import Check as Check
     from imu_sim_ros.navigation.preintegration import Preintegration as Preintegration
     from imu_sim_ros.navigation.state import NavigationState as NavigationState
-    from imu_sim_ros.poses import PoseSequence as PoseSequence
+    from imu_sim_ros.records import Odometry as Odometry
+    from imu_sim_ros.records import PoseSequence as PoseSequence
+    from imu_sim_ros.records import Readings as Readings
+    from imu_sim_ros.records import States as States
     from imu_sim_ros.sensors import register_sensor as register_sensor
     from imu_sim_ros.sensors.barometer.declaration import PressureReadings as PressureReadings
     from imu_sim_ros.sensors.barometer.declaration import read_pressure as read_pressure
@@ -137,9 +138,7 @@ _HOMES = {
     "jobs.evaluate": ["Evaluation", "evaluate"],
     "jobs.measured": ["ReadingsEvaluation"],
     "jobs.preintegrate": ["preintegrate"],
-    "jobs.readings": [
-        *("Odometry", "Readings", "read_imu", "read_odometry"),
-    ],
+    "jobs.readings": ["read_imu", "read_odometry"],
     "jobs.recorded": ["read_images", "read_points"],
     "jobs.report": ["Report", "report"],
     "jobs.simulate": ["blocks", "simulate"],
@@ -147,7 +146,7 @@ _HOMES = {
     "jobs.twin_check": ["Check"],
     "navigation.preintegration": ["Preintegration"],
     "navigation.state": ["NavigationState"],
-    "poses": ["PoseSequence"],
+    "records": ["Odometry", "PoseSequence", "Readings", "States"],
     "sensors.barometer.declaration": ["PressureReadings", "read_pressure"],
     "sensors.magnetometer.declaration": ["MagneticReadings", "read_magnetometer"],
     "sensors.orientation.declaration": ["Orientations", "read_orientation"],

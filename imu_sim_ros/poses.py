@@ -5,26 +5,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from decimal import Decimal, InvalidOperation
-from typing import TYPE_CHECKING, Final, NamedTuple
+from pathlib import Path
+from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-from imu_sim_ros.arguments import array, stamps
-from imu_sim_ros.inputs import gate
-from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.types import Array, Bytes, Integers, Mask, shapes
-
-if TYPE_CHECKING:
-    from typing_extensions import Self
-
-from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
+from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import (
     COLUMNS,
     NUMBERS,
@@ -35,6 +26,9 @@ from imu_sim_ros.inputs.rows import (
     row_blocks,
     shortened,
 )
+from imu_sim_ros.records import States
+from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
+from imu_sim_ros.types import Array, Bytes, Integers, Mask
 
 STAMP_BYTES: Final = 48
 """A stamp of text is shorter."""
@@ -108,76 +102,6 @@ def _joined_digits(letters: Bytes, digit: Mask) -> Integers:
     return result
 
 
-class _Poses(NamedTuple):
-    t_ns: Integers
-    """(n,) stamps [ns], strictly increasing."""
-    position: Array
-    """(n, 3) p_wb [m]."""
-    q_wb: Array
-    """(n, 4) unit quaternions (w, x, y, z)."""
-    dropped: int = 0
-    """Poses left out because they occurred twice, with the same stamp."""
-    skipped: int = 0
-    """Bad rows skipped on request."""
-    lines: Integers | None = None
-    """(n,) lines of the file that they stand in, from 1; None: they are from no text."""
-    covariance: Array | None = None
-    """(n, 6, 6) of position and of rotation about the world's axes; None: the source has none."""
-
-
-class PoseSequence(_Poses):
-    """Poses of one body over time.
-
-    They are checked on creation, also by ``_replace``, so that functions can rely on them. Rounded
-    quaternions get the length 1.
-    """
-
-    __slots__ = ()
-
-    def __new__(
-        cls,
-        t_ns: ArrayLike,
-        position: ArrayLike,
-        q_wb: ArrayLike,
-        dropped: int = 0,
-        skipped: int = 0,
-        lines: Integers | None = None,
-        covariance: Array | None = None,
-        *,
-        name: str | Path | None = None,
-    ) -> Self:
-        """Check the poses; lists become arrays.
-
-        :param name: of the argument or the source, for messages.
-        :raises ConfigurationError: for another type or shape.
-        :raises InputError: for a pose that is not possible, or without a unit quaternion, and for
-            stamps that do not increase.
-        """
-        of = "" if name is None else f"{name}."
-        times = stamps(f"{of}t_ns", t_ns)
-        n, source = len(times), "poses" if name is None else name
-        p = array(f"{of}position", position, (n, 3), finite=False)
-        q = array(f"{of}q_wb", q_wb, (n, 4), finite=False)
-        if covariance is not None:
-            covariance = array(f"{of}covariance", covariance, (n, 6, 6))
-        problems = [*gate.disorder(source, times), *gate.poses(times, p, q).problems(source)]
-        if problems:
-            raise InputError(problems)
-        q = gate.at_unit_length(q)
-        return super().__new__(cls, times, p, q, dropped, skipped, lines, covariance)
-
-    def __repr__(self) -> str:
-        return shapes(self)
-
-    def _replace(self, **changes: Any) -> Self:
-        return type(self)(**{**self._asdict(), **changes})
-
-    @classmethod
-    def unchecked(cls, t_ns: Integers, position: Array, q_wb: Array, skipped: int) -> Self:
-        """Return poses as they were read, for callers that report problems themselves."""
-        return super().__new__(cls, t_ns, position, q_wb, 0, skipped, None, None)
-
-
 _POSE_COLUMNS: Final = 8
 _TRIANGLES: Final = 12
 """Columns of covariance: the upper triangles of that of rotation and that of position."""
@@ -196,7 +120,7 @@ def read_poses(
     topic: str | None = None,
     skip_bad_rows: bool = False,
     covariance: bool = False,
-) -> PoseSequence:
+) -> States:
     """Return the poses of a text file; commas mean EuRoC's form, spaces TUM's.
 
     TUM: seconds, position, quaternion x y z w, then perhaps the 6 or 12 columns of covariances that
@@ -248,7 +172,7 @@ class _Reading:
         self._dropped = 0
         self._last: _PoseRows | None = None
 
-    def poses(self) -> PoseSequence:
+    def poses(self) -> States:
         """Return all poses, or raise with a line for every problem."""
         blocks = [block for rows in row_blocks(self._path, _WHAT) for block in self._block(rows)]
         if not self._skip:
@@ -271,7 +195,16 @@ class _Reading:
             lines[start:stop], triangles[start:stop] = block.number, block.triangles
             stop = start
         covariance = _covariance(triangles, q_wb) if self._covariance else None
-        return PoseSequence(t_ns, position, q_wb, self._dropped, self._bad.rows, lines, covariance)
+        return States(
+            t_ns,
+            position,
+            q_wb,
+            source=str(self._path),
+            covariance=covariance,
+            lines=lines,
+            skipped=self._bad.rows,
+            repeated=self._dropped,
+        )
 
     def _block(self, rows: list[Row]) -> Iterator[_PoseRows]:
         """Yield the good poses of some rows."""
@@ -457,7 +390,7 @@ def _alternatives(counts: tuple[int, ...]) -> str:
     return f"{', '.join(others)} or {last}"
 
 
-def write_tum(path: str | Path, poses: PoseSequence) -> None:
+def write_tum(path: str | Path, poses: States) -> None:
     """Write poses in TUM format, stamps with nine and values with twelve decimals."""
     with Path(path).open("w", encoding="utf-8") as file:
         file.write("# timestamp tx ty tz qx qy qz qw\n")

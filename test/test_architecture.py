@@ -24,7 +24,8 @@ LOW = {
     "__version__",
     "types",
     *("arguments", "components", "conventions", "errors", "inputs", "json_text", "names"),
-    *("parameters", "poses", "progress", "random_streams", "recordings", "rotation"),
+    *("parameters", "poses", "progress", "random_streams", "recordings"),
+    *("records", "rotation"),
     *("text_tables", "timebase"),
 }
 BODY = LOW | {"places", "trajectory", "sensors"}

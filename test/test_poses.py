@@ -12,7 +12,8 @@ from recordings import EUROC, KAIST, TUM, missing
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
+from imu_sim_ros.poses import read_poses, write_tum
+from imu_sim_ros.records import States
 
 GOOD = ["1.0 0 0 0 0 0 0 1", "1.1 1 2 3 0 0 0 1", "1.2 2 3 4 0 0 0 1", "1.3 3 4 5 0 0 0 1"]
 
@@ -76,7 +77,7 @@ def test_written_and_read_again(tmp_path):
     random = np.random.default_rng(8)
     q = rotation.normalise(random.standard_normal((50, 4)))
     t_ns = 1_600_000_000_123_456_789 + np.cumsum(random.integers(1, 10**9, 50))
-    poses = PoseSequence(t_ns, random.standard_normal((50, 3)), q)
+    poses = States(t_ns, random.standard_normal((50, 3)), q)
     write_tum(tmp_path / "out.txt", poses)
     again = read_poses(tmp_path / "out.txt")
     np.testing.assert_array_equal(again.t_ns, t_ns)
@@ -87,7 +88,7 @@ def test_written_and_read_again(tmp_path):
 def test_a_pose_that_stands_twice_is_taken_once(read):
     poses = read(*GOOD[:2], GOOD[1], GOOD[1].replace("0 0 0 1", "0 0 0 -1"), *GOOD[2:])
     assert poses.t_ns.tolist() == [1_000_000_000, 1_100_000_000, 1_200_000_000, 1_300_000_000]
-    assert poses.dropped == 2
+    assert poses.repeated == 2
 
 
 @pytest.mark.parametrize("lines", [[], ["# only", "# comments"], ["", "   "]])
@@ -189,7 +190,7 @@ def test_bad_rows_are_skipped_and_counted(tmp_path):
     path.write_text("\n".join([*GOOD[:2], *bad, *GOOD[2:], GOOD[3], "junk"]) + "\n")
     poses = read_poses(path, skip_bad_rows=True)
     assert poses.t_ns.tolist() == [1_000_000_000, 1_100_000_000, 1_200_000_000, 1_300_000_000]
-    assert (poses.skipped, poses.dropped) == (5, 1)
+    assert (poses.skipped, poses.repeated) == (5, 1)
     path.write_text("junk\nrubbish\n")
     with pytest.raises(InputError, match="contains no usable pose"):
         read_poses(path, skip_bad_rows=True)
@@ -284,7 +285,7 @@ def test_real_files(path, count, seconds):
 def test_stamps_before_zero_are_written_as_they_are(tmp_path):
     """-0.99 s is no -1 s and 10 ms."""
     t_ns = np.array([-1_500_000_000, -990_000_000, -1, 0, 20_000_000], dtype=np.int64)
-    still = PoseSequence(t_ns, np.zeros((5, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (5, 1)))
+    still = States(t_ns, np.zeros((5, 3)), np.tile([1.0, 0.0, 0.0, 0.0], (5, 1)))
     write_tum(tmp_path / "early.txt", still)
     stamps = [line.split()[0] for line in (tmp_path / "early.txt").read_text().splitlines()[1:]]
     assert stamps == ["-1.500000000", "-0.990000000", "-0.000000001", "0.000000000", "0.020000000"]

@@ -442,8 +442,8 @@ def test_an_option_of_a_job(copy: Copy) -> None:
         (
             '    track = _track("estimate", estimate, estimate_topic, skip)\n',
             '    track = _track("estimate", estimate, estimate_topic, skip)\n'
-            "    raised = track.poses.position + np.array([0.0, 0.0, lift])\n"
-            "    track = track._replace(poses=track.poses._replace(position=raised))\n",
+            "    raised = track.position + np.array([0.0, 0.0, lift])\n"
+            "    track = with_fields(track, position=raised)\n",
         ),
     )
     copy.guard(1)
@@ -452,11 +452,12 @@ def test_an_option_of_a_job(copy: Copy) -> None:
         import contextlib, io, json, numpy as np
         import imu_sim_ros as ims
         from imu_sim_ros.commands import evaluate
-        from imu_sim_ros.poses import PoseSequence, write_tum
+        from imu_sim_ros.poses import write_tum
+from imu_sim_ros.records import States
         from pathlib import Path
         t = np.arange(100)
         position = np.stack([0.1 * t, np.sin(0.1 * t), 0.0 * t], axis=1)
-        poses = PoseSequence(t * 10**8, position, np.tile([1.0, 0.0, 0.0, 0.0], (100, 1)))
+        poses = States(t * 10**8, position, np.tile([1.0, 0.0, 0.0, 0.0], (100, 1)))
         write_tum(Path("a.tum"), poses)
         out, err = io.StringIO(), io.StringIO()
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):

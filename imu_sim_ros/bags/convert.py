@@ -29,7 +29,7 @@ from imu_sim_ros.bags.messages.encode import (
 from imu_sim_ros.bags.read import imu_blocks, odometry_blocks, open_bag, vector_blocks
 from imu_sim_ros.bags.reader import Bag, Recover, errors_naming, missing
 from imu_sim_ros.bags.text import reader as text_reader
-from imu_sim_ros.bags.text.writer import BodyStates, Dataset
+from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.bags.threads import prefetch
 from imu_sim_ros.bags.writer import BagTopic, Block, Writer
 from imu_sim_ros.conventions import (
@@ -45,8 +45,9 @@ from imu_sim_ros.conventions import (
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import Skipped, Warned
 from imu_sim_ros.inputs.tables import Table, Tables
-from imu_sim_ros.poses import PoseSequence, read_poses
-from imu_sim_ros.rotation import rotate, rotate_inverse
+from imu_sim_ros.poses import read_poses
+from imu_sim_ros.records import States
+from imu_sim_ros.rotation import rotate_inverse
 from imu_sim_ros.types import Array, Times
 
 More = Callable[[MessageBlock], Sequence[Block]]
@@ -92,15 +93,6 @@ def bag_to_bag(
     :param ungated: a topic whose messages are checked elsewhere.
     :returns: a line for each topic and type whose fields differ in the other generation of ROS.
     """
-    without_schema = [info for info in topics if not info.type and info.count]
-    if without_schema and bag.encoding != writer.encoding:
-        raise InputError(
-            [
-                f"{bag.path}: {info.name} has no schema, and cannot be translated; name the other "
-                "topics"
-                for info in without_schema
-            ]
-        )
     with errors_naming(bag.path):
         translate = (
             _Translator(writer.encoding)
@@ -239,7 +231,7 @@ def holds_poses(path: Path) -> bool:
 
 
 def poses_to_bag(
-    poses: PoseSequence,
+    poses: States,
     writer: Writer,
     renamed: Mapping[str, str],
     advance: Callable[[int], object],
@@ -247,7 +239,8 @@ def poses_to_bag(
     """Write poses as a topic of poses."""
     encoder = PoseStampedEncoder(WORLD_FRAME, writer.encoding)
     topic = writer.add_topic(renamed.get(POSES, POSES), POSE_STAMPED)
-    writer.write(topic, poses.t_ns, encoder.encode(*poses[:3]))
+    payloads = encoder.encode(poses.t_ns, poses.position, poses.q_wb)
+    writer.write(topic, poses.t_ns, payloads)
     advance(len(poses.t_ns))
 
 
@@ -278,14 +271,14 @@ def _state_messages(
             (ACCEL_BIAS, VECTOR3_STAMPED),
         )
     )
-    for states in text_reader.state_blocks(path, skipped=skipped):
-        t_ns, position, q_wb = states[:3]
-        velocity_b = rotate_inverse(q_wb, states.velocity_w)
+    for states, biases in text_reader.state_blocks(path, skipped=skipped):
+        t_ns, position, q_wb = states.t_ns, states.position, states.q_wb
+        velocity_b = rotate_inverse(q_wb, states.velocities())
         rates = np.zeros_like(velocity_b)
         yield [
             Block(truth, t_ns, odometry.encode(t_ns, position, q_wb, velocity_b, rates)),
-            Block(gyro, t_ns, vectors.encode(t_ns, states.gyro_bias)),
-            Block(accel, t_ns, vectors.encode(t_ns, states.accel_bias)),
+            Block(gyro, t_ns, vectors.encode(t_ns, biases[:, :3])),
+            Block(accel, t_ns, vectors.encode(t_ns, biases[:, 3:])),
         ]
 
 
@@ -297,7 +290,8 @@ def _pose_messages(
         skipped(poses.skipped)
     encoder = PoseStampedEncoder(WORLD_FRAME, writer.encoding)
     topic = writer.add_topic(renamed.get(POSES, POSES), POSE_STAMPED)
-    yield [Block(topic, poses.t_ns, encoder.encode(*poses[:3]))]
+    payloads = encoder.encode(poses.t_ns, poses.position, poses.q_wb)
+    yield [Block(topic, poses.t_ns, payloads)]
 
 
 def _interleaved(streams: Sequence[Iterator[list[Block]]]) -> Iterator[list[Block]]:
@@ -335,15 +329,15 @@ def to_dataset(
     """
     if dataset.imu is not None and IMU in topics:
         for readings in imu_blocks(path, topics[IMU], recover, skipped, warned):
-            dataset.write_imu(readings.t_ns, readings.gyro, readings.accel)
+            dataset.write_imu(readings.t_ns, *readings.triads())
             advance(len(readings.t_ns))
     for table, name in tables:
         for measured in sensor_tables.blocks(path, table, name, recover, skipped, warned):
             dataset.write_table(table.name, 0, measured.t_ns, measured.values)
             advance(len(measured.t_ns))
     if dataset.truth is not None and ODOMETRY in topics:
-        for states in _states(path, topics[ODOMETRY], recover, skipped, warned):
-            dataset.write_states(states)
+        for states, biases in _states(path, topics[ODOMETRY], recover, skipped, warned):
+            dataset.write_states(states, biases)
             advance(len(states.t_ns))
 
 
@@ -353,16 +347,13 @@ def _states(
     recover: Recover,
     skipped: Skipped | None,
     warned: Warned | None,
-) -> Iterator[BodyStates]:
+) -> Iterator[tuple[States, Array]]:
     if text_reader.is_text(path):
         yield from text_reader.state_blocks(path, skipped=skipped)
         return
     biases = [BiasTopicReader(path, name, topic, recover) for name in (GYRO_BIAS, ACCEL_BIAS)]
-    for message in odometry_blocks(path, topic, recover, skipped, warned):
-        with np.errstate(over="ignore", invalid="ignore"):  # what is passed on with a warning
-            velocity_w = rotate(message.q_wb, message.velocity_b)
-        gyro, accel = (reel.at(message.t_ns) for reel in biases)
-        yield BodyStates(message.t_ns, message.position, message.q_wb, velocity_w, gyro, accel)
+    for states in odometry_blocks(path, topic, recover, skipped, warned):
+        yield states, np.concatenate([reel.at(states.t_ns) for reel in biases], axis=1)
 
 
 class BiasTopicReader:

@@ -5,11 +5,11 @@
 
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.bags.files import open_bag
+from imu_sim_ros.bags.mcap_reader import McapBag
 from imu_sim_ros.bags.messages import schemas
 from imu_sim_ros.bags.messages.blocks import TopicInfo, as_list
 from imu_sim_ros.bags.messages.decode import (
@@ -26,18 +26,21 @@ from imu_sim_ros.bags.messages.encode import (
     TEMPERATURE,
     VECTOR3_STAMPED,
 )
+from imu_sim_ros.bags.outputs import unfinished
 from imu_sim_ros.bags.reader import Bag, Recover, errors_naming
+from imu_sim_ros.bags.ros1_reader import Rosbag1Bag
+from imu_sim_ros.bags.rosbag2_reader import Rosbag2Folder, SqliteBag
 from imu_sim_ros.bags.text import reader as text_reader
-from imu_sim_ros.inputs.rows import Skipped, Warned
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.bags.text.writer import DATASET_SUFFIXES
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs.rows import Skipped, Warned, open_regular
 from imu_sim_ros.poses import read_poses as read_pose_file
-from imu_sim_ros.rotation import rotate_inverse
+from imu_sim_ros.records import Readings, States, concatenated
+from imu_sim_ros.rotation import rotate
 from imu_sim_ros.types import Array, Times
 
 __all__ = [
     "Bag",
-    "ImuMessages",
-    "OdometryMessages",
     "TemperatureMessages",
     "TopicInfo",
     "decoded_messages",
@@ -52,6 +55,7 @@ __all__ = [
 ]
 
 
+_MAGIC_BYTES = 16
 _LEAST = 1000
 """Messages in a block."""
 _IMU_FIELDS = ("angular_velocity", "linear_acceleration")
@@ -61,42 +65,6 @@ _ODOMETRY_FIELDS = (
 )
 _ROUNDING = 1e-12
 """Rounding error of the length of a quaternion that was written as a unit one."""
-_T = TypeVar("_T", bound=tuple[Any, ...])
-
-
-class ImuMessages(NamedTuple):
-    """n readings of an IMU."""
-
-    t_ns: Times
-    """(n,) stamps of the messages."""
-    gyro: Array
-    """(n, 3) rad/s."""
-    accel: Array
-    """(n, 3) m/s^2."""
-    record_t_ns: Times
-    """(n,) when the messages were recorded."""
-    frame_id: str
-
-
-class OdometryMessages(NamedTuple):
-    """n odometry messages."""
-
-    t_ns: Times
-    """(n,) stamps of the messages."""
-    position: Array
-    """(n, 3) p_wb [m]."""
-    q_wb: Array
-    """(n, 4)."""
-    velocity_b: Array
-    """(n, 3) in the child frame [m/s]."""
-    angular_velocity_b: Array
-    """(n, 3) in the child frame [rad/s]."""
-    pose_covariance: Array
-    """(n, 6, 6)."""
-    twist_covariance: Array
-    """(n, 6, 6)."""
-    frame_id: str
-    child_frame_id: str
 
 
 class TemperatureMessages(NamedTuple):
@@ -106,6 +74,37 @@ class TemperatureMessages(NamedTuple):
     """(n,) stamps of the messages."""
     temperature: Array
     """(n,) degC."""
+
+
+def open_bag(path: str | Path, recover: Recover = False) -> Bag:
+    """Open a ROS 1 bag, an MCAP file, or a rosbag2 folder or database; contents decide, not names.
+
+    :param recover: read an interrupted or damaged bag as far as it goes; ``NAME.active`` is looked
+        if NAME does not exist; ``"keep_damaged"`` also keeps chunks whose checksum is wrong.
+    :raises InputError: for a path that is missing, no bag, or a bag that is not whole.
+    """
+    path = Path(path)
+    if recover and not path.exists():
+        path = unfinished(path) or path
+    advice = "convert_bag --recover recovers the complete messages"
+    with errors_naming(path, "" if recover else f"; {advice}"):
+        if path.is_dir():
+            return Rosbag2Folder(path, recover)
+        try:
+            with open_regular(path) as file:
+                magic = file.read(_MAGIC_BYTES)
+        except InputError as error:
+            left = unfinished(path)
+            hint = f"; {left} is an unfinished one, {advice}" if left else ""
+            raise InputError(f"{error}{hint}") from None
+        if magic.startswith(b"#ROSBAG V"):
+            return Rosbag1Bag(path, recover)
+        if magic.startswith(b"\x89MCAP"):
+            return McapBag(path, recover)
+        if magic.startswith(b"SQLite format 3\0"):
+            return SqliteBag(path, recover)
+        no_bag = f"not a bag; the name of a text file ends in {' or '.join(DATASET_SUFFIXES)}"
+        raise InputError(f"{path}: {no_bag if magic else 'an empty file'}")
 
 
 def decoded_messages(bag: Bag, names: Collection[str]) -> Iterator[tuple[TopicInfo, Any]]:
@@ -133,12 +132,12 @@ def imu_blocks(
     recover: Recover = False,
     skipped: Skipped | None = None,
     warned: Warned | None = None,
-) -> Iterator[ImuMessages]:
+) -> Iterator[Readings]:
     """Yield the messages of an Imu topic in blocks of bounded size, in the order of record times.
 
     :param path: a bag, a EuRoC folder, or a CSV file in the form of EuRoC or kalibr.
     :param topic: None: the only one.
-    :param recover: as for :func:`imu_sim_ros.bags.files.open_bag`.
+    :param recover: as for :func:`open_bag`.
     :param skipped: receives the number of bad rows or messages skipped; None: they are errors.
     :param warned: receives what is wrong with messages, which are not skipped then; text, which
         always can be mended, has no such way.
@@ -146,19 +145,25 @@ def imu_blocks(
     """
     if text_reader.is_text(Path(path)):
         for t_ns, gyro, accel in text_reader.imu_blocks(Path(path), topic, skipped):
-            yield ImuMessages(t_ns, gyro, accel, t_ns, "")
+            yield Readings.unchecked(t_ns=t_ns, gyro=gyro, accel=accel, source=str(path))
         return
     for fields in decoded_blocks(path, IMU, topic, _IMU_FIELDS, recover, skipped, warned):
         gyro, accel = fields.numbers.values()
-        yield ImuMessages(fields.t_ns, gyro, accel, fields.record_t_ns, fields.texts[0])
+        yield Readings.unchecked(
+            t_ns=fields.t_ns,
+            gyro=gyro,
+            accel=accel,
+            frame_id=fields.texts[0],
+            source=str(path),
+        )
 
 
 def read_imu(
     path: str | Path, topic: str | None = None, skipped: Skipped | None = None
-) -> ImuMessages:
+) -> Readings:
     """Return all messages of an Imu topic; arguments as for :func:`imu_blocks`."""
-    empty = ImuMessages(_times(), _rows(3), _rows(3), _times(), "")
-    return _joined(list(imu_blocks(path, topic, skipped=skipped)), empty)
+    empty = Readings(_times(), _rows(3), _rows(3), source=str(path))
+    return concatenated(list(imu_blocks(path, topic, skipped=skipped)) or [empty])
 
 
 def odometry_blocks(
@@ -167,39 +172,40 @@ def odometry_blocks(
     recover: Recover = False,
     skipped: Skipped | None = None,
     warned: Warned | None = None,
-) -> Iterator[OdometryMessages]:
+) -> Iterator[States]:
     """Yield the messages of an Odometry topic in blocks; arguments as for :func:`imu_blocks`."""
     if text_reader.is_text(Path(path)):
-        for states in text_reader.state_blocks(Path(path), topic, skipped):
-            velocity_b = rotate_inverse(states.q_wb, states.velocity_w)
-            rates, square = np.zeros_like(velocity_b), np.zeros((len(velocity_b), 6, 6))
-            truth = (states.position, states.q_wb, velocity_b, rates)  # EuRoC's have no rates
-            yield OdometryMessages(states.t_ns, *truth, square, square, "", "")
+        for states, _ in text_reader.state_blocks(Path(path), topic, skipped):
+            yield states
         return
     for fields in decoded_blocks(path, ODOMETRY, topic, _ODOMETRY_FIELDS, recover, skipped, warned):
         position, orientation, linear, angular, pose, twist = fields.numbers.values()
         q_wb = inside_order(orientation)
-        yield OdometryMessages(
-            fields.t_ns,
-            position,
-            _unit(q_wb) if warned is None else q_wb,
-            linear,
-            angular,
-            pose.reshape(-1, 6, 6),
-            twist.reshape(-1, 6, 6),
-            *fields.texts,
+        if warned is None:
+            q_wb = _unit(q_wb)
+        with np.errstate(over="ignore", invalid="ignore"):  # what is passed on with a warning
+            velocity = rotate(q_wb, linear)
+        frame_id, child_frame_id = fields.texts
+        yield States.unchecked(
+            t_ns=fields.t_ns,
+            position=position,
+            q_wb=q_wb,
+            velocity=velocity,
+            angular_velocity=angular,
+            covariance=pose.reshape(-1, 6, 6),
+            twist_covariance=twist.reshape(-1, 6, 6),
+            frame_id=frame_id,
+            child_frame_id=child_frame_id,
+            source=str(path),
         )
 
 
 def read_odometry(
     path: str | Path, topic: str | None = None, skipped: Skipped | None = None
-) -> OdometryMessages:
+) -> States:
     """Return all messages of an Odometry topic, or the states of a EuRoC folder."""
-    square = np.empty((0, 6, 6))
-    empty = OdometryMessages(
-        _times(), _rows(3), _rows(4), _rows(3), _rows(3), square, square, "", ""
-    )
-    return _joined(list(odometry_blocks(path, topic, skipped=skipped)), empty)
+    empty = States(_times(), _rows(3), _rows(4), _rows(3), _rows(3), str(path))
+    return concatenated(list(odometry_blocks(path, topic, skipped=skipped)) or [empty])
 
 
 def read_poses(
@@ -209,14 +215,14 @@ def read_poses(
     covariance: bool = False,
     warned: Warned | None = None,
     recover: Recover = False,
-) -> PoseSequence:
+) -> States:
     """Return poses: of a text file (TUM, EuRoC), or a bag's Odometry or PoseStamped topic.
 
     :param topic: None: the only topic of Odometry, else of PoseStamped.
     :param skip_bad_rows: skip bad rows or messages and count them.
     :param covariance: of a text file: also read the covariances, if every row has them.
     :param warned: as for :func:`imu_blocks`.
-    :param recover: as for :func:`imu_sim_ros.bags.files.open_bag`.
+    :param recover: as for :func:`open_bag`.
     """
     path = Path(path)
     if text_reader.is_text(path):
@@ -226,7 +232,7 @@ def read_poses(
         types = {
             info.type
             for info in bag.topics
-            if (info.count if topic is None else info.name.lstrip("/") == topic.lstrip("/"))
+            if topic is None or info.name.lstrip("/") == topic.lstrip("/")
         }
     type_name = POSE_STAMPED if POSE_STAMPED in types and ODOMETRY not in types else ODOMETRY
     counts: list[int] = []
@@ -237,9 +243,9 @@ def read_poses(
     t_ns = np.concatenate([_times(), *(part.t_ns for part in parts)])
     position = np.concatenate([_rows(3), *(part.numbers["position"] for part in parts)])
     if warned is not None:  # passed on as they are
-        return PoseSequence.unchecked(t_ns, position, q_wb, sum(counts))
-    name = path if topic is None else f"{path}, {topic}"
-    return PoseSequence(t_ns, position, _unit(q_wb), skipped=sum(counts), name=name)
+        return States.unchecked(t_ns=t_ns, position=position, q_wb=q_wb, skipped=sum(counts))
+    name = str(path) if topic is None else f"{path}, {topic}"
+    return States(t_ns, position, _unit(q_wb), source=name, skipped=sum(counts)).in_order()
 
 
 def vector_blocks(
@@ -314,19 +320,6 @@ def _unit(q: Array) -> Array:
     length = np.linalg.norm(q, axis=1, keepdims=True)
     off = np.abs(length - 1.0) > _ROUNDING
     return np.where(off, q / length, q) if off.any() else q
-
-
-def _joined(parts: list[_T], empty: _T) -> _T:
-    """Return blocks as one: arrays are concatenated, texts are those of the first block."""
-    if not parts:
-        return empty
-    if len(parts) == 1:
-        return parts[0]
-    columns = [
-        np.concatenate(column) if isinstance(column[0], np.ndarray) else column[0]
-        for column in zip(*parts, strict=True)
-    ]
-    return type(empty)(*columns)
 
 
 def _times() -> Times:

@@ -8,14 +8,15 @@ the means of each second: slow motion is reported, single disturbances are cut o
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import Final, NamedTuple, Protocol
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from imu_sim_ros import conventions
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.recordings.stream import ClockStream, Stretch
-from imu_sim_ros.types import Array, Integers, Mask
+from imu_sim_ros.records import Readings
+from imu_sim_ros.types import Array, Mask
 
 AXES: Final = tuple(f"{triad} {axis}" for triad in TRIADS for axis in conventions.AXES)
 _NO_READINGS: Final = (np.empty(0, dtype=np.int64), np.empty((0, 6)))
@@ -27,22 +28,6 @@ _PILED_UP: Final = 4
 """Hits of an extreme value over those of the value next to it that no tail of noise reaches."""
 _ROUNDING: Final = 16.0 * float(np.finfo(np.float64).eps)
 """Relative change of a reading that is not the sensor's: float64 has no more digits."""
-
-
-class ReadingsBlock(Protocol):
-    """A block of messages."""
-
-    @property
-    def t_ns(self) -> Integers:
-        """(n,) stamps."""
-
-    @property
-    def gyro(self) -> Array:
-        """(n, 3) [rad/s]."""
-
-    @property
-    def accel(self) -> Array:
-        """(n, 3) [m/s^2]."""
 
 
 class Timing(NamedTuple):
@@ -83,7 +68,7 @@ class Record:
 
     def at_rest(
         self,
-        bags: Iterable[Iterable[ReadingsBlock]],
+        bags: Iterable[Iterable[Readings]],
         advance: Callable[[int], None] = lambda count: None,
     ) -> Iterator[Array | None]:
         """Yield readings (n, 6) at rest, with rows of NaN for lost ones, and None if a piece ends.
@@ -95,7 +80,7 @@ class Record:
         for bag in bags:
             for block in bag:
                 if len(block.t_ns):
-                    readings = np.concatenate([block.gyro, block.accel], axis=1)
+                    readings = np.concatenate(block.triads(), axis=1)
                     yield from self._judged(self._clock.add(block.t_ns, readings))
                 advance(len(block.t_ns))
             yield from self._judged(self._clock.add(*_NO_READINGS, last=True))

@@ -22,8 +22,9 @@ from imu_sim_ros.calibration.noise import truth
 from imu_sim_ros.calibration.noise.analysis import analyse
 from imu_sim_ros.campaigns.metrics import CALIBRATED, NOISE, THERMAL, Metrics
 from imu_sim_ros.campaigns.parameters import CalibrationEstimator
-from imu_sim_ros.campaigns.simulated import RunReadings, SimulatedCell
+from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.conventions import TRIADS
+from imu_sim_ros.records import Readings
 from imu_sim_ros.sensors.errors.realised import realised_imu
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.samples import Samples
@@ -46,12 +47,12 @@ def run_calibration(cell: SimulatedCell, estimator: CalibrationEstimator, seed: 
     return _deterministic(cell, parameters, estimator.type)
 
 
-def _blocks(cell: SimulatedCell, seed: int) -> Iterator[RunReadings]:
+def _blocks(cell: SimulatedCell, seed: int) -> Iterator[Readings]:
     for read in cell.simulation(seed).windows(_BLOCK):
-        yield RunReadings(*delivered(read[IMU]))
+        yield Readings(*delivered(read[IMU]))
 
 
-def _allan(blocks: Iterator[RunReadings], parameters: SimulationParameters, model: str) -> Metrics:
+def _allan(blocks: Iterator[Readings], parameters: SimulationParameters, model: str) -> Metrics:
     result = analyse([blocks], model=model)
     found: Metrics = {}
     compared = truth.compare(result, realised_imu(parameters.imu, parameters.seed))

@@ -427,7 +427,7 @@ def _compare(
         raise InputError("no estimate was written")
     try:
         estimate = read_estimate(path, estimator.estimate_topic or None)
-        metrics.update(coverage_metrics(estimate.poses.t_ns, block.true_t_ns, estimator))
+        metrics.update(coverage_metrics(estimate.t_ns, block.true_t_ns, estimator))
         how = (alignment, cell.plan.relative, estimator, cell.plan.options.diverged_above)
         metrics.update(estimate_metrics(estimate, block, *how))
     except ImuSimError as error:

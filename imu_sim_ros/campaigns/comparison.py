@@ -5,7 +5,6 @@
 
 import contextlib
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +19,8 @@ from imu_sim_ros.navigation.association import (
     Alignment,
     align,
     common_rows,
-    interpolate_poses,
     interpolate_vectors,
+    poses_at,
 )
 from imu_sim_ros.navigation.coverage import beyond, coverage
 from imu_sim_ros.navigation.evaluation import (
@@ -31,42 +30,31 @@ from imu_sim_ros.navigation.evaluation import (
     nees,
     remainder,
 )
-from imu_sim_ros.poses import PoseSequence
-from imu_sim_ros.rotation import rotate, rotate_inverse
+from imu_sim_ros.records import States, with_fields
+from imu_sim_ros.rotation import rotate_inverse
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.types import Array, Mask, Times
 
 
-class EstimatedTrack(NamedTuple):
-    """A trajectory with further data from its source."""
-
-    poses: PoseSequence
-    velocity: Array | None = None
-    """(n, 3) in the world [m/s]."""
-    velocity_covariance: Array | None = None
-    """(n, 3, 3) in the body."""
-
-
-def read_estimate(path: Path, topic: str | None) -> EstimatedTrack:
+def read_estimate(path: Path, topic: str | None) -> States:
     """Read a file of poses (TUM, EuRoC), or a topic of a bag.
 
     :param topic: None: the only topic of Odometry, else of PoseStamped.
     :raises InputError: for what cannot be read or is not a trajectory.
     """
     if is_text(path) or not _has_odometry(path, topic):
-        found = EstimatedTrack(read_poses(path, topic, covariance=True))
+        states = read_poses(path, topic, covariance=True)
     else:
-        odometry = read_odometry(path, topic)
-        pose, twist = odometry.pose_covariance, odometry.twist_covariance[:, :3, :3]
-        poses = PoseSequence(odometry.t_ns, odometry.position, odometry.q_wb)
-        found = EstimatedTrack(
-            poses._replace(covariance=pose if pose.any() else None),
-            rotate(odometry.q_wb, odometry.velocity_b),
-            twist if twist.any() else None,
-        )
-    if len(found.poses.t_ns) < 2:
-        raise InputError(f"{len(found.poses.t_ns)} poses; a trajectory needs two or more")
-    return found
+        states = read_odometry(path, topic).in_order()
+        unknown = {  # all zeros (REP-145)
+            name: None
+            for name in ("covariance", "twist_covariance")
+            if not np.any(getattr(states, name))
+        }
+        states = with_fields(states, **unknown)
+    if len(states) < 2:
+        raise InputError(f"{len(states)} poses; a trajectory needs two or more")
+    return states
 
 
 def _has_odometry(path: Path, topic: str | None) -> bool:
@@ -92,7 +80,7 @@ def coverage_metrics(
 
 
 def estimate_metrics(
-    found: EstimatedTrack,
+    found: States,
     block: Samples,
     alignment: str,
     relative: tuple[Relative, ...],
@@ -107,10 +95,10 @@ def estimate_metrics(
     :raises ImuSimError: if both do not overlap in time, or cannot be aligned.
     """
     motion = block.motion
-    truth = PoseSequence(block.true_t_ns, motion.position, motion.q_wb)
-    rows = common_rows(found.poses.t_ns, truth.t_ns)
-    estimate = _at_rows(found.poses, rows)
-    there = interpolate_poses(truth, estimate.t_ns)
+    truth = States(block.true_t_ns, motion.position, motion.q_wb)
+    rows = common_rows(found.t_ns, truth.t_ns)
+    estimate = found.rows(rows)
+    there = poses_at(truth, estimate.t_ns)
     aligned = align(estimate.position, there.position, alignment)
     laid_on = aligned.apply(estimate)
     metrics = pose_metrics(laid_on, there, relative)
@@ -118,12 +106,12 @@ def estimate_metrics(
     metrics.update(coverage_metrics(estimate.t_ns, truth.t_ns, estimator, failed))
     with contextlib.suppress(ImuSimError):
         metrics["scale_error"] = align(estimate.position, there.position, "sim3").scale - 1.0
-    metrics["initialisation_s"] = float(found.poses.t_ns[0] - block.true_t_ns[0]) * 1e-9
+    metrics["initialisation_s"] = float(found.t_ns[0] - block.true_t_ns[0]) * 1e-9
     velocity = _velocity_error(found, rows[-1:], aligned, block)
     if velocity is not None:
         metrics["final_velocity_error_m_s"] = float(np.linalg.norm(velocity))
     if alignment in ("none", "yaw"):
-        stated = found.poses.covariance
+        stated = found.covariance
         if stated is not None:
             metrics.update(_consistency(stated[rows], estimate, there, alignment))
         if not (metrics.get("attitude_sigma_rad") or 0.0) > LARGEST_SIGMA:
@@ -154,24 +142,18 @@ def check(
         )
 
 
-def _at_rows(poses: PoseSequence, rows: NDArray[np.intp]) -> PoseSequence:
-    return PoseSequence(poses.t_ns[rows], poses.position[rows], poses.q_wb[rows])
-
-
 def _velocity_error(
-    found: EstimatedTrack, row: NDArray[np.intp], aligned: Alignment, block: Samples
+    found: States, row: NDArray[np.intp], aligned: Alignment, block: Samples
 ) -> Array | None:
     """Return truth minus estimate (1, 3), in the world; None if there is no velocity."""
     if found.velocity is None:
         return None
-    at_ns = found.poses.t_ns[row]
+    at_ns = found.t_ns[row]
     true = interpolate_vectors(block.true_t_ns, block.motion.velocity, at_ns)
     return true - aligned.scale * found.velocity[row] @ aligned.r.T
 
 
-def _consistency(
-    stated: Array, estimate: PoseSequence, truth: PoseSequence, alignment: str
-) -> Metrics:
+def _consistency(stated: Array, estimate: States, truth: States, alignment: str) -> Metrics:
     """Return the NEES of the last pose.
 
     :param stated: (n, 6, 6) of the estimate (n,).
@@ -194,16 +176,16 @@ def _consistency(
 
 
 def _velocity_nees(
-    found: EstimatedTrack, row: NDArray[np.intp], truth: PoseSequence, block: Samples
+    found: States, row: NDArray[np.intp], truth: States, block: Samples
 ) -> float | None:
     """Return the NEES of the last velocity in the body, which yaw and position do not change.
 
     :param truth: ends at the time of the row.
     """
-    if found.velocity is None or found.velocity_covariance is None:
+    if found.velocity is None or found.twist_covariance is None:
         return None
-    at_ns, covariance = found.poses.t_ns[row], found.velocity_covariance[row]
+    at_ns, covariance = found.t_ns[row], found.twist_covariance[row, :3, :3]
     true = interpolate_vectors(block.true_t_ns, block.motion.velocity, at_ns)
-    own = rotate_inverse(found.poses.q_wb[row], found.velocity[row])
+    own = rotate_inverse(found.q_wb[row], found.velocity[row])
     error = rotate_inverse(truth.q_wb[-1:], true) - own
     return float(nees(error, covariance)[0]) if invertible(covariance)[0] else None

@@ -13,7 +13,7 @@ from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.names import shown
 from imu_sim_ros.navigation.evaluation import absolute_errors, distances, pairs, relative_errors
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.records import States
 
 Metrics = dict[str, float | None]
 
@@ -193,9 +193,7 @@ def metric_names(relative: tuple[Relative, ...]) -> tuple[str, ...]:
     return (*POSE, *COVERED, *of_relative, *STATE, *COMMAND)
 
 
-def pose_metrics(
-    estimate: PoseSequence, truth: PoseSequence, relative: tuple[Relative, ...]
-) -> Metrics:
+def pose_metrics(estimate: States, truth: States, relative: tuple[Relative, ...]) -> Metrics:
     """Return the metrics of poses; both (n,) at the same times, the estimate aligned."""
     errors = absolute_errors(estimate, truth)
     lengths = np.sqrt(np.einsum("ij,ij->i", errors.position, errors.position))
@@ -215,9 +213,7 @@ def pose_metrics(
     return result
 
 
-def _relative(
-    estimate: PoseSequence, truth: PoseSequence, one: Relative
-) -> tuple[float | None, float | None]:
+def _relative(estimate: States, truth: States, one: Relative) -> tuple[float | None, float | None]:
     """Return the root mean squares of the relative errors; None if the path is too short."""
     try:
         first, second = pairs(truth, one.delta, one.unit)

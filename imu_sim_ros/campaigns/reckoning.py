@@ -7,14 +7,10 @@ from typing import Final
 
 import numpy as np
 
-from imu_sim_ros.campaigns.comparison import (
-    EstimatedTrack,
-    coverage_metrics,
-    estimate_metrics,
-)
+from imu_sim_ros.campaigns.comparison import coverage_metrics, estimate_metrics
 from imu_sim_ros.campaigns.metrics import Metrics, pose_metrics
 from imu_sim_ros.campaigns.parameters import DeadReckonEstimator
-from imu_sim_ros.campaigns.simulated import RunReadings, SimulatedCell
+from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.association import align, interpolate_vectors
 from imu_sim_ros.navigation.covariance import (
@@ -27,10 +23,10 @@ from imu_sim_ros.navigation.covariance import (
 )
 from imu_sim_ros.navigation.coverage import beyond
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
-from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA, TrueStates, attitude_errors, nees
+from imu_sim_ros.navigation.evaluation import LARGEST_SIGMA, attitude_errors, nees, state_at
 from imu_sim_ros.navigation.mount import mount_of
-from imu_sim_ros.navigation.state import NavigationState, NavigationStates
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.navigation.state import NavigationState, state_of_row
+from imu_sim_ros.records import Readings, States
 from imu_sim_ros.sensors.gravity import earth_rate_vector, gravity_vector
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.types import Array
@@ -42,9 +38,9 @@ def reckoned(
     cell: SimulatedCell,
     estimator: DeadReckonEstimator,
     block: Samples,
-    readings: RunReadings,
+    readings: Readings,
     start: NavigationState,
-) -> NavigationStates:
+) -> States:
     """Return the dead-reckoned states of a run.
 
     :param block: all samples of the run's seed.
@@ -53,7 +49,8 @@ def reckoned(
     world = cell.parameters
     at = np.array([max(int(readings.t_ns[0]), int(block.true_t_ns[0]))])
     return dead_reckon(
-        *readings,
+        readings.t_ns,
+        *readings.triads(),
         start,
         estimator.method,
         estimator.attitude_update,
@@ -80,39 +77,33 @@ class DeadReckoning:
         """
         plan = self._cell.plan
         alignment = str(plan.alignment(name))
-        readings, (truth, truth_poses) = self._cell.readings(block), self._cell.truth(block)
+        readings, truth = self._cell.readings(block), self._cell.truth(block)
         if len(readings.t_ns) < 2:
             raise InputError(f"{len(readings.t_ns)} readings were delivered")
         at_stamps = np.array_equal(readings.t_ns, truth.t_ns)
         start = (
-            truth.at(0)
+            state_of_row(truth, 0)
             if at_stamps
-            else TrueStates(truth_poses, truth.velocity).at(
-                max(int(readings.t_ns[0]), int(truth.t_ns[0]))
-            )
+            else state_at(truth, max(int(readings.t_ns[0]), int(truth.t_ns[0])))
         )
         states = reckoned(self._cell, estimator, block, readings, start)
-        estimate = PoseSequence(states.t_ns, states.position, states.q_wb)
         if not at_stamps:
-            found = EstimatedTrack(estimate, states.velocity)
             how = (alignment, plan.relative, estimator, plan.options.diverged_above)
-            return estimate_metrics(found, block, *how)
-        velocity = states.velocity
+            return estimate_metrics(states, block, *how)
+        estimate, velocity = states, states.velocities()
         if alignment != "none":
             aligned = align(estimate.position, truth.position, alignment)
             estimate, velocity = aligned.apply(estimate), aligned.scale * velocity @ aligned.r.T
-        metrics = pose_metrics(estimate, truth_poses, plan.relative)
+        metrics = pose_metrics(estimate, truth, plan.relative)
         failed = beyond(truth.position - estimate.position, plan.options.diverged_above)
         metrics.update(coverage_metrics(estimate.t_ns, truth.t_ns, estimator, failed))
         metrics["final_velocity_error_m_s"] = float(
-            np.linalg.norm(truth.velocity[-1] - velocity[-1])
+            np.linalg.norm(truth.velocities()[-1] - velocity[-1])
         )
         metrics.update(self._consistency(truth, block, states))
         return metrics
 
-    def _consistency(
-        self, truth: NavigationStates, block: Samples, states: NavigationStates
-    ) -> Metrics:
+    def _consistency(self, truth: States, block: Samples, states: States) -> Metrics:
         """Return the NEES of the final state; the covariance is that along the truth.
 
         It is the same for all seeds of a cell, so it is propagated only once.
@@ -122,7 +113,7 @@ class DeadReckoning:
         covariances, sigma = self._covariances
         errors = {
             "position": truth.position[-1] - states.position[-1],
-            "velocity": truth.velocity[-1] - states.velocity[-1],
+            "velocity": truth.velocities()[-1] - states.velocities()[-1],
             "attitude": attitude_errors(states.q_wb[-1:], truth.q_wb[-1:])[0],
         }
         found: Metrics = {
@@ -132,7 +123,7 @@ class DeadReckoning:
         return {**found, "attitude_sigma_rad": sigma}
 
     def _final_covariances(
-        self, truth: NavigationStates, block: Samples
+        self, truth: States, block: Samples
     ) -> tuple[dict[str, Array | None], float]:
         """Return those of the final state that are valid, and the attitude's largest sigma."""
         imu = self._cell.parameters.imu

@@ -4,7 +4,7 @@
 """One cell of a campaign as its estimators see it: samples of any seed, and the truth."""
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,8 +12,7 @@ from imu_sim_ros.bags.read import read_poses
 from imu_sim_ros.campaigns.cells import Cell
 from imu_sim_ros.campaigns.plan import Plan
 from imu_sim_ros.errors import ConfigurationError
-from imu_sim_ros.navigation.state import NavigationStates
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.records import Readings, States
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
 from imu_sim_ros.sensors.samples import Samples
@@ -21,25 +20,9 @@ from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.sensors import mounted
 from imu_sim_ros.simulation.topics import delivered
 from imu_sim_ros.trajectory.motion import RememberedTrajectory
-from imu_sim_ros.types import Array, Integers
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
-
-
-class RunReadings(NamedTuple):
-    """The input of an estimator."""
-
-    t_ns: Integers
-    gyro: Array
-    accel: Array
-
-
-class TrueMotion(NamedTuple):
-    """The true motion of a run."""
-
-    states: NavigationStates
-    poses: PoseSequence
 
 
 class SimulatedCell:
@@ -61,7 +44,7 @@ class SimulatedCell:
         self.total = self._base.total
         # It is sampled at the same times whatever the seed.
         self._base.trajectory = RememberedTrajectory(self._base.trajectory)
-        self._truth: TrueMotion | None = None
+        self._truth: States | None = None
 
     def block(self, seed: int) -> Samples:
         """Return all samples of the IMU of a seed; no other sensor is read."""
@@ -86,21 +69,21 @@ class SimulatedCell:
             body.inject(timed.fault, timed.at)
         return body
 
-    def truth(self, block: Samples) -> TrueMotion:
+    def truth(self, block: Samples) -> States:
         """Return the true states at the true times; they are the same for all seeds.
 
         :param block: all samples of any seed.
         """
         if self._truth is None:
             t_ns, motion = block.true_t_ns, block.motion
-            states = NavigationStates(t_ns, motion.position, motion.velocity, motion.q_wb)
-            self._truth = TrueMotion(states, PoseSequence(t_ns, motion.position, motion.q_wb))
+            self._truth = States(
+                t_ns, motion.position, motion.q_wb, motion.velocity, source="truth"
+            )
         return self._truth
 
-    def readings(self, block: Samples) -> RunReadings:
+    def readings(self, block: Samples) -> Readings:
         """Return the delivered readings, each stamp once and in order."""
-        t_ns, gyro, accel = delivered(block)
-        if len(t_ns) and bool(np.all(t_ns[1:] > t_ns[:-1])):
-            return RunReadings(t_ns, gyro, accel)
-        first = np.unique(t_ns, return_index=True)[1]
-        return RunReadings(t_ns[first], gyro[first], accel[first])
+        readings = Readings(*delivered(block))
+        if len(readings) and bool(np.all(readings.t_ns[1:] > readings.t_ns[:-1])):
+            return readings
+        return readings.rows(np.unique(readings.t_ns, return_index=True)[1])

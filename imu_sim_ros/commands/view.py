@@ -28,7 +28,7 @@ from imu_sim_ros.errors import InputError, Problems
 from imu_sim_ros.jobs.recorded import camera_names, read_images
 from imu_sim_ros.jobs.tracks import has_truth, read_track, truth_topic
 from imu_sim_ros.plots.flight_view import FlightView, rerun
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.records import States
 
 EXAMPLES: Final = """
 view flight.mcap
@@ -82,17 +82,17 @@ def view(arguments: argparse.Namespace) -> None:
         print(f"{arguments.save or 'rerun'}: {parts}")
 
 
-def _paths(arguments: argparse.Namespace) -> tuple[str | None, dict[str, PoseSequence]]:
+def _paths(arguments: argparse.Namespace) -> tuple[str | None, dict[str, States]]:
     """Return the topic of the truth, and truth and estimates by name, as far as there are some."""
-    flight, paths, problems = arguments.flight, dict[str, PoseSequence](), Problems()
+    flight, paths, problems = arguments.flight, dict[str, States](), Problems()
     with problems.gathered():
         truth = truth_topic(flight, arguments.truth_topic) if has_truth(flight) else None
         if truth is not None:
-            paths[_TRUTH] = read_track(flight, truth).poses
+            paths[_TRUTH] = read_track(flight, truth)
     for estimate in arguments.estimates:
         name = estimate.stem if estimate.stem not in paths else str(estimate.with_suffix(""))
         with problems.gathered():
-            paths[name] = read_track(estimate).poses
+            paths[name] = read_track(estimate)
     problems.tell()
     return truth, paths
 
@@ -101,7 +101,7 @@ def _fill(
     shown: FlightView,
     arguments: argparse.Namespace,
     truth: str | None,
-    paths: Mapping[str, PoseSequence],
+    paths: Mapping[str, States],
 ) -> dict[str, Any]:
     """Add all that the inputs hold; returns how much it is.
 
@@ -115,8 +115,9 @@ def _fill(
     for topic in [None] if is_text(flight) else _topics(flight, IMU):
         readings = read_imu(flight, topic)
         name = "imu" if topic is None else topic.strip("/")
-        shown.series(f"{name}/gyroscope", readings.t_ns, readings.gyro)
-        shown.series(f"{name}/accelerometer", readings.t_ns, readings.accel)
+        gyro, accel = readings.triads()
+        shown.series(f"{name}/gyroscope", readings.t_ns, gyro)
+        shown.series(f"{name}/accelerometer", readings.t_ns, accel)
         found["readings"] += len(readings.t_ns)
     if not is_text(flight):
         found["biases"] = _biases(shown, flight)

@@ -16,7 +16,7 @@ import numpy as np
 
 from imu_sim_ros.bags.messages.schemas import LATCHED
 from imu_sim_ros.bags.text.writer import FORMATS as TEXT_FORMATS
-from imu_sim_ros.bags.text.writer import WITH_TABLES, BodyStates, Dataset
+from imu_sim_ros.bags.text.writer import WITH_TABLES, Dataset
 from imu_sim_ros.bags.writer import (
     AS_NAMED,
     BagOptions,
@@ -31,6 +31,7 @@ from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.names import unknown
+from imu_sim_ros.records import States
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.deferred import Results
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
@@ -48,6 +49,7 @@ from imu_sim_ros.simulation.topics import (
     published,
     resolved,
 )
+from imu_sim_ros.types import Array
 
 Warn = Callable[[str], object]
 """Receives a warning."""
@@ -280,17 +282,20 @@ class DatasetTarget:
                 kind, k, samples.t_ns[rows], mounted.sensor.values(samples)[rows]
             )
         for k, name in enumerate(self._states[: len(self.dataset.truths)]):
-            self.dataset.write_states(_states(read[name]), k)
+            self.dataset.write_states(*_states(read[name]), k)
         if self._seen is not None:
             self._seen.write(read)
 
 
-def _states(read: Any) -> BodyStates:
-    """Return the true states at the samples of an IMU, or of the pose, which has no biases."""
-    t_ns = read.true_t_ns
-    motion, none = read.values.get("motion", read), np.zeros((len(t_ns), 3))
-    biases = (read.values.get(name, none) for name in ("gyro_bias", "accel_bias"))
-    return BodyStates(t_ns, motion.position, motion.q_wb, motion.velocity, *biases)
+def _states(read: Any) -> tuple[States, Array | None]:
+    """Return the true states at the samples of an IMU, and its biases (n, 6); None: of a pose."""
+    motion = read.values.get("motion", read)
+    states = States.unchecked(
+        t_ns=read.true_t_ns, position=motion.position, q_wb=motion.q_wb, velocity=motion.velocity
+    )
+    if "gyro_bias" not in read.values:
+        return states, None
+    return states, np.concatenate([read.values["gyro_bias"], read.values["accel_bias"]], axis=1)
 
 
 @contextmanager

@@ -24,9 +24,9 @@ from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.errors import InputError, Problems
 from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.readings import Readings
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.progress import progress
+from imu_sim_ros.records import Readings
 from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.types import Array, Mask
 
@@ -280,7 +280,7 @@ def allan(
     else:
         readings = readings_of("source", source, topic)
         result = analyse([[readings]], model=model, force=force)
-        name, origin = readings.name, ""
+        name, origin = readings.source, ""
     return Noise(
         gyroscope=_triad(result, 0),
         accelerometer=_triad(result, 1),

@@ -12,7 +12,7 @@ from typing import Any, TypedDict
 import numpy as np
 
 from imu_sim_ros.arguments import array, refuse, stamps
-from imu_sim_ros.navigation.association import common_rows, interpolate_poses
+from imu_sim_ros.navigation.association import common_rows, poses_at
 from imu_sim_ros.navigation.coverage import Coverage, coverage, coverage_line
 from imu_sim_ros.navigation.evaluation import (
     anees_band,
@@ -22,7 +22,7 @@ from imu_sim_ros.navigation.evaluation import (
     statistics,
     tilt_and_heading,
 )
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.records import States
 from imu_sim_ros.rotation import multiply, normalise
 from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.types import Array, Times
@@ -175,7 +175,7 @@ def has_attitude_alone(estimate: object) -> bool:
     return any(hasattr(estimate, name) for name in _NAMES)
 
 
-def evaluate_attitude(estimate: Any, truth: PoseSequence, max_gap: float) -> AttitudeEvaluation:
+def evaluate_attitude(estimate: Any, truth: States, max_gap: float) -> AttitudeEvaluation:
     """Compare attitudes with the truth; arguments as for ``evaluate``.
 
     :raises ConfigurationError: for arrays of another shape.
@@ -194,7 +194,7 @@ def evaluate_attitude(estimate: Any, truth: PoseSequence, max_gap: float) -> Att
 def compared_attitudes(
     t_ns: Times,
     given: Array,
-    truth: PoseSequence,
+    truth: States,
     max_gap: float,
     q_bi: Array | None = None,
     covariance: Array | None = None,
@@ -207,7 +207,7 @@ def compared_attitudes(
     :raises InputError: if both do not overlap in time.
     """
     rows = common_rows(t_ns, truth.t_ns, max_gap)
-    q, true = normalise(given[rows]), interpolate_poses(truth, t_ns[rows]).q_wb
+    q, true = normalise(given[rows]), poses_at(truth, t_ns[rows]).q_wb
     if q_bi is not None:
         true = multiply(true, q_bi[None])
     errors = attitude_errors(q, true)

@@ -39,12 +39,12 @@ from imu_sim_ros.errors import InputError, Problems, naming
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.readings import Readings
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import NO_CORRECTION, Correction, correction_of
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build
+from imu_sim_ros.records import Readings, with_fields
 from imu_sim_ros.sensors.magnetometer.declaration import SENSOR, TABLE
 from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.types import Array, Times
@@ -201,7 +201,7 @@ class _Run:
         """Name of the file, or of the readings."""
         if self.path is not None:
             return name_of(self.path)
-        return self._given.name if isinstance(self._given, Readings) else "flight"
+        return self._given.source if isinstance(self._given, Readings) else "flight"
 
     @contextmanager
     def naming(self) -> Iterator[None]:
@@ -217,7 +217,7 @@ class _Run:
         if self.path is None:
             return readings_of("readings", self._given)
         found = bags.read_imu(self.path, self._topic, self._skipped(f"{self.path}"))
-        return Readings(found.t_ns, found.gyro, found.accel, self.name)
+        return with_fields(found, source=self.name)
 
     def field(self) -> Array:
         """Return the readings of the magnetometer (n, 3) [T]."""
@@ -255,7 +255,7 @@ class _Run:
         set_to = None if rates is None else np.abs(arguments.array("rates", rates, (None,)))
         if set_to is not None and not (set_to.size and set_to.all()):
             arguments.refuse("rates", rates, "one rate or more, none of them zero [rad/s]")
-        steady = find_steady(imu.t_ns, imu.gyro, imu.accel, rotating=rotating)
+        steady = find_steady(imu.t_ns, *imu.triads(), rotating=rotating)
         if set_to is not None:
             return known_rates(steady, set_to)
         truth = self._true_rates(topic)
@@ -270,7 +270,7 @@ class _Run:
     def _true_rates(self, topic: str | None) -> Table | None:
         """Return times and true angular rates (n, 3); None without a truth."""
         if isinstance(self._given, Flight):
-            return self._given.truth.t_ns, self._given.truth.angular_velocity
+            return self._given.truth.t_ns, self._given.truth.body_rates()
         if self.path is None:
             return None
         try:
@@ -280,7 +280,8 @@ class _Run:
             if topic is not None:
                 raise
             return None
-        return found.t_ns, found.angular_velocity_b
+        rates = found.angular_velocity
+        return None if rates is None else (found.t_ns, rates)
 
     def _skipped(self, name: str) -> Skipped | None:
         """Return what counts the rows of a file that are left out; None: they are errors."""
@@ -342,7 +343,7 @@ def calibrate_six_position(
     arguments.one_of("fixture", fixture, FIXTURES)
     imu = run.imu()
     with run.naming():
-        steady = find_steady(imu.t_ns, imu.gyro, imu.accel)
+        steady = find_steady(imu.t_ns, *imu.triads())
         found = six_position(steady, gravity, simple=simple, fixture=fixture)
     facts = {
         "positions": found.positions.stretches,
@@ -404,7 +405,7 @@ def calibrate_turntable(
     with problems.gathered():
         known = NO_CORRECTION if accelerometer is None else _correction(accelerometer)
     problems.tell()
-    imu = Readings(imu.t_ns, imu.gyro, known.apply(imu.gyro, imu.accel)[1], imu.name)
+    imu = with_fields(imu, accel=known.apply(*imu.triads())[1])
     with run.naming():
         steady, rate = run.steady(imu, rates, truth_topic, rotating=True)
         found = turntable(steady, rate, gravity)

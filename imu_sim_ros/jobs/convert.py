@@ -49,8 +49,8 @@ from imu_sim_ros.jobs.writing import (
     counts,
     outputs,
 )
-from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.progress import Advance, progress
+from imu_sim_ros.records import States
 from imu_sim_ros.sensors import known_tables
 from imu_sim_ros.simulation.topics import resolved
 
@@ -278,8 +278,6 @@ def _from_bag(source: Path, output: _Output, journal: Journal, recover: Recover)
     form = output.form
     whole = not recover or _is_whole(source)
     with open_bag(source, recover) as bag:
-        for name, reason in bag.unreadable.items():
-            journal.remark(f"{source}: {name} {reason}, and is left out")
         topics = streams.chosen(bag, form.topics)
         if form.dataset is None:
             counts, last_ns = _bag_to_bag(bag, topics, output, journal)
@@ -292,7 +290,6 @@ def _from_bag(source: Path, output: _Output, journal: Journal, recover: Recover)
         else:
             counts, last_ns = _bag_to_dataset(bag, topics, output, journal, recover)
     lost = _without_table(topics, counts, output) if form.dataset else []
-    lost += bag.unreadable
     result = output.converted(counts, last_ns, lost)
     if not recover:
         return result
@@ -423,7 +420,7 @@ def _images(bag: Bag, topics: Sequence[TopicInfo], output: _Output) -> RecordedI
 
 def _poses(
     source: Path, journal: Journal, topic: str | None = None, recover: Recover = False
-) -> PoseSequence:
+) -> States:
     """Return the poses of a bag, a text file or a folder."""
     file = text_reader.pose_file(source) if text_reader.is_text(source) else None
     skipped, warned = journal.skipped, journal.passed_on
@@ -433,14 +430,13 @@ def _poses(
     return poses
 
 
-def _to_tum(poses: PoseSequence, output: _Output, name: str) -> Counts:
+def _to_tum(poses: States, output: _Output, name: str) -> Counts:
     """Write poses.
 
     :param name: of the topic that they were.
     """
-    none = np.zeros((len(poses.t_ns), 3))
     with Dataset(output.target.path, "tum") as dataset:
-        dataset.write_states(text_writer.BodyStates(*poses[:3], none, none, none))
+        dataset.write_states(poses)
     return {name: len(poses.t_ns)}, int(max(poses.t_ns, default=-1))
 
 

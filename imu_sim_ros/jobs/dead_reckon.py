@@ -24,14 +24,14 @@ from imu_sim_ros.errors import InputError, Problems, Remark, warn
 from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs import tracks
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.readings import Odometry, Readings, checked_poses, frame, read_imu
+from imu_sim_ros.jobs.readings import read_imu
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.navigation import angles, initialisation
 from imu_sim_ros.navigation.association import interpolate_vectors
 from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, initial_covariance, propagate
 from imu_sim_ros.navigation.coverage import truth_line
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon as integrate
-from imu_sim_ros.navigation.evaluation import Drift, TrueStates, distances, drift_from
+from imu_sim_ros.navigation.evaluation import Drift, distances, drift_from, state_at
 from imu_sim_ros.navigation.mount import ImuMount, mount_of
 from imu_sim_ros.navigation.parameters import (
     ATTITUDE_UPDATES,
@@ -43,9 +43,9 @@ from imu_sim_ros.navigation.parameters import (
 from imu_sim_ros.navigation.state import (
     Correction,
     NavigationState,
-    NavigationStates,
     correction_of,
 )
+from imu_sim_ros.records import Readings, States, with_fields
 from imu_sim_ros.rotation import to_euler
 from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.timebase import span
@@ -59,42 +59,25 @@ _LONGEST_SKIP: Final = 2.0**31
 """[s]"""
 
 
-@dataclass(frozen=True, repr=False)
-class Track:
-    """A dead-reckoned trajectory."""
+@dataclass(frozen=True, repr=False, eq=False, kw_only=True)
+class Track(States):
+    """A dead-reckoned trajectory: states at the stamps of the readings.
 
-    t_ns: Times
-    """(n,) stamps of the readings [ns]."""
-    position: Array
-    """(n, 3) p_wb [m]."""
-    velocity: Array
-    """(n, 3) of the body in the world [m/s]."""
-    q_wb: Array
-    """(n, 4) unit quaternions (w, x, y, z)."""
+    The covariance is that of position [m] and attitude [rad], both in the world's axes; see
+    :func:`dead_reckon`. The source is the sensor or file of the readings.
+    """
+
     method: str
+    """Integration method."""
     attitude_update: str
-    covariance: Array | None = None
-    """(n, 6, 6) of position [m] and attitude [rad], both in the world's axes; see `dead_reckon`."""
-    truth: Odometry | None = None
-    """The truth that came with the readings."""
-    name: str = ""
-    """Name of the readings' sensor or file, for titles."""
+    """Representation in which the attitude is integrated."""
+    truth: States | None = None
+    """Truth that came with the readings."""
     initial_state: str = "truth"
     """``truth``, ``level`` or ``parameters``, as in :func:`dead_reckon`."""
 
-    def __len__(self) -> int:
-        return len(self.t_ns)
-
     def __repr__(self) -> str:
         return f"<Track {self.method}, {self.attitude_update}: {span(self.t_ns)}>"
-
-    def to_frame(self) -> Any:
-        """Return a pandas DataFrame: index t_ns, columns position_x, q_w, velocity_x, ...
-
-        :raises MissingDependencyError: without pandas.
-        """
-        columns = {"position": self.position, "q": self.q_wb, "velocity": self.velocity}
-        return frame(self.t_ns, columns)
 
     def to_dict(self) -> dict[str, Any]:
         """Return length and errors, as ``--json`` prints them; None for errors without a truth.
@@ -135,8 +118,7 @@ class Track:
         """
         if self.truth is None:
             return None
-        states = NavigationStates(self.t_ns, self.position, self.velocity, self.q_wb)
-        return drift_from(states, _comparable(self.truth))
+        return drift_from(self, self.truth.in_order())
 
     def save(self, path: str | Path, *, force: bool = False) -> Path:
         """Write the trajectory; returns the path.
@@ -146,8 +128,7 @@ class Track:
         :raises InputError: for a path that cannot be used or exists.
         """
         with saved(path, force) as staged:
-            states = NavigationStates(self.t_ns, self.position, self.velocity, self.q_wb)
-            tracks.write_states(staged, states)
+            tracks.write_states(staged, self)
         return Path(path)
 
     def plot(self) -> Figure:
@@ -158,8 +139,8 @@ class Track:
 def plot_tracks(shown: Sequence[Track]) -> Figure:
     """Return a matplotlib figure of several ways to integrate the same readings."""
     first = shown[0]
-    sensor, _, motion = first.name.partition(" on ")
-    source = f"IMU {sensor}, trajectory {motion}" if motion else first.name
+    sensor, _, motion = first.source.partition(" on ")
+    source = f"IMU {sensor}, trajectory {motion}" if motion else first.source
     title = f"{source}: dead reckoning" if source else "Dead reckoning"
     title += "" if first.truth is None else " against the truth"
     return plot_named_tracks({f"{one.method}, {one.attitude_update}": one for one in shown}, title)
@@ -317,7 +298,7 @@ class ReadingsAndTruth(NamedTuple):
     """Readings with their truth."""
 
     readings: Readings
-    truth: Odometry | None
+    truth: States | None
 
     def after(self, skip: float) -> ReadingsAndTruth:
         """Return the recording without its first seconds."""
@@ -328,9 +309,7 @@ class ReadingsAndTruth(NamedTuple):
 
     def rows(self, rows: Mask | slice) -> ReadingsAndTruth:
         """Return the recording with some of its readings."""
-        own = self.readings
-        kept = Readings(own.t_ns[rows], own.gyro[rows], own.accel[rows], own.name)
-        return self._replace(readings=kept)
+        return self._replace(readings=self.readings.rows(rows))
 
 
 class InitialCondition(NamedTuple):
@@ -377,7 +356,7 @@ def read_recording(
     if truth_topic is not None or tracks.has_truth(path):
         topic = tracks.assumed_truth(path, truth_topic)
         skipped = tell_skipped(f"the truth of {path}") if skip_bad_rows else None
-        truth = Odometry.of_messages(read_odometry(path, topic, skipped), name_of(path))
+        truth = with_fields(read_odometry(path, topic, skipped), source=name_of(path))
     return ReadingsAndTruth(readings, truth)
 
 
@@ -420,30 +399,29 @@ def initial_condition(
         )
     if settings.initial_state == "truth":
         if truth is None:
-            raise _no_truth(readings.name)
+            raise _no_truth(readings.source)
         late = readings.t_ns < _first_common(readings.t_ns, truth.t_ns, settings.max_gap)
         if late.any():
             recording = recording.rows(~late)
         at = recording.readings.t_ns[0]
-        state, known = _comparable(truth).at(int(at)), correction_of(settings)
+        state, known = state_at(truth.in_order(), int(at)), correction_of(settings)
         return InitialCondition(recording, state, known, _true_rate(truth, int(at)))
     rest = initialisation.rest_rows(settings, readings.t_ns)
     start_ns = int(readings.t_ns[rest.stop - 1])
     position = yaw = None
     if truth is not None and truth.t_ns[0] <= start_ns <= truth.t_ns[-1]:
-        state = _comparable(truth).at(start_ns)
+        state = state_at(truth.in_order(), start_ns)
         position, yaw = state.position, float(to_euler(state.q_wb)[2])
-    found = initialisation.from_rest(
-        settings, readings.gyro[rest], readings.accel[rest], position=position, yaw=yaw
-    )
+    gyro, accel = readings.rows(rest).triads()
+    found = initialisation.from_rest(settings, gyro, accel, position=position, yaw=yaw)
     return InitialCondition(
         recording.rows(slice(rest.stop - 1, None)), found.state, found.correction, found.rate
     )
 
 
-def _true_rate(truth: Odometry, t_ns: int) -> Array | None:
+def _true_rate(truth: States, t_ns: int) -> Array | None:
     """Return the rate of the body (3,) at one time; None for a truth without rates, as EuRoC's."""
-    if not truth.angular_velocity.any():
+    if truth.angular_velocity is None:
         return None
     return interpolate_vectors(truth.t_ns, truth.angular_velocity, np.array([t_ns]))[0]
 
@@ -483,17 +461,12 @@ def _first_common(t_ns: Times, truth_ns: Times, tolerance: float) -> int:
     return first
 
 
-def _comparable(truth: Odometry) -> TrueStates:
-    return TrueStates(checked_poses("truth", truth), truth.velocity)
-
-
 def integrated(start: InitialCondition, settings: IntegratorParameters) -> Track:
     """Return the trajectory that follows from a start."""
     readings, truth = start.recording
     states = integrate(
         readings.t_ns,
-        readings.gyro,
-        readings.accel,
+        *readings.triads(),
         start.state,
         settings.method,
         settings.attitude_update,
@@ -504,8 +477,34 @@ def integrated(start: InitialCondition, settings: IntegratorParameters) -> Track
         mount_of(settings.imu),
         start.rate,
     )
-    words = (settings.method, settings.attitude_update, None)
-    return Track(*states, *words, truth, readings.name, settings.initial_state)
+    return track_of(
+        with_fields(states, source=readings.source),
+        settings.method,
+        settings.attitude_update,
+        truth,
+        settings.initial_state,
+    )
+
+
+def track_of(
+    states: States,
+    method: str,
+    attitude_update: str,
+    truth: States | None,
+    initial_state: str = "truth",
+) -> Track:
+    """Return integrated states with how they were integrated; arguments as in :class:`Track`."""
+    return Track.unchecked(
+        t_ns=states.t_ns,
+        position=states.position,
+        q_wb=states.q_wb,
+        velocity=states.velocity,
+        source=states.source,
+        method=method,
+        attitude_update=attitude_update,
+        truth=truth,
+        initial_state=initial_state,
+    )
 
 
 def _covariance(given: object, track: Track, start: InitialCondition, mount: ImuMount) -> Array:
@@ -518,10 +517,9 @@ def _covariance(given: object, track: Track, start: InitialCondition, mount: Imu
         accelerometer_bias=imu.accelerometer.turn_on_bias_sigma,
     )
     readings = start.recording.readings
-    force = start.correction.apply(readings.gyro, readings.accel)[1]
-    states = NavigationStates(track.t_ns, track.position, track.velocity, track.q_wb)
+    force = start.correction.apply(*readings.triads())[1]
     rows = range(len(track))
-    found = propagate(states, force, imu, initial, rows, mount)
+    found = propagate(track, force, imu, initial, rows, mount)
     return found[:, _POSE[:, None], _POSE]
 
 

@@ -19,13 +19,11 @@ import numpy as np
 from imu_sim_ros.bags.read import open_bag, read_imu, read_odometry, read_poses
 from imu_sim_ros.conventions import DEAD_RECKONED_TOPIC, IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.errors import MachineError
-from imu_sim_ros.jobs.dead_reckon import Track
-from imu_sim_ros.jobs.readings import Odometry
+from imu_sim_ros.jobs.dead_reckon import Track, track_of
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
-from imu_sim_ros.navigation.evaluation import TrueStates
+from imu_sim_ros.navigation.evaluation import state_at
 from imu_sim_ros.navigation.mount import mount_of
 from imu_sim_ros.parameters import files
-from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.progress import progress
 from imu_sim_ros.sensors.gravity import gravity_vector
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
@@ -160,15 +158,14 @@ def message_table(bag: Path, counts: dict[str, dict[str, int]]) -> TextTable:
 
 def tracks(parameters: SimulationParameters, bag: Path) -> dict[str, Track]:
     """Return what Euler and midpoint make of the recorded readings, with and without noise."""
-    truth = Odometry.of_messages(read_odometry(bag, f"/{TRUTH_TOPIC}"), "truth")
+    truth = read_odometry(bag, f"/{TRUTH_TOPIC}")
     noisy = read_imu(bag, f"/{IMU_TOPIC}")
     ideal = Body(parameters, read_poses).next(len(noisy.t_ns))[IMU]
     readings = {
-        "with noise": (noisy.gyro, noisy.accel),
+        "with noise": noisy.triads(),
         "without noise": (ideal.ideal_gyro, ideal.ideal_accel),
     }
-    poses = PoseSequence(truth.t_ns, truth.position, truth.q_wb)
-    initial = TrueStates(poses, truth.velocity).at(int(noisy.t_ns[0]))
+    initial = state_at(truth, int(noisy.t_ns[0]))
     found = {}
     for label, values in readings.items():
         for method in _METHODS:
@@ -177,7 +174,7 @@ def tracks(parameters: SimulationParameters, bag: Path) -> dict[str, Track]:
                 gravity=gravity_vector(parameters).tolist(),
                 mount=mount_of(parameters.imu),
             )
-            found[f"{method}, {label}"] = Track(*states[:4], method, "so3", None, truth)
+            found[f"{method}, {label}"] = track_of(states, method, "so3", truth)
     return found
 
 

@@ -28,14 +28,13 @@ from imu_sim_ros.jobs.attitude import (
 )
 from imu_sim_ros.jobs.measured import ReadingsEvaluation, evaluate_measured, sensor_of
 from imu_sim_ros.jobs.readings import HasPoses, checked_poses
-from imu_sim_ros.jobs.tracks import RecordedTrack, has_truth, odometry_topics, read_track
+from imu_sim_ros.jobs.tracks import has_truth, odometry_topics, read_track
 from imu_sim_ros.jobs.tracks import truth_topic as truth_topic_of
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.navigation.association import (
     ALIGNMENTS,
     Alignment,
     common_rows,
-    interpolate_poses,
     interpolate_vectors,
     poses_at,
 )
@@ -53,7 +52,8 @@ from imu_sim_ros.navigation.evaluation import (
     stated_nees,
     statistics,
 )
-from imu_sim_ros.poses import PoseSequence, write_tum
+from imu_sim_ros.poses import write_tum
+from imu_sim_ros.records import States, with_fields
 from imu_sim_ros.rotation import rotate_inverse
 from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.types import Array, Integers, Mask, Times
@@ -112,9 +112,9 @@ class Evaluation:
     """(m, 3) in the world [m/s]; None if either has no velocity."""
     distance: float
     """Length of the true path [m]."""
-    estimate: PoseSequence
+    estimate: States
     """The aligned estimate."""
-    truth: PoseSequence
+    truth: States
     """The truth at the same times."""
     alignment: Alignment
     """That of the estimate with the truth."""
@@ -442,7 +442,7 @@ def evaluate(
     if has_attitude_alone(estimate):
         _refuse_all(unfit, "omitted: attitudes alone have no positions")
         true = _track("truth", truth, truth_topic, skip)
-        return evaluate_attitude(estimate, true.poses, max_gap)
+        return evaluate_attitude(estimate, true, max_gap)
     _check_two(estimate, truth, estimate_topic, truth_topic)
     with problems.gathered():
         track = _track("estimate", estimate, estimate_topic, skip)
@@ -453,7 +453,7 @@ def evaluate(
     problems.tell()
     found = compared(track, true, align, max_gap, time_offset)
     if seen is not None:
-        reprojection = _reprojection(seen, str(folder), found.estimate, true.poses)
+        reprojection = _reprojection(seen, str(folder), found.estimate, true)
         found = replace(found, reprojection=reprojection)
     return replace(found, rpe=over)
 
@@ -516,8 +516,8 @@ def _refuse_all(given: Mapping[str, object], allowed: str) -> None:
 
 
 def compared(
-    estimate: RecordedTrack,
-    truth: RecordedTrack,
+    estimate: States,
+    truth: States,
     align: str,
     max_gap: float,
     find_offset: bool = False,
@@ -528,24 +528,24 @@ def compared(
     """
     offset = _time_offset(estimate, truth, align, max_gap) if find_offset else None
     if offset is not None:
-        t_ns = estimate.poses.t_ns + round(offset.value_s * 1e9)
-        estimate = estimate._replace(poses=estimate.poses._replace(t_ns=t_ns))
-    rows = common_rows(estimate.poses.t_ns, truth.poses.t_ns, max_gap)
-    t_ns = estimate.poses.t_ns[rows]
-    true = interpolate_poses(truth.poses, t_ns)
-    given = PoseSequence(t_ns, estimate.poses.position[rows], estimate.poses.q_wb[rows])
+        t_ns = estimate.t_ns + round(offset.value_s * 1e9)
+        estimate = with_fields(estimate, t_ns=t_ns)
+    rows = common_rows(estimate.t_ns, truth.t_ns, max_gap)
+    t_ns = estimate.t_ns[rows]
+    true = poses_at(truth, t_ns)
+    given = estimate.rows(rows)
     alignment = laid_on(given.position, true.position, align)
     poses = alignment.apply(given)
     errors = absolute_errors(poses, true)
     velocity = velocity_b = None
     if estimate.velocity is not None and truth.velocity is not None:
         aligned = alignment.scale * estimate.velocity[rows] @ alignment.r.T
-        speed = interpolate_vectors(truth.poses.t_ns, truth.velocity, t_ns)
+        speed = interpolate_vectors(truth.t_ns, truth.velocity, t_ns)
         velocity = speed - aligned
         velocity_b = rotate_inverse(true.q_wb, speed) - rotate_inverse(poses.q_wb, aligned)
     stated, twist = (
         None if each is None else each[rows]
-        for each in (estimate.pose_covariance, estimate.twist_covariance)
+        for each in (estimate.covariance, estimate.twist_covariance)
     )
     linear = None if twist is None else twist[:, :3, :3]
     found, why = stated_nees(stated, given, true, align, velocity_b, linear)
@@ -559,21 +559,19 @@ def compared(
         true,
         alignment,
         align,
-        len(estimate.poses.t_ns) - len(rows),
-        coverage(estimate.poses.t_ns, truth.poses.t_ns, max_gap),
+        len(estimate) - len(rows),
+        coverage(estimate.t_ns, truth.t_ns, max_gap),
         found,
         why,
         offset,
     )
 
 
-def _time_offset(
-    estimate: RecordedTrack, truth: RecordedTrack, align: str, max_gap: float
-) -> TimeOffset:
-    value = time_offset_of(estimate.poses, truth.poses, max_gap, scaled=align == "sim3")
-    rows = common_rows(estimate.poses.t_ns, truth.poses.t_ns, max_gap)
-    position = estimate.poses.position[rows]
-    true = interpolate_poses(truth.poses, estimate.poses.t_ns[rows]).position
+def _time_offset(estimate: States, truth: States, align: str, max_gap: float) -> TimeOffset:
+    value = time_offset_of(estimate, truth, max_gap, scaled=align == "sim3")
+    rows = common_rows(estimate.t_ns, truth.t_ns, max_gap)
+    position = estimate.position[rows]
+    true = poses_at(truth, estimate.t_ns[rows]).position
     found = laid_on(position, true, align)
     before = true - (found.scale * position @ found.r.T + found.t)
     return TimeOffset(value, statistics(np.linalg.norm(before, axis=1)).rmse)
@@ -581,7 +579,7 @@ def _time_offset(
 
 def _track(
     name: str, given: HasPoses | str | Path, topic: str | None, skip_bad_rows: bool
-) -> RecordedTrack:
+) -> States:
     """Return the trajectory that an argument is, or that a path leads to."""
     topic = checked_topic(f"{name}_topic", topic, isinstance(given, str | Path))
     if isinstance(given, str | Path):
@@ -594,7 +592,7 @@ def _track(
         speed = array(f"{name}.velocity", speed, (len(poses.t_ns), 3))
     if stated is not None and name == "estimate":
         stated = array("estimate.covariance", stated, (len(poses.t_ns), 6, 6))
-    return RecordedTrack(poses, speed, stated)
+    return with_fields(poses, velocity=speed, covariance=stated)
 
 
 def _rms(errors: Array) -> float:
@@ -669,7 +667,7 @@ def _read_tracks(folder: Path) -> TrackFolder:
 
 
 def _reprojection(
-    tracks: TrackFolder, name: str, estimate: PoseSequence, truth: PoseSequence
+    tracks: TrackFolder, name: str, estimate: States, truth: States
 ) -> list[Reprojection]:
     """Return the reprojection errors of each camera, for the estimate and for the truth.
 

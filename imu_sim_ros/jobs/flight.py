@@ -18,17 +18,9 @@ from imu_sim_ros import arguments
 from imu_sim_ros.arguments import BAG_OR_FILE
 from imu_sim_ros.conventions import ERROR_TOPICS
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import gate
-from imu_sim_ros.jobs.readings import (
-    Odometry,
-    Readings,
-    check_arrays,
-    check_simulated,
-    delivered_of,
-    frame,
-    read_imu,
-)
+from imu_sim_ros.jobs.readings import check_simulated, delivered_of, read_imu
 from imu_sim_ros.parameters.sections import flatten
+from imu_sim_ros.records import Readings, States, data_frame
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.samples import joined
 from imu_sim_ros.simulation.engine import Body
@@ -44,7 +36,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, repr=False, kw_only=True)
-class Truth(Odometry):
+class Truth(States):
     """The true motion and the true errors at the n times at which the sensor took its samples.
 
     For given ideal readings, the unknown parts of the motion are NaN. A reading is the digital
@@ -85,10 +77,6 @@ class Truth(Odometry):
     accel_vibration: Array
     """(n, 3) vibration of the vehicle in the accelerometer [m/s^2]."""
 
-    def __post_init__(self) -> None:
-        """Check the arrays, which may be NaN."""
-        check_arrays(self, ("position", "q_wb", "velocity", "angular_velocity"))
-
     def __repr__(self) -> str:
         return f"<Truth: {span(self.t_ns)}>"
 
@@ -119,7 +107,6 @@ def readings_of(
     found = given.readings if isinstance(given, Flight) else given
     if not len(found):
         raise InputError(f"{name}: contains no readings")
-    gate.readings(found.t_ns, found.gyro, found.accel).complain(name)
     return found
 
 
@@ -216,13 +203,13 @@ class Flight:
 
         read = joined(self._blocks)
         motion = read.motion
-        return Truth(
-            read.true_t_ns,
-            motion.position,
-            motion.q_wb,
-            motion.velocity,
-            motion.angular_velocity,
-            self.name,
+        return Truth.unchecked(
+            t_ns=read.true_t_ns,
+            position=motion.position,
+            q_wb=motion.q_wb,
+            velocity=motion.velocity,
+            angular_velocity=motion.angular_velocity,
+            source=self.name,
             acceleration=motion.acceleration,
             gyro=read.ideal_gyro,
             accel=read.ideal_accel,
@@ -232,7 +219,7 @@ class Flight:
     @property
     def readings(self) -> Readings:
         """The readings alone."""
-        return Readings(self.t_ns, self.gyro, self.accel, self.name)
+        return Readings(self.t_ns, self.gyro, self.accel, self.name, temperature=self.temperature)
 
     def __len__(self) -> int:
         return len(self.t_ns)
@@ -245,11 +232,13 @@ class Flight:
 
         :raises MissingDependencyError: without pandas.
         """
-        return frame(self.t_ns, {"gyro": self.gyro, "accel": self.accel})
+        return data_frame(self.t_ns, {"gyro": self.gyro, "accel": self.accel})
 
     def plot(self) -> Figure:
         """Return a matplotlib figure of the readings over time."""
-        return self.readings.plot()
+        from imu_sim_ros.plots import readings as pictures
+
+        return pictures.readings(self.t_ns, self.gyro, self.accel, self.name)
 
     def save(
         self,

@@ -49,8 +49,8 @@ from imu_sim_ros.jobs.writing import (
 )
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import flatten
-from imu_sim_ros.poses import PoseSequence
 from imu_sim_ros.progress import progress
+from imu_sim_ros.records import States
 from imu_sim_ros.sensors import named_sensors, switches
 from imu_sim_ros.sensors.declaration import Companion
 from imu_sim_ros.sensors.imu.presets import load_all
@@ -266,7 +266,7 @@ def generate(
     wanted = {known[name].name for name in names} | of_sensors.keys() | {POSE}
     wanted |= {name for name, one in sensors.items() if dataset in one.sensor.datasets}
 
-    def pose_reader(file: str | Path, topic: str | None = None) -> PoseSequence:
+    def pose_reader(file: str | Path, topic: str | None = None) -> States:
         poses = motion.pose_reader(file, topic, skip)
         if poses.skipped:
             journal.remark(f"{file}: {poses.skipped} bad rows skipped")

@@ -122,7 +122,7 @@ def evaluate_measured(
     if table.of_readings:
         with problems.gathered():
             chosen = assumed_truth(*truth)
-            poses = read_track(truth[0], chosen, skip_bad_rows=skip_bad_rows).poses
+            poses = read_track(truth[0], chosen, skip_bad_rows=skip_bad_rows)
         with problems.gathered():
             mounting = _mounting(imu)
         problems.tell()

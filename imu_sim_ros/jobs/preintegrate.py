@@ -15,10 +15,10 @@ from imu_sim_ros.arguments import array, number, stamps
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.readings import Readings
 from imu_sim_ros.navigation.preintegration import METHODS, Preintegration, between
 from imu_sim_ros.navigation.preintegration import preintegrate as over_intervals
 from imu_sim_ros.navigation.stepper import check_readings
+from imu_sim_ros.records import Readings
 from imu_sim_ros.types import Array
 
 
@@ -67,10 +67,11 @@ def preintegrate(
         step = round(every * 1e9)
         edges_ns = np.arange(imu.t_ns[0], imu.t_ns[-1] + 1, step)
     edges = stamps("edges_ns", edges_ns)
-    pieces = between(imu.t_ns, imu.gyro, imu.accel, edges)
+    gyro, accel = imu.triads()
+    pieces = between(imu.t_ns, gyro, accel, edges)
     first, last = np.searchsorted(imu.t_ns, [edges[0], edges[-1]])
     used = slice(max(first - 1, 0), last + 1)
-    check_readings(imu.t_ns[used], imu.gyro[used], imu.accel[used], max_gap)
+    check_readings(imu.t_ns[used], gyro[used], accel[used], max_gap)
     count = len(pieces.h)
     gyro_bias = _bias("gyro_bias", gyro_bias, count, gate.RATE)
     accel_bias = _bias("accel_bias", accel_bias, count, gate.FORCE)

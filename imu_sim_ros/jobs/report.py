@@ -19,11 +19,11 @@ from imu_sim_ros.errors import InputError, Problems
 from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs.tracks import has_truth, odometry_topics, read_track, truth_topic
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
+from imu_sim_ros.records import States, with_fields
 from imu_sim_ros.reports.page import Section, html
 
 if TYPE_CHECKING:
     from imu_sim_ros.campaigns.metrics import Tolerance
-    from imu_sim_ros.reports.of_bag import BagTrack
 
 _POSES: Final = (".txt", ".tum", ".csv")
 
@@ -220,13 +220,13 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
     :raises InputError: with a line for each that cannot be read.
     """
     from imu_sim_ros.reports.of_aiding import gnss_sections
-    from imu_sim_ros.reports.of_bag import BagTrack, bag_sections, motion
+    from imu_sim_ros.reports.of_bag import bag_sections, motion
     from imu_sim_ros.reports.of_clouds import cloud_sections
     from imu_sim_ros.reports.of_sensors import sensor_sections
 
-    def read(source: Path, topic: str | None, name: str) -> BagTrack:
-        track = read_track(source, topic, True, sources.skip_bad_rows)
-        return BagTrack(name, track.poses, track.pose_covariance, track.frame_id)
+    def read(source: Path, topic: str | None, name: str) -> States:
+        states = read_track(source, topic, True, sources.skip_bad_rows)
+        return with_fields(states, source=name)
 
     truth, estimates, more, problems = None, [], [], Problems()
     with problems.gathered():

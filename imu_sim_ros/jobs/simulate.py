@@ -23,7 +23,7 @@ from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import EMPTY_LIST
 from imu_sim_ros.parameters.sections import OF_EVERY_NODE, bad_values
 from imu_sim_ros.parameters.sections import parameters as described
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.records import States
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.imu import presets
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
@@ -41,7 +41,7 @@ from imu_sim_ros.types import Array
 Poses: TypeAlias = Callable[[Array], tuple[Array, Array]]
 """A function that returns positions (n, 3) [m] and attitudes q_wb (n, 4) at times (n,) [s]."""
 Moving: TypeAlias = (
-    str | Path | Mapping[str, Any] | PoseSequence | NDArray[Any] | Trajectory | Poses | None
+    str | Path | Mapping[str, Any] | States | NDArray[Any] | Trajectory | Poses | None
 )
 """Types that are accepted as a trajectory."""
 
@@ -63,7 +63,7 @@ def simulate(
         with ``preset`` for the file that they modify.
     :param trajectory: a name in config/trajectories, a file of recorded poses, or parameters by
         name, with ``type`` for the kind or the file that they modify. Or poses, which keep their
-        stamps: a :class:`PoseSequence`, or an array (n, 8) of time [s], x, y, z [m], quaternion w,
+        stamps: a :class:`States`, or an array (n, 8) of time [s], x, y, z [m], quaternion w,
         x, y, z, or (n, 7) with roll, pitch, yaw [rad]. Or a motion of your own: an object whose
         ``sample(t)`` returns a :class:`Motion`, or a function of times t (n,) [s] from the start
         that returns positions (n, 3) [m] and attitudes q_wb (n, 4); with a ``duration`` [s] if it
@@ -260,7 +260,7 @@ def _of_file(path: Path) -> tuple[dict[str, object], frozenset[str]]:
     return own, frozenset(name for name in wanted if given.get(f"publish.{name}") is True)
 
 
-def _poses_of_any_file(path: str | Path, *options: Any) -> PoseSequence:
+def _poses_of_any_file(path: str | Path, *options: Any) -> States:
     from imu_sim_ros.bags.read import read_poses  # of which most trajectories have no need
 
     return read_poses(path, *options)
@@ -283,7 +283,7 @@ def _motion(trajectory: object) -> GivenMotion:
         return GivenMotion({})
     if isinstance(trajectory, np.ndarray):
         trajectory = poses_of_rows(trajectory)
-    if isinstance(trajectory, PoseSequence):
+    if isinstance(trajectory, States):
         own = {"trajectory.type": "poses", "trajectory.file": "poses given as arrays"}
         poses = checked_poses("trajectory", trajectory)
         return GivenMotion(own, lambda *_: poses)
@@ -298,7 +298,7 @@ def _motion(trajectory: object) -> GivenMotion:
         refuse(
             "trajectory",
             trajectory,
-            "a name, a file, parameters by name, a PoseSequence, an array (n, 8): time [s], "
+            "a name, a file, parameters by name, a States, an array (n, 8): time [s], "
             "x, y, z [m], quaternion w, x, y, z; an object with sample(t), or a function of time "
             "that returns positions (n, 3) and attitudes (n, 4)",
             wrong_type=True,

@@ -4,7 +4,6 @@
 """Trajectories from wherever the commands find them: text, folders, topics of bags."""
 
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,24 +13,8 @@ from imu_sim_ros.bags.text.reader import has_states, is_text
 from imu_sim_ros.conventions import TRUTH_TOPIC
 from imu_sim_ros.errors import InputError, Remark, warn
 from imu_sim_ros.inputs.rows import Skipped, tell_skipped
-from imu_sim_ros.navigation.state import NavigationStates
-from imu_sim_ros.poses import PoseSequence, write_tum
-from imu_sim_ros.rotation import rotate
-from imu_sim_ros.types import Array, Integers
-
-
-class RecordedTrack(NamedTuple):
-    """A trajectory with what its source has in addition to the poses."""
-
-    poses: PoseSequence
-    velocity: Array | None = None
-    """(n, 3) in the world [m/s]."""
-    pose_covariance: Array | None = None
-    """(n, 6, 6) position, rotation about the world's axes."""
-    twist_covariance: Array | None = None
-    """(n, 6, 6) velocity and angular rate, in the body."""
-    frame_id: str = ""
-    """Of the poses; empty: unknown."""
+from imu_sim_ros.poses import write_tum
+from imu_sim_ros.records import States, concatenated, with_fields
 
 
 def odometry_topics(path: Path) -> list[str]:
@@ -76,7 +59,7 @@ def read_track(
     topic: str | None = None,
     covariance: bool = False,
     skip_bad_rows: bool = False,
-) -> RecordedTrack:
+) -> States:
     """Return a trajectory.
 
     :param topic: of a bag; None: the only one of Odometry, else of PoseStamped.
@@ -86,18 +69,17 @@ def read_track(
         poses that the gate refuses, fewer than two poses.
     """
     if path.is_file() if is_text(path) else not odometry_topics(path):
-        poses = read_poses(path, topic, skip_bad_rows, covariance)
-        if poses.skipped:
-            tell_skipped(path)(poses.skipped)
-        track = RecordedTrack(poses, pose_covariance=poses.covariance)
+        states = read_poses(path, topic, skip_bad_rows, covariance)
+        if states.skipped:
+            tell_skipped(path)(states.skipped)
     else:
         skipped = tell_skipped(path) if skip_bad_rows else None
-        track = _odometry(path, topic, covariance, skipped)
-    if len(track.poses.t_ns) < 2:
+        states = _odometry(path, topic, covariance, skipped)
+    if len(states) < 2:
         raise InputError(
-            f"{_name(path, topic)}: {len(track.poses.t_ns)} poses; a trajectory needs two or more"
+            f"{_name(path, topic)}: {len(states)} poses; a trajectory needs two or more"
         )
-    return track
+    return states
 
 
 def _odometry(
@@ -105,27 +87,21 @@ def _odometry(
     topic: str | None,
     covariance: bool,
     skipped: Skipped | None,
-) -> RecordedTrack:
-    parts: list[tuple[Array | Integers, ...]] = []
-    frame_id = ""
-    for block in odometry_blocks(path, topic, skipped=skipped):
-        velocity = rotate(block.q_wb, block.velocity_b)
-        matrices = (block.pose_covariance, block.twist_covariance) if covariance else ()
-        frame_id = frame_id or block.frame_id
-        parts.append((block.t_ns, block.position, block.q_wb, velocity, *matrices))
+) -> States:
+    blocks = odometry_blocks(path, topic, skipped=skipped)
+    if not covariance:
+        blocks = (with_fields(block, covariance=None, twist_covariance=None) for block in blocks)
+    parts = list(blocks)
     if not parts:
         raise InputError(f"{path}: 0 poses; a trajectory needs two or more")
-    t_ns, position, q_wb, velocity, *joined = map(np.concatenate, zip(*parts, strict=True))
-    poses = PoseSequence(t_ns.astype(np.int64), position, q_wb, name=_name(path, topic))
-    pose_covariance, twist_covariance = joined or (None, None)
-    return RecordedTrack(poses, velocity, pose_covariance, twist_covariance, frame_id)
+    return with_fields(concatenated(parts), source=_name(path, topic)).in_order()
 
 
 def _name(path: Path, topic: str | None) -> str:
     return str(path) if topic is None else f"{path}, {topic}"
 
 
-def write_states(path: Path, states: NavigationStates) -> None:
+def write_states(path: Path, states: States) -> None:
     """Write a dead-reckoned trajectory: ``.csv`` with velocity, anything else in TUM format.
 
     :raises OSError: if the file cannot be written.
@@ -133,15 +109,15 @@ def write_states(path: Path, states: NavigationStates) -> None:
     if path.suffix.lower() == ".csv":
         _write_csv(path, states)
     else:
-        write_tum(path, PoseSequence(states.t_ns, states.position, states.q_wb))
+        write_tum(path, states)
 
 
-def _write_csv(path: Path, states: NavigationStates) -> None:
+def _write_csv(path: Path, states: States) -> None:
     """Return the columns of EuRoC's states, without the biases, so that everything reads it."""
     names = ["#timestamp", *(f"p_RS_R_{axis} [m]" for axis in "xyz")]
     names += [f"q_RS_{axis} []" for axis in "wxyz"]
     names += [f"v_RS_R_{axis} [m s^-1]" for axis in "xyz"]
-    table = np.column_stack([states.position, states.q_wb, states.velocity])
+    table = np.column_stack([states.position, states.q_wb, states.velocities()])
     with path.open("w", encoding="utf-8") as file:
         file.write(",".join(names) + "\n")
         for t_ns, row in zip(states.t_ns.tolist(), table.tolist(), strict=True):

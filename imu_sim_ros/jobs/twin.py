@@ -38,13 +38,14 @@ from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import InputError, Problems, system_error
 from imu_sim_ros.jobs.calibrate import Calibrated
 from imu_sim_ros.jobs.flight import Flight
-from imu_sim_ros.jobs.readings import HasPoses, Readings
+from imu_sim_ros.jobs.readings import HasPoses
 from imu_sim_ros.jobs.twin_check import Check, check, flown_again, simulation
 from imu_sim_ros.jobs.twin_recording import TwinRecording, moving, recorded
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.json_text import plain
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.kinds import Value
+from imu_sim_ros.records import Readings
 from imu_sim_ros.rotation import from_matrix, log
 from imu_sim_ros.sensors.imu.vibration import MotionSize
 from imu_sim_ros.text_tables import TextTable

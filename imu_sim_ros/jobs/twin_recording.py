@@ -27,11 +27,10 @@ from imu_sim_ros.calibration.twin.pose_noise import (
 )
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError, Problems
-from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.readings import HasPoses, Readings, checked_poses
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.jobs.readings import HasPoses, checked_poses
+from imu_sim_ros.records import Readings, States, with_fields
 from imu_sim_ros.rotation import to_matrix
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
@@ -77,7 +76,7 @@ class TwinRecording(NamedTuple):
     """A recording on the spline of its truth."""
 
     recording: Recording
-    poses: PoseSequence
+    poses: States
     trajectory: Trajectory
     duration: float
     cutoff: float
@@ -193,8 +192,8 @@ def recorded(
     near = (stamps > -max_offset) & (stamps < duration + max_offset)
     if np.count_nonzero(near) < 2 or np.ptp(stamps[near]) < _SHORTEST:
         raise InputError(
-            f"{readings.name}: has {_common(stamps, duration):.3g} s in common with {name}; a twin "
-            f"needs {_SHORTEST:g} s: their stamps must be of one clock"
+            f"{readings.source}: has {_common(stamps, duration):.3g} s in common with {name}; a "
+            f"twin needs {_SHORTEST:g} s: their stamps must be of one clock"
         )
     empty = Recording(np.zeros(0), np.zeros((0, 6)), (), 1.0)
     half = TwinRecording(
@@ -210,7 +209,7 @@ def recorded(
         offset=0.0,
         r_ib=np.eye(3),
         t0_ns=t0_ns,
-        name=readings.name,
+        name=readings.source,
         given_s=float(np.ptp(stamps)),
     )
     return _placed(half, readings, stamps, near, max_offset, name)
@@ -219,7 +218,7 @@ def recorded(
 class _Splines:
     """Splines through the poses of a truth, and through the same with more noise."""
 
-    def __init__(self, poses: PoseSequence, name: str) -> None:
+    def __init__(self, poses: States, name: str) -> None:
         self.t = timebase.seconds_since(poses.t_ns, int(poses.t_ns[0]))
         self._poses, self._name = poses, name
         motion = self._spline(poses, _SMOOTH).sample(self.t)
@@ -251,11 +250,11 @@ class _Splines:
             given = NoisyPoses(self.t, self._poses.position, self._poses.q_wb)
             for _ in range(_DRAWS):
                 _, position, q_wb = spoiled(given, *noise.drawn(self._smooth, rng))
-                other = self._poses._replace(position=position, q_wb=q_wb)
+                other = with_fields(self._poses, position=position, q_wb=q_wb)
                 result.append(self._spline(other, cutoff))
         return result
 
-    def _spline(self, poses: PoseSequence, cutoff: float) -> Trajectory:
+    def _spline(self, poses: States, cutoff: float) -> Trajectory:
         return build_trajectory(PosesParameters(file=self._name, cutoff=cutoff), lambda *_: poses)
 
 
@@ -274,23 +273,22 @@ def _placed(
     :param name: of the truth.
     """
     duration = half.duration
-    offset = coarse_offset(
-        stamps[near], readings.gyro[near], half.body_motion, duration, max_offset
-    )
+    gyro, accel = readings.triads()
+    offset = coarse_offset(stamps[near], gyro[near], half.body_motion, duration, max_offset)
     inside = (stamps + offset > _MARGIN) & (stamps + offset < duration - _MARGIN)
     if np.count_nonzero(inside) < 2 or np.ptp(stamps[inside]) < _SHORTEST:
         raise InputError(
-            f"{readings.name}: has {_common(stamps + offset, duration):.3g} s in common with "
+            f"{readings.source}: has {_common(stamps + offset, duration):.3g} s in common with "
             f"{name}; a twin needs {_SHORTEST:g} s"
         )
     stamps = stamps[inside]
-    y = np.concatenate([readings.gyro[inside], readings.accel[inside]], axis=1)
+    y = np.concatenate([gyro[inside], accel[inside]], axis=1)
     motion = half.body_motion(stamps + offset)
     if np.sqrt(np.mean(motion.rate**2)) < _TURNING:
         raise InputError(f"{name}: hardly turns; a twin is found in motion, not at rest")
-    _check_units(y, motion, readings.name)
+    _check_units(y, motion, readings.source)
     return half._replace(
-        recording=_in_pieces(stamps, y, readings.name),
+        recording=_in_pieces(stamps, y, readings.source),
         offset=offset,
         r_ib=mounting(y[:, :3], y[:, 3:], motion),
     )
@@ -298,7 +296,7 @@ def _placed(
 
 def _poses(
     truth: HasPoses | str | Path, topic: str | None, skip_bad_rows: bool
-) -> tuple[PoseSequence, str]:
+) -> tuple[States, str]:
     if isinstance(truth, str | PathLike):
         from imu_sim_ros.bags.read import read_poses
 
@@ -312,16 +310,15 @@ def _poses(
 
 
 def _check(readings: Readings) -> None:
-    verdict = gate.readings(readings.t_ns, readings.gyro, readings.accel)
-    problems = verdict.problems(readings.name)
+    problems = []
     steps = np.diff(readings.t_ns)
     if np.any(steps < 0):
         row = int(np.argmax(steps < 0)) + 1
-        problems.append(f"{readings.name}: stamps run backwards at sample {row}")
-    for name, values in (("gyroscope", readings.gyro), ("accelerometer", readings.accel)):
+        problems.append(f"{readings.source}: stamps run backwards at sample {row}")
+    for name, values in zip(("gyroscope", "accelerometer"), readings.triads(), strict=True):
         if len(values) and np.any(np.ptp(values, axis=0) == 0.0):
             axis = "xyz"[int(np.argmin(np.ptp(values, axis=0)))]
-            problems.append(f"{readings.name}: {name} {axis}: all readings are equal")
+            problems.append(f"{readings.source}: {name} {axis}: all readings are equal")
     if problems:
         raise InputError(problems)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.names import suggestion
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.records import States, with_fields
 from imu_sim_ros.types import Array, Times
 
 
@@ -27,16 +27,7 @@ def interpolate_vectors(t_ns: Times, values: Array, at_ns: Times) -> Array:
     return start + part[:, None] * (values[before + 1] - start)
 
 
-class PosesAt(NamedTuple):
-    """Poses at any times, of any order."""
-
-    position: Array
-    """(n, 3) [m]."""
-    q_wb: Array
-    """(n, 4)."""
-
-
-def poses_at(poses: PoseSequence, at_ns: Times) -> PosesAt:
+def poses_at(poses: States, at_ns: Times) -> States:
     """Return poses at other times: linear in position, at constant rate in attitude.
 
     :param at_ns: (m,) times within the stamps [ns], in any order.
@@ -45,12 +36,8 @@ def poses_at(poses: PoseSequence, at_ns: Times) -> PosesAt:
     start = poses.q_wb[before]
     turn = rotation.log(rotation.multiply(rotation.conjugate(start), poses.q_wb[before + 1]))
     q_wb = rotation.multiply(start, rotation.exp(part[:, None] * turn))
-    return PosesAt(interpolate_vectors(poses.t_ns, poses.position, at_ns), q_wb)
-
-
-def interpolate_poses(poses: PoseSequence, at_ns: Times) -> PoseSequence:
-    """Return the poses at other times, which increase; as :func:`poses_at`."""
-    return PoseSequence(at_ns, *poses_at(poses, at_ns))
+    position = interpolate_vectors(poses.t_ns, poses.position, at_ns)
+    return States.unchecked(t_ns=at_ns, position=position, q_wb=q_wb, source=poses.source)
 
 
 def _intervals(t_ns: Times, at_ns: Times) -> tuple[NDArray[np.intp], Array]:
@@ -100,11 +87,11 @@ class Alignment(NamedTuple):
     t: Array
     """(3,) [m]."""
 
-    def apply(self, poses: PoseSequence) -> PoseSequence:
+    def apply(self, poses: States) -> States:
         """Return the poses in the frame of the truth."""
         position = self.scale * poses.position @ self.r.T + self.t
         q_wb = rotation.multiply(rotation.from_matrix(self.r), poses.q_wb)
-        return poses._replace(position=position, q_wb=q_wb)
+        return with_fields(poses, position=position, q_wb=q_wb)
 
 
 def align(estimate: Array, truth: Array, kind: str) -> Alignment:
@@ -165,7 +152,7 @@ _ROUNDING: Final = 1e-12
 
 
 def time_offset(
-    estimate: PoseSequence, truth: PoseSequence, max_gap: float = 0.5, scaled: bool = False
+    estimate: States, truth: States, max_gap: float = 0.5, scaled: bool = False
 ) -> float:
     """Return the offset to add to the stamps of the estimate [s], at most :data:`LARGEST`.
 
@@ -201,9 +188,7 @@ def time_offset(
 class _Pairs:
     """Relative poses of the estimate, to be compared with those of the truth at other times."""
 
-    def __init__(
-        self, estimate: PoseSequence, truth: PoseSequence, first: Rows, second: Rows
-    ) -> None:
+    def __init__(self, estimate: States, truth: States, first: Rows, second: Rows) -> None:
         self._truth = truth
         self._first_ns, self._second_ns = estimate.t_ns[first], estimate.t_ns[second]
         self._position, self._turn = _relative(_rows(estimate, first), _rows(estimate, second))
@@ -224,7 +209,7 @@ class _Pairs:
         return float(np.sum(np.log(squares + self._least)))
 
 
-def _chord_errors(truth: PoseSequence) -> tuple[float, float]:
+def _chord_errors(truth: States) -> tuple[float, float]:
     """Return by how much interpolation is off, rms [m, rad]: a h^2 / 8 half way between stamps.
 
     Without it an offset at which stamps coincide would be preferred to all others.
@@ -238,7 +223,7 @@ def _chord_errors(truth: PoseSequence) -> tuple[float, float]:
     return position, turn
 
 
-def _pairs(estimate: PoseSequence, truth: PoseSequence, max_gap: float) -> _Pairs:
+def _pairs(estimate: States, truth: States, max_gap: float) -> _Pairs:
     """Return the pairs whose truth is known at every offset examined."""
     margin = round(LARGEST * 1e9)
     rows = common_rows(estimate.t_ns, truth.t_ns, max_gap)
@@ -258,11 +243,11 @@ def _pairs(estimate: PoseSequence, truth: PoseSequence, max_gap: float) -> _Pair
     return _Pairs(estimate, truth, rows[start], rows[behind[start]])
 
 
-def _rows(poses: PoseSequence, rows: Rows) -> PosesAt:
-    return PosesAt(poses.position[rows], poses.q_wb[rows])
+def _rows(poses: States, rows: Rows) -> States:
+    return poses.rows(rows)
 
 
-def _relative(first: PosesAt, second: PosesAt) -> tuple[Array, Array]:
+def _relative(first: States, second: States) -> tuple[Array, Array]:
     """Return the motion between poses in the body: positions (n, 3), rotations (n, 4)."""
     position = rotation.rotate_inverse(first.q_wb, second.position - first.position)
     return position, rotation.multiply(rotation.conjugate(first.q_wb), second.q_wb)

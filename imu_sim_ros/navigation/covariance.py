@@ -34,7 +34,7 @@ from numpy.typing import ArrayLike
 from imu_sim_ros import rotation
 from imu_sim_ros.navigation.covariance_terms import SecondOrder, SlowErrors
 from imu_sim_ros.navigation.mount import ALIGNED, ImuMount
-from imu_sim_ros.navigation.state import NavigationStates
+from imu_sim_ros.records import States
 from imu_sim_ros.sensors.imu.triads import TriadsParameters
 from imu_sim_ros.types import Array
 
@@ -311,7 +311,7 @@ def _rows(h: float, r_wb: Array, force_b: Array) -> tuple[float, ...]:
 
 
 def propagate(
-    states: NavigationStates,
+    states: States,
     accel: Array,
     noise: TriadsParameters,
     initial: Array | Covariance | None = None,

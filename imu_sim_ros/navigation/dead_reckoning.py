@@ -47,9 +47,10 @@ from imu_sim_ros.navigation.state import (
     NO_CORRECTION,
     Correction,
     NavigationState,
-    NavigationStates,
+    states_of,
 )
 from imu_sim_ros.navigation.stepper import Stepper, check_method, check_readings
+from imu_sim_ros.records import States
 from imu_sim_ros.types import Array, Integers
 
 __all__ = ["Stepper", "dead_reckon"]
@@ -74,7 +75,7 @@ def dead_reckon(
     earth_rate: Sequence[float] = _STILL,
     mount: ImuMount = ALIGNED,
     initial_rate: Array | None = None,
-) -> NavigationStates:
+) -> States:
     """Integrate readings.
 
     :param t_ns: (n,) stamps [ns], increasing.
@@ -123,7 +124,7 @@ def _integrated(
     gravity: Sequence[float],
     correction: Correction,
     earth_rate: Sequence[float],
-) -> NavigationStates:
+) -> States:
     """Return the states of the IMU itself; the readings have been checked."""
     if attitude == "euler_angles" and any(earth_rate):
         stepper = Stepper(
@@ -177,11 +178,11 @@ class _States:
             *start, h, increment, self._world
         )
 
-    def result(self) -> NavigationStates:
-        return NavigationStates(self._t_ns, self._position, self._velocity, self._q)
+    def result(self) -> States:
+        return states_of(self._t_ns, self._position, self._velocity, self._q)
 
 
-def _step_through(stepper: Stepper, t_ns: Integers, gyro: Array, accel: Array) -> NavigationStates:
+def _step_through(stepper: Stepper, t_ns: Integers, gyro: Array, accel: Array) -> States:
     """Integrate one step at a time if there are no increments."""
     rows: list[NavigationState] = []
     for t, rate, force in zip(t_ns.tolist(), gyro, accel, strict=True):
@@ -189,4 +190,4 @@ def _step_through(stepper: Stepper, t_ns: Integers, gyro: Array, accel: Array) -
         if stepper.counts.gimbal_lock:
             raise angles.gimbal_lock((t - int(t_ns[0])) * 1e-9)
         rows.append(stepper.state)
-    return NavigationStates(t_ns, *(np.array(column) for column in zip(*rows, strict=True)))
+    return states_of(t_ns, *(np.array(column) for column in zip(*rows, strict=True)))

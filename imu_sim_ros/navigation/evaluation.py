@@ -14,28 +14,26 @@ from imu_sim_ros.names import suggestion
 from imu_sim_ros.navigation.association import (
     Alignment,
     common_rows,
-    interpolate_poses,
     interpolate_vectors,
+    poses_at,
 )
 from imu_sim_ros.navigation.coverage import coverage
-from imu_sim_ros.navigation.state import NavigationState, NavigationStates
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.navigation.state import NavigationState
+from imu_sim_ros.records import States
 from imu_sim_ros.types import Array, Integers, Mask
 
 
-class TrueStates(NamedTuple):
-    """The true motion at n times."""
+def state_at(truth: States, t_ns: int) -> NavigationState:
+    """Return the state at one time within the stamps, linear between them.
 
-    poses: PoseSequence
-    velocity: Array
-    """(n, 3) in the world [m/s]."""
-
-    def at(self, t_ns: int) -> NavigationState:
-        """Return the state at one time within the stamps."""
-        at_ns = np.array([t_ns])
-        poses = interpolate_poses(self.poses, at_ns)
-        velocity = interpolate_vectors(self.poses.t_ns, self.velocity, at_ns)
-        return NavigationState(poses.position[0], velocity[0], poses.q_wb[0])
+    :param truth: states with velocities.
+    :param t_ns: time [ns].
+    :raises InputError: for states without velocities.
+    """
+    at_ns = np.array([t_ns])
+    pose = poses_at(truth, at_ns)
+    velocity = interpolate_vectors(truth.t_ns, truth.velocities(), at_ns)
+    return NavigationState(pose.position[0], velocity[0], pose.q_wb[0])
 
 
 class Drift(NamedTuple):
@@ -62,22 +60,22 @@ class Drift(NamedTuple):
         return float(np.sqrt(np.mean(np.sum(np.square(getattr(self, name)), axis=1))))
 
 
-def drift_from(states: NavigationStates, truth: TrueStates) -> Drift:
+def drift_from(states: States, truth: States) -> Drift:
     """Return the errors of states at all stamps at which the truth is known.
 
     :raises InputError: if both do not overlap in time.
     """
-    rows = common_rows(states.t_ns, truth.poses.t_ns)
+    rows = common_rows(states.t_ns, truth.t_ns)
     t_ns = states.t_ns[rows]
-    poses = interpolate_poses(truth.poses, t_ns)
-    velocity = interpolate_vectors(truth.poses.t_ns, truth.velocity, t_ns)
+    poses = poses_at(truth, t_ns)
+    velocity = interpolate_vectors(truth.t_ns, truth.velocities(), t_ns)
     return Drift(
         t_ns,
         poses.position - states.position[rows],
-        velocity - states.velocity[rows],
+        velocity - states.velocities()[rows],
         attitude_errors(states.q_wb[rows], poses.q_wb),
         float(distances(poses.position)[-1]),
-        coverage(truth.poses.t_ns, states.t_ns, allowance=0.0).estimated_s,
+        coverage(truth.t_ns, states.t_ns, allowance=0.0).estimated_s,
     )
 
 
@@ -85,7 +83,7 @@ _GAUGE: Final = np.array([0, 1, 2, 5])
 """Position and yaw among the numbers of a pose's error."""
 
 
-def gauge_at(estimate: PoseSequence, truth: PoseSequence, row: int = 0) -> Alignment:
+def gauge_at(estimate: States, truth: States, row: int = 0) -> Alignment:
     """Return the turn about z and the translation that give one pose the truth's gauge.
 
     :param truth: (n,) at the times of the estimate.
@@ -198,7 +196,7 @@ class Remainder(NamedTuple):
 
 
 def remainder(
-    name: str, pose: Array, poses: PoseSequence, truth: PoseSequence, alignment: str
+    name: str, pose: Array, poses: States, truth: States, alignment: str
 ) -> Remainder | None:
     """Return the errors of a part of the poses, with yaw and position fixed at one of them.
 
@@ -299,8 +297,8 @@ class PoseNees(TypedDict):
 
 def stated_nees(
     pose: Array | None,
-    poses: PoseSequence,
-    truth: PoseSequence,
+    poses: States,
+    truth: States,
     alignment: str,
     velocity_b: Array | None = None,
     linear: Array | None = None,
@@ -452,7 +450,7 @@ class AbsoluteErrors(NamedTuple):
     """(n, 3) rotation vectors about the world's axes [rad]."""
 
 
-def absolute_errors(estimate: PoseSequence, truth: PoseSequence) -> AbsoluteErrors:
+def absolute_errors(estimate: States, truth: States) -> AbsoluteErrors:
     """Return the absolute errors (ATE) of an aligned estimate; both (n,) at the same times."""
     return AbsoluteErrors(
         truth.position - estimate.position, attitude_errors(estimate.q_wb, truth.q_wb)
@@ -475,7 +473,7 @@ class RelativeErrors(NamedTuple):
 
 
 def relative_errors(
-    estimate: PoseSequence, truth: PoseSequence, first: NDArray[np.intp], second: NDArray[np.intp]
+    estimate: States, truth: States, first: NDArray[np.intp], second: NDArray[np.intp]
 ) -> RelativeErrors:
     """Return the errors of relative poses (RPE): ``E = (T_i^-1 T_j)_truth^-1 (T_i^-1 T_j)``.
 
@@ -496,7 +494,7 @@ def relative_errors(
 
 
 def _relative(
-    poses: PoseSequence, first: NDArray[np.intp], second: NDArray[np.intp]
+    poses: States, first: NDArray[np.intp], second: NDArray[np.intp]
 ) -> tuple[Array, Array]:
     position = rotation.rotate_inverse(
         poses.q_wb[first], poses.position[second] - poses.position[first]
@@ -506,7 +504,7 @@ def _relative(
 
 
 def pairs(
-    truth: PoseSequence, delta: float, unit: str, overlapping: bool = True
+    truth: States, delta: float, unit: str, overlapping: bool = True
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return first and second rows of pairs that lie a time or a distance apart.
 
@@ -535,7 +533,7 @@ def pairs(
     return first, behind[first]
 
 
-def _marks(truth: PoseSequence, unit: str) -> Array:
+def _marks(truth: States, unit: str) -> Array:
     if unit == "m":
         return distances(truth.position)
     if unit == "s":

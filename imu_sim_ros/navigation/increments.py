@@ -157,7 +157,7 @@ def world_vectors(gravity: Sequence[float], earth_rate: Sequence[float]) -> Worl
     return WorldVectors(np.array(gravity, dtype=np.float64), np.array(earth_rate, dtype=np.float64))
 
 
-class States(NamedTuple):
+class StateSequence(NamedTuple):
     """The states at the start and at the ends of n intervals."""
 
     position: Array
@@ -175,7 +175,7 @@ def states(
     h: Array,
     increment: Increments,
     world: WorldVectors,
-) -> States:
+) -> StateSequence:
     """Return the states from that at the start on.
 
     In a world that turns the sums are taken in frames that do not: ``q_wb(t) = Exp(-E t) q(t)``,
@@ -208,4 +208,4 @@ def states(
     if increment.dp is not None:
         positions[1:] += rotate(q[:-1], increment.dp)
     np.add.accumulate(positions, axis=0, out=positions)
-    return States(positions, velocities, q)
+    return StateSequence(positions, velocities, q)

@@ -18,8 +18,9 @@ import numpy as np
 
 from imu_sim_ros import rotation
 from imu_sim_ros.navigation.parameters import IntegratorImuParameters
-from imu_sim_ros.navigation.state import NavigationState, NavigationStates
+from imu_sim_ros.navigation.state import NavigationState, state_of_row, states_of
 from imu_sim_ros.parameters.kinds import ZERO_VECTOR, Vector
+from imu_sim_ros.records import States
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.types import Array
 
@@ -63,17 +64,17 @@ class ImuMount(NamedTuple):
             )
         )
 
-    def body_states(self, imu: NavigationStates, rate_i: Array) -> NavigationStates:
+    def body_states(self, imu: States, rate_i: Array) -> States:
         """Return the body's states.
 
         :param imu: n states of the IMU.
         :param rate_i: (n, 3) relative to the world, in the IMU's axes [rad/s].
         """
         arm = self._arm_i
-        return NavigationStates(
+        return states_of(
             imu.t_ns,
             imu.position - rotation.rotate(imu.q_wb, arm),
-            imu.velocity - rotation.rotate(imu.q_wb, np.cross(rate_i, arm)),
+            imu.velocities() - rotation.rotate(imu.q_wb, np.cross(rate_i, arm)),
             rotation.multiply(imu.q_wb, rotation.conjugate(self.q_bi)),
         )
 
@@ -85,8 +86,8 @@ class ImuMount(NamedTuple):
         if self == ALIGNED:
             velocity_b = rotation.rotate_inverse(imu.q_wb, imu.velocity)
             return BodyState(imu.position, imu.q_wb, velocity_b, rate_i)
-        own = NavigationStates(np.zeros(1, np.int64), *(value[None] for value in imu))
-        body = self.body_states(own, rate_i[None]).at(0)
+        own = states_of(np.zeros(1, np.int64), *(value[None] for value in imu))
+        body = state_of_row(self.body_states(own, rate_i[None]), 0)
         velocity_b = rotation.rotate_inverse(body.q_wb, body.velocity)
         return BodyState(body.position, body.q_wb, velocity_b, rotation.rotate(self.q_bi, rate_i))
 

@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike
 from imu_sim_ros.arguments import array, refuse
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX, ZERO_MATRIX, ZERO_VECTOR, Matrix, Vector
-from imu_sim_ros.types import Array, Integers, shapes
+from imu_sim_ros.records import States
+from imu_sim_ros.types import Array, Integers
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -50,24 +51,21 @@ class NavigationState(_State):
         )
 
 
-class NavigationStates(NamedTuple):
-    """The states at n times; time first."""
+def state_of_row(states: States, row: int) -> NavigationState:
+    """Return the state of one row of states that have velocities."""
+    assert states.velocity is not None
+    return NavigationState._make((states.position[row], states.velocity[row], states.q_wb[row]))
 
-    t_ns: Integers
-    """(n,) [ns]."""
-    position: Array
-    """(n, 3) p_wb [m]."""
-    velocity: Array
-    """(n, 3) of the body in the world frame [m/s]."""
-    q_wb: Array
-    """(n, 4) unit quaternions (w, x, y, z)."""
 
-    def __repr__(self) -> str:
-        return shapes(self)
+def states_of(t_ns: Integers, position: Array, velocity: Array, q_wb: Array) -> States:
+    """Return integrated states, which may lie beyond what a body can reach.
 
-    def at(self, k: int) -> NavigationState:
-        """Return the state of row k."""
-        return NavigationState._make((self.position[k], self.velocity[k], self.q_wb[k]))
+    :param t_ns: (n,) stamps [ns].
+    :param position: (n, 3) p_wb [m].
+    :param velocity: (n, 3) velocity in the world [m/s].
+    :param q_wb: (n, 4) unit quaternions (w, x, y, z).
+    """
+    return States.unchecked(t_ns=t_ns, position=position, velocity=velocity, q_wb=q_wb)
 
 
 @dataclass(frozen=True)

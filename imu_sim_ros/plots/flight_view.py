@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.conventions import WORLD_FRAME
 from imu_sim_ros.errors import MissingDependencyError
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.records import States
 from imu_sim_ros.types import Array, Times
 
 _TIME: Final = "stamp"
@@ -94,7 +94,7 @@ class FlightView:
             raise MissingDependencyError(f"rerun: {error}; {_OTHERWISE}") from None
         self._recording.disconnect()
 
-    def path(self, name: str, poses: PoseSequence) -> None:
+    def path(self, name: str, poses: States) -> None:
         """Add a path: its line, and a body that moves along it."""
         rr, colour = self._rr, _COLOURS[self._paths % len(_COLOURS)]
         self._paths += 1

@@ -5,7 +5,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from imu_sim_ros.bags.read import imu_blocks, open_bag
 from imu_sim_ros.bags.text.reader import imu_names, is_text
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import Skipped
-from imu_sim_ros.navigation.association import common_rows, interpolate_poses
+from imu_sim_ros.navigation.association import common_rows, poses_at
 from imu_sim_ros.navigation.coverage import coverage
 from imu_sim_ros.navigation.evaluation import (
     absolute_errors,
@@ -25,7 +25,7 @@ from imu_sim_ros.navigation.evaluation import (
     invertible,
     nees,
 )
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.records import States, with_fields
 from imu_sim_ros.reports.page import Item, Section, table
 from imu_sim_ros.reports.streams import StreamPlots, analyse, bias_series, extremes, topic_items
 from imu_sim_ros.types import Array
@@ -44,21 +44,10 @@ NOT_MEASURED: Final = 1e5
 """Variance above which a number is none: odometry of wheels states 1e6 of its height."""
 
 
-class BagTrack(NamedTuple):
-    """A trajectory of a bag: the truth, or an estimate of it."""
-
-    name: str
-    poses: PoseSequence
-    pose_covariance: Array | None = None
-    """(n, 6, 6) position, rotation about the world's axes."""
-    frame_id: str = ""
-    """Of the poses; empty: that of the truth."""
-
-
 def bag_sections(
     path: Path,
-    truth: BagTrack | None,
-    estimates: Sequence[BagTrack],
+    truth: States | None,
+    estimates: Sequence[States],
     skipped: Skipped | None = None,
 ) -> list[Section]:
     """Return the sections of a bag, a EuRoC folder or a file of readings.
@@ -187,26 +176,26 @@ def _intervals(stream: StreamPlots, link: str) -> Item:
 
 
 def motion(
-    path: Path, truth: BagTrack | None, estimates: Sequence[BagTrack], title: str = "motion"
+    path: Path, truth: States | None, estimates: Sequence[States], title: str = "motion"
 ) -> Section:
     """Return the section of a truth and estimates of it.
 
     An estimate in another frame, such as that of odometry, begins at the truth.
     """
     placed = [one if truth is None else _placed(one, truth) for one in estimates]
-    moved = [one.name for one, given in zip(placed, estimates, strict=True) if one is not given]
+    moved = [one.source for one, given in zip(placed, estimates, strict=True) if one is not given]
     estimates = placed
     tracks = [one for one in (truth, *estimates) if one is not None]
     series = []
     # An estimate has one colour in all plots, the truth that of words.
     colours = [*([None] if truth is not None else []), *range(len(estimates))]
     for colour, one in zip(colours, tracks, strict=True):
-        x, y, z = one.poses.position[extremes(one.poses.position)].T
-        series.append({"name": one.name, "colour": colour, "x": x, "y": y, "z": z})
+        x, y, z = one.position[extremes(one.position)].T
+        series.append({"name": one.source, "colour": colour, "x": x, "y": y, "z": z})
     items: list[Item] = [{"kind": "path", "title": "Path", "series": series}]
     if truth is not None and moved:
         items.insert(0, {"kind": "text", "text": f"{', '.join(moved)}: {_MOVED}"})
-    first_ns = min(int(one.poses.t_ns[0]) for one in tracks)
+    first_ns = min(int(one.t_ns[0]) for one in tracks)
     items.append(
         {"kind": "plots", "items": _orientation(tracks, colours, first_ns, f"{path} {title}")}
     )
@@ -216,7 +205,7 @@ def motion(
     return Section(f"{path.name}: {title}", items)
 
 
-def _placed(estimate: BagTrack, truth: BagTrack) -> BagTrack:
+def _placed(estimate: States, truth: States) -> States:
     """Return an estimate in the truth's frame: as it is, or moved to the truth at its first pose.
 
     Moved and turned about z; without the poses that the truth does not cover.
@@ -224,33 +213,32 @@ def _placed(estimate: BagTrack, truth: BagTrack) -> BagTrack:
     if not (estimate.frame_id and truth.frame_id) or estimate.frame_id == truth.frame_id:
         return estimate
     try:
-        rows = common_rows(estimate.poses.t_ns, truth.poses.t_ns)
+        rows = common_rows(estimate.t_ns, truth.t_ns)
     except InputError:  # said where they are compared
         return estimate
-    at_ns = estimate.poses.t_ns[rows]
-    poses = PoseSequence(at_ns, estimate.poses.position[rows], estimate.poses.q_wb[rows])
-    first = gauge_at(poses, interpolate_poses(truth.poses, at_ns))
-    covariance = estimate.pose_covariance
+    poses = estimate.rows(rows)
+    gauge = gauge_at(poses, poses_at(truth, poses.t_ns))
+    covariance = poses.covariance
     if covariance is not None:
-        turn = np.kron(np.eye(2), first.r)
-        covariance = turn @ covariance[rows] @ turn.T
-    return BagTrack(estimate.name, first.apply(poses), covariance, truth.frame_id)
+        turn = np.kron(np.eye(2), gauge.r)
+        covariance = turn @ covariance @ turn.T
+    return with_fields(gauge.apply(poses), covariance=covariance, frame_id=truth.frame_id)
 
 
 def _orientation(
-    tracks: Sequence[BagTrack], colours: Sequence[int | None], first_ns: int, link: str
+    tracks: Sequence[States], colours: Sequence[int | None], first_ns: int, link: str
 ) -> list[Item]:
     """Return roll, pitch and yaw of every trajectory over the time since the first pose."""
     drawn: list[list[Item]] = [[], [], []]
     for colour, one in zip(colours, tracks, strict=True):
-        angles = np.rad2deg(rotation.to_euler(one.poses.q_wb))
-        t_s = (one.poses.t_ns - first_ns) * 1e-9
+        angles = np.rad2deg(rotation.to_euler(one.q_wb))
+        t_s = (one.t_ns - first_ns) * 1e-9
         for k in range(3):
             rows = extremes(angles[:, k])
             values = angles[rows, k]
             # A turn through 180 deg is a step of the angle, not a motion: the line is interrupted.
             values[1:][np.abs(np.diff(values)) > _TURN_DEG] = np.nan
-            line = {"name": one.name, "colour": colour, "x": t_s[rows], "y": values, "thin": True}
+            line = {"name": one.source, "colour": colour, "x": t_s[rows], "y": values, "thin": True}
             drawn[k].append(line)
     names = ("roll", "pitch", "yaw")
     link = f"{link} orientation"
@@ -260,20 +248,20 @@ def _orientation(
     ]
 
 
-def _errors(estimate: BagTrack, truth: BagTrack, link: str, colour: int) -> list[Item]:
+def _errors(estimate: States, truth: States, link: str, colour: int) -> list[Item]:
     """Return the error of an estimate over time, its band of 3 sigma, and its NEES.
 
     Numbers are of all poses; a picture has the extremes of each of its columns.
     """
     try:
-        rows = common_rows(estimate.poses.t_ns, truth.poses.t_ns)
+        rows = common_rows(estimate.t_ns, truth.t_ns)
     except InputError as error:
-        return [{"kind": "text", "text": f"{estimate.name}: {error}"}]
-    at_ns = estimate.poses.t_ns[rows]
-    poses = PoseSequence(at_ns, estimate.poses.position[rows], estimate.poses.q_wb[rows])
-    errors = absolute_errors(poses, interpolate_poses(truth.poses, at_ns))
+        return [{"kind": "text", "text": f"{estimate.source}: {error}"}]
+    at_ns = estimate.t_ns[rows]
+    poses = estimate.rows(rows)
+    errors = absolute_errors(poses, poses_at(truth, at_ns))
     t_s = (at_ns - at_ns[0]) * 1e-9
-    covariance = None if estimate.pose_covariance is None else estimate.pose_covariance[rows]
+    covariance = poses.covariance
     if covariance is not None and not np.any(covariance):
         covariance = None
     plots = []
@@ -284,22 +272,22 @@ def _errors(estimate: BagTrack, truth: BagTrack, link: str, colour: int) -> list
             if variance is not None and variance.min() >= NOT_MEASURED:
                 continue
             series = error_series(t_s, values[:, k], variance, colour)
-            name = f"{estimate.name}: {title} error {axis}"
+            name = f"{estimate.source}: {title} error {axis}"
             plots.append(plot(name, "time [s]", f"[{unit}]", series, link=link))
     size = np.linalg.norm(errors.position, axis=1)
     worst = int(np.argmax(size))
     words = (
-        f"{estimate.name}: {float(np.sqrt(np.mean(size**2))):.4g} m root mean square over "
+        f"{estimate.source}: {float(np.sqrt(np.mean(size**2))):.4g} m root mean square over "
         f"{len(size):,} poses, {size[-1]:.4g} m at the end, at most {size[worst]:.4g} m "
         f"(at {t_s[worst]:.6g} s); truth minus estimate; "
-        f"{coverage(estimate.poses.t_ns, truth.poses.t_ns).words()} of the truth's time"
-        f"{without_truth(len(estimate.poses.t_ns) - len(rows), 'poses')}"
+        f"{coverage(estimate.t_ns, truth.t_ns).words()} of the truth's time"
+        f"{without_truth(len(estimate.t_ns) - len(rows), 'poses')}"
     )
     if covariance is None:
         words += "; it has no covariance, hence no NEES"
     else:
         summary, drawn = _nees(
-            estimate.name, t_s, covariance, [errors.position, errors.attitude], link
+            estimate.source, t_s, covariance, [errors.position, errors.attitude], link
         )
         words += summary
         plots.append(drawn)

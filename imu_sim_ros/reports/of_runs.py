@@ -17,8 +17,8 @@ from imu_sim_ros.campaigns.results import Row
 from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.campaigns.summary import Group
 from imu_sim_ros.errors import ImuSimError
-from imu_sim_ros.navigation.association import align, common_rows, interpolate_poses
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.navigation.association import align, common_rows, poses_at
+from imu_sim_ros.navigation.state import state_of_row
 from imu_sim_ros.reports.page import Item
 from imu_sim_ros.reports.streams import extremes
 from imu_sim_ros.types import Array
@@ -132,20 +132,18 @@ def _tracks(
     if cell.total is None or cell.total > _LONGEST:
         return None
     block = cell.block(seed)
-    truth, poses = cell.truth(block)
+    truth = cell.truth(block)
     if isinstance(estimator, DeadReckonEstimator):
         readings = cell.readings(block)
         if not np.array_equal(readings.t_ns, truth.t_ns):
             return None
-        states = reckoned(cell, estimator, block, readings, truth.at(0))
-        estimate = PoseSequence(states.t_ns, states.position, states.q_wb)
+        estimate = reckoned(cell, estimator, block, readings, state_of_row(truth, 0))
     elif isinstance(estimator, CommandEstimator) and files:
-        estimate = read_estimate(files[0], estimator.estimate_topic or None).poses
+        estimate = read_estimate(files[0], estimator.estimate_topic or None)
     else:
         return None
-    rows = common_rows(estimate.t_ns, poses.t_ns)
-    estimate = PoseSequence(estimate.t_ns[rows], estimate.position[rows], estimate.q_wb[rows])
-    there = interpolate_poses(poses, estimate.t_ns)
+    estimate = estimate.rows(common_rows(estimate.t_ns, truth.t_ns))
+    there = poses_at(truth, estimate.t_ns)
     aligned = align(estimate.position, there.position, str(cell.plan.alignment(name)))
     return [("truth", truth.position), (name, aligned.apply(estimate).position)]
 

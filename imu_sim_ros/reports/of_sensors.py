@@ -23,9 +23,9 @@ from imu_sim_ros.bags.read import decoded_blocks, open_bag, read_odometry
 from imu_sim_ros.bags.reader import errors_naming
 from imu_sim_ros.bags.sensor_tables import read_table
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation.association import common_rows, interpolate_poses
+from imu_sim_ros.navigation.association import common_rows, poses_at
 from imu_sim_ros.navigation.evaluation import absolute_errors
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.records import States, with_fields
 from imu_sim_ros.reports.of_bag import NOT_MEASURED, error_series, plot, without_truth
 from imu_sim_ros.reports.page import Item, Section
 from imu_sim_ros.reports.streams import extremes
@@ -206,12 +206,11 @@ def _orientation(path: Path, info: TopicInfo, topics: Sequence[TopicInfo]) -> li
         return []
     truth = read_odometry(path, known[0])
     still = np.zeros((len(read.t_ns), 3))
-    stated = PoseSequence(read.t_ns, still, read.values)
+    stated = States(read.t_ns, still, read.values)
     rows = common_rows(stated.t_ns, truth.t_ns)
     at_ns = stated.t_ns[rows]
-    there = interpolate_poses(PoseSequence(truth.t_ns, truth.position, truth.q_wb), at_ns)
-    there = PoseSequence(at_ns, still[rows], there.q_wb)
-    stated = PoseSequence(at_ns, still[rows], stated.q_wb[rows])
+    there = with_fields(poses_at(truth, at_ns), position=still[rows])
+    stated = stated.rows(rows)
     variance = np.diagonal(read.covariance[rows], axis1=1, axis2=2)
     error = -absolute_errors(stated, there).attitude
     names = ("roll", "pitch", "yaw")

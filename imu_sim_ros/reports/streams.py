@@ -19,8 +19,8 @@ from imu_sim_ros.bags.messages.encode_cameras import COMPRESSED_IMAGE, IMAGE
 from imu_sim_ros.bags.read import open_bag, vector_blocks
 from imu_sim_ros.bags.reader import Bag, errors_naming
 from imu_sim_ros.calibration.noise.deviation import Deviation, DeviationAccumulator
-from imu_sim_ros.calibration.record import ReadingsBlock
 from imu_sim_ros.errors import ImuSimError
+from imu_sim_ros.records import Readings
 from imu_sim_ros.reports.page import Item, table
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.types import Array, Bytes, Integers, Mask
@@ -239,13 +239,13 @@ def extremes(values: Array, columns: int = PARTS) -> NDArray[np.intp]:
     return np.unique(np.concatenate([[0, len(table) - 1], *found]))
 
 
-def analyse(blocks: Iterable[ReadingsBlock], count: int) -> StreamPlots | None:
+def analyse(blocks: Iterable[Readings], count: int) -> StreamPlots | None:
     """Return the data for the plots of a stream; None with fewer than two readings.
 
     :param count: of the readings, about; it sets how many make a part.
     """
     analysis: _Analysis | None = None
-    waiting: list[ReadingsBlock] = []
+    waiting: list[Readings] = []
     for block in blocks:
         if analysis is None:
             waiting.append(block)
@@ -275,10 +275,10 @@ class _Analysis:
         self._spectrum = _Spectrum(1.0 / interval)
         self._deviation = DeviationAccumulator(1.0 / interval, 6)
 
-    def add(self, block: ReadingsBlock) -> None:
+    def add(self, block: Readings) -> None:
         if not len(block.t_ns):
             return
-        values = np.column_stack([block.gyro, block.accel])
+        values = np.column_stack(block.triads())
         before = self._last if self._samples else int(block.t_ns[0])
         steps: Array = np.diff(block.t_ns, prepend=before) * 1e-9
         t_s = (block.t_ns - self._first) * 1e-9

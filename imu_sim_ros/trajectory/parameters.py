@@ -31,14 +31,14 @@ from imu_sim_ros.parameters.sections import section
 from imu_sim_ros.places.catalogue import KINDS, size_problems
 
 if TYPE_CHECKING:
-    from imu_sim_ros.poses import PoseSequence
+    from imu_sim_ros.records import States
     from imu_sim_ros.trajectory.motion import Trajectory
 
 ENTRY_POINTS = "imu_sim_ros.trajectories"
 """Group of entry points under which other packages offer trajectories of their own."""
 LEAST_KNOTS = 0.02
 """Least product of knot spacing and cut-off; below it the fit of a spline loses digits."""
-PoseReader: TypeAlias = "Callable[..., PoseSequence]"
+PoseReader: TypeAlias = "Callable[..., States]"
 """Reads the poses of a file; called with the path, and the topic if one is given."""
 GIVEN: Final = "given"
 """The type of a motion that Python gives as an object or a function; no file can name it."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from imu_sim_ros import rotation, timebase
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.records import States
 from imu_sim_ros.trajectory.bspline import PoseSpline, UniformKnots
 from imu_sim_ros.trajectory.motion import Motion, Trajectory
 from imu_sim_ros.trajectory.parameters import PosesParameters
@@ -68,7 +68,7 @@ class FitReport(NamedTuple):
 class RecordedMotion:
     """A body that moves as recorded; time 0 is the first pose."""
 
-    def __init__(self, poses: PoseSequence, parameters: PosesParameters) -> None:
+    def __init__(self, poses: States, parameters: PosesParameters) -> None:
         """Fit the spline.
 
         :raises InputError: for poses that are too few or too far apart in time.
@@ -86,7 +86,7 @@ class RecordedMotion:
             if found.findings:
                 t = found.t
                 t_ns = self.t0_ns + np.round(t * 1e9).astype(np.int64)
-                poses = PoseSequence(t_ns, found.position, found.q_wb, poses.dropped, poses.skipped)
+                poses = States(t_ns, found.position, found.q_wb, repeated=poses.repeated).in_order()
         self._parameters, self._t, self._poses = parameters, t, poses
         self._knots = UniformKnots(float(t[-1]), spacing)
         cutoff, outliers = parameters.cutoff, parameters.outlier_distance
@@ -139,7 +139,7 @@ def recorded_in(trajectory: Trajectory) -> RecordedMotion | None:
     return None
 
 
-def _check(poses: PoseSequence, parameters: PosesParameters) -> None:
+def _check(poses: States, parameters: PosesParameters) -> None:
     count = len(poses.t_ns)
     if count < _LEAST_POSES:
         raise InputError(
@@ -156,7 +156,7 @@ def _check(poses: PoseSequence, parameters: PosesParameters) -> None:
         )
 
 
-def _knot_spacing(poses: PoseSequence, parameters: PosesParameters) -> float:
+def _knot_spacing(poses: States, parameters: PosesParameters) -> float:
     """Return the time between knots [s]: the given one, or one suited to data and cut-off."""
     steps = timebase.seconds_since(np.diff(poses.t_ns), 0)
     usual = float(np.median(steps))
@@ -170,7 +170,7 @@ def _knot_spacing(poses: PoseSequence, parameters: PosesParameters) -> float:
 
 
 def _report(
-    t: Array, poses: PoseSequence, spline: PoseSpline, knots: UniformKnots, cutoff: float
+    t: Array, poses: States, spline: PoseSpline, knots: UniformKnots, cutoff: float
 ) -> FitReport:
     near = spline.sample(t)
     distance = np.linalg.norm(near.position - poses.position, axis=-1)
@@ -186,7 +186,7 @@ def _report(
     )
     return FitReport(
         poses=len(t),
-        repeated=poses.dropped,
+        repeated=poses.repeated,
         duration=spline.duration,
         rms_position=_rms(distance),
         max_position=float(np.max(distance)),

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros import rotation
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.records import States
 from imu_sim_ros.trajectory.arrival import even_times
 from imu_sim_ros.trajectory.residuals import REACH, residuals, smallest_distance
 from imu_sim_ros.types import Array, Integers, Mask
@@ -226,9 +226,7 @@ _LARGEST_RATE: Final = 35.0
 _OPTION: Final = "--robust (trajectory.robust)"
 
 
-def suspicions(
-    findings: Findings, file: str, poses: PoseSequence, t: Array, robust: bool
-) -> list[str]:
+def suspicions(findings: Findings, file: str, poses: States, t: Array, robust: bool) -> list[str]:
     """Return a line for each kind of problem.
 
     :param t: (n,) times of the poses [s].
@@ -237,9 +235,7 @@ def suspicions(
     return list(_lines(findings, file, poses, t, robust))
 
 
-def _lines(
-    findings: Findings, file: str, poses: PoseSequence, t: Array, robust: bool
-) -> Iterator[str]:
+def _lines(findings: Findings, file: str, poses: States, t: Array, robust: bool) -> Iterator[str]:
     def where(row: int) -> str:
         name = f"pose {row + 1}" if poses.lines is None else f"line {poses.lines[row]}"
         return f"{name} ({t[row]:.3f} s)"

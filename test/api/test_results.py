@@ -45,9 +45,8 @@ def test_the_start_is_the_truth_level_or_given():
 def test_evaluation_aligns_and_gives_relative_errors():
     flight = ims.simulate(imu="perfect", trajectory="figure_eight", duration=30)
     track = ims.dead_reckon(flight)
-    moved = ims.Track(
-        track.t_ns, track.position + np.array([1.0, 2.0, 3.0]), track.velocity, track.q_wb, "", ""
-    )
+    shifted = track.position + np.array([1.0, 2.0, 3.0])
+    moved = ims.States(track.t_ns, shifted, track.q_wb, track.velocity)
     found = ims.evaluate(moved, flight.truth)
     assert found.rms_position == pytest.approx(14.0**0.5, abs=0.01)
     assert ims.evaluate(moved, flight.truth, align="yaw").rms_position < 0.01
@@ -191,7 +190,7 @@ def test_the_working_folder_is_a_recording_like_any_other(tmp_path, monkeypatch)
     folder = tmp_path / "euroc"
     ims.generate(folder, duration=1, format="euroc", rate=100)
     monkeypatch.chdir(folder)
-    assert ims.read_imu(".").name == "euroc"
+    assert ims.read_imu(".").source == "euroc"
     assert len(ims.dead_reckon(".")) == 100
     with pytest.raises(ims.InputError, match="nearest|at least|0 readings|rest"):
         ims.calibrate_six_position(".")
@@ -222,9 +221,7 @@ def test_what_holds_arrays_prints_as_one_line():
     assert "covariance (3, 15, 15)" in repr(pre)
     truth = flight.truth
     poses = ims.PoseSequence(truth.t_ns, truth.position, truth.q_wb)
-    assert repr(poses) == "<PoseSequence: t_ns (400,), position (400, 3), q_wb (400, 4), " + (
-        "dropped 0, skipped 0>"
-    )
+    assert repr(poses) == "<States states: 400 at 200 Hz, 1.995 s>"
     motion = flight.trajectory.sample(np.arange(3.0))
     for one in (pre, block, motion, poses):
         assert "\n" not in repr(one)

@@ -14,7 +14,7 @@ import imu_sim_ros as ims
 from imu_sim_ros.calibration.twin.pose_noise import PoseNoise
 from imu_sim_ros.inputs.gate import stamp_words
 from imu_sim_ros.jobs.twin import check_settled, judged
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.records import States
 from imu_sim_ros.rotation import conjugate, exp, log, multiply, normalise, to_matrix
 
 TURN = np.array([0.3, -0.2, 0.5])
@@ -60,7 +60,7 @@ def half(flight):
     some = slice(1500)
     return (
         ims.Readings(readings.t_ns[some], readings.gyro[some], readings.accel[some], "half"),
-        PoseSequence(poses.t_ns[some], poses.position[some], poses.q_wb[some]),
+        States(poses.t_ns[some], poses.position[some], poses.q_wb[some]),
     )
 
 
@@ -96,7 +96,7 @@ def test_a_truth_that_is_smoothed_and_turned_is_found_out(flight, found):
         near = np.clip(np.arange(len(q_wb)) + lag, 0, len(q_wb) - 1)
         mean += weight * log(multiply(conjugate(q_wb), q_wb[near]))
     smooth = multiply(multiply(exp(-psi), q_wb), exp(mean))
-    other = ims.twin(flight.readings, PoseSequence(poses.t_ns, poses.position, smooth))
+    other = ims.twin(flight.readings, States(poses.t_ns, poses.position, smooth))
     bend, turn = other.errors["truth_curvature"], other.errors["truth_turn"]
     variance = np.sum(weights * (0.01 * lags) ** 2)
     assert bend.value[0] < -4.0 * bend.sigma[0]
@@ -148,7 +148,7 @@ def test_a_truth_with_noise_is_no_sensor(motion, white, decimals):
     q_wb = multiply(poses.q_wb, exp(white * rng.standard_normal((len(poses.t_ns), 3))))
     if decimals:
         position, q_wb = np.round(position, decimals), normalise(np.round(q_wb, decimals))
-    found = ims.twin(flight.readings, PoseSequence(poses.t_ns, position, q_wb))
+    found = ims.twin(flight.readings, States(poses.t_ns, position, q_wb))
     noise = found.source.noise
     expected = white or 10.0**-decimals / np.sqrt(12.0)
     assert noise.deviation[1] == pytest.approx(expected, rel=0.15)
@@ -253,7 +253,7 @@ def test_quarters_that_contradict_each_other_widen_the_intervals(flight):
 def test_a_truth_that_is_not_levelled_is_named(half):
     readings, poses = half
     turned = multiply(exp(np.radians([5.5, 0.0, 0.0])), poses.q_wb)
-    found = ims.twin(readings, PoseSequence(poses.t_ns, poses.position, turned))
+    found = ims.twin(readings, States(poses.t_ns, poses.position, turned))
     named = [line for line in found.warnings if "against gravity" in line]
     assert len(named) == 1
     assert "turned by 5." in named[0]

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
-from imu_sim_ros.bags.text.writer import BodyStates, Dataset
+from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.bags.writer import BagOptions, Block, open_writer
+from imu_sim_ros.records import States
 
 COUNT = 12
 K = np.arange(COUNT)
@@ -50,7 +51,7 @@ def write_text(path: Path, form: str) -> None:
     """Write the golden content as text."""
     with Dataset(path, form) as dataset:
         dataset.write_imu(T_NS, GYRO, ACCEL)
-        dataset.write_states(BodyStates(T_NS, POSITION, Q_WB, GYRO, GYRO, ACCEL))
+        dataset.write_states(States(T_NS, POSITION, Q_WB, GYRO), np.hstack([GYRO, ACCEL]))
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ from imu_sim_ros.calibration.noise.estimate import AxisNoise, estimate
 from imu_sim_ros.calibration.noise.gauss_markov import estimate_gauss_markov
 from imu_sim_ros.calibration.noise.spectrum import SpectrumAccumulator
 from imu_sim_ros.calibration.noise.truth import compare
+from imu_sim_ros.records import Readings
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -161,8 +162,10 @@ def _triad(result: AllanResult, triad: int) -> str:
     return " ".join(f"{e.value:.2e}" if e.value else f"<{e.high:.1e}" for e in found)
 
 
-def _blocks(run: Body) -> Iterator[Samples]:
-    yield from (read["imu"] for read in run.windows())
+def _blocks(run: Body) -> Iterator[Readings]:
+    for window in run.windows():
+        samples: Samples = window["imu"]
+        yield Readings(samples.t_ns, samples.gyro, samples.accel)
 
 
 def speed() -> None:

@@ -38,7 +38,7 @@ from imu_sim_ros.campaigns.runs import CellRuns
 from imu_sim_ros.jobs.report import write_campaign_page
 from imu_sim_ros.navigation.covariance import POSITION, initial_covariance, propagate
 from imu_sim_ros.navigation.evaluation import nees
-from imu_sim_ros.navigation.state import NavigationStates
+from imu_sim_ros.navigation.state import states_of
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.text_tables import print_table
@@ -120,7 +120,7 @@ def final_covariance() -> np.ndarray:
     parameters = load_simulation({"imu.preset": IMU, "rate": RATE, "duration": SECONDS})
     block = Body(parameters).next(round(RATE * SECONDS))["imu"]
     motion, imu = block.motion, parameters.imu
-    truth = NavigationStates(block.true_t_ns, motion.position, motion.velocity, motion.q_wb)
+    truth = states_of(block.true_t_ns, motion.position, motion.velocity, motion.q_wb)
     initial = initial_covariance(
         gyroscope_bias=imu.gyroscope.turn_on_bias_sigma,
         accelerometer_bias=imu.accelerometer.turn_on_bias_sigma,

@@ -13,7 +13,7 @@ import argparse
 import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Final, NamedTuple, TypedDict
+from typing import Final, TypedDict
 
 import numpy as np
 from bench_coverage import exact_flicker
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.calibration.noise.analysis import analyse
 from imu_sim_ros.calibration.noise.estimate import KEYS, Estimate
+from imu_sim_ros.records import Readings
 from imu_sim_ros.text_tables import print_table
 
 Array = NDArray[np.float64]
@@ -43,14 +44,6 @@ AXES: Final = (
     {"noise_density": 1e-2, "random_walk": 1e-4},
 )
 """Truths; the last axis is behind a low-pass of a fifth of the rate."""
-
-
-class Block(NamedTuple):
-    """A block of readings."""
-
-    t_ns: NDArray[np.int64]
-    gyro: Array
-    accel: Array
 
 
 def readings(rng: np.random.Generator, n: int) -> Array:
@@ -95,7 +88,7 @@ def held(seed: int) -> Iterator[Held]:
     t_ns = np.round(np.arange(n) * 1e9 / RATE).astype(np.int64)
     for name, (share, burst) in LOSSES.items():
         keep = kept(np.random.default_rng([seed, 2]), n, share, burst)
-        result = analyse([[Block(t_ns[keep], y[keep, :3], y[keep, 3:])]])
+        result = analyse([[Readings(t_ns[keep], y[keep, :3], y[keep, 3:])]])
         for axis, terms in enumerate(AXES):
             found = [result.estimate(axis, key) for key in KEYS]
             yield {

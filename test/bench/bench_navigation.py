@@ -17,8 +17,9 @@ from imu_sim_ros.navigation.covariance import Covariance
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.parameters import ATTITUDE_UPDATES, METHODS
 from imu_sim_ros.navigation.preintegration import StepReadings, preintegrate
-from imu_sim_ros.navigation.state import NavigationState, NavigationStates
+from imu_sim_ros.navigation.state import NavigationState, state_of_row, states_of
 from imu_sim_ros.navigation.stepper import Stepper
+from imu_sim_ros.records import States
 from imu_sim_ros.sensors.imu.triads import TriadParameters, TriadsParameters
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -138,8 +139,10 @@ def errors_of(trajectory: str, rate: float, method: str, attitude: str) -> tuple
     simulation = Body(load_simulation({**values, "duration": 9.3 + 1.0 / rate}))
     block = simulation.next(round(9.3 * rate) + 1)["imu"]
     motion = block.motion
-    truth = NavigationStates(block.t_ns, motion.position, motion.velocity, motion.q_wb)
-    states = dead_reckon(block.t_ns, block.gyro, block.accel, truth.at(0), method, attitude)
+    truth = states_of(block.t_ns, motion.position, motion.velocity, motion.q_wb)
+    states = dead_reckon(
+        block.t_ns, block.gyro, block.accel, state_of_row(truth, 0), method, attitude
+    )
     turn = rotation.multiply(rotation.conjugate(states.q_wb[-1]), truth.q_wb[-1])
     return (
         float(np.linalg.norm(states.position[-1] - truth.position[-1])),
@@ -177,7 +180,7 @@ def linear_orders() -> list[str]:
     """Return the orders of rk4 on readings that are what it takes them for."""
     start = NavigationState(np.zeros(3), np.array([1.0, 2.0, 3.0]), np.array([1.0, 0, 0, 0]))
 
-    def run(rate: float) -> NavigationStates:
+    def run(rate: float) -> States:
         t_ns = np.round(np.arange(round(2 * rate) + 1) * 1e9 / rate).astype(np.int64)
         t = (t_ns * 1e-9)[:, None]
         gyro = np.array([0.5, -0.8, 0.3]) + t * np.array([0.9, 0.4, -1.1])
@@ -185,8 +188,8 @@ def linear_orders() -> list[str]:
         return dead_reckon(t_ns, gyro, accel, start, "rk4", "so3")
 
     rates = (10.0, 20.0, 40.0, 80.0, 160.0)
-    exact = run(4000.0).at(-1)
-    ends = [run(rate).at(-1) for rate in rates]
+    exact = state_of_row(run(4000.0), -1)
+    ends = [state_of_row(run(rate), -1) for rate in rates]
     position = [float(np.linalg.norm(end.position - exact.position)) for end in ends]
     attitude = [
         float(

@@ -14,7 +14,8 @@ import numpy as np
 
 from imu_sim_ros import rotation
 from imu_sim_ros.parameters import files
-from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
+from imu_sim_ros.poses import read_poses, write_tum
+from imu_sim_ros.records import States
 from imu_sim_ros.simulation.parameters import load_simulation
 from imu_sim_ros.text_tables import print_table
 from imu_sim_ros.trajectory.build import build_trajectory
@@ -82,7 +83,7 @@ def half_hour(path: Path) -> Path:
     position = np.column_stack([np.sin(t), np.cos(1.3 * t), 0.5 * np.sin(2 * t)])
     euler = np.column_stack([0.4 * np.sin(1.1 * t), 0.3 * np.cos(0.9 * t), 0.8 * t])
     stamps = np.round(t * 1e9).astype(np.int64)
-    write_tum(path, PoseSequence(stamps, position, rotation.from_euler(euler)))
+    write_tum(path, States(stamps, position, rotation.from_euler(euler)))
     return path
 
 

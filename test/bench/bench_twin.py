@@ -19,7 +19,7 @@ import imu_sim_ros as ims
 from imu_sim_ros.calibration.twin import model
 from imu_sim_ros.calibration.twin.fit import PRIOR
 from imu_sim_ros.jobs.twin import NAMES
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.records import States
 from imu_sim_ros.rotation import exp, from_matrix, log, multiply, normalise, rotate, to_matrix
 from imu_sim_ros.text_tables import print_table
 
@@ -70,7 +70,7 @@ def sensor(seed: int) -> model.Errors:
     )
 
 
-def spoiled(poses: ims.Odometry, kind: str, seed: int) -> PoseSequence:
+def spoiled(poses: ims.Odometry, kind: str, seed: int) -> States:
     """Return poses with noise of so many millimetres and milliradians, or of so many decimals.
 
     Before rounding, the world gets another origin and heading: each seed has other digits, and so
@@ -87,7 +87,7 @@ def spoiled(poses: ims.Odometry, kind: str, seed: int) -> PoseSequence:
         rng = np.random.default_rng([seed, 1])
         noise = 1e-3 * float(kind) * rng.standard_normal((len(q_wb), 6))
         position, q_wb = position + noise[:, 3:], multiply(q_wb, exp(noise[:, :3]))
-    return PoseSequence(poses.t_ns, position, normalise(q_wb))
+    return States(poses.t_ns, position, normalise(q_wb))
 
 
 def run(motion: str, kind: str, seed: int) -> tuple[np.ndarray, np.ndarray, int, bool]:

@@ -4,16 +4,11 @@
 """Records at rest with known noise, in blocks as a bag reader gives them."""
 
 from collections.abc import Iterator
-from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-
-class Block(NamedTuple):
-    t_ns: np.ndarray
-    gyro: np.ndarray
-    accel: np.ndarray
+from imu_sim_ros.records import Readings
 
 
 class Rest:
@@ -28,11 +23,11 @@ class Rest:
         walk = np.cumsum(rng.standard_normal((n, 3)), axis=0) * 5e-4 / np.sqrt(rate)
         self.accel = 0.01 * np.sqrt(rate) * rng.standard_normal((n, 3)) + walk + [0.0, 0.0, 9.81]
 
-    def blocks(self, size: int = 4000, keep: np.ndarray | None = None) -> Iterator[Block]:
+    def blocks(self, size: int = 4000, keep: np.ndarray | None = None) -> Iterator[Readings]:
         rows = np.arange(len(self.t_ns)) if keep is None else np.flatnonzero(keep)
         for first in range(0, len(rows), size):
             part = rows[first : first + size]
-            yield Block(self.t_ns[part], self.gyro[part], self.accel[part])
+            yield Readings(self.t_ns[part], self.gyro[part], self.accel[part])
 
 
 @pytest.fixture

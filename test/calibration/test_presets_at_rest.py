@@ -7,6 +7,7 @@ import pytest
 
 from imu_sim_ros.calibration.noise.analysis import analyse
 from imu_sim_ros.parameters import files
+from imu_sim_ros.records import Readings
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -26,7 +27,9 @@ def analysed(preset: str, seed: int) -> list[str]:
             "seed": seed,
         }
     )
-    return list(analyse([(read["imu"] for read in Body(parameters).windows())]).warnings)
+    samples = (window["imu"] for window in Body(parameters).windows())
+    blocks = (Readings(block.t_ns, block.gyro, block.accel) for block in samples)
+    return list(analyse([blocks]).warnings)
 
 
 def assert_at_rest(preset: str, seed: int) -> None:

@@ -41,7 +41,7 @@ from imu_sim_ros.calibration.twin.spectrum import (
     white_floor,
 )
 from imu_sim_ros.jobs.twin import _steps
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.records import States
 
 RATE = 100.0
 SECONDS = 40.0
@@ -595,7 +595,7 @@ def test_readings_without_a_truth_are_told():
     flight = ims.simulate(imu="mti3", trajectory="figure_eight", duration=30, rate=100, seed=1)
     true = flight.truth
     half = (column[:1501] for column in (true.t_ns, true.position, true.q_wb))
-    truth = PoseSequence(*half)
+    truth = States(*half)
     twin = ims.twin(flight.readings, truth)
     found = twin.to_dict()
     assert (found["seconds"], found["readings_s"]) == pytest.approx((14.6, 29.99), abs=0.03)

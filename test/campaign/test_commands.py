@@ -113,13 +113,15 @@ import numpy as np
 from imu_sim_ros.bags.read import read_odometry
 from imu_sim_ros.bags.messages.encode import ODOMETRY, OdometryEncoder
 from imu_sim_ros.bags.writer import open_writer
+from imu_sim_ros.rotation import rotate_inverse
 truth = read_odometry(sys.argv[1], "/ground_truth/odom")
-position, velocity = truth.position + [0.2, 0, 0], truth.velocity_b + [0, 0.6, 0]
+position = truth.position + [0.2, 0, 0]
+velocity = rotate_inverse(truth.q_wb, truth.velocity) + [0, 0.6, 0]
 pose, twist = np.diag([0.01] * 3 + [1e-4] * 3), np.diag([0.09] * 3 + [1e-4] * 3)
 encoder = OdometryEncoder("world", "base_link")
 with open_writer(sys.argv[2] + ".mcap") as writer:
     payloads = encoder.encode(truth.t_ns, position, truth.q_wb, velocity,
-                              truth.angular_velocity_b, pose, twist)
+                              truth.angular_velocity, pose, twist)
     writer.write(writer.add_topic("/filter/odom", ODOMETRY), truth.t_ns, payloads)
 """
     row = run(program, "{dataset} {estimate}", dataset="mcap", estimate="bag", align="none")

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.navigation.state import NavigationState, NavigationStates
+from imu_sim_ros.navigation.state import NavigationState, state_of_row, states_of
+from imu_sim_ros.records import States
 from imu_sim_ros.timebase import sample_times_ns
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
@@ -21,11 +22,11 @@ class Record(NamedTuple):
     t_ns: np.ndarray
     gyro: np.ndarray
     accel: np.ndarray
-    truth: NavigationStates
+    truth: States
 
     @property
     def initial(self) -> NavigationState:
-        return self.truth.at(0)
+        return state_of_row(self.truth, 0)
 
 
 def lecture(t):
@@ -82,7 +83,7 @@ def record() -> Callable[..., Record]:
         t = (t_ns - t_ns[0]) * 1e-9
         position, velocity, acceleration, q_wb, body_rates = MOTIONS[motion](t)
         force = rotation.rotate_inverse(q_wb, acceleration - GRAVITY)
-        truth = NavigationStates(t_ns, position, velocity, q_wb)
+        truth = states_of(t_ns, position, velocity, q_wb)
         return Record(t_ns, body_rates, force, truth)
 
     return make

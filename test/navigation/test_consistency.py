@@ -19,7 +19,7 @@ from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, VELOCITY, prop
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.evaluation import anees_band, nees
 from imu_sim_ros.navigation.preintegration import StepReadings, preintegrate
-from imu_sim_ros.navigation.state import NavigationStates
+from imu_sim_ros.navigation.state import state_of_row, states_of
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -62,7 +62,7 @@ def runs(request):
 
 def truth_of(block):
     motion = block.motion
-    return NavigationStates(block.t_ns, motion.position, motion.velocity, motion.q_wb)
+    return states_of(block.t_ns, motion.position, motion.velocity, motion.q_wb)
 
 
 def check(errors, matrices):
@@ -81,7 +81,7 @@ def test_dead_reckoning_is_consistent(runs):
     mean_square = propagate(truth, blocks[0].ideal_accel, parameters.imu)[0]
     attitude, velocity, position = [], [], []
     for block in blocks:
-        states = dead_reckon(block.t_ns, block.gyro, block.accel, truth.at(0))
+        states = dead_reckon(block.t_ns, block.gyro, block.accel, state_of_row(truth, 0))
         back = rotation.conjugate(states.q_wb[-1])
         attitude.append(rotation.log(rotation.multiply(truth.q_wb[-1], back)))
         velocity.append(truth.velocity[-1] - states.velocity[-1])

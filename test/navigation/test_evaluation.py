@@ -9,20 +9,20 @@ from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.navigation.association import (
     align,
     common_rows,
-    interpolate_poses,
     interpolate_vectors,
+    poses_at,
 )
 from imu_sim_ros.navigation.evaluation import (
-    TrueStates,
     absolute_errors,
     distances,
     drift_from,
     pairs,
     relative_errors,
+    state_at,
     statistics,
 )
-from imu_sim_ros.navigation.state import NavigationStates
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.navigation.state import states_of
+from imu_sim_ros.records import States
 
 SECOND = 1_000_000_000
 
@@ -30,7 +30,7 @@ SECOND = 1_000_000_000
 @pytest.fixture(scope="module")
 def truth(record):
     motion = record("lecture", 20.0, 15.0)
-    return PoseSequence(motion.t_ns, motion.truth.position, motion.truth.q_wb)
+    return States(motion.t_ns, motion.truth.position, motion.truth.q_wb)
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def estimate(truth):
     position = 1.1 * rotation.rotate(turn, truth.position) + [3.0, -2.0, 1.0]
     noise = rotation.exp(0.01 * rng.normal(size=(n, 3)))
     q_wb = rotation.multiply(rotation.multiply(turn, truth.q_wb), noise)
-    return PoseSequence(truth.t_ns, position + 0.05 * rng.normal(size=(n, 3)), q_wb)
+    return States(truth.t_ns, position + 0.05 * rng.normal(size=(n, 3)), q_wb)
 
 
 @pytest.mark.parametrize("kind", ["yaw", "se3", "sim3"])
@@ -54,7 +54,7 @@ def test_alignment_finds_what_was_done(truth, kind):
     found = align(moved, truth.position, kind)
     assert found.scale == pytest.approx(scale, rel=1e-12)
     np.testing.assert_allclose(found.r, rotation.to_matrix(turn).T, atol=1e-12)
-    moved_poses = PoseSequence(truth.t_ns, moved, rotation.multiply(turn, truth.q_wb))
+    moved_poses = States(truth.t_ns, moved, rotation.multiply(turn, truth.q_wb))
     back = found.apply(moved_poses)
     np.testing.assert_allclose(back.position, truth.position, atol=1e-11)
     errors = absolute_errors(back, truth)
@@ -97,9 +97,9 @@ def test_interpolation_is_exact_on_a_screw():
 
     def poses(t_ns):
         t = t_ns[:, None] * 1e-9
-        return PoseSequence(t_ns, t * [1.0, 2.0, 3.0], rotation.exp(t * [0.3, -0.8, 1.2]))
+        return States(t_ns, t * [1.0, 2.0, 3.0], rotation.exp(t * [0.3, -0.8, 1.2]))
 
-    found, exact = interpolate_poses(poses(t_ns), at_ns), poses(at_ns)
+    found, exact = poses_at(poses(t_ns), at_ns), poses(at_ns)
     np.testing.assert_allclose(found.position, exact.position, atol=1e-14)
     np.testing.assert_allclose(found.q_wb, exact.q_wb, atol=1e-14)
     np.testing.assert_allclose(
@@ -150,7 +150,7 @@ def test_errors_have_the_sign_that_they_say(truth):
     """Truth less estimate, about the world's axes."""
     moved = truth.position - [1.0, 2.0, 3.0]
     turned = rotation.multiply(rotation.exp([0.0, 0.0, -0.1]), truth.q_wb)
-    errors = absolute_errors(PoseSequence(truth.t_ns, moved, turned), truth)
+    errors = absolute_errors(States(truth.t_ns, moved, turned), truth)
     np.testing.assert_allclose(errors.position, np.tile([1.0, 2.0, 3.0], (301, 1)))
     np.testing.assert_allclose(errors.attitude, np.tile([0.0, 0.0, 0.1], (301, 1)), atol=1e-12)
 
@@ -158,10 +158,8 @@ def test_errors_have_the_sign_that_they_say(truth):
 def test_drift_of_known_errors(record):
     motion = record("lecture", 100.0, 5.0)
     shift = np.linspace(0.0, 3.0, 501)[:, None] * [1.0, 0.0, 0.0]
-    truth = TrueStates(
-        PoseSequence(motion.t_ns, motion.truth.position, motion.truth.q_wb), motion.truth.velocity
-    )
-    states = NavigationStates(
+    truth = motion.truth
+    states = states_of(
         motion.t_ns, motion.truth.position + shift, motion.truth.velocity, motion.truth.q_wb
     )
     found = drift_from(states, truth)
@@ -171,7 +169,7 @@ def test_drift_of_known_errors(record):
     assert found.final("velocity") < 1e-15
     assert found.rms("attitude") < 1e-7
     assert found.distance == pytest.approx(distances(motion.truth.position)[-1])
-    start = truth.at(int(motion.t_ns[3]))
+    start = state_at(truth, int(motion.t_ns[3]))
     np.testing.assert_array_equal(start.velocity, motion.truth.velocity[3])
 
 

@@ -14,7 +14,7 @@ from imu_sim_ros.navigation.evaluation import (
     nees,
     without_gauge,
 )
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.records import States
 
 COUNT, RUNS = 20, 300
 
@@ -24,7 +24,7 @@ def path(rng):
     t = np.linspace(0.0, 6.0, COUNT)
     position = np.stack([4.0 * np.cos(t), 3.0 * np.sin(t), 0.5 * np.sin(3.0 * t)], axis=1)
     q_wb = rotation.from_euler(np.stack([0.2 * np.sin(t), 0.1 * np.cos(t), t], axis=1))
-    return PoseSequence((t * 1e9).astype(np.int64), position, q_wb)
+    return States((t * 1e9).astype(np.int64), position, q_wb)
 
 
 def odometry(truth, rng, prior):
@@ -50,7 +50,7 @@ def odometry(truth, rng, prior):
     q_wb = rotation.multiply(rotation.exp(-error[:, 3:]), truth.q_wb)
     yaw = rotation.exp(np.array([0.0, 0.0, rng.uniform(-3.0, 3.0)]))
     turn = np.kron(np.eye(2), rotation.to_matrix(yaw))
-    moved = PoseSequence(
+    moved = States(
         truth.t_ns,
         rotation.rotate(yaw, position) + rng.uniform(-9.0, 9.0, 3),
         rotation.multiply(yaw, q_wb),

@@ -8,7 +8,7 @@ import pytest
 
 from imu_sim_ros import rotation
 from imu_sim_ros.navigation.evaluation import anees_band, remainder, stated_nees
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.records import States
 
 COUNT, FIRST, DT = 300, 10, 0.05
 RUNS = 100
@@ -30,7 +30,7 @@ def motion():
     q_wb = rotation.from_euler(np.stack(angles, axis=1))
     velocity = np.diff(position, axis=0, append=position[-1:]) / DT
     acceleration = np.diff(velocity, axis=0, append=velocity[-1:]) / DT
-    poses = PoseSequence((t * 1e9).astype(np.int64), position, q_wb)
+    poses = States((t * 1e9).astype(np.int64), position, q_wb)
     return poses, velocity, acceleration
 
 
@@ -67,7 +67,7 @@ class Filter:
                 kept = np.eye(9) - gain @ h
                 p = kept @ p @ kept.T + measured**2 * gain @ gain.T
             errors[k], covariances[k] = e[:, :6], p[:6, :6]
-        self.truth = PoseSequence(*(part[FIRST:] for part in truth[:3]))
+        self.truth = truth.rows(slice(FIRST, None))
         self._errors, self._covariances = errors[FIRST:], covariances[FIRST:]
         self._rng = rng
 
@@ -85,7 +85,7 @@ class Filter:
         if not cross:
             stated[:, :3, 3:] = stated[:, 3:, :3] = 0.0
         moved = rotation.rotate(yaw, position) + self._rng.uniform(-9.0, 9.0, 3)
-        return PoseSequence(truth.t_ns, moved, rotation.multiply(yaw, q_wb)), stated
+        return States(truth.t_ns, moved, rotation.multiply(yaw, q_wb)), stated
 
 
 @pytest.fixture(scope="module")

@@ -9,15 +9,14 @@ import numpy as np
 import pytest
 
 from imu_sim_ros import rotation
-from imu_sim_ros.bags.read import ImuMessages
 from imu_sim_ros.commands import dead_reckon, generate
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.jobs.dead_reckon import ReadingsAndTruth, initial_condition
-from imu_sim_ros.jobs.readings import Readings
 from imu_sim_ros.navigation import initialisation
 from imu_sim_ros.navigation.parameters import IntegratorParameters, load_integrator
 from imu_sim_ros.nodes.integrator.initialiser import initialiser
 from imu_sim_ros.nodes.messages import ImuReading
+from imu_sim_ros.records import Readings
 
 STEP_NS = 5_000_000
 G_SENSITIVITY = [1e-3, 0.0, 2e-3, 0.0, -1e-3, 5e-4, 3e-4, 0.0, 1e-3]
@@ -49,7 +48,7 @@ def record(count=300, gap=None):
     gyro = generator.normal([0.02, 0.01, -0.01], 0.001, (count, 3))
     accel = generator.normal([0.5, -0.3, 9.78], 0.01, (count, 3))
     t_ns = 10**9 + rows * STEP_NS
-    return ImuMessages(t_ns=t_ns, gyro=gyro, accel=accel, record_t_ns=t_ns, frame_id="imu")
+    return Readings(t_ns, gyro, accel)
 
 
 def of_the_node(chosen, readings):
@@ -67,8 +66,7 @@ def of_the_node(chosen, readings):
 @pytest.mark.parametrize("gap", [None, 50])
 def test_node_and_command_start_alike(state, gap):
     chosen, readings = parameters(initial_state=state), record(gap=gap)
-    given = Readings(readings.t_ns, readings.gyro, readings.accel)
-    begun = initial_condition(chosen, ReadingsAndTruth(given, None))
+    begun = initial_condition(chosen, ReadingsAndTruth(readings, None))
     start_ns, of_node = of_the_node(chosen, readings)
     assert begun.recording.readings.t_ns[0] == start_ns
     for mine, other in zip(begun.state, of_node.state, strict=True):

@@ -19,7 +19,7 @@ from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, VELOCITY, prop
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.evaluation import anees_band, nees
 from imu_sim_ros.navigation.parameters import load_integrator
-from imu_sim_ros.navigation.state import NavigationStates
+from imu_sim_ros.navigation.state import states_of
 from imu_sim_ros.parameters import files
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -46,7 +46,7 @@ def mean_nees(given, trajectory, runs, duration):
     for seed in range(runs):
         block = Body(dataclasses.replace(parameters, seed=FIRST_SEED + seed)).next(count)["imu"]
         motion = block.motion
-        truth = NavigationStates(
+        truth = states_of(
             *(x[rest:] for x in (block.t_ns, motion.position, motion.velocity, motion.q_wb))
         )
         gyro, accel = block.gyro, block.accel

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.bags.text.writer import DATASET_SUFFIXES, POSES_OF_TABLES, BodyStates
+from imu_sim_ros.bags.text.writer import DATASET_SUFFIXES, POSES_OF_TABLES
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import (
@@ -28,6 +28,7 @@ from imu_sim_ros.inputs.rows import (
     shortened,
 )
 from imu_sim_ros.inputs.tables import Table, Tables
+from imu_sim_ros.records import States
 from imu_sim_ros.rotation import normalise
 from imu_sim_ros.types import Array, Mask, Times
 
@@ -99,8 +100,8 @@ def state_file(path: Path) -> Path:
 
 def state_blocks(
     path: Path, topic: str | None = None, skipped: Skipped | None = None
-) -> Iterator[BodyStates]:
-    """Yield the states of a EuRoC folder, or of its file, in blocks.
+) -> Iterator[tuple[States, Array]]:
+    """Yield the states of a EuRoC folder, or of its file, and the biases (n, 6), in blocks.
 
     :param skipped: as for :func:`imu_blocks`.
     """
@@ -108,8 +109,14 @@ def state_blocks(
         raise InputError(f"{path}: text has no topic {topic}")
     for t_ns, numbers in _blocks(state_file(path), _STATE, skipped):
         q_wb = normalise(numbers[:, 3:7])
-        biases = numbers[:, 10:13], numbers[:, 13:16]
-        yield BodyStates(t_ns, numbers[:, :3], q_wb, numbers[:, 7:10], *biases)
+        states = States.unchecked(
+            t_ns=t_ns,
+            position=numbers[:, :3],
+            q_wb=q_wb,
+            velocity=numbers[:, 7:10],
+            source=str(path),
+        )
+        yield states, numbers[:, 10:]
 
 
 def has_states(path: Path) -> bool:

@@ -20,6 +20,7 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.progress import watcher
+from imu_sim_ros.records import States
 from imu_sim_ros.rotation import pose_matrix
 from imu_sim_ros.types import Array, Times
 
@@ -47,22 +48,6 @@ TUM_HEADER: Final = "# timestamp tx ty tz qx qy qz qw"
 
 WITH_TABLES: Final = ("euroc", "csv")
 """Forms that have tables other than the readings of an IMU."""
-
-
-class BodyStates(NamedTuple):
-    """n true states of the body."""
-
-    t_ns: Times
-    position: Array
-    """(n, 3) p_wb [m]."""
-    q_wb: Array
-    """(n, 4)."""
-    velocity_w: Array
-    """(n, 3) in the world frame [m/s]."""
-    gyro_bias: Array
-    """(n, 3) rad/s."""
-    accel_bias: Array
-    """(n, 3) m/s^2."""
 
 
 class _Counted(NamedTuple):
@@ -208,15 +193,19 @@ class Dataset:
         """Write rows of a table other than the readings of an IMU: times (n,) and values (n, m)."""
         self.tables[name, index].write(t_ns, values)
 
-    def write_states(self, states: BodyStates, index: int = 0) -> None:
+    def write_states(self, states: States, biases: Array | None = None, index: int = 0) -> None:
         """Write true states.
 
-        :param index: of the IMU whose biases they hold.
+        :param biases: (n, 6) biases of gyroscope [rad/s] and accelerometer [m/s^2]; None: zeros.
+        :param index: number of the IMU that has the biases.
         """
         if not self.truths:
             return
         if self.form == "euroc":
-            self.truths[index].write(states.t_ns, np.concatenate(states[1:], axis=1))
+            if biases is None:
+                biases = np.zeros((len(states), 6))
+            columns = (states.position, states.q_wb, states.velocities(), biases)
+            self.truths[index].write(states.t_ns, np.concatenate(columns, axis=1))
         else:
             q_xyzw = states.q_wb[:, [1, 2, 3, 0]]
             self.truths[index].write(

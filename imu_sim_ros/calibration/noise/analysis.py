@@ -32,9 +32,10 @@ from imu_sim_ros.calibration.noise.terms import (
     WALK,
     WHITE,
 )
-from imu_sim_ros.calibration.record import AXES, ReadingsBlock, Record, Timing
+from imu_sim_ros.calibration.record import AXES, Record, Timing
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.records import Readings
 from imu_sim_ros.types import Array
 
 SHORTEST: Final = 60.0
@@ -90,7 +91,7 @@ class AllanResult(NamedTuple):
 
 
 def analyse(
-    bags: Iterable[Iterable[ReadingsBlock]],
+    bags: Iterable[Iterable[Readings]],
     *,
     model: str = "standard",
     force: bool = False,

@@ -48,7 +48,7 @@ from imu_sim_ros.nodes.simulator.publish_queue import (
 )
 from imu_sim_ros.nodes.simulator.serial_line import PseudoTerminal, messages
 from imu_sim_ros.parameters.sections import flatten
-from imu_sim_ros.poses import PoseSequence
+from imu_sim_ros.records import States
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.declaration import Topic
 from imu_sim_ros.simulation import topics
@@ -448,7 +448,7 @@ class Simulator(ConfiguredNode[SimulatorParameters]):
 _OF_THE_NODE: Final = ("inject", "real_time_factor", "catch_up", "step_samples")
 
 
-def _read_poses(path: str, *options: Any) -> PoseSequence:
+def _read_poses(path: str, *options: Any) -> States:
     from imu_sim_ros.bags.read import read_poses  # readers of all bags, which few trajectories need
 
     return read_poses(path, *options)

@@ -3,6 +3,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ from imu_sim_ros.bags.writer import open_writer
 from imu_sim_ros.commands import generate
 from imu_sim_ros.commands.evaluate import main
 from imu_sim_ros.errors import Remark
-from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
+from imu_sim_ros.poses import read_poses, write_tum
+from imu_sim_ros.records import States
 
 SECOND = 1_000_000_000
 START = 1_500_000_000 * SECOND
@@ -24,7 +26,7 @@ def track(n=401, offset=0):
     t = np.arange(n) * 0.05
     position = np.stack([5 * np.cos(0.3 * t), 4 * np.sin(0.3 * t), np.sin(t)], axis=1)
     q_wb = rotation.from_euler(np.stack([0.1 * np.sin(t), 0.1 * np.cos(t), 0.3 * t], axis=1))
-    return PoseSequence(START + offset + np.arange(n) * SECOND // 20, position, q_wb)
+    return States(START + offset + np.arange(n) * SECOND // 20, position, q_wb)
 
 
 @pytest.fixture
@@ -52,7 +54,7 @@ def saved(tmp_path, poses, name="estimate.txt"):
 
 def test_known_shift(tmp_path, truth, capsys):
     poses = track()
-    estimate = saved(tmp_path, poses._replace(position=poses.position + np.array([3.0, 0.0, 4.0])))
+    estimate = saved(tmp_path, replace(poses, position=poses.position + np.array([3.0, 0.0, 4.0])))
     found = result(capsys, estimate, truth)
     assert found["ate_m"]["rmse"] == pytest.approx(5.0)
     assert found["final_position_error_m"] == pytest.approx(5.0)
@@ -73,7 +75,7 @@ def test_other_stamps_are_interpolated(tmp_path, truth, capsys):
     poses = track(403, -SECOND // 20 - SECOND // 40)
     t = (poses.t_ns - START) * 1e-9
     position = np.stack([5 * np.cos(0.3 * t), 4 * np.sin(0.3 * t), np.sin(t)], axis=1)
-    found = result(capsys, saved(tmp_path, poses._replace(position=position)), truth)
+    found = result(capsys, saved(tmp_path, replace(poses, position=position)), truth)
     assert found["poses"] == 400
     assert found["poses_without_truth"] == 3
     # A chord of 50 ms lies a h^2 / 8 off the arc, with at most 1.1 m/s^2.
@@ -83,7 +85,7 @@ def test_other_stamps_are_interpolated(tmp_path, truth, capsys):
 def test_what_is_not_estimated_is_told(tmp_path, truth, capsys):
     """The first 1.95 s of 20 s; then two poses, which an alignment brings to the truth."""
     poses = track()
-    start = saved(tmp_path, PoseSequence(*(part[:40] for part in poses[:3])))
+    start = saved(tmp_path, poses.rows(slice(None, 40)))
     found = result(capsys, start, truth)
     assert found["coverage"] == pytest.approx(1.95 / 20.0)
     assert (found["estimated_s"], found["truth_s"]) == pytest.approx((1.95, 20.0))
@@ -94,14 +96,14 @@ def test_what_is_not_estimated_is_told(tmp_path, truth, capsys):
         "1.95 s: the errors below say nothing about the rest"
     )
     assert line in run(capsys, start, truth)[1].splitlines()
-    ends = saved(tmp_path, PoseSequence(*(part[[0, 400]] for part in poses[:3])))
+    ends = saved(tmp_path, poses.rows(np.array([0, 400])))
     assert result(capsys, ends, truth, "--align", "yaw")["ate_m"]["rmse"] < 1e-9
     assert "coverage: 0 %, 0 of 20 s" in run(capsys, ends, truth)[1]
     # One pose a second has gaps, unless they are allowed.
-    slow = saved(tmp_path, PoseSequence(*(part[::20] for part in poses[:3])))
+    slow = saved(tmp_path, poses.rows(slice(None, None, 20)))
     assert result(capsys, slow, truth)["coverage"] == 0.0
     assert result(capsys, slow, truth, "--max-gap", "1.5s")["coverage"] == 1.0
-    late = saved(tmp_path, PoseSequence(*(part[60:] for part in poses[:3])))
+    late = saved(tmp_path, poses.rows(slice(60, None)))
     assert (
         "coverage: 100 %, 17 of 20 s of the truth, 3 s allowed for the start\n"
         in (run(capsys, late, truth)[1])
@@ -111,7 +113,7 @@ def test_what_is_not_estimated_is_told(tmp_path, truth, capsys):
 def test_rpe_over_what_is_asked_for(tmp_path, truth, capsys):
     poses = track()
     t = (poses.t_ns - START) * 1e-9
-    drifting = poses._replace(position=poses.position + 0.1 * t[:, None] * [0.0, 0.0, 1.0])
+    drifting = replace(poses, position=poses.position + 0.1 * t[:, None] * [0.0, 0.0, 1.0])
     found = result(capsys, saved(tmp_path, drifting), truth, "--rpe", "2s", "--rpe", "5frames")
     seconds, frames = found["rpe"]
     assert seconds["translation_m"]["rmse"] == pytest.approx(0.2)
@@ -121,7 +123,7 @@ def test_rpe_over_what_is_asked_for(tmp_path, truth, capsys):
 
 def test_table_picture_and_output(tmp_path, truth, capsys):
     poses = track()
-    moved = saved(tmp_path, poses._replace(position=poses.position + np.array([1.0, 0.0, 0.0])))
+    moved = saved(tmp_path, replace(poses, position=poses.position + np.array([1.0, 0.0, 0.0])))
     aligned, picture = tmp_path / "aligned.txt", tmp_path / "picture.png"
     status, out, _ = run(capsys, moved, truth, "--align", "se3", "-o", aligned, "--plot", picture)
     assert status == 0
@@ -139,7 +141,9 @@ def write_bag(path, poses, velocity_b=None, covariances=(None, None)):
         handle = writer.add_topic("/dead_reckoned/odom", ODOMETRY)
         zero = np.zeros((len(poses.t_ns), 3))
         velocity_b = zero if velocity_b is None else velocity_b
-        payloads = encoder.encode(*poses[:3], velocity_b, zero, *covariances)
+        payloads = encoder.encode(
+            poses.t_ns, poses.position, poses.q_wb, velocity_b, zero, *covariances
+        )
         writer.write(handle, np.sort(poses.t_ns), payloads)
     return path
 
@@ -162,7 +166,7 @@ def test_nees_of_a_bag_with_covariances(tmp_path, capsys, factor):
     n = len(poses.t_ns)
     sigma = np.array([0.1, 0.2, 0.3, 0.01, 0.02, 0.03])
     errors = sigma * rng.normal(size=(n, 6))
-    estimate = PoseSequence(
+    estimate = States(
         poses.t_ns,
         poses.position - errors[:, :3],
         rotation.multiply(rotation.exp(-errors[:, 3:]), poses.q_wb),
@@ -204,7 +208,7 @@ def late_estimate():
     position, q_wb = motion(t)
     position = position + SIGMA_POSITION * rng.normal(size=position.shape)
     q_wb = rotation.multiply(q_wb, rotation.exp(SIGMA_ROTATION * rng.normal(size=(len(t), 3))))
-    return t, PoseSequence(START + np.round((t + LATE) * 1e9).astype(np.int64), position, q_wb)
+    return t, States(START + np.round((t + LATE) * 1e9).astype(np.int64), position, q_wb)
 
 
 def sigma_of_offset(t, interval=0.5):
@@ -233,7 +237,7 @@ def sigma_of_offset(t, interval=0.5):
 def test_a_planted_time_offset_is_recovered(tmp_path, truth, capsys, align):
     t, poses = late_estimate()
     if align == "sim3":
-        poses = poses._replace(position=2.0 * poses.position)
+        poses = replace(poses, position=2.0 * poses.position)
     estimate = saved(tmp_path, poses)
     plain = result(capsys, estimate, truth, "--align", align)
     assert plain["time_offset"] is None
@@ -253,7 +257,7 @@ def test_a_planted_time_offset_is_recovered(tmp_path, truth, capsys, align):
 def test_a_motion_that_shows_no_time_offset(tmp_path, capsys):
     """On a circle at constant speed every moment looks alike."""
     t = np.arange(401) * 0.05
-    circle = PoseSequence(
+    circle = States(
         START + np.arange(401) * SECOND // 20,
         np.stack([np.cos(t), np.sin(t), 0 * t], axis=1),
         rotation.from_euler(np.stack([0 * t, 0 * t, t], axis=1)),
@@ -262,7 +266,7 @@ def test_a_motion_that_shows_no_time_offset(tmp_path, capsys):
     status, _, errors = run(capsys, estimate, truth, "--time-offset")
     assert (status, len(errors)) == (2, 1)
     assert "does not reveal a time offset" in errors[0]
-    short = saved(tmp_path, PoseSequence(*(column[:30] for column in circle[:3])), "short.txt")
+    short = saved(tmp_path, circle.rows(slice(None, 30)), "short.txt")
     status, _, errors = run(capsys, short, truth, "--time-offset")
     assert (status, len(errors)) == (2, 1)
     assert "too little time in common" in errors[0]
@@ -335,7 +339,7 @@ def test_bad_input(tmp_path, truth, capsys):
     apart = saved(tmp_path, track(offset=1000 * SECOND))
     assert "estimate and truth do not overlap in time" in complain(capsys, apart, truth)
     assert "missing.txt" in complain(capsys, tmp_path / "missing.txt", truth)
-    still = track()._replace(position=np.zeros((401, 3)))
+    still = replace(track(), position=np.zeros((401, 3)))
     line = complain(capsys, saved(tmp_path, still), truth, "--align", "se3")
     assert "on a line or in one place" in line
     line = complain(capsys, truth, truth, "--rpe", "1000s")
@@ -363,9 +367,7 @@ def test_bad_rows_are_told_by_command_and_python(tmp_path, truth, capsys):
 def test_bag_with_stamps_out_of_order(tmp_path, truth, capsys):
     poses = track()
     order = np.r_[0:200, 201, 200, 202:401]
-    columns = (poses.t_ns[order], poses.position[order], poses.q_wb[order])
-    shuffled = PoseSequence.unchecked(*columns, 0)
-    line = complain(capsys, write_bag(tmp_path / "bag", shuffled), truth)
+    line = complain(capsys, write_bag(tmp_path / "bag", poses.rows(order)), truth)
     assert "1 stamps do not increase, the first is number 201" in line
 
 
@@ -406,7 +408,7 @@ def test_a_turned_path_sees_landmarks_elsewhere(tracks, capsys, tmp_path):
     """1 degree about the view of a pinhole with f = 458 px is 8 px at the centre."""
     poses = read_poses(tracks / "groundtruth.tum")
     turn = rotation.from_euler(np.array([[0.0, 0.0, np.radians(1.0)]]))
-    off = saved(tmp_path, poses._replace(q_wb=rotation.multiply(poses.q_wb, turn)))
+    off = saved(tmp_path, replace(poses, q_wb=rotation.multiply(poses.q_wb, turn)))
     entry = result(capsys, off, tracks / "groundtruth.tum", "--tracks", tracks)["reprojection"][0]
     assert 7.0 < entry["median_px"] < 12.0
     assert entry["rms_px_of_truth"] == pytest.approx(0.7, rel=0.021)
@@ -417,7 +419,7 @@ def test_a_turned_path_sees_landmarks_elsewhere(tracks, capsys, tmp_path):
 
 def test_frames_without_a_pose_near_them_are_left_out(tracks, capsys, tmp_path):
     poses = read_poses(tracks / "groundtruth.tum")
-    sparse = saved(tmp_path, PoseSequence(*(column[::100] for column in poses[:3])))
+    sparse = saved(tmp_path, poses.rows(slice(None, None, 100)))
     entry = result(capsys, sparse, tracks / "groundtruth.tum", "--tracks", tracks)["reprojection"]
     assert entry[0]["rms_px"] == pytest.approx(0.7, rel=0.1)  # 10 frames
     # Rows of a rolling shutter are between poses half a second apart.
@@ -456,7 +458,7 @@ def test_nees_with_yaw_and_position_free(tmp_path, capsys):
     moved = rotation.rotate(yaw, poses.position - errors[:, :3] + np.array([5.0, -3.0, 2.0]))
     stated = np.diag(np.square(sigma)) * uncertain[..., None]
     bag = write_bag(
-        tmp_path / "a", poses._replace(position=moved, q_wb=q_wb), None, (stated, stated)
+        tmp_path / "a", replace(poses, position=moved, q_wb=q_wb), None, (stated, stated)
     )
     found = result(capsys, bag, write_bag(tmp_path / "truth", poses), "--align", "yaw")["nees"]
     means = [found["position"]["mean"], found["attitude"]["mean"]]

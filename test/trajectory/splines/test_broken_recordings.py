@@ -14,7 +14,8 @@ from recordings import EUROC, TUM, missing
 import imu_sim_ros as ims
 from imu_sim_ros import rotation
 from imu_sim_ros.commands.generate import main
-from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
+from imu_sim_ros.poses import read_poses, write_tum
+from imu_sim_ros.records import States
 from imu_sim_ros.trajectory.recorded import RecordedMotion
 from imu_sim_ros.trajectory.repair import mended
 
@@ -124,7 +125,7 @@ real = pytest.mark.parametrize(
 
 def written(path, t, p, q):
     t_ns = 1_400_000_000_000_000_000 + np.round(t * 1e9).astype(np.int64)
-    write_tum(path, PoseSequence(t_ns, p, q))
+    write_tum(path, States(t_ns, p, q))
     return path
 
 

@@ -11,7 +11,8 @@ from recordings import EUROC, KAIST, TUM, missing
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
-from imu_sim_ros.poses import PoseSequence, read_poses, write_tum
+from imu_sim_ros.poses import read_poses, write_tum
+from imu_sim_ros.records import States
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.recorded import recorded_in
 
@@ -35,7 +36,7 @@ def follow(build, tmp_path):
     def write_and_build(t, position, q_wb, **parameters):
         path = tmp_path / "poses.txt"
         t_ns = 1_500_000_000_000_000_000 + np.round(np.asarray(t) * 1e9).astype(np.int64)
-        write_tum(path, PoseSequence(t_ns, position, q_wb))
+        write_tum(path, States(t_ns, position, q_wb))
         return build(type="poses", file=str(path), **parameters)
 
     return write_and_build
@@ -319,7 +320,7 @@ def test_the_reader_gets_the_topic_only_where_there_is_one():
     def reader(*arguments):
         calls.append(arguments)
         t = np.arange(10) * 100_000_000
-        return PoseSequence(t, np.zeros((10, 3)), np.tile(rotation.IDENTITY, (10, 1)))
+        return States(t, np.zeros((10, 3)), np.tile(rotation.IDENTITY, (10, 1)))
 
     base = {"trajectory.type": "poses", "trajectory.file": "flight.mcap"}
     for extra in ({}, {"trajectory.topic": "odom"}):

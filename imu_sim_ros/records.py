@@ -1,0 +1,333 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The two records of everything that was recorded: readings of an IMU, and states of a body.
+
+Bags, tables, datasets, logs and arrays become one of these records, which are checked once, when
+they are made. Columns that a source lacks are None, never zeros.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, MISSING, dataclass, field, fields
+from typing import TYPE_CHECKING, Any, Final, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.arguments import array, number, refuse, stamps, text, whole
+from imu_sim_ros.errors import InputError, MissingDependencyError
+from imu_sim_ros.inputs import gate
+from imu_sim_ros.timebase import seconds_since, span
+from imu_sim_ros.types import Array, Integers, Mask, Times
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+Rows = slice | Mask | NDArray[np.intp]
+"""Selection of rows: a slice, a mask (n,) or indices (m,)."""
+SeriesT = TypeVar("SeriesT", bound="TimeSeries")
+MOST_ROWS: Final = 2**62
+
+
+def column(
+    shape: tuple[int, ...], quantity: gate.Quantity | None, prefix: str | None = None
+) -> Mapping[str, Any]:
+    """Return the metadata of a column of a record.
+
+    :param shape: shape of a row: ``(3,)`` for a vector, ``()`` for a number.
+    :param quantity: quantity that the gate checks; None: any finite numbers.
+    :param prefix: prefix of the column's names in a data frame; None: the name of the field.
+    """
+    return {"shape": shape, "quantity": quantity, "prefix": prefix}
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class TimeSeries:
+    """n rows over time, as they were recorded; the base of :class:`Readings` and :class:`States`.
+
+    Stamps keep the order of the source, which need not increase.
+    """
+
+    t_ns: Times
+    """(n,) stamps [ns]."""
+
+    def __post_init__(self) -> None:
+        """Check type, shape and range of every column; lists become arrays.
+
+        :raises ConfigurationError: for another type or shape.
+        :raises InputError: for a value that no sensor measures and no body reaches, with its row.
+        """
+        source = text("source", self.source, "a name")
+        default = {entry.name: entry.default for entry in fields(self)}["source"]
+        prefix = "" if source == default else f"{source}."
+        columns: dict[str, NDArray[Any]] = {"t_ns": stamps(f"{prefix}t_ns", self.t_ns)}
+        quantities: list[tuple[gate.Quantity, Array]] = []
+        for name, metadata in self.columns().items():
+            values = getattr(self, name)
+            if values is None:
+                continue
+            quantity: gate.Quantity | None = metadata["quantity"]
+            shape = (len(columns["t_ns"]), *metadata["shape"])
+            columns[name] = array(f"{prefix}{name}", values, shape, finite=quantity is None)
+            if quantity is not None:
+                quantities.append((quantity, columns[name]))
+        if self.lines is not None:
+            columns["lines"] = stamps(f"{prefix}lines", self.lines)
+        for entry in fields(self):
+            value = getattr(self, entry.name)
+            if entry.name.endswith("frame_id"):
+                text(f"{prefix}{entry.name}", value, "a name", empty=True)
+            elif entry.name in ("skipped", "repeated"):
+                whole(f"{prefix}{entry.name}", value, "a count of rows", 0, MOST_ROWS)
+        self._check(gate.Verdict(columns["t_ns"], quantities), source)
+        for name, values in columns.items():
+            object.__setattr__(self, name, values)  # frozen
+
+    def _check(self, verdict: gate.Verdict, source: str) -> None:
+        """Raise for rows that the gate refuses.
+
+        :raises InputError: with a line for each of the first rows.
+        """
+        verdict.complain(source)
+
+    if TYPE_CHECKING:
+
+        @property
+        def source(self) -> str:
+            """Name of the file, topic or sensor."""
+
+        @property
+        def lines(self) -> Integers | None:
+            """(n,) lines of the text file, from 1; None: the source is no text."""
+
+    @classmethod
+    def columns(cls) -> dict[str, Mapping[str, Any]]:
+        """Return the metadata of the columns next to the stamps, by name."""
+        return {entry.name: entry.metadata for entry in fields(cls) if "shape" in entry.metadata}
+
+    @property
+    def t(self) -> Array:
+        """(n,) times after the first stamp [s]."""
+        return seconds_since(self.t_ns, int(self.t_ns[0]) if len(self.t_ns) else 0)
+
+    def __len__(self) -> int:
+        return len(self.t_ns)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.source}: {span(self.t_ns)}>"
+
+    def rows(self, selection: Rows) -> Self:
+        """Return a record of some rows.
+
+        :param selection: a slice, a mask (n,) or indices (m,).
+        :raises ConfigurationError: for anything else, and for rows that there are not.
+        """
+        try:
+            np.empty((len(self), 0))[selection].shape[1]
+        except (IndexError, TypeError):
+            refuse("selection", selection, "a slice, a mask (n,) or indices (m,)")
+        record = object.__new__(type(self))
+        for entry in fields(self):
+            value = getattr(self, entry.name)
+            if entry.name in ("t_ns", "lines") or "shape" in entry.metadata:
+                value = None if value is None else value[selection]
+            object.__setattr__(record, entry.name, value)  # checked when this record was made
+        return record
+
+    @classmethod
+    def unchecked(cls, **columns: Any) -> Self:
+        """Return a record of arrays that this package computed, which are not checked.
+
+        :param columns: fields by name; the defaults of the class for all others.
+        """
+        record = object.__new__(cls)
+        for entry in fields(cls):
+            value = columns.pop(entry.name, entry.default)
+            if value is MISSING:
+                raise TypeError(f"{cls.__name__}: {entry.name} is missing")
+            object.__setattr__(record, entry.name, value)
+        if columns:
+            raise TypeError(f"{cls.__name__} has no {', '.join(columns)}")
+        return record
+
+    def between(self, t0: float, t1: float) -> Self:
+        """Return the rows from time ``t0`` on and before ``t1``.
+
+        :param t0: first time after the first stamp [s].
+        :param t1: end, a time after the first stamp [s].
+        :raises ConfigurationError: for anything but finite numbers.
+        """
+        number("t0", t0, "a number of seconds")
+        number("t1", t1, "a number of seconds")
+        return self.rows((self.t >= t0) & (self.t < t1))
+
+    def to_frame(self) -> Any:
+        """Return a pandas DataFrame: index t_ns, a column for each component of each column.
+
+        :raises MissingDependencyError: without pandas.
+        """
+        named = {
+            metadata["prefix"] or name: getattr(self, name)
+            for name, metadata in self.columns().items()
+            if getattr(self, name) is not None and len(metadata["shape"]) < 2
+        }
+        return data_frame(self.t_ns, named)
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Readings(TimeSeries):
+    """n readings of one IMU, in the order in which they were delivered.
+
+    The axes are those of the IMU, forward-left-up when it is mounted level.
+    """
+
+    gyro: Array | None = field(metadata=column((3,), gate.RATE))
+    """(n, 3) angular rates [rad/s]; None: the source has no gyroscope."""
+    accel: Array | None = field(metadata=column((3,), gate.FORCE))
+    """(n, 3) specific forces [m/s^2], +9.81 on z when level and at rest; None: no accelerometer."""
+    source: str = "readings"
+    """Name of the file, topic or sensor."""
+    _: KW_ONLY
+    temperature: Array | None = field(default=None, metadata=column((), gate.TEMPERATURE))
+    """(n,) temperature of the sensor [degC]."""
+    q_wb: Array | None = field(default=None, metadata=column((4,), gate.ORIENTATION, "q"))
+    """(n, 4) orientation that the IMU itself reports, unit quaternions (w, x, y, z)."""
+    frame_id: str = ""
+    """Name of the IMU's frame; empty: unknown."""
+    lines: Integers | None = None
+    """(n,) lines of the text file, from 1; None: the source is no text."""
+    skipped: int = 0
+    """Number of bad rows of the source that were left out on request."""
+
+    def triads(self) -> tuple[Array, Array]:
+        """Return the angular rates and the specific forces (n, 3), for work that needs both.
+
+        :raises InputError: if the source lacks one of them.
+        """
+        if self.gyro is None or self.accel is None:
+            lacking = "gyroscope" if self.gyro is None else "accelerometer"
+            raise InputError(f"{self.source}: contains no readings of the {lacking}")
+        return self.gyro, self.accel
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class States(TimeSeries):
+    """n poses of one body over time, with what else the source knows of its motion.
+
+    Rounded quaternions get length 1.
+    """
+
+    position: Array = field(metadata=column((3,), gate.POSITION))
+    """(n, 3) p_wb [m]."""
+    q_wb: Array = field(metadata=column((4,), gate.ORIENTATION, "q"))
+    """(n, 4) unit quaternions (w, x, y, z)."""
+    velocity: Array | None = field(default=None, metadata=column((3,), gate.VELOCITY))
+    """(n, 3) velocity of the body in the world [m/s]."""
+    angular_velocity: Array | None = field(default=None, metadata=column((3,), gate.RATE))
+    """(n, 3) angular rate of the body, in the body frame [rad/s]."""
+    source: str = "states"
+    """Name of the file, topic or sensor."""
+    _: KW_ONLY
+    covariance: Array | None = field(default=None, metadata=column((6, 6), None))
+    """(n, 6, 6) covariance of position [m] and of rotation about the world's axes [rad]."""
+    twist_covariance: Array | None = field(default=None, metadata=column((6, 6), None))
+    """(n, 6, 6) covariance of velocity [m/s] and angular rate [rad/s], in the body frame."""
+    frame_id: str = ""
+    """Name of the world's frame; empty: unknown."""
+    child_frame_id: str = ""
+    """Name of the body's frame; empty: unknown."""
+    lines: Integers | None = None
+    """(n,) lines of the text file, from 1; None: the source is no text."""
+    skipped: int = 0
+    """Number of bad rows of the source that were left out on request."""
+    repeated: int = 0
+    """Number of poses that the source states twice with the same stamp, and that are here once."""
+
+    def __post_init__(self) -> None:
+        """Check every column; arguments and errors as for :class:`TimeSeries`."""
+        super().__post_init__()
+        object.__setattr__(self, "q_wb", gate.at_unit_length(self.q_wb))
+
+    def velocities(self) -> Array:
+        """Return the velocities (n, 3) in the world [m/s], for work that needs them.
+
+        :raises InputError: if the source has none.
+        """
+        if self.velocity is None:
+            raise InputError(f"{self.source}: contains no velocities")
+        return self.velocity
+
+    def body_rates(self) -> Array:
+        """Return the angular rates (n, 3) in the body frame [rad/s], for work that needs them.
+
+        :raises InputError: if the source has none.
+        """
+        if self.angular_velocity is None:
+            raise InputError(f"{self.source}: contains no angular rates")
+        return self.angular_velocity
+
+    def in_order(self) -> Self:
+        """Return these states if their stamps increase strictly.
+
+        :raises InputError: with the number of stamps that do not, and the first of them.
+        """
+        problems = gate.disorder(self.source, self.t_ns)
+        if problems:
+            raise InputError(problems)
+        return self
+
+
+Odometry = States
+PoseSequence = States
+"""Names of :class:`States` in releases before 2.0."""
+
+
+def with_fields(record: SeriesT, **changes: Any) -> SeriesT:
+    """Return a record with other texts, or with columns that this package computed, unchecked.
+
+    :param changes: fields by name.
+    """
+    values = {entry.name: getattr(record, entry.name) for entry in fields(record)}
+    return type(record).unchecked(**{**values, **changes})
+
+
+def concatenated(records: Sequence[SeriesT]) -> SeriesT:
+    """Return consecutive blocks of one source as one record; columns that one block lacks are None.
+
+    :param records: one or more blocks; texts are those of the first.
+    """
+    head = records[0]
+    if len(records) == 1:
+        return head
+    record = object.__new__(type(head))
+    for entry in fields(head):
+        value = getattr(head, entry.name)
+        if entry.name in ("t_ns", "lines") or "shape" in entry.metadata:
+            parts = [getattr(block, entry.name) for block in records]
+            value = None if any(part is None for part in parts) else np.concatenate(parts)
+        object.__setattr__(record, entry.name, value)  # checked when the blocks were made
+    return record
+
+
+def data_frame(t_ns: Times, columns: Mapping[str, Array]) -> Any:
+    """Return arrays (n,), (n, 3) and (n, 4) as a pandas DataFrame with a column per component.
+
+    :param t_ns: (n,) stamps [ns], the index.
+    :raises MissingDependencyError: without pandas.
+    """
+    try:
+        import pandas
+    except ImportError:
+        raise MissingDependencyError(
+            "to_frame() needs pandas: apt install python3-pandas, or pip install pandas"
+        ) from None
+    data: dict[str, Array] = {}
+    for name, values in columns.items():
+        if values.ndim == 1:
+            data[name] = values
+        else:
+            letters = "wxyz" if values.shape[1] == 4 else "xyz"
+            data.update({f"{name}_{letter}": values[:, k] for k, letter in enumerate(letters)})
+    return pandas.DataFrame(data, index=pandas.Index(t_ns, name="t_ns"))
