@@ -132,7 +132,7 @@ def write_tum_vi_calibration(folder: Path, parameters: Any) -> None:
     rig = rig_values(values, parameters, {})
     assert rig is not None
     (folder / "camchain.yaml").write_text(kalibr.camchain(rig), encoding="utf-8")
-    (folder / "imu_config.yaml").write_text(kalibr.imu_yaml(values), encoding="utf-8")
+    (folder / "imu_config.yaml").write_text(kalibr.imu_yaml(values, True), encoding="utf-8")
 
 
 def describe(

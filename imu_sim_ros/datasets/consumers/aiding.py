@@ -44,7 +44,7 @@ class Aiding:
 
         :param lag: from the middle of what is measured to its true stamp [s].
         """
-        return self.values.imu.stamp_offset - own.stamp_offset - lag
+        return self.values.lateness - own.stamp_offset - lag
 
     @property
     def position_sigma(self) -> tuple[float, float]:

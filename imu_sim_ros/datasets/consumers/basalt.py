@@ -45,6 +45,8 @@ def calibration(values: ImuValues, rig: RigValues | None = None) -> str:
     if np.triu(accel, 1).any():
         expressed.remove("accelerometer_scale_misalignment")
     cameras = rig.cameras if rig is not None else {}
+    if cameras:
+        expressed.append("stamp_offset")
     notes = [
         "Basalt calibration, whole: cameras and IMU as they are simulated."
         if cameras
@@ -71,7 +73,7 @@ def calibration(values: ImuValues, rig: RigValues | None = None) -> str:
         "gyro_bias_std": _above_zero(values, "gyroscope_random_walk"),
         # Added to the stamps of all images, which have one offset in Basalt.
         "cam_time_offset_ns": next(
-            (round(camera.time_offset * 1e9) for camera in cameras.values()), 0
+            (round(rig.time_shift(name) * 1e9) for name in cameras) if rig else iter(()), 0
         ),
         # Members that Basalt does not know are passed over, as those of its own files are.
         "comment": notes,

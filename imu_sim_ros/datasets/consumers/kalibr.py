@@ -19,7 +19,7 @@ from imu_sim_ros.sensors.camera.scene_parameters import (
 
 def files(subject: Subject) -> dict[str, str]:
     """Return ``imu.yaml``, and with cameras ``camchain.yaml`` and ``target.yaml``."""
-    found = {"imu.yaml": imu_yaml(subject.imu)}
+    found = {"imu.yaml": imu_yaml(subject.imu, subject.rig is not None)}
     if subject.rig is not None:
         found["camchain.yaml"] = camchain(subject.rig)
         if (board := target(subject.rig.scene)) is not None:
@@ -27,14 +27,18 @@ def files(subject: Subject) -> dict[str, str]:
     return found
 
 
-def imu_yaml(values: ImuValues) -> str:
-    """Return kalibr's imu.yaml, whole; it refuses densities that are not above 0."""
+def imu_yaml(values: ImuValues, has_rig: bool = False) -> str:
+    """Return kalibr's imu.yaml, whole; it refuses densities that are not above 0.
+
+    :param has_rig: the chain of the cameras, which has the time shift, is written next to it.
+    """
+    shift = ("stamp_offset",) if has_rig else ()
     numbers = values.positive_densities().items()
     head = comment(
         [
             "kalibr imu.yaml, whole: continuous-time densities, as the simulation has them.",
             "rad/s/sqrt(Hz), rad/s^2/sqrt(Hz), m/s^2/sqrt(Hz), m/s^3/sqrt(Hz)",
-            *remarks(values, above_zero=True),
+            *remarks(values, shift, above_zero=True),
         ]
     )
     lines = "".join(f"{name}: {decimal(value)}\n" for name, value in numbers)
@@ -66,7 +70,7 @@ def camchain(rig: RigValues) -> str:
         text += lens(camera)
         text += f"  resolution: [{camera.width}, {camera.height}]\n"
         text += f"  rostopic: {rig.topics[name]}\n"
-        text += f"  timeshift_cam_imu: {real(camera.time_offset)}\n"
+        text += f"  timeshift_cam_imu: {real(rig.time_shift(name))}\n"
     return text
 
 

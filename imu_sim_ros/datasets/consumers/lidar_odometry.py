@@ -119,7 +119,7 @@ def _rko_lio(one: Ranging) -> str:
             f"{one.topic}, with a rosbag2 folder; it is run so in the tests. Estimates are of the "
             "body. With initialization_phase it takes the first readings for gravity and biases, "
             "which needs a start at rest; without, it starts level.",
-            *remarks(one.values, ()),
+            *remarks(one.values),
         ]
     )
     lines = []
@@ -152,7 +152,8 @@ def _fast_lio(one: Ranging) -> str:
             ),
             "Covariances are those of one reading, density^2 rate: src/IMU_Processing.hpp adds "
             "(dt G) Q (dt G)^T with each.",
-            *remarks(values, ()),
+            *values.delay_remarks(),
+            *remarks(values, ("stamp_offset",)),
         ]
     )
     covariances = {
@@ -167,7 +168,7 @@ def _fast_lio(one: Ranging) -> str:
         for key, name in covariances.items()
     )
     topic = resolved(f"{one.space}{CUSTOM_TOPIC}") if livox else one.topic
-    offset = values.imu.stamp_offset - own.stamp_offset
+    offset = values.lateness - own.stamp_offset
     return (
         f'{head}common:\n  lid_topic: "{topic}"\n  imu_topic: "{values.topic}"\n'
         f"  time_sync_en: false\n  time_offset_lidar_to_imu: {real(offset)}\n"
@@ -198,7 +199,7 @@ def _lio_sam(one: Ranging, parameters: SimulationParameters) -> str:
             f"It needs an orientation: {nine} (publish.orientation or --topics), not {raw}. Its tf "
             "needs that of the mount, /tf_static, from its start on.",
             "imuAccNoise and the others are densities, as gtsam takes them.",
-            *remarks(values, ()),
+            *remarks(values),
         ]
     )
     # R_li maps what the IMU measures to the LiDAR's axes; the IMU's position is in those.

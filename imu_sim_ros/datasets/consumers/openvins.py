@@ -104,8 +104,9 @@ are those of versions before."""
 
 def files(subject: Subject) -> dict[str, str]:
     """Return the chain of the IMU, and with cameras theirs and the estimator's configuration."""
-    found = {"kalibr_imu_chain.yaml": imu_chain(subject.imu)}
-    if subject.rig is not None and subject.rig.fits("radtan", "equidistant"):
+    has_rig = subject.rig is not None and subject.rig.fits("radtan", "equidistant")
+    found = {"kalibr_imu_chain.yaml": imu_chain(subject.imu, has_rig)}
+    if subject.rig is not None and has_rig:
         found["kalibr_imucam_chain.yaml"] = imucam_chain(subject.rig)
         found["estimator_config.yaml"] = estimator_config(subject.rig)
     return found
@@ -127,14 +128,18 @@ def triangular(response: Array) -> tuple[Array, Array]:
     return np.tril(r.T * signs), signs[:, None] * q.T
 
 
-def imu_chain(values: ImuValues) -> str:
-    """Return OpenVINS' kalibr_imu_chain.yaml, whole."""
+def imu_chain(values: ImuValues, has_rig: bool = False) -> str:
+    """Return OpenVINS' kalibr_imu_chain.yaml, whole.
+
+    :param has_rig: the chain of the cameras, which has the time shift, is written next to it.
+    """
+    shift = ("stamp_offset",) if has_rig else ()
     head = comment(
         [
             "OpenVINS kalibr_imu_chain.yaml, whole: continuous-time densities in kalibr's units, "
             "as the simulation has them.",
             "w_m = Tw R_IMUtoGYRO w + Tg a + b and a_m = Ta R_IMUtoACC a + b",
-            *remarks(values, _EXPRESSED, above_zero=True),
+            *remarks(values, (*_EXPRESSED, *shift), above_zero=True),
         ]
     )
     densities = "".join(
@@ -178,7 +183,7 @@ def imucam_chain(rig: RigValues) -> str:
             f"  intrinsics: {listed(camera.intrinsics)}\n"
             f"  resolution: [{camera.width}, {camera.height}]\n"
             f"  rostopic: {rig.topics[name]}\n"
-            f"  timeshift_cam_imu: {real(camera.time_offset)}\n"
+            f"  timeshift_cam_imu: {real(rig.time_shift(name))}\n"
         )
     return text
 
@@ -192,8 +197,12 @@ def estimator_config(rig: RigValues) -> str:
             "OpenVINS estimator_config.yaml, whole. Estimator and front end as for EuRoC.",
             "init_imu_thresh: EuRoC's 1.5 never fires on a simulated IMU, which no rotor shakes: a "
             "second's accelerometer deviation is 0.07 at rest and 1.3 at most in its flights. 0.5 "
-            "fires; it needs 2 s of rest and then a jerk (trajectory.lead_in). A gentle flight, "
-            "such as a tour, needs 0.1, and init_max_disparity: 5.",
+            "fires; it needs 2 s of rest and then a jerk (trajectory.lead_in). On tours, "
+            "init_max_disparity has to be 5, and 3 in the street: the features of a camera like "
+            "EuRoC's move little in the second of the jerk. A tour that begins gently "
+            "(trajectory.rest_before) needs 5 and an init_imu_thresh of 0.1, which must be above "
+            "the accelerometer's deviation at rest; that of this one is "
+            f"{rig.imu.rest_deviation:.2g}.",
             "Extrinsics and intrinsics are exact, so only the time offset is estimated.",
             *rig.start_remarks("OpenVINS"),
             *rig.remarks(("time_offset",), offsets=False),

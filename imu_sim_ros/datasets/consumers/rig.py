@@ -47,6 +47,13 @@ class RigValues:
         """Return T_ci (4, 4), which maps coordinates from the IMU to a camera."""
         return inverse_pose(self.imu_camera(name))
 
+    def time_shift(self, name: str) -> float:
+        """Return the time shift of a camera, ``t_imu = t_cam + shift`` [s].
+
+        It is the camera's time offset plus error of stamps and delay of readings of the IMU.
+        """
+        return self.cameras[name].time_offset + self.imu.lateness
+
     def fits(self, *models: str) -> bool:
         """Return whether all cameras are of the models named by :func:`kind`."""
         return all(kind(camera) in models for camera in self.cameras.values())
@@ -57,23 +64,27 @@ class RigValues:
         """Yield a sentence for each property of the cameras that a format cannot express.
 
         :param expressed: parameters that it can express next to lens, mount and rate; ``k3``: the
-            fifth coefficient of a pinhole; ``unified.distortion``: four of that sphere.
+            fifth coefficient of a pinhole; ``unified.distortion``: four of that sphere;
+            ``time_offset``: the time shift between camera and IMU.
         :param cameras: how many it describes, the first ones; None: all.
         :param offsets: it has a time offset for each camera; else one for all, the first one's.
         """
         described = list(self.cameras.items())[:cameras]
         for name, camera in described:
             terms = list(_simulated(camera, expressed))
-            alike = camera.time_offset == described[0][1].time_offset
-            if "time_offset" in expressed and not (offsets or alike):
-                terms.append(f"time_offset = {decimal(camera.time_offset)} s")
+            shift, first = self.time_shift(name), self.time_shift(described[0][0])
+            expressible = "time_offset" in expressed and (offsets or shift == first)
+            if shift and not expressible:
+                terms.append(f"time_offset = {decimal(shift)} s (of the camera to the IMU)")
             if terms:
                 yield f"{name}: simulated, but not expressible in this format: {', '.join(terms)}"
+        if "time_offset" in expressed:
+            yield from self.imu.delay_remarks()
 
 
 _NO_TERMS: Final = frozenset(
     [
-        *("width", "height", "intrinsics", "xi", "alpha", "distortion"),
+        *("width", "height", "intrinsics", "xi", "alpha", "distortion", "time_offset"),
         *("lever_arm", "mounting", "rig_mounting", "rate", "phase"),
         *("supersampling", "blur_samples", "exposure_period", "gain", "gain_period"),
         *("pixel_noise", "read_noise", "track_lifetime", "max_features", "grid_rows"),
@@ -141,8 +152,11 @@ _WINDOW: Final = 1.0
 _STATIC: Final = "ov_init/src/static/StaticInitializer.cpp"
 _VELOCITY_SIGMA: Final = 0.01
 """Standard deviation of the zero velocity that it starts with [m/s]."""
-_TILT_SIGMA: Final = 0.02
-"""Standard deviation of the attitude that it takes from gravity [rad]."""
+_BIAS_SIGMA: Final = 0.02
+"""Standard deviation of the accelerometer's bias that it starts with [m/s^2].
+
+That of the attitude, 0.02 rad, allows ten times as much of a bias across gravity.
+"""
 _MANY: Final = 2.0
 """Standard deviations beyond which a start is called bad."""
 _GRAVITY: Final = {"VINS-Mono": 1.0, "VINS-Fusion": 0.5}
@@ -198,13 +212,16 @@ def _openvins(values: ImuValues, start: InitialMotion) -> Iterator[str]:
             f"after it{speed}; trajectory.lead_in.rest=2 begins with both"
         )
         return
+    # The mean reading at rest gives the attitude and, along it, the bias: what lies across is 0.
     force = start.accel[np.searchsorted(start.t, rest)]
-    across = np.cross(values.axes("accelerometer_bias"), force / np.linalg.norm(force))
-    tilt = float(np.linalg.norm(across)) / values.gravity
-    if tilt > _MANY * _TILT_SIGMA:
+    cross = np.cross(values.axes("accelerometer_bias"), force / np.linalg.norm(force))
+    across = float(np.linalg.norm(cross))
+    if across > _MANY * _BIAS_SIGMA:
         yield (
             "the accelerometer's bias of this run tilts its first attitude by "
-            f"{tilt:.3f} rad; it takes that to be within +- {_TILT_SIGMA:g} rad ({_STATIC})"
+            f"{across / values.gravity:.3f} rad: {across:.2g} m/s^2 of it are across gravity, and "
+            f"its static start takes that part for 0 +- {_BIAS_SIGMA:g} m/s^2 ({_STATIC}); "
+            "imu.accelerometer_turn_on_bias_sigma=0 is a calibrated sensor"
         )
 
 
@@ -213,9 +230,8 @@ def _rest(values: ImuValues, start: InitialMotion) -> tuple[float | None, str]:
     count = round(_WINDOW / (start.t[1] - start.t[0]))
     if len(start.t) < 2 * count:
         return None, ""
-    white = values.axes("accelerometer_noise_density") ** 2 * values.rate
     windows = np.lib.stride_tricks.sliding_window_view(start.accel, count, axis=0)
-    deviation = np.sqrt(windows.var(axis=2).sum(axis=1) + white.sum())
+    deviation = np.sqrt(windows.var(axis=2).sum(axis=1) + values.rest_deviation**2)
     before, after = deviation[:-count], deviation[count:]
     found = np.flatnonzero((before <= REST_THRESHOLD) & (after >= REST_THRESHOLD)) + count
     still = found[start.speed[found] <= _MANY * _VELOCITY_SIGMA]

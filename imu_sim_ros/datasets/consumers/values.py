@@ -14,6 +14,7 @@ from imu_sim_ros.bags.text.decimals import decimal
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.sensors import sensors_of_imus
+from imu_sim_ros.sensors.errors.triad import variance_discrete
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.types import Array
 
@@ -39,6 +40,8 @@ _NO_TERMS: Final = frozenset(
         *(f"{triad}_correlation_time" for triad in TRIADS),
     ]
 )
+_SAME_TIME: Final = 1e-5
+"""Largest difference of delays that no stack resolves [s]."""
 _VIBRATION: Final = ("vibration.line_amplitude", "vibration.band_density")
 """The strengths of the vehicle's vibration; the rest of it says where and when."""
 # Poses: consumers take the trajectory of the IMU from the truth, and its mount from the user.
@@ -110,6 +113,31 @@ class ImuValues:
         )
         return np.sqrt(2.0 * n * k / math.sqrt(3.0) + (_FLICKER * b) ** 2)
 
+    @property
+    def rest_deviation(self) -> float:
+        """Root of the summed variances of the accelerometer's axes at rest [m/s^2]."""
+        return math.sqrt(sum(variance_discrete(self.imu, "accelerometer", self.rate)))
+
+    @property
+    def lateness(self) -> float:
+        """Stamp of a slow motion in the readings minus its true time [s].
+
+        The delay is that of the gyroscope, which determines the time shift of other sensors.
+        """
+        return self.imu.stamp_offset + float(np.mean(self.imu.delay("gyroscope", self.rate)))
+
+    def delay_remarks(self) -> Iterator[str]:
+        """Yield a sentence if axes or triads lag differently, which a single time shift lacks."""
+        mean = self.lateness - self.imu.stamp_offset
+        for triad in TRIADS:
+            delays = self.imu.delay(triad, self.rate)
+            if max(abs(delay - mean) for delay in delays) > _SAME_TIME:
+                numbers = ", ".join(decimal(float(f"{delay:.6g}")) for delay in delays)
+                yield (
+                    f"The readings of the {triad} lag by {numbers} s (x, y, z); the time shift has "
+                    f"{decimal(float(f'{mean:.6g}'))} s, the mean of the gyroscope"
+                )
+
     def missing(self, expressed: Collection[str] = ()) -> list[str]:
         """Return the simulated terms that a format cannot express, by parameter.
 
@@ -172,7 +200,7 @@ def remarks(
     missing = values.missing(expressed)
     if missing:
         yield f"Simulated, but not expressible in this format: {', '.join(missing)}"
-    else:
+    elif per_axis or not values.uneven():
         yield "This format expresses every error of the IMU that is simulated."
 
 

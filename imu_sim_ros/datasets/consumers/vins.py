@@ -134,7 +134,7 @@ def mono(rig: RigValues) -> str:
         f"extrinsicTranslation: {opencv_matrix(t_ic[:3, 3:])}"
         f"{_TRACKER}equalize: 1\nfisheye: 0\n{_OPTIMISER}{_numbers(rig.imu)}"
         "loop_closure: 0\nload_previous_pose_graph: 0\nfast_relocalization: 0\n"
-        f'pose_graph_save_path: "/tmp/"\nestimate_td: 1\ntd: {real(camera.time_offset)}\n'
+        f'pose_graph_save_path: "/tmp/"\nestimate_td: 1\ntd: {real(rig.time_shift(name))}\n'
         f"rolling_shutter: {int(camera.row_time > 0.0)}\n"
         f"rolling_shutter_tr: {real(camera.row_time * camera.height)}\n"
         "save_image: 0\nvisualize_imu_forward: 0\nvisualize_camera_size: 0.4\n"
@@ -159,7 +159,7 @@ def fusion(rig: RigValues, prefix: str) -> str:
         f'imu_topic: "{rig.imu.topic}"\n{topics}output_path: "/tmp/"\n{files}'
         f"image_width: {first.width}\nimage_height: {first.height}\n"
         f"estimate_extrinsic: 0\n{mounts}multiple_thread: 1\n{_TRACKER}flow_back: 1\n"
-        f"{_OPTIMISER}{_numbers(rig.imu)}estimate_td: 1\ntd: {real(first.time_offset)}\n"
+        f"{_OPTIMISER}{_numbers(rig.imu)}estimate_td: 1\ntd: {real(rig.time_shift(names[0]))}\n"
         'load_previous_pose_graph: 0\npose_graph_save_path: "/tmp/"\nsave_image: 0\n'
     )
 
@@ -173,6 +173,6 @@ def _head(name: str, rig: RigValues, missing: Iterator[str]) -> str:
             f"square root of the rate, sqrt({rig.imu.rate:g} Hz) (integration_base.h).",
             *rig.start_remarks(name),
             *missing,
-            *remarks(rig.imu),
+            *remarks(rig.imu, ("stamp_offset",)),
         ]
     )

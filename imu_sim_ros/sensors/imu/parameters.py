@@ -3,6 +3,7 @@
 
 """Parameters of the IMU: the triads' errors, mounting, timing, the vehicle's vibration, presets."""
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
@@ -329,6 +330,25 @@ class ImuParameters(TimingParameters, BoardParameters, TriadsParameters):
         """
         nyquist = 0.5 * rate * float(self.internal_ratio(rate))
         x, y, z = (f if f < nyquist else 0.0 for f in self.triad(triad).bandwidth)
+        return (x, y, z)
+
+    def delay(self, triad: str, rate: float) -> Vector:
+        """Return by how much the readings of a triad lag behind slow motions, per axis [s].
+
+        A low-pass of order n and cut-off f has, at low frequencies, the group delay
+        ``1 / (2 pi f sin(pi / (2 n)))``, that of a Butterworth filter; after the bilinear transform
+        at r readings per second, ``2 pi f`` is ``2 r tan(pi f / r)``. The mean over an interval
+        lags by half of it.
+
+        :param rate: samples per second [Hz].
+        """
+        internal = rate * float(self.internal_ratio(rate))
+        order = math.sin(math.pi / (2.0 * self.bandwidth_order))
+        mean = 0.5 / rate if self.sampling == "averaged" else 0.0
+        x, y, z = (
+            mean + (0.5 / (internal * math.tan(math.pi * f / internal) * order) if f else 0.0)
+            for f in self.low_pass(triad, rate)
+        )
         return (x, y, z)
 
     def problems(self, prefix: str) -> Iterator[str]:
