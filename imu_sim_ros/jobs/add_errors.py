@@ -14,7 +14,7 @@ from typing import Any, Final, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imu_sim_ros import arguments, timebase
+from imu_sim_ros import arguments
 from imu_sim_ros.arguments import refuse
 from imu_sim_ros.conventions import (
     ACCELEROMETER_BIAS_TOPIC,
@@ -32,6 +32,7 @@ from imu_sim_ros.jobs.simulate import imu_parameters, keyword_parameters, sensor
 from imu_sim_ros.jobs.writing import parameter_files
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
+from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.sensors.barometer.declaration import PressureReadings
 from imu_sim_ros.sensors.barometer.model import Atmosphere
 from imu_sim_ros.sensors.faults import KINDS, Fault
@@ -830,15 +831,17 @@ def with_rate(layers: Mapping[str, object], rate: Callable[[], float]) -> ErrorM
 def rate_of(t_ns: Integers) -> float:
     """Return the readings per second of stamps, rounded to six digits [Hz].
 
-    Gaps are not counted: an interval much longer than most counts as several.
+    That of the clock behind them: losses, rounding and batches do not change it.
 
-    :raises ConfigurationError: for fewer than two stamps that follow each other.
+    :raises ConfigurationError: for fewer than two stamps that follow each other, and stamps in
+        another unit.
     """
-    steps = np.diff(t_ns)
-    steps = steps[steps > 0]
-    if not len(steps):
+    if len(t_ns) < 2 or not (np.diff(t_ns) > 0).any():
         raise ConfigurationError("rate: two readings, or the rate, must be given")
-    whole = np.maximum(np.rint(steps / float(np.median(steps))), 1.0)
-    found = float(f"{whole.sum() / steps.sum() * timebase.NANOSECONDS_PER_SECOND:.6g}")
-    nearest = float(round(found))
-    return nearest if nearest and abs(found - nearest) < 2e-5 * nearest else found
+    clock = estimate_clock(t_ns)
+    unit = clock.trait("unit")
+    if unit is not None:
+        raise ConfigurationError(f"stamps are not in nanoseconds: {unit.text}")
+    rate = float(f"{clock.rate:.6g}")
+    nearest = float(round(rate))
+    return nearest if nearest and abs(rate - nearest) < 2e-5 * nearest else rate

@@ -26,10 +26,11 @@ from imu_sim_ros.calibration.twin.pose_noise import (
     spoiled,
 )
 from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import InputError, Problems
+from imu_sim_ros.errors import InputError, Problems, warn
 from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.readings import HasPoses, checked_poses
+from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.records import Readings, States, with_fields
 from imu_sim_ros.rotation import to_matrix
 from imu_sim_ros.trajectory.build import build_trajectory
@@ -49,8 +50,6 @@ _STILL: Final = (0.05, 0.03)
 """[rad/s], [m/s] above which a body is in motion."""
 _SCALE: Final = 8.0
 """Between typical sizes of readings and truth, vibration and biases included; g is 9.8 m/s^2."""
-_GAP: Final = 1.5
-"""Intervals between two samples from which on one is missing."""
 _FILLED: Final = 10
 """Samples: shorter losses are filled by straight lines."""
 _PIECE: Final = 512
@@ -175,6 +174,7 @@ def recorded(
     problems = Problems()
     with problems.gathered():
         readings = readings_of("recording", recording, topic, skip_bad_rows=skip_bad_rows)
+        readings = _in_order(readings)
         _check(readings)
     with problems.gathered():
         poses, name = _poses(truth, truth_topic, skip_bad_rows)
@@ -309,12 +309,31 @@ def _poses(
     return checked_poses("truth", truth), "the truth"
 
 
+def _in_order(readings: Readings) -> Readings:
+    """Return the readings by the times of their clock; what is left out is told.
+
+    :raises InputError: for stamps without a rate, and for a clock that went back or changed.
+    """
+    equal = np.all(np.diff(np.hstack(readings.triads()), axis=0) == 0.0, axis=1)
+    try:
+        clock = estimate_clock(readings.t_ns, np.append(False, equal))
+    except InputError as error:
+        raise InputError(f"{readings.source}: {error}") from None
+    for kind in ("unit", "reset", "clock_change"):
+        trait = clock.trait(kind)
+        if trait is not None:
+            raise InputError(
+                f"{readings.source}: stamps from row {trait.row} on: {trait.text}; a twin needs "
+                "readings and truth on one clock in nanoseconds"
+            )
+    for trait in clock.traits:
+        if trait.kind in {"batches", "bunches", "rounded", "stray", "late"}:
+            warn(f"{readings.source}: {trait.text}")
+    return with_fields(readings.rows(clock.rows), t_ns=clock.times_ns())
+
+
 def _check(readings: Readings) -> None:
     problems = []
-    steps = np.diff(readings.t_ns)
-    if np.any(steps < 0):
-        row = int(np.argmax(steps < 0)) + 1
-        problems.append(f"{readings.source}: stamps run backwards at sample {row}")
     for name, values in zip(("gyroscope", "accelerometer"), readings.triads(), strict=True):
         if len(values) and np.any(np.ptp(values, axis=0) == 0.0):
             axis = "xyz"[int(np.argmin(np.ptp(values, axis=0)))]
@@ -354,24 +373,20 @@ def _in_pieces(stamps: Array, readings: Array, name: str) -> Recording:
 
     :raises InputError: if no piece is long enough for a spectrum.
     """
-    keep = np.concatenate([[True], np.diff(stamps) > 0.0])
-    stamps, readings = stamps[keep], readings[keep]
-    steps = np.diff(stamps)
-    usual = float(np.median(steps))
-    regular = steps[steps < _GAP * usual]
-    interval = float(regular.mean())
-    # Stamps that jitter make no loss.
-    limit = _GAP * usual + 4.0 * float(np.median(np.abs(steps - usual)))
-    missing = np.where(steps > limit, np.round(steps / interval) - 1.0, 0.0).astype(int)
-    filled = np.where(missing <= _FILLED, missing, 0)
+    clock = estimate_clock(np.rint(stamps * 1e9).astype(np.int64))
+    stamps, readings, interval = stamps[clock.rows], readings[clock.rows], clock.interval_ns * 1e-9
+    filled = np.where(clock.missing <= _FILLED, clock.missing, 0)
+    cut = clock.missing > _FILLED
+    cut[[piece.start for piece in clock.pieces[1:]]] = True
     if filled.any():
-        after = np.repeat(np.arange(len(steps)), filled)
+        after = np.repeat(np.arange(len(stamps)), filled) - 1
         index = np.arange(len(after)) - np.repeat(np.cumsum(filled) - filled, filled) + 1
-        extra = stamps[after] + steps[after] * index / (filled[after] + 1)
-        every = np.sort(np.concatenate([stamps, extra]))
-        columns = [np.interp(every, stamps, readings[:, k]) for k in range(6)]
-        stamps, readings = every, np.column_stack(columns)
-    cuts = np.flatnonzero(np.diff(stamps) > limit) + 1
+        steps = stamps[after + 1] - stamps[after]
+        extra = stamps[after] + steps * index / (filled[after + 1] + 1)
+        times = np.sort(np.concatenate([stamps, extra]))
+        columns = [np.interp(times, stamps, readings[:, k]) for k in range(6)]
+        stamps, readings = times, np.column_stack(columns)
+    cuts = np.flatnonzero(cut) + np.cumsum(filled)[cut]
     edges = [0, *cuts.tolist(), len(stamps)]
     pieces = tuple(slice(a, b) for a, b in pairwise(edges))
     longest = max(piece.stop - piece.start for piece in pieces)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.names import suggestion
+from imu_sim_ros.recordings.order import longest_step_ns
 from imu_sim_ros.records import States, with_fields
 from imu_sim_ros.types import Array, Times
 
@@ -59,7 +60,7 @@ def common_rows(estimate_ns: Times, truth_ns: Times, max_gap: float = 0.5) -> ND
         raise InputError(f"{len(truth_ns)} poses of the truth: at least two are needed")
     inside = (estimate_ns >= truth_ns[0]) & (estimate_ns <= truth_ns[-1])
     before, part = _intervals(truth_ns, estimate_ns)
-    long = np.diff(truth_ns)[before] * 1e-9 > max_gap
+    long = np.diff(truth_ns)[before] > longest_step_ns(max_gap)
     on_stamp = (part == 0.0) | (part == 1.0)
     rows = np.flatnonzero(inside & (~long | on_stamp))
     if len(rows) < 2:

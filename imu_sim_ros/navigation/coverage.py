@@ -11,6 +11,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from imu_sim_ros.recordings.order import longest_step_ns
 from imu_sim_ros.types import Array, Integers, Mask, Times
 
 LEAST: Final = 0.9
@@ -102,7 +103,7 @@ class TruthTime:
         :param max_gap: longer intervals are gaps [s]; if all are, the truth is slow and none is.
         """
         steps = np.diff(truth_ns)
-        known = steps * 1e-9 <= max_gap
+        known = steps <= longest_step_ns(max_gap)
         self._known: Mask = known if known.any() else np.ones(len(steps), np.bool_)
         self._stamps = truth_ns
         self._at_stamps = np.concatenate([[0], np.cumsum(np.where(self._known, steps, 0))])
@@ -144,7 +145,7 @@ def coverage(
     """
     clock = TruthTime(truth_ns, max_gap)
     at_ns = clock.at(estimate_ns)
-    held: Mask = np.diff(estimate_ns) * 1e-9 <= max_gap
+    held: Mask = np.diff(estimate_ns) <= longest_step_ns(max_gap)
     estimated = int(np.sum(np.diff(at_ns)[held]))
     first = int(at_ns[0]) if len(at_ns) else clock.whole_ns
     allowed = min(first, round(allowance * 1e9), int(LARGEST_ALLOWANCE * clock.whole_ns))

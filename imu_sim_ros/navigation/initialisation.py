@@ -25,6 +25,7 @@ from imu_sim_ros.navigation.covariance import (
 from imu_sim_ros.navigation.mount import ALIGNED, ImuMount, mount_of
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import Correction, NavigationState, correction_of
+from imu_sim_ros.recordings.order import longest_step_ns
 from imu_sim_ros.sensors.imu.triads import TriadsParameters
 from imu_sim_ros.types import Array, Times
 
@@ -123,11 +124,6 @@ def from_state(
     return Initial(state, correction_of(parameters), Covariance(parameters.imu, covariance), rate)
 
 
-def is_gap(parameters: IntegratorParameters, before_ns: int, t_ns: int) -> bool:
-    """Return whether rest starts again with a reading, given the one before."""
-    return not 0 < t_ns - before_ns < parameters.max_gap * 1e9
-
-
 def is_long_enough(parameters: IntegratorParameters, first_ns: int, t_ns: int) -> bool:
     """Return whether the readings from one time to another are the rest that ``level`` averages."""
     return t_ns - first_ns >= round(parameters.level_time * 1e9)
@@ -142,7 +138,7 @@ def rest_rows(parameters: IntegratorParameters, t_ns: Times) -> slice:
     :raises InputError: if no stretch is long enough.
     """
     step = np.diff(t_ns)
-    gaps = np.flatnonzero((step <= 0) | (step >= parameters.max_gap * 1e9)) + 1
+    gaps = np.flatnonzero((step <= 0) | (step > longest_step_ns(parameters.max_gap))) + 1
     longest, length = 0, round(parameters.level_time * 1e9)
     for first, end in itertools.pairwise([0, *gaps.tolist(), len(t_ns)]):
         piece = t_ns[first:end]

@@ -20,6 +20,7 @@ from imu_sim_ros.navigation.increments import Increments
 from imu_sim_ros.navigation.parameters import ATTITUDE_UPDATES, METHODS
 from imu_sim_ros.navigation.state import NO_CORRECTION, Correction, NavigationState
 from imu_sim_ros.parameters.kinds import ZERO_VECTOR
+from imu_sim_ros.recordings.order import longest_step_ns
 from imu_sim_ros.types import Array, Integers
 
 
@@ -62,10 +63,10 @@ def _order_problems(t_ns: Integers, steps: Integers) -> list[str]:
 
 
 def _gap_problems(t_ns: Integers, steps_ns: Integers, max_gap: float) -> list[str]:
-    if steps_ns.max() * 1e-9 <= max_gap:
+    gaps = steps_ns > longest_step_ns(max_gap)
+    if not gaps.any():
         return []
     steps = steps_ns * 1e-9
-    gaps = steps > max_gap
     first = int(np.argmax(gaps))
     return [
         f"{np.count_nonzero(gaps)} gaps are longer than max_gap = {max_gap:g} s, the first is "
@@ -82,7 +83,7 @@ class StepperCounts:
     backward: int = 0
     """readings with a stamp before that of the reading before"""
     gaps: int = 0
-    """intervals of max_gap or more"""
+    """intervals longer than max_gap"""
     gimbal_lock: int = 0
     """steps near the gimbal lock, taken with the so3 update in place of Euler angles"""
 
@@ -110,7 +111,7 @@ def check_method(method: str, attitude: str) -> None:
 class Stepper:
     """Integrates readings as they come.
 
-    The first reading starts the clock; each later one with ``0 < dt < max_gap`` is a step. Any
+    The first reading starts the clock; each later one with ``0 < dt <= max_gap`` is a step. Any
     other one is counted, and integration continues from it with the state unchanged.
     """
 
@@ -131,7 +132,7 @@ class Stepper:
         :param attitude: quaternion, so3 or euler_angles.
         :param gravity: (3,) in the world frame [m/s^2].
         :param correction: the known errors of the readings.
-        :param max_gap: length at which an interval is a gap and not integrated over [s].
+        :param max_gap: length above which an interval is a gap and not integrated over [s].
         :param earth_rate: (3,) rate of the world, in the world frame [rad/s].
         :raises ConfigurationError: for an unknown method or attitude update.
         """
@@ -139,7 +140,7 @@ class Stepper:
         self.counts = StepperCounts()
         self.correction = correction
         """The known errors of the readings; a new one applies from the next reading on."""
-        self._max_gap_ns = max_gap * 1e9
+        self._longest_step_ns = longest_step_ns(max_gap)
         self._world = increments.world_vectors(gravity, earth_rate)
         self._method, self._attitude = method, attitude
         self.reset(initial)
@@ -176,7 +177,7 @@ class Stepper:
         self._rates = np.concatenate([self._rates[1:], rates])
         self._forces = np.concatenate([self._forces[1:], forces])
         step_ns = t_ns - self.t_ns if self.t_ns is not None else None
-        stepped = step_ns is not None and 0 < step_ns < self._max_gap_ns
+        stepped = step_ns is not None and 0 < step_ns <= self._longest_step_ns
         if step_ns is not None:
             if stepped:
                 self._advance(np.array([step_ns * 1e-9]))

@@ -64,7 +64,7 @@ _CONTRADICTION: Final = 3.0
 """Losses that one stamp too early for an interval outweighs."""
 _MOST_LOST: Final = 0.4
 """Largest share of lost samples that the search allows for."""
-_SHORT: Final = 0.25
+SHORT: Final = 0.25
 """Steps within a bunch are shorter than this share of the mean step."""
 _BUNCHED: Final = 0.45
 """Share of short steps from which on readings come in bunches: half of them in pairs."""
@@ -197,7 +197,7 @@ def _bunch(t_ns: Times) -> float:
     usual = float(np.median(positive))
     regular = positive[positive <= usual * (longest_loss(usual) + 1.0)] if usual else positive
     mean = float(regular.mean()) if len(regular) else 0.0
-    short = regular < _SHORT * mean
+    short = regular < SHORT * mean
     if np.count_nonzero(short) >= _BUNCHED * len(regular) and not short.all():
         limit = float(regular[short].max())
         rows = np.flatnonzero(np.append(True, steps > limit))

@@ -3,6 +3,7 @@
 
 """StampOrder of stamps: stretches of one time, late readings, stray stamps and resets."""
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -23,6 +24,22 @@ _USUAL: Final = 65536
 """Stamps of which the usual step is taken."""
 LONGEST_LOSS: Final = 10.0
 """Number of missing readings in a row that is a loss at any rate."""
+
+
+def is_gap(step_ns: float, max_gap: float) -> bool:
+    """Return True if a step between stamps cannot be integrated over: back, none, or too long.
+
+    A step of exactly ``max_gap`` is no gap.
+
+    :param step_ns: from one stamp to the next [ns].
+    :param max_gap: longest step [s].
+    """
+    return not 0.0 < step_ns <= longest_step_ns(max_gap)
+
+
+def longest_step_ns(max_gap: float) -> float:
+    """Return the longest step that is no gap [ns], in whole nanoseconds if it is finite."""
+    return round(max_gap * 1e9) if max_gap < math.inf else math.inf
 
 
 def longest_loss(interval_ns: float) -> float:

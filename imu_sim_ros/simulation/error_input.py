@@ -18,6 +18,8 @@ import numpy as np
 from imu_sim_ros import rotation, timebase
 from imu_sim_ros.conventions import STANDARD_GRAVITY, TRIADS
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.recordings.clock import SHORT, estimate_clock
+from imu_sim_ros.recordings.order import RESET_READINGS, RESTART_NS
 from imu_sim_ros.rotation import cross, normalise, rotate_inverse, transform
 from imu_sim_ros.sensors.gravity import gravity_vector
 from imu_sim_ros.sensors.imu.ideal import size_effect
@@ -32,14 +34,12 @@ from imu_sim_ros.types import Array, Integers, Mask, Times
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-_RESTART_NS: Final = 1_000_000_000
-"""Stamps that jump back by more are those of a simulator that was reset."""
 _LOOKED_BACK: Final = 4
 """Intervals in which a burst of readings may make up for a long one."""
+_LARGEST_BUNCH: Final = 64
+"""Readings of a bunch; where stamps come in bunches, so many intervals are looked back."""
 _FEW: Final = 4
 """Readings for which calls of NumPy take longer than Python's numbers."""
-_IN_A_ROW: Final = 5
-"""So many earlier stamps that increase are those of a simulator that was reset, too."""
 
 
 class GivenReadings(NamedTuple):
@@ -71,6 +71,16 @@ class GivenReadings(NamedTuple):
             q_wb,
         )
 
+    def changes(self) -> Mask:
+        """Return (n - 1,) True where a reading differs from the one before it."""
+        gyro, accel = (np.any(v[1:] != v[:-1], axis=1) for v in (self.gyro, self.accel))
+        changes: Mask = gyro | accel
+        return changes
+
+    def at_times(self, t_ns: Times) -> "GivenReadings":
+        """Return them at other times (n,) [ns]."""
+        return self._replace(t_ns=t_ns)
+
     def lasting(self, t_ns: Times) -> "GivenReadings":
         """Return a single one at other times (n,) [ns]."""
         gyro, accel = (np.repeat(one, len(t_ns), axis=0) for one in (self.gyro, self.accel))
@@ -95,6 +105,16 @@ class GivenValues(NamedTuple):
         pairs = zip(self, other, strict=True)
         return GivenValues(*(np.concatenate(pair) for pair in pairs))
 
+    def changes(self) -> Mask:
+        """Return (n - 1,) True where a value differs from the one before it."""
+        values = self.values.reshape(len(self.t_ns), -1)
+        changes: Mask = np.any(values[1:] != values[:-1], axis=1)
+        return changes
+
+    def at_times(self, t_ns: Times) -> "GivenValues":
+        """Return them at other times (n,) [ns]."""
+        return self._replace(t_ns=t_ns)
+
     def lasting(self, t_ns: Times) -> "GivenValues":
         """Return a single one at other times (n,) [ns]."""
         return GivenValues(t_ns, np.repeat(self.values, len(t_ns), axis=0))
@@ -113,11 +133,60 @@ class InOrder(Protocol):
     def followed_by(self, other: "Self") -> "Self":
         """Return these and later ones."""
 
+    def changes(self) -> Mask:
+        """Return (n - 1,) True where a reading differs from the one before it."""
+
+    def at_times(self, t_ns: Times) -> "Self":
+        """Return them at other times (n,) [ns]."""
+
     def lasting(self, t_ns: Times) -> "Self":
         """Return a single one at other times (n,) [ns]."""
 
 
 Given = TypeVar("Given", bound=InOrder)
+
+
+class Spreading(Generic[Given]):
+    """Spreads readings that share a stamp over the interval after it, at equal distances.
+
+    Only readings that differ from the one before them are spread; the same reading with the same
+    stamp is a message that came twice.
+    """
+
+    def __init__(self, nominal_ns: float) -> None:
+        """Begin with the next reading.
+
+        :param nominal_ns: interval of the readings [ns].
+        """
+        self._nominal_ns = nominal_ns
+        self._last: Given | None = None
+        self._last_ns: int | None = None
+        self._rank = 0
+        self.spread = 0
+        """Number of readings whose stamps were changed."""
+
+    def apply(self, given: Given) -> Given:
+        """Return readings with a stamp of their own each."""
+        t_ns = given.t_ns
+        if not len(t_ns):
+            return given
+        last, repeats = self._last, int(t_ns[0]) == self._last_ns
+        self._last, self._last_ns = given, int(t_ns[-1])
+        if not repeats and (len(t_ns) == 1 or not np.any(t_ns[1:] == t_ns[:-1])):
+            self._rank = 0
+            return given
+        if repeats and last is not None:
+            changes = last.at(slice(-1, None)).followed_by(given).changes().tolist()
+        else:
+            changes, self._rank = [False, *given.changes().tolist()], 0
+        ranks, rank = [], self._rank
+        same = [repeats, *(t_ns[1:] == t_ns[:-1]).tolist()]
+        for repeated, changed in zip(same, changes, strict=True):
+            rank = rank + changed if repeated else 0
+            ranks.append(rank)
+        self._rank = rank
+        self.spread += int(np.count_nonzero(ranks))
+        return given.at_times(t_ns + np.rint(np.array(ranks) * self._nominal_ns).astype(np.int64))
 
 
 class Order(Generic[Given]):
@@ -171,13 +240,13 @@ class Order(Generic[Given]):
             if now == self.last_ns or (run and now == t_ns[run[-1]]):
                 self._left_out(0)
                 continue
-            again = self.last_ns > self._first_ns >= now or now < self.last_ns - _RESTART_NS
+            again = self.last_ns > self._first_ns >= now or now < self.last_ns - RESTART_NS
             if again or (run and now < t_ns[run[-1]]):
                 run = []
             run.append(k)
             if not again and k >= known:
                 self._left_out(now - self.last_ns)
-            if not again and len(run) < _IN_A_ROW:
+            if not again and len(run) < RESET_READINGS:
                 continue
             self._taken_back(0 if again else len(run))
             if keep[begin:].any():
@@ -221,11 +290,11 @@ class Gaps:
             times = [*self._recent_ns, *t_ns.tolist()]
             steps = itertools.pairwise(times[max(before - 1, 0) :])
             if all(after - one <= longest for one, after in steps):
-                self._recent_ns = times[-_LOOKED_BACK:]
+                self._recent_ns = times[-_LARGEST_BUNCH:]
                 yield None, 0, 0
                 return
         t_ns = np.concatenate([np.array(self._recent_ns, np.int64), t_ns])
-        self._recent_ns = t_ns[-_LOOKED_BACK:].tolist()
+        self._recent_ns = t_ns[-_LARGEST_BUNCH:].tolist()
         since = max(before, 1)
         long = t_ns[since:] - t_ns[since - 1 : -1] > longest
         begin = missing = pause = 0
@@ -241,7 +310,10 @@ class Gaps:
         step_ns = int(t_ns[-1] - t_ns[-2])
         if step_ns > self._longest_ns:
             return 0, step_ns
-        before = t_ns[-_LOOKED_BACK - 1 : -1][::-1]
+        before = t_ns[-_LARGEST_BUNCH - 1 : -1][::-1]
+        short = np.count_nonzero(before[:-1] - before[1:] < SHORT * self._nominal_ns)
+        if 2 * short < len(before) - 1:
+            before = before[:_LOOKED_BACK]
         expected = np.rint((t_ns[-1] - before) / self._nominal_ns).astype(np.int64)
         return max(int((expected - np.arange(1, len(before) + 1)).min()), 0), 0
 
@@ -648,13 +720,11 @@ class StartCheck:
     def _of_stamps(self, t_ns: Times) -> Iterator[str]:
         declared = self._parameters.input.rate or self._parameters.rate
         name = "input.rate" if self._parameters.input.rate else "rate"
-        steps = np.diff(t_ns)
-        typical = float(np.median(steps)) if len(steps) else 0.0
-        if typical <= 0.0:
+        if len(t_ns) < 2:
             return
-        found = 1e9 / typical
-        if abs(found - declared) > _TOLERANCE * declared:
-            yield f"{name} = {declared:g}: the readings come {found:.4g} times a second"
+        rate = estimate_clock(t_ns).rate
+        if abs(rate - declared) > _TOLERANCE * declared:
+            yield f"{name} = {declared:g}: the readings come {rate:.4g} times a second"
 
     def _of_rates(self, gyro: Array) -> Iterator[str]:
         mean = float(np.linalg.norm(gyro, axis=1).mean())

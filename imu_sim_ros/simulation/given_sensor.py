@@ -19,7 +19,14 @@ from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.model import NOWHERE
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import World
-from imu_sim_ros.simulation.error_input import Conventions, Gaps, GivenValues, InOrder, Order
+from imu_sim_ros.simulation.error_input import (
+    Conventions,
+    Gaps,
+    GivenValues,
+    InOrder,
+    Order,
+    Spreading,
+)
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
 from imu_sim_ros.simulation.sensors import models, mounted
 
@@ -73,6 +80,7 @@ class GivenSensor(ABC, Generic[Given, Made]):
         self._what = f"{what}: " if what else ""
         self._nominal_ns = 1e9 / rate
         self._order = self._new_order()
+        self._spreading: Spreading[Given] = Spreading(self._nominal_ns)
         self._begin(parameters.seed)
 
     def _begin(self, seed: int) -> None:
@@ -151,7 +159,7 @@ class GivenSensor(ABC, Generic[Given, Made]):
         self.counts.readings += len(given.t_ns)
         windows = [
             window
-            for part, back_ns in self._order.parts(given)
+            for part, back_ns in self._order.parts(self._spreading.apply(given))
             for window in self._in_order(part, back_ns)
         ]
         for window in windows:

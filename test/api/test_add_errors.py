@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from simulation_runs import EVERY_TERM
+from stamps import batches, exact, rounded
 
 import imu_sim_ros as ims
 
@@ -88,6 +89,38 @@ def test_the_rate_is_that_of_the_stamps() -> None:
     with pytest.raises(ims.ConfigurationError, match="two readings, or the rate"):
         ims.add_errors([1], zero[:1], zero[:1])
     assert len(ims.add_errors([1], zero[:1], zero[:1], rate=100)) == 1
+
+
+@pytest.mark.parametrize("apart_ns", [0, 50_000])
+@pytest.mark.parametrize("live", [False, True])
+def test_readings_in_batches_lack_none(apart_ns: int, live: bool) -> None:
+    """Eight readings share a stamp, or come 50 us apart every 20 ms."""
+    t_ns = batches(exact(4000, 400), 8, apart_ns)
+    rates = 1e-9 * np.arange(4000)[:, None] * [1.0, 1.0, 1.0]  # no two of them are equal
+    forces = np.tile([0.0, 0.0, 9.81], (4000, 1))
+    if live:
+        model = ims.ErrorModel(imu="bmi088", seed=1, rate=400, input={"check": False})
+        for k in range(4000):
+            model.read(int(t_ns[k]), rates[k], forces[k])
+        counts = model.counts
+        assert (counts.samples, counts.missing, counts.repeated) == (4000, 0, 0)
+        return
+    flight = ims.add_errors(t_ns, rates, forces, imu="bmi088", seed=1, input={"check": False})
+    assert flight.parameters.rate == 400
+    assert len(flight.t_ns) == 4000
+    density = (flight.gyro - rates).std(axis=0) / 20.0
+    # The deviation of 4000 numbers is known to 1.1 %; drifts add to it.
+    np.testing.assert_allclose(density, 1.74e-4, rtol=0.06)
+
+
+def test_the_rate_of_whole_milliseconds_is_that_of_the_clock() -> None:
+    t_ns = rounded(exact(20000, 400.1))
+    rates, forces = np.zeros((20000, 3)), np.tile([0.0, 0.0, 9.81], (20000, 1))
+    flight = ims.add_errors(t_ns, rates, forces, imu="bmi088", input={"check": False})
+    assert flight.parameters.rate == pytest.approx(400.1, rel=1e-4)
+    assert len(flight.t_ns) == 20000
+    with pytest.raises(ims.ConfigurationError, match="not in nanoseconds.*in us"):
+        ims.add_errors(exact(20000, 200) // 1000, rates, forces, imu="bmi088")
 
 
 def test_changes_faults_and_reset() -> None:

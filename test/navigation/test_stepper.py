@@ -28,14 +28,14 @@ def test_first_reading_starts_the_clock():
 def test_duplicates_steps_back_and_gaps_are_counted_and_passed_over():
     stepper = Stepper(AT_REST, max_gap=0.1)
     moving = (1.0, 0.0, 9.81)
-    stamps = [0, 10, 10, 20, 15, 25, 225, 235, 335]
-    stepped = [stepper.add(t * MS, STILL, moving) for t in stamps]
-    assert stepped == [False, True, False, True, False, True, False, True, False]
+    stamps = [0, 10, 10, 20, 15, 25, 225, 235, 335, 435.000001]
+    stepped = [stepper.add(round(t * MS), STILL, moving) for t in stamps]
+    assert stepped == [False, True, False, True, False, True, False, True, True, False]
     counts = stepper.counts
     assert (counts.repeated, counts.backward, counts.gaps) == (1, 1, 2)
-    # Four steps of 10 ms; an interval of exactly max_gap is a gap, as in 0 < dt < max_gap.
-    assert stepper.state.velocity[0] == pytest.approx(0.04)
-    assert stepper.t_ns == 335 * MS
+    # Four steps of 10 ms, and one of exactly max_gap, which is no gap.
+    assert stepper.state.velocity[0] == pytest.approx(0.14)
+    assert stepper.t_ns == 435 * MS + 1
 
 
 def test_reset_keeps_counts_and_forgets_the_clock():

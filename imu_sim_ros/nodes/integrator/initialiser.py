@@ -20,6 +20,7 @@ from imu_sim_ros.navigation.initialisation import Initial
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import NavigationState
 from imu_sim_ros.nodes.messages import ImuReading, OdometryFields
+from imu_sim_ros.recordings.order import is_gap
 
 _KEPT = 20000
 """Number of readings and truths that may wait for each other: 2.5 s at 8 kHz."""
@@ -121,7 +122,7 @@ class _FromRest:
 
     def add_reading(self, reading: ImuReading) -> Start | None:
         parameters, readings = self._parameters, self._readings
-        if readings and initialisation.is_gap(parameters, readings[-1].t_ns, reading.t_ns):
+        if readings and is_gap(reading.t_ns - readings[-1].t_ns, parameters.max_gap):
             readings.clear()
         readings.append(reading)
         if not initialisation.is_long_enough(parameters, readings[0].t_ns, reading.t_ns):

@@ -25,10 +25,9 @@ from imu_sim_ros.navigation.state import NavigationState, correction_of
 from imu_sim_ros.navigation.stepper import Stepper, StepperCounts
 from imu_sim_ros.nodes.integrator.initialiser import Start, initialiser
 from imu_sim_ros.nodes.messages import ImuReading, OdometryFields
+from imu_sim_ros.recordings.order import RESTART_NS, longest_step_ns
 from imu_sim_ros.types import Array
 
-RESTART_NS = 1_000_000_000
-"""A step back by more than this means that the source was restarted, not a message out of order."""
 _SMOOTHING = 0.02
 _SMALL_ANGLE = 0.5
 """[rad] Beyond this standard deviation a first-order covariance of the attitude is not valid."""
@@ -119,7 +118,7 @@ class LiveIntegrator:
         if stepper is not None and stepper.t_ns is not None:
             step_ns = reading.t_ns - stepper.t_ns
             if step_ns < -RESTART_NS or (
-                step_ns >= self.parameters.max_gap * 1e9 and self._is_new_source()
+                step_ns > longest_step_ns(self.parameters.max_gap) and self._is_new_source()
             ):
                 self._complain("the source restarted; integration restarts too")
                 self.begin()
