@@ -24,7 +24,7 @@ from imu_sim_ros.errors import InputError, Problems, Remark, warn
 from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs import tracks
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.readings import read_imu
+from imu_sim_ros.jobs.readings import in_clock_order, read_imu
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.navigation import angles, initialisation
 from imu_sim_ros.navigation.association import interpolate_vectors
@@ -45,6 +45,7 @@ from imu_sim_ros.navigation.state import (
     NavigationState,
     correction_of,
 )
+from imu_sim_ros.recordings.order import RESTART_NS
 from imu_sim_ros.records import Readings, States, with_fields
 from imu_sim_ros.rotation import to_euler
 from imu_sim_ros.text_tables import TextTable
@@ -281,7 +282,7 @@ def _begun(
             with problems.gathered():
                 tracks.has_truth(checked_path("readings", readings, BAG_OR_FILE))
         problems.tell()
-    recording = _recording(readings, *topics, skip_bad_rows).after(skip)
+    recording = _recording(readings, *topics, skip_bad_rows).in_order().after(skip)
     world = _world(readings, *topics)
     known = {**world.parameters, **given}
     usual = all(isinstance(value, str) for value in known.values())
@@ -299,6 +300,16 @@ class ReadingsAndTruth(NamedTuple):
 
     readings: Readings
     truth: States | None
+
+    def in_order(self) -> ReadingsAndTruth:
+        """Return the recording with readings in the order of their clock.
+
+        Stamps that increase without a long pause need none.
+        """
+        steps = np.diff(self.readings.t_ns)
+        if not len(steps) or (steps.min() > 0 and steps.max() <= RESTART_NS):
+            return self
+        return self._replace(readings=in_clock_order(self.readings))
 
     def after(self, skip: float) -> ReadingsAndTruth:
         """Return the recording without its first seconds."""

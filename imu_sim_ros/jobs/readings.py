@@ -14,10 +14,11 @@ import numpy as np
 
 from imu_sim_ros import arguments
 from imu_sim_ros.arguments import BAG_OR_FILE, array, name_of, refuse, words
-from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.errors import ConfigurationError, InputError, warn
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.names import suggestion
+from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.records import Readings, States, with_fields
 from imu_sim_ros.rotation import from_euler
 from imu_sim_ros.sensors import find_sensor, kind_of, named_sensors, registered, sensors_of_imus
@@ -41,6 +42,33 @@ class HasPoses(Protocol):
     @property
     def q_wb(self) -> Array:
         """(n, 4) unit quaternions (w, x, y, z)."""
+
+
+_TOLD: Final = ("batches", "bunches", "rounded", "stray", "late", "duplicate")
+_REFUSED: Final = ("unit", "reset", "clock_change")
+
+
+def in_clock_order(readings: Readings) -> Readings:
+    """Return readings by the times of the clock behind their stamps; what it changes is told.
+
+    :raises InputError: for stamps without a rate or in another unit, and for a clock that goes back
+        or changes: sorting would mix two times.
+    """
+    equal = np.all(np.diff(np.hstack(readings.triads()), axis=0) == 0.0, axis=1)
+    try:
+        clock = estimate_clock(readings.t_ns, np.append(False, equal))
+    except InputError as error:
+        raise InputError(f"{readings.source}: {error}") from None
+    for trait in clock.traits:
+        if trait.kind in _REFUSED:
+            raise InputError(
+                f"{readings.source}: stamps from row {trait.row} on: {trait.text}; they must be "
+                "nanoseconds of one clock (sorting would mix two times)"
+            )
+    for trait in clock.traits:
+        if trait.kind in _TOLD:
+            warn(f"{readings.source}: {trait.text}")
+    return with_fields(readings.rows(clock.rows), t_ns=clock.times_ns())
 
 
 def read_imu(

@@ -26,10 +26,10 @@ from imu_sim_ros.calibration.twin.pose_noise import (
     spoiled,
 )
 from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import InputError, Problems, warn
+from imu_sim_ros.errors import InputError, Problems
 from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.readings import HasPoses, checked_poses
+from imu_sim_ros.jobs.readings import HasPoses, checked_poses, in_clock_order
 from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.records import Readings, States, with_fields
 from imu_sim_ros.rotation import to_matrix
@@ -174,7 +174,7 @@ def recorded(
     problems = Problems()
     with problems.gathered():
         readings = readings_of("recording", recording, topic, skip_bad_rows=skip_bad_rows)
-        readings = _in_order(readings)
+        readings = in_clock_order(readings)
         _check(readings)
     with problems.gathered():
         poses, name = _poses(truth, truth_topic, skip_bad_rows)
@@ -307,29 +307,6 @@ def _poses(
         return poses, f"the truth {truth}"
     arguments.topic("truth_topic", topic, of_a_file=False)
     return checked_poses("truth", truth), "the truth"
-
-
-def _in_order(readings: Readings) -> Readings:
-    """Return the readings by the times of their clock; what is left out is told.
-
-    :raises InputError: for stamps without a rate, and for a clock that went back or changed.
-    """
-    equal = np.all(np.diff(np.hstack(readings.triads()), axis=0) == 0.0, axis=1)
-    try:
-        clock = estimate_clock(readings.t_ns, np.append(False, equal))
-    except InputError as error:
-        raise InputError(f"{readings.source}: {error}") from None
-    for kind in ("unit", "reset", "clock_change"):
-        trait = clock.trait(kind)
-        if trait is not None:
-            raise InputError(
-                f"{readings.source}: stamps from row {trait.row} on: {trait.text}; a twin needs "
-                "readings and truth on one clock in nanoseconds"
-            )
-    for trait in clock.traits:
-        if trait.kind in {"batches", "bunches", "rounded", "stray", "late"}:
-            warn(f"{readings.source}: {trait.text}")
-    return with_fields(readings.rows(clock.rows), t_ns=clock.times_ns())
 
 
 def _check(readings: Readings) -> None:
