@@ -15,9 +15,16 @@ from typing import Final, NamedTuple
 import imu_sim_ros
 from imu_sim_ros.campaigns.cells import Cell, cell_count
 from imu_sim_ros.campaigns.engine import Engine, Task
-from imu_sim_ros.campaigns.parameters import CalibrationEstimator, CommandEstimator
+from imu_sim_ros.campaigns.parameters import (
+    CalibrationEstimator,
+    CommandEstimator,
+    TrajectoryEstimator,
+)
 from imu_sim_ros.campaigns.plan import Plan
 from imu_sim_ros.campaigns.results import (
+    COMMON_TIME,
+    FINDINGS,
+    SCENARIO,
     SUMMARY,
     VERSIONS,
     Key,
@@ -51,7 +58,13 @@ class Outcome(NamedTuple):
 def columns(plan: Plan) -> list[str]:
     """Return the columns of the results."""
     identity = ["cell", "seed", "estimator", "status"]
-    return [*identity, *plan.grid_names, *plan.metrics, "align", "digest", "version"]
+    names = [*identity, *plan.grid_names, *plan.metrics]
+    paths = [one for one in plan.estimators.values() if isinstance(one, TrajectoryEstimator)]
+    if len(paths) > 1:
+        names.append(COMMON_TIME)
+    if any(isinstance(one, CommandEstimator) for one in paths):
+        names.append(FINDINGS)
+    return [*names, "align", SCENARIO, "digest", "version"]
 
 
 def batch_size(plan: Plan) -> int:

@@ -23,12 +23,14 @@ from typing import Final, NamedTuple
 
 from imu_sim_ros.bags.read import read_poses
 from imu_sim_ros.campaigns.comparison import (
+    RunOutcome,
     check,
     coverage_metrics,
     estimate_metrics,
     read_estimate,
 )
-from imu_sim_ros.campaigns.metrics import COVERED, Metrics
+from imu_sim_ros.campaigns.estimate_findings import estimate_findings
+from imu_sim_ros.campaigns.metrics import Metrics
 from imu_sim_ros.campaigns.parameters import CommandEstimator
 from imu_sim_ros.campaigns.plan import program
 from imu_sim_ros.campaigns.run_files import write_config, write_dataset
@@ -70,35 +72,34 @@ def run_command(
     seed: int,
     block: Samples,
     folder: Path,
-    metrics: Metrics,
+    outcome: RunOutcome,
 ) -> None:
     """Write the dataset, run the program, and compare its trajectory with the truth.
 
     :param folder: of the campaign; the run's own folder is made in it.
-    :param metrics: receives the measured values, even if the run fails.
+    :param outcome: receives the measured values, even if the run fails.
     :raises InputError: if there is no usable trajectory, with the reason.
     """
     # Absolute: the program works in its own folder, where a relative name would lead elsewhere.
     run_folder = folder.absolute() / "runs" / f"{cell.cell.number:06d}" / str(seed) / name
     shutil.rmtree(run_folder, ignore_errors=True)
     keep = cell.plan.options.keep
-    failed = True
-    metrics.update(dict.fromkeys(COVERED, 0.0))
+    failed, metrics = True, outcome.metrics
     try:
         run_folder.mkdir(parents=True)
         words = _words(cell, estimator, seed, run_folder)
         if not estimator.shell:
             variables = cell.plan.environment.get(name, {})
             words[0] = program(cell.plan, words[0], variables.get("PATH")) or words[0]
-        outcome = _run(words, estimator, cell.plan.environment.get(name, {}), run_folder)
-        metrics["wall_s"] = outcome.wall_s
-        metrics["peak_memory_mb"] = outcome.peak_memory_mb
-        if outcome.reason or outcome.status != 0:
+        end = _run(words, estimator, cell.plan.environment.get(name, {}), run_folder)
+        metrics["wall_s"] = end.wall_s
+        metrics["peak_memory_mb"] = end.peak_memory_mb
+        if end.reason or end.status != 0:
             metrics.update(_left_behind(estimator, block, run_folder))
-            raise InputError(outcome.reason or f"{_ended(outcome.status)}{_last_line(run_folder)}")
-        _compare(cell, estimator, str(cell.plan.alignment(name)), block, run_folder, metrics)
+            raise InputError(end.reason or f"{_ended(end.status)}{_last_line(run_folder)}")
+        _compare(cell, estimator, str(cell.plan.alignment(name)), block, run_folder, outcome)
         metrics.update(_own_metrics(cell.plan.own, run_folder / METRICS))
-        metrics["real_time_factor"] = _duration(block) / max(outcome.wall_s, 1e-9)
+        metrics["real_time_factor"] = _duration(block) / max(end.wall_s, 1e-9)
         check(metrics, cell.plan.options.diverged_above, estimator)
         failed = False
     except OSError as error:
@@ -419,17 +420,19 @@ def _compare(
     alignment: str,
     block: Samples,
     run_folder: Path,
-    metrics: Metrics,
+    outcome: RunOutcome,
 ) -> None:
-    """Fill in the metrics of the trajectory that the program wrote."""
+    """Fill in the metrics, the track and the findings of the program's trajectory."""
     path = _written(estimator, run_folder)
     if path is None:
         raise InputError("no estimate was written")
     try:
         estimate = read_estimate(path, estimator.estimate_topic or None)
-        metrics.update(coverage_metrics(estimate.t_ns, block.true_t_ns, estimator))
+        outcome.track = estimate
+        outcome.metrics.update(coverage_metrics(estimate.t_ns, block.true_t_ns, estimator))
+        outcome.findings += estimate_findings(estimate, cell.truth(block), alignment)
         how = (alignment, cell.plan.relative, estimator, cell.plan.options.diverged_above)
-        metrics.update(estimate_metrics(estimate, block, *how))
+        outcome.metrics.update(estimate_metrics(estimate, block, *how))
     except ImuSimError as error:
         # Without the run's own folder, so that the same failure of many runs reads the same.
         words = error.problems[0].removeprefix(f"{path}: ").replace(f"{run_folder}/", "")

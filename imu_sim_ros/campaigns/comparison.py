@@ -4,6 +4,7 @@
 """A trajectory that an estimator wrote, compared with the truth."""
 
 import contextlib
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from imu_sim_ros.bags.messages.encode import ODOMETRY
 from imu_sim_ros.bags.read import open_bag, read_odometry, read_poses
 from imu_sim_ros.bags.text.reader import is_text
-from imu_sim_ros.campaigns.metrics import Metrics, Relative, pose_metrics
+from imu_sim_ros.campaigns.metrics import ESTIMATED, Metrics, Relative, pose_metrics
 from imu_sim_ros.campaigns.parameters import TrajectoryEstimator
 from imu_sim_ros.errors import ImuSimError, InputError
 from imu_sim_ros.navigation.association import (
@@ -34,6 +35,17 @@ from imu_sim_ros.records import States, with_fields
 from imu_sim_ros.rotation import rotate_inverse
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.types import Array, Mask, Times
+
+
+@dataclass
+class RunOutcome:
+    """The results of a run; of one that fails, those up to its failure."""
+
+    metrics: Metrics = field(default_factory=dict)
+    track: States | None = None
+    """The estimate."""
+    findings: list[str] = field(default_factory=list)
+    """A line for each mistake that the estimate shows next to the truth."""
 
 
 def read_estimate(path: Path, topic: str | None) -> States:
@@ -76,7 +88,11 @@ def coverage_metrics(
     """
     limits = (estimator.max_gap, estimator.initialisation_allowance)
     found = coverage(t_ns, truth_ns, *limits, failed=failed)
-    return {"coverage": found.share, "time_to_failure_s": found.time_to_failure_s}
+    return {
+        "coverage": found.share,
+        ESTIMATED: found.estimated_s / found.truth_s,
+        "time_to_failure_s": found.time_to_failure_s,
+    }
 
 
 def estimate_metrics(

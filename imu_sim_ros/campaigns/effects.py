@@ -6,6 +6,7 @@
 from dataclasses import dataclass
 from typing import Final
 
+from imu_sim_ros.campaigns.pairs import CommonTime
 from imu_sim_ros.campaigns.statistics import ConfidenceInterval
 
 SIGNIFICANT: Final = 0.05
@@ -53,6 +54,8 @@ class Effect:
     """Reason for no decision, other than too few runs."""
     non_inferior: bool | None = None
     """Whether A is proven not to be worse than B by the margin; None: not asked."""
+    time: CommonTime | None = None
+    """Time over which A and B are compared; None: both cover the same time."""
 
     @property
     def significant(self) -> bool:
@@ -96,6 +99,8 @@ class Effect:
             share = f"{100.0 * abs(self.success.value):.3g} % {more} runs done"
             p = "" if self.success_p is None else f" (p = {self.success_p:.2g})"
             words += f"; {share}{p}"
+        if self.time is not None:
+            words += f"; {self.time.words(self.a, self.b)}"
         return words
 
 

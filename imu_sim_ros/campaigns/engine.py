@@ -34,7 +34,7 @@ import imu_sim_ros
 from imu_sim_ros.campaigns.cells import Cell
 from imu_sim_ros.campaigns.parameters import CommandEstimator
 from imu_sim_ros.campaigns.plan import Plan, missing
-from imu_sim_ros.campaigns.results import Row
+from imu_sim_ros.campaigns.results import SCENARIO, Row
 from imu_sim_ros.errors import ImuSimError, InputError, MachineError, MissingDependencyError
 from imu_sim_ros.signals import SIGNALS, blocked
 
@@ -108,8 +108,9 @@ def failed(plan: Plan, task: Task, status: str) -> list[Row]:
     try:
         parameters = plan.simulation(task.cell)
         digests = {name: plan.digest(parameters, name) for name in task.estimators}
+        scenarios = {name: plan.scenario(parameters, name) for name in task.estimators}
     except ImuSimError:
-        digests = {}
+        digests, scenarios = {}, {}
     return [
         {
             "cell": task.cell.name,
@@ -118,6 +119,7 @@ def failed(plan: Plan, task: Task, status: str) -> list[Row]:
             "status": status,
             **task.cell.values,
             "align": plan.alignment(name),
+            SCENARIO: scenarios.get(name, ""),
             "digest": digests.get(name, ""),
             "version": imu_sim_ros.__version__,
         }

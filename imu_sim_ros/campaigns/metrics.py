@@ -31,7 +31,9 @@ STATE: Final = (
     "nees_velocity",
     "attitude_sigma_rad",
 )
-COVERED: Final = ("coverage", "time_to_failure_s")
+ESTIMATED: Final = "estimated_share"
+"""The share of the truth's time that is estimated, without an allowance for the start."""
+COVERED: Final = ("coverage", ESTIMATED, "time_to_failure_s")
 """How long a trajectory lasts; of failed runs, too, which have little of it."""
 SUCCESS: Final = "success"
 """The share of runs that are done, which can be compared like a metric."""
@@ -90,7 +92,12 @@ def better(metric: str, own: Mapping[str, Better]) -> Better:
 
 def is_share(metric: str) -> bool:
     """Return whether a metric lies between 0 and 1."""
-    return metric in (SUCCESS, "coverage") or metric.endswith("_covered")
+    return metric in (SUCCESS, "coverage", ESTIMATED) or metric.endswith("_covered")
+
+
+def grows_with_time(metric: str) -> bool:
+    """Return whether a metric is one of the errors that depend on how long an estimate lasts."""
+    return depends_on_alignment(metric) or metric == "scale_error"
 
 
 def depends_on_alignment(metric: str) -> bool:

@@ -46,6 +46,7 @@ from imu_sim_ros.campaigns.parameters import (
     CommandEstimator,
     DeadReckonEstimator,
     TimedFault,
+    TrajectoryEstimator,
     find_estimator,
     read_faults,
 )
@@ -67,7 +68,10 @@ _KEYS: Final = (
     *("parameters", "grid", "seeds", "faults", "estimators"),
     *("rpe", "metrics", "require", "tolerance"),
 )
-_COLUMNS: Final = ("cell", "seed", "estimator", "status", "align", "digest", "version", "success")
+_COLUMNS: Final = (
+    *("cell", "seed", "estimator", "status", "align", "digest", "version", "success"),
+    *("common_time", "findings", "scenario"),
+)
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,63}")
 _MAX_SEEDS: Final = 1_000_000
 _ALL_CHECKED: Final = 2000
@@ -153,6 +157,33 @@ class Plan:
                 )
             return built
 
+    def scenario_values(
+        self, parameters: SimulationParameters, estimator: str
+    ) -> dict[str, object]:
+        """Return by name what a run has to estimate, and how it is compared.
+
+        Two campaigns with the same values can be compared on the same seeds: the seed, the
+        versions, and the estimator itself, which is what changes between them, are left out.
+        """
+        values: dict[str, object] = dict(flatten(parameters))
+        values.pop("seed")
+        for name, digest in file_digests(values).items():
+            values[name] = f"a file with the digest {digest[:16]}"  # wherever it lies
+        values["faults"] = [(timed.at, repr(timed.fault)) for timed in self.faults]
+        values["align"] = self.alignment(estimator)
+        values["diverged_above"] = self.options.diverged_above
+        path = self.estimators[estimator]
+        if isinstance(path, TrajectoryEstimator):
+            values[f"estimators.{estimator}.coverage"] = path.coverage
+            values[f"estimators.{estimator}.max_gap"] = path.max_gap
+            allowance = path.initialisation_allowance
+            values[f"estimators.{estimator}.initialisation_allowance"] = allowance
+        return values
+
+    def scenario(self, parameters: SimulationParameters, estimator: str) -> str:
+        """Return a digest of :meth:`scenario_values`, as 16 hex digits."""
+        return _digest(self.scenario_values(parameters, estimator))
+
     def digest(self, parameters: SimulationParameters, estimator: str) -> str:
         """Return a digest of everything but the seed that a run depends on, as 16 hex digits."""
         values = flatten(parameters)
@@ -168,8 +199,13 @@ class Plan:
             "metrics": self.metrics,
             "diverged_above": self.options.diverged_above,
         }
-        text = json.dumps(content, sort_keys=True, default=list)
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
+        return _digest(content)
+
+
+def _digest(content: Mapping[str, object]) -> str:
+    """Return a digest of values by name, as 16 hex digits."""
+    text = json.dumps(content, sort_keys=True, default=list)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _metrics(

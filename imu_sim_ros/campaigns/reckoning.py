@@ -68,8 +68,10 @@ class DeadReckoning:
         self._cell = cell
         self._covariances: tuple[dict[str, Array | None], float] | None = None
 
-    def metrics(self, name: str, estimator: DeadReckonEstimator, block: Samples) -> Metrics:
-        """Return the metrics of one run.
+    def run(
+        self, name: str, estimator: DeadReckonEstimator, block: Samples
+    ) -> tuple[Metrics, States]:
+        """Return the metrics and the estimate of one run.
 
         :param name: of the estimator in the plan.
         :param block: all samples of the run's seed.
@@ -89,7 +91,7 @@ class DeadReckoning:
         states = reckoned(self._cell, estimator, block, readings, start)
         if not at_stamps:
             how = (alignment, plan.relative, estimator, plan.options.diverged_above)
-            return estimate_metrics(states, block, *how)
+            return estimate_metrics(states, block, *how), states
         estimate, velocity = states, states.velocities()
         if alignment != "none":
             aligned = align(estimate.position, truth.position, alignment)
@@ -101,7 +103,7 @@ class DeadReckoning:
             np.linalg.norm(truth.velocities()[-1] - velocity[-1])
         )
         metrics.update(self._consistency(truth, block, states))
-        return metrics
+        return metrics, states
 
     def _consistency(self, truth: States, block: Samples, states: States) -> Metrics:
         """Return the NEES of the final state; the covariance is that along the truth.

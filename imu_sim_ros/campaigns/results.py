@@ -40,8 +40,17 @@ _REPORT: Final = "report.html"
 _RUNS: Final = "runs"
 _LOCK: Final = ".lock"
 _RESULTS: Final = (LOG, TABLE, PARQUET, SUMMARY, VERSIONS, _REPORT, _RUNS)
+COMMON_TIME: Final = "common_time"
+"""Column of the metrics over the time common with each other estimator, a JSON object."""
+FINDINGS: Final = "findings"
+"""Column of the mistakes that an estimate shows."""
+SEPARATOR: Final = "; "
+"""Between the findings of a run."""
+SCENARIO: Final = "scenario"
+"""Column of the digest of all that decides what a run has to estimate, and how it is compared."""
 _IDENTITY: Final = ("cell", "estimator", "status", "digest", "version")
 """Columns that are strings, whatever they look like; with the seed they identify a run."""
+_TEXTS: Final = (*_IDENTITY, COMMON_TIME, FINDINGS, SCENARIO)
 _OWN: Final = frozenset((*_RESULTS, PLAN, _LOCK))
 _PART: Final = re.compile(r"plan\.\d+\.yaml|\.[a-z.]+\.part")
 """Earlier plans, and the incomplete tables of a killed program."""
@@ -365,7 +374,7 @@ def _read_csv(path: Path) -> list[Row]:
 def _value(name: str, word: str | None) -> object:
     if word is None or word == "":
         return None
-    if name in _IDENTITY:
+    if name in _TEXTS:
         return word
     try:
         number = float(word)

@@ -3,20 +3,31 @@
 
 """The runs of one cell: simulate with a seed, estimate, compare with the truth."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import imu_sim_ros
 from imu_sim_ros.campaigns.cells import Cell, word
-from imu_sim_ros.campaigns.comparison import check
+from imu_sim_ros.campaigns.common_time import common_time
+from imu_sim_ros.campaigns.comparison import (
+    RunOutcome,
+    check,
+    estimate_metrics,
+)
 from imu_sim_ros.campaigns.metrics import COVERED, Metrics
-from imu_sim_ros.campaigns.parameters import CommandEstimator, DeadReckonEstimator
+from imu_sim_ros.campaigns.parameters import (
+    CommandEstimator,
+    DeadReckonEstimator,
+    TrajectoryEstimator,
+)
 from imu_sim_ros.campaigns.plan import Plan
 from imu_sim_ros.campaigns.reckoning import DeadReckoning
+from imu_sim_ros.campaigns.results import COMMON_TIME, FINDINGS, SCENARIO, SEPARATOR, Row
 from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.errors import ImuSimError
+from imu_sim_ros.records import States
 from imu_sim_ros.sensors.samples import Samples
 
 DONE: Final = "done"
@@ -37,51 +48,90 @@ class CellRuns:
         self._dead_reckoning = DeadReckoning(self.simulated)
         parameters = self.simulated.parameters
         self.digests = {name: plan.digest(parameters, name) for name in plan.estimators}
+        self.scenarios = {name: plan.scenario(parameters, name) for name in plan.estimators}
 
-    def rows(
-        self, seeds: Sequence[int], estimators: Sequence[str], folder: Path
-    ) -> Iterator[dict[str, Any]]:
+    def rows(self, seeds: Sequence[int], estimators: Sequence[str], folder: Path) -> Iterator[Row]:
         """Yield one row of results for each seed and estimator."""
         for seed in seeds:
             # A calibration takes its record in blocks: one of hours would not fit.
             block = cache(partial(self.simulated.block, seed))
+            rows: dict[str, Row] = {}
+            tracks: dict[str, States] = {}
             for name in estimators:
-                metrics: Metrics = {}
+                outcome = self._outcome(name)
                 try:
-                    self._estimate(name, seed, block, folder, metrics)
+                    self._estimate(name, seed, block, folder, outcome)
                 except Exception as error:  # an estimator may write anything
-                    known: Metrics = {key: metrics.get(key) for key in _OF_FAILED}
-                    yield self._row(seed, name, f"failed: {_reason(error)}", known)
+                    known: Metrics = {key: outcome.metrics.get(key) for key in _OF_FAILED}
+                    outcome.metrics = known
+                    rows[name] = self._row(seed, name, f"failed: {_reason(error)}", outcome)
                 else:
-                    yield self._row(seed, name, DONE, metrics)
+                    rows[name] = self._row(seed, name, DONE, outcome)
+                    if outcome.track is not None:
+                        tracks[name] = outcome.track
+            if len(tracks) > 1:
+                for name, column in self._common_time(tracks, block()).items():
+                    rows[name][COMMON_TIME] = column
+            yield from rows.values()
+
+    def _outcome(self, name: str) -> RunOutcome:
+        """Return the outcome of a run that has not begun: a path that covers nothing."""
+        if isinstance(self.plan.estimators[name], TrajectoryEstimator):
+            return RunOutcome(dict.fromkeys(COVERED, 0.0))
+        return RunOutcome()
+
+    def _common_time(self, tracks: Mapping[str, States], block: Samples) -> dict[str, str]:
+        """Return the metrics over the time that estimators have in common, by estimator."""
+        estimators = self.plan.estimators
+
+        def metrics(name: str, track: States) -> Metrics:
+            estimator = estimators[name]
+            assert isinstance(estimator, TrajectoryEstimator)
+            alignment = str(self.plan.alignment(name))
+            return estimate_metrics(track, block, alignment, self.plan.relative, estimator, 0.0)
+
+        gaps = {
+            name: (track, estimator.max_gap)
+            for name, track in tracks.items()
+            if isinstance(estimator := estimators[name], TrajectoryEstimator)
+        }
+        return common_time(gaps, block.true_t_ns, metrics)
 
     def _estimate(
-        self, name: str, seed: int, block: Callable[[], Samples], folder: Path, metrics: Metrics
+        self,
+        name: str,
+        seed: int,
+        block: Callable[[], Samples],
+        folder: Path,
+        outcome: RunOutcome,
     ) -> None:
-        """Fill in the metrics of one run; of one that fails, those that it has, too."""
+        """Fill in the results of one run; of one that fails, those that it has, too."""
         estimator = self.plan.estimators[name]
         if isinstance(estimator, DeadReckonEstimator):
-            metrics.update(self._dead_reckoning.metrics(name, estimator, block()))
+            metrics, outcome.track = self._dead_reckoning.run(name, estimator, block())
+            outcome.metrics.update(metrics)
             check(metrics, self.plan.options.diverged_above, estimator)
         elif isinstance(estimator, CommandEstimator):
             from imu_sim_ros.campaigns.command_estimator import run_command
 
-            run_command(self.simulated, estimator, name, seed, block(), folder, metrics)
+            run_command(self.simulated, estimator, name, seed, block(), folder, outcome)
         else:
             from imu_sim_ros.campaigns.calibrations import run_calibration
 
-            metrics.update(run_calibration(self.simulated, estimator, seed))
-            check(metrics)
+            outcome.metrics.update(run_calibration(self.simulated, estimator, seed))
+            check(outcome.metrics)
 
-    def _row(self, seed: int, name: str, status: str, metrics: Metrics) -> dict[str, Any]:
+    def _row(self, seed: int, name: str, status: str, outcome: RunOutcome) -> Row:
         return {
             "cell": self.cell.name,
             "seed": seed,
             "estimator": name,
             "status": " ".join(status.split())[:300],
             **{key: _plain(value) for key, value in self.cell.values.items()},
-            **{key: metrics.get(key) for key in self.plan.metrics},
+            **{key: outcome.metrics.get(key) for key in self.plan.metrics},
+            FINDINGS: SEPARATOR.join(outcome.findings) or None,
             "align": self.plan.alignment(name),
+            SCENARIO: self.scenarios[name],
             "digest": self.digests[name],
             "version": imu_sim_ros.__version__,
         }

@@ -11,6 +11,7 @@ the sense of Hodges and Lehmann, or the difference A - B if a value is not posit
 is absolute, or values near a number are best (distances from that number are compared).
 """
 
+import itertools
 import math
 import re
 from collections import defaultdict
@@ -41,8 +42,9 @@ from imu_sim_ros.campaigns.metrics import (
     better,
     depends_on_alignment,
 )
+from imu_sim_ros.campaigns.pairs import CommonTime, Values, paired_values, values_of
 from imu_sim_ros.campaigns.plan import Plan
-from imu_sim_ros.campaigns.results import Row, numbers
+from imu_sim_ros.campaigns.results import FINDINGS, SEPARATOR, Row
 from imu_sim_ros.campaigns.statistics import (
     NO_SHIFT,
     ConfidenceInterval,
@@ -198,6 +200,18 @@ class Failure(NamedTuple):
     """The first 20."""
 
 
+class EstimateFinding(NamedTuple):
+    """A mistake that the estimates of runs of one group show next to the truth."""
+
+    cell: str
+    estimator: str
+    finding: str
+    """Numbers that differ are ``...``."""
+    runs: int
+    seeds: list[int]
+    """The first 20."""
+
+
 @dataclass(frozen=True)
 class Judgement:
     """The verdict of a campaign for one metric."""
@@ -218,6 +232,8 @@ class Judgement:
     contests: list[Contest]
     """Comparisons of every factor; those of ``factor`` come first and are the headline."""
     failures: list[Failure]
+    """The most frequent first."""
+    findings: list[EstimateFinding]
     """The most frequent first."""
     requirements: list[Checked]
     baseline: list[Effect] | None
@@ -317,6 +333,7 @@ def judge(
         standings=[_standing(group, rule) for group in found],
         contests=contests,
         failures=failures(found),
+        findings=estimate_findings(found),
         requirements=requirements,
         baseline=against,
         unmet=unmet_lines(plan.require, requirements),
@@ -339,10 +356,17 @@ def counts(rows: Sequence[Row]) -> dict[str, int]:
 
 
 def _alike(rows: Sequence[Row]) -> dict[str, list[Row]]:
-    found: dict[str, list[Row]] = defaultdict(list)
-    for row in rows:
-        found[_NUMBER.sub("...", str(row["status"]))].append(row)
-    named = {_common([str(row["status"]) for row in alike]): alike for alike in found.values()}
+    return _by_text([(str(row["status"]), row) for row in rows])
+
+
+def _by_text(texts: Sequence[tuple[str, Row]]) -> dict[str, list[Row]]:
+    """Return rows by their texts, the most frequent first; those that differ in numbers are one."""
+    groups: dict[str, list[tuple[str, Row]]] = defaultdict(list)
+    for text, row in texts:
+        groups[_NUMBER.sub("...", text)].append((text, row))
+    named = {
+        _common([text for text, _ in alike]): [row for _, row in alike] for alike in groups.values()
+    }
     return dict(sorted(named.items(), key=lambda item: -len(item[1])))
 
 
@@ -370,8 +394,31 @@ def failures(found: Sequence[Group]) -> list[Failure]:
     return sorted(result, key=lambda failure: -failure.runs)
 
 
+def estimate_findings(found: Sequence[Group]) -> list[EstimateFinding]:
+    """Return the mistakes that estimates show, the most frequent first."""
+    result = [
+        EstimateFinding(
+            group.cell,
+            group.estimator,
+            finding,
+            len(alike),
+            [int(row["seed"]) for row in alike[:_MAX_SEEDS]],
+        )
+        for group in found
+        for finding, alike in _by_text(
+            [
+                (finding, row)
+                for row in group.rows
+                if row.get(FINDINGS)
+                for finding in str(row[FINDINGS]).split(SEPARATOR)
+            ]
+        ).items()
+    ]
+    return sorted(result, key=lambda finding: -finding.runs)
+
+
 def _standing(group: Group, rule: Criterion) -> Standing:
-    values = _values(group, rule.metric)
+    values = values_of(group, rule.metric)
     done = [value for value in values.values() if value is not None and math.isfinite(value)]
     return Standing(
         group.cell,
@@ -397,18 +444,6 @@ def _with_failures(values: Mapping[int, float | None], rule: Criterion) -> float
     return float(middle.mean()) if np.isfinite(middle).all() else None
 
 
-def _values(group: Group, metric: str) -> dict[int, float | None]:
-    """Return the metric by seed: infinite if a run failed, None if it has none."""
-    if metric == SUCCESS:
-        return {int(row["seed"]): float(row["status"] == "done") for row in group.rows}
-    found: dict[int, float | None] = {}
-    for row in group.rows:
-        number = numbers([row], metric)
-        failed = row["status"] != "done"
-        found[int(row["seed"])] = number[0] if number else math.inf if failed else None
-    return found
-
-
 def _losses(values: Array, better: Better) -> Array:
     """Return values whose order is from the best to the worst; infinite ones are the worst."""
     if better == HIGHER:
@@ -423,7 +458,7 @@ def _effect(
 
     :param comparisons: that are read together.
     """
-    ours, theirs = _values(a, rule.metric), _values(b, rule.metric)
+    ours, theirs, time = paired_values(a, b, rule.metric)
     seeds = [seed for seed in ours if seed in theirs]
     if not seeds:
         return None
@@ -447,8 +482,9 @@ def _effect(
         success=share,
         success_p=share_p,
         verdict=_direction(NO_SHIFT.sign),
-        note=_why_not_compared(a, b, rule),
+        note=_why_not_compared(a, b, rule, time),
         non_inferior=None if rule.margin is None else False,
+        time=time,
     )
     if rule.metric == SUCCESS:
         together = share_difference(done[0], done[1], comparisons)[0]
@@ -480,10 +516,12 @@ def _pairs(
     return pairs[~np.isinf(pairs).all(axis=1)]
 
 
-def _why_not_compared(a: Group, b: Group, rule: Criterion) -> str:
+def _why_not_compared(a: Group, b: Group, rule: Criterion, time: CommonTime | None) -> str:
     """Return why two groups are not compared; empty: they are."""
     if depends_on_alignment(rule.metric) and a.align and b.align and a.align != b.align:
         return f"aligned differently ({a.align} and {b.align}), so that they are not compared"
+    if time is not None and time.both == 0.0:
+        return "no time in common, so that they are not compared"
     return ""
 
 
@@ -589,10 +627,26 @@ def _decided(effects: Sequence[Effect], rule: Criterion) -> list[Effect]:
             verdict = effect.verdict
         else:
             verdict = EQUAL if _is_within(effect, rule.tolerance) else UNDECIDED
-        result.append(
-            replace(effect, p=p[k], p_beyond=of_metric, success_p=of_share, verdict=verdict)
-        )
+        effect = replace(effect, p=p[k], p_beyond=of_metric, success_p=of_share, verdict=verdict)
+        if of_share is None or of_share >= SIGNIFICANT:
+            effect = _without_advantage(effect)
+        result.append(effect)
     return result
+
+
+def _without_advantage(effect: Effect) -> Effect:
+    """Return an effect on a metric in which who covers less time is not better, nor equal.
+
+    It is so if both are compared over different time. Who covers less and is worse is worse.
+    """
+    time = effect.time
+    if time is None or time.both is not None:
+        return effect
+    if (effect.verdict == WORSE) == (time.a < time.b) and effect.verdict in (BETTER, WORSE):
+        return effect
+    proven = False if effect.non_inferior and time.a < time.b else effect.non_inferior
+    note = f"{time.words(effect.a, effect.b)}, so that the errors are not compared"
+    return replace(effect, verdict=UNDECIDED, note=note, non_inferior=proven)
 
 
 def _is_within(effect: Effect, tolerance: Tolerance) -> bool:
@@ -636,7 +690,7 @@ def _contests(found: Sequence[Group], rule: Criterion) -> list[Contest]:
     """Return the contests of every factor, decided together."""
     ranks = {id(group): _rank(group, rule) for group in found}
     contested = [
-        (factor, sorted(members, key=lambda group: ranks[id(group)]))
+        (factor, _ranked(sorted(members, key=lambda group: ranks[id(group)]), rule))
         for factor, members in _members(found)
     ]
     count = sum(_pair_count(len(ranked)) for _, ranked in contested)
@@ -692,9 +746,35 @@ def _without_contest(factor: str, members: Sequence[Group]) -> list[Group]:
 
 def _rank(group: Group, rule: Criterion) -> tuple[float, float]:
     """Return the key that orders groups from the best to the worst."""
-    typical = _with_failures(_values(group, rule.metric), rule)
-    loss = math.inf if typical is None else float(_losses(np.array([typical]), rule.better)[0])
-    return loss, -group.done / len(group.rows)
+    return _typical_loss(values_of(group, rule.metric), rule), -group.done / len(group.rows)
+
+
+def _ranked(ranked: list[Group], rule: Criterion) -> list[Group]:
+    """Return groups in an order that leaving out time does not change.
+
+    If two of them are compared over common time, it is by how many others each is worse than.
+
+    :param ranked: by the median of the time that each covers.
+    """
+    if len(ranked) > _ALL_PAIRS:
+        return ranked
+    worse_than = [0] * len(ranked)
+    shorter = False
+    for k, j in itertools.combinations(range(len(ranked)), 2):
+        ours, theirs, time = paired_values(ranked[k], ranked[j], rule.metric)
+        shorter |= time is not None and time.both is not None
+        a, b = _typical_loss(ours, rule), _typical_loss(theirs, rule)
+        worse_than[k] += a > b
+        worse_than[j] += b > a
+    if not shorter:
+        return ranked
+    return [ranked[k] for k in sorted(range(len(ranked)), key=lambda k: worse_than[k])]
+
+
+def _typical_loss(values: Values, rule: Criterion) -> float:
+    """Return the loss of the median of all runs; infinite if half of them failed."""
+    typical = _with_failures(values, rule)
+    return math.inf if typical is None else float(_losses(np.array([typical]), rule.better)[0])
 
 
 def _members(found: Sequence[Group]) -> Iterator[tuple[str, list[Group]]]:

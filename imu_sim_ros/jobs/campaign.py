@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 from imu_sim_ros import arguments
 from imu_sim_ros.campaigns import campaign as runs
 from imu_sim_ros.campaigns import engine as engines
+from imu_sim_ros.campaigns.baseline import differences, identities_of_plan, other_plan
 from imu_sim_ros.campaigns.cells import cell_count
 from imu_sim_ros.campaigns.metrics import SUCCESS, Tolerance, parse_tolerance
 from imu_sim_ros.campaigns.parameters import CommandEstimator
@@ -25,7 +26,7 @@ from imu_sim_ros.campaigns.plan import Plan, check_plan, find_plan, load_plan
 from imu_sim_ros.campaigns.results import TABLE, Row, Store, read_results
 from imu_sim_ros.campaigns.statistics import power, quantile, seeds_needed
 from imu_sim_ros.campaigns.summary import Group, groups, slopes
-from imu_sim_ros.campaigns.verdict import Judgement, counts, headline, judge
+from imu_sim_ros.campaigns.verdict import EstimateFinding, Judgement, counts, headline, judge
 from imu_sim_ros.errors import InputError, system_error
 from imu_sim_ros.jobs.report import write_campaign_page
 from imu_sim_ros.names import shown, suggestion
@@ -57,6 +58,8 @@ class Campaign:
     judgement: Judgement
     """Who is best, by how much, and how sure that is; failures, requirements, the baseline."""
     wall_s: float
+    notes: list[str]
+    """A line for whatever weakens the judgement."""
 
     @property
     def done(self) -> int:
@@ -77,6 +80,7 @@ class Campaign:
             "wall_s": self.wall_s,
             "results": str(self.folder / TABLE),
             "judgement": self.judgement.to_dict(),
+            "notes": self.notes,
         }
 
     def lines(self) -> Iterator[str | TextTable]:
@@ -108,6 +112,7 @@ def campaign(
     batch: Annotated[int | None, "N"] = None,
     metric: Annotated[str, "NAME"] = "",
     baseline: Annotated[str | PathLike[str] | None, "FILE"] = None,
+    baseline_anyway: Annotated[bool, "--baseline-anyway"] = False,
     tolerance: Annotated[str | None, "SHARE"] = None,
     non_inferiority: Annotated[str | None, "SHARE"] = None,
     report: Annotated[bool, "--no-report", Text("write no report.html")] = True,
@@ -132,6 +137,8 @@ def campaign(
         the plan's first
     :param baseline: folder, results.csv or results.parquet of an earlier campaign: each result that
         is significantly worse is a problem, with which the program ends with status 3
+    :param baseline_anyway: compare with a baseline of another plan, which is refused otherwise: its
+        simulation, alignment or limits differ
     :param tolerance: difference that does not matter: 5%, or a number in the metric's unit;
         default: the plan's, 2%
     :param non_inferiority: with --baseline: each result that is not proven to be less than this
@@ -154,8 +161,8 @@ def campaign(
     folder = arguments.path("output", output, "the path of a folder")
     for name, value in (("resume", resume), ("force", force), ("retry_failed", retry_failed)):
         arguments.switch(name, value)
-    arguments.switch("report", report)
-    arguments.switch("dask", dask)
+    for name, value in (("report", report), ("dask", dask), ("baseline_anyway", baseline_anyway)):
+        arguments.switch(name, value)
     before = None if baseline is None else arguments.path("baseline", baseline)
     limits = Limits.of(tolerance, non_inferiority)
     most = "a number of processes, from 1 to 10000"
@@ -175,6 +182,8 @@ def campaign(
         problems.append("--resume and --force: choose one")
     if limits.non_inferiority is not None and before is None:
         problems.append(f"--non-inferiority {limits.non_inferiority}: needs --baseline")
+    if baseline_anyway and before is None:
+        problems.append("--baseline-anyway: needs --baseline")
     if before is not None and _lies_in(before, folder):
         problems.append(f"--baseline {before}: is written by this campaign")
     if problems:
@@ -182,6 +191,13 @@ def campaign(
     check_plan(loaded, path)
     started = time.perf_counter()
     earlier = None if before is None else read_results(before)
+    notes: list[str] = []
+    if before is not None and earlier is not None:
+        identities = identities_of_plan(loaded, earlier)
+        if difference := differences(loaded, identities, before, earlier):
+            if not baseline_anyway:
+                raise InputError(other_plan(before, difference))
+            notes.append(f"the baseline is of another plan: {difference}")
     judged = metric or loaded.metrics[0]
     with (
         _explaining_full_disk(folder),
@@ -206,11 +222,13 @@ def campaign(
                 # A metric that no run has cannot be drawn.
                 there = any(row.get(judged) is not None for row in outcome.rows)
                 drawn = judged if there or judged == SUCCESS else ""
-                write_campaign_page(folder, drawn, [before] if before else [], limits, command)
+                baselines = [before] if before else []
+                anyway = baseline_anyway
+                write_campaign_page(folder, drawn, baselines, limits, command, anyway)
         watcher().complete(folder)
     found = judge(loaded, outcome.rows, judged, earlier, *limits)
     wall_s = time.perf_counter() - started
-    return Campaign(loaded, folder, outcome.rows, outcome.new, found, wall_s)
+    return Campaign(loaded, folder, outcome.rows, outcome.new, found, wall_s, notes)
 
 
 class Limits(NamedTuple):
@@ -293,6 +311,8 @@ class Power:
 
     :param wanted: the difference, a share.
     :param scatter: of the ratio of both results on the same seed.
+    :param baseline_anyway: compare with a baseline of another plan, which is refused otherwise: its
+        simulation, alignment or limits differ
     :param tolerance: difference that does not matter.
     :param margin: with it, the chance to prove all results not to be worse by it, if they really
         are worse by ``wanted``, and independent of each other.
@@ -382,14 +402,24 @@ def _lines(made: Campaign) -> Iterator[str | TextTable]:
     if len(found) > _SHOWN:
         yield (f"{len(found) - _SHOWN} more in {made.folder / 'summary.csv'}")
     yield from _difference_lines(made.judgement)
+    yield from made.notes
     yield from _baseline_tables(made.judgement)
     yield from _slope_tables(made.runs, found, metric)
     for status, count in counts(made.runs).items():
         if status != "done":
             yield f"{count} runs {status}"
+    for finding in made.judgement.findings[:_SHOWN]:
+        runs_of = f"{finding.runs} of {_run_count(found, finding)} runs"
+        yield f"{finding.cell}; {finding.estimator}: {runs_of}: {finding.finding}"
     yield (
         f"{made.folder}: {len(made.runs):,} runs, {made.new:,} of them new, in {made.wall_s:.1f} s"
     )
+
+
+def _run_count(found: Sequence[Group], finding: EstimateFinding) -> int:
+    """Return how many runs the group of a finding has."""
+    key = (finding.cell, finding.estimator)
+    return next(len(group.rows) for group in found if (group.cell, group.estimator) == key)
 
 
 def _difference_lines(found: Judgement) -> Iterator[str | TextTable]:

@@ -152,7 +152,9 @@ def coverage(
     breaks: Mask = np.append(~held, True)
     if failed is not None:
         breaks = breaks | failed
-    failure = int(at_ns[np.argmax(breaks)]) if len(at_ns) else 0
+    # A pose before or after the truth stands for none of its time.
+    lies_in = (estimate_ns >= truth_ns[0]) & (estimate_ns <= truth_ns[-1])
+    failure = int(at_ns[np.argmax(breaks)]) if lies_in.any() else 0
     times = (estimated, clock.whole_ns, first, allowed, failure)
     share = estimated / (clock.whole_ns - allowed)
     return Coverage(share, *(1e-9 * time for time in times))

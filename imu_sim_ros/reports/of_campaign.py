@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from imu_sim_ros.campaigns.baseline import differences, identities_of_rows, other_plan
 from imu_sim_ros.campaigns.metrics import COVERED, SUCCESS, Tolerance, better
 from imu_sim_ros.campaigns.plan import Plan, load_plan
 from imu_sim_ros.campaigns.results import LOG, TABLE, Row, read_results
@@ -51,6 +52,7 @@ def campaign_sections(
     baselines: Sequence[Path] = (),
     tolerance: Tolerance | None = None,
     non_inferiority: Tolerance | None = None,
+    baseline_anyway: bool = False,
 ) -> tuple[str, list[Section]]:
     """Return the title and the sections that a campaign's folder gives.
 
@@ -58,7 +60,9 @@ def campaign_sections(
     :param baselines: folders or tables of earlier campaigns, the oldest first.
     :param tolerance: difference that does not matter; None: the plan's.
     :param non_inferiority: margin of the comparison with the last baseline; None: not asked.
-    :raises InputError: for a folder without plan or runs, or an unknown metric.
+    :param baseline_anyway: compare with baselines of another plan, too.
+    :raises InputError: for a folder without plan or runs, an unknown metric, or a baseline of
+        another plan.
     """
     problems, earlier = Problems(), []
     with problems.gathered():
@@ -70,6 +74,14 @@ def campaign_sections(
     for path in baselines:
         with problems.gathered():
             earlier.append((_named(path), read_results(path)))
+    problems.tell()
+    notes: list[str] = []
+    for path, (_, before) in zip(baselines, earlier, strict=True):
+        if difference := differences(plan, identities_of_rows(rows), path, before):
+            if baseline_anyway:
+                notes.append(f"The baseline {path} is of another plan: {difference}.")
+            else:
+                problems.append(other_plan(path, difference))
     problems.tell()
     present = [name for name in plan.metrics if any(row.get(name) is not None for row in rows)]
     if metric and metric not in (*present, SUCCESS):
@@ -85,6 +97,7 @@ def campaign_sections(
     verdict = verdict_section(plan, judgements, found, str(folder))
     if judged.baseline:
         verdict.items.append(against_baseline(judged.baseline, chosen, earlier[-1][0]))
+    verdict.items.extend({"kind": "text", "text": note} for note in notes)
     sections = [verdict, _results(plan, rows, found, present, chosen, folder)]
     if earlier:
         sections[1].items[-1]["trend"] = _trend(found, earlier, chosen)

@@ -3,6 +3,7 @@
 
 """A campaign's judgement as drawn at the top of a page; nothing is computed here."""
 
+import math
 from collections.abc import Sequence
 from typing import Any, Final
 
@@ -15,8 +16,9 @@ from imu_sim_ros.campaigns.effects import (
     WORSE,
     Effect,
 )
+from imu_sim_ros.campaigns.metrics import SUCCESS
+from imu_sim_ros.campaigns.pairs import paired_values
 from imu_sim_ros.campaigns.plan import Plan
-from imu_sim_ros.campaigns.results import numbers
 from imu_sim_ros.campaigns.statistics import ConfidenceInterval
 from imu_sim_ros.campaigns.summary import Group
 from imu_sim_ros.campaigns.verdict import (
@@ -81,12 +83,18 @@ def verdict_section(
         | {"query": f"{query(one.cell, one.estimator)} status=failed"}
         for one in first.failures
     ]
+    findings = [
+        {"finding": one.finding, "runs": one.runs, "place": place(one.cell, one.estimator)}
+        | {"query": query(one.cell, one.estimator)}
+        for one in first.findings
+    ]
     item: Item = {
         "kind": "verdict",
         "campaign": campaign,
         "requirements": requirements,
         "problems": first.not_of_requirements,
         "failures": failures,
+        "findings": findings,
         "judged": [
             _judged(words, judged, factor, found)
             for words, judged in judgements
@@ -97,9 +105,10 @@ def verdict_section(
     if any(one.unranked for one in first.headline):
         summary += f" {WITHOUT_ERRORS}, the sensor without errors, is compared and not ranked."
     text = (
-        f"{summary} Compared on the same seeds; failed runs are worse than any number; differences "
-        f"up to {first.tolerance} do not matter; p values (Wilcoxon, for shares McNemar) are "
-        "corrected by Holm; intervals of all comparisons at once by Bonferroni."
+        f"{summary} Compared on the same seeds, over the time that both estimates cover; failed "
+        f"runs are worse than any number; differences up to {first.tolerance} do not matter; p "
+        "values (Wilcoxon, for shares McNemar) are corrected by Holm; intervals of all comparisons "
+        "at once by Bonferroni."
     )
     return Section("Verdict", [item, {"kind": "text", "text": text, "faint": True}])
 
@@ -275,11 +284,17 @@ def _members(contest: Contest, found: Sequence[Group]) -> dict[str, Group]:
 
 def _seeds(a: Group, b: Group, metric: str, ratio: bool) -> list[float]:
     """Return A / B, or A - B, of each seed on which both have the metric."""
-    ours, theirs = (
-        {row["seed"]: value for row in group.rows for value in numbers([row], metric)}
-        for group in (a, b)
-    )
-    known = [(value, theirs[seed]) for seed, value in ours.items() if seed in theirs]
+    if metric == SUCCESS:
+        return []
+    ours, theirs, _ = paired_values(a, b, metric)
+    known = [
+        (value, other)
+        for seed, value in ours.items()
+        if value is not None
+        and (other := theirs.get(seed)) is not None
+        and math.isfinite(value)
+        and math.isfinite(other)
+    ]
     if ratio:
         return [one / other for one, other in known[:_MAX_SEEDS] if other]
     return [one - other for one, other in known[:_MAX_SEEDS]]

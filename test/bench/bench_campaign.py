@@ -198,7 +198,7 @@ def stages(folder: Path) -> None:
         seeds = plan.seeds[first : first + BATCH]
         simulations = timed("random streams and sensor of a seed", cell.simulation, seeds)
         blocks = timed("its readings", lambda one: one.next(cell.total)["imu"], simulations)
-        metrics = partial(reckoning.metrics, name, estimator)
+        metrics = partial(reckoning.run, name, estimator)
         timed("dead reckoning, metrics, NEES", metrics, blocks)
         timed("a run as a whole", lambda seed: list(runs.rows([seed], [name], folder)), seeds)
     rows = [[words, f"{each:.2f}"] for words, each in best.items()]

@@ -30,6 +30,7 @@ from imu_sim_ros.campaigns.runs import CellRuns
 from imu_sim_ros.campaigns.verdict import counts
 from imu_sim_ros.commands import dead_reckon, evaluate, generate
 from imu_sim_ros.commands.campaign import main as command
+from imu_sim_ros.commands.report import main as report_command
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.jobs import campaign as job
 from imu_sim_ros.jobs.report import report
@@ -316,6 +317,7 @@ def test_json_and_junit_hold_what_fails_the_gate(plan_file, campaign, tmp_path):
     assert suites["baseline"].findtext("testcase/system-out").startswith("equal: all; dead_reckon")
 
 
+FAULT = {"kind": "stuck", "at": 0.5, "triad": "gyroscope"}
 CRASHES = """import sys
 data, out, seed = sys.argv[1:]
 if int(seed):
@@ -448,6 +450,64 @@ def test_the_baseline_finds_what_became_worse(plan_file, campaign, tmp_path):
     assert lines[0].endswith(
         "larger (95 %: 55 to 55) than in the baseline, better on 0 of 12 seeds, p = 0.00049"
     )
+
+
+def test_a_baseline_of_another_plan_is_refused(plan_file, campaign, tmp_path, capsys):
+    """With what differs; a baseline of other estimators, seeds and cells is none."""
+    last = tmp_path / "last"
+    estimators = {"a": {}, "b": {"method": "euler"}}
+    base = {"parameters": {"rate": 100.0, "duration": 2.0}, "grid": {"imu": ["bmi088", "perfect"]}}
+    campaign(plan_file("last.yaml", estimators=estimators, **base), "-o", last)
+    alike = {
+        "seeds": 2,
+        "rpe": ["1s"],
+        "tolerance": "5 %",
+        "estimators": {"a": {"method": "euler"}},
+    }
+    path = plan_file("alike.yaml", **{**base, **alike})
+    assert campaign(path, "-o", tmp_path / "alike", "--baseline", last)[0] in (0, 3)
+    base["estimators"] = {"a": {}}
+    others = {
+        "duration = 2.0 there and 1.5 here": {"parameters": {"rate": 100.0, "duration": 1.5}},
+        "align = 'none' there and 'yaw' here": {"align": "yaw"},
+        "diverged_above = 0.0 there and 9.0 here": {"diverged_above": 9.0},
+        "estimators.a.coverage = 0.9 there and 0.5 here": {"estimators": {"a": {"coverage": 0.5}}},
+        "faults = [] there and [(0.5, ": {"faults": [FAULT]},
+    }
+    for k, (words, change) in enumerate(others.items()):
+        path, folder = plan_file(f"{k}.yaml", **{**base, **change}), tmp_path / f"out_{k}"
+        status, _, lines = campaign(path, "-o", folder, "--baseline", last / "results.csv")
+        assert status == 2
+        start = f"campaign: --baseline {last / 'results.csv'}: is of another plan: imu=bmi088; a: "
+        assert lines[0].startswith(start + words)
+        assert lines[0].endswith("--baseline-anyway compares with it all the same")
+        assert not folder.exists()
+    anyway = ("--baseline", last, "--baseline-anyway")
+    status, result, _ = campaign(path, "-o", folder, *anyway)
+    assert status in (0, 3)
+    (note,) = result["notes"]
+    assert note.startswith(f"the baseline is of another plan: imu=bmi088; a: {words}")
+    page = [str(folder), "--baseline", str(last), "-o", str(tmp_path / "page.html")]
+    assert report_command(page) == 2
+    assert "is of another plan: imu=bmi088; a: faults" in capsys.readouterr().err
+    assert report_command([*page, "--baseline-anyway"]) == 0
+    assert f"The baseline {last} is of another plan" in (tmp_path / "page.html").read_text()
+
+
+def test_a_table_without_its_plan_says_that_it_is_of_another_one(plan_file, campaign, tmp_path):
+    campaign(plan_file("last.yaml"), "-o", tmp_path / "last")
+    moved = tmp_path / "tables" / "moved.csv"
+    moved.parent.mkdir()
+    rows = (tmp_path / "last" / "results.csv").read_text()
+    moved.write_text(rows)
+    assert campaign(plan_file(), "-o", tmp_path / "same", "--baseline", moved)[0] == 0
+    other = plan_file("other.yaml", diverged_above=5.0)
+    status, _, (line,) = campaign(other, "-o", tmp_path / "other", "--baseline", moved)
+    assert status == 2
+    assert "its digests differ, and no plan.yaml next to it says by what" in line
+    moved.write_text(rows.replace("scenario", "remark"))  # of an earlier version
+    assert campaign(plan_file(), "-o", tmp_path / "again", "--baseline", moved)[0] == 0
+    assert campaign(other, "-o", tmp_path / "other", "--baseline", moved)[0] == 2
 
 
 def test_the_terminal_says_how_runs_compare_with_the_baseline(plan_file, tmp_path, capsys):

@@ -77,3 +77,9 @@ def test_the_first_pose_that_has_failed_ends_it():
     found = coverage(estimate, TRUTH, failed=failed)
     assert (found.share, found.time_to_failure_s) == pytest.approx((1.0, 7.0))
     assert coverage(estimate[:60], TRUTH, failed=failed[:60]).time_to_failure_s == 2.95
+
+
+@pytest.mark.parametrize("hours", [-1, 1])
+def test_an_estimate_of_another_time_covers_nothing_and_fails_at_once(hours):
+    found = coverage(TRUTH + hours * 3_600_000_000_000, TRUTH)
+    assert (found.share, found.estimated_s, found.time_to_failure_s) == (0.0, 0.0, 0.0)

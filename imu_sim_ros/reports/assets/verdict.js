@@ -26,7 +26,7 @@ class Verdict {
         ...item.judged.map((one, k) => element("option", { value: k }, one.factor ? `which ${one.factor}: ${one.label}` : one.label)));
       this.host.append(element("div", { class: "controls" }, element("label", {}, "verdict on ", select)));
     }
-    this.host.append(this.body, ...this.failures());
+    this.host.append(this.body, ...this.failures(), ...this.findings());
     this.first = true;
   }
 
@@ -48,6 +48,14 @@ class Verdict {
     const lines = failures.map((one) => element("li", {}, `${one.runs} runs: ${one.reason} (${one.place}) `, runsLink(campaign, one.query, "these runs")));
     const rest = lines.length > 8 ? [element("details", {}, element("summary", {}, `${lines.length - 8} more`), element("ul", {}, ...lines.splice(8)))] : [];
     return [element("h3", {}, "Failed runs"), element("ul", { class: "failures", "data-failures": failures.length }, ...lines), ...rest];
+  }
+
+  findings() {
+    const { findings, campaign } = this.item;
+    if (!findings.length) return [];
+    const lines = findings.map((one) => element("li", {}, `${one.runs} runs: ${one.finding} (${one.place}) `, runsLink(campaign, one.query, "its runs")));
+    const rest = lines.length > 8 ? [element("details", {}, element("summary", {}, `${lines.length - 8} more`), element("ul", {}, ...lines.splice(8)))] : [];
+    return [element("h3", {}, "Findings in the estimates"), element("ul", { class: "failures", "data-findings": findings.length }, ...lines), ...rest];
   }
 
   show(k) {

@@ -1,0 +1,123 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The values of a metric of two groups on each seed, over the time that both estimates cover."""
+
+import json
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from imu_sim_ros.campaigns.metrics import ESTIMATED, SUCCESS, grows_with_time
+from imu_sim_ros.campaigns.results import COMMON_TIME, Row, numbers
+from imu_sim_ros.campaigns.summary import Group
+
+ALIKE: Final = 0.005
+"""Difference of the shares of the truth's time up to which two estimates cover the same time."""
+
+Values = dict[int, float | None]
+"""A metric by seed: infinite if the run failed, None if it has no value."""
+
+
+class CommonTime(NamedTuple):
+    """The shares of the truth's time that A and B cover, and both; medians over the seeds."""
+
+    a: float
+    b: float
+    both: float | None
+    """None: not known, so that A and B are compared over different time."""
+
+    def words(self, a: str, b: str) -> str:
+        """Return it in words, with the names of A and B."""
+        each = f"{a} {_percent(self.a)}, {b} {_percent(self.b)}"
+        if self.both is None:
+            return f"not over the same time ({each})"
+        return f"over the {_percent(self.both)} of the time that both cover ({each})"
+
+
+class PairedValues(NamedTuple):
+    """The values of A and B that are compared."""
+
+    a: Values
+    b: Values
+    time: CommonTime | None
+    """None: both cover the same time, or the metric does not grow with time."""
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.3g} %"
+
+
+def values_of(group: Group, metric: str) -> Values:
+    """Return the metric of a group by seed, each over the time that its run covers."""
+    if metric == SUCCESS:
+        return {int(row["seed"]): float(row["status"] == "done") for row in group.rows}
+    values: Values = {}
+    for row in group.rows:
+        number = numbers([row], metric)
+        failed = row["status"] != "done"
+        values[int(row["seed"])] = number[0] if number else math.inf if failed else None
+    return values
+
+
+def paired_values(a: Group, b: Group, metric: str) -> PairedValues:
+    """Return the values of a metric of two groups that are compared.
+
+    Two estimators in one cell have their values over the time that both cover, if their runs were
+    made together.
+    """
+    ours, theirs = values_of(a, metric), values_of(b, metric)
+    if not grows_with_time(metric):
+        return PairedValues(ours, theirs, None)
+    rows = {int(row["seed"]): row for row in b.rows if row["status"] == "done"}
+    pairs = [
+        (row, rows[int(row["seed"])])
+        for row in a.rows
+        if row["status"] == "done" and int(row["seed"]) in rows
+    ]
+    shares: list[tuple[float, float]] = []
+    both: list[float] = []
+    apart: list[float] = []
+    for row, other in pairs:
+        share, other_share = _share(row), _share(other)
+        if share is None or other_share is None:
+            continue
+        shares.append((share, other_share))
+        entry, reverse = (
+            _common(row, b.estimator) if a.cell == b.cell else None,
+            _common(other, a.estimator) if a.cell == b.cell else None,
+        )
+        if entry is None or reverse is None:
+            both.append(min(share, other_share))
+            apart.append(abs(share - other_share))
+            continue
+        seed = int(row["seed"])
+        ours[seed], theirs[seed] = entry.get(metric), reverse.get(metric)
+        both.append(entry.get("share") or 0.0)
+        apart.append(0.0)
+    if not shares:
+        return PairedValues(ours, theirs, None)
+    first, second = np.median(np.array(shares), axis=0).tolist()
+    common, unknown = float(np.median(both)), float(np.median(apart)) > ALIKE
+    if not unknown and max(first, second) - common <= ALIKE:
+        return PairedValues(ours, theirs, None)
+    return PairedValues(ours, theirs, CommonTime(first, second, None if unknown else common))
+
+
+def _share(row: Row) -> float | None:
+    """Return the share of the truth's time that a run covers; None: it is not known."""
+    share = row.get(ESTIMATED, row.get("coverage"))
+    return float(share) if isinstance(share, int | float) else None
+
+
+def _common(row: Row, estimator: str) -> dict[str, float | None] | None:
+    """Return the metrics over the time common with another estimator; None: there are none."""
+    text = row.get(COMMON_TIME)
+    if not isinstance(text, str):
+        return None
+    try:
+        entry = json.loads(text).get(estimator)
+    except (ValueError, AttributeError):
+        return None
+    return entry if isinstance(entry, dict) else None
