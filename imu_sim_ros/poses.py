@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -15,9 +14,9 @@ from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import gate
+from imu_sim_ros.inputs import gate, header
+from imu_sim_ros.inputs.layout import Form, Layout, layout_of
 from imu_sim_ros.inputs.rows import (
-    COLUMNS,
     NUMBERS,
     STAMPS,
     BadRows,
@@ -28,78 +27,12 @@ from imu_sim_ros.inputs.rows import (
 )
 from imu_sim_ros.records import States
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-from imu_sim_ros.types import Array, Bytes, Integers, Mask
-
-STAMP_BYTES: Final = 48
-"""A stamp of text is shorter."""
-_LAST_SECOND: Final = 9_223_372_035  # what int64 nanoseconds hold
-_SECOND_DIGITS: Final = 10
-_FRACTION_DIGITS: Final = 9
-_WHOLE_DIGITS: Final = 18  # of nanoseconds; one more may not fit
-_ZERO, _POINT = ord("0"), ord(".")
+from imu_sim_ros.types import Array, Integers, Mask
 
 
-def nanoseconds(stamps: NDArray[np.bytes_], whole: bool) -> Integers:
-    """Return stamps (n,) of text in nanoseconds.
-
-    :param stamps: (n,) of ``S48``.
-    :param whole: they are whole nanoseconds; else seconds.
-    :raises ValueError, OverflowError: for a stamp that is not a number, or does not fit.
-    """
-    letters = np.ascontiguousarray(stamps).view(np.uint8).reshape(len(stamps), -1)
-    letters = letters[:, : int(np.char.str_len(stamps).max(initial=1))]
-    digit = (letters >= _ZERO) & (letters <= _ZERO + 9)
-    point = letters == _POINT
-    fraction = digit & (np.cumsum(point, axis=1) > 0)
-    digits, decimals = digit.sum(axis=1), fraction.sum(axis=1)
-    # Plain: digits, at most one point among them, and nothing else.
-    plain = (digit | point | (letters == 0)).all(axis=1) & (point.sum(axis=1) <= 1)
-    if whole:
-        plain &= (digits > 0) & (digits <= _WHOLE_DIGITS) & ~point.any(axis=1)
-    else:
-        plain &= (digits > decimals) & (digits - decimals <= _SECOND_DIGITS)
-        plain &= decimals <= _FRACTION_DIGITS
-    result = _joined_digits(letters, digit)
-    if not whole:
-        seconds = result // 10**decimals
-        if np.any(plain & (seconds > _LAST_SECOND)):
-            raise OverflowError(f"a stamp above {_LAST_SECOND} s")
-        result *= 10 ** (_FRACTION_DIGITS - np.minimum(decimals, _FRACTION_DIGITS))
-    for k in np.flatnonzero(~plain):
-        result[k] = nanosecond(stamps[k].decode("latin-1"), whole)
-    return result
-
-
-def nanosecond(stamp: str, whole: bool) -> int:
-    """Return one stamp in nanoseconds; it may have an exponent, or many digits.
-
-    :raises ValueError, OverflowError: for a stamp that is not a number, or does not fit.
-    """
-    if len(stamp) >= STAMP_BYTES or "_" in stamp or not stamp.isascii():
-        raise ValueError(stamp)  # Python's own 1_000 and digits of other scripts are none here
-    if whole:
-        result = int(stamp)
-    else:
-        try:
-            seconds = Decimal(stamp)
-        except InvalidOperation:
-            raise ValueError(stamp) from None
-        if seconds.adjusted() >= _SECOND_DIGITS:  # 1e999999999 would fill the memory
-            raise OverflowError(stamp)
-        result = round(seconds * NANOSECONDS_PER_SECOND)
-    if abs(result) > _LAST_SECOND * NANOSECONDS_PER_SECOND:
-        raise OverflowError(stamp)
-    return result
-
-
-def _joined_digits(letters: Bytes, digit: Mask) -> Integers:
-    """Return the digits of each row (n, letters) as one number (n,); too many wrap around."""
-    result = np.zeros(len(letters), dtype=np.int64)
-    for column in range(letters.shape[1]):
-        here = digit[:, column]
-        value = letters[:, column].astype(np.int64) - _ZERO
-        result = np.where(here, result * 10 + value, result)
-    return result
+def _alternatives(counts: tuple[int, ...]) -> str:
+    *others, last = map(str, counts)
+    return f"{', '.join(others)} or {last}"
 
 
 _POSE_COLUMNS: Final = 8
@@ -108,6 +41,21 @@ _TRIANGLES: Final = 12
 _EUROC_PLAIN: Final = (_POSE_COLUMNS, 11, 17)  # pose; and velocity; and both biases
 _EUROC_COLUMNS: Final = (*_EUROC_PLAIN, *(count + _TRIANGLES for count in _EUROC_PLAIN))
 _TUM_COLUMNS: Final = (_POSE_COLUMNS, 14, _POSE_COLUMNS + _TRIANGLES)  # pose; OpenVINS: and more
+_POSE: Final = (header.POSITION, header.ORIENTATION)
+_FORMS: Final = {
+    ",": Form(
+        {header.POSITION: (1, 2, 3), header.ORIENTATION: (4, 5, 6, 7)},
+        _EUROC_COLUMNS,
+        0,
+        f"the EuRoC form has {_alternatives(_EUROC_COLUMNS)}",
+    ),
+    " ": Form(
+        {header.POSITION: (1, 2, 3), header.ORIENTATION: (7, 4, 5, 6)},
+        _TUM_COLUMNS,
+        9,
+        f"the TUM form has {_alternatives(_TUM_COLUMNS)}",
+    ),
+}
 _WITH_COVARIANCE: Final = frozenset(count + _TRIANGLES for count in _EUROC_PLAIN)
 _MAX_LISTED: Final = 8
 """So few lines are looked at one by one."""
@@ -167,18 +115,23 @@ class _Reading:
 
     def __init__(self, path: Path, skip: bool, covariance: bool) -> None:
         self._path, self._skip, self._covariance = path, skip, covariance
-        self._euroc: bool | None = None
+        self._layout: Layout | None = None
+        self._comments: list[bytes] = []
         self._bad = BadRows(path)
         self._dropped = 0
         self._last: _PoseRows | None = None
 
     def poses(self) -> States:
         """Return all poses, or raise with a line for every problem."""
-        blocks = [block for rows in row_blocks(self._path, _WHAT) for block in self._block(rows)]
+        blocks = [
+            block
+            for rows in row_blocks(self._path, _WHAT, self._comments)
+            for block in self._block(rows)
+        ]
         if not self._skip:
             self._bad.complain()
         count = sum(len(block.t_ns) for block in blocks)
-        if self._euroc is None:
+        if self._layout is None:
             raise InputError(f"{self._path}: contains no poses")
         if count < 2:
             what = "one pose" if count else "no usable pose"
@@ -208,109 +161,76 @@ class _Reading:
 
     def _block(self, rows: list[Row]) -> Iterator[_PoseRows]:
         """Yield the good poses of some rows."""
-        if rows and self._euroc is None:
-            self._euroc = b"," in rows[0][1]
-        for poses in self._converted(rows):
+        if not rows:
+            return
+        if self._layout is None:
+            self._layout = layout_of(self._path, self._comments, rows, _FORMS, _POSE)
+            for name in _POSE:
+                if name not in self._layout.columns:
+                    raise InputError(f"{self._path}: the header has no {name}")
+        for poses in self._converted(self._layout, rows):
             good = self._in_order(self._valid(poses))
             self._bad.good += len(good.t_ns)
             if len(good.t_ns):
                 yield good
 
-    def _converted(self, rows: list[Row]) -> Iterator[_PoseRows]:
+    def _converted(self, layout: Layout, rows: list[Row]) -> Iterator[_PoseRows]:
         """Yield poses of rows that are numbers; note those that are not."""
         waiting = [rows] if rows else []
         while waiting:
             part = waiting.pop()
             try:
-                yield self._parsed(part)
+                yield self._parsed(layout, part)
             except (ValueError, OverflowError):
                 if len(part) > _MAX_LISTED:
                     half = len(part) // 2
                     waiting += [part[half:], part[:half]]
                     continue
-                good = [row for row in part if self._is_sound(*row)]
+                good = [row for row in part if self._is_sound(layout, *row)]
                 self._bad.give_up()
                 if good:
-                    yield self._parsed(good)
+                    yield self._parsed(layout, good)
 
-    def _parsed(self, rows: list[Row]) -> _PoseRows:
+    def _parsed(self, layout: Layout, rows: list[Row]) -> _PoseRows:
         """Return the poses of rows, all converted at once.
 
         :raises ValueError, OverflowError: if one of them cannot be converted.
         """
-        separator = b"," if self._euroc else None
-        allowed = _EUROC_COLUMNS if self._euroc else _TUM_COLUMNS
-        columns = {len(text.split(separator)) for _, text in rows}
-        if not columns <= set(allowed):
-            raise ValueError("columns")
-        table = np.loadtxt(
-            [text.decode("latin-1") for _, text in rows],
-            dtype=[("stamp", f"S{STAMP_BYTES}"), ("values", np.float64, (7,))],
-            delimiter="," if self._euroc else None,
-            usecols=range(_POSE_COLUMNS),
-            comments=None,
-            ndmin=1,
-        )
-        stamps = np.char.strip(table["stamp"]).astype(f"S{STAMP_BYTES}")
-        order = [3, 4, 5, 6] if self._euroc else [6, 3, 4, 5]
+        t_ns, values = layout.parse(rows, _POSE)
         number = np.array([number for number, _ in rows], dtype=np.int64)
-        t_ns = nanoseconds(stamps, bool(self._euroc))
-        position, q_wb = table["values"][:, :3].copy(), table["values"][:, order]
-        return _PoseRows(number, t_ns, position, q_wb, self._triangles(rows, columns))
+        triangles = self._triangles(layout, rows)
+        return _PoseRows(
+            number, t_ns, values[header.POSITION], values[header.ORIENTATION], triangles
+        )
 
-    def _triangles(self, rows: list[Row], columns: set[int]) -> Array:
+    def _triangles(self, layout: Layout, rows: list[Row]) -> Array:
         """Return the columns of covariance, NaN if not all of these rows have them."""
         if not self._covariance:
             return np.empty((len(rows), 0))
+        cells = [layout.fields(text) for _, text in rows]
+        columns = {len(row) for row in cells}
         if len(columns) > 1 or not columns <= _WITH_COVARIANCE:
             return np.full((len(rows), _TRIANGLES), np.nan)
-        separator = "," if self._euroc else None
-        (count,) = columns
-        values: Array = np.loadtxt(
-            [text.decode("latin-1") for _, text in rows],
-            delimiter=separator,
-            usecols=range(count - _TRIANGLES, count),
-            comments=None,
-            ndmin=2,
-        )
+        texts = [[cell.decode("latin-1") for cell in row[-_TRIANGLES:]] for row in cells]
+        values: Array = np.array(texts).astype(np.float64)
         if not np.isfinite(values).all():
             raise ValueError("covariance")
         return values
 
-    def _is_sound(self, number: int, text: bytes) -> bool:
+    def _is_sound(self, layout: Layout, number: int, text: bytes) -> bool:
         """Return whether one row is all numbers; note what is wrong with it."""
         before = self._bad.count
-        fields = [
-            field.strip().decode("utf-8", "replace")
-            for field in text.split(b"," if self._euroc else None)
-        ]
-        allowed = _EUROC_COLUMNS if self._euroc else _TUM_COLUMNS
-        if len(fields) not in allowed:
-            form, expected = "EuRoC" if self._euroc else "TUM", _alternatives(allowed)
-            words = f"{len(fields)} columns; the {form} form has {expected}"
-            self._bad.note(COLUMNS, number, words)
-        else:
-            self._note_fields(number, fields)
-        sound = self._bad.count == before
-        self._bad.rows += not sound
-        return sound
-
-    def _note_fields(self, number: int, fields: list[str]) -> None:
-        try:
-            nanosecond(fields[0], bool(self._euroc))
-        except (ValueError, OverflowError):
-            unit = "whole nanoseconds" if self._euroc else "seconds"
-            self._bad.note(NUMBERS, number, f"{shortened(fields[0])} is not a stamp in {unit}")
-        for field in fields[1:_POSE_COLUMNS]:
-            try:
-                number_of(field)
-            except ValueError:
-                self._bad.note(NUMBERS, number, f"{shortened(field)} is not a number")
-        if self._covariance and len(fields) in _WITH_COVARIANCE:
-            for field in fields[-_TRIANGLES:]:
+        layout.note(self._bad, number, text, _POSE)
+        cells = layout.fields(text)
+        if self._covariance and len(cells) in _WITH_COVARIANCE:
+            for cell in cells[-_TRIANGLES:]:
+                field = cell.strip().decode("utf-8", "replace")
                 if not _is_finite(field):
                     words = f"{shortened(field)} is not a finite number of a covariance"
                     self._bad.note(NUMBERS, number, words)
+        sound = self._bad.count == before
+        self._bad.rows += not sound
+        return sound
 
     def _valid(self, poses: _PoseRows) -> _PoseRows:
         """Return the poses that the gate passes, their quaternions made exact."""
@@ -383,11 +303,6 @@ def _repeated(poses: _PoseRows) -> Mask:
         np.abs(np.sum(poses.q_wb[1:] * poses.q_wb[:-1], axis=-1)) > _SAME
     )
     return np.concatenate([[False], (np.diff(poses.t_ns) == 0) & same_pose])
-
-
-def _alternatives(counts: tuple[int, ...]) -> str:
-    *others, last = map(str, counts)
-    return f"{', '.join(others)} or {last}"
 
 
 def write_tum(path: str | Path, poses: States) -> None:

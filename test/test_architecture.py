@@ -32,7 +32,7 @@ BODY = LOW | {"places", "trajectory", "sensors"}
 ROOMS = {
     "__init__": LOW | {"jobs", "camera", "navigation", "sensors", "trajectory"},
     "camera": BODY | {"simulation", "jobs"},
-    "inputs": {"errors", "types"},
+    "inputs": {"conventions", "errors", "timebase", "types"},
     "parameters": LOW,
     "recordings": {"errors", "records", "rotation", "timebase", "types"},
     "places": LOW,

@@ -254,8 +254,9 @@ def _reading_messages(
     full, frame = (READINGS, IMU_FRAME) if imu is None else (f"/{imu}{READINGS}", f"{imu}_link")
     encoder = ImuEncoder(frame, writer.encoding)
     topic = writer.add_topic(renamed.get(full, full), IMU)
-    for t_ns, gyro, accel in text_reader.imu_blocks(path, imu, skipped):
-        yield [Block(topic, t_ns, encoder.encode(t_ns, gyro, accel))]
+    for readings in text_reader.imu_blocks(path, imu, skipped):
+        payloads = encoder.encode(readings.t_ns, *readings.triads())
+        yield [Block(topic, readings.t_ns, payloads)]
 
 
 def _state_messages(

@@ -144,8 +144,7 @@ def imu_blocks(
     :raises InputError: for an input that cannot be used; of several topics all are listed.
     """
     if text_reader.is_text(Path(path)):
-        for t_ns, gyro, accel in text_reader.imu_blocks(Path(path), topic, skipped):
-            yield Readings.unchecked(t_ns=t_ns, gyro=gyro, accel=accel, source=str(path))
+        yield from text_reader.imu_blocks(Path(path), topic, skipped)
         return
     for fields in decoded_blocks(path, IMU, topic, _IMU_FIELDS, recover, skipped, warned):
         gyro, accel = fields.numbers.values()

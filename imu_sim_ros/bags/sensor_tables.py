@@ -81,7 +81,7 @@ def stamps(folder: Path, name: str, table: Table | None) -> Iterator[Times]:
     :param table: its kind; None: readings of an IMU, imu0.
     """
     if table is None:
-        return (block[0] for block in text_reader.imu_blocks(folder, name))
+        return (readings.t_ns for readings in text_reader.imu_blocks(folder, name))
     return (block[0] for block in text_reader.table_blocks(folder, name, table))
 
 
@@ -244,7 +244,7 @@ def _orientations(
             if more is None:
                 break
             kept = slice(int(np.searchsorted(t_ns, stamps[0])), None)
-            parts = zip((t_ns, gyro, accel), more, strict=True)
+            parts = zip((t_ns, gyro, accel), (more.t_ns, *more.triads()), strict=True)
             t_ns, gyro, accel = (np.concatenate([old[kept], new]) for old, new in parts)
         rows = np.minimum(np.searchsorted(t_ns, stamps), len(t_ns) - 1)
         found = t_ns[rows] == stamps

@@ -163,9 +163,9 @@ class TumVi:
         stamps = np.unique(np.array(found, dtype=np.int64))
         file = self._file("dso/imu.txt", _DSO_IMU)
         known = (np.empty(0, dtype=np.int64), np.empty((0, 6)))
-        readings = self.path / "mav0" / "imu0" / "data.csv"
-        for t_ns, gyro, accel in text_reader.imu_blocks(readings, skipped=lambda _: None):
-            values = np.concatenate([gyro, accel], axis=1)
+        table = self.path / "mav0" / "imu0" / "data.csv"
+        for readings in text_reader.imu_blocks(table, skipped=lambda _: None):
+            t_ns, values = readings.t_ns, np.concatenate(readings.triads(), axis=1)
             after = known[0][-1] + 1 if len(known[0]) else t_ns[0]
             t_known = np.concatenate([known[0], t_ns])
             wanted = stamps[(stamps >= after) & (stamps <= t_ns[-1])]

@@ -120,22 +120,26 @@ _SHOWN_PROBLEMS: Final = 10
 _CHUNK_BYTES: Final = 4 << 20
 _LONGEST_LINE: Final = 1 << 16
 _LONGEST_WORD: Final = 48
+_BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
 _VERY_MANY: Final = 10_000
 
 Row = tuple[int, bytes]
 """Number and text of a line."""
 
 
-def row_blocks(path: Path, what: str) -> Iterator[list[Row]]:
+def row_blocks(path: Path, what: str, comments: list[bytes] | None = None) -> Iterator[list[Row]]:
     """Yield the lines that are neither empty nor a comment (#), with their numbers, in blocks.
 
     :param what: the file should be, for the message.
+    :param comments: receives the comments in front of the first other line.
     :raises InputError: for a file that is not text.
     """
     line, rest = 0, b""
     with open_regular(path) as file:
         while True:
             chunk = file.read(_CHUNK_BYTES)
+            if not line and not rest:
+                chunk = chunk.removeprefix(_BYTE_ORDER_MARK)
             lines = (rest + chunk).split(b"\n")
             rest = lines.pop() if chunk else b""
             if b"\0" in chunk or len(rest) > _LONGEST_LINE:
@@ -143,7 +147,12 @@ def row_blocks(path: Path, what: str) -> Iterator[list[Row]]:
             if not line:
                 _check_text(path, lines or [rest], what)
             rows = [(line + k, text.strip()) for k, text in enumerate(lines, start=1)]
-            yield [row for row in rows if row[1] and not row[1].startswith(b"#")]
+            content = [row for row in rows if row[1] and not row[1].startswith(b"#")]
+            if comments is not None:
+                end = content[0][0] if content else line + len(lines) + 1
+                comments += [text for number, text in rows if text and number < end]
+                comments = None if content else comments
+            yield content
             line += len(lines)
             if not chunk:
                 return

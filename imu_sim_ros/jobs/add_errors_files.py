@@ -241,7 +241,8 @@ def _dataset_to_dataset(
     model: GivenImu | None = None
     noisy = folder / ("noisy.csv" if staged.is_file() else "noisy")
     with Dataset(noisy, form) as dataset:
-        for t_ns, gyro, accel in text_reader.imu_blocks(source, None, _skips(journal)):
+        for readings in text_reader.imu_blocks(source, None, _skips(journal)):
+            t_ns, (gyro, accel) = readings.t_ns, readings.triads()
             if model is None:
                 model = GivenImu(with_rate(layers, partial(rate_of, t_ns)), remark=journal.warn)
             for begin in range(0, len(t_ns), ROWS_AT_ONCE):
@@ -260,8 +261,8 @@ def _dataset_to_dataset(
 
 def _rate_of(source: Path, journal: Journal) -> float:
     """Return the readings per second of a dataset [Hz]."""
-    for t_ns, _, _ in text_reader.imu_blocks(source, None, _skips(journal)):
-        return rate_of(t_ns)
+    for readings in text_reader.imu_blocks(source, None, _skips(journal)):
+        return rate_of(readings.t_ns)
     raise InputError(f"{source}: contains no readings")
 
 

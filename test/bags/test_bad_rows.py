@@ -50,7 +50,7 @@ def test_all_classes_of_bad_rows_are_told_together(table):
         list(imu_blocks(path))
     problems = failed.value.problems
     assert [line.split(": ")[1] for line in problems] == [f"line {number}" for number in BAD]
-    for words in ("2 columns; expected nanoseconds and 6 numbers", "'noon' is not a stamp",
+    for words in ("2 columns; the header names 7", "'noon' is not a stamp",
                   "'x' is not a number", "a value that is not finite",
                   "before that of an earlier line", "'1_0' is not a number",
                   "'99999999999999999999' is not a stamp"):  # fmt: skip
@@ -95,7 +95,7 @@ def test_calibrate_takes_the_argument(table, capsys):
 
 def test_equal_stamps_of_doubled_readings_are_sound(tmp_path):
     path = tmp_path / "doubled.csv"
-    rows = ["timestamp,a", "5,1,2,3,4,5,6", "5,1,2,3,4,5,6", "6,1,2,3,4,5,6"]
+    rows = ["timestamp,gx,gy,gz,ax,ay,az", "5,1,2,3,4,5,6", "5,1,2,3,4,5,6", "6,1,2,3,4,5,6"]
     path.write_text("\n".join(rows))
     assert read_imu(path).t_ns.tolist() == [5, 5, 6]
 

@@ -3,19 +3,17 @@
 
 """IMU readings and states of text: EuRoC folders, and CSV in the forms of EuRoC and kalibr."""
 
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.text.writer import DATASET_SUFFIXES, POSES_OF_TABLES
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs import gate
+from imu_sim_ros.inputs import gate, header
+from imu_sim_ros.inputs.layout import Form, Layout, layout_of
 from imu_sim_ros.inputs.rows import (
-    COLUMNS,
     NUMBERS,
     STAMPS,
     BadRows,
@@ -23,23 +21,25 @@ from imu_sim_ros.inputs.rows import (
     Skipped,
     is_present,
     names_in,
-    number_of,
     row_blocks,
-    shortened,
 )
 from imu_sim_ros.inputs.tables import Table, Tables
-from imu_sim_ros.records import States
+from imu_sim_ros.records import Readings, States
 from imu_sim_ros.rotation import normalise
 from imu_sim_ros.types import Array, Mask, Times
 
 _WHAT: Final = "a table of numbers"
-_STAMP: Final = re.compile(r"[+-]?[0-9]{1,19}")
 _EARLIEST: Final = -(2**63) + 1
-_READING: Final = ((gate.RATE, 3), (gate.FORCE, 3))
-_STATE: Final = (
-    *((gate.POSITION, 3), (gate.ORIENTATION, 4), (gate.VELOCITY, 3)),
-    *((gate.RATE, 3), (gate.FORCE, 3)),  # the biases
-)
+_READING: Final = {header.GYRO: gate.RATE, header.ACCEL: gate.FORCE}
+_STATE: Final = {
+    header.POSITION: gate.POSITION,
+    header.ORIENTATION: gate.ORIENTATION,
+    header.VELOCITY: gate.VELOCITY,
+    header.GYRO_BIAS: gate.RATE,
+    header.ACCEL_BIAS: gate.FORCE,
+}
+_VALUES: Final = "values"
+"""Columns of a table of another sensor, whose own header is that of this package."""
 _STATE_FOLDER: Final = "state_groundtruth_estimate0"
 _POSE_FOLDER: Final = "mocap0"
 
@@ -53,15 +53,21 @@ def is_text(path: Path) -> bool:
 
 def imu_blocks(
     path: Path, name: str | None = None, skipped: Skipped | None = None
-) -> Iterator[tuple[Times, Array, Array]]:
-    """Yield stamps (n,), angular rates (n, 3) and specific forces (n, 3) in blocks.
+) -> Iterator[Readings]:
+    """Yield the readings of a table, or of the IMU of a folder, in blocks.
 
     :param name: of the sensor, if a folder has several: imu0, imu1.
     :param skipped: receives the number of bad rows skipped; None: they are errors.
     :raises InputError: with the first lines of every class of bad rows, at the end of the file.
     """
-    for t_ns, numbers in _blocks(imu_file(path, name), _READING, skipped):
-        yield t_ns, numbers[:, :3], numbers[:, 3:]
+    file = imu_file(path, name)
+    for t_ns, values in _blocks(file, _READING, skipped):
+        yield Readings.unchecked(
+            t_ns=t_ns,
+            gyro=values.get(header.GYRO),
+            accel=values.get(header.ACCEL),
+            source=str(path),
+        )
 
 
 def table_blocks(
@@ -76,7 +82,9 @@ def table_blocks(
     found = _tables_in(path, {table.name: table})
     if name not in found:
         raise InputError(f"{path}: has no table {name}")
-    yield from _blocks(found[name][1], ((table.quantity, table.columns),), skipped)
+    form = {_VALUES: tuple(range(1, table.columns + 1))}
+    for t_ns, values in _blocks(found[name][1], {_VALUES: table.quantity}, skipped, form):
+        yield t_ns, values[_VALUES]
 
 
 def table_names(path: Path, tables: Tables) -> dict[str, str]:
@@ -107,16 +115,17 @@ def state_blocks(
     """
     if topic is not None:
         raise InputError(f"{path}: text has no topic {topic}")
-    for t_ns, numbers in _blocks(state_file(path), _STATE, skipped):
-        q_wb = normalise(numbers[:, 3:7])
+    for t_ns, values in _blocks(state_file(path), _STATE, skipped):
+        zero = np.zeros((len(t_ns), 3))
+        biases = [values.get(name, zero) for name in (header.GYRO_BIAS, header.ACCEL_BIAS)]
         states = States.unchecked(
             t_ns=t_ns,
-            position=numbers[:, :3],
-            q_wb=q_wb,
-            velocity=numbers[:, 7:10],
+            position=values[header.POSITION],
+            q_wb=normalise(values[header.ORIENTATION]),
+            velocity=values.get(header.VELOCITY),
             source=str(path),
         )
-        yield states, numbers[:, 10:]
+        yield states, np.concatenate(biases, axis=1)
 
 
 def has_states(path: Path) -> bool:
@@ -204,25 +213,30 @@ def parents(folder: Path) -> tuple[Path, Path]:
     return folder, folder / "mav0"
 
 
-_Columns = Sequence[tuple[gate.Quantity, int]]
+_Quantities = Mapping[str, gate.Quantity]
+"""Quantities of a table by name."""
 
 
 def _blocks(
-    path: Path, columns: _Columns, skipped: Skipped | None
-) -> Iterator[tuple[Times, Array]]:
-    """Yield stamps (n,) and numbers (n, m) of a CSV file.
+    path: Path,
+    quantities: _Quantities,
+    skipped: Skipped | None,
+    form: Mapping[str, tuple[int, ...]] | None = None,
+) -> Iterator[tuple[Times, dict[str, Array]]]:
+    """Yield stamps (n,) and the quantities (n, m) of a text table that it has.
 
-    :param columns: contents of the file, with their numbers of columns.
     :param skipped: receives the number of bad rows skipped; None: they are errors.
+    :param form: columns of a table whose header is not looked at; None: the header decides, and
+        without one the order of the quantities.
     :raises InputError: for a file of another form, and at its end with the first lines of every
         class of bad rows.
     """
-    table = _Table(path, columns)
+    table = _Table(path, quantities, form)
     count = 0
-    for rows in row_blocks(path, _WHAT):
-        for t_ns, numbers in table.blocks(rows):
+    for rows in row_blocks(path, _WHAT, table.comments):
+        for t_ns, values in table.blocks(rows):
             count += len(t_ns)
-            yield t_ns, numbers
+            yield t_ns, values
     if skipped is None:
         table.bad.complain()
     elif table.bad.rows:
@@ -232,93 +246,85 @@ def _blocks(
 
 
 class _Table:
-    """A CSV file of stamps and numbers that is being read, and its bad rows so far."""
+    """A text table of stamps and numbers during reading, and its bad rows so far."""
 
-    def __init__(self, path: Path, columns: _Columns) -> None:
+    def __init__(
+        self,
+        path: Path,
+        quantities: _Quantities,
+        form: Mapping[str, tuple[int, ...]] | None,
+    ) -> None:
         self.bad = BadRows(path)
-        self._quantities = [quantity for quantity, _ in columns]
-        self._cuts = np.cumsum([count for _, count in columns])
-        self._columns = int(self._cuts[-1])
-        self._row = np.dtype([("t_ns", "<i8"), ("numbers", "<f8", (self._columns,))])
-        self._begun = False
+        self.comments: list[bytes] = []
+        self._path, self._quantities, self._form = path, quantities, form
+        self._layout: Layout | None = None
         self._last_ns = _EARLIEST
 
-    def blocks(self, rows: list[Row]) -> Iterator[tuple[Times, Array]]:
+    def blocks(self, rows: list[Row]) -> Iterator[tuple[Times, dict[str, Array]]]:
         """Yield the good rows of some lines; record the problems of the others."""
-        if rows and not self._begun:
-            self._begun = True
-            if not rows[0][1][:1].isdigit():  # kalibr's header
-                rows = rows[1:]
-        found = list(self._parts(rows))
-        if found:
+        if not rows:
+            return
+        if self._layout is None:
+            self._layout = self._layout_of(rows)
+        parts = list(self._parts(self._layout, rows))
+        if parts:
             yield (
-                np.concatenate([part["t_ns"] for part in found]),
-                np.concatenate([part["numbers"] for part in found]),
+                np.concatenate([t_ns for t_ns, _ in parts]),
+                {
+                    name: np.concatenate([values[name] for _, values in parts])
+                    for name in parts[0][1]
+                },
             )
 
-    def _parts(self, rows: list[Row]) -> Iterator[NDArray[np.void]]:
+    def _layout_of(self, rows: list[Row]) -> Layout:
+        """Return the layout of the table, and remove its header from its first rows."""
+        columns, at = dict(self._form or {}), 1
+        for name in () if columns else self._quantities:
+            columns[name] = tuple(range(at, at + len(header.AXES_OF[name])))
+            at += len(columns[name])
+        numbers = sum(map(len, columns.values()))
+        form = Form(columns, (numbers + 1,), 0, f"expected nanoseconds and {numbers} numbers")
+        needed = [] if self._form else list(self._quantities)
+        return layout_of(self._path, self.comments, rows, {",": form}, needed)
+
+    def _parts(self, layout: Layout, rows: list[Row]) -> Iterator[tuple[Times, dict[str, Array]]]:
         """Yield the good rows, in pieces: what cannot be converted at once is halved."""
         waiting = [rows] if rows else []
         while waiting:
             part = waiting.pop()
             try:
-                found = self._loaded(part)
-            except (ValueError, OverflowError, DeprecationWarning):
+                t_ns, values = layout.parse(part, self._quantities)
+            except (ValueError, OverflowError):
                 if len(part) > 1:
                     half = len(part) // 2
                     waiting += [part[half:], part[:half]]
                 else:
-                    self._note(*part[0])
+                    self._note(layout, *part[0])
                     self.bad.give_up()
                 continue
-            good = self._good(np.array([number for number, _ in part]), found)
-            if good.any():
-                yield found[good]
+            good = self._good(np.array([number for number, _ in part]), t_ns, values)
+            if good.all():
+                yield t_ns, values
+            elif good.any():
+                yield t_ns[good], {name: column[good] for name, column in values.items()}
 
-    def _loaded(self, rows: list[Row]) -> NDArray[np.void]:
-        import warnings
-
-        with warnings.catch_warnings():
-            warnings.simplefilter(
-                "error", DeprecationWarning
-            )  # numpy 1 takes 1.5 for the integer 1
-            return np.loadtxt(
-                [text.decode("latin-1") for _, text in rows],
-                self._row,
-                delimiter=",",
-                ndmin=1,
-                comments=None,
-            )
-
-    def _note(self, line: int, text: bytes) -> None:
+    def _note(self, layout: Layout, line: int, text: bytes) -> None:
         """Record why a row cannot be converted to numbers."""
         self.bad.rows += 1
         before = self.bad.count
-        fields = [field.strip().decode("utf-8", "replace") for field in text.split(b",")]
-        if len(fields) != self._columns + 1:
-            expected = f"expected nanoseconds and {self._columns} numbers"
-            self.bad.note(COLUMNS, line, f"{len(fields)} columns; {expected}")
-            return
-        if not _STAMP.fullmatch(fields[0]) or abs(int(fields[0])) > -_EARLIEST:
-            self.bad.note(NUMBERS, line, f"{shortened(fields[0])} is not a stamp in nanoseconds")
-        for field in fields[1:]:
-            try:
-                number_of(field)
-            except ValueError:
-                self.bad.note(NUMBERS, line, f"{shortened(field)} is not a number")
+        layout.note(self.bad, line, text, self._quantities)
         if self.bad.count == before:
             self.bad.note(NUMBERS, line, "cannot be read as numbers")
 
-    def _good(self, lines: Times, found: NDArray[np.void]) -> Mask:
-        """Return which rows the gate passes that are not before an earlier one; note the others.
+    def _good(self, lines: Times, t_ns: Times, values: Mapping[str, Array]) -> Mask:
+        """Return True for rows that the gate passes and that are not before an earlier one.
 
         Readings that the transport duplicated occur twice: equal stamps are valid.
         """
-        parts = np.split(found["numbers"], self._cuts[:-1], axis=1)
-        verdict = gate.Verdict(found["t_ns"], list(zip(self._quantities, parts, strict=True)))
+        verdict = gate.Verdict(t_ns, [(self._quantities[name], v) for name, v in values.items()])
         verdict.note(self.bad, lines)
-        t_ns = np.where(verdict.good, found["t_ns"], _EARLIEST)
-        latest = np.maximum(np.maximum.accumulate(t_ns), self._last_ns)
+        latest = np.maximum.accumulate(np.where(verdict.good, t_ns, _EARLIEST))
+        latest = np.maximum(latest, self._last_ns)
         back = verdict.good & (t_ns < latest)
         for k in np.flatnonzero(back):
             step = (int(latest[k]) - int(t_ns[k])) * 1e-9

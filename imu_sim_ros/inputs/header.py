@@ -1,0 +1,381 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Header of a text table: the quantity, the axis and the unit of each column.
+
+Known are the headers of this package, EuRoC, kalibr, TUM, OpenVINS, OKVIS2, AirSim, PX4, rostopic,
+phone loggers and spreadsheets: the names are taken apart into quantity, axis and unit.
+"""
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from imu_sim_ros.conventions import STANDARD_GRAVITY
+
+GYRO: Final = "gyroscope"
+ACCEL: Final = "accelerometer"
+POSITION: Final = "position"
+ORIENTATION: Final = "quaternion"
+VELOCITY: Final = "velocity"
+GYRO_BIAS: Final = "gyroscope bias"
+ACCEL_BIAS: Final = "accelerometer bias"
+TEMPERATURE: Final = "temperature"
+STAMP: Final = "stamp"
+_BARE: Final = "x, y, z"
+"""Quantity of columns that are named by their axis alone."""
+
+AXES_OF: Final[Mapping[str, str]] = {
+    GYRO: "xyz",
+    ACCEL: "xyz",
+    POSITION: "xyz",
+    ORIENTATION: "wxyz",
+    VELOCITY: "xyz",
+    GYRO_BIAS: "xyz",
+    ACCEL_BIAS: "xyz",
+    TEMPERATURE: "",
+    _BARE: "xyz",
+}
+"""Axes of each quantity in the order of the records."""
+
+_RATE_UNITS: Final = {
+    **dict.fromkeys(("rad/s", "rads^-1", "rads-1", "rad/sec", "rad", "radps", "rads", "r/s"), 1.0),
+    **dict.fromkeys(
+        (
+            "deg/s",
+            "degs^-1",
+            "degs-1",
+            "deg/sec",
+            "dps",
+            "deg",
+            "degs",
+            "degps",
+            "°/s",
+            "degrees/s",
+        ),
+        math.pi / 180.0,
+    ),
+    **dict.fromkeys(("mdps", "mdeg/s"), math.pi / 180.0e3),
+    **dict.fromkeys(("mrad/s",), 1e-3),
+    **dict.fromkeys(("deg/h", "deg/hr"), math.pi / 180.0 / 3600.0),
+}
+_FORCE_UNITS: Final = {
+    **dict.fromkeys(
+        (
+            "m/s^2",
+            "m/s2",
+            "m/s²",
+            "ms^-2",
+            "ms-2",
+            "mps2",
+            "mpss",
+            "ms2",
+            "m/sec^2",
+            "m/s/s",
+            "mss",
+        ),
+        1.0,
+    ),
+    **dict.fromkeys(("g", "g0", "gs"), STANDARD_GRAVITY),
+    "mg": STANDARD_GRAVITY * 1e-3,
+    **dict.fromkeys(("ug", "µg", "μg"), STANDARD_GRAVITY * 1e-6),
+}
+_LENGTH_UNITS: Final = {"m": 1.0, "meters": 1.0, "metres": 1.0, "cm": 1e-2, "mm": 1e-3}
+_SPEED_UNITS: Final = {
+    **dict.fromkeys(("m/s", "ms^-1", "ms-1", "mps", "m/sec"), 1.0),
+    **dict.fromkeys(("km/h", "kmh"), 1.0 / 3.6),
+    "cm/s": 1e-2,
+}
+UNITS: Final[Mapping[str, Mapping[str, float]]] = {
+    GYRO: _RATE_UNITS,
+    ACCEL: _FORCE_UNITS,
+    POSITION: _LENGTH_UNITS,
+    ORIENTATION: {"1": 1.0, "-": 1.0},
+    VELOCITY: _SPEED_UNITS,
+    GYRO_BIAS: _RATE_UNITS,
+    ACCEL_BIAS: _FORCE_UNITS,
+    TEMPERATURE: dict.fromkeys(("degc", "c", "°c", "celsius", "deg"), 1.0),
+    _BARE: {**_LENGTH_UNITS, **_FORCE_UNITS, **_RATE_UNITS},
+}
+"""SI value of each unit of a quantity, in lower case and without blanks."""
+TIME_UNITS: Final[Mapping[str, int]] = {
+    **dict.fromkeys(("ns", "nsec", "nanoseconds", "nanosecond", "nanosec", "nsecs"), 0),
+    **dict.fromkeys(("us", "µs", "μs", "usec", "microseconds", "microsecond", "usecs"), 3),
+    **dict.fromkeys(("ms", "msec", "milliseconds", "millisecond", "millis", "msecs"), 6),
+    **dict.fromkeys(("s", "sec", "seconds", "second", "secs"), 9),
+}
+"""Decimal digits between a unit of time and a nanosecond."""
+TIME_NAMES: Final[Mapping[int, str]] = {0: "ns", 3: "us", 6: "ms", 9: "s"}
+
+_WORDS: Final[Mapping[str, str]] = {
+    **dict.fromkeys(("gyro", "gyr", "gyroscope", "omega", "angular", "angvel", "imugyro"), GYRO),
+    **dict.fromkeys(
+        ("accel", "acc", "accelerometer", "acceleration", "alpha", "specific", "linacc"), ACCEL
+    ),
+    **dict.fromkeys(("position", "pos", "translation"), POSITION),
+    **dict.fromkeys(("quaternion", "quat", "orientation"), ORIENTATION),
+    **dict.fromkeys(("velocity", "vel", "speed"), VELOCITY),
+    **dict.fromkeys(("temperature", "temp"), TEMPERATURE),
+    "bg": GYRO_BIAS,
+    "ba": ACCEL_BIAS,
+}
+_LETTERS: Final[Mapping[str, str]] = {
+    **dict.fromkeys(("w", "g", "r"), GYRO),
+    **dict.fromkeys(("a", "f"), ACCEL),
+    **dict.fromkeys(("p", "t"), POSITION),
+    "q": ORIENTATION,
+    "v": VELOCITY,
+}
+"""Quantities that a single letter means in front of an axis."""
+_TIMES: Final = ("timestamp", "time", "stamp", "t", "elapsed", "epoch", "ts", "nanosec", "sec")
+_OTHER: Final = frozenset(
+    (
+        *("covariance", "cov", "std", "stddev", "var", "variance", "sigma", "gravity", "user"),
+        *("integral", "relative", "clipping", "mag", "magnetic", "magnetometer", "euler", "delta"),
+        *("gps", "baro", "pressure", "reference", "earth", "calibration", "error", "index", "seq"),
+    )
+)
+"""Words of columns that are none of the quantities."""
+_GLUED: Final = re.compile(
+    r"(gyroscope|gyro|gyr|omega|accelerometer|acceleration|accel|acc|alpha|position|pos|translation|"
+    r"quaternion|quat|orientation|velocity|vel|bg|ba|[wgrafptqv])([xyzw])"
+)
+_BRACKETS: Final = re.compile(r"\[([^\]]*)\]|\(([^)]*)\)")
+_KNOWN: Final = (
+    "timestamp [ns], gyro_x [rad/s], accel_x [m/s^2] (or omega_x, alpha_x, w_RS_S_x, a_RS_S_x, gx, "
+    "ax); p_x [m], q_w (or tx, qw), v_x [m/s], for all axes, with units in brackets"
+)
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table as its name describes it."""
+
+    quantity: str
+    """One of the quantities, or :data:`STAMP`."""
+    axis: str
+    """Letter of the axis; empty: a single number."""
+    unit: str
+    """Unit in lower case; empty: not stated."""
+
+
+@dataclass(frozen=True)
+class Header:
+    """Columns of a table by quantity."""
+
+    count: int
+    """Number of columns."""
+    stamp: int
+    """Column of the stamp."""
+    digits: int | None
+    """Decimal digits between the unit of the stamp and a nanosecond; None: not stated."""
+    columns: Mapping[str, tuple[int, ...]]
+    """Columns of each quantity in the order of :data:`AXES_OF`."""
+    factors: Mapping[str, float]
+    """SI value of the unit of each quantity."""
+    units: Mapping[str, str]
+    """Stated units of the quantities, as far as they are not SI."""
+
+
+def split_names(line: str) -> list[str]:
+    """Return the names of a header line, without its comment sign; blanks inside brackets go."""
+    line = line.lstrip("\ufeff").strip().lstrip("#%").strip().strip('"')
+    line = _BRACKETS.sub(lambda match: re.sub(r"\s|[*·]", "", match[0]), line)
+    for separator in (",", ";", "\t"):
+        if separator in line:
+            names = [name.strip().strip('"').strip() for name in line.split(separator)]
+            return names[:-1] if not names[-1] else names
+    return re.sub(r"\s+(?=[\[(])", "", line).split()
+
+
+def column_of(name: str) -> Column | None:
+    """Return the meaning of a column's name; None: none of the quantities."""
+    unit, axis = "", ""
+    for square, round_ in _BRACKETS.findall(name):
+        content = (square or round_).strip().lower()
+        if content.isdigit():
+            axis = "xyz"[int(content)] if int(content) < 3 else "w"
+        elif content:
+            unit = content
+    plain = re.sub(r"([a-z])([A-Z])", r"\1_\2", _BRACKETS.sub(" ", name))
+    words = [word for word in re.split(r"[^0-9A-Za-zµ°/^]+", plain.lower()) if word]
+    if words[:1] == ["field"]:  # rostopic echo -p
+        words = words[1:]
+    if not words or any(word in _OTHER for word in words):
+        return None
+    if not axis and _is_time(words):
+        unit = unit or next((word for word in words if word in TIME_UNITS), "")
+        return Column(STAMP, "", unit or words[0].removeprefix("t") * (words[0] in ("tns", "tus")))
+    words, suffix = _without_unit(words)
+    unit = unit or suffix
+    if not axis:
+        words, axis = _without_axis(words)
+    quantity = _quantity(words)
+    if quantity is None or (quantity != TEMPERATURE and not axis):
+        return None
+    return Column(quantity, "" if quantity == TEMPERATURE else axis, unit)
+
+
+def _is_time(words: Sequence[str]) -> bool:
+    """Return True for the words of a column of times."""
+    meaning = [word for word in words if word in _TIMES or word in TIME_UNITS]
+    physical = any(word in _WORDS for word in words)
+    return bool(meaning) and not physical and (len(words) < 4 and words[-1] not in "xyzw")
+
+
+def _without_unit(words: list[str]) -> tuple[list[str], str]:
+    """Return words of a name without those of its unit, and the unit: ``gyro x deg s``."""
+    for parts, unit in (
+        (("m", "s", "2"), "m/s^2"),
+        (("m", "s2"), "m/s^2"),
+        (("rad", "s"), "rad/s"),
+        (("deg", "s"), "deg/s"),
+        (("m", "s"), "m/s"),
+        *(((word,), word) for word in ("rad", "deg", "dps", "mdps", "radps", "mps2", "mss", "mg")),
+        (("g",), "g"),
+        (("m",), "m"),
+    ):
+        for k in range(1, len(words) - len(parts) + 1):
+            if tuple(words[k : k + len(parts)]) == parts:
+                rest = words[:k] + words[k + len(parts) :]
+                if rest[0] not in ("b",):  # b_g of OKVIS2 is a bias
+                    return rest, unit
+    return words, ""
+
+
+def _without_axis(words: list[str]) -> tuple[list[str], str]:
+    """Return words of a name without its axis, and the axis: ``omega z``, ``gz``, ``q w``."""
+    for k in (*range(len(words) - 1, 0, -1), 0):
+        if words[k] in ("x", "y", "z") or (words[k] == "w" and k > 0 and k == len(words) - 1):
+            return words[:k] + words[k + 1 :], words[k]
+    match = _GLUED.fullmatch(words[-1])
+    if match is not None:
+        return [*words[:-1], match[1]], match[2]
+    return words, ""
+
+
+def _quantity(words: Sequence[str]) -> str | None:
+    if not words:
+        return _BARE
+    first, meanings = words[0], {_WORDS[word] for word in words if word in _WORDS}
+    if "bias" in words or first == "b":
+        kinds = meanings | {_LETTERS[word] for word in words if word in _LETTERS}
+        return GYRO_BIAS if GYRO in kinds else ACCEL_BIAS if ACCEL in kinds else None
+    if "rate" in words and ("rotation" in words or "angular" in words):
+        return GYRO
+    if GYRO in meanings:  # angular velocity
+        return GYRO
+    if meanings:
+        return next(kind for kind in UNITS if kind in meanings)
+    return _LETTERS.get(first)
+
+
+def header_of(names: Sequence[str], place: str = "") -> Header:
+    """Return the columns of a header.
+
+    :param names: names of the columns, as :func:`split_names` returns them.
+    :param place: name of the file, which says whose ``x, y, z`` they are when nothing else does.
+    :raises ValueError: with a line for a header that is unknown or contradicts itself.
+    """
+    columns = [column_of(name) for name in names]
+    problems = list(_problems(names, columns, place))
+    if problems:
+        raise ValueError("; ".join(problems))
+    bare = _meaning_of_bare(columns, place)
+    places: dict[str, dict[str, int]] = {}
+    units: dict[str, set[str]] = {}
+    stamps: list[int] = []
+    for k, column in enumerate(columns):
+        if column is None:
+            continue
+        if column.quantity == STAMP:
+            stamps.append(k)
+            continue
+        quantity = str(bare) if column.quantity == _BARE else column.quantity
+        places.setdefault(quantity, {})[column.axis] = k
+        units.setdefault(quantity, set()).add(column.unit)
+    stamp = next((k for k in stamps if "stamp" in names[k].lower()), stamps[0])
+    stated = columns[stamp]
+    unit = "" if stated is None else stated.unit
+    digits = TIME_UNITS[unit] if unit else None
+    if digits is None and any("accelerometer_m_s2" in name or "gyro_rad" in name for name in names):
+        digits = TIME_UNITS["us"]  # PX4's uORB topics
+    one = {quantity: next(iter(stated)) for quantity, stated in units.items()}
+    factors = {quantity: UNITS[quantity][unit] if unit else 1.0 for quantity, unit in one.items()}
+    return Header(
+        len(names),
+        stamp,
+        digits,
+        {
+            name: tuple(axes[axis] for axis in AXES_OF[name] or ("",))
+            for name, axes in places.items()
+        },
+        factors,
+        {name: unit for name, unit in one.items() if factors[name] != 1.0},
+    )
+
+
+def is_known(names: Sequence[str]) -> bool:
+    """Return True if a name of a line is that of a quantity, so that the line is a header."""
+    columns = [column_of(name) for name in names]
+    return any(column is not None and column.quantity != _BARE for column in columns)
+
+
+def _meaning_of_bare(columns: Sequence[Column | None], place: str) -> str | None:
+    """Return the quantity of columns x, y, z; None: it cannot be told."""
+    kinds = {column.quantity for column in columns if column is not None}
+    if ORIENTATION in kinds:
+        return POSITION
+    name = place.lower()
+    for kind, words in ((GYRO, ("gyro", "angular")), (ACCEL, ("accel", "acc"))):
+        if any(word in name for word in words):
+            return kind
+    return None
+
+
+def _problems(names: Sequence[str], columns: Sequence[Column | None], place: str) -> Iterator[str]:
+    """Yield what is unknown or contradictory in a header."""
+    kinds = [column for column in columns if column is not None]
+    if not any(column.quantity == STAMP for column in kinds):
+        yield f"the header {_shown(names)} has no stamp; known are {_KNOWN}"
+        return
+    by_name: dict[tuple[str, str], str] = {}
+    for name, column in zip(names, columns, strict=True):
+        if column is None:
+            continue
+        if column.quantity == STAMP:
+            if column.unit and column.unit not in TIME_UNITS:
+                yield f"{name}: the unit {column.unit} is not one of ns, us, ms, s"
+            continue
+        key = (column.quantity, column.axis)
+        if key in by_name:
+            yield f"{by_name[key]} and {name} are both {column.quantity} {column.axis}".rstrip()
+        by_name[key] = name
+        allowed = UNITS[column.quantity]
+        if column.unit and column.unit not in allowed:
+            usual = ("rad/s", "deg/s", "m/s^2", "g", "mg", "m", "m/s", "degc")
+            fitting = ", ".join(unit for unit in usual if unit in allowed)
+            yield f"{name}: the unit {column.unit} is not one of {fitting or 'none'}"
+    quantities = {column.quantity for column in kinds} - {STAMP}
+    if _BARE in quantities and _meaning_of_bare(columns, place) is None:
+        yield (
+            f"the header {_shown(names)} does not say whose x, y, z they are; name them gyro_x, "
+            "accel_x, or the file gyroscope or accelerometer"
+        )
+    if not quantities - {TEMPERATURE}:
+        yield f"the header {_shown(names)} has no known quantity; known are {_KNOWN}"
+    for quantity in quantities:
+        axes = [axis for axis in AXES_OF[quantity] if (quantity, axis) not in by_name]
+        if axes and len(AXES_OF[quantity]):
+            yield f"the header {_shown(names)} has no {quantity} {', '.join(axes)}"
+        units = {column.unit for column in kinds if column.quantity == quantity}
+        if len(units) > 1:
+            words = " and ".join(sorted(unit or "none" for unit in units))
+            yield f"the columns of the {quantity} have different units: {words}"
+
+
+def _shown(names: Sequence[str]) -> str:
+    line = ",".join(names)
+    return repr(line if len(line) <= 100 else line[:97] + "...")

@@ -1,0 +1,439 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Layout of a text table: separator, columns and units, and its rows as numbers.
+
+A header decides the columns. Without one they are those of a form that the reader names, and the
+unit of the stamps follows from their size and their steps.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imu_sim_ros.errors import InputError, Remark, warn
+from imu_sim_ros.inputs.header import (
+    TIME_NAMES,
+    header_of,
+    is_known,
+    split_names,
+)
+from imu_sim_ros.inputs.rows import COLUMNS, NUMBERS, BadRows, Row, number_of, shortened
+from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
+from imu_sim_ros.types import Array, Bytes, Integers, Mask, Times
+
+STAMP_BYTES: Final = 48
+"""A stamp of text is shorter."""
+_LAST_SECOND: Final = 9_223_372_035  # int64 nanoseconds hold no more
+_ZERO, _POINT, _NINE = ord("0"), ord("."), ord("9")
+_MOST_DIGITS: Final = 19  # of int64
+_SAMPLE: Final = 200
+"""Number of the first rows whose stamps tell their unit."""
+_LEAST_ROWS: Final = 10
+"""Number of stamps from which their unit can be told."""
+_EPOCH: Final = (8e8, 4.2e9)
+"""[s] Stamps of the years 1995 to 2103 since 1970."""
+_SHORTEST_STEP: Final = 10_000
+"""[ns] Steps of stamps that are shorter are no nanoseconds: no IMU has more than 100 kHz."""
+_LEAST_MICROSECONDS: Final = 100
+"""[us] Steps of stamps that are shorter may be milliseconds or numbers of rows."""
+_SLOWEST: Final = 200_000
+"""[ns] Longer steps are believed to be nanoseconds even if the stamps may be UTC in us."""
+_SECONDS: Final = 9
+
+
+class Form(NamedTuple):
+    """Columns of a table without a header, after the stamp."""
+
+    columns: Mapping[str, tuple[int, ...]]
+    """Columns of each quantity in the order of the records."""
+    counts: tuple[int, ...]
+    """Numbers of columns that a row may have."""
+    digits: int
+    """Decimal digits between the usual unit of the stamps and a nanosecond."""
+    expected: str
+    """Expected columns, for messages."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Separator, columns and units of a text table."""
+
+    separator: str
+    """Comma or semicolon; a blank: any blanks."""
+    decimal_comma: bool
+    """True if numbers have a comma, as in spreadsheets of some languages."""
+    trailing: bool
+    """True if rows end with a separator."""
+    counts: tuple[int, ...]
+    """Numbers of columns that a row may have."""
+    stamp: int
+    """Column of the stamps."""
+    digits: int
+    """Decimal digits between the unit of the stamps and a nanosecond."""
+    whole: bool
+    """True if stamps must be whole numbers."""
+    columns: Mapping[str, tuple[int, ...]]
+    """Columns of each quantity in the order of the records."""
+    factors: Mapping[str, float]
+    """SI value of the unit of each quantity; 1 where it is missing."""
+    expected: str
+    """Expected columns, for messages."""
+
+    def fields(self, text: bytes) -> list[bytes]:
+        """Return the cells of a row."""
+        if self.separator == " ":
+            return text.split()
+        return self._plain(text).split(self.separator.encode())
+
+    def _plain(self, text: bytes) -> bytes:
+        """Return a row without quotes, trailing separator and decimal commas."""
+        if b'"' in text:
+            text = text.replace(b'"', b"")
+        if self.trailing:
+            text = text.rstrip().removesuffix(self.separator.encode())
+        return text.replace(b",", b".") if self.decimal_comma else text
+
+    def quantities(self, names: Collection[str]) -> dict[str, tuple[int, ...]]:
+        """Return the columns of those quantities that the table has."""
+        return {name: self.columns[name] for name in names if name in self.columns}
+
+    def parse(self, rows: Sequence[Row], names: Collection[str]) -> tuple[Times, dict[str, Array]]:
+        """Return stamps (n,) [ns] and the values (n, m) of quantities in SI units.
+
+        :param names: quantities; those that the table lacks are not returned.
+        :raises ValueError, OverflowError: if a row cannot be converted.
+        """
+        chosen = self.quantities(names)
+        indices = [k for columns in chosen.values() for k in columns]
+        split = self.separator == " "
+        lines = [text for _, text in rows] if split else [self._plain(text) for _, text in rows]
+        if split:
+            widths = {len(text.split()) for text in lines}
+        else:
+            separator = self.separator.encode()
+            widths = {text.count(separator) + 1 for text in lines}
+        if not widths <= set(self.counts):
+            raise ValueError("columns")
+        dtype = np.dtype([("stamp", f"S{STAMP_BYTES}"), ("values", "<f8", (len(indices),))])
+        table: NDArray[np.void] = np.loadtxt(
+            [text.decode("latin-1") for text in lines],
+            dtype=dtype,
+            delimiter=None if split else self.separator,
+            usecols=[self.stamp, *indices],
+            comments=None,
+            ndmin=1,
+        )
+        stamps = table["stamp"] if split else np.char.strip(table["stamp"])
+        t_ns = nanoseconds(stamps.astype(f"S{STAMP_BYTES}"), self.digits, self.whole)
+        values: dict[str, Array] = {}
+        at = 0
+        for name, columns in chosen.items():
+            part = table["values"][:, at : at + len(columns)]
+            factor = self.factors.get(name, 1.0)
+            values[name] = part * factor if factor != 1.0 else np.ascontiguousarray(part)
+            at += len(columns)
+        return t_ns, values
+
+    def note(self, bad: BadRows, number: int, text: bytes, names: Collection[str]) -> None:
+        """Note why a row cannot be converted; nothing if it can."""
+        fields = [field.strip().decode("utf-8", "replace") for field in self.fields(text)]
+        if len(fields) not in self.counts:
+            bad.note(COLUMNS, number, f"{len(fields)} columns; {self.expected}")
+            return
+        stamp = fields[self.stamp]
+        try:
+            nanosecond(stamp, self.digits, self.whole)
+        except (ValueError, OverflowError):
+            unit = "whole nanoseconds" if self.whole else _LONG_NAMES[self.digits]
+            bad.note(NUMBERS, number, f"{shortened(stamp)} is not a stamp in {unit}")
+        for columns in self.quantities(names).values():
+            for k in columns:
+                try:
+                    number_of(fields[k])
+                except ValueError:
+                    bad.note(NUMBERS, number, f"{shortened(fields[k])} is not a number")
+
+
+_LONG_NAMES: Final = {0: "nanoseconds", 3: "microseconds", 6: "milliseconds", 9: "seconds"}
+
+
+def layout_of(
+    path: Path,
+    comments: Sequence[bytes],
+    rows: list[Row],
+    forms: Mapping[str, Form],
+    needed: Sequence[str],
+) -> Layout:
+    """Return the layout of a table, and remove its header from the rows.
+
+    What the layout rests on is told: units of the header, and units of stamps that follow from
+    their size.
+
+    :param comments: comment lines in front of the first row.
+    :param rows: first rows of the table; a header is removed.
+    :param forms: form of a table without a header, by separator; a blank: any blanks.
+    :param needed: quantities of which the header must have at least one.
+    :raises InputError: for a header that is unknown or contradicts itself or its rows, and stamps
+        whose unit cannot be told.
+    """
+    names: list[str] | None
+    if rows and _is_header(rows):
+        names = split_names(rows.pop(0)[1].decode("utf-8", "replace"))
+    else:
+        names = _names_in_comments(comments, rows)
+    sample = rows[:_SAMPLE]
+    if names is not None and sample:
+        return _of_header(path, names, sample, needed, forms)
+    return _of_form(path, sample, forms)
+
+
+def _is_header(rows: Sequence[Row]) -> bool:
+    """Return True if the first row has names of columns, not numbers."""
+    if _is_numeric(rows[0][1]):
+        return False
+    names = split_names(rows[0][1].decode("utf-8", "replace"))
+    below = rows[1][1] if len(rows) > 1 else b""
+    return is_known(names) or (_is_numeric(below) and len(names) == len(_cells(below)))
+
+
+def _names_in_comments(comments: Sequence[bytes], rows: Sequence[Row]) -> list[str] | None:
+    """Return the names in the last comment line that has those of the columns; None: none has."""
+    for comment in reversed(comments):
+        names = split_names(comment.decode("utf-8", "replace"))
+        if is_known(names) and (not rows or len(names) == len(_cells(rows[0][1]))):
+            return names
+    return None
+
+
+def _of_header(
+    path: Path,
+    names: Sequence[str],
+    sample: Sequence[Row],
+    needed: Sequence[str],
+    forms: Mapping[str, Form],
+) -> Layout:
+    try:
+        header = header_of(names, path.name)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
+    if not any(name in header.columns for name in needed):
+        known = ", ".join(name for name in header.columns) or "none"
+        raise InputError(f"{path}: the header has no {needed[0]}; it has {known}")
+    separator, decimal_comma, trailing = _separator(sample)
+    counts = [len(_cells(text)) for _, text in sample]
+    if header.count not in counts:
+        raise InputError(
+            f"{path}: the header names {header.count} columns, line {sample[0][0]} has {counts[0]}"
+        )
+    form = forms.get(separator) or forms[","]
+    digits = header.digits
+    if digits is None:
+        digits = _digits(path, sample, separator, header.stamp, form.digits, decimal_comma)
+    units = [f"the {name} in {unit}" for name, unit in header.units.items()]
+    if units:
+        warn(f"{path}: {' and '.join(units)}, as the header says: converted to SI units", Remark)
+    return Layout(
+        separator,
+        decimal_comma,
+        trailing,
+        (header.count,),
+        header.stamp,
+        digits,
+        digits == 0 and not _has_points(sample, separator, header.stamp),
+        header.columns,
+        header.factors,
+        f"the header names {header.count}",
+    )
+
+
+def _of_form(path: Path, sample: Sequence[Row], forms: Mapping[str, Form]) -> Layout:
+    separator, decimal_comma, trailing = _separator(sample)
+    form = forms.get(separator) or forms[","]
+    digits = _digits(path, sample, separator, 0, form.digits, decimal_comma)
+    return Layout(
+        separator,
+        decimal_comma,
+        trailing,
+        form.counts,
+        0,
+        digits,
+        digits == 0 and not (form.digits and _has_points(sample, separator, 0)),
+        form.columns,
+        {},
+        form.expected,
+    )
+
+
+def _separator(sample: Sequence[Row]) -> tuple[str, bool, bool]:
+    """Return separator, True for decimal commas, and True for a separator at the end of rows."""
+    text = sample[0][1].rstrip() if sample else b","
+    if b";" in text:
+        return ";", b"," in text, text.endswith(b";")
+    if b"," in text:
+        return ",", False, text.endswith(b",")
+    return " ", False, False
+
+
+def _cells(text: bytes) -> list[bytes]:
+    """Return the cells of a row by its own separator."""
+    separator, _, trailing = _separator([(0, text)])
+    cells = text.split() if separator == " " else text.split(separator.encode())
+    return cells[:-1] if trailing else cells
+
+
+def _is_numeric(text: bytes) -> bool:
+    """Return True if one of the first two cells of a row is a number."""
+    for cell in _cells(text)[:2]:
+        try:
+            number_of(cell.decode("latin-1").strip().strip('"').replace(",", "."))
+        except ValueError:
+            continue
+        return True
+    return False
+
+
+def _has_points(sample: Sequence[Row], separator: str, stamp: int) -> bool:
+    texts = _stamp_texts(sample, separator, stamp)
+    return bool(texts) and 2 * sum("." in text or "e" in text.lower() for text in texts) > len(
+        texts
+    )
+
+
+def _stamp_texts(sample: Sequence[Row], separator: str, stamp: int) -> list[str]:
+    texts = []
+    for _, row in sample:
+        cells = row.split() if separator == " " else row.split(separator.encode())
+        if stamp < len(cells):
+            texts.append(cells[stamp].decode("latin-1").strip().strip('"'))
+    return texts
+
+
+def _digits(
+    path: Path,
+    sample: Sequence[Row],
+    separator: str,
+    stamp: int,
+    usual: int,
+    decimal_comma: bool,
+) -> int:
+    """Return the decimal digits between the unit of stamps and a nanosecond, from the stamps.
+
+    :param usual: digits of the form of the table.
+    :raises InputError: for numbers of rows, and steps that fit no unit.
+    """
+    values = []
+    for text in _stamp_texts(sample, separator, stamp):
+        try:
+            values.append(number_of(text.replace(",", ".") if decimal_comma else text))
+        except ValueError:
+            continue
+    times = np.array(values)
+    times = times[np.isfinite(times)]
+    if len(times) < _LEAST_ROWS:
+        return usual
+    steps = np.diff(times)
+    steps = steps[steps > 0.0]
+    step = float(np.median(steps)) if len(steps) else 0.0
+    size = float(np.median(np.abs(times)))
+    points = _has_points(sample, separator, stamp)
+    digits = _digits_by_size(size, step, points, usual)
+    if digits is None:
+        raise InputError(
+            f"{path}: the stamps increase by {step:g}: they may be milliseconds or numbers of "
+            "rows, not nanoseconds; name the unit in a header, such as timestamp [ms]"
+        )
+    if digits != usual:
+        warn(
+            f"{path}: the stamps are taken as {TIME_NAMES[digits]}: "
+            f"{shortened(_stamp_texts(sample, separator, stamp)[0])}",
+            Remark,
+        )
+    return digits
+
+
+def _digits_by_size(size: float, step: float, points: bool, usual: int) -> int | None:
+    """Return the digits of the unit in which stamps are; None: it cannot be told.
+
+    :param size: median of the stamps.
+    :param step: median of their positive steps; 0: there are none.
+    :param points: True if they have a decimal point.
+    """
+    utc = next((d for d in (0, 3, 6, 9) if _EPOCH[0] <= size * 10.0 ** (d - 9) <= _EPOCH[1]), None)
+    if usual == _SECONDS:
+        return utc if utc is not None else usual if size <= _LAST_SECOND else 0
+    if utc == 0 or (utc == _SECONDS and (points or step < _LEAST_MICROSECONDS)):
+        return utc
+    if utc in (3, 6) and step < (_SLOWEST if utc == 3 else _SHORTEST_STEP):
+        return utc
+    if points and size <= _LAST_SECOND:
+        return _SECONDS
+    if not step or step >= _SHORTEST_STEP:
+        return usual
+    return 3 if step >= _LEAST_MICROSECONDS else None
+
+
+def nanoseconds(stamps: NDArray[np.bytes_], digits: int, whole: bool) -> Integers:
+    """Return stamps (n,) of text in nanoseconds.
+
+    :param stamps: (n,) of ``S48``.
+    :param digits: decimal digits between the unit of the stamps and a nanosecond: 9 for seconds.
+    :param whole: the stamps must be whole numbers.
+    :raises ValueError, OverflowError: for a stamp that is not a number, or does not fit.
+    """
+    letters = np.ascontiguousarray(stamps).view(np.uint8).reshape(len(stamps), -1)
+    letters = letters[:, : int(np.char.str_len(stamps).max(initial=1))]
+    digit = (letters >= _ZERO) & (letters <= _NINE)
+    point = letters == _POINT
+    count, points = digit.sum(axis=1), point.sum(axis=1)
+    decimals = (digit & (np.cumsum(point, axis=1) > 0)).sum(axis=1)
+    # Plain: digits that int64 holds, at most one point among them, and nothing else.
+    plain = (digit | point | (letters == 0)).all(axis=1) & (points <= (0 if whole else 1))
+    plain &= (count > decimals) & (decimals <= digits) & (count - decimals <= _MOST_DIGITS - digits)
+    plain &= (count < _MOST_DIGITS) | ((count == _MOST_DIGITS) & (letters[:, 0] < _NINE))
+    result = _joined_digits(letters, digit)
+    units = result // 10**decimals
+    if np.any(plain & (units > _LAST_SECOND * 10 ** (_SECONDS - digits))):
+        raise OverflowError(f"a stamp above {_LAST_SECOND} s")
+    result *= 10 ** (digits - np.minimum(decimals, digits))
+    for k in np.flatnonzero(~plain):
+        result[k] = nanosecond(stamps[k].decode("latin-1"), digits, whole)
+    return result
+
+
+def nanosecond(stamp: str, digits: int, whole: bool) -> int:
+    """Return a stamp in nanoseconds; it may have an exponent, or many digits.
+
+    :param digits, whole: as for :func:`nanoseconds`.
+    :raises ValueError, OverflowError: for a stamp that is not a number, or does not fit.
+    """
+    if len(stamp) >= STAMP_BYTES or "_" in stamp or not stamp.isascii():
+        raise ValueError(stamp)  # Python's own 1_000 and digits of other scripts are none here
+    if whole:
+        t_ns = int(stamp) * 10**digits
+    else:
+        try:
+            value = Decimal(stamp)
+        except InvalidOperation:
+            raise ValueError(stamp) from None
+        if value.adjusted() >= _MOST_DIGITS - digits:  # 1e999999999 would fill the memory
+            raise OverflowError(stamp)
+        t_ns = round(value * 10**digits)
+    if abs(t_ns) > _LAST_SECOND * NANOSECONDS_PER_SECOND:
+        raise OverflowError(stamp)
+    return t_ns
+
+
+def _joined_digits(letters: Bytes, digit: Mask) -> Integers:
+    """Return the digits of each row (n, letters) as one number (n,); too many wrap around."""
+    result = np.zeros(len(letters), dtype=np.int64)
+    for column in range(letters.shape[1]):
+        here = digit[:, column]
+        value = letters[:, column].astype(np.int64) - _ZERO
+        result = np.where(here, result * 10 + value, result)
+    return result

@@ -1,0 +1,140 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Text tables as people have them: their headers, separators, units and stamps."""
+
+import numpy as np
+import pytest
+
+from imu_sim_ros.bags.read import read_imu
+from imu_sim_ros.errors import InputError, Remark
+from imu_sim_ros.poses import read_poses
+
+T0 = 1_700_000_000_000_000_000
+N = 40
+RNG = np.random.default_rng(3)
+T_NS = T0 + 5_000_000 * np.arange(N)
+GYRO = RNG.normal(size=(N, 3))
+ACCEL = RNG.normal(size=(N, 3)) + np.array([0.0, 0.0, 9.8])
+POSITION = RNG.normal(size=(N, 3))
+Q_WB = RNG.normal(size=(N, 4))
+Q_WB /= np.linalg.norm(Q_WB, axis=1, keepdims=True)
+
+
+def write(path, header, stamps, *columns, separator=",", end=""):
+    rows = [
+        separator.join([str(stamp), *(f"{x:.12g}" for x in np.concatenate(row))]) + end
+        for stamp, *row in zip(stamps, *columns, strict=True)
+    ]
+    path.write_text("\n".join([header, *rows] if header else rows) + "\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("header", "columns", "stamps"),
+    [
+        ("timestamp,ax,ay,az,gx,gy,gz", (ACCEL, GYRO), T_NS),
+        ("timestamp,omega_z,omega_y,omega_x,alpha_z,alpha_y,alpha_x",
+         (GYRO[:, ::-1], ACCEL[:, ::-1]), T_NS),
+        ("timestamp [ns],gyro_x [deg/s],gyro_y [deg/s],gyro_z [deg/s],accel_x [g],accel_y [g],"
+         "accel_z [g]", (np.degrees(GYRO), ACCEL / 9.80665), T_NS),
+        ("t_us,gyro_x_dps,gyro_y_dps,gyro_z_dps,acc_x_mg,acc_y_mg,acc_z_mg",
+         (np.degrees(GYRO), ACCEL / 9.80665e-3), T_NS // 1000),
+        ("timestamp,gyro_rad[0],gyro_rad[1],gyro_rad[2],gyro_integral_dt,accelerometer_m_s2[0],"
+         "accelerometer_m_s2[1],accelerometer_m_s2[2]", (GYRO, GYRO[:, :1], ACCEL), T_NS // 1000),
+        ("# timestamp (s),AccX,AccY,AccZ,GyrX,GyrY,GyrZ", (ACCEL, GYRO), T_NS // 10**6 / 1e3),
+        ("%time,field.header.stamp,field.angular_velocity.x,field.angular_velocity.y,"
+         "field.angular_velocity.z,field.linear_acceleration.x,field.linear_acceleration.y,"
+         "field.linear_acceleration.z", (T_NS[:, None] * 1.0, GYRO, ACCEL), T_NS),
+    ],
+)  # fmt: skip
+@pytest.mark.filterwarnings("ignore::imu_sim_ros.errors.Remark")
+def test_the_header_decides_columns_axes_and_units(tmp_path, header, columns, stamps):
+    readings = read_imu(write(tmp_path / "imu.csv", header, stamps, *columns))
+    # Stamps as %.12g are rounded to 1 ms at most; floats of 1.7e18 to 10 s.
+    assert np.abs(np.diff(readings.t_ns - T_NS)).max() < 1e10
+    np.testing.assert_allclose(readings.gyro, GYRO, rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(readings.accel, ACCEL, rtol=1e-9, atol=1e-10)
+
+
+def test_units_of_a_header_are_told(tmp_path):
+    header = "timestamp,gx [deg/s],gy [deg/s],gz [deg/s],ax,ay,az"
+    path = write(tmp_path / "imu.csv", header, T_NS, GYRO, ACCEL)
+    with pytest.warns(Remark, match="gyroscope in deg/s, as the header says"):
+        read_imu(path)
+
+
+@pytest.mark.parametrize(
+    ("header", "words"),
+    [
+        ("timestamp,ax,ay,az,gx,gy", "has no gyroscope z"),
+        ("timestamp,ax,ax,az,gx,gy,gz", "ax and ax are both accelerometer x"),
+        ("timestamp,ax [g],ay [m/s^2],az [g],gx,gy,gz", "different units: g and m/s"),
+        ("timestamp,ax,ay,az,gx [lsb],gy [lsb],gz [lsb]", "the unit lsb is not one of rad/s"),
+        ("b,c,d,e,f,h,i", "has no stamp; known are timestamp"),
+        ("timestamp,ax,ay,az,gx,gy,gz,mx", "the header names 8 columns, line 2 has 7"),
+    ],
+)
+def test_unknown_and_contradictory_headers_are_refused(tmp_path, header, words):
+    path = write(tmp_path / "imu.csv", header, T_NS, GYRO, ACCEL)
+    with pytest.raises(InputError, match=words):
+        read_imu(path)
+
+
+@pytest.mark.filterwarnings("ignore::imu_sim_ros.errors.Remark")
+def test_a_table_of_one_triad_has_no_other(tmp_path):
+    header = "time,seconds_elapsed,z,y,x"
+    columns = (np.arange(N)[:, None] * 5e-3, GYRO[:, ::-1])
+    readings = read_imu(write(tmp_path / "Gyroscope.csv", header, T_NS, *columns))
+    assert readings.accel is None
+    np.testing.assert_allclose(readings.gyro, GYRO)
+    with pytest.raises(InputError, match="whose x, y, z"):
+        read_imu(write(tmp_path / "log.csv", header, T_NS, *columns))
+
+
+@pytest.mark.parametrize("first", [-5_000_000, T0])
+def test_a_first_row_of_numbers_is_no_header(tmp_path, first):
+    stamps = first + 5_000_000 * np.arange(N)
+    readings = read_imu(write(tmp_path / "imu.csv", "", stamps, GYRO, ACCEL))
+    assert readings.t_ns.tolist() == stamps.tolist()
+
+
+def xyzw(q):
+    return q[:, [1, 2, 3, 0]]
+
+
+@pytest.mark.parametrize(
+    ("form", "header", "stamps", "orientation"),
+    [
+        ((",", ""), "#timestamp,p_x,p_y,p_z,q_x,q_y,q_z,q_w", T_NS, xyzw(Q_WB)),
+        ((",", ""), "#timestamp,p_x,p_y,p_z,q_w,q_x,q_y,q_z", T_NS, Q_WB),
+        ((", ", ""), "timestamp, p_WS_W_x, p_WS_W_y, p_WS_W_z, q_WS_x, q_WS_y, q_WS_z, q_WS_w",
+         T_NS, xyzw(Q_WB)),
+        (("\t", ""), "TimeStamp\tPOS_X\tPOS_Y\tPOS_Z\tQ_W\tQ_X\tQ_Y\tQ_Z", T_NS // 10**6, Q_WB),
+        ((" ", ""), "", [f"{float(t):.6f}" for t in T_NS], xyzw(Q_WB)),
+        ((",", ","), "", T_NS, Q_WB),
+        ((";", ""), "timestamp [ms];x;y;z;qx;qy;qz;qw", T_NS // 10**6, xyzw(Q_WB)),
+        ((",", ""), "", T_NS // 10**6, Q_WB),
+        ((" ", ""), "# timestamp tx ty tz qx qy qz qw", T_NS // 10**6 / 1e3, xyzw(Q_WB)),
+    ],
+    ids=["xyzw", "wxyz", "okvis2", "airsim", "orb_slam3", "vins", "spreadsheet", "ms", "tum"],
+)  # fmt: skip
+@pytest.mark.filterwarnings("ignore::imu_sim_ros.errors.Remark")
+@pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])
+def test_poses_as_estimators_write_them(tmp_path, form, header, stamps, orientation, mark):
+    separator, end = form
+    path = tmp_path / "poses.csv"
+    write(path, header, stamps, POSITION, orientation, separator=separator, end=end)
+    if separator == ";":
+        path.write_text(path.read_text().replace(".", ","))
+    path.write_bytes(mark + path.read_bytes())
+    poses = read_poses(path)
+    assert np.abs(poses.t_ns - T_NS).max() <= 256  # float64 of 1.7e18
+    np.testing.assert_allclose(poses.position, POSITION, rtol=1e-9)
+    np.testing.assert_allclose(poses.q_wb, Q_WB, atol=1e-9)
+
+
+def test_numbers_of_rows_are_no_stamps(tmp_path):
+    path = write(tmp_path / "poses.csv", "", range(N), POSITION, Q_WB)
+    with pytest.raises(InputError, match="stamps increase by 1: they may be milliseconds"):
+        read_poses(path)
