@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from imu_sim_ros import rotation
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate, header
-from imu_sim_ros.inputs.layout import Form, Layout, layout_of
+from imu_sim_ros.inputs.layout import TableForm, TableLayout, layout_of
 from imu_sim_ros.inputs.rows import (
     NUMBERS,
     STAMPS,
@@ -43,13 +43,13 @@ _EUROC_COLUMNS: Final = (*_EUROC_PLAIN, *(count + _TRIANGLES for count in _EUROC
 _TUM_COLUMNS: Final = (_POSE_COLUMNS, 14, _POSE_COLUMNS + _TRIANGLES)  # pose; OpenVINS: and more
 _POSE: Final = (header.POSITION, header.ORIENTATION)
 _FORMS: Final = {
-    ",": Form(
+    ",": TableForm(
         {header.POSITION: (1, 2, 3), header.ORIENTATION: (4, 5, 6, 7)},
         _EUROC_COLUMNS,
         0,
         f"the EuRoC form has {_alternatives(_EUROC_COLUMNS)}",
     ),
-    " ": Form(
+    " ": TableForm(
         {header.POSITION: (1, 2, 3), header.ORIENTATION: (7, 4, 5, 6)},
         _TUM_COLUMNS,
         9,
@@ -115,7 +115,7 @@ class _Reading:
 
     def __init__(self, path: Path, skip: bool, covariance: bool) -> None:
         self._path, self._skip, self._covariance = path, skip, covariance
-        self._layout: Layout | None = None
+        self._layout: TableLayout | None = None
         self._comments: list[bytes] = []
         self._bad = BadRows(path)
         self._dropped = 0
@@ -174,7 +174,7 @@ class _Reading:
             if len(good.t_ns):
                 yield good
 
-    def _converted(self, layout: Layout, rows: list[Row]) -> Iterator[_PoseRows]:
+    def _converted(self, layout: TableLayout, rows: list[Row]) -> Iterator[_PoseRows]:
         """Yield poses of rows that are numbers; note those that are not."""
         waiting = [rows] if rows else []
         while waiting:
@@ -191,7 +191,7 @@ class _Reading:
                 if good:
                     yield self._parsed(layout, good)
 
-    def _parsed(self, layout: Layout, rows: list[Row]) -> _PoseRows:
+    def _parsed(self, layout: TableLayout, rows: list[Row]) -> _PoseRows:
         """Return the poses of rows, all converted at once.
 
         :raises ValueError, OverflowError: if one of them cannot be converted.
@@ -203,7 +203,7 @@ class _Reading:
             number, t_ns, values[header.POSITION], values[header.ORIENTATION], triangles
         )
 
-    def _triangles(self, layout: Layout, rows: list[Row]) -> Array:
+    def _triangles(self, layout: TableLayout, rows: list[Row]) -> Array:
         """Return the columns of covariance, NaN if not all of these rows have them."""
         if not self._covariance:
             return np.empty((len(rows), 0))
@@ -217,7 +217,7 @@ class _Reading:
             raise ValueError("covariance")
         return values
 
-    def _is_sound(self, layout: Layout, number: int, text: bytes) -> bool:
+    def _is_sound(self, layout: TableLayout, number: int, text: bytes) -> bool:
         """Return whether one row is all numbers; note what is wrong with it."""
         before = self._bad.count
         layout.note(self._bad, number, text, _POSE)

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Header of a text table: the quantity, the axis and the unit of each column.
+"""TableHeader of a text table: the quantity, the axis and the unit of each column.
 
 Known are the headers of this package, EuRoC, kalibr, TUM, OpenVINS, OKVIS2, AirSim, PX4, rostopic,
 phone loggers and spreadsheets: the names are taken apart into quantity, axis and unit.
@@ -150,7 +150,7 @@ _KNOWN: Final = (
 
 
 @dataclass(frozen=True)
-class Column:
+class ColumnName:
     """A column of a table as its name describes it."""
 
     quantity: str
@@ -162,13 +162,13 @@ class Column:
 
 
 @dataclass(frozen=True)
-class Header:
+class TableHeader:
     """Columns of a table by quantity."""
 
     count: int
     """Number of columns."""
     stamp: int
-    """Column of the stamp."""
+    """ColumnName of the stamp."""
     digits: int | None
     """Decimal digits between the unit of the stamp and a nanosecond; None: not stated."""
     columns: Mapping[str, tuple[int, ...]]
@@ -190,7 +190,7 @@ def split_names(line: str) -> list[str]:
     return re.sub(r"\s+(?=[\[(])", "", line).split()
 
 
-def column_of(name: str) -> Column | None:
+def column_of(name: str) -> ColumnName | None:
     """Return the meaning of a column's name; None: none of the quantities."""
     unit, axis = "", ""
     for square, round_ in _BRACKETS.findall(name):
@@ -207,7 +207,9 @@ def column_of(name: str) -> Column | None:
         return None
     if not axis and _is_time(words):
         unit = unit or next((word for word in words if word in TIME_UNITS), "")
-        return Column(STAMP, "", unit or words[0].removeprefix("t") * (words[0] in ("tns", "tus")))
+        return ColumnName(
+            STAMP, "", unit or words[0].removeprefix("t") * (words[0] in ("tns", "tus"))
+        )
     words, suffix = _without_unit(words)
     unit = unit or suffix
     if not axis:
@@ -215,7 +217,7 @@ def column_of(name: str) -> Column | None:
     quantity = _quantity(words)
     if quantity is None or (quantity != TEMPERATURE and not axis):
         return None
-    return Column(quantity, "" if quantity == TEMPERATURE else axis, unit)
+    return ColumnName(quantity, "" if quantity == TEMPERATURE else axis, unit)
 
 
 def _is_time(words: Sequence[str]) -> bool:
@@ -272,7 +274,7 @@ def _quantity(words: Sequence[str]) -> str | None:
     return _LETTERS.get(first)
 
 
-def header_of(names: Sequence[str], place: str = "") -> Header:
+def header_of(names: Sequence[str], place: str = "") -> TableHeader:
     """Return the columns of a header.
 
     :param names: names of the columns, as :func:`split_names` returns them.
@@ -304,7 +306,7 @@ def header_of(names: Sequence[str], place: str = "") -> Header:
         digits = TIME_UNITS["us"]  # PX4's uORB topics
     one = {quantity: next(iter(stated)) for quantity, stated in units.items()}
     factors = {quantity: UNITS[quantity][unit] if unit else 1.0 for quantity, unit in one.items()}
-    return Header(
+    return TableHeader(
         len(names),
         stamp,
         digits,
@@ -323,7 +325,7 @@ def is_known(names: Sequence[str]) -> bool:
     return any(column is not None and column.quantity != _BARE for column in columns)
 
 
-def _meaning_of_bare(columns: Sequence[Column | None], place: str) -> str | None:
+def _meaning_of_bare(columns: Sequence[ColumnName | None], place: str) -> str | None:
     """Return the quantity of columns x, y, z; None: it cannot be told."""
     kinds = {column.quantity for column in columns if column is not None}
     if ORIENTATION in kinds:
@@ -335,7 +337,9 @@ def _meaning_of_bare(columns: Sequence[Column | None], place: str) -> str | None
     return None
 
 
-def _problems(names: Sequence[str], columns: Sequence[Column | None], place: str) -> Iterator[str]:
+def _problems(
+    names: Sequence[str], columns: Sequence[ColumnName | None], place: str
+) -> Iterator[str]:
     """Yield what is unknown or contradictory in a header."""
     kinds = [column for column in columns if column is not None]
     if not any(column.quantity == STAMP for column in kinds):

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Layout of a text table: separator, columns and units, and its rows as numbers.
+"""TableLayout of a text table: separator, columns and units, and its rows as numbers.
 
 A header decides the columns. Without one they are those of a form that the reader names, and the
 unit of the stamps follows from their size and their steps.
@@ -47,7 +47,7 @@ _SLOWEST: Final = 200_000
 _SECONDS: Final = 9
 
 
-class Form(NamedTuple):
+class TableForm(NamedTuple):
     """Columns of a table without a header, after the stamp."""
 
     columns: Mapping[str, tuple[int, ...]]
@@ -61,7 +61,7 @@ class Form(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Layout:
+class TableLayout:
     """Separator, columns and units of a text table."""
 
     separator: str
@@ -167,9 +167,9 @@ def layout_of(
     path: Path,
     comments: Sequence[bytes],
     rows: list[Row],
-    forms: Mapping[str, Form],
+    forms: Mapping[str, TableForm],
     needed: Sequence[str],
-) -> Layout:
+) -> TableLayout:
     """Return the layout of a table, and remove its header from the rows.
 
     What the layout rests on is told: units of the header, and units of stamps that follow from
@@ -216,8 +216,8 @@ def _of_header(
     names: Sequence[str],
     sample: Sequence[Row],
     needed: Sequence[str],
-    forms: Mapping[str, Form],
-) -> Layout:
+    forms: Mapping[str, TableForm],
+) -> TableLayout:
     try:
         header = header_of(names, path.name)
     except ValueError as error:
@@ -238,7 +238,7 @@ def _of_header(
     units = [f"the {name} in {unit}" for name, unit in header.units.items()]
     if units:
         warn(f"{path}: {' and '.join(units)}, as the header says: converted to SI units", Remark)
-    return Layout(
+    return TableLayout(
         separator,
         decimal_comma,
         trailing,
@@ -252,11 +252,11 @@ def _of_header(
     )
 
 
-def _of_form(path: Path, sample: Sequence[Row], forms: Mapping[str, Form]) -> Layout:
+def _of_form(path: Path, sample: Sequence[Row], forms: Mapping[str, TableForm]) -> TableLayout:
     separator, decimal_comma, trailing = _separator(sample)
     form = forms.get(separator) or forms[","]
     digits = _digits(path, sample, separator, 0, form.digits, decimal_comma)
-    return Layout(
+    return TableLayout(
         separator,
         decimal_comma,
         trailing,

@@ -12,7 +12,7 @@ import numpy as np
 from imu_sim_ros.bags.text.writer import DATASET_SUFFIXES, POSES_OF_TABLES
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate, header
-from imu_sim_ros.inputs.layout import Form, Layout, layout_of
+from imu_sim_ros.inputs.layout import TableForm, TableLayout, layout_of
 from imu_sim_ros.inputs.rows import (
     NUMBERS,
     STAMPS,
@@ -257,7 +257,7 @@ class _Table:
         self.bad = BadRows(path)
         self.comments: list[bytes] = []
         self._path, self._quantities, self._form = path, quantities, form
-        self._layout: Layout | None = None
+        self._layout: TableLayout | None = None
         self._last_ns = _EARLIEST
 
     def blocks(self, rows: list[Row]) -> Iterator[tuple[Times, dict[str, Array]]]:
@@ -276,18 +276,20 @@ class _Table:
                 },
             )
 
-    def _layout_of(self, rows: list[Row]) -> Layout:
+    def _layout_of(self, rows: list[Row]) -> TableLayout:
         """Return the layout of the table, and remove its header from its first rows."""
         columns, at = dict(self._form or {}), 1
         for name in () if columns else self._quantities:
             columns[name] = tuple(range(at, at + len(header.AXES_OF[name])))
             at += len(columns[name])
         numbers = sum(map(len, columns.values()))
-        form = Form(columns, (numbers + 1,), 0, f"expected nanoseconds and {numbers} numbers")
+        form = TableForm(columns, (numbers + 1,), 0, f"expected nanoseconds and {numbers} numbers")
         needed = [] if self._form else list(self._quantities)
         return layout_of(self._path, self.comments, rows, {",": form}, needed)
 
-    def _parts(self, layout: Layout, rows: list[Row]) -> Iterator[tuple[Times, dict[str, Array]]]:
+    def _parts(
+        self, layout: TableLayout, rows: list[Row]
+    ) -> Iterator[tuple[Times, dict[str, Array]]]:
         """Yield the good rows, in pieces: what cannot be converted at once is halved."""
         waiting = [rows] if rows else []
         while waiting:
@@ -308,7 +310,7 @@ class _Table:
             elif good.any():
                 yield t_ns[good], {name: column[good] for name, column in values.items()}
 
-    def _note(self, layout: Layout, line: int, text: bytes) -> None:
+    def _note(self, layout: TableLayout, line: int, text: bytes) -> None:
         """Record why a row cannot be converted to numbers."""
         self.bad.rows += 1
         before = self.bad.count
