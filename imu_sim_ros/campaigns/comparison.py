@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imu_sim_ros.bags.messages.encode import ODOMETRY
 from imu_sim_ros.bags.read import open_bag, read_odometry, read_poses
@@ -17,12 +16,9 @@ from imu_sim_ros.campaigns.metrics import ESTIMATED, Metrics, Relative, pose_met
 from imu_sim_ros.campaigns.parameters import TrajectoryEstimator
 from imu_sim_ros.errors import ImuSimError, InputError
 from imu_sim_ros.navigation.association import (
-    Alignment,
     align,
-    common_rows,
-    interpolate_vectors,
-    poses_at,
 )
+from imu_sim_ros.navigation.comparison import Comparison, compare
 from imu_sim_ros.navigation.coverage import beyond, coverage
 from imu_sim_ros.navigation.evaluation import (
     LARGEST_SIGMA,
@@ -34,7 +30,7 @@ from imu_sim_ros.navigation.evaluation import (
 from imu_sim_ros.records import States, with_fields
 from imu_sim_ros.rotation import rotate_inverse
 from imu_sim_ros.sensors.samples import Samples
-from imu_sim_ros.types import Array, Mask, Times
+from imu_sim_ros.types import Mask, Times
 
 
 @dataclass
@@ -111,27 +107,22 @@ def estimate_metrics(
     :raises ImuSimError: if both do not overlap in time, or cannot be aligned.
     """
     motion = block.motion
-    truth = States(block.true_t_ns, motion.position, motion.q_wb)
-    rows = common_rows(found.t_ns, truth.t_ns)
-    estimate = found.rows(rows)
-    there = poses_at(truth, estimate.t_ns)
-    aligned = align(estimate.position, there.position, alignment)
-    laid_on = aligned.apply(estimate)
-    metrics = pose_metrics(laid_on, there, relative)
-    failed = beyond(there.position - laid_on.position, diverged_above)
-    metrics.update(coverage_metrics(estimate.t_ns, truth.t_ns, estimator, failed))
+    truth = States(block.true_t_ns, motion.position, motion.q_wb, motion.velocity, source="truth")
+    errors = compare(found, truth, alignment)
+    metrics = pose_metrics(errors, relative)
+    failed = beyond(errors.position, diverged_above)
+    metrics.update(coverage_metrics(errors.t_ns, truth.t_ns, estimator, failed))
     with contextlib.suppress(ImuSimError):
-        metrics["scale_error"] = align(estimate.position, there.position, "sim3").scale - 1.0
+        scale = align(errors.unaligned.position, errors.truth.position, "sim3").scale
+        metrics["scale_error"] = scale - 1.0
     metrics["initialisation_s"] = float(found.t_ns[0] - block.true_t_ns[0]) * 1e-9
-    velocity = _velocity_error(found, rows[-1:], aligned, block)
-    if velocity is not None:
-        metrics["final_velocity_error_m_s"] = float(np.linalg.norm(velocity))
+    if errors.velocity is not None:
+        metrics["final_velocity_error_m_s"] = errors.final_velocity
     if alignment in ("none", "yaw"):
-        stated = found.covariance
-        if stated is not None:
-            metrics.update(_consistency(stated[rows], estimate, there, alignment))
+        if found.covariance is not None:
+            metrics.update(_consistency(errors))
         if not (metrics.get("attitude_sigma_rad") or 0.0) > LARGEST_SIGMA:
-            metrics["nees_velocity"] = _velocity_nees(found, rows[-1:], there, block)
+            metrics["nees_velocity"] = _velocity_nees(errors)
     return metrics
 
 
@@ -158,26 +149,13 @@ def check(
         )
 
 
-def _velocity_error(
-    found: States, row: NDArray[np.intp], aligned: Alignment, block: Samples
-) -> Array | None:
-    """Return truth minus estimate (1, 3), in the world; None if there is no velocity."""
-    if found.velocity is None:
-        return None
-    at_ns = found.t_ns[row]
-    true = interpolate_vectors(block.true_t_ns, block.motion.velocity, at_ns)
-    return true - aligned.scale * found.velocity[row] @ aligned.r.T
-
-
-def _consistency(stated: Array, estimate: States, truth: States, alignment: str) -> Metrics:
-    """Return the NEES of the last pose.
-
-    :param stated: (n, 6, 6) of the estimate (n,).
-    :param truth: (n,) at the same times.
-    """
+def _consistency(errors: Comparison) -> Metrics:
+    """Return the NEES of the last pose of an estimate that states covariances."""
+    estimate = errors.unaligned
+    assert estimate.covariance is not None
     result: Metrics = {}
     for name in ("attitude", "position"):
-        part = remainder(name, stated, estimate, truth, alignment)
+        part = remainder(name, estimate.covariance, estimate, errors.truth, errors.kind)
         if part is None:
             continue
         covariance = part.covariances[-1:]
@@ -191,17 +169,12 @@ def _consistency(stated: Array, estimate: States, truth: States, alignment: str)
     return result
 
 
-def _velocity_nees(
-    found: States, row: NDArray[np.intp], truth: States, block: Samples
-) -> float | None:
-    """Return the NEES of the last velocity in the body, which yaw and position do not change.
-
-    :param truth: ends at the time of the row.
-    """
-    if found.velocity is None or found.twist_covariance is None:
+def _velocity_nees(errors: Comparison) -> float | None:
+    """Return the NEES of the last velocity in the body, which yaw and position do not change."""
+    estimate, truth = errors.unaligned, errors.truth
+    if estimate.velocity is None or estimate.twist_covariance is None:
         return None
-    at_ns, covariance = found.t_ns[row], found.twist_covariance[row, :3, :3]
-    true = interpolate_vectors(block.true_t_ns, block.motion.velocity, at_ns)
-    own = rotate_inverse(found.q_wb[row], found.velocity[row])
-    error = rotate_inverse(truth.q_wb[-1:], true) - own
+    covariance = estimate.twist_covariance[-1:, :3, :3]
+    velocity_b = rotate_inverse(estimate.q_wb[-1:], estimate.velocity[-1:])
+    error = velocity_b - rotate_inverse(truth.q_wb[-1:], truth.velocities()[-1:])
     return float(nees(error, covariance)[0]) if invertible(covariance)[0] else None

@@ -12,8 +12,7 @@ import numpy as np
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.names import shown
-from imu_sim_ros.navigation.evaluation import absolute_errors, distances, pairs, relative_errors
-from imu_sim_ros.records import States
+from imu_sim_ros.navigation.comparison import Comparison
 
 Metrics = dict[str, float | None]
 
@@ -200,34 +199,30 @@ def metric_names(relative: tuple[Relative, ...]) -> tuple[str, ...]:
     return (*POSE, *COVERED, *of_relative, *STATE, *COMMAND)
 
 
-def pose_metrics(estimate: States, truth: States, relative: tuple[Relative, ...]) -> Metrics:
-    """Return the metrics of poses; both (n,) at the same times, the estimate aligned."""
-    errors = absolute_errors(estimate, truth)
-    lengths = np.sqrt(np.einsum("ij,ij->i", errors.position, errors.position))
-    angles = np.sqrt(np.einsum("ij,ij->i", errors.attitude, errors.attitude))
-    distance = float(distances(truth.position)[-1])
-    final = float(lengths[-1])
+def pose_metrics(errors: Comparison, relative: tuple[Relative, ...]) -> Metrics:
+    """Return the metrics of the poses of an estimate."""
+    distance, final = errors.distance, errors.final_position
     result: Metrics = {
-        "ate_rmse_m": float(np.sqrt(np.mean(np.square(lengths)))),
-        "ate_rmse_rad": float(np.sqrt(np.mean(np.square(angles)))),
+        "ate_rmse_m": errors.rms_position,
+        "ate_rmse_rad": errors.rms_attitude,
         "final_position_error_m": final,
-        "final_attitude_error_rad": float(angles[-1]),
+        "final_attitude_error_rad": errors.final_attitude,
         "drift_percent": 100.0 * final / distance if distance > 0.0 else None,
     }
-    for one in relative:
-        translation, turn = _relative(estimate, truth, one)
-        result.update(zip(one.names, (translation, turn), strict=True))
+    for length in relative:
+        result.update(zip(length.names, _relative(errors, length), strict=True))
     return result
 
 
-def _relative(estimate: States, truth: States, one: Relative) -> tuple[float | None, float | None]:
-    """Return the root mean squares of the relative errors; None if the path is too short."""
+def _relative(errors: Comparison, length: Relative) -> tuple[float | None, float | None]:
+    """Return the root mean squares of the relative errors; None without pairs of this length."""
     try:
-        first, second = pairs(truth, one.delta, one.unit)
+        pairs = errors.relative_errors(length.delta, length.unit)
     except InputError:
         return None, None
-    errors = relative_errors(estimate, truth, first, second)
+    if not len(pairs.length):
+        return None, None
     return (
-        float(np.sqrt(np.mean(np.square(errors.translation)))),
-        float(np.sqrt(np.mean(np.square(errors.rotation)))),
+        float(np.sqrt(np.mean(np.square(pairs.translation)))),
+        float(np.sqrt(np.mean(np.square(pairs.rotation)))),
     )

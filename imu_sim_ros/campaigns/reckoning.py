@@ -12,7 +12,8 @@ from imu_sim_ros.campaigns.metrics import Metrics, pose_metrics
 from imu_sim_ros.campaigns.parameters import DeadReckonEstimator
 from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation.association import align, interpolate_vectors
+from imu_sim_ros.navigation.association import interpolate_vectors
+from imu_sim_ros.navigation.comparison import compare
 from imu_sim_ros.navigation.covariance import (
     ATTITUDE,
     POSITION,
@@ -92,16 +93,11 @@ class DeadReckoning:
         if not at_stamps:
             how = (alignment, plan.relative, estimator, plan.options.diverged_above)
             return estimate_metrics(states, block, *how), states
-        estimate, velocity = states, states.velocities()
-        if alignment != "none":
-            aligned = align(estimate.position, truth.position, alignment)
-            estimate, velocity = aligned.apply(estimate), aligned.scale * velocity @ aligned.r.T
-        metrics = pose_metrics(estimate, truth, plan.relative)
-        failed = beyond(truth.position - estimate.position, plan.options.diverged_above)
-        metrics.update(coverage_metrics(estimate.t_ns, truth.t_ns, estimator, failed))
-        metrics["final_velocity_error_m_s"] = float(
-            np.linalg.norm(truth.velocities()[-1] - velocity[-1])
-        )
+        errors = compare(states, truth, alignment)
+        metrics = pose_metrics(errors, plan.relative)
+        failed = beyond(errors.position, plan.options.diverged_above)
+        metrics.update(coverage_metrics(states.t_ns, truth.t_ns, estimator, failed))
+        metrics["final_velocity_error_m_s"] = errors.final_velocity
         metrics.update(self._consistency(truth, block, states))
         return metrics, states
 
@@ -114,8 +110,8 @@ class DeadReckoning:
             self._covariances = self._final_covariances(truth, block)
         covariances, sigma = self._covariances
         errors = {
-            "position": truth.position[-1] - states.position[-1],
-            "velocity": truth.velocities()[-1] - states.velocities()[-1],
+            "position": states.position[-1] - truth.position[-1],
+            "velocity": states.velocities()[-1] - truth.velocities()[-1],
             "attitude": attitude_errors(states.q_wb[-1:], truth.q_wb[-1:])[0],
         }
         found: Metrics = {

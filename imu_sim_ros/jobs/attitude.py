@@ -133,11 +133,11 @@ def nees_line(nees: SampleNees | None, why_none: str | None) -> str:
     )
 
 
-def statistics_table(rows: Iterable[tuple[str, Mapping[str, float]]]) -> TextTable:
+def statistics_table(rows: Iterable[tuple[str, Mapping[str, float]]], title: str = "") -> TextTable:
     """Return statistics of errors by name as a table."""
     names = ("rmse", "mean", "median", "std", "min", "max")
     cells = [[name, *(f"{values[key]:.3g}" for key in names)] for name, values in rows]
-    return TextTable(["error", *names], cells)
+    return TextTable(["error", *names], cells, title)
 
 
 class SampleNees(TypedDict):

@@ -28,10 +28,11 @@ from imu_sim_ros.jobs.readings import in_clock_order, read_imu
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.navigation import angles, initialisation
 from imu_sim_ros.navigation.association import interpolate_vectors
+from imu_sim_ros.navigation.comparison import Comparison, compare
 from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, initial_covariance, propagate
-from imu_sim_ros.navigation.coverage import truth_line
+from imu_sim_ros.navigation.coverage import common_time, truth_line
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon as integrate
-from imu_sim_ros.navigation.evaluation import Drift, distances, drift_from, state_at
+from imu_sim_ros.navigation.evaluation import distances, state_at
 from imu_sim_ros.navigation.mount import ImuMount, mount_of
 from imu_sim_ros.navigation.parameters import (
     ATTITUDE_UPDATES,
@@ -89,6 +90,10 @@ class Track(States):
         drift = self.drift()
         length = float(distances(self.position)[-1]) if drift is None else drift.distance
         duration = self._seconds(self.t_ns[-1])
+        compared = coverage = None
+        if self.truth is not None:
+            compared = common_time(self.t_ns, self.truth.t_ns)
+            coverage = compared / duration if duration else 1.0
         result: dict[str, Any] = {
             "method": self.method,
             "attitude_update": self.attitude_update,
@@ -96,13 +101,14 @@ class Track(States):
             "samples": len(self),
             "duration_s": duration,
             "distance_m": length,
-            "truth_coverage": drift and (drift.compared_s / duration if duration else 1.0),
-            "compared_s": drift and drift.compared_s,
+            "truth_coverage": coverage,
+            "compared_s": compared,
             "truth_until_s": drift and self._seconds(drift.t_ns[-1]),
         }
         for name, unit in (("position", "m"), ("velocity", "m_s"), ("attitude", "rad")):
-            result[f"final_{name}_error_{unit}"] = drift and drift.final(name)
-            result[f"rms_{name}_error_{unit}"] = drift and drift.rms(name)
+            for kind in ("final", "rms"):
+                error = None if drift is None else getattr(drift, f"{kind}_{name}")
+                result[f"{kind}_{name}_error_{unit}"] = error
         for kind in ("final", "rms"):
             error = result[f"{kind}_position_error_m"]
             known = error is not None and length > 0.0
@@ -112,14 +118,14 @@ class Track(States):
     def _seconds(self, t_ns: int) -> float:
         return float(t_ns - self.t_ns[0]) * 1e-9
 
-    def drift(self) -> Drift | None:
-        """Return truth minus estimate at the common times; None without a truth.
+    def drift(self) -> Comparison | None:
+        """Return the errors, estimate minus truth, at the common times; None without a truth.
 
         :raises InputError: if they do not overlap in time.
         """
         if self.truth is None:
             return None
-        return drift_from(self, self.truth.in_order())
+        return compare(self, self.truth.in_order(), allowance=0.0)
 
     def save(self, path: str | Path, *, force: bool = False) -> Path:
         """Write the trajectory; returns the path.

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple, Protocol, TypedDict, overload
 
@@ -18,6 +18,7 @@ from imu_sim_ros.arguments import BAG_OR_FILE, array, number, one_of, refuse, sw
 from imu_sim_ros.arguments import path as checked_path
 from imu_sim_ros.arguments import topic as checked_topic
 from imu_sim_ros.bags.text.reader import is_text
+from imu_sim_ros.conventions import TRUTH_TOPIC
 from imu_sim_ros.errors import InputError, Problems
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.attitude import (
@@ -26,6 +27,8 @@ from imu_sim_ros.jobs.attitude import (
     has_attitude_alone,
     statistics_table,
 )
+from imu_sim_ros.jobs.dead_reckon import Track
+from imu_sim_ros.jobs.flight import Truth
 from imu_sim_ros.jobs.measured import ReadingsEvaluation, evaluate_measured, sensor_of
 from imu_sim_ros.jobs.readings import HasPoses, checked_poses
 from imu_sim_ros.jobs.tracks import has_truth, odometry_topics, read_track
@@ -33,28 +36,19 @@ from imu_sim_ros.jobs.tracks import truth_topic as truth_topic_of
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.navigation.association import (
     ALIGNMENTS,
-    Alignment,
-    common_rows,
-    interpolate_vectors,
     poses_at,
 )
-from imu_sim_ros.navigation.association import align as laid_on
 from imu_sim_ros.navigation.association import time_offset as time_offset_of
-from imu_sim_ros.navigation.coverage import Coverage, coverage, coverage_line
+from imu_sim_ros.navigation.comparison import Comparison, compare
+from imu_sim_ros.navigation.coverage import coverage_line
 from imu_sim_ros.navigation.evaluation import (
     DELTA_UNITS,
     PoseNees,
     RelativeErrors,
-    absolute_errors,
-    distances,
-    pairs,
-    relative_errors,
-    stated_nees,
     statistics,
 )
 from imu_sim_ros.poses import write_tum
 from imu_sim_ros.records import States, with_fields
-from imu_sim_ros.rotation import rotate_inverse
 from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.types import Array, Integers, Mask, Times
 
@@ -98,43 +92,29 @@ class Reprojection(TypedDict):
     median_px_of_truth: float | None
 
 
-@dataclass(frozen=True, repr=False)
-class Evaluation:
-    """The errors of an estimate, truth minus estimate, at the m common times."""
+@dataclass(frozen=True, repr=False, eq=False)
+class Evaluation(Comparison):
+    """The errors of an estimate, estimate minus truth, at the m times that both cover."""
 
-    t_ns: Times
-    """(m,) [ns]."""
-    position: Array
-    """(m, 3) in the world [m]."""
-    attitude: Array
-    """(m, 3) rotation vectors about the world's axes [rad]."""
-    velocity: Array | None
-    """(m, 3) in the world [m/s]; None if either has no velocity."""
-    distance: float
-    """Length of the true path [m]."""
-    estimate: States
-    """The aligned estimate."""
-    truth: States
-    """The truth at the same times."""
-    alignment: Alignment
-    """That of the estimate with the truth."""
-    kind: str
-    """none, yaw, se3 or sim3."""
-    without_truth: int
-    """Poses of the estimate that are left out: the truth has none at their times."""
-    coverage: Coverage
-    """How much of the truth's time is estimated, which errors cannot show."""
-    nees: PoseNees | None = None
-    """``position``, ``attitude`` and ``velocity``, each with ``mean``, ``final``, ``inside_band``
-    and ``poses``; None without a covariance that allows it, see `no_nees`."""
-    no_nees: str | None = None
-    """Why there is no NEES, or none of the position or of the attitude."""
     time_offset: TimeOffset | None = None
-    """What was added to the estimate's stamps, on request."""
+    """Offset added to the estimate's stamps, on request."""
     reprojection: list[Reprojection] | None = None
-    """For each camera, on request."""
+    """Reprojection errors of each camera, on request."""
     rpe: tuple[tuple[float, str], ...] = ()
-    """What the RPE is over in :meth:`to_dict`; empty: 1 s and tenths of the path."""
+    """Lengths of the pairs of the RPE in :meth:`to_dict`; empty: 1 s and tenths of the path."""
+
+    @property
+    def nees(self) -> PoseNees | None:
+        """NEES of ``position``, ``attitude`` and ``velocity``; None without a covariance.
+
+        Each has ``mean``, ``final``, ``inside_band`` and ``poses``; see `no_nees`.
+        """
+        return self.consistency[0]
+
+    @property
+    def no_nees(self) -> str | None:
+        """Reason why there is no NEES, or none of the position or of the attitude."""
+        return self.consistency[1]
 
     def __repr__(self) -> str:
         without = f" ({self.without_truth} without a truth)" if self.without_truth else ""
@@ -143,31 +123,6 @@ class Evaluation:
             f"{self.distance:.4g} m: "
             f"position {self.rms_position:.4g} m rms, attitude {self.rms_attitude:.4g} rad rms>"
         )
-
-    @property
-    def rms_position(self) -> float:
-        """Root mean square of the position errors [m]: the absolute trajectory error, ATE."""
-        return _rms(self.position)
-
-    @property
-    def rms_attitude(self) -> float:
-        """Root mean square of the attitude errors [rad]."""
-        return _rms(self.attitude)
-
-    @property
-    def rms_velocity(self) -> float | None:
-        """Root mean square of the velocity errors [m/s]."""
-        return None if self.velocity is None else _rms(self.velocity)
-
-    @property
-    def final_position(self) -> float:
-        """Length of the last position error [m]."""
-        return float(np.linalg.norm(self.position[-1]))
-
-    @property
-    def final_attitude(self) -> float:
-        """Length of the last attitude error [rad]."""
-        return float(np.linalg.norm(self.attitude[-1]))
 
     def relative(self, delta: float, unit: str = "s") -> RelativeErrors:
         """Return the relative pose errors (RPE).
@@ -178,7 +133,7 @@ class Evaluation:
         """
         number("delta", delta, f"above 0 {unit}", 0.0, above=True)
         one_of("unit", unit, DELTA_UNITS)
-        return relative_errors(self.estimate, self.truth, *pairs(self.truth, delta, unit))
+        return self.relative_errors(delta, unit)
 
     def to_dict(self, deltas: Sequence[tuple[float, str]] = ()) -> dict[str, Any]:
         """Return all errors in plain types, as ``--json`` prints them.
@@ -225,12 +180,14 @@ class Evaluation:
         errors = self.relative(delta, unit)
         moved = errors.length > 0.0
         percent = errors.translation[moved] / errors.length[moved] if moved.any() else None
+        compared = len(errors.length) > 0
         return {
             "delta": delta,
             "unit": unit,
             "pairs": len(errors.length),
-            "translation_m": statistics(errors.translation)._asdict(),
-            "rotation_rad": statistics(errors.rotation)._asdict(),
+            "pairs_left_out": errors.left_out,
+            "translation_m": statistics(errors.translation)._asdict() if compared else None,
+            "rotation_rad": statistics(errors.rotation)._asdict() if compared else None,
             "translation_percent": None if percent is None else 100.0 * float(np.mean(percent)),
         }
 
@@ -443,6 +400,7 @@ def evaluate(
         _refuse_all(unfit, "omitted: attitudes alone have no positions")
         true = _track("truth", truth, truth_topic, skip)
         return evaluate_attitude(estimate, true, max_gap)
+    _check_exchanged(estimate, truth, estimate_topic)
     _check_two(estimate, truth, estimate_topic, truth_topic)
     with problems.gathered():
         track = _track("estimate", estimate, estimate_topic, skip)
@@ -451,11 +409,31 @@ def evaluate(
     with problems.gathered():
         seen = None if folder is None else _read_tracks(folder)
     problems.tell()
-    found = compared(track, true, align, max_gap, time_offset)
+    found = evaluation(track, true, align, max_gap, time_offset)
     if seen is not None:
         reprojection = _reprojection(seen, str(folder), found.estimate, true)
         found = replace(found, reprojection=reprojection)
     return replace(found, rpe=over)
+
+
+def _check_exchanged(estimate: object, truth: object, estimate_topic: str | None) -> None:
+    """Refuse a truth as the estimate, and an estimate as the truth: the errors' signs would change.
+
+    :raises InputError: if they are exchanged.
+    """
+    order = "the estimate comes first, the truth second"
+    if isinstance(estimate, Truth) and not isinstance(truth, Truth):
+        raise InputError(f"estimate: {estimate!r} is the truth of a simulation; {order}")
+    if isinstance(truth, Track):
+        raise InputError(f"truth: {truth!r} is an estimate; {order}")
+    if not isinstance(estimate, str | Path):
+        return
+    topic = estimate_topic
+    if topic is None and os.path.exists(estimate) and not is_text(Path(estimate)):
+        topics = odometry_topics(Path(estimate))
+        topic = topics[0] if len(topics) == 1 else None
+    if topic is not None and topic.strip("/").endswith(TRUTH_TOPIC):
+        raise InputError(f"{estimate}: {topic} is the truth of a simulation; {order}")
 
 
 def _check_two(
@@ -515,12 +493,8 @@ def _refuse_all(given: Mapping[str, object], allowed: str) -> None:
             refuse(name, value, allowed)
 
 
-def compared(
-    estimate: States,
-    truth: States,
-    align: str,
-    max_gap: float,
-    find_offset: bool = False,
+def evaluation(
+    estimate: States, truth: States, align: str, max_gap: float, find_offset: bool = False
 ) -> Evaluation:
     """Return the errors of a trajectory; arguments as for :func:`evaluate`.
 
@@ -528,53 +502,15 @@ def compared(
     """
     offset = _time_offset(estimate, truth, align, max_gap) if find_offset else None
     if offset is not None:
-        t_ns = estimate.t_ns + round(offset.value_s * 1e9)
-        estimate = with_fields(estimate, t_ns=t_ns)
-    rows = common_rows(estimate.t_ns, truth.t_ns, max_gap)
-    t_ns = estimate.t_ns[rows]
-    true = poses_at(truth, t_ns)
-    given = estimate.rows(rows)
-    alignment = laid_on(given.position, true.position, align)
-    poses = alignment.apply(given)
-    errors = absolute_errors(poses, true)
-    velocity = velocity_b = None
-    if estimate.velocity is not None and truth.velocity is not None:
-        aligned = alignment.scale * estimate.velocity[rows] @ alignment.r.T
-        speed = interpolate_vectors(truth.t_ns, truth.velocity, t_ns)
-        velocity = speed - aligned
-        velocity_b = rotate_inverse(true.q_wb, speed) - rotate_inverse(poses.q_wb, aligned)
-    stated, twist = (
-        None if each is None else each[rows]
-        for each in (estimate.covariance, estimate.twist_covariance)
-    )
-    linear = None if twist is None else twist[:, :3, :3]
-    found, why = stated_nees(stated, given, true, align, velocity_b, linear)
-    return Evaluation(
-        t_ns,
-        errors.position,
-        errors.attitude,
-        velocity,
-        float(distances(true.position)[-1]),
-        poses,
-        true,
-        alignment,
-        align,
-        len(estimate) - len(rows),
-        coverage(estimate.t_ns, truth.t_ns, max_gap),
-        found,
-        why,
-        offset,
-    )
+        estimate = with_fields(estimate, t_ns=estimate.t_ns + round(offset.value_s * 1e9))
+    errors = compare(estimate, truth, align, max_gap)
+    columns = {column.name: getattr(errors, column.name) for column in fields(errors)}
+    return Evaluation(**columns, time_offset=offset)
 
 
 def _time_offset(estimate: States, truth: States, align: str, max_gap: float) -> TimeOffset:
     value = time_offset_of(estimate, truth, max_gap, scaled=align == "sim3")
-    rows = common_rows(estimate.t_ns, truth.t_ns, max_gap)
-    position = estimate.position[rows]
-    true = poses_at(truth, estimate.t_ns[rows]).position
-    found = laid_on(position, true, align)
-    before = true - (found.scale * position @ found.r.T + found.t)
-    return TimeOffset(value, statistics(np.linalg.norm(before, axis=1)).rmse)
+    return TimeOffset(value, compare(estimate, truth, align, max_gap).rms_position)
 
 
 def _track(
@@ -593,10 +529,6 @@ def _track(
     if stated is not None and name == "estimate":
         stated = array("estimate.covariance", stated, (len(poses.t_ns), 6, 6))
     return with_fields(poses, velocity=speed, covariance=stated)
-
-
-def _rms(errors: Array) -> float:
-    return float(np.sqrt(np.mean(np.sum(np.square(errors), axis=1))))
 
 
 def _lines(result: Mapping[str, Any]) -> Iterator[str | TextTable]:
@@ -620,10 +552,14 @@ def _lines(result: Mapping[str, Any]) -> Iterator[str | TextTable]:
     if result["velocity_error_m_s"] is not None:
         rows.append(("velocity [m/s]", result["velocity_error_m_s"]))
     for entry in result["rpe"]:
-        over = f"RPE {entry['delta']:.3g} {entry['unit']}"
-        rows.append((f"{over} [m]", entry["translation_m"]))
-        rows.append((f"{over} [rad]", entry["rotation_rad"]))
-    yield statistics_table(rows)
+        if entry["pairs"]:
+            over = f"RPE {entry['delta']:.3g} {entry['unit']}"
+            rows.append((f"{over} [m]", entry["translation_m"]))
+            rows.append((f"{over} [rad]", entry["rotation_rad"]))
+    yield statistics_table(rows, "Errors, estimate minus truth")
+    for entry in result["rpe"]:
+        if entry["pairs_left_out"]:
+            yield _left_out_line(entry)
     if result["final_drift_percent"] is not None:
         yield (
             f"final drift: {result['final_position_error_m']:.4g} m, "
@@ -635,6 +571,15 @@ def _lines(result: Mapping[str, Any]) -> Iterator[str | TextTable]:
         yield f"no NEES: {result['no_nees']}"
     if result["reprojection"] is not None:
         yield from _reprojection_lines(result["reprojection"])
+
+
+def _left_out_line(entry: Mapping[str, Any]) -> str:
+    """Return how many pairs of the RPE are too long to compare."""
+    every = entry["pairs"] + entry["pairs_left_out"]
+    return (
+        f"RPE {entry['delta']:.3g} {entry['unit']}: {entry['pairs_left_out']} of {every} pairs "
+        "left out: they are more than half longer, because common poses are further apart"
+    )
 
 
 def _nees_table(result: PoseNees) -> TextTable:

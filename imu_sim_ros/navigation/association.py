@@ -29,7 +29,7 @@ def interpolate_vectors(t_ns: Times, values: Array, at_ns: Times) -> Array:
 
 
 def poses_at(poses: States, at_ns: Times) -> States:
-    """Return poses at other times: linear in position, at constant rate in attitude.
+    """Return poses at other times: linear in position and velocity, at constant rate in attitude.
 
     :param at_ns: (m,) times within the stamps [ns], in any order.
     """
@@ -37,8 +37,16 @@ def poses_at(poses: States, at_ns: Times) -> States:
     start = poses.q_wb[before]
     turn = rotation.log(rotation.multiply(rotation.conjugate(start), poses.q_wb[before + 1]))
     q_wb = rotation.multiply(start, rotation.exp(part[:, None] * turn))
-    position = interpolate_vectors(poses.t_ns, poses.position, at_ns)
-    return States.unchecked(t_ns=at_ns, position=position, q_wb=q_wb, source=poses.source)
+    velocity = poses.velocity
+    if velocity is not None:
+        velocity = interpolate_vectors(poses.t_ns, velocity, at_ns)
+    return States.unchecked(
+        t_ns=at_ns,
+        position=interpolate_vectors(poses.t_ns, poses.position, at_ns),
+        q_wb=q_wb,
+        velocity=velocity,
+        source=poses.source,
+    )
 
 
 def _intervals(t_ns: Times, at_ns: Times) -> tuple[NDArray[np.intp], Array]:
@@ -63,6 +71,12 @@ def common_rows(estimate_ns: Times, truth_ns: Times, max_gap: float = 0.5) -> ND
     long = np.diff(truth_ns)[before] > longest_step_ns(max_gap)
     on_stamp = (part == 0.0) | (part == 1.0)
     rows = np.flatnonzero(inside & (~long | on_stamp))
+    if len(rows) < 2 <= np.count_nonzero(inside):
+        step = float(np.median(np.diff(truth_ns))) * 1e-9
+        raise InputError(
+            f"the truth has a pose each {step:.4g} s, and is not interpolated over more than "
+            f"max_gap = {max_gap:g} s; --max-gap {1.5 * step:.2g}s allows it"
+        )
     if len(rows) < 2:
         raise InputError(
             "estimate and truth do not overlap in time: the estimate lasts from "
@@ -92,7 +106,10 @@ class Alignment(NamedTuple):
         """Return the poses in the frame of the truth."""
         position = self.scale * poses.position @ self.r.T + self.t
         q_wb = rotation.multiply(rotation.from_matrix(self.r), poses.q_wb)
-        return with_fields(poses, position=position, q_wb=q_wb)
+        velocity = poses.velocity
+        if velocity is not None:
+            velocity = self.scale * velocity @ self.r.T
+        return with_fields(poses, position=position, q_wb=q_wb, velocity=velocity)
 
 
 def align(estimate: Array, truth: Array, kind: str) -> Alignment:

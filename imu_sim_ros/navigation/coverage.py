@@ -160,6 +160,15 @@ def coverage(
     return Coverage(share, *(1e-9 * time for time in times))
 
 
+def common_time(estimate_ns: Times, truth_ns: Times) -> float:
+    """Return the time of an estimate for which the truth is known, gaps of the truth left out [s].
+
+    :param estimate_ns: (n,) stamps of the estimate [ns], increasing.
+    :param truth_ns: (m,) stamps of the truth [ns], increasing.
+    """
+    return coverage(truth_ns, estimate_ns, allowance=0.0).estimated_s
+
+
 def beyond(errors: Array, limit: float) -> Mask | None:
     """Return which lengths of errors (n, 3) are above a limit; None if it is 0, which is none."""
     return np.linalg.norm(errors, axis=1) > limit if limit else None

@@ -13,14 +13,12 @@ from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.navigation.association import (
     Alignment,
-    common_rows,
     interpolate_vectors,
     poses_at,
 )
-from imu_sim_ros.navigation.coverage import coverage
 from imu_sim_ros.navigation.state import NavigationState
 from imu_sim_ros.records import States
-from imu_sim_ros.types import Array, Integers, Mask
+from imu_sim_ros.types import Array, Mask
 
 
 def state_at(truth: States, t_ns: int) -> NavigationState:
@@ -36,49 +34,6 @@ def state_at(truth: States, t_ns: int) -> NavigationState:
     return NavigationState(pose.position[0], velocity[0], pose.q_wb[0])
 
 
-class Drift(NamedTuple):
-    """Truth less estimate at the m times common to both; vectors in the world."""
-
-    t_ns: Integers
-    position: Array
-    """(m, 3) [m]."""
-    velocity: Array
-    """(m, 3) [m/s]."""
-    attitude: Array
-    """(m, 3) rotation vectors [rad]."""
-    distance: float
-    """Length of the true path over these times [m]."""
-    compared_s: float
-    """Time of the estimate for which the truth is known, gaps of the truth left out [s]."""
-
-    def final(self, name: str) -> float:
-        """Return the length of the last error of ``position``, ``velocity`` or ``attitude``."""
-        return float(np.linalg.norm(getattr(self, name)[-1]))
-
-    def rms(self, name: str) -> float:
-        """Return the root mean square of the lengths of an error."""
-        return float(np.sqrt(np.mean(np.sum(np.square(getattr(self, name)), axis=1))))
-
-
-def drift_from(states: States, truth: States) -> Drift:
-    """Return the errors of states at all stamps at which the truth is known.
-
-    :raises InputError: if both do not overlap in time.
-    """
-    rows = common_rows(states.t_ns, truth.t_ns)
-    t_ns = states.t_ns[rows]
-    poses = poses_at(truth, t_ns)
-    velocity = interpolate_vectors(truth.t_ns, truth.velocities(), t_ns)
-    return Drift(
-        t_ns,
-        poses.position - states.position[rows],
-        velocity - states.velocities()[rows],
-        attitude_errors(states.q_wb[rows], poses.q_wb),
-        float(distances(poses.position)[-1]),
-        coverage(truth.t_ns, states.t_ns, allowance=0.0).estimated_s,
-    )
-
-
 _GAUGE: Final = np.array([0, 1, 2, 5])
 """Position and yaw among the numbers of a pose's error."""
 
@@ -89,8 +44,8 @@ def gauge_at(estimate: States, truth: States, row: int = 0) -> Alignment:
     :param truth: (n,) at the times of the estimate.
     """
     q_wb, q_true = estimate.q_wb[row : row + 1], truth.q_wb[row : row + 1]
-    heading = tilt_and_heading(q_wb, q_true)[1][0]
-    r = rotation.to_matrix(rotation.exp(np.array([0.0, 0.0, heading])))
+    heading_error = tilt_and_heading(q_wb, q_true)[1][0]
+    r = rotation.to_matrix(rotation.exp(np.array([0.0, 0.0, -heading_error])))
     return Alignment(1.0, r, truth.position[row] - r @ estimate.position[row])
 
 
@@ -174,6 +129,7 @@ def anees_band(freedom: int, runs: int, probability: float = 0.95) -> Band:
 
 
 _PARTS: Final = {"position": slice(0, 3), "attitude": slice(3, 6)}
+_ORDER: Final = {name: number for number, name in enumerate(_PARTS)}
 _CANDIDATES: Final = 64
 """Poses in the first quarter at which the gauge may be fixed."""
 _LATER: Final = 400
@@ -212,8 +168,9 @@ def remainder(
     """
     part = _PARTS[name]
     if alignment == "none":
-        errors, own = absolute_errors(poses, truth), pose[:, part, part]
-        return Remainder(0, getattr(errors, name), own, invertible(own))
+        stated = pose[:, part, part]
+        errors = absolute_errors(poses, truth)[_ORDER[name]]
+        return Remainder(0, errors, stated, invertible(stated))
     pose = _completed(pose, poses.position)
     row = _gauge_row(name, pose, poses.position)
     if row is None:
@@ -224,7 +181,7 @@ def remainder(
     left = without_gauge(turned, poses.position, row)[:, part, part]
     usable = invertible(left, turned[:, part, part])
     usable[:row] = False
-    return Remainder(row, getattr(absolute_errors(poses, truth), name), left, usable)
+    return Remainder(row, absolute_errors(poses, truth)[_ORDER[name]], left, usable)
 
 
 def _completed(pose: Array, position: Array) -> Array:
@@ -417,44 +374,53 @@ def distances(position: Array) -> Array:
 
 
 def attitude_errors(estimate: Array, truth: Array) -> Array:
-    """Return ``Log(q_truth q_estimate^-1)`` (n, 3) [rad]: the missing turn about the world's axes.
+    """Return attitude errors ``Log(q_estimate q_truth^-1)`` (n, 3) about the world's axes [rad].
 
-    :param estimate: (n, 4) q_wb.
-    :param truth: (n, 4) q_wb.
+    :param estimate: (n, 4) estimated q_wb.
+    :param truth: (n, 4) true q_wb.
     """
-    return rotation.log(rotation.multiply(truth, rotation.conjugate(estimate)))
+    return rotation.log(rotation.multiply(estimate, rotation.conjugate(truth)))
 
 
 def tilt_and_heading(estimate: Array, truth: Array) -> tuple[Array, Array]:
-    """Return the error of the vertical (n,) and the rotation about it (n,) [rad].
+    """Return the error of the vertical (n,) and the heading error about it (n,) [rad].
 
-    ``q_truth q_estimate^-1`` is a turn by the heading error about the world's z, followed by one
+    ``q_estimate q_truth^-1`` is a turn by the heading error about the world's z, followed by one
     about a horizontal axis, the tilt error (swing and twist): with its parts (w, x, y, z) the tilt
-    is ``2 atan2(|(x, y)|, |(w, z)|)``, the heading ``2 atan2(z, w)``.
+    is ``2 atan2(|(x, y)|, |(w, z)|)``, the heading error ``2 atan2(z, w)``.
 
-    :param estimate: (n, 4).
-    :param truth: (n, 4).
+    :param estimate: (n, 4) estimated q_wb.
+    :param truth: (n, 4) true q_wb.
     """
-    w, x, y, z = rotation.multiply(truth, rotation.conjugate(estimate)).T
+    w, x, y, z = rotation.multiply(estimate, rotation.conjugate(truth)).T
     tilt = 2.0 * np.arctan2(np.hypot(x, y), np.hypot(w, z))
     heading = 2.0 * np.arctan2(np.copysign(1.0, w) * z, np.abs(w))
     return tilt, heading
 
 
-class AbsoluteErrors(NamedTuple):
-    """The errors at n times."""
+def absolute_errors(estimate: States, truth: States) -> tuple[Array, Array]:
+    """Return position errors (n, 3) [m] and attitude errors (n, 3) [rad], estimate minus truth.
 
-    position: Array
-    """(n, 3) truth minus estimate, in the world [m]."""
-    attitude: Array
-    """(n, 3) rotation vectors about the world's axes [rad]."""
+    :param estimate: (n,) aligned estimate.
+    :param truth: (n,) truth at the same times.
+    """
+    return estimate.position - truth.position, attitude_errors(estimate.q_wb, truth.q_wb)
 
 
-def absolute_errors(estimate: States, truth: States) -> AbsoluteErrors:
-    """Return the absolute errors (ATE) of an aligned estimate; both (n,) at the same times."""
-    return AbsoluteErrors(
-        truth.position - estimate.position, attitude_errors(estimate.q_wb, truth.q_wb)
-    )
+LONGEST_PAIR: Final = 1.5
+"""Length of a pair of poses over the length that was asked for, up to which it is compared."""
+
+
+class PosePairs(NamedTuple):
+    """PosePairs of poses a time or a distance apart."""
+
+    start: NDArray[np.intp]
+    """(m,) rows where the pairs start."""
+    end: NDArray[np.intp]
+    """(m,) rows where the pairs end."""
+    left_out: int
+    """Number of pairs that are more than half longer than asked: across gaps, or between poses
+    that are further apart than that."""
 
 
 class RelativeErrors(NamedTuple):
@@ -470,26 +436,29 @@ class RelativeErrors(NamedTuple):
     """(m,) angle of the error of the relative attitude [rad]."""
     length: Array
     """(m,) distance that the truth travels in between [m]."""
+    left_out: int
+    """Number of pairs that are not compared: they are more than half longer than asked."""
 
 
-def relative_errors(
-    estimate: States, truth: States, first: NDArray[np.intp], second: NDArray[np.intp]
-) -> RelativeErrors:
+def relative_errors(estimate: States, truth: States, chosen: PosePairs) -> RelativeErrors:
     """Return the errors of relative poses (RPE): ``E = (T_i^-1 T_j)_truth^-1 (T_i^-1 T_j)``.
 
-    :param first: (m,) rows i, from :func:`pairs`.
-    :param second: (m,) rows j.
+    :param estimate: (n,) aligned estimate.
+    :param truth: (n,) truth at the same times.
+    :param chosen: pairs of rows i and j.
     """
-    p_truth, q_truth = _relative(truth, first, second)
-    p_estimate, q_estimate = _relative(estimate, first, second)
+    start, end, left_out = chosen
+    p_truth, q_truth = _relative(truth, start, end)
+    p_estimate, q_estimate = _relative(estimate, start, end)
     turn = rotation.log(rotation.multiply(rotation.conjugate(q_truth), q_estimate))
     travelled = distances(truth.position)
     return RelativeErrors(
-        first,
-        second,
+        start,
+        end,
         np.linalg.norm(p_estimate - p_truth, axis=1),
         np.linalg.norm(turn, axis=1),
-        travelled[second] - travelled[first],
+        travelled[end] - travelled[start],
+        left_out,
     )
 
 
@@ -503,12 +472,11 @@ def _relative(
     return position, turn
 
 
-def pairs(
-    truth: States, delta: float, unit: str, overlapping: bool = True
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return first and second rows of pairs that lie a time or a distance apart.
+def pairs(truth: States, delta: float, unit: str, overlapping: bool = True) -> PosePairs:
+    """Return pairs of rows that lie a time or a distance apart.
 
-    The second row is the first one at least ``delta`` behind the first row.
+    The end is the first row at least ``delta`` behind the start. PosePairs longer than
+    ``LONGEST_PAIR * delta`` are left out: their error is that of another length.
 
     :param delta: > 0.
     :param unit: s, m (along the truth's path), or frames.
@@ -522,15 +490,19 @@ def pairs(
     mark = _marks(truth, unit)
     # A tenth of a nanosecond, or of a nanometre, of rounding must not cost a whole sample.
     behind = np.searchsorted(mark, mark + delta * (1.0 - 1e-12) - 1e-10)
-    first = np.flatnonzero(behind < len(mark))
-    if not len(first):
+    start = np.flatnonzero(behind < len(mark))
+    if not len(start):
         raise InputError(f"delta = {delta:g} {unit}: the trajectory has only {mark[-1]:.6g} {unit}")
     if not overlapping:
         chain = [0]
         while behind[chain[-1]] < len(mark):
             chain.append(int(behind[chain[-1]]))
-        first = np.array(chain[:-1])
-    return first, behind[first]
+        start = np.array(chain[:-1])
+    end = behind[start]
+    compared = mark[end] - mark[start] <= LONGEST_PAIR * delta
+    if unit == "frames":
+        compared[:] = True
+    return PosePairs(start[compared], end[compared], int(np.count_nonzero(~compared)))
 
 
 def _marks(truth: States, unit: str) -> Array:

@@ -68,7 +68,7 @@ def evaluation(
     :param t: (n,) times [s].
     :param estimate: (n, 3) positions [m].
     :param truth: (n, 3) positions at the same times [m].
-    :param position_error: (n, 3) truth minus estimate [m].
+    :param position_error: (n, 3) estimate minus truth [m].
     :param attitude_error: (n, 3) rotation vectors about the world's axes [rad].
     :param title: contents and source of the picture.
     """

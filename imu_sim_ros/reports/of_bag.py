@@ -16,10 +16,8 @@ from imu_sim_ros.bags.read import imu_blocks, open_bag
 from imu_sim_ros.bags.text.reader import imu_names, is_text
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import Skipped
-from imu_sim_ros.navigation.association import common_rows, poses_at
-from imu_sim_ros.navigation.coverage import coverage
+from imu_sim_ros.navigation.comparison import compare
 from imu_sim_ros.navigation.evaluation import (
-    absolute_errors,
     anees_band,
     gauge_at,
     invertible,
@@ -213,11 +211,11 @@ def _placed(estimate: States, truth: States) -> States:
     if not (estimate.frame_id and truth.frame_id) or estimate.frame_id == truth.frame_id:
         return estimate
     try:
-        rows = common_rows(estimate.t_ns, truth.t_ns)
+        errors = compare(estimate, truth)
     except InputError:  # said where they are compared
         return estimate
-    poses = estimate.rows(rows)
-    gauge = gauge_at(poses, poses_at(truth, poses.t_ns))
+    poses = errors.unaligned
+    gauge = gauge_at(poses, errors.truth)
     covariance = poses.covariance
     if covariance is not None:
         turn = np.kron(np.eye(2), gauge.r)
@@ -254,14 +252,11 @@ def _errors(estimate: States, truth: States, link: str, colour: int) -> list[Ite
     Numbers are of all poses; a picture has the extremes of each of its columns.
     """
     try:
-        rows = common_rows(estimate.t_ns, truth.t_ns)
+        errors = compare(estimate, truth)
     except InputError as error:
         return [{"kind": "text", "text": f"{estimate.source}: {error}"}]
-    at_ns = estimate.t_ns[rows]
-    poses = estimate.rows(rows)
-    errors = absolute_errors(poses, poses_at(truth, at_ns))
-    t_s = (at_ns - at_ns[0]) * 1e-9
-    covariance = poses.covariance
+    t_s = (errors.t_ns - errors.t_ns[0]) * 1e-9
+    covariance = errors.unaligned.covariance
     if covariance is not None and not np.any(covariance):
         covariance = None
     plots = []
@@ -279,9 +274,9 @@ def _errors(estimate: States, truth: States, link: str, colour: int) -> list[Ite
     words = (
         f"{estimate.source}: {float(np.sqrt(np.mean(size**2))):.4g} m root mean square over "
         f"{len(size):,} poses, {size[-1]:.4g} m at the end, at most {size[worst]:.4g} m "
-        f"(at {t_s[worst]:.6g} s); truth minus estimate; "
-        f"{coverage(estimate.t_ns, truth.t_ns).words()} of the truth's time"
-        f"{without_truth(len(estimate.t_ns) - len(rows), 'poses')}"
+        f"(at {t_s[worst]:.6g} s); estimate minus truth; "
+        f"{errors.coverage.words()} of the truth's time"
+        f"{without_truth(errors.without_truth, 'poses')}"
     )
     if covariance is None:
         words += "; it has no covariance, hence no NEES"

@@ -17,7 +17,7 @@ from imu_sim_ros.campaigns.results import Row
 from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.campaigns.summary import Group
 from imu_sim_ros.errors import ImuSimError
-from imu_sim_ros.navigation.association import align, common_rows, poses_at
+from imu_sim_ros.navigation.comparison import compare
 from imu_sim_ros.navigation.state import state_of_row
 from imu_sim_ros.reports.page import Item
 from imu_sim_ros.reports.streams import extremes
@@ -142,10 +142,8 @@ def _tracks(
         estimate = read_estimate(files[0], estimator.estimate_topic or None)
     else:
         return None
-    estimate = estimate.rows(common_rows(estimate.t_ns, truth.t_ns))
-    there = poses_at(truth, estimate.t_ns)
-    aligned = align(estimate.position, there.position, str(cell.plan.alignment(name)))
-    return [("truth", truth.position), (name, aligned.apply(estimate).position)]
+    errors = compare(estimate, truth, str(cell.plan.alignment(name)))
+    return [("truth", truth.position), (name, errors.estimate.position)]
 
 
 def _line(name: str, colour: int | None, position: Array) -> Item:

@@ -24,8 +24,8 @@ from imu_sim_ros.bags.reader import errors_naming
 from imu_sim_ros.bags.sensor_tables import read_table
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.association import common_rows, poses_at
-from imu_sim_ros.navigation.evaluation import absolute_errors
-from imu_sim_ros.records import States, with_fields
+from imu_sim_ros.navigation.evaluation import attitude_errors
+from imu_sim_ros.records import States
 from imu_sim_ros.reports.of_bag import NOT_MEASURED, error_series, plot, without_truth
 from imu_sim_ros.reports.page import Item, Section
 from imu_sim_ros.reports.streams import extremes
@@ -208,11 +208,11 @@ def _orientation(path: Path, info: TopicInfo, topics: Sequence[TopicInfo]) -> li
     still = np.zeros((len(read.t_ns), 3))
     stated = States(read.t_ns, still, read.values)
     rows = common_rows(stated.t_ns, truth.t_ns)
-    at_ns = stated.t_ns[rows]
-    there = with_fields(poses_at(truth, at_ns), position=still[rows])
     stated = stated.rows(rows)
+    at_ns = stated.t_ns
+    there = poses_at(truth, at_ns)
     variance = np.diagonal(read.covariance[rows], axis1=1, axis2=2)
-    error = -absolute_errors(stated, there).attitude
+    error = attitude_errors(stated.q_wb, there.q_wb)
     names = ("roll", "pitch", "yaw")
     angles = [np.rad2deg(rotation.to_euler(one.q_wb)) for one in (stated, there)]
     turns = [Compared("angles", "deg", names, at_ns, one, np.zeros_like(one)) for one in angles]

@@ -12,14 +12,16 @@ from imu_sim_ros.navigation.association import (
     interpolate_vectors,
     poses_at,
 )
+from imu_sim_ros.navigation.comparison import compare
 from imu_sim_ros.navigation.evaluation import (
+    PosePairs,
     absolute_errors,
     distances,
-    drift_from,
     pairs,
     relative_errors,
     state_at,
     statistics,
+    tilt_and_heading,
 )
 from imu_sim_ros.navigation.state import states_of
 from imu_sim_ros.records import States
@@ -57,8 +59,7 @@ def test_alignment_finds_what_was_done(truth, kind):
     moved_poses = States(truth.t_ns, moved, rotation.multiply(turn, truth.q_wb))
     back = found.apply(moved_poses)
     np.testing.assert_allclose(back.position, truth.position, atol=1e-11)
-    errors = absolute_errors(back, truth)
-    np.testing.assert_allclose(errors.attitude, 0.0, atol=1e-7)
+    np.testing.assert_allclose(absolute_errors(back, truth)[1], 0.0, atol=1e-7)
 
 
 def test_alignment_is_the_best_of_its_kind(truth, estimate):
@@ -123,15 +124,16 @@ def test_no_overlap():
 
 @pytest.mark.parametrize(("delta", "unit", "expected"), [(0.5, "s", 10), (7, "frames", 7)])
 def test_pairs_of_constant_length(truth, delta, unit, expected):
-    first, second = pairs(truth, delta, unit)
+    first, second, left_out = pairs(truth, delta, unit)
+    assert left_out == 0
     assert set(second - first) == {expected}
     assert len(first) == len(truth.t_ns) - expected
-    first, second = pairs(truth, delta, unit, overlapping=False)
+    first, second, _ = pairs(truth, delta, unit, overlapping=False)
     np.testing.assert_array_equal(first[1:], second[:-1])
 
 
 def test_pairs_over_distances(truth):
-    first, second = pairs(truth, 5.0, "m")
+    first, second, _ = pairs(truth, 5.0, "m")
     along = distances(truth.position)
     assert np.all(along[second] - along[first] >= 5.0)
     assert np.all(along[second - 1] - along[first] < 5.0)
@@ -147,12 +149,16 @@ def test_pairs_longer_than_the_trajectory(truth):
 
 
 def test_errors_have_the_sign_that_they_say(truth):
-    """Truth less estimate, about the world's axes."""
-    moved = truth.position - [1.0, 2.0, 3.0]
-    turned = rotation.multiply(rotation.exp([0.0, 0.0, -0.1]), truth.q_wb)
-    errors = absolute_errors(States(truth.t_ns, moved, turned), truth)
+    """Estimate minus truth, about the world's axes."""
+    moved = truth.position + np.array([1.0, 2.0, 3.0])
+    turned = rotation.multiply(rotation.exp([0.0, 0.0, 0.1]), truth.q_wb)
+    velocity = np.zeros((301, 3))
+    known = States(truth.t_ns, truth.position, truth.q_wb, velocity)
+    errors = compare(States(truth.t_ns, moved, turned, velocity + np.array([0.0, 0.5, 0.0])), known)
     np.testing.assert_allclose(errors.position, np.tile([1.0, 2.0, 3.0], (301, 1)))
     np.testing.assert_allclose(errors.attitude, np.tile([0.0, 0.0, 0.1], (301, 1)), atol=1e-12)
+    np.testing.assert_allclose(errors.velocity, np.tile([0.0, 0.5, 0.0], (301, 1)))
+    assert tilt_and_heading(turned, truth.q_wb)[1] == pytest.approx(0.1)
 
 
 def test_drift_of_known_errors(record):
@@ -162,13 +168,13 @@ def test_drift_of_known_errors(record):
     states = states_of(
         motion.t_ns, motion.truth.position + shift, motion.truth.velocity, motion.truth.q_wb
     )
-    found = drift_from(states, truth)
-    assert found.final("position") == pytest.approx(3.0)
+    errors = compare(states, truth)
+    assert errors.final_position == pytest.approx(3.0)
     # The mean of a square from 0 to 3 over 501 points.
-    assert found.rms("position") == pytest.approx(np.sqrt(3.0 * (1 + 0.5 / 500)), rel=1e-5)
-    assert found.final("velocity") < 1e-15
-    assert found.rms("attitude") < 1e-7
-    assert found.distance == pytest.approx(distances(motion.truth.position)[-1])
+    assert errors.rms_position == pytest.approx(np.sqrt(3.0 * (1 + 0.5 / 500)), rel=1e-5)
+    assert errors.final_velocity < 1e-15
+    assert errors.rms_attitude < 1e-7
+    assert errors.distance == pytest.approx(distances(motion.truth.position)[-1])
     start = state_at(truth, int(motion.t_ns[3]))
     np.testing.assert_array_equal(start.velocity, motion.truth.velocity[3])
 
@@ -188,10 +194,10 @@ def test_ate_equals_evo(truth, estimate, kind, scale):
     if kind != "none":
         other.align(reference, correct_scale=scale)
     aligned = align(estimate.position, truth.position, kind).apply(estimate)
-    errors = absolute_errors(aligned, truth)
+    position, attitude = absolute_errors(aligned, truth)
     for relation, lengths in (
-        (metrics.PoseRelation.translation_part, np.linalg.norm(errors.position, axis=1)),
-        (metrics.PoseRelation.rotation_angle_rad, np.linalg.norm(errors.attitude, axis=1)),
+        (metrics.PoseRelation.translation_part, np.linalg.norm(position, axis=1)),
+        (metrics.PoseRelation.rotation_angle_rad, np.linalg.norm(attitude, axis=1)),
     ):
         ape = metrics.APE(relation)
         ape.process_data((reference, other))
@@ -205,8 +211,7 @@ def test_ate_equals_evo(truth, estimate, kind, scale):
 @pytest.mark.parametrize(("delta", "unit"), [(1, "frames"), (10, "frames")])
 def test_rpe_over_frames_equals_evo(truth, estimate, delta, unit, overlapping):
     metrics = pytest.importorskip("evo.core.metrics")
-    first, second = pairs(truth, delta, unit, overlapping)
-    errors = relative_errors(estimate, truth, first, second)
+    errors = relative_errors(estimate, truth, pairs(truth, delta, unit, overlapping))
     for relation, ours in (
         (metrics.PoseRelation.translation_part, errors.translation),
         (metrics.PoseRelation.rotation_angle_rad, errors.rotation),
@@ -223,5 +228,17 @@ def test_rpe_over_the_pairs_of_evo_in_metres(truth, estimate):
     rpe.process_data((as_evo(truth), as_evo(estimate)))
     second = np.array(rpe.delta_ids)
     first = np.concatenate([[0], second[:-1]])
-    errors = relative_errors(estimate, truth, first, second)
+    errors = relative_errors(estimate, truth, PosePairs(first, second, 0))
     np.testing.assert_allclose(errors.translation, rpe.error, atol=1e-9)
+
+
+def test_pairs_that_are_much_longer_than_asked_are_left_out_and_counted(truth):
+    """Poses each 2.5 s, drifting by 0.1 m/s: no pair of 1 s; 2 s and 2.5 s have their own error."""
+    sparse = truth.rows(slice(None, None, 50))
+    drift = 0.1 * (sparse.t_ns - sparse.t_ns[0])[:, None] * 1e-9 * [1.0, 0.0, 0.0]
+    errors = compare(States(sparse.t_ns, sparse.position + drift, sparse.q_wb), truth)
+    short = errors.relative_errors(1.0, "s")
+    assert (len(short.length), short.left_out) == (0, len(sparse) - 1)
+    fitting = errors.relative_errors(2.0, "s")
+    assert (len(fitting.length), fitting.left_out) == (len(sparse) - 1, 0)
+    np.testing.assert_allclose(fitting.translation, 0.25, rtol=1e-9)

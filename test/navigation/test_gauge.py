@@ -71,8 +71,8 @@ def test_an_odometry_of_any_gauge_is_consistent(prior):
         estimate, stated = odometry(truth, rng, prior)
         gauge = gauge_at(estimate, truth)
         aligned = gauge.apply(estimate)
-        left = absolute_errors(aligned, truth)
-        errors[run] = np.concatenate([left.position[-1], left.attitude[-1]])
+        position, attitude = absolute_errors(aligned, truth)
+        errors[run] = np.concatenate([position[-1], attitude[-1]])
         turn = np.kron(np.eye(2), gauge.r)
         covariances[run] = without_gauge(turn @ stated @ turn.T, aligned.position)[-1]
     for rows in (slice(0, 6), slice(0, 3), slice(3, 6)):

@@ -174,7 +174,7 @@ def test_tilt_and_heading_are_those_of_two_turns() -> None:
     turn = rotation.exp(np.stack([zero, zero, heading], axis=1))
     swing = rotation.exp(np.stack([tilt * np.cos(along), tilt * np.sin(along), zero], axis=1))
     estimate = rotation.normalise(random.standard_normal((n, 4)))
-    truth = rotation.multiply(swing, rotation.multiply(turn, estimate))
+    truth = rotation.multiply(rotation.conjugate(rotation.multiply(swing, turn)), estimate)
     for sign in (1.0, -1.0):
         found = tilt_and_heading(sign * estimate, truth)
         np.testing.assert_allclose(found[0], tilt, atol=1e-7)
