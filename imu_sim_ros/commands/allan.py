@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from imu_sim_ros import program
-from imu_sim_ros.calibration.noise.truth import Comparison, load_truth
+from imu_sim_ros.calibration.noise.truth import ParameterComparison, load_truth
 from imu_sim_ros.commands.common import FORCE, outputs
 from imu_sim_ros.jobs.allan import FILES, Noise, allan, write_files
 from imu_sim_ros.signatures import arguments_of, call
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _lines(
-    found: Noise, comparisons: list[Comparison], files: list[Path]
+    found: Noise, comparisons: list[ParameterComparison], files: list[Path]
 ) -> Iterator[str | TextTable]:
     yield from found.lines(comparisons)
     yield from map(str, files)

@@ -19,7 +19,7 @@ from imu_sim_ros.calibration.noise import noise_files, truth
 from imu_sim_ros.calibration.noise.analysis import MODELS, AllanResult, analyse
 from imu_sim_ros.calibration.noise.estimate import Estimate
 from imu_sim_ros.calibration.noise.terms import QUANTITIES
-from imu_sim_ros.calibration.noise.truth import Comparison
+from imu_sim_ros.calibration.noise.truth import ParameterComparison
 from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.errors import InputError, Problems
 from imu_sim_ros.inputs.rows import tell_skipped
@@ -148,14 +148,14 @@ class Noise:
             "warnings": list(self.warnings),
         }
 
-    def lines(self, comparisons: Sequence[Comparison] = ()) -> Iterator[str | TextTable]:
+    def lines(self, comparisons: Sequence[ParameterComparison] = ()) -> Iterator[str | TextTable]:
         """Yield the text of the analysis, as ``allan`` prints it.
 
         :param comparisons: with the truth, from :meth:`compare`.
         """
         return _lines(self.result, comparisons)
 
-    def compare(self, imu: str | Path) -> list[Comparison]:
+    def compare(self, imu: str | Path) -> list[ParameterComparison]:
         """Return whether each interval contains the truth, for the sensor that was simulated.
 
         :param imu: a name in config/imus or a parameter file.
@@ -329,7 +329,9 @@ def _triad(result: AllanResult, triad: int) -> TriadNoise:
 _OPTIONAL: Final = ("quantisation", "rate_ramp")
 
 
-def _lines(result: AllanResult, comparisons: Sequence[Comparison]) -> Iterator[str | TextTable]:
+def _lines(
+    result: AllanResult, comparisons: Sequence[ParameterComparison]
+) -> Iterator[str | TextTable]:
     timing = result.timing
     yield f"{result.record}, stamp jitter {timing.jitter * 1e3:.3g} ms, {timing.lost} samples lost"
     for warning in result.warnings:
@@ -343,7 +345,7 @@ def _lines(result: AllanResult, comparisons: Sequence[Comparison]) -> Iterator[s
 
 
 def _triad_tables(
-    result: AllanResult, triad: int, by_axis: Mapping[tuple[int, str], Comparison]
+    result: AllanResult, triad: int, by_axis: Mapping[tuple[int, str], ParameterComparison]
 ) -> Iterator[TextTable]:
     """Yield the terms of one sensor, each axis with its interval, then in data sheets' units."""
     header = ["", "axis", "value", "95 % interval", *(["truth", "covered"] if by_axis else [])]
@@ -376,7 +378,7 @@ def _value_and_interval(found: Estimate, factor: float = 1.0) -> list[str]:
     return [f"{found.value * factor:.4g}", interval]
 
 
-def _truth_columns(comparison: Comparison | None) -> list[str]:
+def _truth_columns(comparison: ParameterComparison | None) -> list[str]:
     if comparison is None:
         return ["", ""]
     return [f"{comparison.truth:.4g}", "yes" if comparison.covered else "NO"]

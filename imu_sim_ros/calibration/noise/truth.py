@@ -18,7 +18,7 @@ from imu_sim_ros.sensors.imu.triads import TriadParameters
 from imu_sim_ros.types import Array
 
 
-class Comparison(NamedTuple):
+class ParameterComparison(NamedTuple):
     """One parameter of one axis next to its truth."""
 
     axis: int
@@ -73,7 +73,7 @@ def _true_noise(triad: TriadParameters, rate: float) -> dict[str, Array]:
     }
 
 
-def compare(result: AllanResult, imu: ImuParameters) -> list[Comparison]:
+def compare(result: AllanResult, imu: ImuParameters) -> list[ParameterComparison]:
     """Return whether each parameter of both the model and the sensor is covered.
 
     Quantisation is compared if the sensor has increments in steps. A Gauss-Markov process is not
@@ -88,5 +88,7 @@ def compare(result: AllanResult, imu: ImuParameters) -> list[Comparison]:
             absent = key == QUANTISATION.key and truth[key][axis] == 0.0
             if key in truth and not absent:
                 found, value = result.estimate(axis, key), float(truth[key][axis])
-                comparisons.append(Comparison(axis, key, value, found, found.covers(value)))
+                comparisons.append(
+                    ParameterComparison(axis, key, value, found, found.covers(value))
+                )
     return comparisons
