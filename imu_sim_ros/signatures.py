@@ -182,8 +182,14 @@ def _keywords(parameter: inspect.Parameter, text: str) -> dict[str, Any]:
 
 
 def _words(words: str) -> list[str]:
-    """Return the names in ``NAME,...``."""
-    return [name for name in words.split(",") if name]
+    """Return the names in ``NAME,...``.
+
+    :raises ValueError: if there is none.
+    """
+    names = [name for name in map(str.strip, words.split(",")) if name]
+    if not names:
+        raise ValueError("must be at least one name")
+    return names
 
 
 def _help(text: str) -> str:

@@ -28,7 +28,7 @@ from imu_sim_ros.bags.writer import (
     open_writer,
 )
 from imu_sim_ros.conventions import IMU_TOPIC, TRUTH_TOPIC
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.names import unknown
 from imu_sim_ros.records import States
@@ -42,6 +42,7 @@ from imu_sim_ros.simulation.topics import (
     MOUNTS,
     Encode,
     Messages,
+    Offered,
     Read,
     delivered,
     delivered_rows,
@@ -105,6 +106,19 @@ def _usual_topics(
     return found
 
 
+ALL: Final = "all"
+"""Name that stands for every topic that is offered."""
+
+
+def _is_made(one: Offered) -> bool:
+    """Return whether a topic has messages with the parameters of its sensor."""
+    try:
+        one.encoder()
+    except ConfigurationError:
+        return False
+    return True
+
+
 def chosen_topics(
     sensors: Mapping[str, Mounted],
     form: str | None,
@@ -116,13 +130,18 @@ def chosen_topics(
     """Return the topics to write, each with its name in the bag.
 
     :param form: of a dataset; None: of a bag.
-    :param topics: one without its namespace selects the topic of every IMU; empty: the usual ones.
+    :param topics: one without its namespace selects the topic of every IMU; ``all``: every one;
+        empty: the usual ones.
     :param imu_only: leave out the truth from the usual ones.
     :raises InputError: with a line for every name that is unknown or given twice.
     """
     known = offered(sensors)
     names: list[str] = []
-    wanted = topics or _usual_topics(sensors, form, path, imu_only)
+    wanted: Sequence[str] = topics or _usual_topics(sensors, form, path, imu_only)
+    if ALL in topics:
+        if len(topics) > 1:
+            raise InputError(f"topics = {', '.join(topics)}: {ALL} stands for every topic, alone")
+        wanted = [name for name, one in known.items() if _is_made(one)]
     for name in (name.strip().lstrip("/") for name in wanted):
         of_all = [full for full, one in known.items() if one.topic.name == name]
         names += of_all if of_all and name not in known else [name]

@@ -117,7 +117,9 @@ class Generated:
 _SIMULATION: Final = Heading("simulation")
 _CAMERAS: Final = Heading("cameras")
 _EVERY: Final = ", ".join(offered(mounted(SimulationParameters())))
-_WRITTEN: Final = Text(f"topics to write (default: {IMU_TOPIC},{TRUTH_TOPIC}); all: {_EVERY}")
+_WRITTEN: Final = Text(
+    f"topics to write (default: {IMU_TOPIC},{TRUTH_TOPIC}); all, or some of {_EVERY}"
+)
 OF_SENSORS: Final = Heading("sensors of the body (--set sensors=[NAME,...])")
 
 

@@ -229,6 +229,11 @@ def given_layers(
     with problems.gathered():
         given["duration"] = _seconds(duration)
     own.update({name: value for name, value in given.items() if value is not None})
+    problems += [
+        f"{name} = {given[name]:g} and --set {name} = {last[name]}: two values; give one of them"
+        for name in given
+        if given[name] is not None and last.get(name, given[name]) != given[name]
+    ]
     return own, last, motion
 
 

@@ -174,7 +174,7 @@ class IntegratorParameters:
 
     def warnings(self) -> list[str]:
         """Return a line for each allowed value that looks like a mistake."""
-        return list(kinds.upward_gravity(self.gravity))
+        return list(kinds.gravity_warnings(self.gravity))
 
 
 def load_integrator(

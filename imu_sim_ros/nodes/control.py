@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
 from rclpy.client import Client
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
@@ -113,9 +113,15 @@ class Control:
 
         :param samples: how many; None: its parameter ``step_samples``.
         """
-        if samples is not None:
-            self.set({"step_samples": samples})
-        return self._ask("step", Trigger, Trigger.Request())
+        if samples is None:
+            return self._ask("step", Trigger, Trigger.Request())
+        request = GetParameters.Request(names=["step_samples"])
+        (usual,) = self._call("get_parameters", GetParameters, request).values
+        self.set({"step_samples": samples})
+        try:
+            return self._ask("step", Trigger, Trigger.Request())
+        finally:
+            self.set({"step_samples": usual.integer_value})
 
     def set(self, values: Mapping[str, object]) -> None:
         """Set parameters, all of them or none.

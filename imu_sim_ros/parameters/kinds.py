@@ -274,8 +274,12 @@ def gravity(text: str) -> Vector:
     return _field("gravity", GRAVITY, text, unit="m/s^2")
 
 
-def upward_gravity(gravity: Vector) -> Iterator[str]:
-    """Say that a world is probably upside down, in a line.
+LARGEST_GRAVITY: Final = 30.0
+"""[m/s^2] More than on any planet: a larger value is probably in another unit."""
+
+
+def gravity_warnings(gravity: Vector) -> Iterator[str]:
+    """Yield a line for a world that is probably upside down, and for gravity in another unit.
 
     :param gravity: g_w [m/s^2].
     """
@@ -285,6 +289,12 @@ def upward_gravity(gravity: Vector) -> Iterator[str]:
         yield (
             f"gravity = [{words}]: does not point downwards; z of the world is up, so that "
             f"gravity is usually [{usual}], or {-GRAVITY[2]:g}, its magnitude"
+        )
+    size = math.hypot(*gravity)
+    if size > LARGEST_GRAVITY:
+        yield (
+            f"gravity: {size:g} m/s^2 is more than on any planet; it is {-GRAVITY[2]:g} m/s^2 on "
+            f"the Earth, {-100.0 * GRAVITY[2]:g} in cm/s^2"
         )
 
 

@@ -15,7 +15,7 @@ from imu_sim_ros.errors import ConfigurationError, Problems
 from imu_sim_ros.names import nearest
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.files import build_layered
-from imu_sim_ros.parameters.kinds import Value, like, texts, upward_gravity
+from imu_sim_ros.parameters.kinds import Value, gravity_warnings, like, texts
 from imu_sim_ros.parameters.sections import (
     each,
     flatten,
@@ -53,6 +53,8 @@ SENSORS: Final = (
     "and what each has with it"
 )
 _TAKEN: Final = ("camera", "scene", "features", "publish", "inject")
+COARSEST_RATE: Final = 1.0
+"""[rad/s] Step of a gyroscope's output above which most motions are rounded to 0."""
 _LOWEST_CUTOFF = 1e-6
 """Lowest cut-off as a fraction of half the rate; lower ones lose all digits."""
 
@@ -90,6 +92,11 @@ class SampledParameters(EnvironmentParameters):
                 f"{prefix}imu.jitter = {self.imu.jitter:g}: must be at most a quarter of the "
                 f"interval, {LARGEST_JITTER_SIGMA / self.rate:g} s"
             )
+        if self.world_frame and self.world_frame == self.body_frame:
+            yield (
+                f"{prefix}world_frame = {self.world_frame}: must not be {prefix}body_frame, whose "
+                "pose in it is the truth"
+            )
         yield from super().problems(prefix)
         of_orientation = self.imu.orientation.rate
         if of_orientation and (exact_rate(self.rate) / exact_rate(of_orientation)).denominator != 1:
@@ -100,7 +107,7 @@ class SampledParameters(EnvironmentParameters):
 
     def warnings(self) -> list[str]:
         """Return a line for each allowed value that looks like a mistake."""
-        lines, gravity = list(upward_gravity(self.gravity)), math.hypot(*self.gravity)
+        lines, gravity = list(gravity_warnings(self.gravity)), math.hypot(*self.gravity)
         limits = [limit for limit in self.imu.accelerometer.range if limit > 0.0]
         if limits and min(limits) < gravity:
             lines.append(
@@ -117,7 +124,53 @@ class SampledParameters(EnvironmentParameters):
                     f"{name} = {max(cutoffs):g}: without effect, since it is not below half the "
                     f"rate, {0.5 * self.rate:g} Hz; white noise keeps its density"
                 )
+        lines += self._coarse_steps(gravity)
+        if self.imu.internal_rate and self.imu.sampling != "oversampled":
+            lines.append(
+                f"imu.internal_rate = {self.imu.internal_rate:g}: without effect, since "
+                f"imu.sampling is {self.imu.sampling}; it needs oversampled"
+            )
+        if self.imu.dropout_probability >= 1.0:
+            lines.append("imu.dropout_probability = 1: every message of the IMU is lost")
+        nyquist = 0.5 * self.rate * float(self.imu.internal_ratio(self.rate))
+        vibration = self.imu.vibration
+        for name, frequencies in (
+            ("line_frequency", vibration.line_frequency),
+            ("band_low", vibration.band_low),
+        ):
+            above = [frequency for frequency in frequencies if frequency >= nyquist]
+            if above:
+                lines.append(
+                    f"imu.vibration.{name} = {', '.join(f'{value:g}' for value in above)}: left "
+                    f"out, since it is not below half the rate, {nyquist:g} Hz"
+                )
         return lines
+
+    def _coarse_steps(self, gravity: float) -> Iterator[str]:
+        """Yield a line for each digital step that is larger than what it has to resolve.
+
+        :param gravity: magnitude [m/s^2].
+        """
+        for triad in TRIADS:
+            own = self.imu.triad(triad)
+            limits = list(zip(own.resolution, own.range, strict=True))
+            name = f"imu.{triad}_resolution"
+            if any(step > limit > 0.0 for step, limit in limits):
+                step, limit = next((s, r) for s, r in limits if s > r > 0.0)
+                yield (
+                    f"{name} = {step:g}: larger than imu.{triad}_range = {limit:g}, so that every "
+                    "reading is 0"
+                )
+            elif triad == "accelerometer" and 0.0 < 2.0 * gravity < max(own.resolution):
+                yield (
+                    f"{name} = {max(own.resolution):g}: more than twice gravity ({gravity:g} "
+                    "m/s^2), so that an IMU at rest reads 0"
+                )
+            elif triad == "gyroscope" and max(own.resolution) > COARSEST_RATE:
+                yield (
+                    f"{name} = {max(own.resolution):g}: larger than the rates of most motions, "
+                    "which it rounds to 0; is it in deg/s or in LSB per rad/s?"
+                )
 
 
 _OF_A_SINGLE_IMU: Final = parameters(EnvironmentParameters)
