@@ -93,6 +93,15 @@ def bag_to_bag(
     :param ungated: a topic whose messages are checked elsewhere.
     :returns: a line for each topic and type whose fields differ in the other generation of ROS.
     """
+    without_schema = [info for info in topics if not info.type and info.count]
+    if without_schema and bag.encoding != writer.encoding:
+        raise InputError(
+            [
+                f"{bag.path}: {info.name} has no schema, and cannot be translated; name the other "
+                "topics"
+                for info in without_schema
+            ]
+        )
     with errors_naming(bag.path):
         translate = (
             _Translator(writer.encoding)

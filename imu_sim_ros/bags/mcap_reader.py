@@ -6,7 +6,7 @@
 import re
 import struct
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -20,7 +20,7 @@ from imu_sim_ros.bags.mcap_writer import (
     MESSAGE_INDEX,
 )
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
-from imu_sim_ros.bags.messages.schemas import Schema
+from imu_sim_ros.bags.messages.schemas import Qos, Schema, ros2_name, typestore
 from imu_sim_ros.bags.reader import (
     DAMAGE,
     END_NS,
@@ -68,6 +68,9 @@ _INDEX_HEAD_BYTES = _HEADER_BYTES + 6
 """Size of a message index without its entries."""
 
 
+_GENERATIONS = {"cdr": "ROS 2", "ros1": "ROS 1"}
+
+
 class _Chunk(NamedTuple):
     """Position of a chunk in the file, and its times; a truncated one ends with the file."""
 
@@ -85,7 +88,7 @@ class WrongChecksumError(ValueError):
 
 
 class McapBag(ChunkedBag[_Chunk]):
-    """One MCAP file with ROS 2 messages.
+    """One MCAP file with messages of ROS 2, or of ROS 1.
 
     One that is to be recovered is read without index and footer, and damaged parts are left out.
     """
@@ -434,28 +437,76 @@ class McapBag(ChunkedBag[_Chunk]):
         for channel in self._channels.values():
             record = self._schemas.get(channel.schema_id)
             groups.setdefault((channel.topic, record.name if record else ""), []).append(channel)
+        self.encoding = self._message_encoding(groups, counts)
         for (name, type_name), channels in groups.items():
-            encodings = {channel.message_encoding for channel in channels}
-            if encodings != {"cdr"} and self._recover and not any(counts.values()):
+            if {channel.message_encoding for channel in channels} != {self.encoding}:
                 continue
-            if encodings != {"cdr"}:
-                raise InputError(f"{self.path}: {name} holds {encodings.pop()}, not ROS 2 messages")
             record = self._schemas.get(channels[0].schema_id)
-            text = record.data.decode("utf-8", "replace") if record else ""
-            metadata = channels[0].metadata
-            topic = TopicInfo(
-                name,
-                type_name,
-                sum(counts.get(channel.id, 0) for channel in channels),
-                Schema(
-                    text,
-                    metadata.get("topic_type_hash", ""),
-                    record.encoding if record and record.encoding else "ros2msg",
-                ),
-                metadata.get("offered_qos_profiles", ""),
-            )
+            count = sum(counts.get(channel.id, 0) for channel in channels)
+            kind = self._ros1_type if self.encoding == "ros1" else self._ros2_type
+            topic = kind(name, type_name, count, record, channels[0].metadata)
             self.topics.append(topic)
             self._topic_of.update({channel.id: topic for channel in channels})
+
+    def _message_encoding(
+        self, groups: Mapping[tuple[str, str], Sequence["Channel"]], counts: Mapping[int, int]
+    ) -> str:
+        """Return the encoding of the messages that are read: cdr, or ros1 if no topic has cdr.
+
+        Topics with messages of another one are noted as unreadable.
+
+        :raises InputError: if no topic with messages has one of the two.
+        """
+        encodings: dict[str, str] = {}
+        """Encoding by topic, of those with messages."""
+        for (name, _), channels in groups.items():
+            for channel in channels:
+                if counts.get(channel.id, 0):
+                    encodings[name] = channel.message_encoding
+        readable = [form for form in ("cdr", "ros1") if form in encodings.values()]
+        encoding = readable[0] if readable else "cdr"
+        others = {name: form for name, form in encodings.items() if form != encoding}
+        self.unreadable = {
+            name: f"holds {form or 'no encoding'}, not {_GENERATIONS[encoding]} messages"
+            for name, form in others.items()
+        }
+        if others and not readable and not self._recover:
+            raise InputError([f"{self.path}: {n} {why}" for n, why in self.unreadable.items()])
+        return encoding
+
+    def _ros2_type(
+        self,
+        name: str,
+        type_name: str,
+        count: int,
+        record: "SchemaRecord | None",
+        metadata: Mapping[str, str],
+    ) -> TopicInfo:
+        """Return a topic of ROS 2 messages."""
+        text = record.data.decode("utf-8", "replace") if record else ""
+        digest = metadata.get("topic_type_hash", "")
+        language = record.encoding if record and record.encoding else "ros2msg"
+        offered = metadata.get("offered_qos_profiles", "")
+        return TopicInfo(name, type_name, count, Schema(text, digest, language), offered)
+
+    def _ros1_type(
+        self,
+        name: str,
+        type_name: str,
+        count: int,
+        record: "SchemaRecord | None",
+        metadata: Mapping[str, str],
+    ) -> TopicInfo:
+        """Return a topic of ROS 1 messages, as ``mcap convert`` writes them."""
+        text = record.data.decode("utf-8", "replace") if record else ""
+        type_name = ros2_name(type_name) if type_name else ""
+        digest = metadata.get("md5sum", "")
+        if text and not digest:
+            types = typestore([(type_name, Schema(text, ""))], "ros1")
+            digest = types.generate_msgdef(type_name, ros_version=1)[1]
+        is_latched = metadata.get("latching", "").lower() in ("1", "true")
+        qos = Qos(durability="transient_local") if is_latched else Qos()
+        return TopicInfo(name, type_name, count, Schema(text, digest), (qos,))
 
     def _blocks(self, chunk: _Chunk, wanted: Mapping[int, TopicInfo]) -> list[MessageBlock]:
         data = np.frombuffer(self._chunk_data(chunk), np.uint8)

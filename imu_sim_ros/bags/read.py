@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.bags.mcap_reader import McapBag
+from imu_sim_ros.bags.files import open_bag
 from imu_sim_ros.bags.messages import schemas
 from imu_sim_ros.bags.messages.blocks import TopicInfo, as_list
 from imu_sim_ros.bags.messages.decode import (
@@ -26,14 +26,9 @@ from imu_sim_ros.bags.messages.encode import (
     TEMPERATURE,
     VECTOR3_STAMPED,
 )
-from imu_sim_ros.bags.outputs import unfinished
 from imu_sim_ros.bags.reader import Bag, Recover, errors_naming
-from imu_sim_ros.bags.ros1_reader import Rosbag1Bag
-from imu_sim_ros.bags.rosbag2_reader import Rosbag2Folder, SqliteBag
 from imu_sim_ros.bags.text import reader as text_reader
-from imu_sim_ros.bags.text.writer import DATASET_SUFFIXES
-from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs.rows import Skipped, Warned, open_regular
+from imu_sim_ros.inputs.rows import Skipped, Warned
 from imu_sim_ros.poses import read_poses as read_pose_file
 from imu_sim_ros.records import Readings, States, concatenated
 from imu_sim_ros.rotation import rotate
@@ -55,7 +50,6 @@ __all__ = [
 ]
 
 
-_MAGIC_BYTES = 16
 _LEAST = 1000
 """Messages in a block."""
 _IMU_FIELDS = ("angular_velocity", "linear_acceleration")
@@ -74,37 +68,6 @@ class TemperatureMessages(NamedTuple):
     """(n,) stamps of the messages."""
     temperature: Array
     """(n,) degC."""
-
-
-def open_bag(path: str | Path, recover: Recover = False) -> Bag:
-    """Open a ROS 1 bag, an MCAP file, or a rosbag2 folder or database; contents decide, not names.
-
-    :param recover: read an interrupted or damaged bag as far as it goes; ``NAME.active`` is looked
-        if NAME does not exist; ``"keep_damaged"`` also keeps chunks whose checksum is wrong.
-    :raises InputError: for a path that is missing, no bag, or a bag that is not whole.
-    """
-    path = Path(path)
-    if recover and not path.exists():
-        path = unfinished(path) or path
-    advice = "convert_bag --recover recovers the complete messages"
-    with errors_naming(path, "" if recover else f"; {advice}"):
-        if path.is_dir():
-            return Rosbag2Folder(path, recover)
-        try:
-            with open_regular(path) as file:
-                magic = file.read(_MAGIC_BYTES)
-        except InputError as error:
-            left = unfinished(path)
-            hint = f"; {left} is an unfinished one, {advice}" if left else ""
-            raise InputError(f"{error}{hint}") from None
-        if magic.startswith(b"#ROSBAG V"):
-            return Rosbag1Bag(path, recover)
-        if magic.startswith(b"\x89MCAP"):
-            return McapBag(path, recover)
-        if magic.startswith(b"SQLite format 3\0"):
-            return SqliteBag(path, recover)
-        no_bag = f"not a bag; the name of a text file ends in {' or '.join(DATASET_SUFFIXES)}"
-        raise InputError(f"{path}: {no_bag if magic else 'an empty file'}")
 
 
 def decoded_messages(bag: Bag, names: Collection[str]) -> Iterator[tuple[TopicInfo, Any]]:
@@ -137,7 +100,7 @@ def imu_blocks(
 
     :param path: a bag, a EuRoC folder, or a CSV file in the form of EuRoC or kalibr.
     :param topic: None: the only one.
-    :param recover: as for :func:`open_bag`.
+    :param recover: as for :func:`imu_sim_ros.bags.files.open_bag`.
     :param skipped: receives the number of bad rows or messages skipped; None: they are errors.
     :param warned: receives what is wrong with messages, which are not skipped then; text, which
         always can be mended, has no such way.
@@ -221,7 +184,7 @@ def read_poses(
     :param skip_bad_rows: skip bad rows or messages and count them.
     :param covariance: of a text file: also read the covariances, if every row has them.
     :param warned: as for :func:`imu_blocks`.
-    :param recover: as for :func:`open_bag`.
+    :param recover: as for :func:`imu_sim_ros.bags.files.open_bag`.
     """
     path = Path(path)
     if text_reader.is_text(path):
@@ -231,7 +194,7 @@ def read_poses(
         types = {
             info.type
             for info in bag.topics
-            if topic is None or info.name.lstrip("/") == topic.lstrip("/")
+            if (info.count if topic is None else info.name.lstrip("/") == topic.lstrip("/"))
         }
     type_name = POSE_STAMPED if POSE_STAMPED in types and ODOMETRY not in types else ODOMETRY
     counts: list[int] = []

@@ -104,6 +104,8 @@ class Bag(AbstractContextManager["Bag"], ABC):
     def __init__(self, path: Path) -> None:
         self.path = path
         self.topics: list[TopicInfo] = []
+        self.unreadable: dict[str, str] = {}
+        """Reasons by name of topics with messages that are not of ROS."""
         self.found: list[str] = []
         """Defects of a bag in recovery that lose no message."""
         self.damage: list[str] = []
@@ -118,6 +120,10 @@ class Bag(AbstractContextManager["Bag"], ABC):
     def __exit__(self, *_: object) -> None:
         """Close the files."""
         self._stack.close()
+
+    def close_with(self, stack: ExitStack) -> None:
+        """Close a stack, of temporary files for instance, with the bag."""
+        self._stack.push(stack)
 
     @abstractmethod
     def _timed(self, names: Collection[str]) -> Iterator[Timed]:
@@ -136,7 +142,7 @@ class Bag(AbstractContextManager["Bag"], ABC):
         waiting: dict[TopicInfo, list[MessageBlock]] = {}
         with errors_naming(self.path):
             for next_start_ns, blocks in prefetch(self._timed(names)):
-                for block in blocks:
+                for block in map(_unpacked, blocks):
                     if len(block.t_ns):
                         waiting.setdefault(block.topic, []).append(block)
                 ready = []
@@ -170,6 +176,8 @@ class Bag(AbstractContextManager["Bag"], ABC):
             raise InputError(f"{self.path}: has no topic {name} of {type_name}; {hint}")
         measured = [topic for topic in fitting if not topic.name.endswith("/" + IDEAL_IMU_TOPIC)]
         candidates = measured or fitting
+        # A topic without messages is no choice, unless none has any.
+        candidates = [topic for topic in candidates if topic.count] or candidates
         names = {topic.name for topic in candidates}
         once = [topic for topic in candidates if f"{topic.name}_raw" not in names]
         if len(once) == 1:
@@ -305,7 +313,9 @@ class ContradictionError(ValueError):
 
 def listed(topics: Iterable[TopicInfo]) -> str:
     """Return topics in words."""
-    return ", ".join(f"{topic.name} ({topic.type})" for topic in topics) or "no topics"
+    return (
+        ", ".join(f"{topic.name} ({topic.type or 'no schema'})" for topic in topics) or "no topics"
+    )
 
 
 def gather(data: Bytes, starts: Times, sizes: Times) -> Payloads:
@@ -350,6 +360,29 @@ def in_order(blocks: Sequence[MessageBlock]) -> MessageBlock:
     if isinstance(payloads, list):
         return MessageBlock(topic, t_ns[order], [payloads[k] for k in order.tolist()])
     return MessageBlock(topic, t_ns[order], payloads[order])
+
+
+_COMPRESSED_MESSAGES: Final = {b"\x28\xb5\x2f\xfd": "zstd", b"\x04\x22\x4d\x18": "lz4"}
+"""Compressions by the first bytes of a message; those of CDR begin with 0."""
+
+
+def _unpacked(block: MessageBlock) -> MessageBlock:
+    """Return a block with its messages unpacked that rosbag2 has compressed one by one."""
+    if not len(block.t_ns) or bytes(block.payloads[0][:4]) not in _COMPRESSED_MESSAGES:
+        return block
+    return block._replace(payloads=[_message(payload) for payload in as_list(block.payloads)])
+
+
+def _message(payload: bytes) -> bytes:
+    compression = _COMPRESSED_MESSAGES.get(payload[:4])
+    if compression is None:
+        return payload
+    message = bytearray()
+    for part in _stepwise(payload, compression):
+        message += part
+        if len(message) > max(_ALWAYS_ALLOWED, _LARGEST_RATIO * len(payload)):
+            raise ValueError(f"more than {len(message)} bytes in a message exceed the limit")
+    return bytes(message)
 
 
 def _concatenated(payloads: Sequence[Payloads]) -> Payloads:

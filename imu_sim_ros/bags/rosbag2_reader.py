@@ -9,11 +9,11 @@ import sqlite3
 import tempfile
 from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final, TypeAlias
 
 import numpy as np
 
-from imu_sim_ros.bags.mcap_reader import McapBag
+from imu_sim_ros.bags.compressed_files import SUFFIXES, stem
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
 from imu_sim_ros.bags.messages.schemas import Schema
 from imu_sim_ros.bags.reader import Bag, Recover, Timed, errors_naming
@@ -26,6 +26,8 @@ from imu_sim_ros.types import Bytes
 
 _ROWS: Final = 4096
 _MAX_TOPICS: Final = 10_000
+OpenFile: TypeAlias = Callable[[Path, Recover], Bag]
+"""Opens a file of a bag."""
 
 
 class SqliteBag(Bag):
@@ -217,17 +219,23 @@ class Rosbag2Folder(Bag):
 
     encoding = "cdr"
 
-    def __init__(self, path: Path, recover: Recover = False) -> None:
+    def __init__(self, path: Path, open_file: OpenFile, recover: Recover = False) -> None:
         """Open a folder.
 
+        :param open_file: opens one of its files.
         :param recover: do without metadata.yaml, and leave out damaged parts.
         :raises InputError: if there is no metadata.yaml, unless the bag is to be recovered.
         """
         super().__init__(path)
         self._parts: list[Bag] = []
+        self._open_file = open_file
         try:
             for file in self._files_there() if recover else self._files_listed():
                 self._add(file, recover)
+            encodings = {part.encoding for part in self._parts if part.topics}
+            if len(encodings) > 1:
+                raise InputError(f"{path}: holds messages of ROS 1 and of ROS 2")
+            self.encoding = next(iter(encodings), self.encoding)
             self.topics = _merged([topic for part in self._parts for topic in part.topics])
         except BaseException:
             self._stack.close()
@@ -235,10 +243,9 @@ class Rosbag2Folder(Bag):
 
     def _add(self, file: Path, recover: Recover) -> None:
         """Open a file; one that cannot be opened is left out when recovering."""
-        opener: Callable[..., Bag] = SqliteBag if file.suffix == ".db3" else McapBag
         try:
             with errors_naming(file):
-                part = opener(file, recover)
+                part = self._open_file(file, recover)
         except InputError as error:
             if not recover:
                 raise
@@ -249,6 +256,7 @@ class Rosbag2Folder(Bag):
         self._parts.append(part)
         self.found += [f"{file.name}: {line}" for line in part.found]
         self.damage += [f"{file.name}: {line}" for line in part.damage]
+        self.unreadable.update(part.unreadable)
         self.lost_bytes += part.lost_bytes
         self.lost_messages += part.lost_messages
 
@@ -256,11 +264,11 @@ class Rosbag2Folder(Bag):
         """Return the storage files that a folder has, and note how its metadata differ."""
         files = _files_found(self.path)
         try:
-            content = read_metadata(self.path)
+            listed = set(read_metadata(self.path))
         except InputError as error:
             self.found += [line.partition("; convert_bag --recover")[0] for line in error.problems]
             return files
-        listed, there = set(content.files), set(files)
+        there = set(files)
         self.damage += [
             f"{file.name}: metadata.yaml lists it, and it is not there"
             for file in sorted(listed - there)
@@ -271,13 +279,7 @@ class Rosbag2Folder(Bag):
         return files
 
     def _files_listed(self) -> list[Path]:
-        content = read_metadata(self.path)
-        if content.is_compressed:
-            raise InputError(
-                f"{self.path}: compressed as a whole or message by message "
-                f"({content.compression_format}); ros2 bag convert unpacks it"
-            )
-        files = content.files
+        files = read_metadata(self.path)
         if len(set(files)) != len(files):
             raise InputError(f"{self.path}: metadata.yaml lists a file twice")
         missing = [file for file in files if not is_present(file)]
@@ -299,17 +301,10 @@ class Rosbag2Folder(Bag):
                 )
 
 
-class _Metadata(NamedTuple):
-    """What readers need of metadata.yaml."""
+def read_metadata(folder: Path) -> list[Path]:
+    """Return the files that metadata.yaml lists.
 
-    files: list[Path]
-    is_compressed: bool
-    """As a whole, or message by message."""
-    compression_format: object
-
-
-def read_metadata(folder: Path) -> _Metadata:
-    """Return the content of metadata.yaml.
+    A file that was compressed or unpacked since then counts as the listed one.
 
     :raises InputError: if it is missing or has another form.
     """
@@ -328,20 +323,28 @@ def read_metadata(folder: Path) -> _Metadata:
     names = content.get("relative_file_paths")
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise InputError(f"{file}: not the metadata of a rosbag2 bag")
-    kind = content.get("compression_format")
-    is_compressed = bool(kind or content.get("compression_mode"))
-    return _Metadata([folder / Path(name).name for name in names], is_compressed, kind)
+    return [_current_form(folder / Path(name).name) for name in names]
+
+
+def _current_form(file: Path) -> Path:
+    """Return a listed file, or the form of it that is there: compressed or not."""
+    plain = stem(file)
+    forms = [file, plain, *(plain.with_name(plain.name + suffix) for suffix in SUFFIXES)]
+    return next(filter(is_present, forms), file)
 
 
 def _files_found(folder: Path) -> list[Path]:
-    """Return the storage files of a folder in the order of their numbers."""
-    files = [file for file in folder.iterdir() if file.suffix in (".mcap", ".db3")]
+    """Return the storage files of a folder in the order of their numbers, each in one form."""
+    files: dict[Path, Path] = {}
+    for file in sorted(folder.iterdir(), key=lambda file: (len(file.name), file.name)):
+        if stem(file).suffix in (".mcap", ".db3"):
+            files.setdefault(stem(file), file)
 
-    def number(file: Path) -> tuple[int, str]:
-        digits = re.search(r"_(\d+)$", file.stem)
-        return (int(digits[1]) if digits else -1, file.name)
+    def number(plain: Path) -> tuple[int, str]:
+        digits = re.search(r"_(\d+)$", plain.stem)
+        return (int(digits[1]) if digits else -1, plain.name)
 
-    return sorted(files, key=number)
+    return [files[plain] for plain in sorted(files, key=number)]
 
 
 def _merged(topics: Collection[TopicInfo]) -> list[TopicInfo]:

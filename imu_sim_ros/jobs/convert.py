@@ -278,6 +278,8 @@ def _from_bag(source: Path, output: _Output, journal: Journal, recover: Recover)
     form = output.form
     whole = not recover or _is_whole(source)
     with open_bag(source, recover) as bag:
+        for name, reason in bag.unreadable.items():
+            journal.remark(f"{source}: {name} {reason}, and is left out")
         topics = streams.chosen(bag, form.topics)
         if form.dataset is None:
             counts, last_ns = _bag_to_bag(bag, topics, output, journal)
@@ -290,6 +292,7 @@ def _from_bag(source: Path, output: _Output, journal: Journal, recover: Recover)
         else:
             counts, last_ns = _bag_to_dataset(bag, topics, output, journal, recover)
     lost = _without_table(topics, counts, output) if form.dataset else []
+    lost += bag.unreadable
     result = output.converted(counts, last_ns, lost)
     if not recover:
         return result
