@@ -14,6 +14,7 @@ from imu_sim_ros.bags.messages.encode_cameras import POINT_CLOUD2, POINT_TYPES
 from imu_sim_ros.bags.read import decoded_messages, open_bag
 from imu_sim_ros.bags.reader import errors_naming
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs.gate import stamp_ns
 from imu_sim_ros.types import Array
 
 
@@ -57,8 +58,8 @@ def read_clouds(path: Path, name: str) -> Iterator[tuple[int, NDArray[np.void]]]
         for _, cloud in decoded_messages(bag, [name]):
             with errors_naming(path, f" ({name})"):
                 rows = _points(cloud, name)
-            stamp = cloud.header.stamp
-            yield int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec), rows
+                t_ns = stamp_ns(int(cloud.header.stamp.sec), int(cloud.header.stamp.nanosec))
+            yield t_ns, rows
 
 
 def _points(cloud: Any, name: str) -> NDArray[np.void]:

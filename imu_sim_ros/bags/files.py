@@ -9,7 +9,7 @@ from typing import Final
 
 from imu_sim_ros.bags.compressed_files import compression_of, unpack
 from imu_sim_ros.bags.mcap_reader import McapBag
-from imu_sim_ros.bags.outputs import unfinished
+from imu_sim_ros.bags.outputs import active_path, is_being_written, unfinished
 from imu_sim_ros.bags.reader import Bag, Recover, errors_naming
 from imu_sim_ros.bags.ros1_reader import Rosbag1Bag
 from imu_sim_ros.bags.rosbag2_reader import Rosbag2Folder, SqliteBag
@@ -33,6 +33,28 @@ def open_bag(path: str | Path, recover: Recover = False) -> Bag:
     path = Path(path)
     if recover and not path.exists():
         path = unfinished(path) or path
+    if not path.exists():
+        active = next(filter(is_being_written, (active_path(path), unfinished(path) or path)), None)
+        if active is not None:
+            raise _unready(path)
+    elif is_being_written(path):
+        if not recover:
+            raise _unready(path)
+        bag = _open(path, recover)
+        bag.found.append("it is being written: these are the messages so far")
+        return bag
+    return _open(path, recover)
+
+
+def _unready(path: Path) -> InputError:
+    return InputError(
+        f"{path}: another program is writing it; read it when that has ended, or "
+        "convert_bag --recover takes the messages so far"
+    )
+
+
+def _open(path: Path, recover: Recover) -> Bag:
+    """Open a file or folder that nobody writes, or as much as there is of it in recovery."""
     with errors_naming(path, "" if recover else f"; {_ADVICE}"):
         if path.is_dir():
             return Rosbag2Folder(path, _open_file, recover)

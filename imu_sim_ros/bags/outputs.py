@@ -30,6 +30,9 @@ def refuse_existing(path: Path) -> None:
     if "\0" in str(path):
         raise InputError(f"{str(path)!r}: is not a file name")
     try:
+        for there in (path, active_path(path)):
+            if is_being_written(there):
+                raise _taken(there)
         if os.path.lexists(path):
             raise InputError(f"{path}: already exists; nothing is overwritten")
         if os.path.lexists(active_path(path)):
@@ -41,6 +44,39 @@ def refuse_existing(path: Path) -> None:
         raise system_error(path, error) from None
     if not os.access(path.parent, os.W_OK | os.X_OK):
         raise InputError(f"{path}: the folder {path.parent} cannot be written")
+
+
+def lock_output(descriptor: int) -> None:
+    """Lock an open file or folder until it is closed, so that others see that it is being written.
+
+    A reader that looks has it locked for a moment.
+    """
+    for _ in range(_LOOKS):
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            time.sleep(_LOOK)
+        except OSError:  # a file system without locks
+            return
+        else:
+            return
+
+
+def is_being_written(path: Path) -> bool:
+    """Return whether a program of this package is writing a file or folder."""
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:  # a file system without locks
+        return False
+    finally:
+        os.close(descriptor)
+    return False
 
 
 def active_path(path: Path) -> Path:
@@ -77,6 +113,20 @@ def make_folder(path: Path) -> None:
         raise system_error(path, error) from None
 
 
+def make_locked_folder(path: Path) -> int:
+    """Create a folder as :func:`make_folder` does, and lock it.
+
+    :returns: a descriptor; the folder is locked until it is closed.
+    """
+    make_folder(path)
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
+    except OSError as error:
+        raise system_error(path, error) from None
+    lock_output(descriptor)
+    return descriptor
+
+
 def write_bytes(path: Path, data: bytes) -> None:
     """Write a whole file, or none.
 
@@ -105,6 +155,7 @@ class OutputFile:
             self._file = open(self.current, "x+b", buffering=0)  # noqa: SIM115 - closed by finish
         except OSError as error:
             raise system_error(path, error) from None
+        lock_output(self._file.fileno())
         self.position = 0
 
     def write(self, *parts: bytes | memoryview) -> None:
@@ -399,6 +450,8 @@ class Outputs:
                     used = self._input_in(path)
                     if used:
                         yield f"{output}: {used}; an input is never overwritten"
+                    elif is_being_written(path):
+                        yield str(_taken(path))
                     elif not path.is_symlink() and not path.is_file() and not path.is_dir():
                         yield f"{output}: exists and is neither a file nor a folder"
                     elif not self.force:
@@ -442,6 +495,8 @@ class Outputs:
     def _remove_stale(self, staging: Path) -> None:
         """Remove the remains of a killed run, with ``force``; never the output of a running one."""
         with ExitStack() as looking:
+            if is_being_written(staging):
+                raise _taken(staging)
             folder = staging.is_dir() and not staging.is_symlink()
             if folder:
                 lock = _opened(staging)

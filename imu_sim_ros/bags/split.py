@@ -3,6 +3,7 @@
 
 """Bags of several files: splitting, and the folder of rosbag2 with its metadata."""
 
+import os
 import shutil
 from collections.abc import Callable, Sequence
 from itertools import pairwise
@@ -11,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from imu_sim_ros.bags.messages.blocks import RowTemplate
-from imu_sim_ros.bags.outputs import make_folder
+from imu_sim_ros.bags.outputs import make_locked_folder
 from imu_sim_ros.bags.writer import (
     MAX_PARTS,
     METADATA_FILE,
@@ -196,7 +197,7 @@ class Rosbag2Writer(PartsWriter):
         :param storage: mcap or sqlite3.
         :param open_part: opens a file of that storage.
         """
-        make_folder(path)
+        self._lock = make_locked_folder(path)
         self._storage = storage
         suffix = {"mcap": ".mcap", "sqlite3": ".db3"}[storage]
         super().__init__(
@@ -207,6 +208,13 @@ class Rosbag2Writer(PartsWriter):
         """Close the last file and write metadata.yaml."""
         super().close()
         self._describe()
+        self._unlock()
+
+    def _unlock(self) -> None:
+        """Let others read the folder."""
+        if self._lock >= 0:
+            os.close(self._lock)
+            self._lock = -1
 
     def stop(self) -> None:
         """Finish the last file early, and write metadata.yaml."""
@@ -215,6 +223,7 @@ class Rosbag2Writer(PartsWriter):
             self._describe()
         else:
             shutil.rmtree(self.path, ignore_errors=True)
+        self._unlock()
 
     def _describe(self) -> None:
         """Write metadata.yaml, which is there as a whole or not at all."""
@@ -228,7 +237,8 @@ class Rosbag2Writer(PartsWriter):
 
     def abandon(self) -> list[Path]:
         """Leave the folder without metadata."""
-        if not super().abandon():
+        kept = [self.path] if super().abandon() else []
+        if not kept:
             shutil.rmtree(self.path, ignore_errors=True)
-            return []
-        return [self.path]
+        self._unlock()
+        return kept

@@ -47,9 +47,9 @@ from imu_sim_ros.datasets.recorded import (
 )
 from imu_sim_ros.datasets.transforms import Transforms, fixed_transforms, to_root
 from imu_sim_ros.errors import InputError, naming, system_error
+from imu_sim_ros.inputs.gate import stamp_ns
 from imu_sim_ros.sensors.camera.images.files import Size, png
 from imu_sim_ros.sensors.camera.images.libraries import opencv
-from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 
 _ENDINGS: Final = (
     f"/{COMPRESSED_TOPIC}",
@@ -181,7 +181,9 @@ class RecordedImages:
                 if topic.name not in self._folders:
                     self._learn(topic, message)
                     continue
-                t_ns = _stamp(message)
+                with naming(topic.name):
+                    stamp = message.header.stamp
+                    t_ns = stamp_ns(int(stamp.sec), int(stamp.nanosec))
                 self._stamps[topic.name][t_ns] = None
                 self._frames.setdefault(_base(topic.name), message.header.frame_id)
                 path = self._folders[topic.name] / image_name(t_ns)
@@ -222,11 +224,6 @@ class RecordedImages:
             found = Description(_described(self._infos.get(camera.base)), pose)
             text = sensor_yaml(found, stamps, comment)
             (self._folder / name / "sensor.yaml").write_text(text, encoding="utf-8")
-
-
-def _stamp(message: Any) -> int:
-    stamp = message.header.stamp
-    return int(stamp.sec) * NANOSECONDS_PER_SECOND + int(stamp.nanosec)
 
 
 def _write(topic: TopicInfo, message: Any, path: Path) -> Size:

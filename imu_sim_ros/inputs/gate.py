@@ -17,10 +17,12 @@ from numpy.typing import NDArray
 
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import STAMPS, VALUES, BadRows
-from imu_sim_ros.types import Array, Mask, Times
+from imu_sim_ros.types import Array, Integers, Mask, Times
 
 Scalars = tuple[float, ...]
 
+_SECOND: Final = 1_000_000_000
+"""[ns]"""
 FIRST_STAMP: Final = -(2**31) * 1_000_000_000
 LAST_STAMP: Final = 2**31 * 1_000_000_000 - 1
 """[ns] The stamps that a ROS 2 message can hold: its seconds are an int32."""
@@ -53,17 +55,26 @@ OTHER: Final = Quantity("value", 1e100, "")
 class Verdict:
     """What the gate says of n rows."""
 
-    def __init__(self, t_ns: Times | None, columns: Sequence[tuple[Quantity, Array]]) -> None:
+    def __init__(
+        self,
+        t_ns: Times | None,
+        columns: Sequence[tuple[Quantity, Array]],
+        nanosecond: Integers | None = None,
+    ) -> None:
         """Look at rows.
 
         :param t_ns: (n,) stamps [ns]; None: the rows have none.
         :param columns: what each column measures, and its values, (n,) or (n, m); quaternions
             (n, 4) of any order are ``ORIENTATION``.
+        :param nanosecond: (n,) nanoseconds of the stamps as messages have them; None: of others.
         """
+        self._nanosecond = nanosecond
         self._stamped, self._columns = t_ns is not None, columns
         self._t_ns = np.zeros(len(columns[0][1]), dtype=np.int64) if t_ns is None else t_ns
         self.good: Mask = (self._t_ns >= FIRST_STAMP) & (self._t_ns <= LAST_STAMP)
         """(n,) whether a row may pass."""
+        if nanosecond is not None:
+            self.good &= nanosecond < _SECOND
         for quantity, values in columns:
             good = _good(quantity, values)
             if good is not None:
@@ -78,6 +89,9 @@ class Verdict:
         """Return what is wrong with a row that may not pass: name, value, what is allowed."""
         if not FIRST_STAMP <= self._t_ns[row] <= LAST_STAMP:
             return f"the stamp {self._t_ns[row]} ns is outside the years 1901 to 2038"
+        if self._overflows(row):
+            assert self._nanosecond is not None
+            return overflow_problem(int(self._nanosecond[row]))
         for quantity, values in self._columns:
             value = values[row]
             if not np.isfinite(value).all():
@@ -90,6 +104,11 @@ class Verdict:
                 return f"{quantity.name} {_shown(value)}: at most {limit} is possible"
         raise ValueError(f"row {row} may pass")
 
+    def _overflows(self, row: int) -> bool:
+        """Return whether the nanoseconds of a stamp are a second or more."""
+        nanosecond = self._nanosecond
+        return nanosecond is not None and bool(nanosecond[row] >= _SECOND)
+
     def note(self, bad: BadRows, numbers: Times | None = None, stamps: bool = False) -> None:
         """Note every row that may not pass.
 
@@ -99,7 +118,8 @@ class Verdict:
         for row in self.bad:
             number = int(row if numbers is None else numbers[row])
             t_ns = int(self._t_ns[row])
-            kind = VALUES if FIRST_STAMP <= t_ns <= LAST_STAMP else STAMPS
+            possible = FIRST_STAMP <= t_ns <= LAST_STAMP and not self._overflows(int(row))
+            kind = VALUES if possible else STAMPS
             bad.note(kind, number, f"{stamp_words(t_ns)}: " * stamps + self.why(int(row)))
         bad.rows += len(self.bad)
 
@@ -199,6 +219,21 @@ def within(values: Scalars, quantity: Quantity) -> bool:
     x, y, z = values
     most = quantity.largest
     return -most <= x <= most and -most <= y <= most and -most <= z <= most
+
+
+def stamp_ns(second: int, nanosecond: int) -> int:
+    """Return the stamp of a message [ns].
+
+    :raises InputError: for nanoseconds of a second and more, which no message of ROS has.
+    """
+    if nanosecond >= _SECOND:
+        raise InputError(overflow_problem(nanosecond))
+    return second * _SECOND + nanosecond
+
+
+def overflow_problem(nanosecond: int) -> str:
+    """Return a line about the nanoseconds of a stamp that are a second or more."""
+    return f"nanosec = {nanosecond} in the stamp: must be less than {_SECOND}"
 
 
 def stamp_words(t_ns: int) -> str:

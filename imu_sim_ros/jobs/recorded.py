@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from imu_sim_ros import arguments
 from imu_sim_ros.arguments import BAG_OR_FILE
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs.gate import stamp_ns
 
 if TYPE_CHECKING:
     from imu_sim_ros.datasets.recorded import RecordedFrames
@@ -106,7 +107,7 @@ def _images(path: Path, name: str) -> Iterator[tuple[int, NDArray[Any]]]:
                     with errors_naming(path, f" ({name})"):
                         message: Any = decode(payload, topic.type)
                         stamp = message.header.stamp
-                        t_ns = int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+                        t_ns = stamp_ns(int(stamp.sec), int(stamp.nanosec))
                         raw = topic.type == IMAGE
                         image = pixels(name, message) if raw else decoded(bytes(message.data))
                     yield t_ns, np.asarray(image)

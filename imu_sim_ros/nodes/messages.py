@@ -255,7 +255,8 @@ def _unit(q: Quaternion) -> Quaternion:
 
 def _checked(second: int, nanosecond: int, gyro: Vector, accel: Vector) -> ImuReading:
     t_ns = second * NANOSECONDS_PER_SECOND + nanosecond
-    if second < 0 or not gate.is_reading(t_ns, gyro, accel):
+    overflows = nanosecond >= NANOSECONDS_PER_SECOND
+    if second < 0 or overflows or not gate.is_reading(t_ns, gyro, accel):
         raise _refused(_stamp(second, nanosecond), (gate.RATE, gyro), (gate.FORCE, accel))
     return ImuReading(t_ns, gyro, accel)
 
@@ -263,7 +264,7 @@ def _checked(second: int, nanosecond: int, gyro: Vector, accel: Vector) -> ImuRe
 def _stamp(second: int, nanosecond: int) -> int:
     if second < 0:
         raise InputError(f"negative timestamp: {second} s")
-    return second * NANOSECONDS_PER_SECOND + nanosecond
+    return gate.stamp_ns(second, nanosecond)
 
 
 def _refused(t_ns: int, *columns: tuple[gate.Quantity, tuple[float, ...]]) -> InputError:

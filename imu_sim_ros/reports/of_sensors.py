@@ -23,6 +23,7 @@ from imu_sim_ros.bags.read import decoded_blocks, open_bag, read_odometry
 from imu_sim_ros.bags.reader import errors_naming
 from imu_sim_ros.bags.sensor_tables import read_table
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs.gate import stamp_ns
 from imu_sim_ros.navigation.association import common_rows, poses_at
 from imu_sim_ros.navigation.evaluation import attitude_errors
 from imu_sim_ros.records import States
@@ -172,8 +173,8 @@ def _numbers(
                 for payload, recorded in zip(as_list(block.payloads), block.t_ns, strict=True):
                     with errors_naming(path, f" ({info.name})"):
                         message: Any = decode(payload, info.type)
-                    stamp = getattr(getattr(message, "header", None), "stamp", None)
-                    whole = stamp and stamp.sec * 1_000_000_000 + stamp.nanosec
+                        stamp = getattr(getattr(message, "header", None), "stamp", None)
+                        whole = stamp and stamp_ns(stamp.sec, stamp.nanosec)
                     stamps.append(int(recorded) if whole is None else whole)
                     for name, value in _fields(message):
                         rows.setdefault(name, []).append(value)

@@ -38,13 +38,17 @@ class Decoded(NamedTuple):
     """(n,) when they were recorded."""
     t_ns: Times
     """(n,) stamps."""
+    nanosecond: Integers
+    """(n,) the stamps' nanoseconds as the messages have them."""
     numbers: dict[str, Array]
     """(n, count) by field, or (n,) for a single number."""
 
     def at(self, rows: Mask) -> "Decoded":
         """Return some of the messages."""
         numbers = {name: values[rows] for name, values in self.numbers.items()}
-        return Decoded(self.texts, self.record_t_ns[rows], self.t_ns[rows], numbers)
+        return Decoded(
+            self.texts, self.record_t_ns[rows], self.t_ns[rows], self.nanosecond[rows], numbers
+        )
 
 
 def joined(parts: Sequence[Decoded]) -> Decoded:
@@ -56,6 +60,7 @@ def joined(parts: Sequence[Decoded]) -> Decoded:
         first.texts,
         np.concatenate([part.record_t_ns for part in parts]),
         np.concatenate([part.t_ns for part in parts]),
+        np.concatenate([part.nanosecond for part in parts]),
         {name: np.concatenate([part.numbers[name] for part in parts]) for name in first.numbers},
     )
 
@@ -72,7 +77,7 @@ def decode_block(block: MessageBlock, encoding: str, names: Sequence[str]) -> De
     except (ArithmeticError, LookupError, ValueError, struct.error) as error:
         raise InputError(f"{block.topic.name}: not {type_name} messages: {error}") from None
     count = len(block.t_ns)
-    t_ns = np.empty(count, dtype=np.int64)
+    t_ns, nanosecond = np.empty((2, count), dtype=np.int64)
     first = groups[0].form
     numbers = {
         name: np.empty((count, *first.dtype[name].shape), dtype=np.float64) for name in names
@@ -80,10 +85,11 @@ def decode_block(block: MessageBlock, encoding: str, names: Sequence[str]) -> De
     for form, _, rows, payloads in groups:
         values = payloads.view(form.dtype)[:, 0]
         seconds = values["sec"].astype(np.int64) * NANOSECONDS_PER_SECOND
-        t_ns[rows] = seconds + values["nanosec"]
+        nanosecond[rows] = values["nanosec"]
+        t_ns[rows] = seconds + nanosecond[rows]
         for name in names:
             numbers[name][rows] = values[name]
-    return Decoded(groups[0].texts, block.t_ns, t_ns, numbers)
+    return Decoded(groups[0].texts, block.t_ns, t_ns, nanosecond, numbers)
 
 
 class MessageDecoder:
@@ -248,7 +254,7 @@ class MessageGate:
             unstated = numbers[_STATED][:, :1] < 0.0
             stated = np.where(unstated, (0.0, 0.0, 0.0, 1.0), numbers["orientation"])
             columns = [(of, stated if of is gate.ORIENTATION else v) for of, v in columns]
-        verdict = gate.Verdict(decoded.t_ns, columns)
+        verdict = gate.Verdict(decoded.t_ns, columns, decoded.nanosecond)
         first, self._seen = self._seen, self._seen + len(decoded.t_ns)
         self.bad.good += int(np.count_nonzero(verdict.good))
         if verdict.good.all():

@@ -23,6 +23,7 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.nodes.lifetime import Fail, SupervisedThread
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
 from imu_sim_ros.nodes.subscriptions import Taken
+from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 
 _STAMPS = {0: struct.Struct(">iI"), 1: struct.Struct("<iI")}
 
@@ -76,15 +77,15 @@ class Timestamps:
 
 
 def _stamp_ns(payload: bytes, offset: int | None) -> int | None:
-    """Return the stamp [ns] in a message's bytes; None if there is none that a bag can hold.
+    """Return the stamp [ns] in a message's bytes; None if there is none that is possible.
 
     A stamp of zero, the header's default, was never set.
     """
     if offset is None or len(payload) < offset + 8:  # a TFMessage may be empty
         return None
     second, nanosecond = _STAMPS[payload[1] & 1].unpack_from(payload, offset)
-    t_ns: int = second * 1_000_000_000 + nanosecond
-    return t_ns if t_ns > 0 else None
+    t_ns: int = second * NANOSECONDS_PER_SECOND + nanosecond
+    return t_ns if t_ns > 0 and nanosecond < NANOSECONDS_PER_SECOND else None
 
 
 _QUIET = 1.0
