@@ -27,14 +27,18 @@ from imu_sim_ros.calibration.deterministic.ellipsoid import calibrate_magnetomet
 from imu_sim_ros.calibration.deterministic.positions import AUTO, FIXTURES, NORM
 from imu_sim_ros.calibration.deterministic.positions import calibrate_six_position as six_position
 from imu_sim_ros.calibration.deterministic.steady import Steady, find_steady
-from imu_sim_ros.calibration.deterministic.temperature import Temperature, temperatures_at
+from imu_sim_ros.calibration.deterministic.temperature import (
+    Temperature,
+    check_unit,
+    temperatures_at,
+)
 from imu_sim_ros.calibration.deterministic.temperature import (
     calibrate_temperature as over_temperature,
 )
 from imu_sim_ros.calibration.deterministic.turntable import calibrate_turntable as turntable
 from imu_sim_ros.calibration.deterministic.turntable import known_rates, specific_force, true_rates
 from imu_sim_ros.calibration.noise.truth import load_truth
-from imu_sim_ros.conventions import GRAVITY, TRIADS
+from imu_sim_ros.conventions import GRAVITY, STANDARD_GRAVITY, TRIADS
 from imu_sim_ros.errors import InputError, Problems, naming
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import Skipped
@@ -54,6 +58,13 @@ if TYPE_CHECKING:
 
 _STRONGEST: Final = math.nextafter(1.0, 0.0)
 """[T]"""
+_COMMON_SCALE: Final = 0.05
+"""Departure from 1 of a triad's mean scale that no sensor has: data sheets state up to 4 %."""
+_UNITS: Final = {
+    "gyroscope": (("deg/s", math.degrees(1.0)), ("mrad/s", 1e3)),
+    "accelerometer": (("g", 1.0 / STANDARD_GRAVITY), ("mg", 1e3 / STANDARD_GRAVITY)),
+}
+"""Units that readings may have by mistake, with their number in the right unit."""
 _MAGNETOMETER: Final = SENSOR.name
 Source = Flight | Readings | str | Path
 
@@ -85,7 +96,7 @@ class Calibration:
     name: str
     """The file, for titles and comments."""
     warnings: tuple[str, ...] = ()
-    """Rows that were skipped."""
+    """Rows that were skipped, and what is doubtful."""
 
     @property
     def gyroscope(self) -> TriadCalibration:
@@ -235,6 +246,7 @@ class _Run:
         topic = arguments.topic("temperature_topic", topic, of_a_file=self.path is not None)
         if given is None and self.path is not None:
             found = bags.read_temperature(self.path, topic, self._skipped(f"{self.path}"))
+            check_unit(found.temperature)
             return found.t_ns, found.temperature
         if given is None:
             if not isinstance(self._given, Flight):
@@ -242,30 +254,63 @@ class _Run:
             given = self._given.temperature
         at_readings = arguments.array("temperature", given, (len(t_ns),))
         gate.Verdict(t_ns, [(gate.TEMPERATURE, at_readings)]).complain("temperature")
+        check_unit(at_readings)
         return t_ns, at_readings
 
     def steady(
-        self, imu: Readings, rates: ArrayLike | None, topic: str | None, rotating: bool
+        self,
+        imu: Readings,
+        rates: ArrayLike | None,
+        topic: str | None,
+        temperature: Table | None = None,
     ) -> tuple[Steady, Array]:
         """Return the steady pieces and their true rates (m, 3), as given or from the truth.
 
-        :param rotating: the rates must be known; else the body may also rest all the time.
+        :param temperature: of the sensor; then the body may also rest all the time. None: the body
+            turns and the rates must be known.
         """
+        rotating = temperature is None
         topic = arguments.topic("truth_topic", topic, of_a_file=self.path is not None)
         set_to = None if rates is None else np.abs(arguments.array("rates", rates, (None,)))
         if set_to is not None and not (set_to.size and set_to.all()):
             arguments.refuse("rates", rates, "one rate or more, none of them zero [rad/s]")
         steady = find_steady(imu.t_ns, *imu.triads(), rotating=rotating)
-        if set_to is not None:
-            return known_rates(steady, set_to)
-        truth = self._true_rates(topic)
-        if truth is not None:
-            return true_rates(steady, *truth)
-        if rotating:
-            raise InputError(
-                "rates: the rates the table was set to are not known; give them in rad/s"
+        at = None if temperature is None else temperatures_at(steady, *temperature)
+        if set_to is None:
+            truth = self._true_rates(topic)
+            if truth is not None:
+                return true_rates(steady, *truth)
+            if rotating:
+                raise InputError(
+                    "rates: the rates the table was set to are not known; give them in rad/s"
+                )
+        found = known_rates(steady, np.empty(0) if set_to is None else set_to, at)
+        if len(found.missing):
+            self._warnings.append(f"rates: nothing turns at {_listed(found.missing)} rad/s")
+        if len(found.unknown):
+            self._warnings.append(
+                f"{len(found.unknown)} pieces that turn at {_listed(found.unknown)} rad/s are left "
+                "out: rates does not name them"
             )
-        return known_rates(steady, np.array([np.inf]))
+        return found.steady, found.rate
+
+    def warn_of_scale(self, triad: str, scale_misalignment: Array, causes: str) -> None:
+        """Tell if all scales of a triad are off by as much as no sensor's are.
+
+        :param scale_misalignment: (3, 3) S of the triad.
+        :param causes: what may be wrong instead, with the options that help.
+        """
+        scale = float(
+            np.exp(np.mean(np.log(np.maximum(np.abs(np.diag(scale_misalignment)), 1e-300))))
+        )
+        if abs(scale - 1.0) <= _COMMON_SCALE:
+            return
+        unit = next((u for u, factor in _UNITS[triad] if abs(scale / factor - 1.0) < 0.05), None)
+        guess = causes if unit is None else f"the readings are in {unit}"
+        self._warnings.append(
+            f"{triad}: its three scales are {scale:.4g} on average, a sensor's are within "
+            f"{100 * _COMMON_SCALE:g} % of 1: {guess}"
+        )
 
     def _true_rates(self, topic: str | None) -> Table | None:
         """Return times and true angular rates (n, 3); None without a truth."""
@@ -345,6 +390,8 @@ def calibrate_six_position(
     with run.naming():
         steady = find_steady(imu.t_ns, *imu.triads())
         found = six_position(steady, gravity, simple=simple, fixture=fixture)
+        causes = "counts, or gravity is wrong"
+        run.warn_of_scale("accelerometer", found.scale_misalignment, causes)
     facts = {
         "positions": found.positions.stretches,
         "seconds_at_rest": float(found.positions.duration.sum()),
@@ -407,8 +454,9 @@ def calibrate_turntable(
     problems.tell()
     imu = with_fields(imu, accel=known.apply(*imu.triads())[1])
     with run.naming():
-        steady, rate = run.steady(imu, rates, truth_topic, rotating=True)
+        steady, rate = run.steady(imu, rates, truth_topic)
         found = turntable(steady, rate, gravity)
+        run.warn_of_scale("gyroscope", found.scale_misalignment, "rates are wrong, or counts")
     facts: dict[str, Any] = {
         "stretches": steady.stretches,
         "rates": sorted({round(float(r), 6) for r in np.abs(rate).max(axis=1)}),
@@ -472,7 +520,7 @@ def calibrate_temperature(
     imu = run.imu()
     with run.naming():
         measured = run.temperature(imu.t_ns, temperature, temperature_topic)
-        steady, rate = run.steady(imu, rates, truth_topic, rotating=False)
+        steady, rate = run.steady(imu, rates, truth_topic, measured)
         at = temperatures_at(steady, *measured)
         force = specific_force(steady, gravity)
         found = over_temperature(steady, at, rate, force, reference)
@@ -564,6 +612,12 @@ def _correction(given: Calibration | str | Path) -> Correction:
             "integrator",
         )
     return correction_of(build(IntegratorParameters, values))
+
+
+def _listed(values: Array) -> str:
+    """Return the different values in words, rounded to two digits, the first few of many."""
+    different = sorted({float(f"{value:.2g}") for value in values})
+    return ", ".join(f"{value:g}" for value in different[:5]) + (", ..." if different[5:] else "")
 
 
 def _rms(values: Array) -> list[float]:

@@ -29,7 +29,13 @@ from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.navigation import angles, initialisation
 from imu_sim_ros.navigation.association import interpolate_vectors
 from imu_sim_ros.navigation.comparison import Comparison, compare
-from imu_sim_ros.navigation.covariance import ATTITUDE, POSITION, initial_covariance, propagate
+from imu_sim_ros.navigation.covariance import (
+    ATTITUDE,
+    POSITION,
+    Covariance,
+    initial_covariance,
+    propagate,
+)
 from imu_sim_ros.navigation.coverage import common_time, truth_line
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon as integrate
 from imu_sim_ros.navigation.evaluation import distances, state_at
@@ -49,6 +55,7 @@ from imu_sim_ros.navigation.state import (
 from imu_sim_ros.recordings.order import RESTART_NS
 from imu_sim_ros.records import Readings, States, with_fields
 from imu_sim_ros.rotation import to_euler
+from imu_sim_ros.sensors.imu.triads import TriadsParameters
 from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.timebase import span
 from imu_sim_ros.types import Array, Mask, Times
@@ -207,7 +214,7 @@ def dead_reckon(
     :param skip: skip the readings in this time after the first one [s]
     :param skip_bad_rows: skip and count bad rows of text and bad messages of bags
     :param covariance: also propagate the covariance of the poses; for a flight that starts at an
-        exact state.
+        exact state, or level.
     :param parameters: parameters of the integrator node by their ROS names: ``gravity``,
         ``gyroscope_bias``, ``accelerometer_scale_misalignment``, ``level_time``, ``max_gap``, ...
     :returns: a :class:`Track`: the states at the readings' times.
@@ -298,7 +305,8 @@ def _begun(
         warn(f"{prefix}{note}", Remark)
     if isinstance(initial, NavigationState):
         return InitialCondition(recording, initial, correction_of(settings)), settings
-    return initial_condition(settings, recording), settings
+    noise = readings.parameters.imu if isinstance(readings, Flight) else None
+    return initial_condition(settings, recording, noise), settings
 
 
 class ReadingsAndTruth(NamedTuple):
@@ -339,6 +347,8 @@ class InitialCondition(NamedTuple):
     correction: Correction
     rate: Array | None = None
     """(3,) of the body relative to the world [rad/s]; None: as it is read."""
+    covariance: Covariance | None = None
+    """Covariance of the error of the IMU's state after a rest; None: the state is exact."""
 
 
 def _recording(
@@ -401,10 +411,13 @@ _usual_settings = cache(_settings)
 
 
 def initial_condition(
-    settings: IntegratorParameters, recording: ReadingsAndTruth
+    settings: IntegratorParameters,
+    recording: ReadingsAndTruth,
+    noise: TriadsParameters | None = None,
 ) -> InitialCondition:
     """Return where integration begins, by ``initial_state``.
 
+    :param noise: errors of the sensor, for a rest; None: those of the settings.
     :raises InputError: for a start at a truth that there is not, and a rest that is none.
     """
     readings, truth = recording.readings, recording.truth
@@ -426,14 +439,18 @@ def initial_condition(
     rest = initialisation.rest_rows(settings, readings.t_ns)
     start_ns = int(readings.t_ns[rest.stop - 1])
     position = yaw = None
+    if truth is not None:
+        begin_ns = int(readings.t_ns[rest.start])
+        resting = truth.rows((truth.t_ns >= begin_ns) & (truth.t_ns <= start_ns))
+        if len(resting):
+            initialisation.check_true_rest(resting.position, resting.q_wb)
     if truth is not None and truth.t_ns[0] <= start_ns <= truth.t_ns[-1]:
         state = state_at(truth.in_order(), start_ns)
         position, yaw = state.position, float(to_euler(state.q_wb)[2])
     gyro, accel = readings.rows(rest).triads()
-    found = initialisation.from_rest(settings, gyro, accel, position=position, yaw=yaw)
-    return InitialCondition(
-        recording.rows(slice(rest.stop - 1, None)), found.state, found.correction, found.rate
-    )
+    found = initialisation.from_rest(settings, gyro, accel, position=position, yaw=yaw, noise=noise)
+    after_rest = recording.rows(slice(rest.stop - 1, None))
+    return InitialCondition(after_rest, *found[:2], found.rate, found.covariance)
 
 
 def _true_rate(truth: States, t_ns: int) -> Array | None:
@@ -525,14 +542,16 @@ def track_of(
 
 
 def _covariance(given: object, track: Track, start: InitialCondition, mount: ImuMount) -> Array:
-    """Return the covariance (n, 6, 6) of the poses from an exact start."""
+    """Return the covariance (n, 6, 6) of the poses from an exact start, or from a rest."""
     if not isinstance(given, Flight):
         raise InputError("covariance: the sensor's errors are known of a flight alone")
     imu = given.parameters.imu
-    initial = initial_covariance(
+    initial: Array | Covariance = initial_covariance(
         gyroscope_bias=imu.gyroscope.turn_on_bias_sigma,
         accelerometer_bias=imu.accelerometer.turn_on_bias_sigma,
     )
+    if start.covariance is not None:
+        initial = start.covariance
     readings = start.recording.readings
     force = start.correction.apply(*readings.triads())[1]
     rows = range(len(track))

@@ -38,7 +38,6 @@ from imu_sim_ros.navigation.association import (
     ALIGNMENTS,
     poses_at,
 )
-from imu_sim_ros.navigation.association import time_offset as time_offset_of
 from imu_sim_ros.navigation.comparison import Comparison, compare
 from imu_sim_ros.navigation.coverage import coverage_line
 from imu_sim_ros.navigation.evaluation import (
@@ -47,6 +46,7 @@ from imu_sim_ros.navigation.evaluation import (
     RelativeErrors,
     statistics,
 )
+from imu_sim_ros.navigation.time_offset import time_offset as time_offset_of
 from imu_sim_ros.poses import write_tum
 from imu_sim_ros.records import States, with_fields
 from imu_sim_ros.text_tables import TextTable
@@ -69,7 +69,11 @@ class TimeOffset(NamedTuple):
     """A time offset that was found and removed."""
 
     value_s: float
-    """Added to the estimate's stamps."""
+    """Time added to the estimate's stamps."""
+    low_s: float
+    """Lower end of its 95 % interval."""
+    high_s: float
+    """Upper end of its 95 % interval."""
     ate_rmse_m_before: float
     """The ATE without it."""
 
@@ -509,8 +513,8 @@ def evaluation(
 
 
 def _time_offset(estimate: States, truth: States, align: str, max_gap: float) -> TimeOffset:
-    value = time_offset_of(estimate, truth, max_gap, scaled=align == "sim3")
-    return TimeOffset(value, compare(estimate, truth, align, max_gap).rms_position)
+    offset = time_offset_of(estimate, truth, max_gap, scaled=align == "sim3")
+    return TimeOffset(*offset, compare(estimate, truth, align, max_gap).rms_position)
 
 
 def _track(
@@ -543,9 +547,11 @@ def _lines(result: Mapping[str, Any]) -> Iterator[str | TextTable]:
     if result["alignment"]["kind"] == "sim3":
         yield f"scale of the estimate: {result['alignment']['scale']:.6g}"
     if result["time_offset"] is not None:
+        offset = result["time_offset"]
         yield (
-            f"time offset: {1e3 * result['time_offset']['value_s']:.2f} ms added to the estimate's "
-            f"stamps; ATE {result['time_offset']['ate_rmse_m_before']:.4g} m without, "
+            f"time offset: {1e3 * offset['value_s']:.2f} ms ({1e3 * offset['low_s']:.2f} to "
+            f"{1e3 * offset['high_s']:.2f}, 95 %) added to the estimate's stamps; "
+            f"ATE {offset['ate_rmse_m_before']:.4g} m without, "
             f"{result['ate_m']['rmse']:.4g} m with it"
         )
     rows = [("ATE position [m]", result["ate_m"]), ("attitude [rad]", result["attitude_error_rad"])]

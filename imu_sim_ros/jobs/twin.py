@@ -188,9 +188,10 @@ class Twin:
 
     errors: dict[str, Calibrated]
     """Constant errors by parameter, with standard errors; ``mounting`` is the rotation vector of
-    R_ib [rad], ``stamp_offset`` that at the truth's first pose. Two belong to the truth:
-    ``truth_curvature`` [s^2] is ``-s^2 / 2`` if its attitudes are smoothed over s, and
-    ``truth_turn`` [rad] the rotation vector from their world to that of positions and gravity.
+    R_ib [rad], which takes vectors from the truth's body to the IMU, ``stamp_offset`` that at the
+    truth's first pose. Two belong to the truth: ``truth_curvature`` [s^2] is ``-s^2 / 2`` if its
+    attitudes are smoothed over s, and ``truth_turn`` [rad] the rotation vector from their world to
+    that of positions and gravity.
     NaN: not given, since it hangs on the noise of the poses."""
     undetermined: tuple[str, ...]
     """Numbers that this motion does not determine; they are a perfect IMU's but for their prior."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from imu_sim_ros import arguments, timebase
 from imu_sim_ros.arguments import BAG_OR_FILE
-from imu_sim_ros.calibration.twin.alignment import coarse_offset, mounting
+from imu_sim_ros.calibration.twin.alignment import axis_problems, coarse_offset, mounting
 from imu_sim_ros.calibration.twin.fit import Recording
 from imu_sim_ros.calibration.twin.model import BodyMotion, KnownMotion
 from imu_sim_ros.calibration.twin.pose_noise import (
@@ -287,6 +287,9 @@ def _placed(
     if np.sqrt(np.mean(motion.rate**2)) < _TURNING:
         raise InputError(f"{name}: hardly turns; a twin is found in motion, not at rest")
     _check_units(y, motion, readings.source)
+    problems = axis_problems(y[:, :3], y[:, 3:], motion)
+    if problems:
+        raise InputError([f"{readings.source}: {problem}" for problem in problems])
     return half._replace(
         recording=_in_pieces(stamps, y, readings.source),
         offset=offset,

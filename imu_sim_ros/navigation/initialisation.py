@@ -32,6 +32,23 @@ from imu_sim_ros.types import Array, Times
 _GRAVITY_TOLERANCE: Final = 0.05
 """Smallest allowed difference of the mean force from gravity, as a fraction of gravity."""
 _SIGMAS: Final = 4.0
+_LARGEST_BIAS: Final = 0.5
+"""Mean rate [rad/s] that no gyroscope reads at rest: data sheets state up to 20 deg/s."""
+_WINDOWS: Final = 10
+"""Windows of a rest whose means are compared."""
+_MIN_READINGS: Final = 4
+"""Readings in a window with which its mean is judged."""
+_UNNOTICED: Final = (2e-3, 2e-2)
+"""Scatter of the means [rad/s, m/s^2] that a sensor at rest may have, and that tilts by 2 mrad."""
+_WALKED: Final = 40.0
+"""Length of a rest [s] from which on that scatter grows as a random walk does."""
+_LARGEST_RATIO: Final = 25.0
+"""Variance of the windows' means, at most, over that of white noise: a low-pass filter makes it ten
+times, and chance doubles that of ten means once in 50 times, triples it once in 1000."""
+_TRUTH_MOVES: Final = 0.05
+"""Distance [m] over which a true pose scatters at rest, at most."""
+_TRUTH_TURNS: Final = 0.02
+"""Angle [rad] over which a true pose scatters at rest, at most."""
 
 
 class Level(NamedTuple):
@@ -41,6 +58,66 @@ class Level(NamedTuple):
     """(4,) attitude with the given yaw."""
     gyroscope_bias: Array
     """(3,) [rad/s]."""
+
+
+def check_true_rest(position: Array, q_wb: Array) -> None:
+    """Refuse true poses of a body that moves while it should rest.
+
+    :param position: (n, 3) in the world [m].
+    :param q_wb: (n, 4) attitudes.
+    :raises InputError: for a body that moves.
+    """
+    distance = float(np.max(np.linalg.norm(position - position[0], axis=1)))
+    turns = rotation.log(rotation.multiply(rotation.conjugate(q_wb[0]), q_wb))
+    angle = float(np.max(np.linalg.norm(turns, axis=-1)))
+    if distance > _TRUTH_MOVES or angle > _TRUTH_TURNS:
+        raise InputError(
+            f"by the truth the body moves by {distance:.3g} m and turns by {angle:.3g} rad within "
+            "the time that is averaged: it is not at rest and cannot be levelled"
+        )
+
+
+def check_rest(gyro: Array, accel: Array, noise: TriadsParameters, time: float) -> None:
+    """Refuse readings of a body that moves: means that change, or a rate that is no bias.
+
+    Vibration, which averages out, is no motion; nor is a constant velocity, which readings cannot
+    tell from rest.
+
+    :param gyro: (n, 3) readings [rad/s], known errors removed.
+    :param accel: (n, 3) readings [m/s^2], known errors removed.
+    :param noise: errors of the sensor, as far as they are known.
+    :param time: length of the rest [s].
+    :raises InputError: for a body that moves.
+    """
+    if not len(gyro):
+        return
+    rate = float(np.max(np.abs(gyro.mean(axis=0))))
+    limit = max(_LARGEST_BIAS, _SIGMAS * max(noise.gyroscope.turn_on_bias_sigma))
+    if rate > limit:
+        raise InputError(
+            f"the mean rate is {rate:.3g} rad/s, and a gyroscope's bias at most {limit:.3g}: the "
+            "body turns and cannot be levelled"
+        )
+    size = len(gyro) // _WINDOWS
+    if size < _MIN_READINGS:
+        return
+    for values, triad, unnoticed, unit in (
+        (gyro, noise.gyroscope, _UNNOTICED[0], "rad/s"),
+        (accel, noise.accelerometer, _UNNOTICED[1], "m/s^2"),
+    ):
+        windows = values[: _WINDOWS * size].reshape(_WINDOWS, size, 3)
+        scatter = windows.mean(axis=1).std(axis=0, ddof=1)
+        white = np.sqrt(windows.var(axis=1, ddof=1).mean(axis=0) / size)
+        slow = np.square(triad.random_walk) * time + np.square(triad.bias_instability)
+        slow = np.sqrt(slow + np.square(triad.gauss_markov))
+        usual = max(1.0, time / _WALKED) ** 0.5 * unnoticed + _SIGMAS * slow
+        moving = (scatter > usual) & (scatter > np.sqrt(_LARGEST_RATIO) * white)
+        if moving.any():
+            axis = int(np.argmax(np.where(moving, scatter, 0.0)))
+            raise InputError(
+                f"the readings change by {scatter[axis]:.3g} {unit} on the axis {'xyz'[axis]} "
+                "within the time that is averaged: the body moves and cannot be levelled"
+            )
 
 
 def level(
@@ -161,6 +238,7 @@ def from_rest(
     *,
     position: Sequence[float] | Array | None = None,
     yaw: float | None = None,
+    noise: TriadsParameters | None = None,
 ) -> Initial:
     """Return the start of a body at rest: roll, pitch and the gyroscope's bias from its readings.
 
@@ -173,6 +251,8 @@ def from_rest(
     :param accel: (n, 3) readings [m/s^2].
     :param position: (3,) in the world [m]; None: ``initial_position``.
     :param yaw: [rad]; None: that of ``initial_orientation``.
+    :param noise: errors of the sensor, which decide what rest may look like and the covariance;
+        None: those of ``imu``.
     :raises InputError: if the readings cannot be those of a body at rest.
     """
     rates, forces = np.asarray(gyro, dtype=np.float64), np.asarray(accel, dtype=np.float64)
@@ -181,12 +261,13 @@ def from_rest(
     rates, forces = known.apply(rates[finite], forces[finite])
     mount = mount_of(parameters.imu)
     heading = parameters.initial_orientation[2] if yaw is None else yaw
-    imu = parameters.imu
+    errors = parameters.imu if noise is None else noise
     response = math.hypot(
-        max(imu.accelerometer.turn_on_scale_sigma), max(imu.accelerometer.misalignment_sigma)
+        max(errors.accelerometer.turn_on_scale_sigma), max(errors.accelerometer.misalignment_sigma)
     )
     by_scale = response * np.linalg.norm(parameters.gravity)
-    uncertainty = math.hypot(max(imu.accelerometer.turn_on_bias_sigma), by_scale)
+    uncertainty = math.hypot(max(errors.accelerometer.turn_on_bias_sigma), by_scale)
+    check_rest(rates, forces, errors, parameters.level_time)
     forces_b = rotation.rotate(mount.q_bi, forces)
     found = level(rates, forces_b, parameters.gravity, heading, uncertainty)
     q_wi = rotation.multiply(found.q_wb, mount.q_bi)
@@ -198,9 +279,9 @@ def from_rest(
     state = NavigationState(np.array(start), np.zeros(3), found.q_wb)
     correction = dataclasses.replace(known, gyroscope_bias=(x, y, z))
     covariance = after_rest(
-        parameters.imu,
+        errors,
         parameters.level_time,
-        parameters.imu.accelerometer.turn_on_bias_sigma,
+        errors.accelerometer.turn_on_bias_sigma,
         rotation.to_matrix(found.q_wb),
         parameters.gravity,
         len(rates) / parameters.level_time,

@@ -73,16 +73,17 @@ def six_position(run: Run) -> names.Parameters:
 
 def turntable(run: Run) -> names.Parameters:
     steady = find_steady(run.t_ns, run.gyro, run.accel, rotating=True)
-    return names.turntable_parameters(
-        calibrate_turntable(*known_rates(steady, np.array([0.5, 1.0, 2.0])), G)
-    )
+    table = known_rates(steady, np.array([0.5, 1.0, 2.0]))
+    return names.turntable_parameters(calibrate_turntable(table.steady, table.rate, G))
 
 
 def temperature(run: Run) -> names.Parameters:
     steady = find_steady(run.t_ns, run.gyro, run.accel)
-    steady, rate = known_rates(steady, np.array([1.0]))
     at = temperatures_at(steady, run.t_ns, run.temperature)
-    found = calibrate_temperature(steady, at, rate, specific_force(steady, G), 25.0)
+    table = known_rates(steady, np.array([1.0]), at)
+    at = temperatures_at(table.steady, run.t_ns, run.temperature)
+    force = specific_force(table.steady, G)
+    found = calibrate_temperature(table.steady, at, table.rate, force, 25.0)
     return names.temperature_parameters(found)
 
 

@@ -40,6 +40,7 @@ from imu_sim_ros.calibration.twin.spectrum import (
     raised,
     white_floor,
 )
+from imu_sim_ros.errors import InputError
 from imu_sim_ros.jobs.twin import _steps
 from imu_sim_ros.records import States
 
@@ -602,3 +603,25 @@ def test_readings_without_a_truth_are_told():
     assert f"the truth covers {found['seconds']:.4g} of 29.99 s of the readings" in twin.warnings[0]
     whole = ims.twin(flight.readings, flight.truth)
     assert not any("the truth covers" in line for line in whole.warnings)
+
+
+@pytest.mark.parametrize("triad", ["gyroscope", "accelerometer"])
+@pytest.mark.parametrize("axis", [0, 2])
+def test_an_inverted_axis_is_that_of_its_triad(triad, axis):
+    """Whichever triad was inverted, the gyroscope was said not to be of the same flight."""
+    flight = ims.simulate(imu="mpu6000", trajectory="excitation", duration=20, rate=100, seed=1)
+    sign = np.where(np.arange(3) == axis, -1.0, 1.0)
+    gyro = flight.gyro * (sign if triad == "gyroscope" else 1.0)
+    accel = flight.accel * (sign if triad == "accelerometer" else 1.0)
+    other = "gyroscope" if triad == "accelerometer" else "accelerometer"
+    with pytest.raises(
+        InputError, match=f"the {triad} {'xyz'[axis]} is inverted against the {other}"
+    ):
+        ims.twin(ims.Readings(flight.t_ns, gyro, accel), flight.truth)
+
+
+def test_two_inverted_axes_are_told():
+    flight = ims.simulate(imu="mpu6000", trajectory="excitation", duration=20, rate=100, seed=1)
+    accel = flight.accel * [-1.0, -1.0, 1.0]
+    with pytest.raises(InputError, match="axes of the accelerometer are turned by 1[78]. deg"):
+        ims.twin(ims.Readings(flight.t_ns, flight.gyro, accel), flight.truth)

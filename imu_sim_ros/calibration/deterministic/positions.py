@@ -174,7 +174,8 @@ def _exact(steady: Steady, gravity: float, reason: str, *, simple: bool = False)
     if missing:
         raise InputError(
             f"{6 - len(missing)} of 6 positions found; never up: {', '.join(missing)}. Each axis "
-            "must rest pointing up and down, level to 20 degrees, 2 s or longer"
+            f"must rest pointing up and down, level to 20 degrees, {steady.shortest:.3g} s or "
+            "longer"
         )
     force = gravity * face_vectors(faces)
     axes = [_axis(positions, force, k, simple) for k in range(3)]

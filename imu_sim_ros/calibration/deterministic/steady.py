@@ -56,7 +56,9 @@ _MIN_READINGS: Final = 25
 _QUIET: Final = 0.2
 """Share of the windows taken as the quietest: they set the noise floor."""
 _LOUDER: Final = 3.0
-"""Variance of a steady window, at most, over the floor."""
+"""Variance of a steady window, at most, over the floor, if chance makes no larger one."""
+_CHANCE: Final = 1e-9
+"""Probability that the variance of a steady window is above the limit."""
 _PIECE: Final = 5.0
 """Length of the pieces into which long stretches are cut [s]."""
 _PIECES: Final = 400
@@ -86,10 +88,12 @@ class Steady(NamedTuple):
     """(m, 3) standard errors of the means, from the differences of neighbouring windows."""
     accel_sigma: Array
     """(m, 3)"""
+    shortest: float = 2.0
+    """Length [s] that a stretch must have to be found."""
 
     def rows(self, chosen: Mask) -> "Steady":
         """Return some of the pieces."""
-        return Steady._make([field[chosen] for field in self])
+        return Steady._make([*(column[chosen] for column in self[:-1]), self.shortest])
 
     @property
     def stretches(self) -> int:
@@ -132,7 +136,8 @@ def find_steady(
     # Rounding hides the noise of windows in which all readings are the same.
     floor = np.maximum(np.quantile(variance, _QUIET, axis=0), _steps(y) ** 2 / 12.0)
     judged = np.arange(6) < (3 if rotating else 6)
-    calm = np.all(variance[:, judged] <= _LOUDER * floor[judged] + _UNNOTICED[judged] ** 2, axis=1)
+    limit = _louder(size) * floor[judged] + _UNNOTICED[judged] ** 2
+    calm = np.all(variance[:, judged] <= limit, axis=1)
     sigma = np.sqrt(2.0 * floor / size) + _UNNOTICED
     same = np.all(np.abs(np.diff(mean, axis=0)) <= _JUMP * sigma, axis=1, where=judged)
     label = np.cumsum(np.concatenate([[True], ~(same & calm[1:] & calm[:-1])]))
@@ -140,11 +145,20 @@ def find_steady(
     runs = [run for run in _runs(label, calm) if run[1] - run[0] >= least]
     if not runs:
         raise InputError(
-            f"no {least * size * interval:.2g} s at rest or at a constant rate found: the readings "
-            "never settle"
+            f"no {least * size * interval:.3g} s at rest or at a constant rate found "
+            f"({least * size} readings at {1.0 / interval:.4g} Hz): the readings never settle"
         )
     inner = [(first + 1, last - 1) for first, last in runs]
-    return _summarise(t_ns, mean, size, size * interval, inner)
+    steady = _summarise(t_ns, mean, size, size * interval, inner)
+    return steady._replace(shortest=least * size * interval)
+
+
+def _louder(size: int) -> float:
+    """Return the largest variance of a steady window of some readings, over the floor."""
+    from scipy.special import gammainccinv, gammaincinv
+
+    half = 0.5 * (size - 1)
+    return max(_LOUDER, float(gammainccinv(half, _CHANCE) / gammaincinv(half, _QUIET)))
 
 
 def _steps(y: Array) -> Array:

@@ -22,8 +22,35 @@ from imu_sim_ros.types import Array, Integers
 HIGHEST_ORDER: Final = 4
 _SMALLEST_SPAN: Final = 5.0
 """[K]"""
+_LOWEST: Final = -90.0
+"""Coldest sensor [degC]: below what chambers and the ground reach."""
+_HOTTEST: Final = 200.0
+"""Hottest sensor [degC]: above what silicon survives in the long run."""
+_ZERO: Final = 273.15
+"""0 degC [K]."""
 _STEP: Final = 1.0
 """Temperatures closer than this [K] count as one for the highest order."""
+
+
+def check_unit(temperature: Array) -> None:
+    """Refuse temperatures that no sensor in degC has, and name the unit that they fit.
+
+    :param temperature: (n,) temperatures in degC, if all is well.
+    :raises InputError: for temperatures in Kelvin, millidegrees or another unit.
+    """
+    low, high = float(temperature.min()), float(temperature.max())
+
+    def plausible(scale: float, zero: float) -> bool:
+        return low * scale - zero >= _LOWEST and high * scale - zero <= _HOTTEST
+
+    if plausible(1.0, 0.0):
+        return
+    units = (("Kelvin", 1.0, _ZERO), ("millidegrees", 1e-3, 0.0), ("millikelvin", 1e-3, _ZERO))
+    guess = next((f", as in {unit}" for unit, scale, zero in units if plausible(scale, zero)), "")
+    raise InputError(
+        f"temperatures from {low:.6g} to {high:.6g}{guess}: degC are needed, from {_LOWEST:g} to "
+        f"{_HOTTEST:g}"
+    )
 
 
 class TriadTemperature(NamedTuple):

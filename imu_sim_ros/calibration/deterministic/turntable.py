@@ -21,6 +21,11 @@ _TURNING: Final = 0.05
 """Smallest rate that counts as one of the table's [rad/s]."""
 _NEAR: Final = 0.15
 """Largest relative difference between a reading and the table's rate."""
+_DRIFT_ORDER: Final = 3
+"""Highest power of the temperature in the drift that tells rests from rotations."""
+_REWEIGHTINGS: Final = 60
+_SMALL: Final = 1e-4
+"""Residuals [rad/s] below which all weigh the same."""
 
 
 class Turntable(NamedTuple):
@@ -95,26 +100,72 @@ def specific_force(steady: Steady, gravity: float) -> Array:
     return np.where(aligned[:, None], gravity * face_vectors(faces), steady.accel)
 
 
-def known_rates(steady: Steady, rates: Array) -> tuple[Steady, Array]:
+class TableRates(NamedTuple):
+    """Pieces at rest or at one of a table's rates."""
+
+    steady: Steady
+    """The m pieces."""
+    rate: Array
+    """(m, 3) true angular rates [rad/s]."""
+    unknown: Array
+    """(k,) magnitudes of the measured rates that are none of the table's [rad/s]."""
+    missing: Array
+    """(r,) rates of the table that no piece has [rad/s]."""
+
+
+def known_rates(steady: Steady, rates: Array, temperature: Array | None = None) -> TableRates:
     """Return the stretches at rest or at one of the table's rates, and their true angular rates.
 
-    :param rates: magnitudes the table was set to [rad/s].
+    :param rates: magnitudes the table was set to [rad/s]; empty: all that turns is unknown.
+    :param temperature: (m,) of the pieces [degC], with which the bias may drift.
     :raises InputError: if no stretch is at rest.
     """
-    at_rest = np.median(steady.gyro, axis=0)  # stretches turn both ways
+    at_rest = _typical(steady.gyro, temperature)  # stretches turn both ways
     noise = np.linalg.norm(steady.gyro_sigma, axis=1)
     still = np.linalg.norm(steady.gyro - at_rest, axis=1) < _TURNING + 6.0 * noise
     if not still.any():
         raise InputError("no stretch at rest: the table must rest between the rates")
-    excess = steady.gyro - np.mean(steady.gyro[still], axis=0)
+    excess = steady.gyro - at_rest - np.mean((steady.gyro - at_rest)[still], axis=0)
     axis = np.argmax(np.abs(excess), axis=1)
     along = np.take_along_axis(excess, axis[:, None], axis=1)[:, 0]
-    nearest = rates[np.argmin(np.abs(np.abs(along)[:, None] - rates), axis=1)]
+    candidates = rates if len(rates) else np.array([np.inf])
+    nearest = candidates[np.argmin(np.abs(np.abs(along)[:, None] - candidates), axis=1)]
     turning = ~still & (np.abs(np.abs(along) - nearest) < _NEAR * nearest)
     true_rate = np.zeros((len(along), 3))
     true_rate[np.arange(len(along)), axis] = np.where(turning, np.sign(along) * nearest, 0.0)
     used = still | turning
-    return steady.rows(used), true_rate[used]
+    return TableRates(
+        steady.rows(used),
+        true_rate[used],
+        np.abs(along[~used]),
+        rates[~np.isin(rates, nearest[turning])],
+    )
+
+
+def _typical(gyro: Array, temperature: Array | None) -> Array:
+    """Return the readings at rest: medians (3,), or (m, 3) polynomials of the temperature.
+
+    The polynomials have the least sum of absolute residuals, as medians have, by iteratively
+    reweighted least squares.
+
+    :param gyro: (m, 3) readings, most of them at rest or as many one way as the other.
+    :param temperature: (m,) [degC].
+    """
+    median = np.asarray(np.median(gyro, axis=0))
+    if temperature is None or (span := float(np.ptp(temperature))) == 0.0:
+        return median
+    distinct = len(np.unique(np.round(temperature)))
+    middle = 0.5 * (temperature.min() + temperature.max())
+    order = min(_DRIFT_ORDER, distinct - 1)
+    powers = (2.0 * (temperature - middle) / span)[:, None] ** np.arange(order + 1)
+    result = np.tile(median, (len(gyro), 1))
+    for axis, column in enumerate(gyro.T):
+        for _ in range(_REWEIGHTINGS):
+            residual = np.abs(column - result[:, axis])
+            root = np.sqrt(1.0 / np.maximum(residual, _SMALL))
+            solution = np.linalg.lstsq(powers * root[:, None], column * root, rcond=None)[0]
+            result[:, axis] = powers @ solution
+    return result
 
 
 def true_rates(steady: Steady, t_ns: Integers, angular_velocity: Array) -> tuple[Steady, Array]:

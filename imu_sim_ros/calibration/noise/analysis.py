@@ -22,7 +22,7 @@ from imu_sim_ros.calibration.noise.estimate import (
 )
 from imu_sim_ros.calibration.noise.gauss_markov import GAUSS_MARKOV_KEYS, estimate_gauss_markov
 from imu_sim_ros.calibration.noise.losses import LossFiller
-from imu_sim_ros.calibration.noise.slow_lines import Line
+from imu_sim_ros.calibration.noise.slow_signals import LevelShift, Line, Signal, Transient
 from imu_sim_ros.calibration.noise.spectrum import Spectrum, SpectrumAccumulator
 from imu_sim_ros.calibration.noise.terms import (
     FLICKER,
@@ -131,11 +131,11 @@ def analyse(
     constant = record.constant_axes()
     dead = [k for k in constant if len(constant) == len(AXES) or record.lowest.value[k] == 0.0]
     if longest_piece < SHORTEST * record.rate:
-        raise InputError(_problems(record, longest, spectra.lines, None, dead))
+        raise InputError(_problems(record, longest, spectra.signals, None, dead))
     timing = record.timing()
     lost = losses.samples / samples
     spectrum = spectra.result().at_rate(timing.rate).with_losses(lost)
-    problems = _problems(record, longest, spectra.lines, spectrum, dead)
+    problems = _problems(record, longest, spectra.signals, spectrum, dead)
     if problems and not force:
         raise InputError(problems)
     # What never changes bounds no noise.
@@ -153,17 +153,21 @@ def analyse(
         if band is None:
             noise.append(None)
             continue
-        certain = [line for line in spectra.lines if line.axis == k]
-        maybe = [line for line in spectra.doubtful if line.axis == k]
+        certain = [signal for signal in spectra.signals if signal.axis == k]
+        maybe = [signal for signal in spectra.doubtful if signal.axis == k]
         found = of_model(spectrum.rows(band.used & ~spectrum.around(certain)), k)
         if maybe:
             rows = smoother.rows(band.used & ~smoother.around(certain + maybe))
-            found = either(found, of_model(rows, k))
+            strict = not all(isinstance(signal, Line) for signal in maybe)
+            found = either(found, of_model(rows, k), strict=strict)
+        decays = [signal for signal in certain if isinstance(signal, Transient)]
+        if decays and RAMP in found.estimates:
+            found = _without_ramp(found, decays, timing.rate, longest)
         noise.append(_rounded(found, record, k))
     warnings = [
         *_record_warnings(record, timing, longest, reasons, dead),
         *problems,
-        *_noise_warnings(bands, spectra.lines, spectra.doubtful, noise, timing.rate),
+        *_noise_warnings(bands, spectra.signals, spectra.doubtful, noise, timing.rate),
     ]
     deviation = deviations.result()
     return AllanResult(
@@ -177,6 +181,26 @@ def analyse(
         tuple(warnings),
         {AXES[k]: reason for k, reason in reasons.items()},
     )
+
+
+def _without_ramp(
+    noise: AxisNoise, decays: Sequence[Transient], rate: float, longest: float
+) -> AxisNoise:
+    """Return the estimates of an axis whose warm-up may be partly a ramp, or a ramp part of it.
+
+    :param decays: transients that were taken out.
+    :param longest: the longest piece [s].
+    """
+    slopes = [
+        abs(decay.size)
+        * rate
+        / decay.time_constant
+        * np.exp(-0.5 * longest * rate / decay.time_constant)
+        for decay in decays
+    ]
+    bound = Estimate(None, 0.0, noise.estimates[RAMP].high + float(max(slopes)))
+    chosen = tuple(key for key in noise.chosen if key != RAMP)
+    return noise._replace(estimates=noise.estimates | {RAMP: bound}, chosen=chosen, trend=0.0)
 
 
 def _rounded(noise: AxisNoise, record: Record, axis: int) -> AxisNoise:
@@ -215,7 +239,7 @@ def _rounded(noise: AxisNoise, record: Record, axis: int) -> AxisNoise:
 def _problems(
     record: Record,
     longest: float,
-    lines: Sequence[Line],
+    signals: Sequence[Signal],
     spectrum: Spectrum | None,
     dead: Sequence[int],
 ) -> list[str]:
@@ -231,6 +255,7 @@ def _problems(
         for k in dead
     ]
     rest = record.rest
+    lines = [signal for signal in signals if isinstance(signal, Line)]
     swaying = {n.axis for n in lines if rest.sways(n.axis, n.amplitude, 1.0 / n.frequency)}
     suspects = {m.axis for m in rest.moving} - swaying
     walks = set()
@@ -324,14 +349,14 @@ def _record_warnings(
 
 def _noise_warnings(
     bands: Iterable[UsableBand | None],
-    lines: Iterable[Line],
-    doubtful: Iterable[Line],
+    signals: Iterable[Signal],
+    doubtful: Iterable[Signal],
     noise: Sequence[AxisNoise | None],
     rate: float,
 ) -> Iterator[str]:
-    """Yield what was left out of the spectrum: a band, vibration, slow sinusoids.
+    """Yield what was left out of the spectrum, and where the model does not describe it.
 
-    :param doubtful: slow lines that may be there instead of a term.
+    :param doubtful: slow signals that may be there instead of a term.
     """
     for axis, band in enumerate(bands):
         if band is None:
@@ -344,17 +369,59 @@ def _noise_warnings(
         if band.lines:
             shown = ", ".join(f"{f:.3g}" for f in band.lines[:5])
             yield f"{AXES[axis]}: vibration at {shown} Hz was left out"
+    for signal in signals:
+        yield f"{_named(signal, rate)} was taken out"
+    for signal in doubtful:
+        axis_noise = noise[signal.axis]
+        if axis_noise is not None and axis_noise.withheld:
+            triad = TRIADS[signal.axis // 3]
+            texts = " and ".join(QUANTITIES[triad, key].text for key in axis_noise.withheld)
+            yield f"{_named(signal, rate)} explains the record as well as {texts}: only bounded"
+    yield from _process_warnings(noise)
 
-    told = [(line, "was taken out") for line in lines]
-    for line in doubtful:
-        own = noise[line.axis]
-        if own is not None and own.withheld:
-            words = " and ".join(
-                QUANTITIES[TRIADS[line.axis // 3], key].text for key in own.withheld
-            )
-            told.append((line, f"explains the record as well as {words}: only bounded"))
-    for line, what in told:
-        yield (
-            f"{AXES[line.axis]}: a sinusoid of {line.amplitude:.3g} {UNITS[line.axis // 3]} with a "
-            f"period of {1.0 / (line.frequency * rate):.4g} s {what}"
+
+def _named(signal: Signal, rate: float) -> str:
+    """Return axis, kind, size and time of a signal in words."""
+    axis, unit = AXES[signal.axis], UNITS[signal.axis // 3]
+    if isinstance(signal, Line):
+        period = 1.0 / (signal.frequency * rate)
+        return (
+            f"{axis}: a sinusoid of {signal.amplitude:.3g} {unit} with a period of {period:.4g} s"
         )
+    if isinstance(signal, LevelShift):
+        seconds = signal.position / rate
+        return f"{axis}: a shift of level of {signal.size:.3g} {unit} at {seconds:.0f} s"
+    seconds = signal.time_constant / rate
+    return f"{axis}: a warm-up of {signal.size:.3g} {unit} with a time constant of {seconds:.3g} s"
+
+
+def _process_warnings(noise: Sequence[AxisNoise | None]) -> Iterator[str]:
+    """Yield that the standard model does not describe some axes, and which one does."""
+    fits = {
+        AXES[k]: axis.process
+        for k, axis in enumerate(noise)
+        if axis is not None and axis.process is not None
+    }
+    instead = {axis: process for axis, process in fits.items() if process.instead > 0.0}
+    beside = {axis: process for axis, process in fits.items() if axis not in instead}
+    if instead:
+        gains = _range([process.instead for process in instead.values()])
+        yield (
+            f"{', '.join(instead)}: N, B and K do not describe the record; white noise with a "
+            f"Gauss-Markov process fits better, by a log-likelihood of {gains}: use "
+            "--model gauss_markov"
+        )
+    if beside:
+        gains = _range([process.beside for process in beside.values()])
+        times = _range([process.correlation_time for process in beside.values()])
+        yield (
+            f"{', '.join(beside)}: N, B and K alone do not describe the record; with a "
+            f"Gauss-Markov process of {times} s beside them it fits better, by a log-likelihood of "
+            f"{gains}, which --model gauss_markov finds with white noise alone"
+        )
+
+
+def _range(values: Sequence[float]) -> str:
+    """Return the smallest and the largest of some values in words, or the one that both are."""
+    low, high = f"{min(values):.2g}", f"{max(values):.2g}"
+    return low if low == high else f"{low} to {high}"

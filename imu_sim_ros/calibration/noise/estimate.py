@@ -10,13 +10,25 @@ If none of the slow terms (flicker, walk, ramp) is distinguishable from zero by 
 one of them is there, the one that explains the record at the lowest price gets a value, for white
 noise and a walk are the model that estimators use (kalibr, VINS); its interval says that others may
 stand for it. Values are those of the model that has just the terms with values.
+
+A bias that is a Gauss-Markov process is none of these terms, and sums of them that come near to it
+put white noise wrong. If the record asks for such a process next to them, it is fitted with them,
+and flicker, walk and ramp are bounded by what they would be without it.
 """
 
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.calibration.noise.likelihood import Data, Fits, Interval, fit, intervals
+from imu_sim_ros.calibration.noise.likelihood import (
+    Data,
+    Fits,
+    Interval,
+    fit,
+    intervals,
+    merged,
+    minimum,
+)
 from imu_sim_ros.calibration.noise.spectrum import Spectrum
 from imu_sim_ros.calibration.noise.terms import (
     FLICKER,
@@ -24,6 +36,7 @@ from imu_sim_ros.calibration.noise.terms import (
     TERMS,
     WALK,
     WHITE,
+    gauss_markov_expectation,
     ramp_amplitude,
 )
 from imu_sim_ros.types import Array, Mask
@@ -63,6 +76,18 @@ _MARGIN: Final = 0.5
 What the model's failure can hide in the statistical error falls with the square of the frequency at
 least (a first-order filter), the statistical error itself grows with the root only.
 """
+_PROCESS: Final = 6.0
+"""Log-likelihood that a Gauss-Markov process must gain next to the other terms, with its two
+parameters: chi-square(2) exceeds twice of it once in 400 times, and a process whose time is
+searched over the decades of a record in one of 100."""
+_FASTEST_PROCESS: Final = 1.0
+"""Least correlation time of a bias [s]; filters of sensors are faster."""
+_SLOW: Final = 1.0
+"""Frequency [Hz] below which no filter shapes the noise."""
+_TIMES: Final = 8
+"""Correlation times that are tried first."""
+_MERGED: Final = 5
+"""Rows of averages that become one where only the correlation time is searched."""
 _IMPROBABLE: Final = 1e-9
 """Probability of a row below which it is not noise of the fitted model."""
 
@@ -82,6 +107,17 @@ class Estimate(NamedTuple):
         return self.low <= truth <= self.high
 
 
+class ProcessFit(NamedTuple):
+    """A Gauss-Markov process that the record asks for next to the standard model's terms."""
+
+    correlation_time: float
+    """[s]"""
+    beside: float
+    """Log-likelihood that it gains next to the standard model's terms."""
+    instead: float
+    """Log-likelihood that white noise and a process gain over the standard model."""
+
+
 class AxisNoise(NamedTuple):
     """The random error of one axis."""
 
@@ -94,7 +130,9 @@ class AxisNoise(NamedTuple):
     trend: float = 0.0
     """The ramp with its sign, if it has a value."""
     withheld: tuple[str, ...] = ()
-    """Keys of the terms that have a value only if there is no slow sinusoid, which may be there."""
+    """Keys of the terms that have a value only without a slow signal that may be there."""
+    process: ProcessFit | None = None
+    """A process that the standard model lacks; None: it describes the record."""
 
 
 def data_and_design(spectrum: Spectrum, axis: int) -> tuple[Data, Array]:
@@ -125,6 +163,7 @@ class UsableBand(NamedTuple):
 def usable_band(spectrum: Spectrum, axis: int) -> UsableBand:
     """Find narrow peaks, and the frequency above which the sensor's own filter shapes the noise.
 
+    Where the slow part asks for a Gauss-Markov process, it is one of the terms.
     A real sensor's low-pass filter ends the white noise below the Nyquist frequency, where most of
     the samples' information seems to be. From the Nyquist frequency down, half an octave at a time,
     the first limit is taken below which quantisation, white noise, flicker and walk describe the
@@ -134,10 +173,15 @@ def usable_band(spectrum: Spectrum, axis: int) -> UsableBand:
     high = np.isinf(spectrum.duration)
     peaks = high & _peaks(spectrum.power[:, axis], spectrum.freedom, high)
     limit = nyquist
-    for _ in range(_STEPS):
+    process: float | None = None
+    for k in range(_STEPS):
         used = ~peaks & (spectrum.frequency <= limit)
-        if _describes(spectrum.rows(used), axis):
+        if _describes(spectrum.rows(used), axis, process):
             break
+        if k == 0:
+            process = correlation_time(spectrum.rows(~peaks & (spectrum.frequency < _SLOW)), axis)
+            if process is not None and _describes(spectrum.rows(used), axis, process):
+                break
         limit *= _STEP
     if limit < nyquist:
         limit *= _MARGIN
@@ -161,9 +205,43 @@ def _peaks(power: Array, freedom: Array, high: Mask) -> Mask:
     return result
 
 
-def _describes(spectrum: Spectrum, axis: int) -> bool:
-    """Return whether the full model fits the high part within chance, by rows and by groups."""
-    expected = fit(*data_and_design(spectrum, axis)).expected[0]
+def correlation_time(spectrum: Spectrum, axis: int) -> float | None:
+    """Return the time [s] of the Gauss-Markov process that an axis asks for next to the terms.
+
+    :returns: None if no process gains enough.
+    """
+    finite = spectrum.duration[np.isfinite(spectrum.duration)]
+    fastest = max(_FASTEST_PROCESS, 10.0 * spectrum.sample_interval)
+    if not len(finite) or np.max(finite) < 30.0 * fastest:
+        return None
+    data, design = data_and_design(spectrum, axis)
+    small, terms = merged(data, design, _MERGED)
+
+    def objective(log_time: float) -> float:
+        process = gauss_markov_expectation(spectrum, float(np.exp(log_time)))
+        _, column = merged(data, process[:, None], _MERGED)
+        return fit(small, np.column_stack([terms, column]), slope=np.nan).lowest
+
+    longest = np.max(finite) / 3.0
+    log_time = minimum(objective, float(np.log(fastest)), float(np.log(longest)), _TIMES)
+    gain = fit(small, terms, slope=np.nan).lowest - objective(log_time)
+    return float(np.exp(log_time)) if gain > _PROCESS else None
+
+
+def _with_process(spectrum: Spectrum, design: Array, time: float | None) -> Array:
+    """Return the expected rows with those of a Gauss-Markov process of some time, if any."""
+    if time is None:
+        return design
+    return np.column_stack([design, gauss_markov_expectation(spectrum, time)])
+
+
+def _describes(spectrum: Spectrum, axis: int, process: float | None) -> bool:
+    """Return whether the full model fits the high part within chance, by rows and by groups.
+
+    :param process: correlation time [s] of a process that is a term, too.
+    """
+    data, design = data_and_design(spectrum, axis)
+    expected = fit(data, _with_process(spectrum, design, process)).expected[0]
     high = np.isinf(spectrum.duration)
     if not high.any():
         return True
@@ -193,7 +271,8 @@ def explains_wander(spectrum: Spectrum, axis: int) -> bool:
     from scipy.special import gammaincc
 
     data, design = data_and_design(spectrum, axis)
-    best = fit(data, design, slope=np.nan)
+    process = correlation_time(spectrum, axis)
+    best = fit(data, _with_process(spectrum, design, process), slope=np.nan)
     ratio = data.without_trend(best.slope)[0] / best.expected[0]
     slow = spectrum.frequency < 1.0
     ratio, freedom = ratio[slow], data.freedom[slow]
@@ -206,41 +285,90 @@ def estimate(spectrum: Spectrum, axis: int) -> AxisNoise:
 
     :param axis: column of ``spectrum.power``.
     """
-    data, design = data_and_design(spectrum, axis)
+    data, standard = data_and_design(spectrum, axis)
+    time = correlation_time(spectrum, axis)
+    design = _with_process(spectrum, standard, time)
     components, ramp = intervals(data, design, trend=True)
-    ends = dict(zip(KEYS, [*components, ramp or Interval(0.0, 0.0, 0.0)], strict=True))
+    ends = _ends(components, ramp)
+    if time is not None:
+        ends = _bounded(ends, _ends(*intervals(data, standard, trend=True)))
     ends = _with_flicker(ends, spectrum, design)
+    process = None if time is None else _process_fit(spectrum, data, standard, time)
     shown = {key for key in KEYS if ends[key].low > 0.0}
-    if not shown & set(PRICES):
+    if process is not None and process.instead > 0.0:
+        shown -= set(PRICES)
+    if not shown & set(PRICES) and time is None:
         # The slow term that is worth its cost in addition to those shown, or none.
         added: list[set[str]] = [set(), *({key} for key in PRICES)]
         fits = _fit_terms(data, design, [{WHITE.key, *shown} | extra for extra in added])
         prices = [sum(PRICES[key] for key in extra) for extra in added]
         shown |= added[int(np.argmin(fits.objective + np.array(prices)))]
     best = _fit_terms(data, design, [shown])
-    sizes = dict(zip(KEYS, [*np.sqrt(best.components[0]), abs(float(best.slope[0]))], strict=True))
+    fitted = zip(KEYS, [*np.sqrt(best.components[0, : len(TERMS)]), best.slope[0]], strict=True)
+    sizes = {key: abs(float(size)) for key, size in fitted}
     chosen = tuple(key for key in KEYS if key in shown and sizes[key] > 0.0)
     estimates = {}
     for key, (_, low, high) in ends.items():
-        value = None
         if key in chosen:  # of a simpler model, kept in the interval of the full one
             margin = _KEPT * (high - low)
-            value = min(max(float(sizes[key]), low + margin), high - margin)
-        estimates[key] = Estimate(value, low, high)
-    return AxisNoise(estimates, chosen, best.expected[0], float(best.slope[0]))
+            value = min(max(sizes[key], low + margin), high - margin)
+            estimates[key] = Estimate(value, low, high)
+        else:
+            estimates[key] = Estimate(None, 0.0, high)
+    slope = float(best.slope[0])
+    return AxisNoise(estimates, chosen, best.expected[0], slope, process=process)
 
 
-def either(one: AxisNoise, other: AxisNoise) -> AxisNoise:
+def _ends(components: list[Interval], ramp: Interval | None) -> dict[str, Interval]:
+    """Return the intervals of the standard model's parameters, those of other columns apart."""
+    return dict(
+        zip(KEYS, [*components[: len(TERMS)], ramp or Interval(0.0, 0.0, 0.0)], strict=True)
+    )
+
+
+def _bounded(ends: dict[str, Interval], without: dict[str, Interval]) -> dict[str, Interval]:
+    """Return the ends with a process, the slow terms no narrower than they are without it.
+
+    :param without: the ends without the process.
+    """
+    return {
+        key: end._replace(high=max(end.high, without[key].high)) if key in PRICES else end
+        for key, end in ends.items()
+    }
+
+
+def _process_fit(spectrum: Spectrum, data: Data, standard: Array, time: float) -> ProcessFit:
+    """Return by how much a process beside the terms, and one with white noise alone, fit better.
+
+    :param standard: (m, 4) expected rows of the terms.
+    :param time: correlation time [s] beside the terms.
+    """
+    white = WHITE.expectation(spectrum)
+
+    def alone(log_time: float) -> float:
+        process = gauss_markov_expectation(spectrum, float(np.exp(log_time)))
+        return fit(data, np.column_stack([white, process])).lowest
+
+    without = fit(data, standard, slope=np.nan).lowest
+    beside = fit(data, _with_process(spectrum, standard, time), slope=np.nan).lowest
+    near = np.log(time) + np.array([-1.5, 1.5])
+    instead = alone(minimum(alone, float(near[0]), float(near[1]), _TIMES))
+    return ProcessFit(time, without - beside, without - instead)
+
+
+def either(one: AxisNoise, other: AxisNoise, *, strict: bool) -> AxisNoise:
     """Return what holds in both of two cases.
 
     Values are those of the first, but for terms that are certain in it and not shown in the other.
+
+    :param strict: terms that are not shown in the other have no value, certain or not.
     """
     estimates = {}
     for key, found in one.estimates.items():
         second = other.estimates[key]
-        value = None if second.value is None and found.low > 0.0 else found.value
+        value = None if second.value is None and (strict or found.low > 0.0) else found.value
         low, high = min(found.low, second.low), max(found.high, second.high)
-        estimates[key] = Estimate(value, low, high)
+        estimates[key] = Estimate(value, 0.0 if value is None else low, high)
     shown = {key for key, found in estimates.items() if found.value is not None}
     chosen = tuple(key for key in one.chosen if key in shown)
     withheld = tuple(key for key in one.chosen if key not in shown)
@@ -274,11 +402,16 @@ def _with_flicker(
 
 
 def _fit_terms(data: Data, design: Array, models: list[set[str]]) -> Fits:
-    """Return the best fit of each of some models, which are given by the keys of their terms."""
+    """Return the best fit of each of some models, which are given by the keys of their terms.
+
+    Columns of the design that are not the standard model's are in each.
+    """
     keys = [term.key for term in TERMS]
+    others = [np.nan] * (design.shape[1] - len(keys))
+    held = [[np.nan if key in model else 0.0 for key in keys] + others for model in models]
     return fit(
         data,
         design,
-        held=np.array([[np.nan if key in model else 0.0 for key in keys] for model in models]),
+        held=np.array(held),
         slope=np.array([np.nan if RAMP in model else 0.0 for model in models]),
     )

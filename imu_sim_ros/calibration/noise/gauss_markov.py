@@ -10,7 +10,14 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.calibration.noise.estimate import AxisNoise, Estimate, data_and_design
-from imu_sim_ros.calibration.noise.likelihood import CONFIDENCE_DROP, Data, Fits, fit, intervals
+from imu_sim_ros.calibration.noise.likelihood import (
+    CONFIDENCE_DROP,
+    Data,
+    Fits,
+    fit,
+    intervals,
+    minimum,
+)
 from imu_sim_ros.calibration.noise.spectrum import Spectrum
 from imu_sim_ros.calibration.noise.terms import TERMS, WHITE, gauss_markov_expectation
 from imu_sim_ros.types import Array
@@ -43,7 +50,7 @@ def estimate_gauss_markov(spectrum: Spectrum, axis: int) -> AxisNoise:
         process = gauss_markov_expectation(spectrum, float(np.exp(log_time)))
         return fit(data, np.column_stack([white, process]), held=np.array([np.nan, sigma**2]))
 
-    log_time = _minimum(lambda x: held(x).lowest, low, high, _GRID)
+    log_time = minimum(lambda x: held(x).lowest, low, high, _GRID)
     best = held(log_time)
     process = gauss_markov_expectation(spectrum, float(np.exp(log_time)))
     estimates = _standard_terms(data, standard, white, process)
@@ -52,7 +59,7 @@ def estimate_gauss_markov(spectrum: Spectrum, axis: int) -> AxisNoise:
 
     @cache
     def over_time(value: float) -> float:
-        centre = _minimum(lambda x: held(x, value).lowest, low, high, _GRID // 3)
+        centre = minimum(lambda x: held(x, value).lowest, low, high, _GRID // 3)
         return held(centre, value).lowest
 
     sigma_low, sigma_high = _profile_interval(over_time, sigma, best.lowest, 0.2 * sigma)
@@ -73,7 +80,8 @@ def _standard_terms(
     others, _ = intervals(data, np.column_stack([standard, process]), trend=False)
     bounds = zip(TERMS, others, strict=False)
     estimates = {term.key: Estimate(None, 0.0, found.high) for term, found in bounds}
-    estimates[WHITE.key] = Estimate(noise.value, noise.low, noise.high)
+    value = noise.value if noise.low > 0.0 else None
+    estimates[WHITE.key] = Estimate(value, noise.low, noise.high)
     return estimates
 
 
@@ -95,17 +103,6 @@ def _time_interval(
     start, end = _profile_interval(inside, best - low, lowest, 0.2)
     end = min(low + end, high)
     return Estimate(float(np.exp(best)), float(np.exp(low + start)), float(np.exp(end)))
-
-
-def _minimum(objective: Callable[[float], float], low: float, high: float, count: int) -> float:
-    """Return where a function of one variable is smallest: a grid, then Brent's search."""
-    from scipy.optimize import minimize_scalar
-
-    grid = np.linspace(low, high, count)
-    k = int(np.argmin([objective(float(x)) for x in grid]))
-    bounds = (float(grid[max(k - 1, 0)]), float(grid[min(k + 1, count - 1)]))
-    found = minimize_scalar(objective, bounds=bounds, method="bounded", options={"xatol": 1e-3})
-    return float(found.x)
 
 
 def _profile_interval(

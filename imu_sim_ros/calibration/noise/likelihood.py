@@ -389,3 +389,17 @@ def _search(
         open_ends = k[np.abs(value) >= _CLOSE]
     nearer = np.where(np.abs(inside_value) < np.abs(outside_value), inside, outside)
     return np.where(at_zero, 0.0, nearer)
+
+
+def minimum(objective: Callable[[float], float], low: float, high: float, count: int) -> float:
+    """Return where a function of one variable is smallest: a grid, then Brent's search.
+
+    :param count: points of the grid.
+    """
+    from scipy.optimize import minimize_scalar
+
+    grid = np.linspace(low, high, count)
+    k = int(np.argmin([objective(float(x)) for x in grid]))
+    bounds = (float(grid[max(k - 1, 0)]), float(grid[min(k + 1, count - 1)]))
+    found = minimize_scalar(objective, bounds=bounds, method="bounded", options={"xatol": 1e-3})
+    return float(found.x)

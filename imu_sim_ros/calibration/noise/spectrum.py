@@ -16,7 +16,13 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.calibration.noise.slow_lines import Line, find_lines
+from imu_sim_ros.calibration.noise.slow_signals import (
+    Cleaned,
+    LevelShift,
+    Line,
+    Signal,
+    find_signals,
+)
 from imu_sim_ros.types import Array, Integers, Mask
 
 CLUSTER: Final = 16
@@ -59,13 +65,15 @@ class Spectrum(NamedTuple):
         """Return some of the rows."""
         return Spectrum._make([*(column[chosen] for column in self[:-1]), self.sample_interval])
 
-    def around(self, lines: Iterable[Line]) -> Mask:
-        """Return the single coefficients (m,) whose power went into the lines that were taken out.
+    def around(self, signals: Iterable[Signal]) -> Mask:
+        """Return the single coefficients (m,) whose power went into lines that were taken out.
 
         A line has three parameters and coefficients at every half period in the record.
         """
         result = np.zeros(len(self.order), dtype=np.bool_)
-        for line in lines:
+        for line in signals:
+            if not isinstance(line, Line):
+                continue
             apart = self.frequency - line.frequency / self.sample_interval
             result |= (self.order > 0) & (np.abs(apart) * 2.0 * self.duration < _NEAR)
         return result
@@ -126,10 +134,10 @@ class SpectrumAccumulator:
         self._whole = self._bins(_SEGMENT)
         self._low: list[Spectrum] = []
         self._low_without_doubtful: list[Spectrum] = []
-        self.lines: list[Line] = []
-        """Slow sinusoids that were taken out; their frequencies in cycles per sample."""
-        self.doubtful: list[Line] = []
-        """Those that may be there or not; they were left in."""
+        self.signals: list[Signal] = []
+        """Slow signals that were taken out; their times in samples, positions from the first."""
+        self.doubtful: list[Signal] = []
+        """Slow signals that may be there or not; they were left in."""
         self._segment = np.empty((axes, _SEGMENT))
         self._workspace = np.empty((axes, _SEGMENT))
         self._filled = 0
@@ -137,6 +145,8 @@ class SpectrumAccumulator:
         """(axes, 1) mean of the piece's first segment."""
         self._clusters: list[Array] = []
         """Averages of the piece so far."""
+        self._begin = self._samples = 0
+        """Samples before the piece, and in all."""
 
     def add(self, y: Array) -> None:
         """Take the next readings (n, axes) of the piece."""
@@ -153,19 +163,25 @@ class SpectrumAccumulator:
         """Close the piece: what follows is not connected to it."""
         self._flush()
         if self._clusters:
-            found = find_lines(np.concatenate(self._clusters, axis=1), _SPLIT * CLUSTER)
-            for known, new in ((self.lines, found.lines), (self.doubtful, found.doubtful)):
-                known += [line._replace(frequency=line.frequency / CLUSTER) for line in new]
-            low = self._low_part(found.values)
+            values = np.concatenate(self._clusters, axis=1)
+            found = find_signals(values, _SPLIT * CLUSTER, CLUSTER * self._dt)
+            for signals, new in ((self.signals, found.certain), (self.doubtful, found.doubtful)):
+                signals += [_in_samples(signal, self._begin) for signal in new]
+            for signal in found.certain:
+                if isinstance(signal, LevelShift):
+                    self._take_out(signal)
+            low = self._low_part(found.without_certain)
             self._low.append(low)
             self._low_without_doubtful.append(
                 self._low_part(found.without_doubtful) if found.doubtful else low
             )
         self._offset, self._clusters = None, []
+        self._begin = self._samples
 
     def _flush(self) -> None:
         """Transform the samples of the segment, add them to the bins, and keep their averages."""
         count, self._filled = self._filled, 0
+        self._samples += count
         if count < _SHORTEST:
             return
         y = self._segment[:, :count]
@@ -180,6 +196,23 @@ class SpectrumAccumulator:
         self._sums[bins.used] += squares.T
         self._freedom += bins.freedom
         self._log_frequency += bins.log_frequency
+
+    def _take_out(self, shift: LevelShift) -> None:
+        """Take the power of a shift of level [averages] out of the high part of the piece.
+
+        The transform of a step at j among n samples is a geometric series:
+        ``sin(pi k j / n) / (sqrt(2 n) sin(pi k / 2 n))``.
+        """
+        segment, position = divmod(round(shift.position * CLUSTER), _SEGMENT)
+        count = min(_SEGMENT, self._samples - self._begin - segment * _SEGMENT)
+        if count < _SHORTEST:
+            return
+        bins = self._bins(count)
+        angle = np.pi * np.arange(bins.first, bins.last) / count
+        step = np.sin(angle * position) / (np.sqrt(2.0 * count) * np.sin(0.5 * angle))
+        power = self._sums_of_squares(step[None] * shift.size, bins.starts)[0]
+        column = self._sums[bins.used, shift.axis]
+        self._sums[bins.used, shift.axis] = np.where(power < column, column - power, column)
 
     @staticmethod
     def _sums_of_squares(coefficients: Array, starts: Integers) -> Array:
@@ -203,16 +236,19 @@ class SpectrumAccumulator:
         log_frequency: Array = np.bincount(bins, weights=logs, minlength=size).astype(np.float64)
         return _Bins(first, last, starts, bins[starts], freedom, log_frequency)
 
-    def _low_part(self, clusters: Array) -> Spectrum:
-        """Return the rows of a piece below the split, from its averages (axes, n).
+    def _low_part(self, cleaned: Cleaned) -> Spectrum:
+        """Return the rows of a piece below the split, from its averages.
 
         The first coefficients are rows of their own, the others are in log-spaced bins.
         """
+        clusters, inflation = cleaned
         n = clusters.shape[1]
         interval = CLUSTER * self._dt
         last = int(np.ceil(2.0 * n * _SPLIT * CLUSTER))  # the first coefficient at the split
         centred = clusters - clusters.mean(axis=1, keepdims=True)
         amplitude = self._dct(centred)[:, 1:last].T * np.sqrt(interval)
+        shared = min(len(amplitude), inflation.shape[1])
+        amplitude[:shared] *= inflation[:, :shared].T
         order = np.arange(1, last)
         edges = np.arange(min(_SINGLE, len(order)))
         if len(order) > _SINGLE:
@@ -256,3 +292,15 @@ class SpectrumAccumulator:
         parts = [*(self._low if doubtful else self._low_without_doubtful), high]
         columns = zip(*(part[:-1] for part in parts), strict=True)
         return Spectrum._make([*map(np.concatenate, columns), self._dt])
+
+
+def _in_samples(signal: Signal, begin: int) -> Signal:
+    """Return a signal in averages of samples as one in samples.
+
+    :param begin: samples before the first average.
+    """
+    if isinstance(signal, Line):
+        return signal._replace(frequency=signal.frequency / CLUSTER)
+    if isinstance(signal, LevelShift):
+        return signal._replace(position=begin + signal.position * CLUSTER)
+    return signal._replace(time_constant=signal.time_constant * CLUSTER)

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros.calibration.twin.model import BodyMotion, MotionAt
+from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.types import Array
 
 _GRID: Final = 0.005
@@ -16,6 +17,10 @@ _MIN_POSES: Final = 200
 """Times below which there is nothing to correlate."""
 _TURNING: Final = 1e-3
 """[rad/s] deviation of the rate below which a motion says nothing about the clock."""
+_SHOWN: Final = 0.01
+"""Share of a motion about its weakest axis with which that axis is judged."""
+_APART: Final = 30.0
+"""[deg] between the axes of two triads of one sensor that no misalignment explains."""
 
 
 def coarse_offset(
@@ -67,16 +72,61 @@ def mounting(gyro: Array, accel: Array, motion: BodyMotion) -> Array:
     using vector observations and the singular value decomposition", 1988). Rates without their
     means, for the bias; both scaled to their own size.
     """
-    pairs = [(gyro - gyro.mean(axis=0), motion.rate - motion.rate.mean(axis=0))]
-    pairs.append((accel, motion.force))
-    total = np.zeros((3, 3))
-    for read, true in pairs:
-        size = float(np.sum(true**2))
-        if size > 0.0:
-            total += read.T @ true / size
-    u, _, vt = np.linalg.svd(total)
+    products = [_product(gyro - gyro.mean(axis=0), motion.rate - motion.rate.mean(axis=0))]
+    products.append(_product(accel, motion.force))
+    u, _, vt = np.linalg.svd(products[0] + products[1])
     sign = np.sign(np.linalg.det(u @ vt))
     return u @ np.diag([1.0, 1.0, sign]) @ vt
+
+
+def _product(read: Array, true: Array) -> Array:
+    """Return (3, 3) the sum of products of readings and truth (n, 3), over the truth's size."""
+    size = float(np.sum(true**2))
+    return read.T @ true / size if size > 0.0 else np.zeros((3, 3))
+
+
+def axis_problems(gyro: Array, accel: Array, motion: BodyMotion) -> list[str]:
+    """Return a line for each triad whose axes no rotation takes to the truth's.
+
+    A mirrored triad has a negative determinant; two triads with different rotations have axes of
+    their own. Only what the motion shows about all three axes is judged.
+
+    :param gyro: (n, 3) [rad/s].
+    :param accel: (n, 3) [m/s^2].
+    :param motion: the true motion at the readings.
+    """
+    pairs = ((gyro, motion.rate), (accel, motion.force))
+    fits = [np.linalg.svd(_product(r - r.mean(axis=0), t - t.mean(axis=0))) for r, t in pairs]
+    shown = [
+        bool(values[2] > _SHOWN * values.sum() and values.sum() > 0.5) for _, values, _ in fits
+    ]
+    turns = [u @ vt for u, _, vt in fits]
+    mirrored = [
+        is_shown and bool(np.linalg.det(turn) < 0.0)
+        for is_shown, turn in zip(shown, turns, strict=True)
+    ]
+    problems = []
+    for k, (triad, other) in enumerate(zip(TRIADS, TRIADS[::-1], strict=True)):
+        if not mirrored[k]:
+            continue
+        line = f"the axes of the {triad} are mirrored: one is inverted, or two are exchanged"
+        if shown[1 - k] and not mirrored[1 - k]:
+            relative = turns[k] @ turns[1 - k].T
+            axis = int(np.argmin(np.diag(relative)))
+            if relative[axis, axis] < -0.9:
+                line = f"the {triad} {AXES[axis]} is inverted against the {other}"
+        problems.append(line)
+    if all(shown) and not any(mirrored):
+        cosine = 0.5 * (float(np.trace(turns[0] @ turns[1].T)) - 1.0)
+        angle = float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+        if angle > _APART:
+            level = [float(np.trace(turn)) for turn in turns]
+            triad, other = TRIADS[int(np.argmin(level))], TRIADS[int(np.argmax(level))]
+            problems.append(
+                f"the axes of the {triad} are turned by {angle:.0f} deg against those of the "
+                f"{other}: two are inverted, or they are exchanged"
+            )
+    return problems
 
 
 _WINDOW: Final = 2.0

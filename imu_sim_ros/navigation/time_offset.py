@@ -1,0 +1,181 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""The offset between the clocks of an estimate and its truth, from their motion, with its interval.
+
+Relative poses over half a second depend neither on the frames nor on slow drift. The offset is the
+one at which ``J = ln sum |dp|^2 + ln sum |dtheta|^2`` of their differences is smallest. Its
+variance is that of an estimating equation: the variance of J's slope, a sum of correlated parts
+that are added in blocks of time (batch means; Conway, Management Science 10, 1963), over the square
+of J's curvature (the "sandwich"; Huber 1967).
+"""
+
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from imu_sim_ros import rotation
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.navigation.association import Rows, common_rows, poses_at
+from imu_sim_ros.records import States
+from imu_sim_ros.types import Array
+
+LARGEST: Final = 1.0
+"""[s] The offset is searched up to this, in both directions."""
+_INTERVAL: Final = 0.5
+"""[s] Length of the relative poses: long against the noise of one pose, short against drift."""
+_STEPS: Final = (0.02, 0.002, 0.0002)
+"""[s] Grids, each around the best value of the one before; a parabola gives the rest."""
+_PAIRS: Final = 4000
+_LEAST_PAIRS: Final = 10
+_SHARPNESS: Final = 1.1
+"""The errors at most offsets must be at least this much larger than at the best one."""
+_ROUNDING: Final = 1e-12
+_CORRELATED: Final = 4.0 * _INTERVAL
+"""[s] Length of a block, at least: relative poses that share no time are nearly independent."""
+_BLOCKS: Final = (4, 30)
+"""Fewest and most blocks."""
+_DOUBTFUL: Final = 0.01
+"""[s] Largest half of a 95 % interval: a body at 1 m/s moves by a centimetre in it."""
+
+
+class OffsetInterval(NamedTuple):
+    """An offset to add to the stamps of an estimate [s], with its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+def time_offset(
+    estimate: States, truth: States, max_gap: float = 0.5, scaled: bool = False
+) -> OffsetInterval:
+    """Return the offset to add to the stamps of the estimate, at most :data:`LARGEST`.
+
+    :param max_gap: the truth is not interpolated across longer gaps [s].
+    :param scaled: the estimate's scale is unknown.
+    :raises InputError: if the two overlap too little, or their motion does not determine it.
+    """
+    pairs = _pairs(estimate, truth, max_gap)
+    coarse = np.arange(-LARGEST, LARGEST + 0.5 * _STEPS[0], _STEPS[0])
+    costs = np.array([pairs.cost(offset, scaled) for offset in coarse])
+    best = float(coarse[np.argmin(costs)])
+    if np.median(costs) - costs.min() < 2.0 * np.log(_SHARPNESS):
+        raise InputError(
+            "--time-offset: the motion does not reveal a time offset, because it looks "
+            "the same at any; changes of speed or direction reveal it"
+        )
+    if abs(best) > LARGEST - 1.5 * _STEPS[0]:
+        raise InputError(
+            f"--time-offset: no time offset within {LARGEST:g} s brings estimate and truth together"
+        )
+    for step in _STEPS[1:]:
+        offsets = best + step * np.arange(-10, 11)
+        costs = np.array([pairs.cost(offset, scaled) for offset in offsets])
+        k = int(np.clip(np.argmin(costs), 1, len(costs) - 2))
+        best = float(offsets[k])
+    left, middle, right = costs[k - 1 : k + 2]
+    curvature = left - 2.0 * middle + right
+    if curvature > 0.0:
+        best += float(np.clip(0.5 * (left - right) / curvature, -1.0, 1.0)) * _STEPS[-1]
+    half = pairs.half_interval(best, scaled)
+    if half > _DOUBTFUL:
+        raise InputError(
+            f"--time-offset: the motion does not determine the time offset: {1e3 * best:.1f} ms is "
+            f"known to {1e3 * half:.2g} ms (95 %); changes of speed or direction reveal it"
+        )
+    return OffsetInterval(best, best - half, best + half)
+
+
+class _Pairs:
+    """Relative poses of the estimate, to be compared with those of the truth at other times."""
+
+    def __init__(self, estimate: States, truth: States, first: Rows, second: Rows) -> None:
+        self._truth = truth
+        self._first_ns, self._second_ns = estimate.t_ns[first], estimate.t_ns[second]
+        self._position, self._turn = _relative(estimate.rows(first), estimate.rows(second))
+        self._least = len(first) * (np.square(_chord_errors(truth)) + _ROUNDING)
+
+    def cost(self, offset: float, scaled: bool) -> float:
+        """Return J at an offset [s]."""
+        return float(np.sum(np.log(self._sums(self._residuals(offset, scaled)))))
+
+    def half_interval(self, offset: float, scaled: bool) -> float:
+        """Return half of the 95 % interval [s] of an offset at which J is smallest."""
+        from scipy.special import stdtrit  # scipy.stats has t.ppf and takes 0.5 s to import
+
+        step = _STEPS[1]
+        residuals = self._residuals(offset, scaled)
+        before, after = (self._residuals(offset + s, scaled) for s in (-step, step))
+        slopes = (after - before) / (2.0 * step)
+        weight = 2.0 / self._sums(residuals)
+        curvature = float(weight @ np.sum(slopes**2, axis=(1, 2)))
+        parts = np.einsum("c,cnk,cnk->n", weight, residuals, slopes)
+        seconds = (self._first_ns - self._first_ns[0]) * 1e-9
+        fewest, most = _BLOCKS
+        count = int(np.clip(seconds[-1] / _CORRELATED, fewest, most))
+        block = np.minimum((seconds / max(seconds[-1], 1e-9) * count).astype(np.int64), count - 1)
+        sums = np.bincount(block, weights=parts, minlength=count)
+        deviation = float(np.sqrt(count * np.var(sums, ddof=1)))
+        return float(stdtrit(count - 1, 0.975)) * deviation / max(curvature, 1e-300)
+
+    def _sums(self, residuals: Array) -> Array:
+        """Return (2,) the sums of squares of position and turn, with what interpolation leaves."""
+        return np.asarray(np.sum(residuals**2, axis=(1, 2)) + self._least)
+
+    def _residuals(self, offset: float, scaled: bool) -> Array:
+        """Return (2, n, 3) the differences of the relative positions [m] and turns [rad].
+
+        :param offset: added to the stamps of the estimate [s].
+        """
+        shift = round(offset * 1e9)
+        position, turn = _relative(
+            poses_at(self._truth, self._first_ns + shift),
+            poses_at(self._truth, self._second_ns + shift),
+        )
+        estimated = self._position
+        if scaled:
+            scale = np.sum(estimated * position) / max(np.sum(estimated**2), _ROUNDING)
+            estimated = estimated * scale
+        turned = rotation.log(rotation.multiply(rotation.conjugate(turn), self._turn))
+        return np.stack([estimated - position, turned])
+
+
+def _chord_errors(truth: States) -> tuple[float, float]:
+    """Return by how much interpolation is off, rms [m, rad]: a h^2 / 8 half way between stamps.
+
+    Without it an offset at which stamps coincide would be preferred to all others.
+    """
+    bend = np.diff(truth.position, n=2, axis=0)
+    turns = rotation.log(rotation.multiply(rotation.conjugate(truth.q_wb[:-1]), truth.q_wb[1:]))
+    position, turn = (
+        float(np.sqrt(np.mean(np.sum(np.square(steps), axis=1)))) / 8 if len(steps) else 0.0
+        for steps in (bend, np.diff(turns, axis=0))
+    )
+    return position, turn
+
+
+def _pairs(estimate: States, truth: States, max_gap: float) -> _Pairs:
+    """Return the pairs whose truth is known at every offset examined."""
+    margin = round(LARGEST * 1e9)
+    rows = common_rows(estimate.t_ns, truth.t_ns, max_gap)
+    t_ns = estimate.t_ns[rows]
+    behind = np.searchsorted(t_ns, t_ns + round(_INTERVAL * 1e9))
+    start = np.flatnonzero(
+        (t_ns >= truth.t_ns[0] + margin)
+        & (behind < len(t_ns))
+        & (t_ns[np.minimum(behind, len(t_ns) - 1)] <= truth.t_ns[-1] - margin)
+    )
+    if len(start) < _LEAST_PAIRS:
+        raise InputError(
+            f"--time-offset: estimate and truth have too little time in common; the truth has to "
+            f"reach {LARGEST:g} s beyond {_LEAST_PAIRS} poses of the estimate on either side"
+        )
+    start = start[:: -(-len(start) // _PAIRS)]
+    return _Pairs(estimate, truth, rows[start], rows[behind[start]])
+
+
+def _relative(first: States, second: States) -> tuple[Array, Array]:
+    """Return the motion between poses in the body: positions (n, 3), rotations (n, 4)."""
+    position = rotation.rotate_inverse(first.q_wb, second.position - first.position)
+    return position, rotation.multiply(rotation.conjugate(first.q_wb), second.q_wb)

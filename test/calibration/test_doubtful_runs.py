@@ -1,0 +1,119 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Calibration runs with a drifting bias, in other units, at other rates: kept, told or refused."""
+
+import numpy as np
+import pytest
+
+import imu_sim_ros as ims
+from imu_sim_ros.errors import InputError
+
+QUIET = {
+    "preset": "perfect",
+    "gyroscope_noise_density": 1e-5,
+    "accelerometer_noise_density": 1e-4,
+    "accelerometer_temperature_bias": [0.002] * 3,
+}
+
+
+def soak(drift: float, rate: float = 50.0):
+    """Return a soak of six positions at each of five temperatures; 30 rests."""
+    steps = [
+        x for k, degrees in enumerate((-20.0, 0.0, 20.0, 40.0, 60.0)) for x in (210.0 * k, degrees)
+    ]
+    return ims.simulate(
+        imu=QUIET | {"gyroscope_temperature_bias": [drift, -drift, 0.5 * drift]},
+        trajectory={"type": "six_position", "repeat": 5},
+        duration=1050,
+        rate=rate,
+        seed=1,
+        temperature={"profile": steps, "interpolation": "steps"},
+    )
+
+
+@pytest.mark.parametrize("drift", [0.0005, 0.003, 0.02])
+def test_rests_are_kept_whatever_the_gyroscope_drifts(drift):
+    """Above 0.0013 rad/s/K all but one temperature was left out, with no word of a rotation."""
+    flight = soak(drift)
+    readings = ims.Readings(flight.t_ns, flight.gyro, flight.accel)
+    found = ims.calibrate_temperature(readings, temperature=flight.temperature)
+    assert found.facts["stretches"] == 30
+    assert found.facts["temperature_degC"] == [-20.0, 60.0]
+    assert found.warnings == ()
+    value = found.gyroscope["temperature_bias"].value[:3]
+    assert value == pytest.approx([drift, -drift, 0.5 * drift], rel=1e-2)
+
+
+def test_rotations_that_no_rate_names_are_told():
+    """Without a truth and without rates, turning stretches were left out without a word."""
+    imu = QUIET | {"gyroscope_temperature_bias": [0.002] * 3}
+    flight = ims.simulate(imu=imu, trajectory="temperature_soak", rate=20, seed=1)
+    readings = ims.Readings(flight.t_ns, flight.gyro, flight.accel)
+    known = ims.calibrate_temperature(readings, temperature=flight.temperature, rates=[1.0])
+    assert known.warnings == ()
+    with_truth = ims.calibrate_temperature(flight)
+    assert known.facts["stretches"] == with_truth.facts["stretches"]
+    resting = ims.calibrate_temperature(readings, temperature=flight.temperature)
+    (note,) = resting.warnings
+    assert "turn at 1 rad/s are left out: rates does not name them" in note
+    wrong = ims.calibrate_temperature(readings, temperature=flight.temperature, rates=[1.0, 2.0])
+    assert wrong.warnings == ("rates: nothing turns at 2 rad/s",)
+
+
+@pytest.mark.parametrize(
+    ("scale", "zero", "unit"),
+    [(1.0, 273.15, "Kelvin"), (1e3, 0.0, "millidegrees"), (1e3, 273150.0, "millikelvin")],
+)
+def test_temperatures_in_another_unit_are_refused(scale, zero, unit):
+    flight = soak(0.001, rate=10.0)
+    readings = ims.Readings(flight.t_ns, flight.gyro, flight.accel)
+    other = np.clip(flight.temperature * scale + zero, -1e5, 1e5)
+    with pytest.raises(InputError, match="degC are needed") as error:
+        ims.calibrate_temperature(readings, temperature=other)
+    assert unit in str(error.value) or other.max() == 1e5
+
+
+def test_the_shortest_rest_is_told_in_seconds_and_readings():
+    """At 4 Hz a window has 25 readings, as at any rate: a rest has 100, which take 25 s."""
+    flight = ims.simulate(imu="mpu6000", trajectory="figure_eight", duration=200, rate=4, seed=1)
+    with pytest.raises(InputError, match=r"no 25 s .* \(100 readings at 4 Hz\)"):
+        ims.calibrate_six_position(flight)
+    quick = ims.simulate(imu=QUIET, trajectory="static", duration=120, rate=10, seed=1)
+    with pytest.raises(InputError, match="level to 20 degrees, 10 s or longer"):
+        ims.calibrate_six_position(quick, fixture="exact")
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [
+        (1.0 / 9.80665, "the readings are in g"),
+        (1e3 / 9.80665, "the readings are in mg"),
+        (16384.0 / 9.80665, "counts, or gravity is wrong"),
+        (0.9, "counts, or gravity is wrong"),
+    ],
+)
+def test_six_positions_in_another_unit_are_told(factor, words):
+    flight = ims.simulate(imu=QUIET, trajectory="six_position", rate=50, seed=1)
+    readings = ims.Readings(flight.t_ns, flight.gyro, factor * flight.accel)
+    (note,) = ims.calibrate_six_position(readings).warnings
+    assert note.startswith("accelerometer: its three scales are")
+    assert words in note
+    assert ims.calibrate_six_position(flight).warnings == ()
+
+
+def test_wrong_rates_of_a_turntable_are_told():
+    """Within 15 % they were taken as they are, and a scale of 0.91 given."""
+    flight = ims.simulate(imu=QUIET, trajectory="turntable", rate=50, seed=1)
+    readings = ims.Readings(flight.t_ns, flight.gyro, flight.accel)
+    (note,) = ims.calibrate_turntable(readings, rates=[0.55, 1.1, 2.2]).warnings
+    assert "0.9091 on average" in note
+    assert "rates are wrong" in note
+    assert ims.calibrate_turntable(readings, rates=[0.5, 1.0, 2.0]).warnings == ()
+    missing = ims.calibrate_turntable(readings, rates=[0.5, 1.0, 2.0, 4.0])
+    assert missing.warnings == ("rates: nothing turns at 4 rad/s",)
+    partial = ims.calibrate_turntable(readings, rates=[0.5, 1.0])
+    assert "turn at 2 rad/s are left out" in partial.warnings[0]
+    in_degrees = ims.Readings(flight.t_ns, np.degrees(flight.gyro), flight.accel)
+    with pytest.raises(InputError, match="pieces that turn at 29, 57, 110 rad/s are left out"):
+        ims.calibrate_turntable(in_degrees, rates=[0.5, 1.0, 2.0])
