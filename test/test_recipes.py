@@ -312,9 +312,11 @@ def test_an_integration_method(copy: Copy) -> None:
         "imu_sim_ros/navigation/increments.py",
         (
             "METHODS: Final",
-            "def _late(attitude: str, h: Array, rate: Array, force: Array) -> Increments:\n"
+            "def _late(\n"
+            "    attitude: str, h: Component, rate: Ends[Component], force: Ends[Component]\n"
+            ") -> Increment[Component]:\n"
             '    """Hold the reading at the end throughout."""\n'
-            "    return Increments(_TURNS[attitude](rate[1:] * h), force[1:] * h, None)\n\n\n"
+            "    return _TURNS[attitude](scale(rate[1], h)), scale(force[1], h), None\n\n\n"
             "METHODS: Final",
         ),
         ('    "rk4": _rk4,\n', '    "rk4": _rk4,\n    "late": _late,\n'),

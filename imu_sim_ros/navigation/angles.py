@@ -3,19 +3,40 @@
 
 """Increments of records whose attitude is integrated as roll, pitch and yaw (lecture eq. 36, 38).
 
-The rates of the three angles depend on roll and pitch alone. These two go step by step, in plain
-floats; all that follows from them, yaw included, is computed for many intervals at once.
+The rates of the three angles depend on roll and pitch alone. Of a record, these two go step by
+step, in floats; all that follows from them, yaw included, is computed for many intervals at once.
 """
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Final, TypeAlias
+from typing import Final, Protocol, TypeAlias, overload
 
 import numpy as np
 
 from imu_sim_ros import rotation
+from imu_sim_ros.components import (
+    Component,
+    Vector,
+    conjugate,
+    cos,
+    from_euler,
+    multiply,
+    sin,
+    sqrt,
+    tan,
+    where,
+)
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.navigation.increments import Increments, euler_step, midpoint_step, rk4_step
+from imu_sim_ros.navigation.increments import (
+    Ends,
+    Increment,
+    Step,
+    euler_step,
+    mean,
+    midpoint_step,
+    rk4_step,
+    simpson,
+)
 from imu_sim_ros.types import Array, Mask
 
 GIMBAL_LOCK_MARGIN: Final = math.radians(1.0)
@@ -24,8 +45,12 @@ integrated."""
 _LAST_PITCH: Final = 0.5 * math.pi - GIMBAL_LOCK_MARGIN
 _Start: TypeAlias = tuple[float, float]
 """Roll and pitch at an interval's start [rad]."""
-_Rates: TypeAlias = Sequence[float]
+_Row: TypeAlias = Sequence[float]
 """The angular rate of an interval, at its start, in its middle and at its end: x, y, z of each."""
+_Rates: TypeAlias = tuple[Vector[Component], Vector[Component], Vector[Component]]
+"""The angular rates of intervals at their starts, in their middles and at their ends [rad/s]."""
+_Angles: TypeAlias = tuple[Vector[Component], ...]
+"""Roll, pitch, yaw [rad] at a method's stages and, last, at the interval's end."""
 
 
 def gimbal_lock(seconds: float) -> InputError:
@@ -45,19 +70,19 @@ def _slope(roll: float, pitch: float, x: float, y: float, z: float) -> _Start:
     return x + math.tan(pitch) * (s * y + c * z), c * y - s * z
 
 
-def _euler(roll: float, pitch: float, h: float, w: _Rates) -> _Start:
+def _roll_pitch_euler(roll: float, pitch: float, h: float, w: _Row) -> _Start:
     a, b = _slope(roll, pitch, w[0], w[1], w[2])
     return roll + a * h, pitch + b * h
 
 
-def _midpoint(roll: float, pitch: float, h: float, w: _Rates) -> _Start:
+def _roll_pitch_midpoint(roll: float, pitch: float, h: float, w: _Row) -> _Start:
     _, _, _, x, y, z, _, _, _ = w
     a, b = _slope(roll, pitch, x, y, z)
     a, b = _slope(roll + 0.5 * h * a, pitch + 0.5 * h * b, x, y, z)
     return roll + a * h, pitch + b * h
 
 
-def _rk4(roll: float, pitch: float, h: float, w: _Rates) -> _Start:
+def _roll_pitch_rk4(roll: float, pitch: float, h: float, w: _Row) -> _Start:
     x0, y0, z0, x, y, z, x1, y1, z1 = w
     half = 0.5 * h
     a1, b1 = _slope(roll, pitch, x0, y0, z0)
@@ -69,6 +94,66 @@ def _rk4(roll: float, pitch: float, h: float, w: _Rates) -> _Start:
         roll + sixth * (a1 + 2.0 * (a2 + a3) + a4),
         pitch + sixth * (b1 + 2.0 * (b2 + b3) + b4),
     )
+
+
+class StageAngles(Protocol):
+    """The angles of a method's stages."""
+
+    def __call__(
+        self, angles: Vector[Component], h: Component, rates: _Rates[Component], /
+    ) -> _Angles[Component]:
+        """Return them from the angles at the interval's start."""
+
+
+def _slopes(angles: Vector[Component], rate: Vector[Component]) -> Vector[Component]:
+    """Return the rates of roll, pitch and yaw for a body rate (lecture eq. 38)."""
+    roll, pitch, _ = angles
+    x, y, z = rate
+    s, c = sin(roll), cos(roll)
+    across = s * y + c * z
+    return x + tan(pitch) * across, c * y - s * z, across / cos(pitch)
+
+
+def _ahead(angles: Vector[Component], slopes: Vector[Component], h: Component) -> Vector[Component]:
+    """Return ``angles + slopes h``."""
+    x, y, z = angles
+    a, b, c = slopes
+    return x + a * h, y + b * h, z + c * h
+
+
+def _euler(angles: Vector[Component], h: Component, rates: _Rates[Component]) -> _Angles[Component]:
+    return (_ahead(angles, _slopes(angles, rates[0]), h),)
+
+
+def _midpoint(
+    angles: Vector[Component], h: Component, rates: _Rates[Component]
+) -> _Angles[Component]:
+    middle = _ahead(angles, _slopes(angles, rates[1]), 0.5 * h)
+    return (_ahead(angles, _slopes(middle, rates[1]), h),)
+
+
+def _rk4(angles: Vector[Component], h: Component, rates: _Rates[Component]) -> _Angles[Component]:
+    w0, wm, w1 = rates
+    half = 0.5 * h
+    k1 = _slopes(angles, w0)
+    s2 = _ahead(angles, k1, half)
+    k2 = _slopes(s2, wm)
+    s3 = _ahead(angles, k2, half)
+    k3 = _slopes(s3, wm)
+    s4 = _ahead(angles, k3, h)
+    a, b, c = simpson(k1, k2, k3, _slopes(s4, w1), h / 6.0)
+    return s2, s3, s4, (angles[0] + a, angles[1] + b, angles[2] + c)
+
+
+METHODS: Final[
+    dict[str, tuple[Callable[[float, float, float, _Row], _Start], StageAngles, Step]]
+] = {
+    "euler": (_roll_pitch_euler, _euler, euler_step),
+    "midpoint": (_roll_pitch_midpoint, _midpoint, midpoint_step),
+    "rk4": (_roll_pitch_rk4, _rk4, rk4_step),
+}
+"""By method: roll and pitch after one interval, the angles of its stages, and the increment from
+the attitudes of its stages."""
 
 
 class AngleIncrements:
@@ -83,108 +168,64 @@ class AngleIncrements:
         self._roll, self._pitch, _ = rotation.to_euler(q_wb).tolist()
         self._seconds = 0.0
 
-    def __call__(self, h: Array, rate: Array, force: Array) -> Increments:
+    def __call__(self, h: Array, rate: Ends[Array], force: Ends[Array]) -> Increment[Array]:
         """Return the increments between the next readings.
 
         :param h: (n,) lengths of the intervals [s].
-        :param rate: (n + 1, 3) angular rates at the intervals' ends [rad/s].
-        :param force: (n + 1, 3) specific forces at the intervals' ends [m/s^2].
+        :param rate: (n,) angular rates at the intervals' ends [rad/s].
+        :param force: (n,) specific forces at the intervals' ends [m/s^2].
         :raises InputError: near gimbal lock.
         """
-        first, last = rate[:-1], rate[1:]
-        mean = 0.5 * (first + last)
+        middle = mean(*rate)
         after = METHODS[self._method][0]
         roll, pitch = self._roll, self._pitch
-        found = []
-        rows = np.concatenate([first, mean, last], axis=1).tolist()
+        starts = []
+        rows = np.array([*rate[0], *middle, *rate[1]]).T.tolist()
         for length, rates in zip(h.tolist(), rows, strict=True):
-            found.append((roll, pitch))
+            starts.append((roll, pitch))
             if not -_LAST_PITCH <= pitch <= _LAST_PITCH:
                 break
             roll, pitch = after(roll, pitch, length, rates)
-        angles = np.empty((len(found), 3), order="F")
-        angles[:, :2], angles[:, 2] = found, 0.0
-        near = near_lock(angles[:, 1], h[: len(found)], first[: len(found)])
+        n = len(starts)
+        x, y, z = rate[0]
+        rolls, pitches = np.array(starts).T.copy()
+        near = near_lock(pitches, h[:n], (x[:n], y[:n], z[:n]))
         if near.any():
             raise gimbal_lock(self._seconds + float(h[: int(np.argmax(near)) + 1].sum()))
         self._roll, self._pitch = roll, pitch
         self._seconds += float(h.sum())
-        return increments_of(self._method, angles, h, rate, force)
+        return increment_of(self._method, (rolls, pitches, np.zeros(n)), h, rate, force)
 
 
-def near_lock(pitch: Array, h: Array, rate: Array) -> Mask:
-    """Return which pitches (n,) are within 1 degree, or two steps, of +-90 degrees.
+@overload
+def near_lock(pitch: float, h: float, rate: Vector[float]) -> bool: ...
+@overload
+def near_lock(pitch: Array, h: Array, rate: Vector[Array]) -> Mask: ...
+def near_lock(pitch: Component, h: Component, rate: Vector[Component]) -> bool | Mask:
+    """Return where a pitch is within 1 degree, or two steps, of +-90 degrees.
 
-    :param h: (n,) lengths of the steps [s].
-    :param rate: (n, 3) [rad/s].
+    :param h: length of the step [s].
+    :param rate: [rad/s].
     """
-    turned = 2.0 * np.sqrt(np.sum(rate * rate, axis=1)) * h
-    margin = np.maximum(GIMBAL_LOCK_MARGIN, turned)
-    near = (margin > 1.0) | (np.abs(np.sin(pitch)) > np.cos(margin))
-    return near | (np.abs(pitch) > _LAST_PITCH)
+    x, y, z = rate
+    turned = 2.0 * sqrt(x * x + y * y + z * z) * h
+    margin = where(turned > GIMBAL_LOCK_MARGIN, turned, GIMBAL_LOCK_MARGIN)
+    return (margin > 1.0) | (abs(sin(pitch)) > cos(margin)) | (abs(pitch) > _LAST_PITCH)
 
 
-def increments_of(method: str, angles: Array, h: Array, rate: Array, force: Array) -> Increments:
-    """Return the increments from the angles (n, 3) at the starts.
+def increment_of(
+    method: str,
+    angles: Vector[Component],
+    h: Component,
+    rate: Ends[Component],
+    force: Ends[Component],
+) -> Increment[Component]:
+    """Return the increment from the angles at the start.
 
-    What they are seen from, the yaw, does not matter; the other arguments are those of
+    The yaw of the start does not matter; the other arguments are those of
     :func:`~imu_sim_ros.navigation.increments.between`.
     """
-    first, last = rate[:-1], rate[1:]
-    mean = 0.5 * (first + last)
-    back = rotation.conjugate(rotation.from_euler(angles))
-
-    def relative(stage: Array) -> Array:
-        return rotation.multiply(back, rotation.from_euler(stage))
-
-    return METHODS[method][1](angles, h[:, None], (first, mean, last), force, relative)
-
-
-_Rows: TypeAlias = tuple[Array, Array, Array]
-"""Angular rates (n, 3) at the start, in the middle and at the end of each interval."""
-_Relative: TypeAlias = Callable[[Array], Array]
-"""Attitudes, seen from those at the start, by their angles."""
-
-
-def _euler_steps(
-    angles: Array, h: Array, rates: _Rows, force: Array, relative: _Relative
-) -> Increments:
-    return euler_step(relative(angles + _slopes(angles, rates[0]) * h), h, force)
-
-
-def _midpoint_steps(
-    angles: Array, h: Array, rates: _Rows, force: Array, relative: _Relative
-) -> Increments:
-    middle = angles + _slopes(angles, rates[1]) * (0.5 * h)
-    return midpoint_step(relative(angles + _slopes(middle, rates[1]) * h), h, force)
-
-
-def _rk4_steps(
-    angles: Array, h: Array, rates: _Rows, force: Array, relative: _Relative
-) -> Increments:
-    first, mean, last = rates
-    k1 = _slopes(angles, first)
-    s2 = angles + k1 * (0.5 * h)
-    k2 = _slopes(s2, mean)
-    s3 = angles + k2 * (0.5 * h)
-    k3 = _slopes(s3, mean)
-    s4 = angles + k3 * h
-    end = angles + (k1 + 2.0 * (k2 + k3) + _slopes(s4, last)) * (h / 6.0)
-    return rk4_step((relative(s2), relative(s3), relative(s4), relative(end)), h, force)
-
-
-METHODS: Final = {
-    "euler": (_euler, _euler_steps),
-    "midpoint": (_midpoint, _midpoint_steps),
-    "rk4": (_rk4, _rk4_steps),
-}
-"""By method: roll and pitch after one interval, and the increments of many."""
-
-
-def _slopes(angles: Array, rate: Array) -> Array:
-    """Return the rates of roll, pitch and yaw (n, 3) for body rates (n, 3) (lecture eq. 38)."""
-    roll, pitch, _ = angles.T
-    x, y, z = rate.T
-    s, c = np.sin(roll), np.cos(roll)
-    across = s * y + c * z
-    return np.stack([x + np.tan(pitch) * across, c * y - s * z, across / np.cos(pitch)]).T
+    _, stages, step = METHODS[method]
+    back = conjugate(from_euler(angles))
+    turns = stages(angles, h, (rate[0], mean(*rate), rate[1]))
+    return step(tuple(multiply(back, from_euler(turn)) for turn in turns), h, force)

@@ -32,8 +32,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from imu_sim_ros import rotation
+from imu_sim_ros.components import Matrix, Vector, float_matrix, float_vector
 from imu_sim_ros.navigation.covariance_terms import SecondOrder, SlowErrors
 from imu_sim_ros.navigation.mount import ALIGNED, ImuMount
+from imu_sim_ros.parameters.kinds import ZERO_VECTOR
 from imu_sim_ros.records import States
 from imu_sim_ros.sensors.imu.triads import TriadsParameters
 from imu_sim_ros.types import Array
@@ -42,7 +44,6 @@ SIZE: Final = 15
 ATTITUDE, VELOCITY, POSITION = slice(0, 3), slice(3, 6), slice(6, 9)
 GYRO_BIAS, ACCEL_BIAS = slice(9, 12), slice(12, 15)
 
-_STILL: Final = np.zeros(3)
 _POSE = np.r_[POSITION, ATTITUDE]
 _POSE_ENTRIES: Final = np.ravel_multi_index(np.ix_(_POSE, _POSE), (SIZE, SIZE))
 
@@ -149,11 +150,7 @@ class Covariance:
         )
 
     def step(
-        self,
-        h: float,
-        r_wb: Array,
-        force_b: Array,
-        rate_b: Array = _STILL,
+        self, h: float, r_wb: ArrayLike, force_b: ArrayLike, rate_b: ArrayLike = ZERO_VECTOR
     ) -> None:
         """Propagate over an interval.
 
@@ -162,6 +159,12 @@ class Covariance:
         :param force_b: (3,) corrected specific force in the interval, in the body [m/s^2].
         :param rate_b: (3,) corrected rate in the interval [rad/s]; an unknown scale acts on it.
         """
+        self.advance(h, float_matrix(r_wb), float_vector(force_b), float_vector(rate_b))
+
+    def advance(
+        self, h: float, r_wb: Matrix[float], force_b: Vector[float], rate_b: Vector[float]
+    ) -> None:
+        """Propagate as :meth:`step` does, over components."""
         transition, p = self._transition, self.matrix
         _ROWS.pack_into(transition.data, 0, *_rows(h, r_wb, force_b))
         # F P F^T in the array of P; half the call of the operator @
@@ -242,17 +245,23 @@ class Covariance:
         """
         return self.mean_square().take(_POSE_ENTRIES)
 
-    def twist(self, r_wb: Array, velocity: Array, rate_hz: float) -> Array:
+    def twist(self, r_wb: ArrayLike, velocity: ArrayLike, rate_hz: float) -> Array:
         """Return the (6, 6) covariance of a message's twist: linear, then angular, in the body.
 
         :param r_wb: (3, 3) attitude.
         :param velocity: (3,) of the body in the world [m/s].
         :param rate_hz: readings per second; it decides the white noise of one of them.
         """
-        return self._twist(self.mean_square(), r_wb, velocity, rate_hz)
+        attitude, moving = float_matrix(r_wb), float_vector(velocity)
+        return self._twist(self.mean_square(), attitude, moving, rate_hz)
 
-    def message(self, r_wb: Array, velocity: Array, rate_hz: float) -> tuple[Array, Array]:
-        """Return :meth:`pose` and :meth:`twist`, in less time than one after the other."""
+    def message(
+        self, r_wb: Matrix[float], velocity: Vector[float], rate_hz: float
+    ) -> tuple[Array, Array]:
+        """Return :meth:`pose` and :meth:`twist`, in less time than one after the other.
+
+        :param r_wb, velocity: components of what :meth:`twist` takes.
+        """
         mean_square = self.mean_square()
         pose: Array = mean_square.take(_POSE_ENTRIES)
         return pose, self._twist(mean_square, r_wb, velocity, rate_hz)
@@ -260,14 +269,14 @@ class Covariance:
     def _twist(
         self,
         mean_square: Array,
-        r_wb: Array,
-        velocity: Array,
+        r_wb: Matrix[float],
+        velocity: Vector[float],
         rate_hz: float,
     ) -> Array:
         # v_b = R^T v: turning the attitude turns the velocity the other way: each row of
         # R^T [v]x is a column of R times v.
-        a, b, c, d, e, g, i, j, k = r_wb.ravel().tolist()
-        x, y, z = velocity.tolist()
+        a, b, c, d, e, g, i, j, k = r_wb
+        x, y, z = velocity
         jacobian = self._jacobian
         _JACOBIAN.pack_into(
             jacobian.data, 0,
@@ -284,10 +293,10 @@ class Covariance:
         return result
 
 
-def _rows(h: float, r_wb: Array, force_b: Array) -> tuple[float, ...]:
+def _rows(h: float, r_wb: Matrix[float], force_b: Vector[float]) -> tuple[float, ...]:
     """Return what `_ROWS` packs: the rows of a transition that depend on the step."""
-    a, b, c, d, e, g, i, j, k = r_wb.ravel().tolist()
-    fx, fy, fz = force_b.tolist()
+    a, b, c, d, e, g, i, j, k = r_wb
+    fx, fy, fz = force_b
     fx, fy, fz = fx * h, fy * h, fz * h
     # The velocity that the step gains, in the world; a tilt turns it by its cross product.
     x, y, z = a * fx + b * fy + c * fz, d * fx + e * fy + g * fz, i * fx + j * fy + k * fz
@@ -347,5 +356,10 @@ def propagate(
                 result[done] = mount.state_covariance(result[done], *own)
             done += 1
         if k < wanted[-1]:
-            covariance.step(steps[k], matrices[k], accel[k], rates[k])
+            r_wi, force, rate = (
+                float_matrix(matrices[k]),
+                float_vector(accel[k]),
+                float_vector(rates[k]),
+            )
+            covariance.step(steps[k], r_wi, force, rate)
     return result

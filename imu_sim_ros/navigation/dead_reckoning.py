@@ -39,9 +39,10 @@ from typing import Final
 import numpy as np
 
 from imu_sim_ros import rotation
+from imu_sim_ros.components import Vector, quaternion, vector
 from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.navigation import angles, increments
-from imu_sim_ros.navigation.increments import Increments
+from imu_sim_ros.navigation.increments import Ends, Increment
 from imu_sim_ros.navigation.mount import ALIGNED, ImuMount
 from imu_sim_ros.navigation.state import (
     NO_CORRECTION,
@@ -132,7 +133,7 @@ def _integrated(
         )
         return _step_through(stepper, t_ns, gyro, accel)
     states = _States(t_ns, initial, gravity, earth_rate)
-    between: Callable[[Array, Array, Array], Increments] = partial(
+    between: Callable[[Array, Ends[Array], Ends[Array]], Increment[Array]] = partial(
         increments.between, method, attitude
     )
     if attitude == "euler_angles":
@@ -140,9 +141,16 @@ def _integrated(
     for first in range(0, len(t_ns) - 1, _BLOCK):
         rows = slice(first, first + _BLOCK + 1)
         h = np.diff(t_ns[rows]) * 1e-9
-        rate, force = correction.apply(gyro[rows], accel[rows])
-        states.extend(h, between(h, np.asfortranarray(rate), np.asfortranarray(force)))
+        readings = (vector(np.asfortranarray(values[rows])) for values in (gyro, accel))
+        rate, force = correction.correct(*readings)
+        states.extend(h, between(h, _ends(rate), _ends(force)))
     return states.result()
+
+
+def _ends(values: Vector[Array]) -> Ends[Array]:
+    """Return n + 1 vectors as those at the starts and at the ends of n intervals."""
+    x, y, z = values
+    return (x[:-1], y[:-1], z[:-1]), (x[1:], y[1:], z[1:])
 
 
 class _States:
@@ -169,14 +177,18 @@ class _States:
         """The last attitude so far (4,)."""
         return self._q[self._last]
 
-    def extend(self, h: Array, increment: Increments) -> None:
+    def extend(self, h: Array, increment: Increment[Array]) -> None:
         """Append the states at the ends of intervals of lengths h (n,)."""
         first, self._last = self._last, self._last + len(h)
-        rows = slice(first, self._last + 1)
-        start = (self._position[first], self._velocity[first], self._q[first])
-        self._position[rows], self._velocity[rows], self._q[rows] = increments.states(
-            *start, h, increment, self._world
+        start = (
+            vector(self._position[first]),
+            vector(self._velocity[first]),
+            quaternion(self._q[first]),
         )
+        end = increments.states(start, h, increment, self._world)
+        for rows, columns in zip((self._position, self._velocity, self._q), end, strict=True):
+            for k, column in enumerate(columns):
+                rows[first + 1 : self._last + 1, k] = column
 
     def result(self) -> States:
         return states_of(self._t_ns, self._position, self._velocity, self._q)
@@ -184,10 +196,13 @@ class _States:
 
 def _step_through(stepper: Stepper, t_ns: Integers, gyro: Array, accel: Array) -> States:
     """Integrate one step at a time if there are no increments."""
-    rows: list[NavigationState] = []
-    for t, rate, force in zip(t_ns.tolist(), gyro, accel, strict=True):
+    position, velocity, q_wb = [], [], []
+    readings = zip(t_ns.tolist(), gyro.tolist(), accel.tolist(), strict=True)
+    for t, rate, force in readings:
         stepper.add(t, rate, force)
         if stepper.counts.gimbal_lock:
             raise angles.gimbal_lock((t - int(t_ns[0])) * 1e-9)
-        rows.append(stepper.state)
-    return states_of(t_ns, *(np.array(column) for column in zip(*rows, strict=True)))
+        position.append(stepper.position)
+        velocity.append(stepper.velocity)
+        q_wb.append(stepper.q_wb)
+    return states_of(t_ns, np.array(position), np.array(velocity), np.array(q_wb))

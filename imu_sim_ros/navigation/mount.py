@@ -16,9 +16,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imu_sim_ros import rotation
+from imu_sim_ros import components, rotation
+from imu_sim_ros.components import Component, Quaternion, quaternion, stack, vector
+from imu_sim_ros.navigation.increments import State
 from imu_sim_ros.navigation.parameters import IntegratorImuParameters
-from imu_sim_ros.navigation.state import NavigationState, state_of_row, states_of
+from imu_sim_ros.navigation.state import NavigationState, states_of
 from imu_sim_ros.parameters.kinds import ZERO_VECTOR, Vector
 from imu_sim_ros.records import States
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
@@ -28,14 +30,14 @@ from imu_sim_ros.types import Array
 class BodyState(NamedTuple):
     """The body's motion at one time."""
 
-    position: Array
-    """(3,) p_wb [m]."""
-    q_wb: Array
-    """(4,)."""
-    velocity_b: Array
-    """(3,) in the body [m/s]."""
-    angular_velocity_b: Array
-    """(3,) relative to the world, in the body [rad/s]."""
+    position: Vector
+    """p_wb [m]"""
+    q_wb: Quaternion[float]
+    """Unit quaternion (w, x, y, z)."""
+    velocity_b: Vector
+    """in the body [m/s]"""
+    angular_velocity_b: Vector
+    """relative to the world, in the body [rad/s]"""
 
 
 class ImuMount(NamedTuple):
@@ -43,12 +45,12 @@ class ImuMount(NamedTuple):
 
     lever_arm: Vector = ZERO_VECTOR
     """p_bi [m]."""
-    q_bi: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+    q_bi: Quaternion[float] = (1.0, 0.0, 0.0, 0.0)
 
     @property
-    def _arm_i(self) -> Array:
-        """(3,) the lever arm in the IMU's axes."""
-        return rotation.rotate_inverse(self.q_bi, self.lever_arm)
+    def _arm_i(self) -> Vector:
+        """The lever arm in the IMU's axes [m]."""
+        return components.rotate_inverse(self.q_bi, self.lever_arm)
 
     def imu_state(self, body: NavigationState, rate_b: Array) -> NavigationState:
         """Return the IMU's state, or its states if the arrays have rows.
@@ -70,28 +72,25 @@ class ImuMount(NamedTuple):
         :param imu: n states of the IMU.
         :param rate_i: (n, 3) relative to the world, in the IMU's axes [rad/s].
         """
-        arm = self._arm_i
-        return states_of(
-            imu.t_ns,
-            imu.position - rotation.rotate(imu.q_wb, arm),
-            imu.velocities() - rotation.rotate(imu.q_wb, np.cross(rate_i, arm)),
-            rotation.multiply(imu.q_wb, rotation.conjugate(self.q_bi)),
-        )
+        arm, q_ib = vector(self._arm_i), quaternion(components.conjugate(self.q_bi))
+        state = (vector(imu.position), vector(imu.velocities()), quaternion(imu.q_wb))
+        body = _moved(state, vector(rate_i), arm, q_ib)
+        return states_of(imu.t_ns, *(stack(columns) for columns in body))
 
-    def body_motion(self, imu: NavigationState, rate_i: Array) -> BodyState:
+    def body_motion(self, imu: State[float], rate_i: Vector) -> BodyState:
         """Return the body's motion of one state of the IMU.
 
-        :param rate_i: (3,) relative to the world, in the IMU's axes [rad/s].
+        :param rate_i: relative to the world, in the IMU's axes [rad/s].
         """
         if self == ALIGNED:
-            velocity_b = rotation.rotate_inverse(imu.q_wb, imu.velocity)
-            return BodyState(imu.position, imu.q_wb, velocity_b, rate_i)
-        own = states_of(np.zeros(1, np.int64), *(value[None] for value in imu))
-        body = state_of_row(self.body_states(own, rate_i[None]), 0)
-        velocity_b = rotation.rotate_inverse(body.q_wb, body.velocity)
-        return BodyState(body.position, body.q_wb, velocity_b, rotation.rotate(self.q_bi, rate_i))
+            position, velocity, q_wb = imu
+            return BodyState(position, q_wb, components.rotate_inverse(q_wb, velocity), rate_i)
+        q_ib = components.conjugate(self.q_bi)
+        position, velocity, q_wb = _moved(imu, rate_i, self._arm_i, q_ib)
+        velocity_b = components.rotate_inverse(q_wb, velocity)
+        return BodyState(position, q_wb, velocity_b, components.rotate(self.q_bi, rate_i))
 
-    def pose_covariance(self, imu: Array, q_wb: Array) -> Array:
+    def pose_covariance(self, imu: Array, q_wb: Quaternion[float]) -> Array:
         """Return the covariance of the body's pose, position and rotation about the world's axes.
 
         A tilt theta moves the body about the IMU: ``dp_b = dp_i - theta x (R_wb p)``.
@@ -101,7 +100,7 @@ class ImuMount(NamedTuple):
         if self.lever_arm == ZERO_VECTOR:
             return imu
         to_body = np.eye(6)
-        to_body[:3, 3:] = rotation.skew(rotation.rotate(q_wb, self.lever_arm))
+        to_body[:3, 3:] = rotation.skew(components.rotate(q_wb, self.lever_arm))
         return to_body @ imu @ to_body.T
 
     def twist_covariance(self, imu: Array) -> Array:
@@ -136,6 +135,24 @@ class ImuMount(NamedTuple):
         result: Array = to_body @ imu @ to_body.T
         result[3:6, 3:6] += (by_rate * white) @ by_rate.T
         return result
+
+
+def _moved(
+    imu: State[Component],
+    rate_i: components.Vector[Component],
+    arm_i: components.Vector[Component],
+    q_ib: Quaternion[Component],
+) -> State[Component]:
+    """Return the body's state of the IMU's.
+
+    :param rate_i: relative to the world, in the IMU's axes [rad/s].
+    :param arm_i: the lever arm in the IMU's axes [m].
+    """
+    (px, py, pz), (vx, vy, vz), q_wi = imu
+    x, y, z = components.rotate(q_wi, arm_i)
+    a, b, c = components.rotate(q_wi, components.cross(rate_i, arm_i))
+    position, velocity = (px - x, py - y, pz - z), (vx - a, vy - b, vz - c)
+    return position, velocity, components.multiply(q_wi, q_ib)
 
 
 ALIGNED = ImuMount()

@@ -12,7 +12,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from imu_sim_ros import components
 from imu_sim_ros.arguments import array, refuse
+from imu_sim_ros.components import Component, stack, transform, vector
+from imu_sim_ros.components import Vector as Components
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX, ZERO_MATRIX, ZERO_VECTOR, Matrix, Vector
 from imu_sim_ros.records import States
@@ -79,35 +82,52 @@ class Correction:
     gyroscope_g_sensitivity: Matrix = ZERO_MATRIX
 
     @cached_property
-    def gyroscope_inverse(self) -> Array:
-        """(3, 3) the inverse of S of the gyroscope."""
-        return np.linalg.inv(np.reshape(self.gyroscope_scale_misalignment, (3, 3)))
+    def gyroscope_inverse(self) -> components.Matrix[float]:
+        """The inverse of S of the gyroscope."""
+        return _inverse(self.gyroscope_scale_misalignment)
 
     @cached_property
-    def accelerometer_inverse(self) -> Array:
-        """(3, 3) the inverse of S of the accelerometer."""
-        return np.linalg.inv(np.reshape(self.accelerometer_scale_misalignment, (3, 3)))
+    def accelerometer_inverse(self) -> components.Matrix[float]:
+        """The inverse of S of the accelerometer."""
+        return _inverse(self.accelerometer_scale_misalignment)
 
-    def apply(self, gyro: Array, accel: Array, dt: Array | float = 1.0) -> tuple[Array, Array]:
+    def apply(self, gyro: Array, accel: Array) -> tuple[Array, Array]:
         """Return angular rate and specific force, without the known errors.
 
-        :param gyro: (n, 3) readings [rad/s], or their integrals over dt [rad].
-        :param accel: (n, 3) readings [m/s^2], or their integrals over dt [m/s].
-        :param dt: (n, 1) lengths of the intervals [s] if the readings are integrals.
+        :param gyro: (n, 3) readings [rad/s].
+        :param accel: (n, 3) readings [m/s^2].
         """
-        force = accel
+        if self == NO_CORRECTION:
+            return gyro, accel
+        rate, force = self.correct(vector(gyro), vector(accel))
+        return stack(rate), stack(force)
+
+    def correct(
+        self, gyro: Components[Component], accel: Components[Component]
+    ) -> tuple[Components[Component], Components[Component]]:
+        """Return :meth:`apply` of the components of readings."""
+        x, y, z = accel
         if self.accelerometer_bias != ZERO_VECTOR:
-            force = force - np.asarray(self.accelerometer_bias) * dt
+            bx, by, bz = self.accelerometer_bias
+            x, y, z = x - bx, y - by, z - bz
+        force = (x, y, z)
         if self.accelerometer_scale_misalignment != IDENTITY_MATRIX:
-            force = force @ self.accelerometer_inverse.T
-        rate = gyro
+            force = transform(self.accelerometer_inverse, force)
+        x, y, z = gyro
         if self.gyroscope_bias != ZERO_VECTOR:
-            rate = rate - np.asarray(self.gyroscope_bias) * dt
+            bx, by, bz = self.gyroscope_bias
+            x, y, z = x - bx, y - by, z - bz
         if self.gyroscope_g_sensitivity != ZERO_MATRIX:
-            rate = rate - force @ np.reshape(self.gyroscope_g_sensitivity, (3, 3)).T
+            a, b, c = transform(self.gyroscope_g_sensitivity, force)
+            x, y, z = x - a, y - b, z - c
+        rate = (x, y, z)
         if self.gyroscope_scale_misalignment != IDENTITY_MATRIX:
-            rate = rate @ self.gyroscope_inverse.T
+            rate = transform(self.gyroscope_inverse, rate)
         return rate, force
+
+
+def _inverse(response: Matrix) -> components.Matrix[float]:
+    return components.float_matrix(np.linalg.inv(np.reshape(response, (3, 3))))
 
 
 NO_CORRECTION = Correction()

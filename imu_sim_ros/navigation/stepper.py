@@ -1,25 +1,24 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Dead reckoning one reading at a time, for a node: blocks of one interval."""
+"""Dead reckoning one reading at a time, for a node: the formulas of records, over floats."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from imu_sim_ros import rotation
+from imu_sim_ros.components import float_quaternion, float_vector, normalise, to_euler
 from imu_sim_ros.conventions import GRAVITY
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.navigation import angles, increments
-from imu_sim_ros.navigation.increments import Increments
+from imu_sim_ros.navigation.increments import Ends, Increment
 from imu_sim_ros.navigation.parameters import ATTITUDE_UPDATES, METHODS
 from imu_sim_ros.navigation.state import NO_CORRECTION, Correction, NavigationState
-from imu_sim_ros.parameters.kinds import ZERO_VECTOR
+from imu_sim_ros.parameters.kinds import ZERO_VECTOR, Vector
 from imu_sim_ros.recordings.order import longest_step_ns
 from imu_sim_ros.types import Array, Integers
 
@@ -147,43 +146,41 @@ class Stepper:
 
     def reset(self, initial: NavigationState) -> None:
         """Start again at a state; the next reading starts the clock. The counts go on."""
-        self.state = initial._replace(q_wb=rotation.normalise(initial.q_wb))
-        """The state at the last reading."""
+        self.position = float_vector(initial.position)
+        """p_wb at the last reading [m]."""
+        self.velocity = float_vector(initial.velocity)
+        """Velocity of the body in the world frame at the last reading [m/s]."""
+        self.q_wb = normalise(float_quaternion(initial.q_wb))
+        """Attitude at the last reading, a unit quaternion."""
         self.t_ns: int | None = None
         """Stamp of the last reading [ns], None before the first."""
-        self._rates, self._forces = np.zeros((2, 3)), np.zeros((2, 3))
-        """Corrected readings at the ends of the last interval."""
+        self.angular_velocity = self.specific_force = ZERO_VECTOR
+        """The corrected last reading, in the body [rad/s], [m/s^2]."""
 
     @property
-    def angular_velocity(self) -> Array:
-        """The corrected rate of the last reading, in the body (3,) [rad/s]."""
-        rate: Array = self._rates[1]
-        return rate
+    def state(self) -> NavigationState:
+        """The state at the last reading."""
+        arrays = (np.array(part) for part in (self.position, self.velocity, self.q_wb))
+        return NavigationState._make(arrays)
 
-    @property
-    def specific_force(self) -> Array:
-        """The corrected specific force of the last reading, in the body (3,) [m/s^2]."""
-        force: Array = self._forces[1]
-        return force
-
-    def add(self, t_ns: int, gyro: ArrayLike, accel: ArrayLike) -> bool:
+    def add(self, t_ns: int, gyro: Vector, accel: Vector) -> bool:
         """Take a reading that the gate of ``inputs`` passes; return whether it was a step.
 
         :param t_ns: its stamp [ns].
-        :param gyro: (3,) angular rate as read [rad/s].
-        :param accel: (3,) specific force as read [m/s^2].
+        :param gyro: angular rate as read [rad/s].
+        :param accel: specific force as read [m/s^2].
         """
-        rates, forces = self.correction.apply(np.array([gyro]), np.array([accel]))
-        self._rates = np.concatenate([self._rates[1:], rates])
-        self._forces = np.concatenate([self._forces[1:], forces])
-        step_ns = t_ns - self.t_ns if self.t_ns is not None else None
-        stepped = step_ns is not None and 0 < step_ns <= self._longest_step_ns
-        if step_ns is not None:
+        reading = self.correction.correct(gyro, accel)
+        stepped = False
+        if self.t_ns is not None:
+            step_ns = t_ns - self.t_ns
+            stepped = 0 < step_ns <= self._longest_step_ns
             if stepped:
-                self._advance(np.array([step_ns * 1e-9]))
+                self._advance(step_ns * 1e-9, *reading)
             else:
                 self._count(step_ns)
         self.t_ns = t_ns
+        self.angular_velocity, self.specific_force = reading
         return stepped
 
     def _count(self, step_ns: int) -> None:
@@ -194,18 +191,18 @@ class Stepper:
         else:
             self.counts.gaps += 1
 
-    def _advance(self, h: Array) -> None:
-        """Take a step of the length h (1,) [s]."""
-        readings = (h, self._rates, self._forces)
-        ends = increments.states(*self.state, h, self._increment(*readings), self._world)
-        position, velocity, q_wb = ends
-        self.state = NavigationState._make((position[1], velocity[1], q_wb[1]))
+    def _advance(self, h: float, rate: Vector, force: Vector) -> None:
+        """Take a step of length h [s] to a reading."""
+        increment = self._increment(h, (self.angular_velocity, rate), (self.specific_force, force))
+        start = (self.position, self.velocity, self.q_wb)
+        end = increments.states(start, h, increment, self._world)
+        self.position, self.velocity, self.q_wb = end
 
-    def _increment(self, h: Array, rates: Array, forces: Array) -> Increments:
+    def _increment(self, h: float, rate: Ends[float], force: Ends[float]) -> Increment[float]:
         if self._attitude != "euler_angles":
-            return increments.between(self._method, self._attitude, h, rates, forces)
-        euler = rotation.to_euler(self.state.q_wb)[None]
-        if angles.near_lock(euler[:, 1], h, rates[:1]).any():
+            return increments.between(self._method, self._attitude, h, rate, force)
+        roll_pitch_yaw = to_euler(self.q_wb)
+        if angles.near_lock(roll_pitch_yaw[1], h, rate[0]):
             self.counts.gimbal_lock += 1
-            return increments.between(self._method, "so3", h, rates, forces)
-        return angles.increments_of(self._method, euler, h, rates, forces)
+            return increments.between(self._method, "so3", h, rate, force)
+        return angles.increment_of(self._method, roll_pitch_yaw, h, rate, force)

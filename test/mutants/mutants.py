@@ -115,8 +115,8 @@ MUTANTS = (
     # The term of Runge-Kutta that the position has in addition to the mean velocity's is reversed.
     Mutant(
         "navigation/increments.py",
-        "return Increments(dq, dv, (a1 - a4) * (h * h / 12.0))",
-        "return Increments(dq, dv, (a4 - a1) * (h * h / 12.0))",
+        "s = h * h / 12.0",
+        "s = -h * h / 12.0",
         ("navigation/test_dead_reckoning.py", "-k", "order_4"),
     ),
     # The covariance of dead reckoning carries half of the velocity into the position.

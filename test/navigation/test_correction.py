@@ -38,7 +38,7 @@ def test_a_calibration_file_becomes_a_correction(tmp_path):
     )
     correction = correction_of(load_integrator({"calibration": str(path)}))
     assert correction.gyroscope_bias == (0.1, 0.2, 0.3)
-    assert correction.accelerometer_inverse[0, 0] == 0.5
+    assert correction.accelerometer_inverse[0] == 0.5
 
 
 @pytest.mark.parametrize("gravity", [-9.81, 9.81])

@@ -6,7 +6,7 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros import rotation
+from imu_sim_ros import components, rotation
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.navigation.covariance import Covariance, initial_covariance
 from imu_sim_ros.navigation.initialisation import after_rest
@@ -60,7 +60,9 @@ def test_the_fast_step_is_the_plain_one(axes: tuple[float, float, float]) -> Non
         fast.matrix / np.outer(sigma, sigma), plain / np.outer(sigma, sigma), rtol=0, atol=1e-12
     )
     velocity, rate = np.array([1.0, -2.0, 3.0]), 500.0
-    pose, twist = fast.message(r_wb, velocity, rate)
+    pose, twist = fast.message(
+        components.float_matrix(r_wb), components.float_vector(velocity), rate
+    )
     np.testing.assert_array_equal(pose, fast.pose())
     np.testing.assert_array_equal(twist, fast.twist(r_wb, velocity, rate))
     jacobian = np.zeros((6, 15))

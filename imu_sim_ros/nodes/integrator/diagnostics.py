@@ -8,15 +8,14 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple, TypeVar
 
-import numpy as np
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from imu_sim_ros import rotation
+from imu_sim_ros.components import conjugate, log, multiply
 from imu_sim_ros.nodes.diagnostics import PERIOD, diagnostics
 from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator, Row
 from imu_sim_ros.nodes.messages import OdometryFields
-from imu_sim_ros.types import Array
+from imu_sim_ros.parameters.kinds import Vector
 
 _KEPT = 20000
 _Item = TypeVar("_Item")
@@ -26,10 +25,10 @@ class ErrorAt(NamedTuple):
     """Estimate minus truth."""
 
     t_ns: int
-    position: Array
-    """(3,) in the world [m]"""
-    attitude: Array
-    """(3,) the rotation vector from the true to the estimated attitude, in the body [rad]"""
+    position: Vector
+    """in the world [m]"""
+    attitude: Vector
+    """the rotation vector from the true to the estimated attitude, in the body [rad]"""
 
 
 class TruthComparison:
@@ -66,13 +65,14 @@ class TruthComparison:
             yield self._compare(estimate, truth)
 
     def _compare(self, estimate: Row, truth: OdometryFields) -> ErrorAt:
-        turn = rotation.multiply(rotation.conjugate(truth.q_wb), estimate.q_wb)
-        error = ErrorAt(
-            estimate.t_ns, estimate.position - np.array(truth.position), rotation.log(turn)
-        )
+        turn = log(multiply(conjugate(truth.q_wb), estimate.q_wb))
+        px, py, pz = estimate.position
+        x, y, z = truth.position
+        x, y, z = px - x, py - y, pz - z
+        error = ErrorAt(estimate.t_ns, (x, y, z), turn)
         self.last = error
         self.count += 1
-        self._sum_of_squares += float(np.sum(np.square(error.position)))
+        self._sum_of_squares += x * x + y * y + z * z
         return error
 
 

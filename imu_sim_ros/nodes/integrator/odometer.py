@@ -9,14 +9,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
+from geometry_msgs.msg import Point, Pose, PoseStamped
+from geometry_msgs.msg import Quaternion as QuaternionMessage
 from nav_msgs.msg import Path
 from rclpy.publisher import Publisher
 from std_msgs.msg import Header
 
-from imu_sim_ros import rotation
+from imu_sim_ros import components, rotation
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.navigation.covariance import Covariance
 from imu_sim_ros.navigation.mount import ALIGNED, mount_of
@@ -24,7 +24,8 @@ from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import NavigationState, correction_of
 from imu_sim_ros.navigation.stepper import Stepper, StepperCounts
 from imu_sim_ros.nodes.integrator.initialiser import Start, initialiser
-from imu_sim_ros.nodes.messages import ImuReading, OdometryFields
+from imu_sim_ros.nodes.messages import ImuReading, OdometryFields, Quaternion
+from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX, Vector
 from imu_sim_ros.recordings.order import RESTART_NS, longest_step_ns
 from imu_sim_ros.types import Array
 
@@ -37,10 +38,13 @@ class Row(NamedTuple):
     """One message's worth of dead reckoning."""
 
     t_ns: int
-    position: Array
-    q_wb: Array
-    velocity_b: Array
-    angular_velocity_b: Array
+    position: Vector
+    """p_wb [m]"""
+    q_wb: Quaternion
+    velocity_b: Vector
+    """[m/s]"""
+    angular_velocity_b: Vector
+    """[rad/s]"""
     pose_covariance: Array | None
     twist_covariance: Array | None
 
@@ -82,7 +86,7 @@ class LiveIntegrator:
         self._stepper: Stepper | None = None
         self._covariance: Covariance | None = None
         self._mount = ALIGNED
-        self._r_wi = np.eye(3)
+        self._r_wi = IDENTITY_MATRIX
         """Attitude of the IMU at the last reading."""
         self._interval = 0.0
         self._uncertain = False
@@ -159,8 +163,7 @@ class LiveIntegrator:
         rate = initial.rate
         if rate is None:
             first = start.readings[0]
-            gyro, accel = np.array([first.gyro]), np.array([first.accel])
-            read = initial.correction.apply(gyro, accel)[0][0]
+            read = initial.correction.correct(first.gyro, first.accel)[0]
             of_earth = rotation.rotate_inverse(initial.state.q_wb, self.parameters.earth_rate)
             rate = rotation.rotate(mount.q_bi, read) - of_earth
         return mount.imu_state(initial.state, rate)
@@ -173,7 +176,7 @@ class LiveIntegrator:
             h = (reading.t_ns - before) * 1e-9
             self._interval += (h - self._interval) * (_SMOOTHING if self._interval else 1.0)
             if self._covariance is not None:
-                self._covariance.step(h, self._r_wi, force, rate)
+                self._covariance.advance(h, self._r_wi, force, rate)
         elif before is not None and not self._is_usable(before, reading):
             return None
         if not self._is_sound(stepper, reading.t_ns):
@@ -184,11 +187,10 @@ class LiveIntegrator:
 
     def _is_sound(self, stepper: Stepper, t_ns: int) -> bool:
         """Return whether the state may leave: it is finite, and of possible size."""
-        position, velocity, q_wb = (value.tolist() for value in stepper.state)
-        sound = gate.is_pose(t_ns, position, q_wb)
+        sound = gate.is_pose(t_ns, stepper.position, stepper.q_wb)
         if self._covariance is not None and sound:
             sound = self._covariance.is_finite
-        return sound and gate.within(velocity, gate.VELOCITY)
+        return sound and gate.within(stepper.velocity, gate.VELOCITY)
 
     def _is_usable(self, before: int, reading: ImuReading) -> bool:
         """Report a reading that made no step; return whether its stamp is new."""
@@ -217,13 +219,14 @@ class LiveIntegrator:
 
     def _row(self, stepper: Stepper, t_ns: int) -> Row:
         pose = twist = None
-        state, rate = stepper.state, stepper.angular_velocity
+        state, rate = (stepper.position, stepper.velocity, stepper.q_wb), stepper.angular_velocity
         if any(self.parameters.earth_rate):
-            rate = rate - rotation.rotate_inverse(state.q_wb, self.parameters.earth_rate)
+            x, y, z = components.rotate_inverse(stepper.q_wb, self.parameters.earth_rate)
+            rate = (rate[0] - x, rate[1] - y, rate[2] - z)
         body = self._mount.body_motion(state, rate)
         if self._covariance is not None:
-            self._r_wi = rotation.to_matrix(state.q_wb)
-            pose, twist = self._covariance.message(self._r_wi, state.velocity, self.rate)
+            self._r_wi = components.to_matrix(stepper.q_wb)
+            pose, twist = self._covariance.message(self._r_wi, stepper.velocity, self.rate)
             pose = self._mount.pose_covariance(pose, body.q_wb)
             twist = self._mount.twist_covariance(twist)
             self._complain_about_attitude(pose)
@@ -247,9 +250,11 @@ class PathPublisher:
         if self._due_ns - self._interval_ns <= row.t_ns < self._due_ns:
             return
         self._due_ns = row.t_ns + self._interval_ns
-        w, x, y, z = row.q_wb.tolist()
-        px, py, pz = row.position.tolist()
-        pose = Pose(position=Point(x=px, y=py, z=pz), orientation=Quaternion(x=x, y=y, z=z, w=w))
+        w, x, y, z = row.q_wb
+        px, py, pz = row.position
+        pose = Pose(
+            position=Point(x=px, y=py, z=pz), orientation=QuaternionMessage(x=x, y=y, z=z, w=w)
+        )
         self._poses.append(PoseStamped(header=self._header(row.t_ns), pose=pose))
 
     def use_frame(self, frame_id: str) -> None:

@@ -106,7 +106,7 @@ def test_start_at_the_truth_takes_the_reading_of_its_stamp_and_loses_none():
     assert harness.feed(readings(20)) == []
     rows = list(harness.odometer.add_truth(truth(4)))
     assert [row.t_ns for row in rows] == [r.t_ns for r in readings(20)][4:]
-    assert rows[0].position.tolist() == [7.0, 0.0, 0.0]
+    assert rows[0].position == (7.0, 0.0, 0.0)
     assert len(harness.feed(readings(5, first=20))) == 5
 
 
@@ -153,7 +153,7 @@ def test_a_clock_set_back_starts_anew():
     harness.feed(readings(1000, first=1000))
     rows = harness.feed(readings(3))
     assert harness.odometer.totals.starts == 2
-    assert rows[0].position.tolist() == [0.0, 0.0, 0.0]
+    assert rows[0].position == (0.0, 0.0, 0.0)
 
 
 def test_a_new_publisher_behind_a_gap_starts_anew_and_the_old_one_does_not():
@@ -164,7 +164,7 @@ def test_a_new_publisher_behind_a_gap_starts_anew_and_the_old_one_does_not():
     harness.new_source = True
     rows = harness.feed(readings(10, first=300))
     assert harness.odometer.totals.starts == 2
-    assert rows[0].position.tolist() == [0.0, 0.0, 0.0]
+    assert rows[0].position == (0.0, 0.0, 0.0)
 
 
 def test_new_biases_hold_from_the_next_reading_on():
