@@ -121,16 +121,19 @@ class Covariance:
         if cross is not None:
             self.slow.cross = np.array(cross)
         self._second_order = SecondOrder(3 + len(self.slow.of_rate))
-        self._begin_interval()
+        self._begin_interval(self._attitude_and_rates())
 
     @property
     def is_finite(self) -> bool:
         """Whether the covariance is one; an entry can be no larger than those of the diagonal."""
         return math.isfinite(self.matrix.trace())
 
-    def _begin_interval(self) -> None:
-        """Begin to collect the terms of the second order."""
-        self._before = self._attitude_and_rates()
+    def _begin_interval(self, start: Array) -> None:
+        """Begin to collect the terms of the second order.
+
+        :param start: :meth:`_attitude_and_rates` of now.
+        """
+        self._start = start
         self._length = 0.0
         self._passed = np.zeros((SIZE, SIZE))
         """The sum of the steps' transitions."""
@@ -140,14 +143,12 @@ class Covariance:
     def _attitude_and_rates(self) -> Array:
         """Return the (n, n) covariance of the attitude with all errors of the gyroscope."""
         p, cross = self.matrix, self.slow.cross.take(self.slow.of_rate, axis=1)
-        attitude, bias = p[ATTITUDE, ATTITUDE], p[ATTITUDE, GYRO_BIAS]
-        return np.block(
-            [
-                [attitude, bias, cross[ATTITUDE]],
-                [bias.T, p[GYRO_BIAS, GYRO_BIAS], cross[GYRO_BIAS]],
-                [cross[ATTITUDE].T, cross[GYRO_BIAS].T, np.eye(cross.shape[1])],
-            ]
-        )
+        result = np.eye(6 + cross.shape[1])
+        result[:3, :3], result[:3, 3:6] = p[ATTITUDE, ATTITUDE], p[ATTITUDE, GYRO_BIAS]
+        result[3:6, :3], result[3:6, 3:6] = p[ATTITUDE, GYRO_BIAS].T, p[GYRO_BIAS, GYRO_BIAS]
+        result[:3, 6:], result[3:6, 6:] = cross[ATTITUDE], cross[GYRO_BIAS]
+        result[6:, :6] = result[:6, 6:].T
+        return result
 
     def step(
         self, h: float, r_wb: ArrayLike, force_b: ArrayLike, rate_b: ArrayLike = ZERO_VECTOR
@@ -212,9 +213,9 @@ class Covariance:
         by_slow = self._passed_slow * slow.over(self._length)[1]
         by_rates = np.concatenate([turned, by_slow.take(rates, axis=1)], axis=1)
         decay = np.concatenate([np.ones(3), slow.decay(self._length).take(rates)])
-        after = self._attitude_and_rates()
-        self._second_order.step(self._length, acceleration, self._before, after, by_rates, decay)
-        self._begin_interval()
+        end = self._attitude_and_rates()
+        self._second_order.step(self._length, acceleration, self._start, end, by_rates, decay)
+        self._begin_interval(end)
 
     @property
     def largest_attitude_sigma(self) -> float:
@@ -230,7 +231,7 @@ class Covariance:
         The biases are here all that the latest reading is off by, white noise apart.
         """
         result: Array = self.matrix.copy()
-        result[:9, :9] += self._second_order.mean_square()
+        result[:9, :9] += self._second_order.mean_square
         if self.slow:
             half = self.slow.bias()
             result += half

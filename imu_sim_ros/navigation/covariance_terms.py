@@ -138,6 +138,8 @@ class SecondOrder:
         n = 3 + rates
         self.largest_sigma = 0.0
         """[rad] of the attitude, along its worst axis, so far."""
+        self.mean_square = np.zeros((_SIZE, _SIZE))
+        """(9, 9) mean square of the errors of attitude, velocity and position."""
         self._mean, self._covariance = np.zeros(_SIZE), np.zeros((_SIZE, _SIZE))
         self._with_state = np.zeros((_SIZE, n, n))
         self._forms = np.zeros((_SIZE, 6, 6))
@@ -168,15 +170,15 @@ class SecondOrder:
         forms[3:6, theta, theta] = forms[6:, 3:, 3:] = _shortening(acceleration)
         at_end = _carried(before[:, theta], by_rates, decay)  # E[x theta^T], x at the end
         k = np.concatenate([at_end, after[:, theta]], axis=1)
-        g = np.block(
-            [[before[theta, theta], at_end[theta].T], [at_end[theta], after[theta, theta]]]
-        )
+        g = np.empty((6, 6))
+        g[:3, :3], g[:3, 3:] = before[theta, theta], at_end[theta].T
+        g[3:, :3], g[3:, 3:] = at_end[theta], after[theta, theta]
         weighed = forms @ g
         own = 2.0 * np.einsum("iab,jba->ij", weighed, weighed)
         keep, gain = _transition(h, acceleration)
         c = self._with_state
-        u = np.concatenate([np.eye(len(before))[theta], np.eye(len(before))[theta]])
-        u[3:, 3:] = by_rates
+        u = np.zeros((6, len(before)))
+        u[:3, :3], u[3:, :3], u[3:, 3:] = _EYE, _EYE, by_rates
         shared = np.einsum("iab,kab->ki", forms, u @ c @ u.T)
         crossed = keep @ shared @ gain.T
         y = keep @ self._covariance @ keep.T + crossed + crossed.T + gain @ own @ gain.T
@@ -185,10 +187,7 @@ class SecondOrder:
         c = _carried(_carried(c, by_rates, decay).swapaxes(1, 2), by_rates, decay)
         c = np.tensordot(keep, c, 1) + np.tensordot(gain, 2.0 * (k @ forms @ k.T), 1)
         self._with_state = c
-
-    def mean_square(self) -> Array:
-        """Return (9, 9): the mean square of the errors of attitude, velocity and position."""
-        return self._covariance + np.outer(self._mean, self._mean)
+        self.mean_square = y + np.outer(self._mean, self._mean)
 
 
 def _shortening(a: Array) -> Array:

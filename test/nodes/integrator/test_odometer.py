@@ -173,7 +173,7 @@ def test_new_biases_hold_from_the_next_reading_on():
     values = {"gyroscope_bias": [0.1, 0.0, 0.0], "method": "euler"}
     harness.odometer.correct_with(load_integrator(values))
     (row,) = harness.feed(readings(1, first=3, gyro=(0.1, 0.0, 0.0)))
-    assert row.angular_velocity_b.tolist() == [0.0, 0.0, 0.0]
+    assert row.angular_velocity_b == (0.0, 0.0, 0.0)
 
 
 def test_the_covariance_of_a_body_at_rest_follows_the_closed_form():
