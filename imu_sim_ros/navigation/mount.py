@@ -12,6 +12,7 @@ section 2.5.5). This way round no angular acceleration is needed, as it would be
 readings to the body's origin.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -48,7 +49,7 @@ class ImuMount(NamedTuple):
     q_bi: Quaternion[float] = (1.0, 0.0, 0.0, 0.0)
 
     @property
-    def _arm_i(self) -> Vector:
+    def arm_i(self) -> Vector:
         """The lever arm in the IMU's axes [m]."""
         return components.rotate_inverse(self.q_bi, self.lever_arm)
 
@@ -72,7 +73,7 @@ class ImuMount(NamedTuple):
         :param imu: n states of the IMU.
         :param rate_i: (n, 3) relative to the world, in the IMU's axes [rad/s].
         """
-        arm, q_ib = vector(self._arm_i), quaternion(components.conjugate(self.q_bi))
+        arm, q_ib = vector(self.arm_i), quaternion(components.conjugate(self.q_bi))
         state = (vector(imu.position), vector(imu.velocities()), quaternion(imu.q_wb))
         body = _moved(state, vector(rate_i), arm, q_ib)
         return states_of(imu.t_ns, *(stack(columns) for columns in body))
@@ -86,7 +87,7 @@ class ImuMount(NamedTuple):
             position, velocity, q_wb = imu
             return BodyState(position, q_wb, components.rotate_inverse(q_wb, velocity), rate_i)
         q_ib = components.conjugate(self.q_bi)
-        position, velocity, q_wb = _moved(imu, rate_i, self._arm_i, q_ib)
+        position, velocity, q_wb = _moved(imu, rate_i, self.arm_i, q_ib)
         velocity_b = components.rotate_inverse(q_wb, velocity)
         return BodyState(position, q_wb, velocity_b, components.rotate(self.q_bi, rate_i))
 
@@ -99,8 +100,9 @@ class ImuMount(NamedTuple):
         """
         if self.lever_arm == ZERO_VECTOR:
             return imu
+        x, y, z = components.rotate(q_wb, self.lever_arm)
         to_body = np.eye(6)
-        to_body[:3, 3:] = rotation.skew(components.rotate(q_wb, self.lever_arm))
+        to_body[:3, 3:] = ((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0))
         return to_body @ imu @ to_body.T
 
     def twist_covariance(self, imu: Array) -> Array:
@@ -110,10 +112,7 @@ class ImuMount(NamedTuple):
         """
         if self == ALIGNED:
             return imu
-        r_bi = rotation.to_matrix(self.q_bi)
-        to_body = np.zeros((6, 6))
-        to_body[:3, :3] = to_body[3:, 3:] = r_bi
-        to_body[:3, 3:] = r_bi @ rotation.skew(self._arm_i)  # - omega x p = p x omega
+        to_body = _twist_to_body(self)
         return to_body @ imu @ to_body.T
 
     def state_covariance(self, imu: Array, r_wi: Array, rate_i: Array, white: Array) -> Array:
@@ -126,7 +125,7 @@ class ImuMount(NamedTuple):
         :param rate_i: (3,) relative to the world, in the IMU's axes [rad/s].
         :param white: (3,) variance of the white noise of a gyroscope's reading.
         """
-        arm = self._arm_i
+        arm = self.arm_i
         by_rate = -r_wi @ rotation.skew(arm)
         to_body = np.eye(15)
         to_body[6:9, 0:3] = rotation.skew(r_wi @ arm)
@@ -153,6 +152,16 @@ def _moved(
     a, b, c = components.rotate(q_wi, components.cross(rate_i, arm_i))
     position, velocity = (px - x, py - y, pz - z), (vx - a, vy - b, vz - c)
     return position, velocity, components.multiply(q_wi, q_ib)
+
+
+@lru_cache(maxsize=8)
+def _twist_to_body(mount: ImuMount) -> Array:
+    """Return (6, 6), which maps a twist of the IMU, in its axes, to the body's."""
+    r_bi = rotation.to_matrix(mount.q_bi)
+    result = np.zeros((6, 6))
+    result[:3, :3] = result[3:, 3:] = r_bi
+    result[:3, 3:] = r_bi @ rotation.skew(mount.arm_i)  # - omega x p = p x omega
+    return result
 
 
 ALIGNED = ImuMount()
