@@ -50,7 +50,7 @@ class ImuMount(NamedTuple):
 
     @property
     def arm_i(self) -> Vector:
-        """The lever arm in the IMU's axes [m]."""
+        """The lever arm in the axes of the IMU [m]."""
         return components.rotate_inverse(self.q_bi, self.lever_arm)
 
     def imu_state(self, body: NavigationState, rate_b: Array) -> NavigationState:
