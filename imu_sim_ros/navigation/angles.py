@@ -30,7 +30,7 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.increments import (
     Ends,
     Increment,
-    Step,
+    IntegrationStep,
     euler_step,
     mean,
     midpoint_step,
@@ -146,7 +146,7 @@ def _rk4(angles: Vector[Component], h: Component, rates: _Rates[Component]) -> _
 
 
 METHODS: Final[
-    dict[str, tuple[Callable[[float, float, float, _Row], _Start], StageAngles, Step]]
+    dict[str, tuple[Callable[[float, float, float, _Row], _Start], StageAngles, IntegrationStep]]
 ] = {
     "euler": (_roll_pitch_euler, _euler, euler_step),
     "midpoint": (_roll_pitch_midpoint, _midpoint, midpoint_step),

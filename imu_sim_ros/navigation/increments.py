@@ -44,7 +44,7 @@ State: TypeAlias = tuple[Vector[Component], Vector[Component], Quaternion[Compon
 """Position [m] and velocity [m/s] in the world, and ``q_wb``."""
 
 
-class Turn(Protocol):
+class AttitudeUpdate(Protocol):
     """The attitude that a rotation vector [rad] turns to."""
 
     def __call__(self, v: Vector[Component], /) -> Quaternion[Component]:
@@ -65,7 +65,7 @@ class TurnStages(Protocol):
         """Return the stages from the rates at the start, in the middle and at the end [rad/s]."""
 
 
-class Method(Protocol):
+class IntegrationMethod(Protocol):
     """An integration method."""
 
     def __call__(
@@ -79,7 +79,7 @@ class Method(Protocol):
         """Return the increment; arguments as for :func:`between`."""
 
 
-class Step(Protocol):
+class IntegrationStep(Protocol):
     """The part of a method that moves the body, given how its attitude turns."""
 
     def __call__(
@@ -95,7 +95,7 @@ def first_order(v: Vector[Component]) -> Quaternion[Component]:
     return 1.0 / length, x / length, y / length, z / length
 
 
-_TURNS: Final[dict[str, Turn]] = {"quaternion": first_order, "so3": exp}
+_TURNS: Final[dict[str, AttitudeUpdate]] = {"quaternion": first_order, "so3": exp}
 
 
 def between(
@@ -130,7 +130,7 @@ def _rk4(
     return rk4_step(_STAGES[attitude](h, rate[0], mean(*rate), rate[1]), h, force)
 
 
-METHODS: Final[dict[str, Method]] = {
+METHODS: Final[dict[str, IntegrationMethod]] = {
     "euler": _euler,
     "midpoint": _midpoint,
     "rk4": _rk4,
