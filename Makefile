@@ -188,6 +188,7 @@ reference: build
 	@$(CLEAN) $(BIN)/python -m imu_sim_ros.commands.parameter_reference >docs/reference/parameters.md
 	$(CLEAN) $(BIN)/python docs/contributing/write_presets.py >docs/reference/presets.md
 	$(CLEAN) $(BIN)/python docs/contributing/write_programs.py >docs/reference/programs.md
+	$(CLEAN) $(BIN)/python docs/contributing/write_findings.py >docs/reference/findings.md
 
 bench: build .venv/test-installed
 	@$(CLEAN) $(BIN)/python test/bench/run.py

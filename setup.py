@@ -21,6 +21,7 @@ COMMANDS = (
     "convert_bag",
     "add_errors",
     "evaluate",
+    "inspect",
     "campaign",
     "report",
     "view",

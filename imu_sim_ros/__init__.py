@@ -88,6 +88,8 @@ if TYPE_CHECKING:
     from imu_sim_ros.jobs.flight import Truth as Truth
     from imu_sim_ros.jobs.generate import Generated as Generated
     from imu_sim_ros.jobs.generate import generate as generate
+    from imu_sim_ros.jobs.inspect import Inspection as Inspection
+    from imu_sim_ros.jobs.inspect import inspect as inspect
     from imu_sim_ros.jobs.measured import ReadingsEvaluation as ReadingsEvaluation
     from imu_sim_ros.jobs.preintegrate import preintegrate as preintegrate
     from imu_sim_ros.jobs.readings import read_imu as read_imu
@@ -103,6 +105,7 @@ if TYPE_CHECKING:
     from imu_sim_ros.jobs.twin_check import Check as Check
     from imu_sim_ros.navigation.preintegration import Preintegration as Preintegration
     from imu_sim_ros.navigation.state import NavigationState as NavigationState
+    from imu_sim_ros.recordings.findings.finding import Finding as Finding
     from imu_sim_ros.records import Odometry as Odometry
     from imu_sim_ros.records import PoseSequence as PoseSequence
     from imu_sim_ros.records import Readings as Readings
@@ -136,6 +139,7 @@ _HOMES = {
     "jobs.generate": ["Generated", "generate"],
     "jobs.dead_reckon": ["Track", "dead_reckon"],
     "jobs.evaluate": ["Evaluation", "evaluate"],
+    "jobs.inspect": ["Inspection", "inspect"],
     "jobs.measured": ["ReadingsEvaluation"],
     "jobs.preintegrate": ["preintegrate"],
     "jobs.readings": ["read_imu", "read_odometry"],
@@ -146,6 +150,7 @@ _HOMES = {
     "jobs.twin_check": ["Check"],
     "navigation.preintegration": ["Preintegration"],
     "navigation.state": ["NavigationState"],
+    "recordings.findings.finding": ["Finding"],
     "records": ["Odometry", "PoseSequence", "Readings", "States"],
     "sensors.barometer.declaration": ["PressureReadings", "read_pressure"],
     "sensors.magnetometer.declaration": ["MagneticReadings", "read_magnetometer"],

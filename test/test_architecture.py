@@ -34,7 +34,7 @@ ROOMS = {
     "camera": BODY | {"simulation", "jobs"},
     "inputs": {"conventions", "errors", "timebase", "types"},
     "parameters": LOW,
-    "recordings": {"errors", "records", "rotation", "timebase", "types"},
+    "recordings": {"conventions", "errors", "records", "rotation", "timebase", "types"},
     "places": LOW,
     "trajectory": LOW | {"places"},
     "sensors": BODY | {"bags"},

@@ -28,7 +28,7 @@ Outputs are complete when they appear under their name, and are never overwritte
 | 0 | done |
 | 1 | any other failure |
 | 2 | bad arguments, configuration or input, with one line for each problem on standard error |
-| 3 | a campaign's gate is not met |
+| 3 | a campaign's gate is not met, or `inspect` has a finding of `--fail-on` |
 """
 _NODES = """\
 Every parameter is an argument (`--rate 400`, `--imu.gyroscope_bias '[0.01, 0, 0]'`); all of them

@@ -16,6 +16,7 @@ PROGRAMS: Final = {
     "convert_bag": "convert or repair bags and datasets",
     "add_errors": "add a sensor's errors to ideal readings of a bag",
     "dead_reckon": "integrate readings into a trajectory; report its error",
+    "inspect": "say what a recording holds, and what is wrong with it",
     "evaluate": "compare an estimate with the truth: ATE, RPE, NEES",
     "allan": "find noise parameters in a recording at rest",
     "calibrate": "find bias, scale, misalignment and temperature terms",
@@ -50,6 +51,7 @@ calibrate = partial(_run, "calibrate")
 twin = partial(_run, "twin")
 convert_bag = partial(_run, "convert_bag")
 evaluate = partial(_run, "evaluate")
+inspect = partial(_run, "inspect")
 campaign = partial(_run, "campaign")
 report = partial(_run, "report")
 view = partial(_run, "view")

@@ -28,6 +28,7 @@ RUNS = [
     "calibrate six_position six.mcap -o six --json",
     "twin flight.mcap --truth flight.mcap --truth-topic /ground_truth/odom -o twin --json",
     "campaign plan.yaml -o campaign --workers 1 --json",
+    "inspect flight.mcap euroc --json -o inspect.html",
     "report campaign flight.mcap -o page.html --quiet",
 ]
 PLAN = {
@@ -50,5 +51,11 @@ def test_each_runs_once(tmp_path, monkeypatch, capsys):
             assert json.loads(said.out), line
     for name in ("track.png", "errors.png", "twin/twin.png"):
         assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
-    for name in ("euroc/imu0/data.csv", "allan/imu.yaml", "campaign/results.csv", "page.html"):
+    for name in (
+        "euroc/imu0/data.csv",
+        "allan/imu.yaml",
+        "campaign/results.csv",
+        "page.html",
+        "inspect.html",
+    ):
         assert (tmp_path / name).stat().st_size > 0, name

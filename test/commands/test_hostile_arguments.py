@@ -338,6 +338,7 @@ _READING = [
     ("evaluate", ["PATH", "flight.mcap"]),
     ("evaluate", ["flight.mcap", "PATH"]),
     ("generate", ["--params-file", "PATH", "-o", "made.mcap"]),
+    ("inspect", ["PATH"]),
     ("report", ["PATH"]),
     ("twin", ["PATH", "--truth", "flight.mcap", "-o", "made"]),
     ("twin", ["flight.mcap", "--truth", "PATH", "-o", "made"]),
@@ -354,6 +355,7 @@ _WRITING = [
     ("evaluate", ["flight.mcap", "flight.mcap"]),
     ("generate", ["--duration", "1s", "--force"]),
     ("generate", ["--duration", "1s", "--with-configs"]),
+    ("inspect", ["flight.mcap"]),
     ("report", ["flight.mcap"]),
     ("twin", ["flight.mcap", "--truth", "flight.mcap"]),
 ]

@@ -1,0 +1,413 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Contents of recordings, and their faults with what to do about each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import numpy as np
+
+from imu_sim_ros import arguments
+from imu_sim_ros.arguments import BAG_OR_FILE, name_of
+from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
+from imu_sim_ros.bags.read import open_bag
+from imu_sim_ros.bags.text.reader import has_states, is_text
+from imu_sim_ros.calibration.noise.truth import load_truth, true_noise
+from imu_sim_ros.conventions import AXES, TRIADS
+from imu_sim_ros.errors import ConfigurationError, InputError, Problems
+from imu_sim_ros.jobs.flight import Flight
+from imu_sim_ros.jobs.readings import read_imu, read_odometry
+from imu_sim_ros.jobs.tracks import read_track
+from imu_sim_ros.jobs.writing import SkipBadRows, saved
+from imu_sim_ros.names import suggestion
+from imu_sim_ros.parameters import files
+from imu_sim_ros.recordings.findings.catalogue import (
+    KINDS,
+    by_severity,
+    reading_findings,
+)
+from imu_sim_ros.recordings.findings.finding import SEVERITIES, Finding
+from imu_sim_ros.recordings.findings.measures import ReadingMeasures
+from imu_sim_ros.records import Readings, States, with_fields
+from imu_sim_ros.text_tables import TextTable
+from imu_sim_ros.types import Array
+
+_NEAREST: Final = 3
+"""Number of presets that are named next to a sensor."""
+
+
+@dataclass(frozen=True)
+class TopicContents:
+    """Messages of a topic of a bag."""
+
+    source: str
+    """Name of the file."""
+    topic: str
+    """Name of the topic."""
+    type: str
+    """Type of its messages, for instance sensor_msgs/msg/Imu."""
+    messages: int
+    """Number of messages."""
+
+
+@dataclass(frozen=True)
+class SensorContents:
+    """Readings of one IMU."""
+
+    source: str
+    """Name of the file and topic."""
+    frame_id: str
+    """Name of the sensor's frame; empty: unknown."""
+    readings: int
+    """Number of readings."""
+    duration_s: float
+    """Time from the first to the last stamp [s]."""
+    rate_hz: float | None
+    """Samples per second [Hz]; None: the stamps have no rate."""
+    rate_sigma_hz: float | None
+    """Standard deviation of the rate [Hz]."""
+    clock: str
+    """Kind of the stamps: exact, rounded, batches, bunches, jitter; empty without a rate."""
+    lost: int
+    """Number of samples that are missing between others."""
+    rest_s: float
+    """Time at rest, in the longest piece without a pause [s]."""
+    moving_s: float
+    """Time in motion, in the longest piece without a pause [s]."""
+    gyroscope_noise_density: tuple[float, ...] | None
+    """White noise of each axis [rad/s/sqrt(Hz)]; None: motion hides it."""
+    accelerometer_noise_density: tuple[float, ...] | None
+    """White noise of each axis [m/s^2/sqrt(Hz)]; None: motion hides it."""
+    nearest_presets: tuple[str, ...]
+    """Presets whose noise is nearest, the nearest first."""
+
+
+@dataclass(frozen=True)
+class PoseContents:
+    """Poses of one body."""
+
+    source: str
+    """Name of the file and topic."""
+    frame_id: str
+    """Name of the world's frame; empty: unknown."""
+    child_frame_id: str
+    """Name of the body's frame; empty: unknown."""
+    poses: int
+    """Number of poses."""
+    duration_s: float
+    """Time from the first to the last pose [s]."""
+    rate_hz: float | None
+    """Median rate [Hz]; None: fewer than two poses."""
+    length_m: float
+    """Length of the path [m]."""
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """Contents of recordings, and their findings."""
+
+    topics: tuple[TopicContents, ...]
+    """Topics of the bags."""
+    sensors: tuple[SensorContents, ...]
+    """IMUs."""
+    trajectories: tuple[PoseContents, ...]
+    """Trajectories, true ones and estimates."""
+    findings: tuple[Finding, ...]
+    """Faults, worst first."""
+
+    def __repr__(self) -> str:
+        kinds = ", ".join(dict.fromkeys(finding.kind for finding in self.findings))
+        contents = f"{len(self.sensors)} IMUs, {len(self.trajectories)} trajectories"
+        return f"<Inspection: {contents}; {kinds or 'no findings'}>"
+
+    def select(self, kinds: Sequence[str]) -> list[Finding]:
+        """Return the findings of some kinds.
+
+        :param kinds: kinds, and severities, which stand for the worse ones, too.
+        :raises ConfigurationError: for a kind that does not exist.
+        """
+        allowed = [*SEVERITIES, *KINDS]
+        for kind in arguments.words("kinds", kinds):
+            if kind not in allowed:
+                raise ConfigurationError(f"--fail-on {kind!r}: {suggestion(kind, allowed)}")
+        ranks = [SEVERITIES.index(kind) for kind in SEVERITIES if kind in kinds]
+        worst = max(ranks, default=-1)
+        return [
+            finding
+            for finding in self.findings
+            if finding.kind in kinds or SEVERITIES.index(finding.severity) <= worst
+        ]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what ``--json`` prints."""
+        return {
+            "topics": [vars(topic) for topic in self.topics],
+            "sensors": [vars(sensor) for sensor in self.sensors],
+            "trajectories": [vars(poses) for poses in self.trajectories],
+            "findings": [finding.to_dict() for finding in self.findings],
+        }
+
+    def lines(self) -> Iterator[str | TextTable]:
+        """Yield what ``inspect`` prints."""
+        for finding in self.findings:
+            yield f"{finding.severity}: {finding.kind}: {finding.sentence()}"
+            yield f"    {finding.effect}"
+        if not self.findings:
+            yield "no findings"
+        for header, rows, title in self.tables():
+            if rows:
+                shown = [["" if cell is None else _cell(cell) for cell in row] for row in rows]
+                yield TextTable(header, shown, title)
+
+    def tables(self) -> Iterator[tuple[list[str], list[list[Any]], str]]:
+        """Yield header, rows and title of the tables of contents."""
+        yield (
+            ["file", "topic", "type", "messages"],
+            [[topic.source, topic.topic, topic.type, topic.messages] for topic in self.topics],
+            "Topics",
+        )
+        yield (
+            ["IMU", "readings", "time [s]", "rate [Hz]", "stamps", "lost", "rest [s]"],
+            [
+                [
+                    *(sensor.source, sensor.readings, sensor.duration_s, sensor.rate_hz),
+                    *(sensor.clock, sensor.lost, sensor.rest_s),
+                ]
+                for sensor in self.sensors
+            ],
+            "Readings",
+        )
+        yield (
+            ["noise floor", *(f"{triad} {axis}" for triad in TRIADS for axis in AXES), "presets"],
+            [
+                [
+                    sensor.source,
+                    *(sensor.gyroscope_noise_density or [None] * 3),
+                    *(sensor.accelerometer_noise_density or [None] * 3),
+                    ", ".join(sensor.nearest_presets),
+                ]
+                for sensor in self.sensors
+                if sensor.gyroscope_noise_density or sensor.accelerometer_noise_density
+            ],
+            "White noise [rad/s/sqrt(Hz), m/s^2/sqrt(Hz)], and the presets nearest to it",
+        )
+        yield (
+            ["trajectory", "frame", "body", "poses", "time [s]", "rate [Hz]", "path [m]"],
+            [
+                [
+                    *(poses.source, poses.frame_id, poses.child_frame_id, poses.poses),
+                    *(poses.duration_s, poses.rate_hz, poses.length_m),
+                ]
+                for poses in self.trajectories
+            ],
+            "Poses",
+        )
+
+    def save(self, path: str | Path, *, force: bool = False) -> Path:
+        """Write an HTML page that needs nothing else.
+
+        :param force: overwrite an existing page.
+        :returns: the path.
+        :raises InputError: for a path that cannot be used or exists.
+        """
+        from imu_sim_ros import __version__
+        from imu_sim_ros.reports.page import Section, html, table
+
+        header = ["severity", "kind", "source", "place", "evidence", "effect", "remedy"]
+        rows = [
+            [
+                *(finding.severity, finding.kind, finding.source, finding.place()),
+                *(finding.evidence, finding.effect, finding.remedy),
+            ]
+            for finding in self.findings
+        ]
+        nothing = {"kind": "text", "text": "No findings."}
+        items = [table("findings", header, rows, search=False) if rows else nothing]
+        sections = [Section("Findings", items)]
+        for columns, cells, title in self.tables():
+            if cells:
+                content = table(title.partition(" ")[0].lower(), columns, cells, search=False)
+                sections.append(Section(title, [content], title.partition(" [")[0]))
+        with saved(path, force) as staged:
+            text = html("Inspection", [f"Generated by imu_sim_ros {__version__}"], sections)
+            staged.write_text(text, encoding="utf-8")
+        return Path(path)
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return f"{value:,}" if isinstance(value, int) else str(value)
+
+
+Source = str | PathLike[str] | Readings | States | Flight
+"""A file, or a record in memory."""
+
+
+def inspect(
+    inputs: Annotated[Source | Sequence[Source], "FILE", Path],
+    *,
+    topic: Annotated[str | None, "NAME"] = None,
+    skip_bad_rows: SkipBadRows = False,
+) -> Inspection:
+    """Return what recordings contain, and what is wrong with them.
+
+    Findings come worst first, each with the numbers that show it, its effect on results, and what
+    to do about it. What is measured and how is on the page :doc:`/how_to/inspect`.
+
+    :param inputs: bag of any form, EuRoC folder, CSV file of readings or file of poses; in Python
+        also a flight, readings or states
+    :param topic: only this topic of Imu or Odometry
+    :param skip_bad_rows: skip and count bad rows of text and bad messages of bags
+    :returns: an :class:`Inspection`.
+    :raises ConfigurationError: for an invalid argument.
+    :raises InputError: for files that cannot be read, with a line for each.
+
+    >>> import imu_sim_ros as ims
+    >>> readings = ims.simulate(imu="bmi088", trajectory="static", duration=20, rate=200).readings
+    >>> ims.inspect(readings)
+    <Inspection: 1 IMUs, 0 trajectories; no findings>
+    >>> in_g = ims.Readings(readings.t_ns, readings.gyro, readings.accel / 9.80665)
+    >>> ims.inspect(in_g)
+    <Inspection: 1 IMUs, 0 trajectories; accelerometer_g>
+    """
+    sources = list(inputs) if isinstance(inputs, list | tuple) else [inputs]
+    topic = arguments.topic("topic", topic)
+    skip = arguments.switch("skip_bad_rows", skip_bad_rows)
+    topics: list[TopicContents] = []
+    records: list[Readings | States] = []
+    problems = Problems()
+    for source in sources:
+        if isinstance(source, Flight):
+            records += [source.readings, source.truth]
+        elif isinstance(source, Readings | States):
+            records.append(source)
+        elif isinstance(source, str | PathLike):
+            with problems.gathered():
+                path = arguments.path("inputs", source, BAG_OR_FILE)
+                records += _read(path, topic, skip, topics)
+        else:
+            wanted = f"a Flight, Readings, States, or {BAG_OR_FILE}"
+            arguments.refuse("inputs", source, wanted, wrong_type=True)
+    problems.tell()
+    sensors: list[SensorContents] = []
+    trajectories: list[PoseContents] = []
+    findings: list[Finding] = []
+    for record in records:
+        if isinstance(record, Readings):
+            measures = ReadingMeasures(record)
+            sensors.append(_sensor(measures))
+            findings += reading_findings(record, measures)
+        else:
+            trajectories.append(_poses(record))
+    return Inspection(
+        tuple(topics), tuple(sensors), tuple(trajectories), tuple(by_severity(findings))
+    )
+
+
+def _read(
+    path: Path, topic: str | None, skip: bool, topics: list[TopicContents]
+) -> Iterator[Readings | States]:
+    """Yield the records of a file; its topics are appended.
+
+    :raises InputError: for what cannot be read, and a file with neither readings nor poses.
+    """
+    name = name_of(path)
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder")
+    if is_text(path):
+        yield from _read_text(path, topic, skip)
+        return
+    with open_bag(path) as bag:
+        infos = list(bag.topics)
+    topics += [TopicContents(name, info.name, info.type, info.count) for info in infos]
+    chosen = [info for info in infos if info.type in (IMU, ODOMETRY) and info.count]
+    if topic is not None:
+        chosen = [info for info in chosen if info.name.strip("/") == topic.strip("/")]
+        if not chosen:
+            raise InputError(f"{path}: {topic}: no such topic of {IMU} or {ODOMETRY}")
+    problems = Problems()
+    for info in chosen:
+        with problems.gathered():
+            source = f"{name}, {info.name}"
+            if info.type == IMU:
+                readings = read_imu(path, info.name, skip_bad_rows=skip)
+                yield with_fields(readings, source=source)
+            else:
+                yield with_fields(read_odometry(path, info.name), source=source)
+    problems.tell()
+
+
+def _read_text(path: Path, topic: str | None, skip: bool) -> Iterator[Readings | States]:
+    try:
+        yield read_imu(path, topic, skip_bad_rows=skip)
+    except InputError as error:
+        try:
+            yield with_fields(read_track(path, topic, False, skip), source=name_of(path))
+        except InputError:
+            raise error from None
+        return
+    if path.is_dir() and has_states(path):
+        states = read_odometry(path)
+        yield with_fields(states, source=f"{name_of(path)}, states")
+
+
+def _sensor(measures: ReadingMeasures) -> SensorContents:
+    readings, clock = measures.readings, measures.clock
+    seconds = measures.window * measures.interval if measures.values is not None else 0.0
+    noise = measures.noise_density
+    shown = [_densities(noise, triad) for triad in range(2)]
+    return SensorContents(
+        source=readings.source,
+        frame_id=readings.frame_id,
+        readings=len(readings),
+        duration_s=float(readings.t[-1]) if len(readings) else 0.0,
+        rate_hz=None if clock is None else clock.rate,
+        rate_sigma_hz=None if clock is None else clock.rate_sigma,
+        clock="" if clock is None else clock.kind,
+        lost=0 if clock is None else clock.lost,
+        rest_s=float(np.count_nonzero(measures.rest)) * seconds,
+        moving_s=float(np.count_nonzero(~measures.rest)) * seconds,
+        gyroscope_noise_density=shown[0],
+        accelerometer_noise_density=shown[1],
+        nearest_presets=_nearest(noise, 0.0 if clock is None else clock.rate),
+    )
+
+
+def _densities(noise: tuple[Array, Array] | None, triad: int) -> tuple[float, ...] | None:
+    if noise is None or not noise[triad].all():
+        return None
+    return tuple(noise[triad].tolist())
+
+
+def _nearest(noise: tuple[Array, Array] | None, rate: float) -> tuple[str, ...]:
+    """Return the presets whose noise is nearest, as ratios of the mean densities."""
+    if noise is None or not all(triad.all() for triad in noise):
+        return ()
+    floor = np.array([np.exp(np.log(triad).mean()) for triad in noise])
+    distances = []
+    for name in files.names("imus"):
+        density = true_noise(load_truth(name), rate)["noise_density"].reshape(2, 3).mean(axis=1)
+        if density.all():
+            distances.append((float(np.abs(np.log(density / floor)).sum()), name))
+    return tuple(name for _, name in sorted(distances)[:_NEAREST])
+
+
+def _poses(states: States) -> PoseContents:
+    steps = np.diff(states.t_ns)
+    median = float(np.median(steps)) if len(steps) else 0.0
+    return PoseContents(
+        source=states.source,
+        frame_id=states.frame_id,
+        child_frame_id=states.child_frame_id,
+        poses=len(states),
+        duration_s=float(states.t[-1]) if len(states) else 0.0,
+        rate_hz=1e9 / median if median > 0.0 else None,
+        length_m=float(np.linalg.norm(np.diff(states.position, axis=0), axis=1).sum()),
+    )

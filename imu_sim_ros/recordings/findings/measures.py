@@ -1,0 +1,307 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Quantities of recorded readings that several findings share, each computed once."""
+
+import math
+from functools import cached_property
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from imu_sim_ros import rotation
+from imu_sim_ros.conventions import STANDARD_GRAVITY
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.recordings.clock import Clock, estimate_clock
+from imu_sim_ros.records import Readings
+from imu_sim_ros.types import Array, Mask
+
+_FEWEST: Final = 32
+"""Readings below which values are not judged."""
+_PARTS: Final = 8
+"""Parts of a window, whose means tell motion from noise."""
+_MEANS: Final = 4.0
+"""Spread of the means of a window's parts at rest, over that of white noise: with eight parts it
+exceeds 2.0 once in 10^4 windows; a bias that wanders adds to it."""
+_REST_RATE: Final = 2e-3
+"""Spread of the means of a fraction of a second that a gyroscope's bias reaches [rad/s]."""
+_REST_FORCE: Final = 2e-2
+"""Spread of the means of a fraction of a second that an accelerometer's bias reaches [m/s^2]."""
+_PIECES: Final = 24
+"""Pieces of a record over which gravity is averaged."""
+_STEP: Final = 0.01
+"""Interval over which readings are averaged before attitude is integrated [s]."""
+_ALTERNATION: Final = 0.6
+"""Share of fourth differences that change sign, from which on they are noise."""
+G: Final = (0.8, 1.25)
+"""Gravity in g, with the errors of a cheap accelerometer and of accelerations that remain."""
+COHERENT: Final = 0.7
+"""Coherence from which on an average is gravity."""
+SHORTEST: Final = 2.0
+"""Shortest record in motion that is judged [s]."""
+SLOW: Final = 10.0
+"""Time in which the accelerations of a body cancel [s]."""
+_FASTEST: Final = 35.0
+"""Mean angular rate that gyroscopes of 2000 deg/s cannot measure [rad/s]."""
+_DEGREES: Final = math.pi / 180.0
+_NOISE_RATIO: Final = 1.0
+"""White noise of a gyroscope over that of an accelerometer [rad/s / (m/s^2)] that no sensor has:
+data sheets have 0.01 to 0.8."""
+_NOISIEST: Final = 2e-3
+"""White noise that gyroscopes stay below, 0.11 deg/s/sqrt(Hz) [rad/s/sqrt(Hz)]."""
+_TURNING: Final = 0.2
+"""Mean angular rate above which a steady stretch is a turn, not rest [rad/s]."""
+ROUNDING: Final = 1e-12
+"""Relative change of a reading that is due to computing, not to the sensor."""
+_TURNS: Final = 0.3
+"""Change of the sign of successive differences, as a share, from which on an axis has noise: two
+thirds in white noise (Kendall and Stuart, turning points), next to none in smooth motion."""
+
+
+class Gravity(NamedTuple):
+    """Specific force averaged in axes that do not turn."""
+
+    size: float
+    """Median length of the average: gravity, in the unit of the readings."""
+    coherence: float
+    """This length over the mean length of the readings: near 1 if it is gravity."""
+
+
+class RateUnit(NamedTuple):
+    """Unit of a gyroscope's readings."""
+
+    name: str
+    """rad/s, deg/s or counts."""
+    scale: float
+    """Factor that makes rad/s; for counts, that of deg/s."""
+    text: str
+    """Evidence, if it is not rad/s."""
+
+
+class ReadingMeasures:
+    """Readings of one IMU with the clock behind them and the means of their windows."""
+
+    def __init__(self, readings: Readings, clock: Clock | None = None) -> None:
+        """Take the readings.
+
+        :param clock: their clock; None: it is estimated.
+        """
+        self.readings = readings
+        if clock is None:
+            try:
+                clock = estimate_clock(readings.t_ns, self._equal())
+            except InputError:  # no rate: only whole columns are judged
+                clock = None
+        self.clock = clock
+        """Clock of the readings; None: their stamps have no rate."""
+
+    def _equal(self) -> Mask | None:
+        triads = [x for x in (self.readings.gyro, self.readings.accel) if x is not None]
+        if not triads or not len(self.readings):
+            return None
+        steps = np.diff(np.hstack(triads), axis=0)
+        return np.append(False, np.all(steps == 0.0, axis=1))
+
+    @property
+    def interval(self) -> float:
+        """Time between two readings [s]; 0 without a clock."""
+        return 0.0 if self.clock is None else self.clock.interval_ns * 1e-9
+
+    @cached_property
+    def values(self) -> tuple[Array, Array] | None:
+        """Both triads (n, 3) of the longest piece; None: too few readings, or a triad is absent."""
+        readings, clock = self.readings, self.clock
+        if clock is None or readings.gyro is None or readings.accel is None:
+            return None
+        piece = max(clock.pieces, key=lambda rows: rows.stop - rows.start)
+        rows = clock.rows[piece]
+        return None if len(rows) < _FEWEST else (readings.gyro[rows], readings.accel[rows])
+
+    @cached_property
+    def rest(self) -> Mask:
+        """(windows,) True for each window, of about a second, in which nothing moves."""
+        if self.values is None:
+            return np.zeros(0, dtype=bool)
+        spreads = [self._spread(values) for values in self.values]
+        limits = (_REST_RATE, _REST_FORCE)
+        quiet = [
+            np.all(means <= _MEANS * noise + limit, axis=1)
+            for (means, noise), limit in zip(spreads, limits, strict=True)
+        ]
+        return quiet[0] & quiet[1]
+
+    @property
+    def window(self) -> int:
+        """Readings of a window: about a second, and four or more in each part."""
+        return _PARTS * max(round(1.0 / self.interval / _PARTS), _FEWEST // _PARTS)
+
+    def _windows(self, values: Array) -> Array:
+        """Return readings (windows, parts, k, 3)."""
+        count = len(values) // self.window
+        return values[: count * self.window].reshape(count, _PARTS, self.window // _PARTS, 3)
+
+    def _spread(self, values: Array) -> tuple[Array, Array]:
+        """Return the standard deviation (windows, 3) of the parts' means, and that by noise."""
+        parts = self._windows(values)
+        inside = np.sqrt(np.mean(parts.var(axis=2, ddof=1), axis=1))
+        return parts.mean(axis=2).std(axis=1, ddof=1), inside / math.sqrt(parts.shape[2])
+
+    @cached_property
+    def rest_means(self) -> tuple[Array, Array] | None:
+        """Means (windows, 3) of both triads over the windows at rest; None: there are none."""
+        if self.values is None or not self.rest.any():
+            return None
+        gyro, accel = (self._windows(values).mean(axis=(1, 2))[self.rest] for values in self.values)
+        return gyro, accel
+
+    @cached_property
+    def rest_force(self) -> float | None:
+        """Median length of the specific force at rest, in the unit of the readings.
+
+        None: nothing is at rest, or all that is steady is a turn.
+        """
+        if self.rest_means is None:
+            return None
+        turning = float(np.median(np.linalg.norm(self.rest_means[0], axis=1)))
+        if turning * self.rate_unit.scale > _TURNING:
+            return None
+        return float(np.median(np.linalg.norm(self.rest_means[1], axis=1)))
+
+    @cached_property
+    def swapped(self) -> Gravity | None:
+        """Gravity in the gyroscope's readings, if these are the accelerometer's; else None."""
+        if self.values is None or self.duration < SHORTEST:
+            return None
+        size = self.mean_force
+        if size > 0.5 * STANDARD_GRAVITY or G[0] <= size <= G[1]:
+            return None
+        gravity = self.gravity(SLOW, exchange=True)
+        is_gravity = abs(gravity.size / STANDARD_GRAVITY - 1.0) < 0.25
+        return gravity if gravity.coherence > COHERENT and is_gravity else None
+
+    @cached_property
+    def rate_unit(self) -> RateUnit:
+        """Unit of the gyroscope, as far as noise, size and gravity tell it."""
+        radians = RateUnit("rad/s", 1.0, "")
+        if self.values is None or self.swapped is not None:
+            return radians
+        gyro = self.values[0]
+        mean = float(np.linalg.norm(gyro, axis=1).mean())
+        if mean * _DEGREES > _FASTEST:
+            text = f"the angular rate is {mean:.4g} on average: no rad/s and no deg/s"
+            return RateUnit("counts", _DEGREES, text)
+        if bool(np.all(gyro == np.rint(gyro))) and any(self.noisy(column) for column in gyro.T):
+            text = f"all angular rates are whole numbers, up to {np.abs(gyro).max():.4g}"
+            return RateUnit("counts", _DEGREES, text)
+        if mean > _FASTEST:
+            text = f"the angular rate is {mean:.4g} on average: as rad/s, no sensor measures it"
+            return RateUnit("deg/s", _DEGREES, text)
+        text = self._degrees_by_noise() or self._degrees_by_gravity()
+        return RateUnit("deg/s", _DEGREES, text) if text else radians
+
+    def _degrees_by_noise(self) -> str:
+        """Return the evidence of deg/s that the noise of both triads gives; empty: none."""
+        if self.noise_density is None or not self.mean_force:
+            return ""
+        gyro, accel = (float(np.median(density)) for density in self.noise_density)
+        accel *= STANDARD_GRAVITY / self.mean_force  # whatever the accelerometer's unit is
+        if not accel or gyro < max(_NOISE_RATIO * accel, _NOISIEST):
+            return ""
+        return (
+            f"the gyroscope's white noise is {gyro:.3g} rad/s/sqrt(Hz), {gyro / accel:.3g} times "
+            f"that of the accelerometer ({accel:.2g} m/s^2/sqrt(Hz)): no sensor has this ratio, in "
+            "deg/s it is usual"
+        )
+
+    def _degrees_by_gravity(self) -> str:
+        """Return the evidence of deg/s that the direction of gravity gives; empty: none."""
+        if self.rest.any() or self.duration < SHORTEST or not self.mean_force:
+            return ""
+        radians, degrees = (self.gravity(2.0, scale) for scale in (1.0, _DEGREES))
+        if degrees.coherence < 0.9 or radians.coherence > 0.6:
+            return ""
+        return (
+            "gravity keeps its direction if the angular rates are deg/s (coherence "
+            f"{degrees.coherence:.2f}), not if they are rad/s ({radians.coherence:.2f})"
+        )
+
+    def gravity(
+        self, duration: float, rate_scale: float | None = None, exchange: bool = False
+    ) -> Gravity:
+        """Return the specific force averaged in axes that do not turn.
+
+        Over a time T it is gravity, but for the change of velocity divided by T.
+
+        :param duration: length T of the pieces, shorter if the record is [s].
+        :param rate_scale: factor that makes rad/s of the angular rates; None: by their unit.
+        :param exchange: take the gyroscope as the accelerometer, and the other way.
+        """
+        assert self.values is not None
+        gyro, accel = reversed(self.values) if exchange else self.values
+        if rate_scale is None:
+            rate_scale = 1.0 if exchange else self.rate_unit.scale
+        size = max(round(_STEP / self.interval), 1)
+        count = len(gyro) // size
+        dt = size * self.interval
+        gyro = gyro[: count * size].reshape(count, size, 3).mean(axis=1) * rate_scale
+        accel = accel[: count * size].reshape(count, size, 3).mean(axis=1)
+        length = min(max(round(duration / dt), 2), count)
+        starts = np.unique(np.linspace(0, count - length, _PIECES).round().astype(np.int64))
+        rows = starts[:, None] + np.arange(length)
+        turns = rotation.exp(np.clip(gyro[rows] * dt, -1e3, 1e3))
+        forces = accel[rows]
+        q = np.tile([1.0, 0.0, 0.0, 0.0], (len(starts), 1))
+        total = np.zeros((len(starts), 3))
+        for step in range(length):
+            total += rotation.rotate(q, forces[:, step])
+            q = rotation.multiply(q, turns[:, step])
+        lengths = np.linalg.norm(total / length, axis=1)
+        usual = np.linalg.norm(forces, axis=-1).mean(axis=1)
+        ratio = np.divide(lengths, usual, out=np.zeros_like(lengths), where=usual > 0.0)
+        return Gravity(float(np.median(lengths)), float(np.median(ratio)))
+
+    @cached_property
+    def slow_gravity(self) -> Gravity:
+        """Gravity over ten seconds, in which accelerations of a body cancel."""
+        return self.gravity(SLOW)
+
+    @cached_property
+    def duration(self) -> float:
+        """Length of the longest piece [s]."""
+        return 0.0 if self.values is None else len(self.values[0]) * self.interval
+
+    @cached_property
+    def mean_force(self) -> float:
+        """Mean length of the specific force, in the unit of the readings."""
+        assert self.values is not None
+        return float(np.linalg.norm(self.values[1], axis=1).mean())
+
+    @cached_property
+    def noise_density(self) -> tuple[Array, Array] | None:
+        """White noise (3,) of both triads [unit/sqrt(Hz)]; None: too few readings.
+
+        Differences of fourth order leave noise, and hardly any motion: their variance is 70 times
+        that of white noise. The median over windows leaves out shocks.
+        """
+        if self.values is None or self.duration < 1.0:
+            return None
+        gyro, accel = (self._white(values) for values in self.values)
+        return gyro, accel
+
+    def _white(self, values: Array) -> Array:
+        change = np.diff(values, 4, axis=0)
+        parts = self._windows(change)
+        # Successive differences of noise have a correlation of -0.8: 80 % of them change sign.
+        noise = np.mean(change[1:] * change[:-1] < 0.0, axis=0) > _ALTERNATION
+        if not len(parts):
+            return np.zeros(3)
+        # The lowest quarter of the windows: those with the least motion.
+        variance = np.quantile(np.square(parts).mean(axis=(1, 2)), 0.25, axis=0) / 70.0
+        return np.where(noise, np.sqrt(variance * self.interval), 0.0)
+
+    def noisy(self, column: Array) -> bool:
+        """Return True if the readings (n,) of an axis have noise, not only motion or steps."""
+        column = column[:65536]
+        change = np.diff(column)
+        change = change[np.abs(change) > ROUNDING * np.abs(column).max()]
+        return len(change) > _FEWEST and float(np.mean(change[1:] * change[:-1] < 0.0)) > _TURNS

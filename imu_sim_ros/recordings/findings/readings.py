@@ -1,0 +1,348 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Findings about the readings of an IMU: units, gravity, axes, triads, and single axes."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from imu_sim_ros.conventions import AXES, STANDARD_GRAVITY, TRIADS
+from imu_sim_ros.recordings.findings.finding import Evidence, check
+from imu_sim_ros.recordings.findings.measures import (
+    COHERENT,
+    ROUNDING,
+    SHORTEST,
+    SLOW,
+    G,
+    ReadingMeasures,
+)
+from imu_sim_ros.types import Array, Integers
+
+_MG: Final = (800.0, 1250.0)
+"""Gravity in mg."""
+_COUNTS: Final = 30.0
+"""Gravity above which the readings are no m/s^2: accelerations that remain over ten seconds would
+have to change the velocity by 200 m/s."""
+_ABSENT: Final = 0.5
+"""Share of gravity below which it is absent: over ten seconds the velocity would have to change by
+49 m/s."""
+_SIZE: Final = 0.25
+"""Share by which gravity at rest may be off: three standard deviations of the zero offset of the
+cheapest sensors (bno055, bmi055: 80 mg)."""
+_UPWARDS: Final = 0.9
+"""Share of gravity on an axis from which on it is upwards or downwards throughout."""
+_SATURATED: Final = 1e-4
+"""Share of the readings of an axis at the same extreme value."""
+_PILE: Final = 4
+"""Readings at the end of a range over those at the value next to it: in noise there are fewer."""
+_CODES: Final = 8
+"""Different values from which on an axis is resolved."""
+_ENOUGH: Final = 1000
+"""Readings from which on single axes are judged."""
+
+
+@check(
+    "error",
+    "nothing can be integrated or analysed for it",
+    "name the topic of the gyroscope (--gyro-topic), or take another one",
+)
+def gyroscope_absent(measures: ReadingMeasures) -> Iterator[Evidence]:
+    """Find readings without a gyroscope: none recorded, or all zeros."""
+    yield from _absent(measures, 0)
+
+
+@check(
+    "error",
+    "nothing can be integrated or analysed for it",
+    "name the topic of the accelerometer (--accel-topic), or take another one",
+)
+def accelerometer_absent(measures: ReadingMeasures) -> Iterator[Evidence]:
+    """Find readings without an accelerometer: none recorded, or all zeros."""
+    yield from _absent(measures, 1)
+
+
+def _absent(measures: ReadingMeasures, triad: int) -> Iterator[Evidence]:
+    readings = measures.readings
+    values, partner = readings.gyro, readings.accel
+    if triad:
+        values, partner = partner, values
+    if values is None:
+        yield Evidence(f"contains no readings of the {TRIADS[triad]}")
+        return
+    # An ideal sensor at rest reads zeros, too, but its partner has no noise.
+    noise = partner is not None and any(measures.noisy(column) for column in partner.T)
+    if noise and not values.any():
+        yield Evidence(f"all readings of the {TRIADS[triad]} are 0")
+
+
+@check(
+    "error",
+    "angular rates are integrated as forces, and the other way round",
+    "exchange the columns or topics of the triads",
+)
+def triads_swapped(measures: ReadingMeasures) -> Iterator[Evidence]:
+    """Find a gyroscope and an accelerometer that are swapped."""
+    gravity = measures.swapped
+    if gravity is not None:
+        yield Evidence(
+            f"the gyroscope reads {gravity.size:.4g} in a direction that stays, the accelerometer "
+            f"{measures.mean_force:.3g} on average"
+        )
+
+
+def _level(measures: ReadingMeasures) -> tuple[float, str, bool]:
+    """Return the size of gravity in the readings, where it is taken from, and if it is certain."""
+    if measures.rest_force is not None:
+        return measures.rest_force, "at rest the accelerometer reads", True
+    counts = measures.rate_unit.name == "counts"
+    if measures.values is None or measures.duration < SHORTEST or counts:
+        return 0.0, "", False
+    gravity = measures.slow_gravity
+    text = "in motion the specific force is on average, in axes that do not turn,"
+    return gravity.size, text, gravity.coherence > COHERENT
+
+
+@check(
+    "error",
+    "motion and noise are 9.8 times too small",
+    "--accel-unit g converts it; or multiply by 9.80665",
+)
+def accelerometer_g(measures: ReadingMeasures) -> Iterator[Evidence]:
+    """Find an accelerometer in g, at rest or in motion."""
+    size, text, certain = _level(measures)
+    if certain and G[0] <= size <= G[1]:
+        yield Evidence(f"{text} {size:.4g} instead of 9.81: it is in g")
+
+
+@check(
+    "error",
+    "motion and noise are 102 times too large",
+    "--accel-unit mg converts it; or multiply by 0.00980665",
+)
+def accelerometer_mg(measures: ReadingMeasures) -> Iterator[Evidence]:
+    """Find an accelerometer in mg, at rest or in motion."""
+    size, text, certain = _level(measures)
+    if certain and _MG[0] <= size <= _MG[1]:
+        yield Evidence(f"{text} {size:.4g} instead of 9.81: it is in mg")
+
+
+@check(
+    "error",
+    "motion and noise have a wrong size",
+    "multiply by 9.80665 / (counts of 1 g), which the data sheet has",
+)
+def accelerometer_counts(measures: ReadingMeasures) -> Iterator[Evidence]:
+    """Find an accelerometer in counts, at rest or in motion."""
+    size, text, certain = _level(measures)
+    if certain and size > _COUNTS and not _MG[0] <= size <= _MG[1]:
+        yield Evidence(f"{text} {size:.5g} instead of 9.81: it is in counts")
+
+
+@check(
+    "error",
+    "a consumer that takes gravity away finds a fall of 9.8 m/s^2",
+    "--set input.gravity=missing adds it (add_errors, error_model); else record the specific force",
+)
+def gravity_absent(measures: ReadingMeasures) -> Iterator[Evidence]:
+    """Find an accelerometer whose readings do not have gravity."""
+    if measures.values is None or measures.swapped is not None:
+        return
+    if any(accelerometer_absent.find(measures)):
+        return
+    limit = _ABSENT * STANDARD_GRAVITY
+    size, text, certain = _level(measures)
+    if certain and (size >= limit or G[0] <= size <= G[1]):
+        return
+    falls = f"; a free fall of {measures.duration:.3g} s would read the same"
+    if measures.duration > SLOW and measures.mean_force < limit:
+        yield Evidence(f"the specific force is {measures.mean_force:.3g} m/s^2 on average{falls}")
+    elif certain and measures.mean_force >= 0.01 and size < limit and measures.duration > SLOW:
+        yield Evidence(f"{text} {size:.3g} m/s^2{falls}")
+
+
+@check(
+    "warning",
+    "the accelerometer's bias or scale takes up the difference",
+    "set gravity to that of the place, check the unit, and calibrate the sensor",
+)
+def gravity_size(measures: ReadingMeasures) -> Iterator[Evidence]:
+    """Find an accelerometer at rest whose readings are not 9.8 m/s^2 long."""
+    size = measures.rest_force
+    if size is None or not _ABSENT * STANDARD_GRAVITY <= size <= _COUNTS:
+        return
+    if abs(size / STANDARD_GRAVITY - 1.0) > _SIZE:
+        yield Evidence(f"at rest the accelerometer reads {size:.4g} m/s^2 instead of 9.81")
+
+
+def _upwards(measures: ReadingMeasures) -> Array | None:
+    """Return the direction (3,) that is upwards in the readings' axes throughout; None: none is."""
+    if measures.values is None or measures.duration < SHORTEST:
+        return None
+    size, _, certain = _level(measures)
+    absent = G[1] < size < _ABSENT * STANDARD_GRAVITY or size < G[0]
+    if not certain or absent or not measures.mean_force:
+        return None
+    direction: Array = measures.values[1].mean(axis=0) / measures.mean_force
+    return direction if np.abs(direction).max() > _UPWARDS else None
+
+
+@check(
+    "warning",
+    "a consumer that expects forward-left-up sees a body upside down",
+    "--set input.axes=frd (add_errors, error_model) or the mounting, if the axes are "
+    "forward-right-down; change the sign of the accelerometer, if it measures gravity downwards",
+)
+def axes_down(measures: ReadingMeasures) -> Iterator[Evidence]:
+    """Find axes that are forward-right-down, or gravity of the wrong sign."""
+    upwards = _upwards(measures)
+    if upwards is not None and upwards[2] < -_UPWARDS:
+        yield Evidence(f"upwards is {_vector(upwards)} of the readings throughout")
+
+
+@check(
+    "warning",
+    "a consumer that expects forward-left-up sees a body on its side",
+    "state the rotation of the sensor as its mounting (for a camera's axes: x right, y down)",
+)
+def axes_sideways(measures: ReadingMeasures) -> Iterator[Evidence]:
+    """Find axes of which x or y is upwards, as those of a camera."""
+    upwards = _upwards(measures)
+    if upwards is not None and np.abs(upwards[:2]).max() > _UPWARDS:
+        yield Evidence(f"upwards is {_vector(upwards)} of the readings throughout")
+
+
+def _vector(values: Array) -> str:
+    return "[" + ", ".join(f"{value:.2f}" for value in values) + "]"
+
+
+@check(
+    "error",
+    "attitude turns 57 times too fast",
+    "--gyro-unit deg/s converts it; or multiply by pi / 180",
+)
+def gyroscope_degrees(measures: ReadingMeasures) -> Iterator[Evidence]:
+    """Find a gyroscope in deg/s, at rest (by its noise) or in motion (by what gravity does)."""
+    if measures.rate_unit.name == "deg/s":
+        yield Evidence(measures.rate_unit.text)
+
+
+@check(
+    "error",
+    "attitude turns by a wrong angle",
+    "multiply by the data sheet's sensitivity, and by pi / 180 if that is in deg/s",
+)
+def gyroscope_counts(measures: ReadingMeasures) -> Iterator[Evidence]:
+    """Find a gyroscope in counts."""
+    if measures.rate_unit.name == "counts":
+        yield Evidence(measures.rate_unit.text)
+
+
+@check(
+    "error",
+    "the axis measures nothing",
+    "repair the sensor or its driver; nothing can be computed from this axis",
+)
+def axis_stuck(measures: ReadingMeasures) -> Iterator[Evidence]:
+    """Find an axis whose readings stop changing while the others have noise."""
+    for triad, values in _triads(measures):
+        if len(values) < _ENOUGH:
+            continue
+        constant = [_unchanged_tail(column) for column in values.T]
+        for axis, length in enumerate(constant):
+            partners = [values[-length:, k] for k in range(3) if k != axis]
+            stays = length >= _ENOUGH and all(
+                measures.noisy(column) and len(np.unique(column[:_ENOUGH])) > _CODES
+                for column in partners
+            )
+            if stays:
+                row = len(values) - length
+                name = f"{triad} {AXES[axis]}"
+                yield Evidence(f"{name} stays at {values[-1, axis]:.5g}", row, length)
+
+
+def _unchanged_tail(column: Array) -> int:
+    """Return how many readings at the end of an axis (n,) are equal."""
+    changes = np.flatnonzero(column[1:] != column[:-1])
+    return len(column) - (int(changes[-1]) + 1 if len(changes) else 0)
+
+
+def _triads(measures: ReadingMeasures) -> Iterator[tuple[str, Array]]:
+    for name, values in zip(TRIADS, (measures.readings.gyro, measures.readings.accel), strict=True):
+        if values is not None:
+            yield name, values
+
+
+@check(
+    "warning",
+    "motion beyond the range is not measured",
+    "choose a larger range of the sensor",
+)
+def axis_saturated(measures: ReadingMeasures) -> Iterator[Evidence]:
+    """Find an axis whose readings pile up at the end of its range."""
+    for triad, values in _triads(measures):
+        if len(values) < _ENOUGH:
+            continue
+        for axis, column in enumerate(values.T):
+            codes, counts = _codes(column)
+            if len(codes) <= _CODES or not measures.noisy(column):
+                continue
+            # Steps that noise does not cross pile readings up wherever a motion stays.
+            change = np.diff(column, 4)
+            noise = float(np.sqrt(np.mean(np.square(change)) / 70.0))
+            if noise < 0.5 * float(np.diff(codes).min()):
+                continue
+            for end, beside in ((0, 1), (-1, -2)):
+                often = counts[end] > max(10, _SATURATED * len(column))
+                pile = counts[end] > _PILE * counts[beside]
+                if often and pile:
+                    row = int(np.flatnonzero(np.isclose(column, codes[end], rtol=ROUNDING))[0])
+                    name = f"{triad} {AXES[axis]}"
+                    number = int(counts[end])
+                    yield Evidence(f"{name} reads {codes[end]:.5g} {number:,} times", row, number)
+
+
+def _codes(column: Array) -> tuple[Array, Integers]:
+    """Return the different values (k,) of an axis (n,), but for rounding, and their numbers."""
+    codes, counts = np.unique(column, return_counts=True)
+    steps = np.diff(codes) > ROUNDING * np.abs(codes).max()
+    starts = np.flatnonzero(np.append(True, steps))
+    return codes[starts], np.add.reduceat(counts, starts)
+
+
+@check(
+    "note",
+    "noise that is smaller than a step is not in the readings",
+    "choose a smaller range of the sensor, or more digits of the file",
+)
+def steps_coarse(measures: ReadingMeasures) -> Iterator[Evidence]:
+    """Find an axis whose digital steps are larger than its signal."""
+    for triad, values in _triads(measures):
+        if len(values) < _ENOUGH:
+            continue
+        for axis, column in enumerate(values.T):
+            codes, _ = _codes(column)
+            if len(codes) == 2 and measures.noisy(column):
+                step = float(codes[1] - codes[0])
+                yield Evidence(f"{triad} {AXES[axis]} has two values, {step:.3g} apart")
+
+
+READINGS: Final = (
+    gyroscope_absent,
+    accelerometer_absent,
+    triads_swapped,
+    accelerometer_g,
+    accelerometer_mg,
+    accelerometer_counts,
+    gyroscope_degrees,
+    gyroscope_counts,
+    gravity_absent,
+    gravity_size,
+    axes_down,
+    axes_sideways,
+    axis_stuck,
+    axis_saturated,
+    steps_coarse,
+)
+"""Checks of the readings of an IMU."""

@@ -1,0 +1,189 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Findings about readings: each fault is found, and nothing in clean recordings."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import imu_sim_ros as ims
+from imu_sim_ros.commands import inspect
+from imu_sim_ros.conventions import STANDARD_GRAVITY
+from imu_sim_ros.recordings.findings.catalogue import KINDS, reading_findings
+from imu_sim_ros.records import with_fields
+
+ROOT = Path(__file__).parents[2]
+IMUS = sorted(path.stem for path in (ROOT / "config" / "imus").glob("*.yaml"))
+# A free fall reads like an accelerometer without gravity, for as long as it lasts.
+TRAJECTORIES = sorted(
+    {path.stem for path in (ROOT / "config" / "trajectories").glob("*.yaml")} - {"free_fall"}
+)
+FRD = np.diag([1.0, -1.0, -1.0])
+CAMERA = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+"""From forward-left-up to right-down-forward."""
+
+
+def stuck(readings):
+    accel = readings.accel.copy()
+    accel[-2000:, 1] = accel[-2000, 1]
+    return with_fields(readings, accel=accel)
+
+
+def saturated(readings):
+    gyro = readings.gyro.copy()
+    limit = np.quantile(np.abs(gyro[:, 2]), 0.9)
+    gyro[:, 2] = np.clip(gyro[:, 2], -limit, limit)
+    return with_fields(readings, gyro=gyro)
+
+
+FAULTS = {
+    "accelerometer_g": lambda r: with_fields(r, accel=r.accel / STANDARD_GRAVITY),
+    "accelerometer_mg": lambda r: with_fields(r, accel=1e3 * r.accel / STANDARD_GRAVITY),
+    "accelerometer_counts": lambda r: with_fields(
+        r, accel=np.rint(16384.0 * r.accel / STANDARD_GRAVITY)
+    ),
+    "gyroscope_degrees": lambda r: with_fields(r, gyro=np.degrees(r.gyro)),
+    "gyroscope_counts": lambda r: with_fields(r, gyro=np.rint(131.0 * np.degrees(r.gyro))),
+    "axes_down": lambda r: with_fields(r, gyro=r.gyro @ FRD, accel=r.accel @ FRD),
+    "axes_sideways": lambda r: with_fields(r, gyro=r.gyro @ CAMERA.T, accel=r.accel @ CAMERA.T),
+    "triads_swapped": lambda r: with_fields(r, gyro=r.accel, accel=r.gyro),
+    "gyroscope_absent": lambda r: with_fields(r, gyro=0.0 * r.gyro),
+    "accelerometer_absent": lambda r: with_fields(r, accel=None),
+    "axis_stuck": stuck,
+}
+
+
+def kinds(readings):
+    return [finding.kind for finding in reading_findings(readings)]
+
+
+@pytest.fixture(scope="module")
+def recordings():
+    """Return readings at rest and in motion, of sensors of two grades."""
+    return [
+        ims.simulate(imu=imu, trajectory=trajectory, duration=20, rate=200, seed=3).readings
+        for imu in ("bmi088", "mpu6000")
+        for trajectory in ("static", "figure_eight", "town")
+    ]
+
+
+@pytest.mark.parametrize("kind", FAULTS)
+def test_each_fault_is_found_at_rest_and_in_motion_and_nothing_else(recordings, kind):
+    for readings in recordings:
+        assert kinds(readings) == []
+        assert kinds(FAULTS[kind](readings)) == [kind], readings
+
+
+def test_both_triads_may_be_in_other_units(recordings):
+    for readings in recordings:
+        both = FAULTS["accelerometer_g"](FAULTS["gyroscope_degrees"](readings))
+        assert kinds(both) == ["accelerometer_g", "gyroscope_degrees"]
+
+
+def test_gravity_of_the_wrong_sign_reads_as_axes_down(recordings):
+    for readings in recordings:
+        assert kinds(with_fields(readings, accel=-readings.accel)) == ["axes_down"]
+
+
+def test_acceleration_without_gravity_is_found_at_rest_and_in_motion():
+    for trajectory in ("static", "figure_eight", "circle"):
+        flight = ims.simulate(
+            imu="bmi088", trajectory=trajectory, duration=20, rate=200, gravity=1e-9, seed=2
+        )
+        assert kinds(flight.readings) == ["gravity_absent"], trajectory
+
+
+def test_gravity_of_another_size_at_rest_is_found():
+    moon = ims.simulate(imu="bmi088", trajectory="static", duration=5, gravity=6.5, seed=2)
+    assert kinds(moon.readings) == ["gravity_size"]
+
+
+def test_a_saturated_axis_is_found(recordings):
+    assert kinds(saturated(recordings[1])) == ["axis_saturated"]
+
+
+def test_steps_larger_than_the_noise_are_found(recordings):
+    coarse = recordings[0].accel.copy()
+    mean = coarse[:, 0].mean()
+    coarse[:, 0] = np.where(coarse[:, 0] > mean, mean + 0.5, mean - 0.5)
+    assert kinds(with_fields(recordings[0], accel=coarse)) == ["steps_coarse"]
+
+
+def test_traits_of_the_clock_are_findings_with_their_row(recordings):
+    readings = recordings[1]
+    late = readings.t_ns + np.where(np.arange(len(readings)) > 2000, 50_000_000, 0)
+    (finding,) = reading_findings(with_fields(readings, t_ns=late))
+    assert (finding.kind, finding.row, finding.number) == ("samples_lost", 2001, 10)
+    assert finding.t == pytest.approx(10.055)
+    paused = readings.t_ns + np.where(np.arange(len(readings)) > 2000, 3_600_000_000_000, 0)
+    assert kinds(with_fields(readings, t_ns=paused)) == ["clock_pause"]
+    shared = readings.t_ns[np.arange(len(readings)) // 8 * 8]
+    assert kinds(with_fields(readings, t_ns=shared)) == ["stamps_shared"]
+    back = readings.t_ns - np.where(np.arange(len(readings)) > 2000, 9_000_000_000, 0)
+    assert kinds(with_fields(readings, t_ns=back)) == ["clock_reset"]
+
+
+def clean(imu, trajectory, rate, duration):
+    flight = ims.simulate(imu=imu, trajectory=trajectory, rate=rate, duration=duration, seed=4)
+    return [(imu, trajectory, rate, f.kind, f.evidence) for f in reading_findings(flight.readings)]
+
+
+def length(trajectory):
+    return 2.4 if trajectory == "waypoints" else 12.0
+
+
+def test_clean_recordings_have_no_finding():
+    """Every preset and every trajectory once, in another combination for each."""
+    pairs = [(imu, TRAJECTORIES[k % len(TRAJECTORIES)]) for k, imu in enumerate(IMUS)]
+    pairs += [("perfect", trajectory) for trajectory in TRAJECTORIES]
+    for imu, trajectory in pairs:
+        assert clean(imu, trajectory, 100.0, length(trajectory)) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rate", [100.0, 1000.0])
+@pytest.mark.parametrize("trajectory", TRAJECTORIES)
+def test_every_preset_on_every_trajectory_has_no_finding(trajectory, rate):
+    for imu in IMUS:
+        assert clean(imu, trajectory, rate, length(trajectory)) == []
+
+
+@pytest.mark.parametrize("name", ["flight.mcap", "flight.bag", "flight", "flight.csv"])
+def test_files_have_the_findings_of_their_readings(tmp_path, capsys, name):
+    flight = ims.simulate(imu="bmi088", trajectory="figure_eight", duration=12, rate=100, seed=1)
+    path = tmp_path / name
+    flight.save(path, format="euroc" if name == "flight" else None)
+    assert inspect.main([str(path), "--json", "--fail-on", "note"]) == 0
+    contents = json.loads(capsys.readouterr().out)
+    assert contents["findings"] == []
+    assert contents["sensors"][0]["rate_hz"] == pytest.approx(100.0)
+    assert "bmi088" in contents["sensors"][0]["nearest_presets"]
+
+
+def test_a_program_can_fail_on_kinds(tmp_path, capsys):
+    readings = ims.simulate(imu="bmi088", trajectory="static", duration=12, rate=100).readings
+    rows = np.column_stack([readings.gyro, readings.accel / STANDARD_GRAVITY])
+    path = tmp_path / "g.csv"
+    with path.open("w") as file:
+        for t_ns, row in zip(readings.t_ns.tolist(), rows.tolist(), strict=True):
+            file.write(f"{t_ns}," + ",".join(map(repr, row)) + "\n")
+    assert inspect.main([str(path)]) == 0
+    assert "accelerometer_g: g.csv: at rest the accelerometer reads" in capsys.readouterr().out
+    assert inspect.main([str(path), "--fail-on", "gyroscope_degrees,samples_lost"]) == 0
+    for wanted in ("error", "warning", "accelerometer_g"):
+        assert inspect.main([str(path), "--fail-on", wanted]) == 3
+    capsys.readouterr()
+    assert inspect.main([str(path), "--fail-on", "accelerometer_G"]) == 2
+    assert "did you mean accelerometer_g?" in capsys.readouterr().err
+    page = tmp_path / "page.html"
+    assert inspect.main([str(path), "-o", str(page), "--quiet"]) == 0
+    assert "accelerometer_g" in page.read_text()
+
+
+def test_every_kind_is_in_the_manual():
+    page = (ROOT / "docs" / "reference" / "findings.md").read_text(encoding="utf-8")
+    for kind, check in KINDS.items():
+        assert f"| `{kind}` | {check.severity} | {check.meaning} |" in page
