@@ -235,8 +235,8 @@ def text_to_bag(
 
 
 def holds_poses(path: Path) -> bool:
-    """Return whether a text file is one of poses, by its name."""
-    return path.suffix.lower() in (".tum", ".txt")
+    """Return whether a text file is one of poses: by its name, unless it has readings."""
+    return path.suffix.lower() in (".tum", ".txt") and not text_reader.has_states(path)
 
 
 def poses_to_bag(

@@ -28,9 +28,10 @@ from imu_sim_ros.bags.messages.encode import (
 )
 from imu_sim_ros.bags.reader import Bag, Recover, errors_naming
 from imu_sim_ros.bags.text import reader as text_reader
+from imu_sim_ros.bags.text import vio_data_simulation
 from imu_sim_ros.inputs.rows import Skipped, Warned
 from imu_sim_ros.poses import read_poses as read_pose_file
-from imu_sim_ros.records import Readings, States, concatenated
+from imu_sim_ros.records import Readings, States, concatenated, with_fields
 from imu_sim_ros.rotation import rotate
 from imu_sim_ros.types import Array, Times
 
@@ -187,6 +188,10 @@ def read_poses(
     :param recover: as for :func:`imu_sim_ros.bags.files.open_bag`.
     """
     path = Path(path)
+    if vio_data_simulation.is_source(path):
+        counts: list[int] = []
+        states = vio_data_simulation.read_states(path, counts.append if skip_bad_rows else None)
+        return with_fields(states.in_order(), skipped=sum(counts))
     if text_reader.is_text(path):
         file = path if path.is_file() else text_reader.state_file(path)
         return read_pose_file(file, topic, skip_bad_rows, covariance)
@@ -197,7 +202,7 @@ def read_poses(
             if (info.count if topic is None else info.name.lstrip("/") == topic.lstrip("/"))
         }
     type_name = POSE_STAMPED if POSE_STAMPED in types and ODOMETRY not in types else ODOMETRY
-    counts: list[int] = []
+    counts = []
     skipped = counts.append if skip_bad_rows else None
     names = ("position", "orientation")
     parts = list(decoded_blocks(path, type_name, topic, names, recover, skipped, warned))

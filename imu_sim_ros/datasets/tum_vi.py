@@ -118,7 +118,8 @@ class TumVi:
         motion = block.motion
         position = motion.position + rotation.rotate(motion.q_wb, self._p_bi)
         q_wi = rotation.multiply(motion.q_wb, self._q_bi)
-        poses = decimals.lines([block.true_t_ns, np.concatenate([position, q_wi], axis=1)])
+        # The original's poses are on the IMU's clock, too.
+        poses = decimals.lines([block.t_ns, np.concatenate([position, q_wi], axis=1)])
         for name in ("mav0/mocap0/data.csv", "dso/gt_imu.csv"):
             self._open[name].write(poses)
         self.rows["imu"] += len(t_ns)

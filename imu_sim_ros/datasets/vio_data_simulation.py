@@ -4,6 +4,8 @@
 """The text files of HeYijia/vio_data_simulation, with pixel noise and the image's bounds.
 
 ``imu_pose.txt``, ``imu_pose_noise.txt``, ``cam_pose.txt``: t, q w x y z, p, gyro, acc.
+``imu_int_pose.txt``, ``imu_int_pose_noise.txt``: what the readings of the first two integrate to by
+Euler's method, from the second reading on: t, q, p, and q, p again.
 ``cam_pose_tum.txt``: t, p, q x y z w. ``all_points.txt``: x y z 1; of frame N
 ``keyframe/all_points_N.txt``: x y z 1 u v, and ``keyframe/all_lines_N.txt``: u1 v1 u2 v2, where u
 and v are normalised and undistorted. Times are seconds from the start, each computed from its
@@ -11,12 +13,13 @@ index; the original applies no noise and has no border, so its readers see a lan
 camera does not.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
+from imu_sim_ros import rotation
 from imu_sim_ros.bags.outputs import make_folder, write_bytes
 from imu_sim_ros.bags.text import decimals
 from imu_sim_ros.bags.writer import amount
@@ -29,9 +32,11 @@ from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.topics import Read
+from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array
 
 _SECOND: Final = 1e-9
+_INTEGRATED: Final = ("imu_int_pose", "imu_int_pose_noise")
 
 
 class _Rows:
@@ -61,6 +66,42 @@ class _Rows:
             raise system_error(self.path, error) from None
 
 
+class _Integration:
+    """Poses that readings integrate to, as the original's ``IMU::testImu`` (src/imu.cpp).
+
+    A step takes the reading at its end: ``a = R_wb acc + g``, with R_wb at its start, then
+    ``q = q (1, gyro dt / 2)``, of length 1 here, ``v = v + a dt``, ``p = p + v dt + a dt^2 / 2``.
+    """
+
+    def __init__(self, gravity: Sequence[float]) -> None:
+        self._gravity = np.asarray(gravity)
+        self._state: tuple[float, Array, Array, Array] | None = None
+        """Time [s], q_wb (4,), velocity (3,) and position (3,) after the last reading."""
+
+    def rows(self, t: Array, motion: Motion, gyro: Array, accel: Array) -> Array:
+        """Return the rows (m, 15) of the next n readings; the first reading of all has none.
+
+        :param t: (n,) [s].
+        :param motion: true one, with which the integration begins.
+        """
+        if self._state is None and len(t):
+            q_wb, velocity, position = motion.q_wb[0], motion.velocity[0], motion.position[0]
+            self._state = (float(t[0]), q_wb, velocity, position)
+            t, gyro, accel = t[1:], gyro[1:], accel[1:]
+        if self._state is None or not len(t):
+            return np.empty((0, 15))
+        before, q_wb, velocity, position = self._state
+        dt = np.diff(t, prepend=before)[:, None]
+        turns = rotation.normalise(np.concatenate([np.ones_like(dt), 0.5 * dt * gyro], axis=1))
+        q = rotation.cumulative_product(np.concatenate([q_wb[None], turns]))
+        acceleration = rotation.rotate(q[:-1], accel) + self._gravity
+        speeds = velocity + np.cumsum(acceleration * dt, axis=0)
+        places = position + np.cumsum(speeds * dt + 0.5 * acceleration * dt * dt, axis=0)
+        q = rotation.normalise(q[1:])
+        self._state = (float(t[-1]), q[-1], speeds[-1], places[-1])
+        return np.concatenate([t[:, None], q, places, q, places], axis=1)
+
+
 class VioDataSimulation:
     """A folder of that simulator's files; use as a context manager."""
 
@@ -84,7 +125,9 @@ class VioDataSimulation:
         self._world, self._view = world, view_of(camera, world)
         self._blindness = Blindness(self._view.name)
         self._frames, self._last_ns = 0, -1
-        names = ("imu_pose", "imu_pose_noise", "cam_pose", "cam_pose_tum")
+        names = ("imu_pose", "imu_pose_noise", "cam_pose", "cam_pose_tum", *_INTEGRATED)
+        gravity = sensors[IMU].environment.gravity
+        self._integrations = {name: _Integration(gravity) for name in _INTEGRATED}
         self._files = {name: _Rows(folder / f"{name}.txt") for name in names}
         self._put(folder / "all_points.txt", _homogeneous(world.scene.landmarks))
 
@@ -111,6 +154,11 @@ class VioDataSimulation:
         self._files["imu_pose_noise"].write(
             np.concatenate([*pose, block.gyro, block.accel], axis=1)
         )
+        times = np.asarray(t[:, 0], dtype=np.float64)
+        readings = ((block.ideal_gyro, block.ideal_accel), (block.gyro, block.accel))
+        for name, (gyro, accel) in zip(_INTEGRATED, readings, strict=True):
+            rows = self._integrations[name].rows(times, m, gyro, accel)
+            self._files[name].write(rows)
         if len(block.true_t_ns):
             self._last_ns = int(block.true_t_ns[-1])
         self._write_frames(read[self._view.name])

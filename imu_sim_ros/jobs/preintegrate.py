@@ -15,6 +15,7 @@ from imu_sim_ros.arguments import array, number, stamps
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.jobs.flight import Flight, readings_of
+from imu_sim_ros.jobs.readings import in_clock_order
 from imu_sim_ros.navigation.preintegration import METHODS, Preintegration, between
 from imu_sim_ros.navigation.preintegration import preintegrate as over_intervals
 from imu_sim_ros.navigation.stepper import check_readings
@@ -59,7 +60,7 @@ def preintegrate(
     arguments.one_of("method", method, METHODS)
     number("max_gap", max_gap, "a number of seconds above 0", 0.0, above=True)
     noise = readings.parameters.imu if isinstance(readings, Flight) else None
-    imu = readings_of("readings", readings)
+    imu = in_clock_order(readings_of("readings", readings))
     if (edges_ns is None) == (every is None):
         raise InputError("give the times of the frames, edges_ns, or the time between them, every")
     if every is not None:

@@ -169,3 +169,16 @@ def test_what_it_cannot_hold_is_refused(tmp_path, capsys):
         "/cam0/image_raw": 10,
         "/cam1/image_raw": 10,
     }
+
+
+def test_poses_are_on_the_clock_of_the_imu(tmp_path):
+    """As in the original, whose motion capture was put on that clock; the page says so."""
+    folder = tmp_path / "late"
+    arguments = ["--format", "tum_vi", "--camera", "tum_vi_cam0", "--duration", "0.2s", "--quiet"]
+    shift = ["--set", "imu.stamp_offset=0.005", "--set", "imu.clock_skew_ppm=1000"]
+    assert generate.main(["-o", str(folder), *arguments, *shift]) == 0
+    readings = table(folder / "mav0" / "imu0" / "data.csv")
+    for name in ("mav0/mocap0/data.csv", "dso/gt_imu.csv"):
+        assert np.array_equal(table(folder / name)[:, 0], readings[:, 0])
+    chain = yaml.safe_load((folder / "dso" / "camchain.yaml").read_text())
+    assert chain["cam0"]["timeshift_cam_imu"] == 0.005

@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from imu_sim_ros.bags.text import vio_data_simulation
 from imu_sim_ros.bags.text.writer import DATASET_SUFFIXES, POSES_OF_TABLES
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate, header
@@ -45,9 +46,10 @@ _POSE_FOLDER: Final = "mocap0"
 
 
 def is_text(path: Path) -> bool:
-    """Return whether a path is a EuRoC folder, a folder of kalibr's CSV files, or a text file."""
+    """Return whether a path is a text file, or a folder of EuRoC, kalibr or vio_data_simulation."""
     if path.is_dir():
-        return bool(_tables(path, "imu")) or _table(path, _STATE_FOLDER) is not None
+        tables = _tables(path, "imu") or _table(path, _STATE_FOLDER) is not None
+        return bool(tables) or vio_data_simulation.is_source(path)
     return path.suffix.lower() in DATASET_SUFFIXES and path.is_file()
 
 
@@ -60,6 +62,9 @@ def imu_blocks(
     :param skipped: receives the number of bad rows skipped; None: they are errors.
     :raises InputError: with the first lines of every class of bad rows, at the end of the file.
     """
+    if vio_data_simulation.is_source(path):
+        yield vio_data_simulation.read_readings(path, skipped)
+        return
     file = imu_file(path, name)
     for t_ns, values in _blocks(file, _READING, skipped):
         yield Readings.unchecked(
@@ -100,6 +105,8 @@ def state_file(path: Path) -> Path:
 
     :raises InputError: if there is none.
     """
+    if vio_data_simulation.is_source(path):
+        return vio_data_simulation.truth_file(path)
     found = _table(path, _STATE_FOLDER) if path.is_dir() else path
     if found is None:
         raise InputError(f"{path}: has no {_STATE_FOLDER}/data.csv")
@@ -115,6 +122,10 @@ def state_blocks(
     """
     if topic is not None:
         raise InputError(f"{path}: text has no topic {topic}")
+    if vio_data_simulation.is_source(path):
+        states = vio_data_simulation.read_states(state_file(path), skipped)
+        yield states, np.zeros((len(states), 6))
+        return
     for t_ns, values in _blocks(state_file(path), _STATE, skipped):
         zero = np.zeros((len(t_ns), 3))
         biases = [values.get(name, zero) for name in (header.GYRO_BIAS, header.ACCEL_BIAS)]
@@ -129,8 +140,10 @@ def state_blocks(
 
 
 def has_states(path: Path) -> bool:
-    """Return whether a folder has states in addition to its readings."""
-    return path.is_dir() and _table(path, _STATE_FOLDER) is not None
+    """Return whether a folder, or a file of readings, has states in addition to its readings."""
+    if path.is_dir() and _table(path, _STATE_FOLDER) is not None:
+        return True
+    return vio_data_simulation.has_states(path)
 
 
 def pose_file(path: Path) -> Path | None:
@@ -154,6 +167,8 @@ def imu_file(path: Path, name: str | None) -> Path:
 
     :raises InputError: if there is none of the name, or several.
     """
+    if vio_data_simulation.is_source(path) and name is None:
+        return vio_data_simulation.readings_file(path)
     if not path.is_dir():
         return path
     found = _tables(path, "imu")
