@@ -10,6 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
+from types import ModuleType
 from typing import (
     Any,
     BinaryIO,
@@ -28,7 +29,7 @@ from numpy.lib.stride_tricks import as_strided, sliding_window_view
 from imu_sim_ros.bags.messages.blocks import MessageBlock, Payloads, TopicInfo, as_list
 from imu_sim_ros.bags.threads import prefetch
 from imu_sim_ros.conventions import IDEAL_IMU_TOPIC
-from imu_sim_ros.errors import ImuSimError, InputError, system_error
+from imu_sim_ros.errors import ImuSimError, InputError, MissingDependencyError, system_error
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.types import Bytes, Times
@@ -49,6 +50,11 @@ DAMAGE: Final = (
 _LONGEST_REASON: Final = 200
 _SEARCHED_BYTES: Final = 1 << 20
 _LONGEST_MATCH: Final = 64
+_ARGUMENTS: Final = re.compile(
+    r"(unexpected|invalid) keyword argument|required (positional|keyword-only) argument|"
+    r"takes .* positional"
+)
+"""What Python says of a call whose arguments a function does not have."""
 _BAG_LIBRARIES: Final = ("mcap", "rosbags", "lz4", "zstandard")
 END_NS: Final = 2**63 - 1
 """After all messages."""
@@ -74,6 +80,13 @@ class Timed(NamedTuple):
     blocks: list[MessageBlock]
 
 
+def _is_of_interface(error: Exception) -> bool:
+    """Return whether an error is one of a call into a library, not of the bytes of a file."""
+    if isinstance(error, AttributeError):
+        return isinstance(error.obj, ModuleType | type)
+    return isinstance(error, TypeError) and _ARGUMENTS.search(str(error)) is not None
+
+
 @contextmanager
 def errors_naming(path: Path, hint: str = "") -> Iterator[None]:
     """Turn the errors of damaged bytes into one line; wraps the reader of a file.
@@ -91,6 +104,11 @@ def errors_naming(path: Path, hint: str = "") -> Iterator[None]:
         library = type(error).__module__.partition(".")[0]
         if not isinstance(error, (*DAMAGE, sqlite3.Error)) and library not in _BAG_LIBRARIES:
             raise
+        if _is_of_interface(error):
+            raise MissingDependencyError(
+                f"{path}: not read, because a library of another version has another interface: "
+                f"{error}; the requirements of this package name the versions"
+            ) from error
         words = " ".join(str(error).split())[:_LONGEST_REASON] or type(error).__name__
         raise InputError(f"{path}: damaged: {words}{hint}") from error
 

@@ -139,8 +139,8 @@ def _attitude(q_wb: Array, truth: Array) -> Iterator[str]:
     left_of = {words: _rms(_difference(other, truth)) for words, other in others.items()}
     convention = min(left_of, key=lambda words: left_of[words])
     sides = {
-        "body": rotation.multiply(rotation.conjugate(truth), q_wb),
-        "world": rotation.multiply(q_wb, rotation.conjugate(truth)),
+        "the body": rotation.multiply(rotation.conjugate(truth), q_wb),
+        "the world": rotation.multiply(q_wb, rotation.conjugate(truth)),
     }
     constants = {name: _mean_rotation(turns) for name, turns in sides.items()}
     left = {
@@ -158,7 +158,7 @@ def _attitude(q_wb: Array, truth: Array) -> Iterator[str]:
         return
     axis = ", ".join(f"{value + 0.0:.2f}" for value in (turn / angle).round(2))
     yield (
-        f"the attitude is off by a constant {np.degrees(angle):.3g} deg about ({axis}) of the "
+        f"the attitude is off by a constant {np.degrees(angle):.3g} deg about ({axis}) of "
         f"{side}, and the position is right: are its axes others than those of the truth?"
     )
 
