@@ -94,6 +94,8 @@ if TYPE_CHECKING:
     from imu_sim_ros.jobs.preintegrate import preintegrate as preintegrate
     from imu_sim_ros.jobs.readings import read_imu as read_imu
     from imu_sim_ros.jobs.readings import read_odometry as read_odometry
+    from imu_sim_ros.jobs.readings import read_readings as read_readings
+    from imu_sim_ros.jobs.readings import read_states as read_states
     from imu_sim_ros.jobs.recorded import read_images as read_images
     from imu_sim_ros.jobs.recorded import read_points as read_points
     from imu_sim_ros.jobs.report import Report as Report
@@ -142,7 +144,7 @@ _HOMES = {
     "jobs.inspect": ["Inspection", "inspect"],
     "jobs.measured": ["ReadingsEvaluation"],
     "jobs.preintegrate": ["preintegrate"],
-    "jobs.readings": ["read_imu", "read_odometry"],
+    "jobs.readings": ["read_imu", "read_odometry", "read_readings", "read_states"],
     "jobs.recorded": ["read_images", "read_points"],
     "jobs.report": ["Report", "report"],
     "jobs.simulate": ["blocks", "simulate"],

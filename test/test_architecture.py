@@ -41,14 +41,17 @@ ROOMS = {
     "simulation": BODY | {"bags"},
     "bags": LOW,
     "datasets": BODY | {"simulation", "bags"},
+    "formats": LOW | {"bags", "datasets"},
     # Of a sensor only its parameters: what it is, in numbers.
     "navigation": LOW | {"sensors"},
     "calibration": LOW | {"sensors", "simulation"},
     "plots": LOW | {"sensors", "navigation", "calibration"},
-    "campaigns": BODY | {"simulation", "bags", "datasets", "navigation", "calibration", "signals"},
-    "reports": LOW | {"sensors", "bags", "datasets", "navigation", "calibration", "campaigns"},
+    "campaigns": BODY
+    | {"simulation", "bags", "formats", "datasets", "navigation", "calibration", "signals"},
+    "reports": LOW
+    | {"sensors", "bags", "formats", "datasets", "navigation", "calibration", "campaigns"},
     "jobs": BODY
-    | {"simulation", "bags", "datasets", "navigation", "calibration", "plots"}
+    | {"simulation", "bags", "datasets", "formats", "navigation", "calibration", "plots"}
     | {"campaigns", "reports", "signatures"},
     "signals": LOW,
     "signatures": LOW,

@@ -279,6 +279,87 @@ def test_a_message_type(copy: Copy) -> None:
     assert found == 3 * [["mast", 0.25], ["mast", 0.5]]
 
 
+LOG = '''\
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Logs of a logger that begin with its name: a reading in each line."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from imu_sim_ros.bags.reader import Recover
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs.rows import Skipped, Warned
+from imu_sim_ros.records import Readings, States
+
+
+def holds(path: Path) -> bool:
+    """Return True for a file that begins with the logger's name."""
+    return path.is_file() and path.read_bytes()[:4] == b"LOG1"
+
+
+def reading_blocks(
+    path: Path, topic: str | None, frame: str | None, skipped: Skipped | None
+) -> Iterator[Readings]:
+    """Yield the readings."""
+    rows = np.loadtxt(path, skiprows=1)
+    t_ns = np.round(rows[:, 0] * 1e9).astype(np.int64)
+    yield Readings(t_ns, rows[:, 1:4], rows[:, 4:], str(path))
+
+
+def odometry_topics(path: Path) -> list[str]:
+    """Return nothing: logs have no topics."""
+    return []
+
+
+def stated_units(path: Path, topic: str | None) -> dict[str, str]:
+    """Return nothing: logs are in SI units."""
+    return {}
+
+
+def states(
+    path: Path,
+    topic: str | None,
+    covariance: bool,
+    skipped: Skipped | None,
+    warned: Warned | None,
+    recover: Recover,
+) -> States:
+    """Refuse to read poses."""
+    raise InputError(f"{path}: contains no poses")
+'''
+
+
+def test_a_format_that_is_read(copy: Copy) -> None:
+    """A module and its name in the list; every job takes it."""
+    copy.write("imu_sim_ros/formats/log.py", LOG)
+    copy.change(
+        "imu_sim_ros/formats/door.py",
+        (
+            "from imu_sim_ros.formats import bag, text",
+            "from imu_sim_ros.formats import bag, log, text",
+        ),
+        ("= (text, bag)", "= (log, text, bag)"),
+    )
+    copy.guard(2)
+    found = copy.run(
+        """
+        import json
+        import imu_sim_ros as ims
+        rows = "".join(f"{k / 100} 0.1 0 0 0 0 9.81\\n" for k in range(500))
+        with open("a.log", "w") as file:
+            file.write("LOG1\\n" + rows)
+        readings = ims.read_readings("a.log")
+        track = ims.dead_reckon("a.log", initial="parameters")
+        print(json.dumps([len(readings), readings.gyro[0, 0], len(track.t_ns)]))
+        """
+    )
+    assert found == [500, 0.1, 500]
+
+
 def test_a_preset(copy: Copy) -> None:
     """One file: ``--imu``, Python and the list of sensors have it."""
     copy.write(
@@ -572,6 +653,7 @@ def test_the_page_has_these_recipes() -> None:
         "error term",
         "a sensor",
         "a message type",
+        "a format",
         "a preset",
         "a consumer",
         "integration method",

@@ -13,6 +13,7 @@ from imu_sim_ros.bags.files import open_bag
 from imu_sim_ros.bags.messages import schemas
 from imu_sim_ros.bags.messages.blocks import TopicInfo, as_list
 from imu_sim_ros.bags.messages.decode import (
+    FIRST,
     Decoded,
     MessageGate,
     decode_block,
@@ -22,16 +23,14 @@ from imu_sim_ros.bags.messages.decode import (
 from imu_sim_ros.bags.messages.encode import (
     IMU,
     ODOMETRY,
-    POSE_STAMPED,
     TEMPERATURE,
     VECTOR3_STAMPED,
 )
 from imu_sim_ros.bags.reader import Bag, Recover, errors_naming
 from imu_sim_ros.bags.text import reader as text_reader
-from imu_sim_ros.bags.text import vio_data_simulation
+from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import Skipped, Warned
-from imu_sim_ros.poses import read_poses as read_pose_file
-from imu_sim_ros.records import Readings, States, concatenated, with_fields
+from imu_sim_ros.records import Readings, States, concatenated
 from imu_sim_ros.rotation import rotate
 from imu_sim_ros.types import Array, Times
 
@@ -45,7 +44,6 @@ __all__ = [
     "open_bag",
     "read_imu",
     "read_odometry",
-    "read_poses",
     "read_temperature",
     "vector_blocks",
 ]
@@ -53,7 +51,10 @@ __all__ = [
 
 _LEAST = 1000
 """Messages in a block."""
-_IMU_FIELDS = ("angular_velocity", "linear_acceleration")
+_IMU_FIELDS = (
+    *("angular_velocity", "linear_acceleration"),
+    *(f"angular_velocity_covariance{FIRST}", f"linear_acceleration_covariance{FIRST}"),
+)
 _ODOMETRY_FIELDS = (
     *("position", "orientation", "linear", "angular"),
     *("pose_covariance", "twist_covariance"),
@@ -96,6 +97,7 @@ def imu_blocks(
     recover: Recover = False,
     skipped: Skipped | None = None,
     warned: Warned | None = None,
+    frame: str | None = None,
 ) -> Iterator[Readings]:
     """Yield the messages of an Imu topic in blocks of bounded size, in the order of record times.
 
@@ -105,20 +107,47 @@ def imu_blocks(
     :param skipped: receives the number of bad rows or messages skipped; None: they are errors.
     :param warned: receives what is wrong with messages, which are not skipped then; text, which
         always can be mended, has no such way.
-    :raises InputError: for an input that cannot be used; of several topics all are listed.
+    :param frame: frame of the messages to read; None: the only one.
+    :raises InputError: for an input that cannot be used; of several topics or frames all are
+        listed.
     """
     if text_reader.is_text(Path(path)):
         yield from text_reader.imu_blocks(Path(path), topic, skipped)
         return
-    for fields in decoded_blocks(path, IMU, topic, _IMU_FIELDS, recover, skipped, warned):
-        gyro, accel = fields.numbers.values()
+    chosen = frame
+    for block in decoded_blocks(path, IMU, topic, _IMU_FIELDS, recover, skipped, warned):
+        fields = block
+        chosen = fields.texts[0] if chosen is None else chosen
+        if fields.frame_ids != (chosen,):
+            fields = _of_frame(path, topic, fields, chosen, frame is not None)
+        gyro, accel, no_gyro, no_accel = fields.numbers.values()
+        if not len(fields.t_ns):
+            continue
         yield Readings.unchecked(
             t_ns=fields.t_ns,
-            gyro=gyro,
-            accel=accel,
-            frame_id=fields.texts[0],
+            gyro=None if (no_gyro == -1.0).all() else gyro,
+            accel=None if (no_accel == -1.0).all() else accel,
+            frame_id=chosen,
             source=str(path),
         )
+
+
+def _of_frame(
+    path: str | Path, topic: str | None, fields: Decoded, frame: str, selected: bool
+) -> Decoded:
+    """Return the messages of one frame.
+
+    :param selected: True if the user chose the frame; else other frames are refused.
+    :raises InputError: for the messages of another frame.
+    """
+    if not selected:
+        several = ", ".join(dict.fromkeys((frame, *fields.frame_ids)))
+        name = "" if topic is None else f" {topic}"
+        raise InputError(
+            f"{path}:{name} has readings of several frames: {several}; choose one with --frame"
+        )
+    index = fields.frame_ids.index(frame) if frame in fields.frame_ids else -1
+    return fields.at(fields.frames == index)
 
 
 def read_imu(
@@ -169,50 +198,6 @@ def read_odometry(
     """Return all messages of an Odometry topic, or the states of a EuRoC folder."""
     empty = States(_times(), _rows(3), _rows(4), _rows(3), _rows(3), str(path))
     return concatenated(list(odometry_blocks(path, topic, skipped=skipped)) or [empty])
-
-
-def read_poses(
-    path: str | Path,
-    topic: str | None = None,
-    skip_bad_rows: bool = False,
-    covariance: bool = False,
-    warned: Warned | None = None,
-    recover: Recover = False,
-) -> States:
-    """Return poses: of a text file (TUM, EuRoC), or a bag's Odometry or PoseStamped topic.
-
-    :param topic: None: the only topic of Odometry, else of PoseStamped.
-    :param skip_bad_rows: skip bad rows or messages and count them.
-    :param covariance: of a text file: also read the covariances, if every row has them.
-    :param warned: as for :func:`imu_blocks`.
-    :param recover: as for :func:`imu_sim_ros.bags.files.open_bag`.
-    """
-    path = Path(path)
-    if vio_data_simulation.is_source(path):
-        counts: list[int] = []
-        states = vio_data_simulation.read_states(path, counts.append if skip_bad_rows else None)
-        return with_fields(states.in_order(), skipped=sum(counts))
-    if text_reader.is_text(path):
-        file = path if path.is_file() else text_reader.state_file(path)
-        return read_pose_file(file, topic, skip_bad_rows, covariance)
-    with open_bag(path, recover) as bag:
-        types = {
-            info.type
-            for info in bag.topics
-            if (info.count if topic is None else info.name.lstrip("/") == topic.lstrip("/"))
-        }
-    type_name = POSE_STAMPED if POSE_STAMPED in types and ODOMETRY not in types else ODOMETRY
-    counts = []
-    skipped = counts.append if skip_bad_rows else None
-    names = ("position", "orientation")
-    parts = list(decoded_blocks(path, type_name, topic, names, recover, skipped, warned))
-    q_wb = inside_order(np.concatenate([_rows(4), *(p.numbers["orientation"] for p in parts)]))
-    t_ns = np.concatenate([_times(), *(part.t_ns for part in parts)])
-    position = np.concatenate([_rows(3), *(part.numbers["position"] for part in parts)])
-    if warned is not None:  # passed on as they are
-        return States.unchecked(t_ns=t_ns, position=position, q_wb=q_wb, skipped=sum(counts))
-    name = str(path) if topic is None else f"{path}, {topic}"
-    return States(t_ns, position, _unit(q_wb), source=name, skipped=sum(counts)).in_order()
 
 
 def vector_blocks(

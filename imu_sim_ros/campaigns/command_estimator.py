@@ -21,7 +21,6 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
-from imu_sim_ros.bags.read import read_poses
 from imu_sim_ros.campaigns.comparison import (
     RunOutcome,
     check,
@@ -36,6 +35,7 @@ from imu_sim_ros.campaigns.plan import program
 from imu_sim_ros.campaigns.run_files import write_config, write_dataset
 from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.errors import ImuSimError, InputError
+from imu_sim_ros.formats.door import read_states
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.names import shown
 from imu_sim_ros.parameters import files
@@ -409,7 +409,7 @@ def _left_behind(estimator: CommandEstimator, block: Samples, run_folder: Path) 
         path = _written(estimator, run_folder)
         if path is not None:
             topic = estimator.estimate_topic or None
-            poses = read_poses(path, topic, skip_bad_rows=True, recover=True)
+            poses = read_states(path, topic, skip_bad_rows=True, recover=True)
             return coverage_metrics(poses.t_ns, block.true_t_ns, estimator)
     return {}
 

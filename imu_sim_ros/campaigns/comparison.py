@@ -9,12 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from imu_sim_ros.bags.messages.encode import ODOMETRY
-from imu_sim_ros.bags.read import open_bag, read_odometry, read_poses
-from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.campaigns.metrics import ESTIMATED, Metrics, Relative, pose_metrics
 from imu_sim_ros.campaigns.parameters import TrajectoryEstimator
 from imu_sim_ros.errors import ImuSimError, InputError
+from imu_sim_ros.formats.door import read_states
 from imu_sim_ros.navigation.association import (
     align,
 )
@@ -50,27 +48,13 @@ def read_estimate(path: Path, topic: str | None) -> States:
     :param topic: None: the only topic of Odometry, else of PoseStamped.
     :raises InputError: for what cannot be read or is not a trajectory.
     """
-    if is_text(path) or not _has_odometry(path, topic):
-        states = read_poses(path, topic, covariance=True)
-    else:
-        states = read_odometry(path, topic).in_order()
-        unknown = {  # all zeros (REP-145)
-            name: None
-            for name in ("covariance", "twist_covariance")
-            if not np.any(getattr(states, name))
-        }
-        states = with_fields(states, **unknown)
-    if len(states) < 2:
-        raise InputError(f"{len(states)} poses; a trajectory needs two or more")
-    return states
-
-
-def _has_odometry(path: Path, topic: str | None) -> bool:
-    with open_bag(path) as bag:
-        return any(
-            info.type == ODOMETRY and (topic is None or info.name.strip("/") == topic.strip("/"))
-            for info in bag.topics
-        )
+    states = read_states(path, topic, covariance=True, least=2)
+    unknown = {  # all zeros (REP-145)
+        name: None
+        for name in ("covariance", "twist_covariance")
+        if not np.any(getattr(states, name))
+    }
+    return with_fields(states, **unknown)
 
 
 def coverage_metrics(

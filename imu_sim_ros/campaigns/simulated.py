@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from imu_sim_ros.bags.read import read_poses
 from imu_sim_ros.campaigns.cells import Cell
 from imu_sim_ros.campaigns.plan import Plan
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.formats.door import read_states
 from imu_sim_ros.records import Readings, States
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.pose.declaration import NAME as POSE
@@ -35,7 +35,7 @@ class SimulatedCell:
         """
         self.plan, self.cell = plan, cell
         self.parameters = plan.simulation(cell)
-        self._base = Body(self.parameters, pose_reader=read_poses)
+        self._base = Body(self.parameters, pose_reader=read_states)
         if self._base.total is None:
             raise ConfigurationError(
                 f"cell {cell.name}: duration = 0: this trajectory has no end; give a duration in "

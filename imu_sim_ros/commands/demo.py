@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Final
 
 from imu_sim_ros import program
-from imu_sim_ros.bags.read import read_poses
 from imu_sim_ros.commands.common import FORCE, outputs
+from imu_sim_ros.formats.door import read_states
 from imu_sim_ros.jobs import demo
 from imu_sim_ros.jobs.dead_reckon import plot_named_tracks
 from imu_sim_ros.simulation.engine import Body
@@ -56,7 +56,7 @@ def run(arguments: argparse.Namespace) -> None:
         "duration": arguments.duration,
     }
     parameters = load_simulation(layers)
-    Body(parameters, read_poses)  # a file that cannot be flown is refused before the start
+    Body(parameters, read_states)  # a file that cannot be flown is refused before the start
     written = outputs(arguments)
     folder = written.add(arguments.output).path
     with written.staged():

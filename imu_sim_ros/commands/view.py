@@ -25,8 +25,9 @@ from imu_sim_ros.commands.common import FORCE, outputs
 from imu_sim_ros.conventions import LANDMARKS_TOPIC, TF_STATIC_TOPIC
 from imu_sim_ros.datasets.world import fixed_in, frame_of, pose_between
 from imu_sim_ros.errors import InputError, Problems
+from imu_sim_ros.formats.door import read_trajectory
 from imu_sim_ros.jobs.recorded import camera_names, read_images
-from imu_sim_ros.jobs.tracks import has_truth, read_track, truth_topic
+from imu_sim_ros.jobs.tracks import has_truth, truth_topic
 from imu_sim_ros.plots.flight_view import FlightView, rerun
 from imu_sim_ros.records import States
 
@@ -88,11 +89,11 @@ def _paths(arguments: argparse.Namespace) -> tuple[str | None, dict[str, States]
     with problems.gathered():
         truth = truth_topic(flight, arguments.truth_topic) if has_truth(flight) else None
         if truth is not None:
-            paths[_TRUTH] = read_track(flight, truth)
+            paths[_TRUTH] = read_trajectory(flight, truth)
     for estimate in arguments.estimates:
         name = estimate.stem if estimate.stem not in paths else str(estimate.with_suffix(""))
         with problems.gathered():
-            paths[name] = read_track(estimate)
+            paths[name] = read_trajectory(estimate)
     problems.tell()
     return truth, paths
 

@@ -176,7 +176,7 @@ class TableHeader:
     factors: Mapping[str, float]
     """SI value of the unit of each quantity."""
     units: Mapping[str, str]
-    """Stated units of the quantities, as far as they are not SI."""
+    """Stated units of the quantities."""
 
 
 def split_names(line: str) -> list[str]:
@@ -315,7 +315,7 @@ def header_of(names: Sequence[str], place: str = "") -> TableHeader:
             for name, axes in places.items()
         },
         factors,
-        {name: unit for name, unit in one.items() if factors[name] != 1.0},
+        {name: unit for name, unit in one.items() if unit},
     )
 
 

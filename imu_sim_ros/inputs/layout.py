@@ -8,7 +8,7 @@ unit of the stamps follows from their size and their steps.
 """
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -84,6 +84,8 @@ class TableLayout:
     """SI value of the unit of each quantity; 1 where it is missing."""
     expected: str
     """Expected columns, for messages."""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """Units that the header states, by quantity."""
 
     def fields(self, text: bytes) -> list[bytes]:
         """Return the cells of a row."""
@@ -178,17 +180,18 @@ def layout_of(
     :param comments: comment lines in front of the first row.
     :param rows: first rows of the table; a header is removed.
     :param forms: form of a table without a header, by separator; a blank: any blanks.
-    :param needed: quantities of which the header must have at least one.
+    :param needed: quantities of which the header must have at least one; none: the form decides,
+        whatever the header says.
     :raises InputError: for a header that is unknown or contradicts itself or its rows, and stamps
         whose unit cannot be told.
     """
     names: list[str] | None
-    if rows and _is_header(rows):
+    if rows and (_is_header(rows) or (not needed and not _is_numeric(rows[0][1]))):
         names = split_names(rows.pop(0)[1].decode("utf-8", "replace"))
     else:
         names = _names_in_comments(comments, rows)
     sample = rows[:_SAMPLE]
-    if names is not None and sample:
+    if names is not None and sample and needed:
         return _of_header(path, names, sample, needed, forms)
     return _of_form(path, sample, forms)
 
@@ -235,7 +238,11 @@ def _of_header(
     digits = header.digits
     if digits is None:
         digits = _digits(path, sample, separator, header.stamp, form.digits, decimal_comma)
-    units = [f"the {name} in {unit}" for name, unit in header.units.items()]
+    units = [
+        f"the {name} in {unit}"
+        for name, unit in header.units.items()
+        if header.factors[name] != 1.0
+    ]
     if units:
         warn(f"{path}: {' and '.join(units)}, as the header says: converted to SI units", Remark)
     return TableLayout(
@@ -249,6 +256,7 @@ def _of_header(
         header.columns,
         header.factors,
         f"the header names {header.count}",
+        header.units,
     )
 
 

@@ -24,6 +24,14 @@ from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.errors import InputError, Problems
 from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs.flight import Flight, readings_of
+from imu_sim_ros.jobs.selection import (
+    AccelTopic,
+    AccelUnit,
+    Frame,
+    GyroTopic,
+    GyroUnit,
+    checked_choice,
+)
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.progress import progress
 from imu_sim_ros.records import Readings
@@ -234,6 +242,11 @@ def allan(
     topic: Annotated[str | None, "TOPIC"] = None,
     model: Annotated[str, MODELS] = "standard",
     force: Annotated[bool, "--skip-checks"] = False,
+    frame: Frame = None,
+    gyro_topic: GyroTopic = None,
+    accel_topic: AccelTopic = None,
+    gyro_unit: GyroUnit = None,
+    accel_unit: AccelUnit = None,
     skip_bad_rows: SkipBadRows = False,
 ) -> Noise:
     """Return the noise parameters of an IMU at rest, with confidence.
@@ -245,6 +258,11 @@ def allan(
     :param model: standard: Q, N, B, K and R as far as the data resolve them; gauss_markov: white
         noise and a first-order Gauss-Markov process
     :param force: continue when a check of the data fails
+    :param frame: frame of the readings, if a topic has those of several IMUs
+    :param gyro_topic: topic of the gyroscope, if the accelerometer has another one
+    :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times
+    :param gyro_unit: unit of the gyroscope in the file: rad/s, deg/s
+    :param accel_unit: unit of the accelerometer in the file: m/s^2, g, mg
     :param skip_bad_rows: skip and count bad rows of text and bad messages of bags
     :returns: a :class:`Noise`: densities with intervals for each triad and axis.
     :raises ConfigurationError: for an invalid argument.
@@ -259,26 +277,29 @@ def allan(
     arguments.switch("force", force)
     arguments.switch("skip_bad_rows", skip_bad_rows)
     if isinstance(source, str | PathLike | Sequence):  # piece by piece: these records are long
-        from imu_sim_ros.bags.read import imu_blocks
+        from imu_sim_ros.formats.door import reading_blocks  # flights and records need no file
 
         given: Any = [source] if isinstance(source, str | PathLike) else source
         paths = [arguments.path("source", one, BAG_OR_FILE) for one in given]
         if not paths:
             arguments.refuse("source", source, BAG_OR_FILE)
-        topic, problems = arguments.topic("topic", topic), Problems()
+        problems = Problems()
+        units = gyro_unit, accel_unit
+        choice = checked_choice(topic, frame, gyro_topic, accel_topic, *units, of_a_file=True)
         for path in paths if len(paths) > 1 else ():  # before long records are read
             with problems.gathered():
-                next(imu_blocks(path, topic, skipped=lambda count: None), None)
+                next(reading_blocks(path, choice, skipped=lambda count: None), None)
         problems.tell()
         blocks = (
-            imu_blocks(path, topic, skipped=tell_skipped(path) if skip_bad_rows else None)
+            reading_blocks(path, choice, tell_skipped(path) if skip_bad_rows else None)
             for path in paths
         )
         with progress("read", lambda: sum(_count(path, topic) for path in paths)) as advance:
             result = analyse(blocks, model=model, force=force, advance=advance)
         name, origin = ", ".join(map(name_of, paths)), ", ".join(map(str, paths))
     else:
-        readings = readings_of("source", source, topic)
+        selection = (frame, gyro_topic, accel_topic, gyro_unit, accel_unit)
+        readings = readings_of("source", source, topic, selection=selection)
         result = analyse([[readings]], model=model, force=force)
         name, origin = readings.source, ""
     return Noise(

@@ -40,9 +40,20 @@ from imu_sim_ros.calibration.deterministic.turntable import known_rates, specifi
 from imu_sim_ros.calibration.noise.truth import load_truth
 from imu_sim_ros.conventions import GRAVITY, STANDARD_GRAVITY, TRIADS
 from imu_sim_ros.errors import InputError, Problems, naming
+from imu_sim_ros.formats import door
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.jobs.flight import Flight, readings_of
+from imu_sim_ros.jobs.selection import (
+    NOTHING,
+    AccelTopic,
+    AccelUnit,
+    Frame,
+    GyroTopic,
+    GyroUnit,
+    Selection,
+    checked_choice,
+)
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import NO_CORRECTION, Correction, correction_of
@@ -196,14 +207,18 @@ class _Run:
     """The recording of a calibration run: a flight, readings, or a file."""
 
     def __init__(
-        self, readings: Source | ArrayLike, topic: str | None, skip_bad_rows: bool
+        self,
+        readings: Source | ArrayLike,
+        topic: str | None,
+        skip_bad_rows: bool,
+        selection: Selection = NOTHING,
     ) -> None:
         """Check the arguments that every calibration has."""
         self._given: Any = readings
         self.path = None
         if isinstance(readings, str | PathLike):
             self.path = arguments.path("readings", readings, BAG_OR_FILE)
-        self._topic = arguments.topic("topic", topic, of_a_file=self.path is not None)
+        self._choice = checked_choice(topic, *selection, of_a_file=self.path is not None)
         self._skip = arguments.switch("skip_bad_rows", skip_bad_rows)
         self._warnings: list[str] = []
 
@@ -227,8 +242,8 @@ class _Run:
         """Return the readings."""
         if self.path is None:
             return readings_of("readings", self._given)
-        found = bags.read_imu(self.path, self._topic, self._skipped(f"{self.path}"))
-        return with_fields(found, source=self.name)
+        skipped = self._skipped(f"{self.path}")
+        return with_fields(door.read_readings(self.path, self._choice, skipped), source=self.name)
 
     def field(self) -> Array:
         """Return the readings of the magnetometer (n, 3) [T]."""
@@ -236,7 +251,7 @@ class _Run:
             return self._given.magnetic_field.field
         if self.path is not None:
             skipped = self._skipped(f"{self.path}")
-            return read_measured(self.path, TABLE, self._topic, skipped)[1]
+            return read_measured(self.path, TABLE, self._choice.topic, skipped)[1]
         values = arguments.array("readings", self._given, (None, 3))
         gate.Verdict(None, [(gate.FIELD, values)]).complain("readings")
         return values
@@ -357,6 +372,11 @@ def calibrate_six_position(
     gravity: Annotated[float, "GRAVITY"] = -GRAVITY[2],
     simple: Annotated[bool, "--simple"] = False,
     fixture: Annotated[str, FIXTURES] = AUTO,
+    frame: Frame = None,
+    gyro_topic: GyroTopic = None,
+    accel_topic: AccelTopic = None,
+    gyro_unit: GyroUnit = None,
+    accel_unit: AccelUnit = None,
     skip_bad_rows: SkipBadRows = False,
 ) -> Calibration:
     """Return the accelerometer's bias, scale and misalignment, and the gyroscope's bias.
@@ -371,6 +391,11 @@ def calibrate_six_position(
     :param fixture: exact: each axis points exactly up and down; norm: ten or more rests in any
         positions, fits the norm of gravity with an upper triangular S; auto: chooses by a test of
         the residuals
+    :param frame: frame of the readings, if a topic has those of several IMUs
+    :param gyro_topic: topic of the gyroscope, if the accelerometer has another one
+    :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times
+    :param gyro_unit: unit of the gyroscope in the file: rad/s, deg/s
+    :param accel_unit: unit of the accelerometer in the file: m/s^2, g, mg
     :param skip_bad_rows: skip and count bad rows of text and bad messages of bags
     :returns: a :class:`Calibration` with standard errors.
     :raises ConfigurationError: for an invalid argument.
@@ -382,7 +407,9 @@ def calibrate_six_position(
     >>> found.accelerometer.bias.value.round(6).tolist()
     [0.1, -0.2, 0.3]
     """
-    run = _Run(readings, topic, skip_bad_rows)
+    run = _Run(
+        readings, topic, skip_bad_rows, (frame, gyro_topic, accel_topic, gyro_unit, accel_unit)
+    )
     gravity = _gravity(gravity)
     arguments.switch("simple", simple)
     arguments.one_of("fixture", fixture, FIXTURES)
@@ -418,6 +445,11 @@ def calibrate_turntable(
     truth_topic: Annotated[str | None, "TOPIC"] = None,
     gravity: Annotated[float, "GRAVITY"] = -GRAVITY[2],
     accelerometer: Annotated[Calibration | str | Path | None, "FILE"] = None,
+    frame: Frame = None,
+    gyro_topic: GyroTopic = None,
+    accel_topic: AccelTopic = None,
+    gyro_unit: GyroUnit = None,
+    accel_unit: AccelUnit = None,
     skip_bad_rows: SkipBadRows = False,
 ) -> Calibration:
     """Return the gyroscope's bias, scale and misalignment, and its g-sensitivity if observable.
@@ -433,6 +465,11 @@ def calibrate_turntable(
     :param gravity: magnitude of local gravity [m/s^2]
     :param accelerometer: correction.yaml of a six-position run, for a tilted table: take the
         specific force from the accelerometer
+    :param frame: frame of the readings, if a topic has those of several IMUs
+    :param gyro_topic: topic of the gyroscope, if the accelerometer has another one
+    :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times
+    :param gyro_unit: unit of the gyroscope in the file: rad/s, deg/s
+    :param accel_unit: unit of the accelerometer in the file: m/s^2, g, mg
     :param skip_bad_rows: skip and count bad rows of text and bad messages of bags
     :returns: a :class:`Calibration` with standard errors.
     :raises ConfigurationError: for an invalid argument.
@@ -444,7 +481,9 @@ def calibrate_turntable(
     >>> (found.gyroscope.bias.value.round(6) + 0.0).tolist()
     [0.01, 0.0, -0.02]
     """
-    run = _Run(readings, topic, skip_bad_rows)
+    run = _Run(
+        readings, topic, skip_bad_rows, (frame, gyro_topic, accel_topic, gyro_unit, accel_unit)
+    )
     gravity = _gravity(gravity)
     problems = Problems()
     with problems.gathered():
@@ -485,6 +524,11 @@ def calibrate_temperature(
     truth_topic: Annotated[str | None, "TOPIC"] = None,
     reference: Annotated[float, "DEGC"] = 25.0,
     gravity: Annotated[float, "GRAVITY"] = -GRAVITY[2],
+    frame: Frame = None,
+    gyro_topic: GyroTopic = None,
+    accel_topic: AccelTopic = None,
+    gyro_unit: GyroUnit = None,
+    accel_unit: AccelUnit = None,
     skip_bad_rows: SkipBadRows = False,
 ) -> Calibration:
     """Return bias and scale over temperature of both triads.
@@ -502,6 +546,11 @@ def calibrate_temperature(
     :param truth_topic: Odometry topic to take the rates from if none are given
     :param reference: reference temperature T0 of the polynomials [degC]
     :param gravity: magnitude of local gravity [m/s^2]
+    :param frame: frame of the readings, if a topic has those of several IMUs
+    :param gyro_topic: topic of the gyroscope, if the accelerometer has another one
+    :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times
+    :param gyro_unit: unit of the gyroscope in the file: rad/s, deg/s
+    :param accel_unit: unit of the accelerometer in the file: m/s^2, g, mg
     :param skip_bad_rows: skip and count bad rows of text and bad messages of bags
     :returns: a :class:`Calibration` with standard errors.
     :raises ConfigurationError: for an invalid argument.
@@ -514,7 +563,9 @@ def calibrate_temperature(
     >>> [f"{value:.6f}" for value in found.gyroscope.temperature_bias.value + 0.0]
     ['0.000100', '0.000000', '0.000000']
     """
-    run = _Run(readings, topic, skip_bad_rows)
+    run = _Run(
+        readings, topic, skip_bad_rows, (frame, gyro_topic, accel_topic, gyro_unit, accel_unit)
+    )
     gravity = _gravity(gravity)
     number("reference", reference, "a temperature from -273.15 to 1000 degC", -273.15, 1000.0)
     imu = run.imu()

@@ -19,17 +19,19 @@ from imu_sim_ros import arguments
 from imu_sim_ros.bags import convert as streams
 from imu_sim_ros.bags import sensor_tables
 from imu_sim_ros.bags.messages.blocks import TopicInfo
-from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, POSE_STAMPED
+from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
 from imu_sim_ros.bags.messages.encode_cameras import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.outputs import Outputs, Target
-from imu_sim_ros.bags.read import open_bag, read_poses
+from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.bags.reader import Bag, Recover
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.bags.writer import BagOptions, Writer, amount, described, open_writer
 from imu_sim_ros.errors import ConfigurationError, InputError
+from imu_sim_ros.formats.bag import pose_topic
+from imu_sim_ros.formats.door import read_states
 from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.writing import (
@@ -286,9 +288,7 @@ def _from_bag(source: Path, output: _Output, journal: Journal, recover: Recover)
         elif form.dataset == "tum":
             named = topics[0].name if form.topics and len(topics) == 1 else None
             poses = _poses(bag.path, journal, named, recover)
-            kinds = {topic.type for topic in bag.topics}
-            found = bag.topic(ODOMETRY if ODOMETRY in kinds else POSE_STAMPED, named).name
-            counts, last_ns = _to_tum(poses, output, found)
+            counts, last_ns = _to_tum(poses, output, pose_topic(bag, named)[0])
         else:
             counts, last_ns = _bag_to_dataset(bag, topics, output, journal, recover)
     lost = _without_table(topics, counts, output) if form.dataset else []
@@ -427,7 +427,7 @@ def _poses(
     """Return the poses of a bag, a text file or a folder."""
     file = text_reader.pose_file(source) if text_reader.is_text(source) else None
     skipped, warned = journal.skipped, journal.passed_on
-    poses = read_poses(file or source, topic, skipped is not None, warned=warned, recover=recover)
+    poses = read_states(file or source, topic, skipped is not None, warned=warned, recover=recover)
     if skipped is not None and poses.skipped:
         skipped(poses.skipped)
     return poses

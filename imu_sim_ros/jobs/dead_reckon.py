@@ -21,10 +21,21 @@ from imu_sim_ros.arguments import topic as checked_topic
 from imu_sim_ros.datasets import world as worlds
 from imu_sim_ros.datasets.world import KnownWorld, world_of_simulation
 from imu_sim_ros.errors import InputError, Problems, Remark, warn
+from imu_sim_ros.formats import bag, text
+from imu_sim_ros.formats.door import format_of
 from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs import tracks
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.readings import in_clock_order, read_imu
+from imu_sim_ros.jobs.readings import in_clock_order
+from imu_sim_ros.jobs.selection import (
+    NOTHING,
+    AccelTopic,
+    AccelUnit,
+    Frame,
+    GyroTopic,
+    GyroUnit,
+    Selection,
+)
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.navigation import angles, initialisation
 from imu_sim_ros.navigation.association import interpolate_vectors
@@ -193,6 +204,11 @@ def dead_reckon(
     initial: Annotated[str | NavigationState, "--initial-state", INITIAL_STATES] = "truth",
     calibration: Annotated[str | Path | None, "--correction FILE"] = None,
     skip: Annotated[float, "TIME"] = 0.0,
+    frame: Frame = None,
+    gyro_topic: GyroTopic = None,
+    accel_topic: AccelTopic = None,
+    gyro_unit: GyroUnit = None,
+    accel_unit: AccelUnit = None,
     skip_bad_rows: SkipBadRows = False,
     covariance: bool = False,
     **parameters: Any,
@@ -212,6 +228,11 @@ def dead_reckon(
     :param calibration: parameter file with known biases, scales and misalignments, as written by
         calibrate
     :param skip: skip the readings in this time after the first one [s]
+    :param frame: frame of the readings, if a topic has those of several IMUs
+    :param gyro_topic: topic of the gyroscope, if the accelerometer has another one
+    :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times
+    :param gyro_unit: unit of the gyroscope in the file: rad/s, deg/s
+    :param accel_unit: unit of the accelerometer in the file: m/s^2, g, mg
     :param skip_bad_rows: skip and count bad rows of text and bad messages of bags
     :param covariance: also propagate the covariance of the poses; for a flight that starts at an
         exact state, or level.
@@ -235,6 +256,7 @@ def dead_reckon(
         (imu_topic, truth_topic),
         skip,
         skip_bad_rows,
+        (frame, gyro_topic, accel_topic, gyro_unit, accel_unit),
     )
     switch("covariance", covariance)
     track = integrated(start, settings)
@@ -253,12 +275,18 @@ def dead_reckon_all(
     truth_topic: str | None = None,
     skip: float = 0.0,
     skip_bad_rows: bool = False,
+    frame: str | None = None,
+    gyro_topic: str | None = None,
+    accel_topic: str | None = None,
+    gyro_unit: str | None = None,
+    accel_unit: str | None = None,
     **parameters: Any,
 ) -> list[Track]:
     """Integrate readings by all methods with all attitude updates; arguments as `dead_reckon`."""
     topics = (imu_topic, truth_topic)
+    selection = (frame, gyro_topic, accel_topic, gyro_unit, accel_unit)
     start, settings = _begun(
-        readings, parameters, initial, calibration, topics, skip, skip_bad_rows
+        readings, parameters, initial, calibration, topics, skip, skip_bad_rows, selection
     )
     return [
         integrated(start, replace(settings, method=method, attitude_update=attitude))
@@ -276,6 +304,7 @@ def _begun(
     topics: tuple[str | None, str | None],
     skip: float,
     skip_bad_rows: bool,
+    selection: Selection = NOTHING,
 ) -> tuple[InitialCondition, IntegratorParameters]:
     """Return where integration begins, and its settings; arguments as for :func:`dead_reckon`."""
     if initial is None or not isinstance(initial, NavigationState):
@@ -295,8 +324,8 @@ def _begun(
             with problems.gathered():
                 tracks.has_truth(checked_path("readings", readings, BAG_OR_FILE))
         problems.tell()
-    recording = _recording(readings, *topics, skip_bad_rows).in_order().after(skip)
-    world = _world(readings, *topics)
+    recording = _recording(readings, *topics, skip_bad_rows, selection).in_order().after(skip)
+    world = _world(readings, selection[1] or topics[0], topics[1])
     known = {**world.parameters, **given}
     usual = all(isinstance(value, str) for value in known.values())
     settings = (_usual_settings if usual else _settings)(**known)
@@ -356,13 +385,14 @@ def _recording(
     imu_topic: str | None,
     truth_topic: str | None,
     skip_bad_rows: bool,
+    selection: Selection = NOTHING,
 ) -> ReadingsAndTruth:
     if isinstance(readings, str | PathLike):
         path = checked_path("readings", readings, BAG_OR_FILE)
-        topics = checked_topic("imu_topic", imu_topic), checked_topic("truth_topic", truth_topic)
-        return read_recording(path, *topics, skip_bad_rows)
+        truth_topic = checked_topic("truth_topic", truth_topic)
+        return read_recording(path, imu_topic, truth_topic, skip_bad_rows, selection)
     checked_topic("truth_topic", truth_topic, of_a_file=False)
-    found = readings_of("readings", readings, imu_topic, "imu_topic")
+    found = readings_of("readings", readings, imu_topic, "imu_topic", selection=selection)
     return ReadingsAndTruth(found, readings.truth if isinstance(readings, Flight) else None)
 
 
@@ -371,6 +401,7 @@ def read_recording(
     imu_topic: str | None = None,
     truth_topic: str | None = None,
     skip_bad_rows: bool = False,
+    selection: Selection = NOTHING,
 ) -> ReadingsAndTruth:
     """Return the readings of a file, and its truth if it has one.
 
@@ -378,7 +409,7 @@ def read_recording(
     """
     from imu_sim_ros.bags.read import read_odometry  # most readings are at hand
 
-    readings = read_imu(path, imu_topic, skip_bad_rows=skip_bad_rows)
+    readings = readings_of("readings", path, imu_topic, "imu_topic", skip_bad_rows, selection)
     truth = None
     if truth_topic is not None or tracks.has_truth(path):
         topic = tracks.assumed_truth(path, truth_topic)
@@ -397,6 +428,8 @@ def _world(readings: object, imu_topic: str | None, truth_topic: str | None) -> 
 
 def read_world(path: Path, imu_topic: str | None, truth_topic: str | None) -> KnownWorld:
     """Return the world of a file; the topics are those of :func:`read_recording`."""
+    if format_of(path) not in (bag, text):  # others say nothing of frames
+        return KnownWorld({})
     with_truth = truth_topic is not None or tracks.has_truth(path)
     topic = tracks.truth_topic(path, truth_topic) if with_truth else None
     return worlds.read_world(path, imu_topic, topic, with_truth)

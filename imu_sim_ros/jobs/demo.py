@@ -16,9 +16,10 @@ from typing import IO, Final
 
 import numpy as np
 
-from imu_sim_ros.bags.read import open_bag, read_imu, read_odometry, read_poses
+from imu_sim_ros.bags.read import open_bag, read_imu, read_odometry
 from imu_sim_ros.conventions import DEAD_RECKONED_TOPIC, IMU_TOPIC, TRUTH_TOPIC
 from imu_sim_ros.errors import MachineError
+from imu_sim_ros.formats.door import read_states
 from imu_sim_ros.jobs.dead_reckon import Track, track_of
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.evaluation import state_at
@@ -160,7 +161,7 @@ def tracks(parameters: SimulationParameters, bag: Path) -> dict[str, Track]:
     """Return what Euler and midpoint make of the recorded readings, with and without noise."""
     truth = read_odometry(bag, f"/{TRUTH_TOPIC}")
     noisy = read_imu(bag, f"/{IMU_TOPIC}")
-    ideal = Body(parameters, read_poses).next(len(noisy.t_ns))[IMU]
+    ideal = Body(parameters, read_states).next(len(noisy.t_ns))[IMU]
     readings = {
         "with noise": noisy.triads(),
         "without noise": (ideal.ideal_gyro, ideal.ideal_accel),

@@ -20,6 +20,7 @@ from imu_sim_ros.arguments import topic as checked_topic
 from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.conventions import TRUTH_TOPIC
 from imu_sim_ros.errors import InputError, Problems
+from imu_sim_ros.formats.door import read_trajectory
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.attitude import (
     AttitudeEvaluation,
@@ -31,7 +32,7 @@ from imu_sim_ros.jobs.dead_reckon import Track
 from imu_sim_ros.jobs.flight import Truth
 from imu_sim_ros.jobs.measured import ReadingsEvaluation, evaluate_measured, sensor_of
 from imu_sim_ros.jobs.readings import HasPoses, checked_poses
-from imu_sim_ros.jobs.tracks import has_truth, odometry_topics, read_track
+from imu_sim_ros.jobs.tracks import has_truth, odometry_topics
 from imu_sim_ros.jobs.tracks import truth_topic as truth_topic_of
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.navigation.association import (
@@ -525,7 +526,7 @@ def _track(
     if isinstance(given, str | Path):
         file = checked_path(name, given, BAG_OR_FILE)
         chosen = truth_topic_of(file, topic) if name == "truth" else topic
-        return read_track(file, chosen, name == "estimate", skip_bad_rows)
+        return read_trajectory(file, chosen, name == "estimate", skip_bad_rows)
     poses = checked_poses(name, given)
     speed, stated = getattr(given, "velocity", None), getattr(given, "covariance", None)
     if speed is not None:

@@ -15,12 +15,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from imu_sim_ros import arguments
-from imu_sim_ros.arguments import BAG_OR_FILE
+from imu_sim_ros.arguments import BAG_OR_FILE, name_of
 from imu_sim_ros.conventions import ERROR_TOPICS
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.jobs.readings import check_simulated, delivered_of, read_imu
+from imu_sim_ros.inputs.rows import tell_skipped
+from imu_sim_ros.jobs.readings import check_simulated, delivered_of
+from imu_sim_ros.jobs.selection import NOTHING, Selection, checked_choice
 from imu_sim_ros.parameters.sections import flatten
-from imu_sim_ros.records import Readings, States, data_frame
+from imu_sim_ros.records import Readings, States, data_frame, with_fields
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.sensors.samples import joined
 from imu_sim_ros.simulation.engine import Body
@@ -87,6 +89,7 @@ def readings_of(
     topic: str | None = None,
     topic_name: str = "topic",
     skip_bad_rows: bool = False,
+    selection: Selection = NOTHING,
 ) -> Readings:
     """Check given readings and return them.
 
@@ -94,16 +97,20 @@ def readings_of(
     :param topic: of a bag.
     :param topic_name: of the argument that is the topic.
     :param skip_bad_rows: leave out bad rows of a file, and warn of their number.
+    :param selection: frame, topics and units of the readings in a file.
     :raises ConfigurationError: for anything else.
     :raises InputError: for what cannot be read, no readings, and what no sensor reads.
     """
     if not isinstance(given, Flight | Readings):
         if isinstance(given, str | PathLike):
+            from imu_sim_ros.formats import door  # readers of bags, which flights do not need
+
             path = arguments.path(name, given, BAG_OR_FILE)
-            topic = arguments.topic(topic_name, topic)
-            return read_imu(path, topic, skip_bad_rows=skip_bad_rows)
+            choice = checked_choice(topic, *selection, of_a_file=True, topic_name=topic_name)
+            skipped = tell_skipped(path) if skip_bad_rows else None
+            return with_fields(door.read_readings(path, choice, skipped), source=name_of(path))
         arguments.refuse(name, given, f"a Flight, Readings, or {BAG_OR_FILE}", wrong_type=True)
-    arguments.topic(topic_name, topic, of_a_file=False)
+    checked_choice(topic, *selection, of_a_file=False, topic_name=topic_name)
     found = given.readings if isinstance(given, Flight) else given
     if not len(found):
         raise InputError(f"{name}: contains no readings")

@@ -18,6 +18,7 @@ from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.bags.sensor_tables import TableRows, read_table
 from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.errors import InputError, Problems
+from imu_sim_ros.formats.door import read_trajectory
 from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.inputs.tables import Table
 from imu_sim_ros.jobs.attitude import (
@@ -29,7 +30,7 @@ from imu_sim_ros.jobs.attitude import (
     nees_line,
     stated_consistency,
 )
-from imu_sim_ros.jobs.tracks import assumed_truth, read_track
+from imu_sim_ros.jobs.tracks import assumed_truth
 from imu_sim_ros.navigation.association import common_rows, interpolate_vectors
 from imu_sim_ros.navigation.coverage import Coverage, coverage
 from imu_sim_ros.sensors import known_tables
@@ -122,7 +123,7 @@ def evaluate_measured(
     if table.of_readings:
         with problems.gathered():
             chosen = assumed_truth(*truth)
-            poses = read_track(truth[0], chosen, skip_bad_rows=skip_bad_rows)
+            poses = read_trajectory(truth[0], chosen, skip_bad_rows=skip_bad_rows)
         with problems.gathered():
             mounting = _mounting(imu)
         problems.tell()

@@ -17,6 +17,7 @@ from imu_sim_ros.arguments import BAG_OR_FILE, array, name_of, refuse, words
 from imu_sim_ros.errors import ConfigurationError, InputError, warn
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import tell_skipped
+from imu_sim_ros.jobs.selection import checked_choice
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.records import Readings, States, with_fields
@@ -89,12 +90,69 @@ def read_imu(
     >>> ims.read_imu(folder / "circle.mcap")
     <Readings circle.mcap: 200 at 100 Hz, 1.99 s>
     """
-    from imu_sim_ros.bags.read import read_imu as read
+    return read_readings(path, topic, skip_bad_rows=skip_bad_rows)
+
+
+def read_readings(
+    path: str | Path,
+    topic: str | None = None,
+    *,
+    frame: str | None = None,
+    gyro_topic: str | None = None,
+    accel_topic: str | None = None,
+    gyro_unit: str | None = None,
+    accel_unit: str | None = None,
+    skip_bad_rows: bool = False,
+) -> Readings:
+    """Return the readings of an IMU from a bag of any form, a table with any header, or a folder.
+
+    :param path: the file or folder.
+    :param topic: topic of type sensor_msgs/Imu; needed if a bag has several.
+    :param frame: frame of the readings, if a topic has those of several IMUs.
+    :param gyro_topic: topic of the gyroscope, if the accelerometer has another one.
+    :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times.
+    :param gyro_unit: unit of the gyroscope in the file: rad/s, deg/s.
+    :param accel_unit: unit of the accelerometer in the file: m/s^2, g, mg.
+    :param skip_bad_rows: leave out bad rows and messages, and warn of their number.
+    :returns: the :class:`Readings` in SI units, in the order of the file. A triad that the file
+        lacks, or marks as absent (a covariance of -1), is None.
+    :raises ConfigurationError: for an invalid argument.
+    :raises InputError: for a file that cannot be read, or has no readings.
+
+    >>> import imu_sim_ros as ims
+    >>> _ = ims.simulate(trajectory="circle", duration=2, rate=100).save(folder / "flown.mcap")
+    >>> ims.read_readings(folder / "flown.mcap", frame="imu_link")
+    <Readings flown.mcap: 200 at 100 Hz, 1.99 s>
+    """
+    from imu_sim_ros.formats import door  # readers of bags, which flights do not need
 
     path = arguments.path("path", path, BAG_OR_FILE)
     skipped = tell_skipped(path) if arguments.switch("skip_bad_rows", skip_bad_rows) else None
-    messages = read(path, arguments.topic("topic", topic), skipped)
-    return with_fields(messages, source=name_of(path))
+    units = gyro_unit, accel_unit
+    choice = checked_choice(topic, frame, gyro_topic, accel_topic, *units, of_a_file=True)
+    return with_fields(door.read_readings(path, choice, skipped), source=name_of(path))
+
+
+def read_states(path: str | Path, topic: str | None = None) -> States:
+    """Return poses, with all else that a file knows of the motion.
+
+    :param path: a bag, a table of poses with any header, TUM's text, or a EuRoC folder.
+    :param topic: topic of a bag: Odometry, PoseStamped, PoseWithCovarianceStamped,
+        TransformStamped, Path, or ``/tf:PARENT.CHILD``; needed if a bag has several.
+    :returns: the :class:`States`; velocities are in the world frame, and None if the file has none.
+    :raises ConfigurationError: for an invalid argument.
+    :raises InputError: for a file that cannot be read, or has no poses.
+
+    >>> import imu_sim_ros as ims
+    >>> _ = ims.simulate(trajectory="circle", duration=2, rate=100).save(folder / "states.bag")
+    >>> ims.read_states(folder / "states.bag")
+    <States states.bag: 200 at 100 Hz, 1.99 s>
+    """
+    from imu_sim_ros.formats import door  # readers of bags, which flights do not need
+
+    path = arguments.path("path", path, BAG_OR_FILE)
+    states = door.read_states(path, arguments.topic("topic", topic), covariance=True)
+    return with_fields(states, source=name_of(path))
 
 
 def read_odometry(path: str | Path, topic: str | None = None) -> States:

@@ -16,8 +16,9 @@ from imu_sim_ros import __version__, arguments
 from imu_sim_ros.bags.outputs import named
 from imu_sim_ros.bags.text.reader import is_text
 from imu_sim_ros.errors import InputError, Problems
+from imu_sim_ros.formats.door import read_trajectory
 from imu_sim_ros.inputs.rows import tell_skipped
-from imu_sim_ros.jobs.tracks import has_truth, odometry_topics, read_track, truth_topic
+from imu_sim_ros.jobs.tracks import has_truth, odometry_topics, truth_topic
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.records import States, with_fields
 from imu_sim_ros.reports.page import Section, html
@@ -235,7 +236,7 @@ def _bag(sources: Sources, path: Path, files: Sequence[Path]) -> list[Section]:
     from imu_sim_ros.reports.of_sensors import sensor_sections
 
     def read(source: Path, topic: str | None, name: str) -> States:
-        states = read_track(source, topic, True, sources.skip_bad_rows)
+        states = read_trajectory(source, topic, True, sources.skip_bad_rows)
         return with_fields(states, source=name)
 
     truth, estimates, more, problems = None, [], [], Problems()

@@ -266,9 +266,9 @@ def _of_file(path: Path) -> tuple[dict[str, object], frozenset[str]]:
 
 
 def _poses_of_any_file(path: str | Path, *options: Any) -> States:
-    from imu_sim_ros.bags.read import read_poses  # of which most trajectories have no need
+    from imu_sim_ros.formats.door import read_states  # of which most trajectories have no need
 
-    return read_poses(path, *options)
+    return read_states(path, *options)
 
 
 class GivenMotion(NamedTuple):

@@ -8,19 +8,17 @@ from pathlib import Path
 import numpy as np
 
 from imu_sim_ros.bags.messages.encode import ODOMETRY
-from imu_sim_ros.bags.read import odometry_blocks, open_bag, read_poses
 from imu_sim_ros.bags.text.reader import has_states, is_text
 from imu_sim_ros.conventions import TRUTH_TOPIC
-from imu_sim_ros.errors import InputError, Remark, warn
-from imu_sim_ros.inputs.rows import Skipped, tell_skipped
+from imu_sim_ros.errors import Remark, warn
+from imu_sim_ros.formats.door import format_of
 from imu_sim_ros.poses import write_tum
-from imu_sim_ros.records import States, concatenated, with_fields
+from imu_sim_ros.records import States
 
 
 def odometry_topics(path: Path) -> list[str]:
-    """Return the names of the Odometry topics of a bag."""
-    with open_bag(path) as bag:
-        return [info.name for info in bag.topics if info.type == ODOMETRY]
+    """Return the names of the Odometry topics of a file; none of a format without topics."""
+    return format_of(path).odometry_topics(path)
 
 
 def truth_topic(path: Path, topic: str | None) -> str | None:
@@ -52,53 +50,6 @@ def has_truth(path: Path) -> bool:
     if not is_text(path):
         return bool(odometry_topics(path))
     return has_states(path)
-
-
-def read_track(
-    path: Path,
-    topic: str | None = None,
-    covariance: bool = False,
-    skip_bad_rows: bool = False,
-) -> States:
-    """Return a trajectory.
-
-    :param topic: of a bag; None: the only one of Odometry, else of PoseStamped.
-    :param covariance: read the covariances as well, which need five times the memory of all else.
-    :param skip_bad_rows: leave out bad rows and messages, and tell how many; else they are errors.
-    :raises InputError: for what cannot be read or is not a trajectory: stamps that do not increase,
-        poses that the gate refuses, fewer than two poses.
-    """
-    if path.is_file() if is_text(path) else not odometry_topics(path):
-        states = read_poses(path, topic, skip_bad_rows, covariance)
-        if states.skipped:
-            tell_skipped(path)(states.skipped)
-    else:
-        skipped = tell_skipped(path) if skip_bad_rows else None
-        states = _odometry(path, topic, covariance, skipped)
-    if len(states) < 2:
-        raise InputError(
-            f"{_name(path, topic)}: {len(states)} poses; a trajectory needs two or more"
-        )
-    return states
-
-
-def _odometry(
-    path: Path,
-    topic: str | None,
-    covariance: bool,
-    skipped: Skipped | None,
-) -> States:
-    blocks = odometry_blocks(path, topic, skipped=skipped)
-    if not covariance:
-        blocks = (with_fields(block, covariance=None, twist_covariance=None) for block in blocks)
-    parts = list(blocks)
-    if not parts:
-        raise InputError(f"{path}: 0 poses; a trajectory needs two or more")
-    return with_fields(concatenated(parts), source=_name(path, topic)).in_order()
-
-
-def _name(path: Path, topic: str | None) -> str:
-    return str(path) if topic is None else f"{path}, {topic}"
 
 
 def write_states(path: Path, states: States) -> None:

@@ -39,6 +39,13 @@ from imu_sim_ros.errors import InputError, Problems, system_error
 from imu_sim_ros.jobs.calibrate import Calibrated
 from imu_sim_ros.jobs.flight import Flight
 from imu_sim_ros.jobs.readings import HasPoses
+from imu_sim_ros.jobs.selection import (
+    AccelTopic,
+    AccelUnit,
+    Frame,
+    GyroTopic,
+    GyroUnit,
+)
 from imu_sim_ros.jobs.twin_check import Check, check, flown_again, simulation
 from imu_sim_ros.jobs.twin_recording import TwinRecording, moving, recorded
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
@@ -331,6 +338,11 @@ def twin(
     gravity: Annotated[float, "GRAVITY"] = -GRAVITY[2],
     cutoff: Annotated[float, "HZ"] = 12.0,
     max_offset: Annotated[float, "TIME"] = 0.5,
+    frame: Frame = None,
+    gyro_topic: GyroTopic = None,
+    accel_topic: AccelTopic = None,
+    gyro_unit: GyroUnit = None,
+    accel_unit: AccelUnit = None,
     skip_bad_rows: SkipBadRows = False,
 ) -> Twin:
     """Return the digital twin of a sensor on its vehicle, from a recording in motion and its truth.
@@ -349,6 +361,11 @@ def twin(
     :param gravity: magnitude of local gravity [m/s^2]
     :param cutoff: count motion at higher frequencies as vibration [Hz]
     :param max_offset: largest offset between the two clocks to search for [s]
+    :param frame: frame of the readings, if a topic has those of several IMUs
+    :param gyro_topic: topic of the gyroscope, if the accelerometer has another one
+    :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times
+    :param gyro_unit: unit of the gyroscope in the file: rad/s, deg/s
+    :param accel_unit: unit of the accelerometer in the file: m/s^2, g, mg
     :param skip_bad_rows: skip and count bad rows of text and bad messages of bags
     :returns: a :class:`Twin`: errors with standard errors, spectra, parameters.
     :raises ConfigurationError: for an invalid argument.
@@ -372,6 +389,7 @@ def twin(
         topic=topic,
         truth_topic=truth_topic,
         skip_bad_rows=skip_bad_rows,
+        selection=(frame, gyro_topic, accel_topic, gyro_unit, accel_unit),
     )
     return _found(source, fit)
 

@@ -27,9 +27,9 @@ from imu_sim_ros.calibration.twin.pose_noise import (
 )
 from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import InputError, Problems
-from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs.flight import Flight, readings_of
 from imu_sim_ros.jobs.readings import HasPoses, checked_poses, in_clock_order
+from imu_sim_ros.jobs.selection import NOTHING, Selection
 from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.records import Readings, States, with_fields
 from imu_sim_ros.rotation import to_matrix
@@ -166,6 +166,7 @@ def recorded(
     topic: str | None,
     truth_topic: str | None,
     skip_bad_rows: bool,
+    selection: Selection = NOTHING,
 ) -> TwinRecording:
     """Return readings on the spline through their truth.
 
@@ -173,7 +174,8 @@ def recorded(
     """
     problems = Problems()
     with problems.gathered():
-        readings = readings_of("recording", recording, topic, skip_bad_rows=skip_bad_rows)
+        skip = skip_bad_rows
+        readings = readings_of("recording", recording, topic, "topic", skip, selection)
         readings = in_clock_order(readings)
         _check(readings)
     with problems.gathered():
@@ -301,13 +303,11 @@ def _poses(
     truth: HasPoses | str | Path, topic: str | None, skip_bad_rows: bool
 ) -> tuple[States, str]:
     if isinstance(truth, str | PathLike):
-        from imu_sim_ros.bags.read import read_poses
+        from imu_sim_ros.formats.door import read_trajectory  # poses may be at hand
 
         path = arguments.path("truth", truth, BAG_OR_FILE)
-        poses = read_poses(path, arguments.topic("truth_topic", topic), skip_bad_rows)
-        if poses.skipped:
-            tell_skipped(path)(poses.skipped)
-        return poses, f"the truth {truth}"
+        topic = arguments.topic("truth_topic", topic)
+        return read_trajectory(path, topic, False, skip_bad_rows), f"the truth {truth}"
     arguments.topic("truth_topic", topic, of_a_file=False)
     return checked_poses("truth", truth), "the truth"
 

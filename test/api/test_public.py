@@ -80,6 +80,8 @@ PUBLIC = [
     "read_orientation",
     "read_points",
     "read_pressure",
+    "read_readings",
+    "read_states",
     "register_sensor",
     "report",
     "simulate",

@@ -25,6 +25,8 @@ from imu_sim_ros.bags.messages.schemas import Qos
 from imu_sim_ros.bags.read import open_bag, read_imu
 from imu_sim_ros.bags.writer import BagOptions, Block, open_writer
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.formats.choice import Choice
+from imu_sim_ros.formats.door import read_readings
 
 ROS1_PYTHON = Path("/usr/bin/python3")
 ROS1_BAGS = ("none.bag", "lz4.bag", "bz2.bag")
@@ -250,9 +252,10 @@ def test_single_messages_and_varying_sizes(tmp_path, content):
                     content.t_ns[k : k + 1], content.gyro[k : k + 1], content.accel[k : k + 1]
                 )
                 writer.write(topic, content.t_ns[k : k + 1], [row.tobytes()])
-        read = read_imu(tmp_path / name)
-        np.testing.assert_array_equal(read.t_ns, content.t_ns[:300])
-        np.testing.assert_array_equal(read.gyro, content.gyro[:300])
+        for k, frame in enumerate(frames):
+            read = read_readings(tmp_path / name, Choice(frame=frame))
+            np.testing.assert_array_equal(read.t_ns, content.t_ns[k:300:3])
+            np.testing.assert_array_equal(read.gyro, content.gyro[k:300:3])
         with open_bag(tmp_path / name) as bag:
             assert bag.topics[0].qos[0].durability == "transient_local"
 

@@ -11,10 +11,11 @@ import pytest
 
 import imu_sim_ros as ims
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
-from imu_sim_ros.bags.read import read_imu, read_odometry, read_poses
+from imu_sim_ros.bags.read import read_imu, read_odometry
 from imu_sim_ros.bags.writer import BagOptions, open_writer
 from imu_sim_ros.commands import convert_bag, dead_reckon, evaluate, report
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.formats.door import read_states
 
 COUNT, BAD = 2000, 7
 T_NS = 10**9 + 5_000_000 * np.arange(COUNT)
@@ -87,12 +88,12 @@ def test_a_bad_reading_is_an_error_with_topic_message_and_stamp(place, case):
 def test_a_bad_pose_is_an_error_with_topic_message_and_stamp(place, case):
     spoilt, value, words = POSES[case]
     path = write(place[0], spoilt, value, **place[1])
-    for door in (read_odometry, read_poses, ims.read_odometry):
+    for door in (read_odometry, read_states, ims.read_odometry):
         with pytest.raises(InputError) as caught:
             door(path)
         (line,) = caught.value.problems
         assert line.startswith(f"{path}: /ground_truth/odom: {STAMP}{words}")
-    kept = read_poses(path, skip_bad_rows=True)
+    kept = read_states(path, skip_bad_rows=True)
     assert (len(kept.t_ns), kept.skipped) == (COUNT - 1, 1)
 
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from imu_sim_ros.bags.read import read_imu, read_odometry, read_poses
+from imu_sim_ros.bags.read import read_imu, read_odometry
+from imu_sim_ros.formats.door import read_states
 
 DATA = Path(__file__).parents[1] / "data" / "bags"
 specification = importlib.util.spec_from_file_location(
@@ -39,7 +40,7 @@ def test_golden_truth(name):
 
 
 def test_golden_poses():
-    poses = read_poses(DATA / "golden_csv" / "groundtruth.tum")
+    poses = read_states(DATA / "golden_csv" / "groundtruth.tum")
     np.testing.assert_array_equal(poses.t_ns, golden.T_NS)
     np.testing.assert_array_equal(poses.position, golden.POSITION)
 

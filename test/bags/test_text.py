@@ -6,9 +6,10 @@
 import numpy as np
 import pytest
 
-from imu_sim_ros.bags.read import read_imu, read_odometry, read_poses
+from imu_sim_ros.bags.read import read_imu, read_odometry
 from imu_sim_ros.bags.text.writer import Dataset, TextFile, write_euroc_descriptions
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.formats.door import read_states
 from imu_sim_ros.records import States
 from imu_sim_ros.rotation import normalise
 
@@ -55,7 +56,7 @@ def test_states_come_back(tmp_path, states):
 
 def test_poses_come_back_from_tum(tmp_path, states):
     _write(tmp_path / "d.tum", "tum", states)
-    poses = read_poses(tmp_path / "d.tum")
+    poses = read_states(tmp_path / "d.tum")
     np.testing.assert_array_equal(poses.t_ns, states.t_ns)
     np.testing.assert_array_equal(poses.position, states.position)
     np.testing.assert_allclose(poses.q_wb, states.q_wb, atol=3e-16)

@@ -18,8 +18,9 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
 from imu_sim_ros.bags.messages.schemas import known_types
-from imu_sim_ros.bags.read import read_imu, read_odometry, read_poses
+from imu_sim_ros.bags.read import read_imu, read_odometry
 from imu_sim_ros.commands import convert_bag, generate
+from imu_sim_ros.formats.door import read_states
 
 EXTRA = (
     "imu/data_raw,ground_truth/odom,ground_truth/gyroscope_bias,ground_truth/accelerometer_bias,"
@@ -178,10 +179,10 @@ def test_csv_and_tum(sources, tmp_path, capsys):
     result = _convert(capsys, sources["c"], "-o", tmp_path / "truth.tum")
     assert result["messages"] == {"/ground_truth/odom": 800}
     truth = read_odometry(sources["c"])
-    np.testing.assert_array_equal(read_poses(tmp_path / "truth.tum").position, truth.position)
+    np.testing.assert_array_equal(read_states(tmp_path / "truth.tum").position, truth.position)
     _convert(capsys, tmp_path / "truth.tum", "-o", tmp_path / "poses.mcap")
     np.testing.assert_array_equal(
-        read_poses(tmp_path / "poses.mcap").position, read_poses(tmp_path / "truth.tum").position
+        read_states(tmp_path / "poses.mcap").position, read_states(tmp_path / "truth.tum").position
     )
 
 
@@ -359,12 +360,12 @@ def test_the_true_poses_of_a_folder_of_tables_are_kept(tmp_path, capsys):
     result = json.loads(capsys.readouterr().out)
     assert result["messages"] == {"/imu/data_raw": 400, "/ground_truth/pose": 400}
     assert result["not_converted"] == []
-    read = read_poses(bag, "ground_truth/pose")
+    read = read_states(bag, "ground_truth/pose")
     np.testing.assert_allclose(
-        read.position, read_poses(tables / "groundtruth.tum").position, atol=1e-9
+        read.position, read_states(tables / "groundtruth.tum").position, atol=1e-9
     )
     assert convert_bag.main([str(tables), "-o", str(tmp_path / "t.tum"), "--quiet"]) == 0
-    assert len(read_poses(tmp_path / "t.tum").t_ns) == 400
+    assert len(read_states(tmp_path / "t.tum").t_ns) == 400
     assert convert_bag.main([str(tables), "-o", str(tmp_path / "euroc"), "--json", *EUROC]) == 0
     assert json.loads(capsys.readouterr().out)["not_converted"] == ["groundtruth.tum"]
 

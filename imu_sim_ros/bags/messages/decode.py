@@ -25,6 +25,8 @@ from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
 from imu_sim_ros.types import Array, Bytes, Integers, Mask, Times
 
+FIRST: Final = "[0]"
+"""Suffix of the name of a field of which the first number alone is read."""
 _INSIDE_ORDER: Final = [3, 0, 1, 2]
 """(w, x, y, z) of the message's (x, y, z, w)."""
 
@@ -42,13 +44,16 @@ class Decoded(NamedTuple):
     """(n,) the stamps' nanoseconds as the messages have them."""
     numbers: dict[str, Array]
     """(n, count) by field, or (n,) for a single number."""
+    frames: Integers
+    """(n,) indices into ``frame_ids``."""
+    frame_ids: tuple[str, ...]
+    """First texts of the messages, each once."""
 
     def at(self, rows: Mask) -> "Decoded":
         """Return some of the messages."""
         numbers = {name: values[rows] for name, values in self.numbers.items()}
-        return Decoded(
-            self.texts, self.record_t_ns[rows], self.t_ns[rows], self.nanosecond[rows], numbers
-        )
+        times = self.record_t_ns[rows], self.t_ns[rows], self.nanosecond[rows]
+        return Decoded(self.texts, *times, numbers, self.frames[rows], self.frame_ids)
 
 
 def joined(parts: Sequence[Decoded]) -> Decoded:
@@ -56,19 +61,29 @@ def joined(parts: Sequence[Decoded]) -> Decoded:
     first = parts[0]
     if len(parts) == 1:
         return first
+    frame_ids = tuple(dict.fromkeys(name for part in parts for name in part.frame_ids))
     return Decoded(
         first.texts,
         np.concatenate([part.record_t_ns for part in parts]),
         np.concatenate([part.t_ns for part in parts]),
         np.concatenate([part.nanosecond for part in parts]),
         {name: np.concatenate([part.numbers[name] for part in parts]) for name in first.numbers},
+        np.concatenate([_indices(part, frame_ids) for part in parts]),
+        frame_ids,
     )
+
+
+def _indices(part: Decoded, frame_ids: tuple[str, ...]) -> Integers:
+    """Return the indices (n,) of the messages' frames among those of all blocks."""
+    lookup: Integers = np.array([frame_ids.index(name) for name in part.frame_ids], np.int64)
+    return lookup[part.frames] if len(lookup) else part.frames
 
 
 def decode_block(block: MessageBlock, encoding: str, names: Sequence[str]) -> Decoded:
     """Return fields of a block's messages.
 
-    :param names: of :func:`imu_sim_ros.bags.messages.layouts.fields` of this type.
+    :param names: of :func:`imu_sim_ros.bags.messages.layouts.fields` of this type; ``name[0]`` is
+        the first number of a field alone, (n,).
     :raises InputError: for a message that is not one of its type.
     """
     type_name = block.topic.type
@@ -79,17 +94,24 @@ def decode_block(block: MessageBlock, encoding: str, names: Sequence[str]) -> De
     count = len(block.t_ns)
     t_ns, nanosecond = np.empty((2, count), dtype=np.int64)
     first = groups[0].form
+    fields_of = {name: name.removesuffix(FIRST) for name in names}
     numbers = {
-        name: np.empty((count, *first.dtype[name].shape), dtype=np.float64) for name in names
+        name: np.empty((count, *first.dtype[field].shape)[: 1 if name != field else None])
+        for name, field in fields_of.items()
     }
-    for form, _, rows, payloads in groups:
+    frame_ids = tuple(dict.fromkeys(group.texts[0] for group in groups if group.texts))
+    frames = np.zeros(count, dtype=np.int64)
+    for form, texts, rows, payloads in groups:
+        if len(frame_ids) > 1:
+            frames[rows] = frame_ids.index(texts[0])
         values = payloads.view(form.dtype)[:, 0]
         seconds = values["sec"].astype(np.int64) * NANOSECONDS_PER_SECOND
         nanosecond[rows] = values["nanosec"]
         t_ns[rows] = seconds + nanosecond[rows]
-        for name in names:
-            numbers[name][rows] = values[name]
-    return Decoded(groups[0].texts, block.t_ns, t_ns, nanosecond, numbers)
+        for name, field in fields_of.items():
+            numbers[name][rows] = values[field] if name == field else values[field][:, 0]
+    times = block.t_ns, t_ns, nanosecond
+    return Decoded(groups[0].texts, *times, numbers, frames, frame_ids)
 
 
 class MessageDecoder:
@@ -217,6 +239,8 @@ _QUANTITIES: Final = {
     "linear_acceleration": gate.FORCE,
     "position": gate.POSITION,
     "orientation": gate.ORIENTATION,
+    "translation": gate.POSITION,
+    "rotation": gate.ORIENTATION,
     "linear": gate.VELOCITY,
     "angular": gate.RATE,
     "magnetic_field": gate.FIELD,

@@ -30,6 +30,8 @@ _LENGTH: Final = 4
 """Bytes of the length of a string or an array."""
 TYPES: Final = (
     "geometry_msgs/msg/PoseStamped",
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "geometry_msgs/msg/TransformStamped",
     "geometry_msgs/msg/TwistWithCovarianceStamped",
     "geometry_msgs/msg/Vector3Stamped",
     "gps_msgs/msg/GPSFix",

@@ -3,6 +3,7 @@
 
 """IMU readings and states of text: EuRoC folders, and CSV in the forms of EuRoC and kalibr."""
 
+import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Final
@@ -11,7 +12,7 @@ import numpy as np
 
 from imu_sim_ros.bags.text import vio_data_simulation
 from imu_sim_ros.bags.text.writer import DATASET_SUFFIXES, POSES_OF_TABLES
-from imu_sim_ros.errors import InputError
+from imu_sim_ros.errors import InputError, Remark
 from imu_sim_ros.inputs import gate, header
 from imu_sim_ros.inputs.layout import TableForm, TableLayout, layout_of
 from imu_sim_ros.inputs.rows import (
@@ -73,6 +74,21 @@ def imu_blocks(
             accel=values.get(header.ACCEL),
             source=str(path),
         )
+
+
+def stated_units(path: Path, name: str | None = None) -> dict[str, str]:
+    """Return the units of the readings that the header of a table states, by quantity.
+
+    :param name: as for :func:`imu_blocks`.
+    """
+    file = imu_file(path, name)
+    table = _Table(file, _READING, None)
+    for rows in row_blocks(file, _WHAT, table.comments):
+        if rows:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", Remark)  # told when the readings are read
+                return dict(table.layout_of(rows).units)
+    return {}
 
 
 def table_blocks(
@@ -280,7 +296,7 @@ class _Table:
         if not rows:
             return
         if self._layout is None:
-            self._layout = self._layout_of(rows)
+            self._layout = self.layout_of(rows)
         parts = list(self._parts(self._layout, rows))
         if parts:
             yield (
@@ -291,7 +307,7 @@ class _Table:
                 },
             )
 
-    def _layout_of(self, rows: list[Row]) -> TableLayout:
+    def layout_of(self, rows: list[Row]) -> TableLayout:
         """Return the layout of the table, and remove its header from its first rows."""
         columns, at = dict(self._form or {}), 1
         for name in () if columns else self._quantities:

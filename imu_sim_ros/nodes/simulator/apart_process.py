@@ -27,9 +27,9 @@ from rclpy.signals import SignalHandlerOptions
 
 from imu_sim_ros.bags.messages.blocks import as_list
 from imu_sim_ros.bags.messages.encode_cameras import restamped
-from imu_sim_ros.bags.read import read_poses
 from imu_sim_ros.conventions import MARKERS_TOPIC
 from imu_sim_ros.errors import explain
+from imu_sim_ros.formats.door import read_states
 from imu_sim_ros.json_text import as_json
 from imu_sim_ros.nodes import fast_dds
 from imu_sim_ros.nodes.publishing import Counter, create
@@ -150,7 +150,7 @@ class SensorNode:
         self._offered = {topic: known[topic] for topic in start["topics"] if topic in known}
         self.counters = dict(self._publishers(start["topics"]))
         self._encoders = {topic: one.encoder() for topic, one in self._offered.items()}
-        trajectory = build_trajectory(parameters.trajectory, read_poses)
+        trajectory = build_trajectory(parameters.trajectory, read_states)
         self._duration = parameters.duration or trajectory.duration
         self._world = World(trajectory, parameters, ORIGIN_NS, scene_around)
         self._models = models(self._sensors, {self.name, *start["members"]}, ORIGIN_NS)

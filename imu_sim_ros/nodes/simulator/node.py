@@ -449,9 +449,11 @@ _OF_THE_NODE: Final = ("inject", "real_time_factor", "catch_up", "step_samples")
 
 
 def _read_poses(path: str, *options: Any) -> States:
-    from imu_sim_ros.bags.read import read_poses  # readers of all bags, which few trajectories need
+    from imu_sim_ros.formats.door import (
+        read_states,
+    )  # readers of all bags, which few trajectories need
 
-    return read_poses(path, *options)
+    return read_states(path, *options)
 
 
 def main() -> int:

@@ -15,8 +15,9 @@ import pytest
 import yaml
 from programs import program, until
 
-from imu_sim_ros.bags.read import open_bag, read_imu, read_odometry, read_poses
+from imu_sim_ros.bags.read import open_bag, read_imu, read_odometry
 from imu_sim_ros.commands.generate import main
+from imu_sim_ros.formats.door import read_states
 from imu_sim_ros.parameters import files
 from imu_sim_ros.sensors.errors.triad import variance_discrete
 from imu_sim_ros.simulation.engine import Body
@@ -60,7 +61,7 @@ def test_datasets_have_the_same_samples(tmp_path, form):
     np.testing.assert_array_equal(imu.gyro, block.gyro)
     np.testing.assert_array_equal(imu.t_ns, block.t_ns)
     truth = {"euroc": "state_groundtruth_estimate0/data.csv", "csv": "groundtruth.tum"}[form]
-    poses = read_poses(tmp_path / "d" / truth)
+    poses = read_states(tmp_path / "d" / truth)
     np.testing.assert_array_equal(poses.position, block.motion.position)
 
 

@@ -1,0 +1,211 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Bags of any kind: Imu topics as Readings, topics of poses of any type as States."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from imu_sim_ros.bags.messages.decode import inside_order
+from imu_sim_ros.bags.messages.encode import (
+    ODOMETRY,
+    PATH,
+    POSE_STAMPED,
+    POSE_WITH_COVARIANCE,
+    TRANSFORM_STAMPED,
+)
+from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
+from imu_sim_ros.bags.read import (
+    Bag,
+    decoded_blocks,
+    decoded_messages,
+    imu_blocks,
+    odometry_blocks,
+    open_bag,
+)
+from imu_sim_ros.bags.reader import Recover, listed
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs.rows import Skipped, Warned
+from imu_sim_ros.records import Readings, States, concatenated
+from imu_sim_ros.rotation import normalise
+from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
+
+POSE_TYPES: Final = (
+    ODOMETRY,
+    POSE_STAMPED,
+    POSE_WITH_COVARIANCE,
+    TRANSFORM_STAMPED,
+    PATH,
+    TF_MESSAGE,
+)
+"""Types of messages that have poses; without a topic, the first type that a bag has is read."""
+_FIELDS: Final = {
+    POSE_STAMPED: ("position", "orientation"),
+    POSE_WITH_COVARIANCE: ("position", "orientation", "pose_covariance"),
+    TRANSFORM_STAMPED: ("translation", "rotation"),
+}
+
+
+def holds(path: Path) -> bool:
+    """Return True: a path that no other format recognises is opened as a bag, or refused."""
+    return True
+
+
+def reading_blocks(
+    path: Path, topic: str | None, frame: str | None, skipped: Skipped | None
+) -> Iterator[Readings]:
+    """Yield the readings of an Imu topic in blocks; arguments as for the door."""
+    return imu_blocks(path, topic, skipped=skipped, frame=frame)
+
+
+def odometry_topics(path: Path) -> list[str]:
+    """Return the names of the Odometry topics."""
+    with open_bag(path) as bag:
+        return [info.name for info in bag.topics if info.type == ODOMETRY]
+
+
+def stated_units(path: Path, topic: str | None) -> dict[str, str]:
+    """Return nothing: a message has SI units by its type, and drivers that differ say nothing."""
+    return {}
+
+
+def states(
+    path: Path,
+    topic: str | None,
+    covariance: bool,
+    skipped: Skipped | None,
+    warned: Warned | None,
+    recover: Recover,
+) -> States:
+    """Return the poses of a topic of any type in :data:`POSE_TYPES`; arguments as for the door."""
+    source = str(path) if topic is None else f"{path}, {topic}"
+    with open_bag(path, recover) as bag:
+        name, type_name, frames = pose_topic(bag, topic)
+        if type_name in (PATH, TF_MESSAGE):
+            return _of_messages(bag, name, frames, source)
+    parts = list(_blocks(path, name, type_name, covariance, skipped, warned, recover))
+    if not parts:
+        raise InputError(f"{source}: 0 poses; a trajectory needs two or more")
+    columns = concatenated(parts)
+    if warned is not None:  # passed on as they are
+        return columns
+    return States(
+        columns.t_ns,
+        columns.position,
+        columns.q_wb,
+        columns.velocity,
+        columns.angular_velocity,
+        source,
+        covariance=columns.covariance,
+        twist_covariance=columns.twist_covariance,
+        frame_id=columns.frame_id,
+        child_frame_id=columns.child_frame_id,
+    )
+
+
+def pose_topic(bag: Bag, topic: str | None) -> tuple[str, str, tuple[str, str] | None]:
+    """Return name and type of the topic of poses, and the frames of ``/tf:PARENT.CHILD``.
+
+    :raises InputError: if there is none, or several; the line lists them.
+    """
+    fitting = [info for info in bag.topics if info.type in POSE_TYPES]
+    if topic is None:
+        types = {info.type for info in fitting if info.type != TF_MESSAGE}
+        type_name = next((kind for kind in POSE_TYPES if kind in types), ODOMETRY)
+        return bag.topic(type_name, None).name, type_name, None
+    plain, _, pair = topic.partition(":")
+    frames = tuple(pair.split(".", 1)) if "." in pair else None
+    named = [info for info in fitting if info.name.strip("/") == plain.strip("/")]
+    if not named:
+        others = listed(fitting) if fitting else "none"
+        raise InputError(f"{bag.path}: has no topic of poses {topic}; it has {others}")
+    info = named[0]
+    if info.type == TF_MESSAGE and (frames is None or not all(frames)):
+        raise InputError(
+            f"{bag.path}: {info.name} has transforms between several frames; name two: "
+            f"{info.name}:PARENT.CHILD"
+        )
+    return info.name, info.type, None if frames is None else (frames[0], frames[1])
+
+
+def _blocks(
+    path: Path,
+    name: str,
+    type_name: str,
+    covariance: bool,
+    skipped: Skipped | None,
+    warned: Warned | None,
+    recover: Recover,
+) -> Iterator[States]:
+    """Yield the poses of a topic of messages that are read in bulk."""
+    if type_name == ODOMETRY:
+        for block in odometry_blocks(path, name, recover, skipped, warned):
+            if not covariance:
+                object.__setattr__(block, "covariance", None)
+                object.__setattr__(block, "twist_covariance", None)
+            yield block
+        return
+    names = _FIELDS[type_name]
+    for fields in decoded_blocks(path, type_name, name, names, recover, skipped, warned):
+        position, orientation, *stated = fields.numbers.values()
+        q_wb = inside_order(orientation)
+        yield States.unchecked(
+            t_ns=fields.t_ns,
+            position=position,
+            q_wb=q_wb if warned is not None else normalise(q_wb),
+            covariance=stated[0].reshape(-1, 6, 6) if stated and covariance else None,
+            frame_id=fields.texts[0],
+            child_frame_id=fields.texts[1] if len(fields.texts) > 1 else "",
+            source=str(path),
+        )
+
+
+def _of_messages(bag: Bag, name: str, frames: tuple[str, str] | None, source: str) -> States:
+    """Return the poses of the last Path of a topic, or the transforms between two frames.
+
+    :raises InputError: if there are none.
+    """
+    rows: list[tuple[int, tuple[float, ...], tuple[float, ...]]] = []
+    for _, message in decoded_messages(bag, {name}):
+        if frames is None:
+            rows = [
+                (_stamp(pose.header), _xyz(pose.pose.position), _wxyz(pose.pose.orientation))
+                for pose in message.poses
+            ]
+            continue
+        rows += [
+            (
+                _stamp(entry.header),
+                _xyz(entry.transform.translation),
+                _wxyz(entry.transform.rotation),
+            )
+            for entry in message.transforms
+            if (entry.header.frame_id.lstrip("/"), entry.child_frame_id.lstrip("/")) == frames
+        ]
+    if len(rows) < 2:
+        raise InputError(f"{source}: {len(rows)} poses; a trajectory needs two or more")
+    t_ns, position, q_wb = zip(*rows, strict=True)
+    frame_id, child_frame_id = frames or ("", "")
+    return States(
+        np.array(t_ns, dtype=np.int64),
+        np.array(position),
+        np.array(q_wb),
+        source=source,
+        frame_id=frame_id,
+        child_frame_id=child_frame_id,
+    )
+
+
+def _stamp(header: Any) -> int:
+    return int(header.stamp.sec) * NANOSECONDS_PER_SECOND + int(header.stamp.nanosec)
+
+
+def _xyz(vector: Any) -> tuple[float, ...]:
+    return vector.x, vector.y, vector.z
+
+
+def _wxyz(q: Any) -> tuple[float, ...]:
+    return q.w, q.x, q.y, q.z

@@ -1,0 +1,62 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Text tables with any header, TUM's text, and folders of EuRoC and kalibr."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from imu_sim_ros.bags.reader import Recover
+from imu_sim_ros.bags.text import reader, vio_data_simulation
+from imu_sim_ros.errors import InputError
+from imu_sim_ros.inputs.rows import Skipped, Warned
+from imu_sim_ros.poses import read_poses
+from imu_sim_ros.records import Readings, States, concatenated
+
+
+def holds(path: Path) -> bool:
+    """Return True for a text file, and for a folder of EuRoC or kalibr."""
+    return reader.is_text(path)
+
+
+def reading_blocks(
+    path: Path, topic: str | None, frame: str | None, skipped: Skipped | None
+) -> Iterator[Readings]:
+    """Yield the readings of a table, or of an IMU of a folder, in blocks.
+
+    :param topic: name of the IMU in a folder, if it has several: imu0, imu1.
+    :raises InputError: for a frame, which text has not.
+    """
+    if frame is not None:
+        raise InputError(f"{path}: text has no frame {frame}")
+    return reader.imu_blocks(path, topic, skipped)
+
+
+def odometry_topics(path: Path) -> list[str]:
+    """Return nothing: text has no topics."""
+    return []
+
+
+def stated_units(path: Path, topic: str | None) -> dict[str, str]:
+    """Return the units of the triads that the header of a table states, by triad."""
+    return reader.stated_units(path, topic)
+
+
+def states(
+    path: Path,
+    topic: str | None,
+    covariance: bool,
+    skipped: Skipped | None,
+    warned: Warned | None,
+    recover: Recover,
+) -> States:
+    """Return the poses of a text file, or the states of a folder; arguments as for the door."""
+    if vio_data_simulation.is_source(path):
+        return vio_data_simulation.read_states(path, skipped)
+    if path.is_dir() and reader.has_states(path):
+        return concatenated([block for block, _ in reader.state_blocks(path, topic, skipped)])
+    file = reader.pose_file(path) or reader.state_file(path)
+    poses = read_poses(file, topic, skipped is not None, covariance)
+    if skipped is not None and poses.skipped:
+        skipped(poses.skipped)
+    return poses

@@ -1,0 +1,223 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""One door: every job takes every form in which readings and states are recorded."""
+
+import numpy as np
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+import imu_sim_ros as ims
+from imu_sim_ros.commands import allan as allan_program
+from imu_sim_ros.errors import ConfigurationError, InputError, Remark
+
+STORE = get_typestore(Stores.ROS2_JAZZY)
+TYPE = STORE.types
+T0 = 1_700_000_000_000_000_000
+GRAVITY = 9.81
+pytestmark = pytest.mark.filterwarnings("ignore::imu_sim_ros.errors.Remark")
+
+
+def header(t_ns, frame):
+    stamp = TYPE["builtin_interfaces/msg/Time"](int(t_ns // 10**9), int(t_ns % 10**9))
+    return TYPE["std_msgs/msg/Header"](stamp, frame)
+
+
+def vector(values, kind="Vector3"):
+    return TYPE[f"geometry_msgs/msg/{kind}"](*map(float, values))
+
+
+def imu(t_ns, gyro, accel, frame="imu"):
+    """Return an Imu; a triad that is None is absent."""
+    covariances = [np.array([0.0 if v is not None else -1.0, *[0.0] * 8]) for v in (gyro, accel)]
+    zero = (0.0, 0.0, 0.0)
+    return TYPE["sensor_msgs/msg/Imu"](
+        header(t_ns, frame), vector((0, 0, 0, 1), "Quaternion"), np.array([-1.0, *[0.0] * 8]),
+        vector(zero if gyro is None else gyro), covariances[0],
+        vector(zero if accel is None else accel), covariances[1],
+    )  # fmt: skip
+
+
+def bag(path, messages):
+    with Writer(path, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        topics = {}
+        for topic, t_ns, message in sorted(messages, key=lambda entry: entry[1]):
+            if topic not in topics:
+                topics[topic] = writer.add_connection(topic, message.__msgtype__, typestore=STORE)
+            payload = STORE.serialize_cdr(message, message.__msgtype__)
+            writer.write(topics[topic], int(t_ns), payload)
+    return path
+
+
+def still(n=1000, rate=200.0):
+    rng = np.random.default_rng(5)
+    t_ns = T0 + np.round(np.arange(n) * 1e9 / rate).astype(np.int64)
+    return t_ns, 1e-3 * rng.normal(size=(n, 3)), 1e-2 * rng.normal(size=(n, 3)) + [0, 0, GRAVITY]
+
+
+@pytest.fixture(scope="module")
+def one_triad(tmp_path_factory):
+    """Return a bag with gyroscope and accelerometer on topics of their own."""
+    t_ns, gyro, accel = still()
+    messages = [("/gyro", t, imu(t, g, None)) for t, g in zip(t_ns, gyro, strict=True)]
+    late = t_ns + 1_300_000
+    messages += [("/accel", t, imu(t, None, a)) for t, a in zip(late, accel, strict=True)]
+    return bag(tmp_path_factory.mktemp("triads") / "one_triad", messages)
+
+
+@pytest.fixture(scope="module")
+def two_frames(tmp_path_factory):
+    t_ns, gyro, accel = still()
+    frames = ["left", "right"] * (len(t_ns) // 2)
+    rows = zip(t_ns, gyro, accel, frames, strict=True)
+    return bag(tmp_path_factory.mktemp("frames") / "two", [("/imu", r[0], imu(*r)) for r in rows])
+
+
+def test_a_covariance_of_minus_one_is_an_absent_triad(one_triad):
+    assert ims.read_imu(one_triad, "/gyro").accel is None
+    assert ims.read_readings(one_triad, "/accel").gyro is None
+    readings = ims.read_imu(one_triad, "/gyro")
+    for job in (ims.allan, ims.calibrate_six_position):
+        with pytest.raises(InputError, match="no readings of the accelerometer"):
+            job(readings)
+    with pytest.raises(InputError, match="no readings of the accelerometer"):
+        ims.dead_reckon(one_triad, imu_topic="/gyro", initial="level")
+
+
+def test_two_topics_are_merged_at_the_gyroscope_s_times_and_the_loss_is_told(one_triad):
+    topics = {"gyro_topic": "/gyro", "accel_topic": "/accel"}
+    with pytest.warns(Remark, match="accelerometer is interpolated.* at 50 Hz"):
+        readings = ims.read_readings(one_triad, **topics)
+    t_ns, gyro, accel = still()
+    assert readings.t_ns.tolist() == t_ns[1:].tolist()
+    np.testing.assert_array_equal(readings.gyro, gyro[1:])
+    at = 1.0 - 1.3 / 5.0
+    np.testing.assert_allclose(readings.accel, (1 - at) * accel[:-1] + at * accel[1:], rtol=1e-9)
+    track = ims.dead_reckon(one_triad, initial="level", **topics)
+    # White noise of 1e-2 over 5 s in 1000 steps leaves less than 0.1 m; zeros would leave 120 m.
+    assert np.linalg.norm(track.position[-1] - track.position[0]) < 1.0
+    with pytest.raises(ConfigurationError, match="accel_topic"):
+        ims.read_readings(one_triad, gyro_topic="/gyro")
+
+
+def test_two_frames_on_a_topic_are_refused_unless_one_is_chosen(two_frames):
+    for job in (ims.read_imu, ims.allan, ims.dead_reckon, ims.calibrate_six_position):
+        with pytest.raises(
+            InputError, match="several frames: left, right; choose one with --frame"
+        ):
+            job(two_frames)
+    left = ims.read_readings(two_frames, frame="left")
+    assert (len(left), left.frame_id) == (500, "left")
+    with pytest.raises(InputError, match="no readings of the frame middle"):
+        ims.read_readings(two_frames, frame="middle")
+
+
+@pytest.mark.parametrize(("unit", "value"), [("g", 9.80665), ("mg", 9.80665e-3)])
+def test_units_are_converted_and_told(tmp_path, unit, value):
+    t_ns, gyro, accel = still()
+    path = tmp_path / "imu.csv"
+    rows = np.column_stack([np.degrees(gyro), accel / value])
+    lines = [",".join(f"{x:.12g}" for x in row) for row in rows]
+    path.write_text("".join(f"{t},{line}\n" for t, line in zip(t_ns, lines, strict=True)))
+    units = {"gyro_unit": "deg/s", "accel_unit": unit}
+    with pytest.warns(Remark, match=f"accelerometer is read in {unit}"):
+        readings = ims.read_readings(path, **units)
+    np.testing.assert_allclose(readings.gyro, gyro, rtol=1e-9)
+    np.testing.assert_allclose(readings.accel, accel, rtol=1e-9)
+    assert ims.dead_reckon(path, initial="level", **units).position.max() < 1.0
+    with pytest.raises(ConfigurationError, match="accel_unit"):
+        ims.read_readings(path, accel_unit="ft/s^2")
+
+
+def test_a_unit_that_contradicts_the_header_is_refused(tmp_path):
+    path = tmp_path / "imu.csv"
+    rows = "".join(f"{T0 + 5_000_000 * k},0,0,0,0,0,1\n" for k in range(20))
+    path.write_text("timestamp,gx,gy,gz,ax [g],ay [g],az [g]\n" + rows)
+    assert ims.read_readings(path, accel_unit="g").accel[0, 2] == pytest.approx(9.80665)
+    with pytest.raises(InputError, match="accel_unit = mg: the header says g"):
+        ims.read_readings(path, accel_unit="mg")
+
+
+def test_programs_have_the_options(two_frames, capsys):
+    assert allan_program.main([str(two_frames), "--no-files"]) == 2
+    assert "--frame" in capsys.readouterr().err
+    argv = [str(two_frames), "--no-files", "--frame", "left", "--accel-unit", "m/s^2"]
+    assert allan_program.main(argv) == 2
+    assert "at least 60 s" in capsys.readouterr().err
+
+
+def curve(n=200):
+    s = 0.02 * np.arange(n)
+    position = np.stack([np.sin(s), np.cos(s), 0.1 * s], axis=1)
+    half = 0.1 * np.sin(s)
+    zero = np.zeros(n)
+    return (
+        T0 + np.round(s * 1e9).astype(np.int64),
+        position,
+        np.stack([np.cos(half), zero, zero, np.sin(half)], axis=1),
+    )
+
+
+def poses_of(kind):
+    """Return messages of a type with the poses of the curve."""
+    t_ns, position, q_wb = curve()
+    of = {name: f"geometry_msgs/msg/{name}" for name in
+          ("Pose", "PoseStamped", "PoseWithCovariance", "PoseWithCovarianceStamped",
+           "Transform", "TransformStamped", "Twist", "TwistWithCovariance")}  # fmt: skip
+    result = []
+    for t, p, q in zip(t_ns, position, q_wb, strict=True):
+        turned = vector(q[[1, 2, 3, 0]], "Quaternion")
+        pose = TYPE[of["Pose"]](vector(p, "Point"), turned)
+        stated = TYPE[of["PoseWithCovariance"]](pose, np.eye(6).ravel())
+        transform = TYPE[of["TransformStamped"]](
+            header(t, "map"), "base", TYPE[of["Transform"]](vector(p), turned)
+        )
+        stamped = TYPE[of["PoseStamped"]](header(t, "map"), pose)
+        zero = TYPE[of["Twist"]](vector((0, 0, 0)), vector((0, 0, 0)))
+        twist = TYPE[of["TwistWithCovariance"]](zero, np.zeros(36))
+        result.append((t, {
+            "Odometry": lambda t=t, s=stated, w=twist: TYPE["nav_msgs/msg/Odometry"](
+                header(t, "map"), "base", s, w),
+            "PoseStamped": lambda m=stamped: m,
+            "PoseWithCovarianceStamped": lambda t=t, s=stated: TYPE[
+                of["PoseWithCovarianceStamped"]](header(t, "map"), s),
+            "TransformStamped": lambda m=transform: m,
+            "TFMessage": lambda m=transform: TYPE["tf2_msgs/msg/TFMessage"]([m]),
+            "Path": lambda m=stamped: m,
+        }[kind]()))  # fmt: skip
+    if kind == "Path":
+        path = TYPE["nav_msgs/msg/Path"](header(t_ns[-1], "map"), [m for _, m in result])
+        return [(t_ns[-1], path)]
+    return result
+
+
+KINDS = ("Odometry", "PoseStamped", "PoseWithCovarianceStamped", "TransformStamped", "TFMessage",
+         "Path")  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_job_reads_every_type_of_poses(tmp_path, kind):
+    path = bag(tmp_path / "poses", [("/tf", t, m) for t, m in poses_of(kind)])
+    topic = "/tf:map.base" if kind == "TFMessage" else "/tf"
+    t_ns, position, q_wb = curve()
+    states = ims.read_states(path, topic)
+    assert states.t_ns.tolist() == t_ns.tolist()
+    np.testing.assert_allclose(states.position, position)
+    np.testing.assert_allclose(states.q_wb, q_wb, atol=1e-12)
+    found = ims.evaluate(path, states, estimate_topic=topic)
+    assert np.abs(found.position).max() < 1e-12
+    if kind != "TFMessage":  # a bag of a tree of frames does not say which two
+        np.testing.assert_allclose(ims.read_states(path).position, position)
+        flight = ims.simulate(trajectory=path, duration=2, rate=100)
+        assert flight.truth.position.shape == (200, 3)
+
+
+def test_the_topic_s_own_type_decides(tmp_path):
+    messages = [("/odom", t, m) for t, m in poses_of("Odometry")]
+    messages += [("/pose", t, m) for t, m in poses_of("PoseStamped")]
+    path = bag(tmp_path / "both", messages)
+    found = ims.evaluate(path, path, estimate_topic="/odom", truth_topic="/pose")
+    assert np.abs(found.position).max() < 1e-12
+    with pytest.raises(InputError, match=r"no topic of poses /psoe; it has .*/odom.*/pose"):
+        ims.read_states(path, "/psoe")
