@@ -21,9 +21,9 @@ from imu_sim_ros.bags.text.reader import has_states, is_text
 from imu_sim_ros.calibration.noise.truth import load_truth, true_noise
 from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.errors import ConfigurationError, InputError, Problems
+from imu_sim_ros.formats.door import read_trajectory
 from imu_sim_ros.jobs.flight import Flight
 from imu_sim_ros.jobs.readings import read_imu, read_odometry
-from imu_sim_ros.jobs.tracks import read_track
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.parameters import files
@@ -349,7 +349,7 @@ def _read_text(path: Path, topic: str | None, skip: bool) -> Iterator[Readings |
         yield read_imu(path, topic, skip_bad_rows=skip)
     except InputError as error:
         try:
-            yield with_fields(read_track(path, topic, False, skip), source=name_of(path))
+            yield with_fields(read_trajectory(path, topic, False, skip), source=name_of(path))
         except InputError:
             raise error from None
         return

@@ -8,10 +8,11 @@ import pytest
 
 from imu_sim_ros.bags.messages.blocks import as_list
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder, OdometryEncoder
-from imu_sim_ros.bags.read import read_imu, read_odometry, read_poses
+from imu_sim_ros.bags.read import read_imu, read_odometry
 from imu_sim_ros.bags.writer import BagOptions, open_writer
 from imu_sim_ros.commands import convert_bag, dead_reckon
 from imu_sim_ros.errors import InputError
+from imu_sim_ros.formats.door import read_states
 from imu_sim_ros.inputs.gate import stamp_ns
 from imu_sim_ros.nodes import messages as live
 from imu_sim_ros.nodes.recorder.recording import _stamp_ns
@@ -48,7 +49,7 @@ def test_a_bag_with_such_a_stamp_is_refused_or_its_message_is_left_out(
         for (topic, kind), payloads in zip(topics, rows(writer.encoding), strict=True):
             payloads[BAD] = overflowing(payloads[BAD], writer.encoding)
             writer.write(writer.add_topic(topic, kind), T_NS, payloads)
-    for read in (read_imu, read_odometry, read_poses):
+    for read in (read_imu, read_odometry, read_states):
         with pytest.raises(InputError, match=f"message {BAD}: .*{REASON}"):
             read(path)
     for read in (read_imu, read_odometry):
