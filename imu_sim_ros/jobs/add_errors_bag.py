@@ -12,6 +12,7 @@ from imu_sim_ros.bags import convert
 from imu_sim_ros.bags.messages.blocks import MessageBlock, TopicInfo
 from imu_sim_ros.bags.messages.decode import Decoded, decode_block, inside_order
 from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
+from imu_sim_ros.bags.read import odometry_blocks
 from imu_sim_ros.bags.reader import Bag, errors_naming
 from imu_sim_ros.bags.threads import prefetch
 from imu_sim_ros.bags.writer import Block, Writer
@@ -25,6 +26,8 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
 from imu_sim_ros.jobs.add_errors import rate_of
+from imu_sim_ros.recordings.findings.catalogue import state_findings
+from imu_sim_ros.records import concatenated, with_fields
 from imu_sim_ros.simulation.error_input import Differentiator, GivenReadings
 from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
@@ -38,6 +41,8 @@ _ORIENTED: Final = (*_READING, "orientation", "orientation_covariance")
 _STATE: Final = ("orientation", "linear", "angular")
 _FIRST: Final = 2000
 """Stamps from which a rate is taken."""
+_COMPARED: Final = 20_000
+"""Messages of odometry whose twist is compared with their poses."""
 
 
 def source_of(bag: Bag, name: str | None) -> TopicInfo:
@@ -71,6 +76,23 @@ def rate_in(bag: Bag, source: TopicInfo) -> float:
     if not (np.diff(t_ns) > 0).any():
         raise InputError(f"{bag.path}: {source.name}: fewer than two readings; --rate is needed")
     return rate_of(t_ns)
+
+
+def twist_warnings(bag: Bag, source: TopicInfo) -> Iterator[str]:
+    """Yield a line if the twist of odometry contradicts the poses in the same messages.
+
+    :param source: a topic of odometry; its first messages, up to 20,000, are compared.
+    """
+    blocks, count = [], 0
+    for states in odometry_blocks(bag.path, source.name, warned=bool):
+        blocks.append(states)
+        count += len(states)
+        if count >= _COMPARED:
+            break
+    if blocks:
+        for finding in state_findings(with_fields(concatenated(blocks), source=source.name)):
+            if finding.kind in ("twist_world", "twist_unfilled"):
+                yield f"{bag.path}: {finding.sentence()}"
 
 
 def names_in(

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Annotated, Any, Final
 
 from imu_sim_ros import arguments
+from imu_sim_ros.bags.messages.encode import ODOMETRY
 from imu_sim_ros.bags.outputs import Outputs, Target
 from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.bags.text import reader as text_reader
@@ -25,7 +26,14 @@ from imu_sim_ros.errors import InputError, Problems
 from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.jobs import convert
 from imu_sim_ros.jobs.add_errors import ROWS_AT_ONCE, layers_of, rate_of, with_rate
-from imu_sim_ros.jobs.add_errors_bag import USUAL, BagErrors, names_in, rate_in, source_of
+from imu_sim_ros.jobs.add_errors_bag import (
+    USUAL,
+    BagErrors,
+    names_in,
+    rate_in,
+    source_of,
+    twist_warnings,
+)
 from imu_sim_ros.jobs.writing import (
     Compression,
     DiscardPartial,
@@ -57,6 +65,7 @@ from imu_sim_ros.simulation.error_parameters import orientation_problems
 from imu_sim_ros.simulation.given_sensor import Counts
 from imu_sim_ros.simulation.topics import OF_THE_ERROR_MODEL, delivered, resolved
 
+TWIST_FRAMES: Final = ("body", "world")
 FORMATS = ("euroc", "csv")
 """Datasets that have readings."""
 _SENSOR: Final = Heading("sensor")
@@ -111,6 +120,7 @@ def add_errors_to_file(
     params_file: ParameterFiles = None,
     input: Mapping[str, Any] | None = None,
     input_topic: Annotated[str | None, "NAME", _TOPICS] = None,
+    twist_frame: Annotated[str | None, TWIST_FRAMES, _TOPICS] = None,
     topics: Annotated[str | Sequence[str], "NAME,...", _ADDED, _TOPICS] = (),
     without: Annotated[str | Sequence[str], "NAME,...", _TOPICS] = (),
     format: Annotated[Format, FORMATS] = None,
@@ -135,6 +145,7 @@ def add_errors_to_file(
     :param seed: seed of all random streams
     :param input_topic: topic of the ideal readings, or of odometry (default: the only
         sensor_msgs/Imu topic)
+    :param twist_frame: axes of the velocities of odometry (default: body)
     :param topics: topics to add; by default ``imu/data_raw`` and the true biases
     :param without: topics of the input to leave out
     :param skip_bad_rows: leave out readings that are not finite or not possible
@@ -161,6 +172,8 @@ def add_errors_to_file(
     problems = Problems()
     with problems.gathered():
         layers = layers_of(imu, seed, params_file, input, parameters, rate)
+        if twist_frame is not None:
+            layers["input.twist_frame"] = arguments.one_of("twist_frame", twist_frame, TWIST_FRAMES)
     if problems and not text_reader.is_text(given):
         with problems.gathered(), open_bag(given):
             pass
@@ -192,6 +205,9 @@ def add_errors_to_file(
                 built = with_rate(layers, lambda: rate_in(bag, readings))
                 if "imu/data" in added and (wrong := list(orientation_problems(built.imu))):
                     raise InputError(wrong)
+                if readings.type == ODOMETRY and built.input.twist_frame == "body":
+                    for line in twist_warnings(bag, readings):
+                        journal.warn(line)
                 have = {resolved(one.name) for one in bag.topics}
                 if is_text:  # a dataset's biases are those of the readings before
                     left_out |= {resolved(name) for name in added} & have - {readings.name}

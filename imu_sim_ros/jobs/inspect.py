@@ -31,6 +31,7 @@ from imu_sim_ros.recordings.findings.catalogue import (
     KINDS,
     by_severity,
     reading_findings,
+    state_findings,
 )
 from imu_sim_ros.recordings.findings.finding import SEVERITIES, Finding
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
@@ -306,6 +307,7 @@ def inspect(
             findings += reading_findings(record, measures)
         else:
             trajectories.append(_poses(record))
+            findings += state_findings(record)
     return Inspection(
         tuple(topics), tuple(sensors), tuple(trajectories), tuple(by_severity(findings))
     )

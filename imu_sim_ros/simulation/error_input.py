@@ -575,6 +575,7 @@ class Differentiator:
     def __init__(self, parameters: ErrorModelParameters) -> None:
         """Begin with the next message."""
         self.span = parameters.input.odometry_span
+        self._in_world = parameters.input.twist_frame == "world"
         self._gravity_w = gravity_vector(parameters)
         self.begin()
 
@@ -586,14 +587,17 @@ class Differentiator:
     def _forget(self) -> None:
         self._t_ns, self._rows = np.empty(0, np.int64), np.empty((0, 10))
 
-    def apply(self, t_ns: Times, q_wb: Array, velocity_b: Array, rate_b: Array) -> GivenReadings:
+    def apply(self, t_ns: Times, q_wb: Array, velocity: Array, rate: Array) -> GivenReadings:
         """Take n messages; return the readings that are now known, s messages late.
 
         :param q_wb: (n, 4).
-        :param velocity_b: (n, 3) [m/s].
-        :param rate_b: (n, 3) [rad/s].
+        :param velocity: (n, 3) in the axes of ``input.twist_frame`` [m/s].
+        :param rate: (n, 3) in the same axes [rad/s].
         """
         known = _none()
+        velocity_b, rate_b = velocity, rate
+        if self._in_world:
+            velocity_b, rate_b = rotate_inverse(q_wb, velocity), rotate_inverse(q_wb, rate)
         # Velocities in the body in place of rates, rates in place of forces.
         for part, back in self._order.parts(GivenReadings(t_ns, velocity_b, rate_b, q_wb)):
             if back:

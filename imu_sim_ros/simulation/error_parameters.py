@@ -92,6 +92,12 @@ class InputParameters:
         "check the first 2 s and report rate, gravity, units or axes that contradict the "
         "declaration, and noise that would be added twice",
     )
+    twist_frame: str = choice(
+        "body",
+        ("body", "world"),
+        "axes of the twist of odometry: body (child_frame_id), as the message defines it, or "
+        "world (header.frame_id), as some simulators send it",
+    )
     odometry_span: int = integer(
         1,
         "odometry messages on each side over which the velocity is differenced to get the "

@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from imu_sim_ros import rotation
+from imu_sim_ros.recordings.findings.states import StateMeasures, poses_held
 from imu_sim_ros.records import States
 from imu_sim_ros.trajectory.arrival import even_times
 from imu_sim_ros.trajectory.residuals import REACH, residuals, smallest_distance
@@ -52,10 +53,14 @@ class Findings(NamedTuple):
     """[s] of stamps that are times of arrival; 0: they are not."""
     interval: float
     """[s] of the grid that they scatter about."""
+    held: Integers
+    """Poses that repeat the one before while the body moves."""
+    held_text: str = ""
+    """Evidence for these."""
 
     def __bool__(self) -> bool:
         """Return whether there is anything."""
-        return bool(len(self.single) or self.jumps or self.scatter)
+        return bool(len(self.single) or self.jumps or self.scatter or len(self.held))
 
 
 class Mended(NamedTuple):
@@ -76,11 +81,31 @@ def mended(t: Array, position: Array, q_wb: Array) -> Mended:
     """
     q_wb = rotation.continuous(q_wb)
     nothing = np.zeros(0, dtype=np.int64)
+    held, text = _held(t, position, q_wb)
+    if len(held):
+        rows = np.setdiff1d(np.arange(len(t)), held)
+        rest = mended(t[rows], position[rows], q_wb[rows])
+        jumps = [jump._replace(row=int(rows[jump.row])) for jump in rest.findings.jumps]
+        single = rows[rest.findings.single]
+        findings = rest.findings._replace(single=single, jumps=jumps, held=held, held_text=text)
+        return rest._replace(findings=findings)
     if len(t) < _LEAST_POSES:
-        none = Findings(nothing, np.zeros(0), np.zeros(0), [], 0.0, 0.0)
+        none = Findings(nothing, np.zeros(0), np.zeros(0), [], 0.0, 0.0, nothing)
         return Mended(t, position, q_wb, none)
     taken, scatter, interval = even_times(t, position, q_wb)
-    rows = np.arange(len(t))
+    return _repaired(taken, position, q_wb, scatter, interval)
+
+
+def _repaired(
+    taken: Array, position: Array, q_wb: Array, scatter: float, interval: float
+) -> Mended:
+    """Return poses (n) without outliers and jumps.
+
+    :param taken: (n,) times at which they were taken [s].
+    :param scatter, interval: as in :class:`Findings`.
+    """
+    nothing = np.zeros(0, dtype=np.int64)
+    rows = np.arange(len(taken))
     single: list[int] = []
     jumps: list[Jump] = []
     p, q = position.copy(), q_wb.copy()
@@ -104,8 +129,25 @@ def mended(t: Array, position: Array, q_wb: Array) -> Mended:
         rows = np.setdiff1d(rows, single)
     left = np.array(sorted(single), dtype=np.int64)
     distance, angle = _apart(taken, p, q, rows, left)
-    findings = Findings(left, distance, angle, sorted(jumps, key=_row), scatter, interval)
+    findings = Findings(left, distance, angle, sorted(jumps, key=_row), scatter, interval, nothing)
     return Mended(taken[rows], p[rows], q[rows], findings)
+
+
+def _held(t: Array, position: Array, q_wb: Array) -> tuple[Integers, str]:
+    """Return the rows that repeat the pose before while the body moves, and the evidence.
+
+    A body that stands is one long run, which stays.
+    """
+    t_ns = np.rint(t * 1e9).astype(np.int64)
+    measures = StateMeasures(States.unchecked(t_ns=t_ns, position=position, q_wb=q_wb))
+    evidence = next(poses_held.find(measures), None)
+    if evidence is None:
+        return np.zeros(0, dtype=np.int64), ""
+    starts, lengths = measures.runs
+    short = lengths <= 10.0 * np.median(lengths)
+    repeats = np.repeat(short, lengths)
+    repeats[starts] = False
+    return np.flatnonzero(repeats), evidence.text
 
 
 def _row(jump: Jump) -> int:
@@ -176,7 +218,8 @@ def _scaled(poses: _Poses, window: Integers) -> tuple[Array, Array]:
     start = rotation.conjugate(poses.q_wb[window[0]])
     turns = rotation.log(rotation.multiply(start, poses.q_wb[window]))
     usual = np.repeat(np.median(poses.usual[window], axis=0), 3)
-    return np.column_stack([poses.position[window], turns]) / usual, since[:, None] ** _DEGREES
+    moved = poses.position[window] - poses.position[window[0]]
+    return np.column_stack([moved, turns]) / usual, since[:, None] ** _DEGREES
 
 
 def _left(columns: Array, values: Array, keep: Mask) -> tuple[float, Array]:
@@ -265,6 +308,10 @@ def _lines(findings: Findings, file: str, poses: States, t: Array, robust: bool)
         yield (
             f"{file}: the motion jumps at {_largest(found, sizes)}"
             + remedy("all later poses were moved to continue the motion", "joins the pieces")
+        )
+    if len(findings.held):
+        yield f"{file}: {findings.held_text}" + remedy(
+            "the first of each was kept", "keeps the first of each"
         )
     if findings.scatter:
         yield (

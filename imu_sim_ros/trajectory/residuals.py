@@ -107,16 +107,22 @@ def _lengths(
     apart = np.max(np.diff(t[rows], axis=1), axis=1) > _LONG_STEP * step
     # Over a few poses the four numbers of a quaternion are as smooth as the angles; twice their
     # distance is the angle.
-    moved = np.linalg.norm(_missed(predict, rows, position, own), axis=1) / size
-    turned = 2.0 * np.linalg.norm(_missed(predict, rows, q_wb, own), axis=1) / size
+    moved = np.linalg.norm(_missed(predict, rows, since, position, own), axis=1) / size
+    turned = 2.0 * np.linalg.norm(_missed(predict, rows, since, q_wb, own), axis=1) / size
     return np.where(apart, 0.0, moved), np.where(apart, 0.0, turned)
 
 
-def _missed(predict: Array, rows: Integers, values: Array, own: Integers) -> Array:
-    """Return prediction less value (n, a), neighbours one after the other."""
-    result = -values[own]
+def _missed(predict: Array, rows: Integers, since: Array, values: Array, own: Integers) -> Array:
+    """Return prediction less value (n, a), neighbours one after the other.
+
+    All are relative to a line through the pose itself, so that distance from the origin and speed
+    have no effect, which the ridge would take for a deviation.
+    """
+    slope = (values[rows[:, -1]] - values[rows[:, 0]]) / (since[:, -1] - since[:, 0])[:, None]
+    result = np.zeros((len(own), values.shape[1]))
     for k in range(rows.shape[1]):
-        result += predict[:, k, None] * values[rows[:, k]]
+        line = values[own] + slope * since[:, k, None]
+        result += predict[:, k, None] * (values[rows[:, k]] - line)
     return result
 
 

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Findings about readings: each fault is found, and nothing in clean recordings."""
+"""Findings about readings and poses: each fault is found, and nothing in clean recordings."""
 
 import json
 from pathlib import Path
@@ -10,10 +10,14 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
+from imu_sim_ros import rotation
+from imu_sim_ros.bags.messages.encode import ODOMETRY, OdometryEncoder
+from imu_sim_ros.bags.writer import Block, open_writer
 from imu_sim_ros.commands import inspect
 from imu_sim_ros.conventions import STANDARD_GRAVITY
-from imu_sim_ros.recordings.findings.catalogue import KINDS, reading_findings
+from imu_sim_ros.recordings.findings.catalogue import KINDS, reading_findings, state_findings
 from imu_sim_ros.records import with_fields
+from imu_sim_ros.trajectory.repair import mended
 
 ROOT = Path(__file__).parents[2]
 IMUS = sorted(path.stem for path in (ROOT / "config" / "imus").glob("*.yaml"))
@@ -187,3 +191,109 @@ def test_every_kind_is_in_the_manual():
     page = (ROOT / "docs" / "reference" / "findings.md").read_text(encoding="utf-8")
     for kind, check in KINDS.items():
         assert f"| `{kind}` | {check.severity} | {check.meaning} |" in page
+
+
+def moving(trajectory, duration=20.0):
+    truth = ims.simulate(imu="perfect", trajectory=trajectory, duration=duration, rate=100).truth
+    return ims.States(
+        truth.t_ns, truth.position, truth.q_wb, truth.velocity, truth.angular_velocity
+    )
+
+
+def pose_kinds(states):
+    return [finding.kind for finding in state_findings(states)]
+
+
+@pytest.fixture(scope="module")
+def poses():
+    """Return the states of a vehicle on a circle, with all directions of travel."""
+    return moving("circle")
+
+
+def test_poses_of_every_trajectory_have_no_finding():
+    for trajectory in (*TRAJECTORIES, "free_fall"):
+        assert pose_kinds(moving(trajectory, length(trajectory))) == [], trajectory
+
+
+def test_held_poses_are_found_with_the_true_rate(poses):
+    rows = np.arange(len(poses)) // 4 * 4
+    held = with_fields(poses, position=poses.position[rows], q_wb=poses.q_wb[rows], velocity=None)
+    (finding,) = state_findings(held)
+    assert finding.kind == "poses_held"
+    assert "25 Hz, not 100" in finding.evidence
+
+
+@pytest.mark.parametrize("order", [[1, 2, 3, 0], [3, 0, 1, 2]])
+def test_quaternions_in_another_order_are_found(poses, order):
+    permuted = with_fields(poses, q_wb=poses.q_wb[:, order], velocity=None)
+    assert pose_kinds(permuted) == ["quaternion_order"]
+
+
+def test_a_twist_that_contradicts_the_poses_is_found(poses):
+    # The reader turns the twist by the attitude: one in the world's axes is turned once too often.
+    world = with_fields(poses, velocity=rotation.rotate(poses.q_wb, poses.velocity))
+    assert pose_kinds(world) == ["twist_world"]
+    unfilled = with_fields(poses, velocity=0.0 * poses.velocity)
+    assert pose_kinds(unfilled) == ["twist_unfilled"]
+
+
+def test_sparse_disordered_and_turned_poses_are_found(poses):
+    assert pose_kinds(with_fields(poses.rows(slice(None, None, 60)), velocity=None)) == [
+        "poses_sparse"
+    ]
+    swapped = np.arange(len(poses))
+    swapped[[500, 501]] = [501, 500]
+    assert pose_kinds(poses.rows(swapped)) == ["poses_disordered"]
+    half_turn = rotation.multiply(poses.q_wb, np.array([0.0, 1.0, 0.0, 0.0]))
+    assert pose_kinds(with_fields(poses, q_wb=half_turn)) == ["z_down"]
+    camera = rotation.multiply(poses.q_wb, np.array([0.5, -0.5, 0.5, -0.5]))
+    assert pose_kinds(with_fields(poses, q_wb=camera)) == ["axes_camera"]
+
+
+def test_smooth_poses_are_mended_nowhere_however_far_and_fast():
+    """``--robust`` leaves every trajectory as it is, shifted to UTM and scaled."""
+    for trajectory in (*TRAJECTORIES, "free_fall"):
+        states = moving(trajectory, length(trajectory))
+        for shift in (0.0, 300.0, 5e6):
+            for scale in (0.01, 1.0, 100.0):
+                position = states.position * scale + np.array([shift, -shift, 0.1 * shift])
+                result = mended(states.t, position, states.q_wb)
+                assert not result.findings, (trajectory, shift, scale)
+                assert len(result.position) == len(states)
+
+
+def test_held_poses_are_mended_to_one_of_each(poses):
+    rows = np.arange(len(poses)) // 4 * 4
+    result = mended(poses.t, poses.position[rows], poses.q_wb[rows])
+    assert len(result.findings.held) == len(poses) * 3 // 4
+    np.testing.assert_array_equal(result.position, poses.position[::4])
+    np.testing.assert_array_equal(result.t, poses.t[::4])
+    assert not len(result.findings.single)
+
+
+def test_add_errors_tells_of_a_twist_in_the_worlds_axes(tmp_path, poses):
+    def write(name, linear):
+        path = tmp_path / name
+        fields = (poses.t_ns, poses.position, poses.q_wb, linear, poses.body_rates())
+        with open_writer(path) as writer:
+            topic = writer.add_topic("/odom", ODOMETRY)
+            rows = OdometryEncoder("odom", "base_link", writer.encoding).encode(*fields)
+            writer.write_blocks([Block(topic, poses.t_ns, rows)])
+        return path
+
+    def add(path, **more):
+        out = tmp_path / f"{path.stem}_{len(more)}.mcap"
+        added = ims.add_errors_to_file(path, out, imu="perfect", input_topic="/odom", **more)
+        return ims.read_imu(out, "imu/data_raw"), added.warnings
+
+    body, silence = add(write("body.mcap", rotation.rotate_inverse(poses.q_wb, poses.velocity)))
+    assert silence == ()
+    world = write("world.mcap", poses.velocity)
+    wrong, (line,) = add(world)
+    assert "--twist-frame world" in line
+    right, silence = add(world, twist_frame="world")
+    assert silence == ()
+    assert np.abs(wrong.accel - body.accel).max() > 0.1
+    np.testing.assert_allclose(right.accel, body.accel, atol=1e-9)
+    _, (line,) = add(write("unfilled.mcap", 0.0 * poses.velocity))
+    assert "all velocities are 0" in line

@@ -10,9 +10,14 @@ from imu_sim_ros.recordings.findings.finding import SEVERITIES, FaultCheck, Find
 from imu_sim_ros.recordings.findings.measures import ReadingMeasures
 from imu_sim_ros.recordings.findings.readings import READINGS
 from imu_sim_ros.recordings.findings.stamps import STAMPS
-from imu_sim_ros.records import Readings, TimeSeries
+from imu_sim_ros.recordings.findings.states import STATES, StateMeasures
+from imu_sim_ros.records import Readings, States, TimeSeries
 
-GROUPS: Final[dict[str, tuple[FaultCheck[Any], ...]]] = {"Readings": READINGS, "Stamps": STAMPS}
+GROUPS: Final[dict[str, tuple[FaultCheck[Any], ...]]] = {
+    "Readings": READINGS,
+    "Stamps": STAMPS,
+    "Poses": STATES,
+}
 """All checks, by the part of a recording that they look at."""
 KINDS: Final = {check.kind: check for checks in GROUPS.values() for check in checks}
 """All checks by the kind of their findings."""
@@ -30,6 +35,13 @@ def reading_findings(readings: Readings, measures: ReadingMeasures | None = None
     if measures.clock is not None:
         findings += _findings(STAMPS, measures.clock, readings)
     return by_severity(findings)
+
+
+def state_findings(states: States) -> list[Finding]:
+    """Return the findings about poses and their twist, worst first."""
+    if not len(states):
+        return []
+    return by_severity(_findings(STATES, StateMeasures(states), states))
 
 
 def by_severity(findings: Iterable[Finding]) -> list[Finding]:

@@ -1,0 +1,246 @@
+# Copyright 2026 imu_sim_ros maintainers
+# SPDX-License-Identifier: Apache-2.0
+
+"""Findings about recorded poses: rate, order, axes, and a twist that contradicts them."""
+
+from collections.abc import Iterator
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from imu_sim_ros import rotation
+from imu_sim_ros.recordings.findings.finding import Evidence, check
+from imu_sim_ros.recordings.order import usual_step
+from imu_sim_ros.records import States
+from imu_sim_ros.types import Array, Integers, Mask
+
+_FEWEST: Final = 20
+"""Poses from which on they are judged."""
+_HELD: Final = 0.1
+"""Share of poses that stand more than once in a row, from which on poses are held."""
+_DIGITS: Final = 20.0
+"""Usual step of a motion over the smallest one, below which rounding makes poses equal."""
+_LONG: Final = 3.0
+"""Step between poses, over the usual one, across which no velocity is computed."""
+_SPEED: Final = 0.05
+"""Speed below which a twist is not compared with the poses [m/s]."""
+_AGREES: Final = 0.3
+"""Deviation of a velocity from that of the poses, as a share, up to which they agree."""
+_SPARSE: Final = 0.5
+"""Interval of poses from which on they leave out motion that an IMU measures [s]."""
+_PATH: Final = 5.0
+"""Path from which on the direction of travel tells a body's axes [m]."""
+
+
+class StateMeasures:
+    """Poses of a body with their velocities, each computed once."""
+
+    def __init__(self, states: States) -> None:
+        """Take the poses."""
+        self.states = states
+
+    @cached_property
+    def interval(self) -> float:
+        """Usual time between two poses [s]; 0 if no stamps increase."""
+        return usual_step(self.states.t_ns) * 1e-9
+
+    @cached_property
+    def runs(self) -> tuple[Integers, Integers]:
+        """First rows (k,) of runs of equal poses, and their lengths."""
+        states = self.states
+        moves = np.any(np.diff(states.position, axis=0) != 0.0, axis=1)
+        moves |= np.any(np.diff(states.q_wb, axis=0) != 0.0, axis=1)
+        starts = np.flatnonzero(np.append(True, moves))
+        return starts, np.diff(np.append(starts, len(states)))
+
+    @cached_property
+    def regular(self) -> Mask:
+        """(n - 1,) True for each step over which a velocity can be computed."""
+        steps = np.diff(self.states.t_ns) * 1e-9
+        return (steps > 0.0) & (steps < _LONG * self.interval)
+
+    @cached_property
+    def velocity(self) -> Array:
+        """(m, 3) velocity by the positions over each regular step, in the world [m/s]."""
+        steps = np.diff(self.states.t_ns)[self.regular] * 1e-9
+        change = np.diff(self.states.position, axis=0)[self.regular]
+        return np.asarray(change / steps[:, None])
+
+    def between(self, column: Array) -> Array:
+        """Return the mean (m, k) of the values (n, k) at both ends of each regular step."""
+        return np.asarray(0.5 * (column[1:] + column[:-1])[self.regular])
+
+    @cached_property
+    def speed(self) -> float:
+        """Speed by the positions, root mean square [m/s]."""
+        return _rms(self.velocity)
+
+
+def _rms(vectors: Array) -> float:
+    return float(np.sqrt(np.mean(np.sum(np.square(vectors), axis=-1)))) if len(vectors) else 0.0
+
+
+@check(
+    "warning",
+    "velocities between such poses are far too large, then zero",
+    "--robust keeps the first of each run; or log at the rate of the simulation",
+)
+def poses_held(measures: StateMeasures) -> Iterator[Evidence]:
+    """Find poses that stand several times in a row while the body moves."""
+    starts, lengths = measures.runs
+    if len(starts) < _FEWEST or not measures.interval:
+        return
+    # A body that stands makes one long run.
+    repeated = lengths > 1
+    steps = np.abs(np.diff(measures.states.position[starts], axis=0))
+    steps = steps[steps > 0.0]
+    rounded = len(steps) and np.median(steps) < _DIGITS * steps.min()
+    if repeated.mean() > _HELD and not rounded:
+        length = float(np.mean(lengths[lengths <= 10.0 * np.median(lengths)]))
+        rate = 1.0 / measures.interval
+        text = f"each pose stands {length:.3g} times on average: {rate / length:.4g} Hz"
+        first = int(starts[np.flatnonzero(repeated)[0]])
+        yield Evidence(f"{text}, not {rate:.4g}", first, int((lengths - 1).sum()))
+
+
+@check(
+    "error",
+    "intervals are negative or zero",
+    "sort the poses by stamp, and keep one of each time",
+)
+def poses_disordered(measures: StateMeasures) -> Iterator[Evidence]:
+    """Find poses whose stamps do not increase."""
+    rows = np.flatnonzero(np.diff(measures.states.t_ns) <= 0) + 1
+    if len(rows):
+        yield Evidence(f"{len(rows):,} stamps do not increase", int(rows[0]), len(rows))
+
+
+@check(
+    "warning",
+    "motion that is faster than half the rate of the poses is not in them",
+    "record poses more often; --max-gap lets evaluate interpolate over longer steps",
+)
+def poses_sparse(measures: StateMeasures) -> Iterator[Evidence]:
+    """Find poses that are too far apart for the motion of an IMU."""
+    if len(measures.states) >= _FEWEST and measures.interval > _SPARSE:
+        nyquist = 0.5 / measures.interval
+        yield Evidence(
+            f"poses are {measures.interval:.3g} s apart: the motion above {nyquist:.3g} Hz is lost"
+        )
+
+
+def _level(q: Array) -> Array:
+    """Return the share (n,) of the body's z axis that is upwards: w, x, y, z on the last axis."""
+    return np.asarray(1.0 - 2.0 * (q[:, 1] ** 2 + q[:, 2] ** 2))
+
+
+@check(
+    "error",
+    "attitudes are wrong by up to half a turn",
+    "reorder the columns of the quaternion, or name them in a header (q_w, q_x, q_y, q_z)",
+)
+def quaternion_order(measures: StateMeasures) -> Iterator[Evidence]:
+    """Find quaternions that are level only if their components have another order."""
+    q = measures.states.q_wb
+    if len(q) < _FEWEST or np.quantile(_level(q), 0.1) > 0.5:
+        return
+    for order, name in (([3, 0, 1, 2], "x, y, z, w"), ([1, 2, 3, 0], "w, x, y, z")):
+        if np.quantile(_level(q[:, order]), 0.02) > 0.8:
+            yield Evidence(
+                f"the body is level throughout if the columns are {name}, and turns over "
+                f"(down to {_level(q).min():.2f} of z upwards) as they are read"
+            )
+            return
+
+
+@check(
+    "warning",
+    "a body with its z axis downwards measures gravity with the other sign",
+    "rotate world and body by half a turn about x: they are north-east-down, forward-right-down",
+)
+def z_down(measures: StateMeasures) -> Iterator[Evidence]:
+    """Find poses of a body or in a world whose z axis points downwards."""
+    states = measures.states
+    named = [
+        name
+        for name, axes in ((states.frame_id, "ned"), (states.child_frame_id, "frd"))
+        if axes in name.lower().replace("/", "_").split("_")
+    ]
+    if named:
+        yield Evidence(f"the frame is called {', '.join(named)}")
+    elif any(quaternion_order.find(measures)):
+        return
+    elif len(states) >= _FEWEST and np.quantile(_level(states.q_wb), 0.95) < -0.9:
+        yield Evidence("the body's z axis is downwards throughout")
+
+
+@check(
+    "warning",
+    "an IMU with these axes has gravity on y",
+    "rotate the poses into forward-left-up: those of a camera are right-down-forward",
+)
+def axes_camera(measures: StateMeasures) -> Iterator[Evidence]:
+    """Find poses in the axes of a camera: the body travels along its z axis."""
+    states = measures.states
+    if len(states) < _FEWEST or not len(measures.velocity):
+        return
+    steps = np.diff(states.position, axis=0)[measures.regular]
+    path = float(np.linalg.norm(steps, axis=1).sum())
+    if path < _PATH:
+        return
+    q = states.q_wb[:-1][measures.regular]
+    body = rotation.rotate_inverse(q, steps).sum(axis=0) / path
+    down = rotation.rotate(states.q_wb, np.array([0.0, 1.0, 0.0]))[:, 2]
+    # In the world of a visual odometry, which has the axes of the first image, y is downwards.
+    turns = rotation.log(rotation.multiply(rotation.conjugate(q[0]), q))
+    about_y = np.abs(turns[:, 1]).max() >= 2.0 * np.abs(turns[:, [0, 2]]).max()
+    if body[2] > 0.8 and (np.quantile(down, 0.95) < -0.8 or about_y):
+        yield Evidence(f"{body[2]:.0%} of the path of {path:.4g} m is along the body's z axis")
+
+
+@check(
+    "error",
+    "accelerations that are computed from it are wrong",
+    "--twist-frame world (add_errors), or parameter input.twist_frame (error_model)",
+)
+def twist_world(measures: StateMeasures) -> Iterator[Evidence]:
+    """Find a twist in the axes of the world instead of the body."""
+    states = measures.states
+    if states.velocity is None or measures.speed < _SPEED or len(measures.velocity) < _FEWEST:
+        return
+    linear = rotation.rotate_inverse(states.q_wb, states.velocity)
+    body = _rms(measures.between(states.velocity) - measures.velocity) / measures.speed
+    world = _rms(measures.between(linear) - measures.velocity) / measures.speed
+    if world < _AGREES and body > 3.0 * world and body > 0.05:
+        yield Evidence(
+            f"velocities differ from those of the poses by {body:.2g} of their size in the body's "
+            f"axes, by {world:.2g} in the world's"
+        )
+
+
+@check(
+    "error",
+    "the motion looks like rest",
+    "fill in the twist, or use the poses alone",
+)
+def twist_unfilled(measures: StateMeasures) -> Iterator[Evidence]:
+    """Find a twist that is zero while the poses move."""
+    states = measures.states
+    if states.velocity is None or measures.speed < _SPEED or len(measures.velocity) < _FEWEST:
+        return
+    if not states.velocity.any():
+        yield Evidence(f"all velocities are 0, the poses move at {measures.speed:.3g} m/s")
+
+
+STATES: Final = (
+    poses_disordered,
+    twist_world,
+    twist_unfilled,
+    quaternion_order,
+    poses_held,
+    poses_sparse,
+    z_down,
+    axes_camera,
+)
+"""Checks of poses."""
