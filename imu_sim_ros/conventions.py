@@ -77,3 +77,5 @@ POSITION_ERROR_TOPIC: Final = "dead_reckoned/position_error"
 ATTITUDE_ERROR_TOPIC: Final = "dead_reckoned/attitude_error"
 TF_TOPIC: Final = "/tf"
 TF_STATIC_TOPIC: Final = "/tf_static"
+TWIST_FRAMES: Final = ("body", "world")
+"""Axes in which odometry can have its twist; the message defines those of the body."""

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from imu_sim_ros.conventions import STANDARD_GRAVITY
+from imu_sim_ros.conventions import AXES, STANDARD_GRAVITY
 
 GYRO: Final = "gyroscope"
 ACCEL: Final = "accelerometer"
@@ -250,7 +250,7 @@ def _without_unit(words: list[str]) -> tuple[list[str], str]:
 def _without_axis(words: list[str]) -> tuple[list[str], str]:
     """Return words of a name without its axis, and the axis: ``omega z``, ``gz``, ``q w``."""
     for k in (*range(len(words) - 1, 0, -1), 0):
-        if words[k] in ("x", "y", "z") or (words[k] == "w" and k > 0 and k == len(words) - 1):
+        if words[k] in AXES or (words[k] == "w" and k > 0 and k == len(words) - 1):
             return words[:k] + words[k + 1 :], words[k]
     match = _GLUED.fullmatch(words[-1])
     if match is not None:

@@ -21,7 +21,7 @@ from imu_sim_ros.bags.read import open_bag
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.bags.writer import BagOptions, described, open_writer
-from imu_sim_ros.conventions import IMU_TOPIC
+from imu_sim_ros.conventions import IMU_TOPIC, TWIST_FRAMES
 from imu_sim_ros.errors import InputError, Problems
 from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.jobs import convert
@@ -65,7 +65,6 @@ from imu_sim_ros.simulation.error_parameters import orientation_problems
 from imu_sim_ros.simulation.given_sensor import Counts
 from imu_sim_ros.simulation.topics import OF_THE_ERROR_MODEL, delivered, resolved
 
-TWIST_FRAMES: Final = ("body", "world")
 FORMATS = ("euroc", "csv")
 """Datasets that have readings."""
 _SENSOR: Final = Heading("sensor")

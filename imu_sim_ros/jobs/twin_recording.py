@@ -314,7 +314,7 @@ def _poses(
 
 def _check(readings: Readings) -> None:
     problems = []
-    for name, values in zip(("gyroscope", "accelerometer"), readings.triads(), strict=True):
+    for name, values in zip(TRIADS, readings.triads(), strict=True):
         if len(values) and np.any(np.ptp(values, axis=0) == 0.0):
             axis = "xyz"[int(np.argmin(np.ptp(values, axis=0)))]
             problems.append(f"{readings.source}: {name} {axis}: all readings are equal")

@@ -575,7 +575,7 @@ class Differentiator:
     def __init__(self, parameters: ErrorModelParameters) -> None:
         """Begin with the next message."""
         self.span = parameters.input.odometry_span
-        self._in_world = parameters.input.twist_frame == "world"
+        self._in_world = parameters.input.twist_frame != "body"
         self._gravity_w = gravity_vector(parameters)
         self.begin()
 

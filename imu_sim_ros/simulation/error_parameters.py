@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from imu_sim_ros.conventions import TWIST_FRAMES
 from imu_sim_ros.errors import Problems
 from imu_sim_ros.parameters.files import build_layered
 from imu_sim_ros.parameters.kinds import (
@@ -93,8 +94,8 @@ class InputParameters:
         "declaration, and noise that would be added twice",
     )
     twist_frame: str = choice(
-        "body",
-        ("body", "world"),
+        TWIST_FRAMES[0],
+        TWIST_FRAMES,
         "axes of the twist of odometry: body (child_frame_id), as the message defines it, or "
         "world (header.frame_id), as some simulators send it",
     )
