@@ -121,7 +121,7 @@ def pose_topic(bag: Bag, topic: str | None) -> tuple[str, str, tuple[str, str] |
     named = [info for info in fitting if info.name.strip("/") == plain.strip("/")]
     if not named:
         others = listed(fitting) if fitting else "none"
-        raise InputError(f"{bag.path}: has no topic of poses {topic}; it has {others}")
+        raise InputError(f"{bag.path}: has no topic {topic} of poses; it has {others}")
     info = named[0]
     if info.type == TF_MESSAGE and (frames is None or not all(frames)):
         raise InputError(

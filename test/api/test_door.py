@@ -219,5 +219,5 @@ def test_the_topic_s_own_type_decides(tmp_path):
     path = bag(tmp_path / "both", messages)
     found = ims.evaluate(path, path, estimate_topic="/odom", truth_topic="/pose")
     assert np.abs(found.position).max() < 1e-12
-    with pytest.raises(InputError, match=r"no topic of poses /psoe; it has .*/odom.*/pose"):
+    with pytest.raises(InputError, match=r"no topic /psoe of poses; it has .*/odom.*/pose"):
         ims.read_states(path, "/psoe")
