@@ -158,20 +158,53 @@ def array(name: str, value: object, shape: tuple[int | None, ...], finite: bool 
 
     :raises ConfigurationError: for anything else.
     """
-    words = ", ".join("n" if length is None else str(length) for length in shape)
-    allowed = f"finite numbers of the shape ({words}{',' if len(shape) == 1 else ''})"
-    found = _plain(name, value, allowed)
-    if found.dtype.kind not in "iuf":
-        refuse(name, value, allowed, wrong_type=True)
-    fits = found.ndim == len(shape) and all(
-        want in (None, have) for want, have in zip(shape, found.shape, strict=True)
-    )
-    if not fits:
-        refuse(name, value, f"{allowed}, not {found.shape}")
-    result: Array = found.astype(np.float64, copy=False)
+    found = value if type(value) is np.ndarray else _plain(name, value, _allowed(shape))
+    if found.dtype is not _FLOAT64:
+        if found.dtype.kind not in "iuf":
+            refuse(name, value, _allowed(shape), wrong_type=True)
+        found = found.astype(np.float64, copy=False)
+    have = found.shape
+    if have != shape and not (
+        len(have) == len(shape)
+        and all(want in (None, length) for want, length in zip(shape, have, strict=True))
+    ):
+        refuse(name, value, f"{_allowed(shape)}, not {have}")
+    result: Array = found
     if finite and not np.isfinite(result).all():
-        refuse(name, value, allowed)
+        refuse(name, value, _allowed(shape))
     return result
+
+
+def vectors(name: str, value: Any, length: int) -> Array:
+    """Return vectors (n, length) of any numbers; one (length,) is a row.
+
+    :raises ConfigurationError: for anything else.
+    """
+    several = (None, length)
+    found = value if type(value) is np.ndarray else _plain(name, value, _allowed(several))
+    if found.ndim == 1:
+        return array(name, found if found.shape == (length,) else value, (length,), False)[None]
+    return array(name, value, several, finite=False)
+
+
+def numbers(value: object) -> tuple[float, float, float] | None:
+    """Return three numbers that are an array (3,), a list or a tuple of floats; else None."""
+    if isinstance(value, np.ndarray):
+        value = value.tolist() if value.dtype == _FLOAT64 and value.shape == (3,) else ()
+    if isinstance(value, list | tuple) and len(value) == 3:
+        x, y, z = value
+        if type(x) is type(y) is type(z) is float:
+            return x, y, z
+    return None
+
+
+_FLOAT64: Final = np.dtype(np.float64)
+
+
+def _allowed(shape: tuple[int | None, ...]) -> str:
+    """Return which arrays of a shape are allowed, in words."""
+    words = ", ".join("n" if length is None else str(length) for length in shape)
+    return f"finite numbers of the shape ({words}{',' if len(shape) == 1 else ''})"
 
 
 def _plain(name: str, value: Any, allowed: str) -> NDArray[Any]:

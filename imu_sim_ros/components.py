@@ -14,7 +14,7 @@ same for whole arrays. Imports nothing of the package but its types.
 
 import math
 from collections.abc import Sequence
-from typing import TypeAlias, TypeVar, overload
+from typing import Any, TypeAlias, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -77,6 +77,23 @@ def float_matrix(values: ArrayLike) -> Matrix[float]:
     return a, b, c, d, e, f, g, h, i
 
 
+def split(vectors: Array) -> Vector[Any]:
+    """Return the components of vectors (n, ..., 3): floats of a single one (1, 3), else arrays."""
+    if vectors.shape == (1, 3):
+        ((x, y, z),) = vectors.tolist()
+        return x, y, z
+    return vectors[..., 0], vectors[..., 1], vectors[..., 2]
+
+
+def together(components: Vector[Any], shape: tuple[int, ...]) -> Array:
+    """Return components, floats or arrays, as vectors of a shape (n, ..., 3), a new array."""
+    if shape == (1, 3):
+        return np.array((components,))
+    vectors = np.empty(shape, order="F")
+    vectors[..., 0], vectors[..., 1], vectors[..., 2] = components
+    return vectors
+
+
 def stack(components: Sequence[Array]) -> Array:
     """Return k components (...) as an array (..., k); each is contiguous in it (order F)."""
     result = np.empty((*np.shape(components[0]), len(components)), order="F")
@@ -124,6 +141,23 @@ def arcsin(x: Component) -> Component:
 def arctan2(y: Component, x: Component) -> Component:
     """Return the angle of the point (x, y)."""
     return math.atan2(y, x) if type(y) is float else np.arctan2(y, x)
+
+
+def rint(x: Component) -> Component:
+    """Return the nearest whole number; of two, the even one. The sign of a zero stays."""
+    return math.copysign(round(x), x) if type(x) is float else np.rint(x)
+
+
+def whole(x: Any) -> Any:
+    """Return the nearest whole number as an integer."""
+    return round(x) if type(x) is float else np.rint(x).astype(np.int64)
+
+
+def limit(x: Any, least: Any, most: Any) -> Any:
+    """Return x within limits."""
+    if type(x) is float:
+        return least if x < least else most if x > most else x
+    return np.minimum(np.maximum(x, least), most)
 
 
 def anywhere(condition: bool | Mask) -> bool:

@@ -131,9 +131,9 @@ def initial_states(seeds: Integers, *sources: str) -> Words:
 class Streams:
     """Numbers of sources: a random stream for each axis of one unit, or of each unit of a batch.
 
-    One generator draws for all: a stream is its state, 80 bytes as an object, where a generator of
-    its own would take 1 kB, and a batch has a hundred thousand. Of all ways to put a state into the
-    generator and to get it back, ctypes' bytes take the least time (0.2 us).
+    For a batch one generator draws for all: a stream is its state, 80 bytes as an object, where a
+    generator would take 1 kB, and a batch has a hundred thousand streams. Of all ways to put a
+    state into the generator and to get it back, ctypes' bytes take the least time.
     """
 
     def __init__(self, seed: Seed, *sources: str, numbers: str = "standard_normal") -> None:
@@ -146,9 +146,12 @@ class Streams:
         shape = (*np.shape(seed), len(AXES) * len(sources))
         self._indices = np.arange(math.prod(shape)).reshape(shape)
         """(*units, 3 m) of the streams in the list of states."""
-        self._states = [b""] * self._indices.size
+        self._states = [b""] * self._indices.size if np.ndim(seed) else []
+        self._generators: list[Generator] = []
+        """Those of one unit, by stream."""
+        if np.ndim(seed):
+            self._make_generator()
         self.begin(...)
-        self._make_generator()
 
     def _make_generator(self) -> None:
         """Make the generator that draws for all streams, and the place of its state."""
@@ -163,17 +166,17 @@ class Streams:
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Become a copy."""
         vars(self).update(state)
-        self._make_generator()
+        if not self._generators:
+            self._make_generator()
 
     def begin(self, units: Units) -> None:
         """Let the streams of some units begin, or begin again, from their present seeds."""
+        if not np.ndim(self._seed):
+            every = (axis_generators(int(self._seed), source) for source in self._sources)
+            self._generators = [stream for streams in every for stream in streams]
+            return
         seeds = np.asarray(self._seed)[units]
-        if seeds.ndim:
-            states = initial_states(seeds, *self._sources).tobytes()
-        else:
-            every = (axis_generators(int(seeds), source) for source in self._sources)
-            bits = [one.bit_generator.state for streams in every for one in streams]
-            states = np.array([one["state"]["state"] for one in bits]).tobytes()
+        states = initial_states(seeds, *self._sources).tobytes()
         for k, index in enumerate(self._indices[units].ravel().tolist()):
             self._states[index] = states[k * _BYTES : (k + 1) * _BYTES]
 
@@ -181,10 +184,15 @@ class Streams:
         """Return the next numbers (count, *units, axes) of some units and axes, by source."""
         indices = self._indices[units][..., axes]
         numbers = np.empty((count, *indices.shape), order="F")
-        generator, states, draw = self._state, self._states, self._draw
         rows = numbers.reshape(count, indices.size, order="F").T
-        for index, own in zip(indices.ravel("F").tolist(), rows, strict=True):
+        pairs = zip(indices.ravel("F").tolist(), rows, strict=True)
+        if self._generators:
+            for index, row in pairs:
+                getattr(self._generators[index], self._numbers)(out=row)
+            return numbers
+        generator, states, draw = self._state, self._states, self._draw
+        for index, row in pairs:
             generator.raw = states[index]
-            draw(out=own)
+            draw(out=row)
             states[index] = generator.raw
         return numbers

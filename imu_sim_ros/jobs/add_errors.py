@@ -45,7 +45,7 @@ from imu_sim_ros.sensors.imu.batch import (
     ImuBatch,
 )
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
-from imu_sim_ros.sensors.imu.model import NOWHERE, unknown_motion
+from imu_sim_ros.sensors.imu.model import NOWHERE, IdealReading, unknown_motion
 from imu_sim_ros.sensors.imu.parameters import MOUNT
 from imu_sim_ros.sensors.imu.presets import load_all
 from imu_sim_ros.sensors.imu.units import Spread
@@ -262,6 +262,12 @@ class ErrorModel:
         :returns: stamps, readings, temperature and every true error of the samples.
         :raises InputError: for readings that are not finite or not possible; all are discarded.
         """
+        if type(t_ns) is int and orientation is None:
+            rate, force = arguments.numbers(gyro), arguments.numbers(accel)
+            if rate and force and gate.is_reading(t_ns, rate, force):
+                samples = self._model.read_few([IdealReading(t_ns, rate, force)])
+                if samples is not None:
+                    return samples
         given = _given(t_ns, gyro, accel, orientation, "read")
         blocks = [read[IMU] for read in self._model.read(given)]
         return joined(blocks) if blocks else _no_samples(self._model.position)
@@ -696,8 +702,8 @@ def _given(
     :raises InputError: for what is not a reading.
     """
     times = arguments.stamps("t_ns", [t_ns] if isinstance(t_ns, int | np.integer) else t_ns)
-    rates, forces = _rows("gyro", gyro, 3), _rows("accel", accel, 3)
-    q_wb = None if orientation is None else _rows("orientation", orientation, 4)
+    rates, forces = arguments.vectors("gyro", gyro, 3), arguments.vectors("accel", accel, 3)
+    q_wb = None if orientation is None else arguments.vectors("orientation", orientation, 4)
     count = len(times)
     if not len(rates) == len(forces) == count or (q_wb is not None and len(q_wb) != count):
         raise ConfigurationError(
@@ -725,7 +731,7 @@ def _given_values(name: str, t_ns: object, values: ArrayLike) -> GivenValues:
     """
     times = arguments.stamps("t_ns", [t_ns] if isinstance(t_ns, int | np.integer) else t_ns)
     if name == "magnetic_field":
-        found = _rows("field", values, 3)
+        found = arguments.vectors("field", values, 3)
     else:
         found = arguments.array(name, _several(values), (None,), finite=False)
     if len(found) != len(times):
@@ -778,16 +784,6 @@ def _delivered(sensor: GivenOther, given: GivenValues) -> Any:
     assert readings is not None
     values: dict[str, Any] = {one.name: none.values for one in dataclasses.fields(readings)}
     return readings(**{**values, "t_ns": none.t_ns, "true_t_ns": none.t_ns})
-
-
-def _rows(name: str, value: ArrayLike, columns: int) -> Array:
-    """Return vectors (n, columns); one is a row."""
-    try:
-        one = np.ndim(value) == 1
-    except (TypeError, ValueError):
-        one = False
-    shape = (columns,) if one else (None, columns)
-    return arguments.array(name, value, shape, finite=False).reshape(-1, columns)
 
 
 def layers_of(

@@ -33,6 +33,31 @@ class Deferred(Mapping[str, Any]):
         return len(self._makers)
 
 
+class Completed(Mapping[str, Any]):
+    """Values by name; some are there, the others are made together when one of them is needed."""
+
+    def __init__(
+        self, made: dict[str, Any], names: Sequence[str], make: Callable[[], Iterable[Any]]
+    ) -> None:
+        """Take what is there.
+
+        :param names: of all values, in their order.
+        :param make: returns all values.
+        """
+        self._made, self._names, self._make = made, names, make
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._made and name in self._names:
+            self._made = dict(zip(self._names, self._make(), strict=True)) | self._made
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+
 class Results(Sequence[_Made]):
     """What threads make, in order; reading waits for it."""
 

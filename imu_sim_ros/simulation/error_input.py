@@ -7,15 +7,15 @@ Everything is carried from one call to the next, so that the result does not dep
 readings come at a time.
 """
 
-import itertools
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Final, Generic, NamedTuple, Protocol, TypeVar
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, Final, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from imu_sim_ros import rotation, timebase
+from imu_sim_ros.components import Vector
 from imu_sim_ros.conventions import STANDARD_GRAVITY, TRIADS
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.recordings.clock import SHORT, estimate_clock
@@ -38,8 +38,8 @@ _LOOKED_BACK: Final = 4
 """Intervals in which a burst of readings may make up for a long one."""
 _LARGEST_BUNCH: Final = 64
 """Readings of a bunch; where stamps come in bunches, so many intervals are looked back."""
-_FEW: Final = 4
-"""Readings for which calls of NumPy take longer than Python's numbers."""
+_FEW: Final = 8
+"""Readings for which Python's numbers take less time than NumPy's arrays."""
 
 
 class GivenReadings(NamedTuple):
@@ -165,6 +165,10 @@ class Spreading(Generic[Given]):
         self.spread = 0
         """Number of readings whose stamps were changed."""
 
+    def take(self, given: Given) -> None:
+        """Take readings with a stamp of their own each, the last of which may be repeated."""
+        self._last, self._last_ns, self._rank = given, int(given.t_ns[-1]), 0
+
     def apply(self, given: Given) -> Given:
         """Return readings with a stamp of their own each."""
         t_ns = given.t_ns
@@ -213,8 +217,17 @@ class Order(Generic[Given]):
         """Stamp of the last reading that was passed on."""
         self._waiting: Given | None = None
 
-    def parts(self, given: Given) -> Iterator[tuple[Given, int]]:
-        """Yield stretches of readings whose stamps increase.
+    def follow(self, times: Sequence[int]) -> bool:
+        """Return whether stamps [ns] increase and are after the last one, and no reading waits."""
+        last = self.last_ns
+        for t_ns in times:
+            if t_ns <= last:
+                return False
+            last = t_ns
+        return self._waiting is None
+
+    def parts(self, given: Given) -> Iterable[tuple[Given, int]]:
+        """Return stretches of readings whose stamps increase.
 
         With each comes how far its stamps have jumped back before it [ns]; 0: it follows.
         """
@@ -223,14 +236,24 @@ class Order(Generic[Given]):
             given, self._waiting = self._waiting.followed_by(given), None
         t_ns = given.t_ns.tolist()
         if not t_ns:
-            return
+            return ()
         if self._first_ns is None:
             self._first_ns, self.last_ns = t_ns[0], t_ns[0] - 1
-        disordered = np.count_nonzero(given.t_ns[1:] <= given.t_ns[:-1])
-        if t_ns[0] > self.last_ns and not disordered:
+        increase = len(t_ns) == 1 or bool((given.t_ns[1:] > given.t_ns[:-1]).all())
+        if t_ns[0] > self.last_ns and increase:
             self.last_ns = t_ns[-1]
-            yield given, 0
-            return
+            return ((given, 0),)
+        return self._sorted_out(given, t_ns, known)
+
+    def _sorted_out(
+        self, given: Given, t_ns: Sequence[int], known: int
+    ) -> Iterator[tuple[Given, int]]:
+        """Yield stretches of readings some of which are late, repeated, or after a reset.
+
+        :param t_ns: (n,) their stamps [ns].
+        :param known: readings at the beginning that had waited.
+        """
+        assert self._first_ns is not None
         keep = np.zeros(len(t_ns), dtype=np.bool_)
         begin, back, run = 0, 0, list[int]()
         for k, now in enumerate(t_ns):
@@ -276,27 +299,42 @@ class Gaps:
         :param longest_ns: a longer gap is a pause, which leaves out nothing [ns].
         """
         self._nominal_ns, self._longest_ns = nominal_ns, longest_ns
+        self._without_gap_ns = 1.5 * nominal_ns
         self._recent_ns: list[int] = []
         """The last stamps."""
 
-    def parts(self, t_ns: Times) -> Iterator[tuple[slice | None, int, int]]:
-        """Yield rows without a gap (None: all), how many are missing before them, and the pause.
+    def parts(self, t_ns: Times) -> Iterable[tuple[slice | None, int, int]]:
+        """Return rows without a gap (None: all), how many are missing before them, and the pause.
 
         :param t_ns: (n,) the next stamps, which increase [ns].
         """
+        times = t_ns.tolist() if len(t_ns) <= _FEW else ()
+        if times and self.none_in(times):
+            self.take(times)
+            return ((None, 0, 0),)
+        return self._split(t_ns)
+
+    def none_in(self, times: Sequence[int]) -> bool:
+        """Return whether no reading is missing before or between a few stamps [ns]."""
+        last = self._recent_ns[-1] if self._recent_ns else times[0]
+        for t_ns in times:
+            if t_ns - last > self._without_gap_ns:
+                return False
+            last = t_ns
+        return True
+
+    def take(self, times: Sequence[int]) -> None:
+        """Take the next stamps [ns], in which there is no gap."""
+        self._recent_ns += times
+        del self._recent_ns[:-_LARGEST_BUNCH]
+
+    def _split(self, t_ns: Times) -> Iterator[tuple[slice | None, int, int]]:
+        """Yield what :meth:`parts` returns."""
         before, given = len(self._recent_ns), t_ns
-        longest = 1.5 * self._nominal_ns
-        if len(t_ns) <= _FEW:  # live, nearly all of them: without arrays
-            times = [*self._recent_ns, *t_ns.tolist()]
-            steps = itertools.pairwise(times[max(before - 1, 0) :])
-            if all(after - one <= longest for one, after in steps):
-                self._recent_ns = times[-_LARGEST_BUNCH:]
-                yield None, 0, 0
-                return
         t_ns = np.concatenate([np.array(self._recent_ns, np.int64), t_ns])
         self._recent_ns = t_ns[-_LARGEST_BUNCH:].tolist()
         since = max(before, 1)
-        long = t_ns[since:] - t_ns[since - 1 : -1] > longest
+        long = t_ns[since:] - t_ns[since - 1 : -1] > self._without_gap_ns
         begin = missing = pause = 0
         for k in (np.flatnonzero(long) + since).tolist() if long.any() else ():
             if k > before:
@@ -681,16 +719,27 @@ class StartCheck:
         self._parameters = parameters
         self._g = math.hypot(*gravity_vector(parameters).tolist())
         self._turned = Conventions(parameters).turned
-        self._seen: list[GivenReadings] = []
+        self._seen: list[tuple[Any, Any, Any]] = []
+        """Stamps, rates and forces: (n,) and (n, 3) of n readings, or numbers of one."""
+        self._begin_ns: int | None = None
         self._span = ""
         """Time of the readings that are judged, in words."""
         self.done = not parameters.input.check
 
-    def look(self, given: GivenReadings) -> list[str]:
-        """Take readings as they came; return the remarks when 2 s are over, before that none."""
-        self._seen.append(given)
-        first, last = int(self._seen[0].t_ns[0]), int(given.t_ns[-1])
-        return self.finish() if last - first >= _LOOK_NS else []
+    def look(
+        self, t_ns: Times | int, gyro: Array | Vector[float], accel: Array | Vector[float]
+    ) -> list[str]:
+        """Take readings as they came; return the remarks when 2 s are over, before that none.
+
+        :param t_ns: (n,) or that of one reading [ns].
+        :param gyro: (n, 3), or the components of one [rad/s].
+        :param accel: (n, 3), or the components of one [m/s^2].
+        """
+        self._seen.append((t_ns, gyro, accel))
+        first, last = (t_ns, t_ns) if isinstance(t_ns, int) else t_ns[[0, -1]].tolist()
+        if self._begin_ns is None:
+            self._begin_ns = first
+        return self.finish() if last - self._begin_ns >= _LOOK_NS else []
 
     def finish(self) -> list[str]:
         """Return the remarks on the readings so far, after which no more are needed."""
@@ -698,10 +747,13 @@ class StartCheck:
         if self.done or not seen:
             return []
         self.done = True
-        t_ns = np.concatenate([readings.t_ns for readings in seen])
+        times, rates, forces = zip(*seen, strict=True)
+        t_ns = np.concatenate([np.atleast_1d(values) for values in times])
         rows = t_ns <= t_ns[0] + _LOOK_NS
-        gyro = np.concatenate([readings.gyro for readings in seen])[rows]
-        accel = np.concatenate([readings.accel for readings in seen])[rows]
+        gyro, accel = (
+            np.concatenate([np.atleast_2d(values) for values in parts])[rows]
+            for parts in (rates, forces)
+        )
         return self.remarks(t_ns[rows], gyro, accel)
 
     def remarks(self, t_ns: Times, gyro: Array, accel: Array) -> list[str]:

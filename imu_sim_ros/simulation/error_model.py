@@ -9,8 +9,10 @@ simulation's, bit for bit, in blocks of any size.
 """
 
 import dataclasses
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
+
+import numpy as np
 
 from imu_sim_ros import timebase
 from imu_sim_ros.conventions import TRIADS
@@ -21,7 +23,8 @@ from imu_sim_ros.rotation import rotate
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.gravity import gravity_vector
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
-from imu_sim_ros.sensors.imu.model import AHEAD, NOWHERE, Imu, unknown_motion
+from imu_sim_ros.sensors.imu.model import AHEAD, NOWHERE, IdealReading, Imu, unknown_motion
+from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.error_input import (
     Conventions,
@@ -86,6 +89,46 @@ class GivenImu(GivenSensor[GivenReadings, dict[str, Any]]):
         self._pending: ErrorModelParameters | None = None
         self._conventions = Conventions(self.parameters)
         self._resampler = Resampler(self.parameters) if self._resamples else None
+        self._as_it_is = self._conventions.nothing and self._resampler is None and not self._sensors
+        """Whether a reading is that of the mounted sensor, and no other sensor needs it."""
+        self._latest: IdealReading | None = None
+        """The last reading, if it came by :meth:`read_few`."""
+
+    def read_few(self, readings: Sequence[IdealReading]) -> Samples | None:
+        """Return the samples of a few readings, at least one, in numbers; None: it takes read.
+
+        It takes that where more is to be done than to add errors: at the start, after a gap or a
+        jump of the stamps, on another place of the body.
+        """
+        imu = self._imu
+        if imu is None or self._pending is not None or not self._as_it_is:
+            return None
+        times = [reading.t_ns for reading in readings]
+        if not (self._order.follow(times) and self._gaps.none_in(times)):
+            return None
+        samples = imu.apply_few(times, readings, unknown_motion(len(times)), self._world)
+        if samples is None:
+            return None
+        if not self._check.done:
+            for reading in readings:
+                for line in self._check.look(*reading):
+                    self._remark(line)
+        self._order.last_ns = self._last_ns = times[-1]
+        self._gaps.take(times)
+        self._latest = readings[-1]
+        self.position += len(times)
+        self.counts.readings += len(times)
+        self.counts.samples += len(times)
+        return samples
+
+    def read(self, given: GivenReadings) -> list[dict[str, Any]]:
+        """Return the samples that readings give; see :class:`GivenSensor`."""
+        if self._latest is not None:
+            t_ns, gyro, accel = self._latest
+            self._held = GivenReadings(np.array([t_ns]), np.array([gyro]), np.array([accel]))
+            self._spreading.take(self._held)
+            self._latest = None
+        return super().read(given)
 
     def reset(self) -> None:
         """Begin again with the next reading, with the seed that input.restart gives."""
@@ -149,7 +192,7 @@ class GivenImu(GivenSensor[GivenReadings, dict[str, Any]]):
 
     def _look(self, given: GivenReadings) -> None:
         if not self._check.done:
-            for line in self._check.look(given):
+            for line in self._check.look(given.t_ns, given.gyro, given.accel):
                 self._remark(line)
 
     def finish(self) -> None:

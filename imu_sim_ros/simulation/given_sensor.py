@@ -157,11 +157,9 @@ class GivenSensor(ABC, Generic[Given, Made]):
         :param given: as they come from the other simulator; they have passed the gate.
         """
         self.counts.readings += len(given.t_ns)
-        windows = [
-            window
-            for part, back_ns in self._order.parts(self._spreading.apply(given))
-            for window in self._in_order(part, back_ns)
-        ]
+        windows: list[Made] = []
+        for part, back_ns in self._order.parts(self._spreading.apply(given)):
+            windows += self._in_order(part, back_ns)
         for window in windows:
             self.counts.samples += self._count(window)
         return windows

@@ -117,17 +117,22 @@ class _Coordinates:
             row[: len(each.polynomial)] = each.polynomial
         for before, after in itertools.pairwise(c):
             after[:, :-1] = (powers * before)[:, 1:]
-        self._polynomials = c
-        """(3, k, degree + 1) coefficients of k functions and of their derivatives."""
+        rows = c.reshape(3 * len(series), degree)
+        self._polynomials = [np.trim_zeros(row, "b")[::-1].tolist() or [0.0] for row in rows]
+        """Coefficients of k functions, of their derivatives, and of those of these: of each the
+        highest that is not 0 comes first."""
 
     def sample(self, t: Array) -> Array:
         """Return k functions and their first two derivatives at times t (n,): (3, n, k)."""
         angles = self._frequencies[:, None] * t
         sines, cosines = np.sin(angles), np.cos(angles)
-        table = np.zeros((*self._polynomials.shape[:2], len(t)))
-        for power in range(self._polynomials.shape[2] - 1, -1, -1):
-            table *= t
-            table += self._polynomials[:, :, power, None]
+        table = np.empty((3, len(self._waves), len(t)))
+        rows = table.reshape(len(self._polynomials), len(t))
+        for row, (highest, *lower) in zip(rows, self._polynomials, strict=True):
+            row[:] = highest
+            for coefficient in lower:
+                row *= t
+                row += coefficient
         for (value, first, second), waves in zip(table.swapaxes(0, 1), self._waves, strict=True):
             for number, w, a, b in waves:
                 sine, cosine = sines[number], cosines[number]

@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, Final, TypeVar
 
@@ -32,6 +32,8 @@ from imu_sim_ros.nodes.error_model.output import DEPTH, ErrorModelOutputs, wante
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import check_overrides, create
 from imu_sim_ros.nodes.subscriptions import MatchedInputs, RawSubscriptions, Taken
+from imu_sim_ros.sensors.imu.declaration import NAME as IMU
+from imu_sim_ros.sensors.imu.model import IdealReading
 from imu_sim_ros.simulation.error_input import Differentiator, GivenReadings, GivenValues
 from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import (
@@ -46,6 +48,8 @@ _Decoded = TypeVar("_Decoded")
 _READ_PERIOD: Final = 0.001
 """[s] How long readings wait for each other, and about the longest that one waits. At 1 kHz they
 come in pairs, for half as many wakes as one by one."""
+_FEW: Final = 8
+"""Readings that take less time as numbers than as arrays."""
 _REFUSAL_PERIOD: Final = 10.0
 _REMARKS_A_SECOND: Final = 5
 _ACKNOWLEDGEMENT: Final = Duration(nanoseconds=300_000_000)
@@ -62,6 +66,9 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         """Readings are taken in the reader's thread; everything else runs in the executor's."""
         self._received: Counter[str] = Counter()
         self.refused = 0
+        self._unit_of: tuple[ErrorNodeParameters, int] | None = None
+        self._unit: Mapping[str, str] = {}
+        """What the seed has drawn of the parameters."""
         self._remarks: list[str] = []
         self._said: deque[float] = deque(maxlen=_REMARKS_A_SECOND)
         sensors = {one.name for one in wanted(parameters).values()}
@@ -134,9 +141,10 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
             if self._takes_frame:
                 self._take_frame(taken)
             try:
-                given = self._given(topic, taken)
-                for block in self.model.read(given) if len(given.t_ns) else ():
-                    self.outputs.publish(block, self.parameters)
+                if self._odometry is None:
+                    self._take_readings(self._decoded(topic, taken, self._decode))
+                else:
+                    self._read(self._of_odometry(self._odometry, topic, taken))
             except InputError as error:
                 self._refuse(topic, error, len(taken))
 
@@ -162,11 +170,20 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
             self.model.parameters = self.parameters
             self.outputs.encode_for(self.parameters)
 
-    def _given(self, topic: str, taken: list[Taken]) -> GivenReadings:
-        """Return the readings in messages."""
-        if self._odometry is not None:
-            return self._of_odometry(self._odometry, topic, taken)
-        return _given(self._decoded(topic, taken, self._decode))
+    def _take_readings(self, readings: list[decode.ImuReading]) -> None:
+        """Add errors to readings."""
+        samples = None
+        if 0 < len(readings) <= _FEW and all(reading.q_wb is None for reading in readings):
+            samples = self.model.read_few([IdealReading(*reading[:3]) for reading in readings])
+        if samples is None:
+            self._read(_given(readings))
+        else:
+            self.outputs.publish({IMU: samples}, self.parameters)
+
+    def _read(self, given: GivenReadings) -> None:
+        """Add errors to readings and publish the samples."""
+        for block in self.model.read(given) if len(given.t_ns) else ():
+            self.outputs.publish(block, self.parameters)
 
     def _decoded(
         self, topic: str, taken: list[Taken], fields: Callable[[bytes], _Decoded]
@@ -241,10 +258,13 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
     def _diagnose(self) -> None:
         stamp = self.get_clock().now().to_msg()
         counts = self.model.counts
-        unit = drawn({"": dataclasses.replace(self.parameters, seed=self.model.seed)})
+        if self._unit_of != (self.parameters, self.model.seed):
+            self._unit_of = self.parameters, self.model.seed
+            unit = dataclasses.replace(self.parameters, seed=self.model.seed)
+            self._unit = drawn({"": unit})
         counters = self.outputs.counters
         self._diagnostics.publish(
-            self._report.message(stamp, counts, self.refused, self._remarks, counters, unit)
+            self._report.message(stamp, counts, self.refused, self._remarks, counters, self._unit)
         )
 
 

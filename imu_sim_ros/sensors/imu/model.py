@@ -4,19 +4,27 @@
 """An IMU on a moving body: both triads, the temperature and the clock."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
-from functools import lru_cache
-from typing import TYPE_CHECKING, Final, NamedTuple
+from functools import lru_cache, partial
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
 from imu_sim_ros import rotation, timebase
+from imu_sim_ros.components import Vector
 from imu_sim_ros.conventions import ERRORS, TRIADS
 from imu_sim_ros.sensors.declaration import Mounted
+from imu_sim_ros.sensors.deferred import Completed
 from imu_sim_ros.sensors.errors.realised import unit_of_seed
 from imu_sim_ros.sensors.errors.terms import Surroundings
-from imu_sim_ros.sensors.errors.triad import Additions, Reading, Triad
+from imu_sim_ros.sensors.errors.triad import (
+    Additions,
+    NumberAdditions,
+    Reading,
+    Triad,
+    reading_of,
+)
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.ideal import IdealImu, Quadrature, quadrature
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
@@ -43,7 +51,19 @@ AHEAD: Final = 64
 _LONGEST_LOOK: Final = 3600.0
 """[s] Of a motion that is compared with the ranges."""
 _MOST_LOOKS: Final = 100_000
-_LOOKS_AT_ONCE: Final = 10_000
+_LOOKS_AT_ONCE: Final = 8192
+"""A run of one block, of as many samples, has its motion sampled once: the world keeps it."""
+
+
+class IdealReading(NamedTuple):
+    """What an IMU without errors reads."""
+
+    t_ns: int
+    """[ns]"""
+    gyro: Vector[float]
+    """[rad/s]"""
+    accel: Vector[float]
+    """[m/s^2]"""
 
 
 class _Ahead(NamedTuple):
@@ -55,6 +75,8 @@ class _Ahead(NamedTuple):
     """(end - first,) [degC]."""
     additions: Sequence[Additions]
     """Those of the gyroscope and of the accelerometer."""
+    numbers: Sequence[tuple[NumberAdditions, NumberAdditions]]
+    """The same of each sample."""
 
 
 class Imu:
@@ -82,7 +104,7 @@ class Imu:
             from imu_sim_ros.sensors.imu import vibration  # most sensors have no vehicle
 
             self._vibration = vibration.BoardVibration(seed, imu.vibration, rate)
-        self._ahead = _Ahead(0, 0, np.empty(0), ())
+        self._ahead = _Ahead(0, 0, np.empty(0), (), ())
         self.configure(imu)
 
     def configure(self, imu: ImuParameters) -> None:
@@ -96,6 +118,9 @@ class Imu:
         follows = any(triad.follows_force for triad in self._triads)
         self._made_ahead = self._ratio == 1 and not follows
         """Whether what is added to given readings can be made before them."""
+        remembers = any(triad.remembers for triad in self._triads)
+        self._plain = self._made_ahead and not remembers and self._vibration is None
+        """Whether one reading needs no arrays, apart from its message."""
         self._timing.configure(imu)
 
     def inject(self, fault: Fault, begin: Fraction) -> None:
@@ -132,10 +157,7 @@ class Imu:
         """
         first, count, m = self._timing.position, len(true_t_ns), self._ratio
         if self._made_ahead and self._ahead.end <= first and 0 < count < AHEAD:
-            end = first + AHEAD - first % AHEAD
-            temperature = world.temperature.at(self._timing.times.following(first, end - first).t)
-            additions = self._additions(temperature, None)
-            self._ahead = _Ahead(first, end, temperature, additions)
+            self._look_ahead(first, world)
         left = self._ahead.end - first
         if 0 < left < count:
             parts = []
@@ -158,6 +180,44 @@ class Imu:
         made = self._triad_readings(first, (gyro, accel), additions, vibration)
         ideal = (gyro[m - 1 :: m], accel[m - 1 :: m])
         return self._samples(first, true_t_ns, motion, ideal, temperature, made)
+
+    def apply_few(
+        self, times: Sequence[int], readings: Sequence[IdealReading], motion: Motion, world: World
+    ) -> Samples | None:
+        """Return the next samples of a few ideal readings, in numbers: those of :meth:`apply`.
+
+        None where that is needed for them.
+
+        :param times: stamps of the readings [ns].
+        """
+        if not (self._plain and self._timing.is_regular):
+            return None
+        first, count = self._timing.position, len(readings)
+        if self._ahead.end <= first:
+            self._look_ahead(first, world)
+        ahead = self._ahead
+        row, end = first - ahead.first, first - ahead.first + count
+        if end > len(ahead.numbers):
+            return None
+        of_gyro, of_accel = self._triads
+        made = []
+        for (_, gyro, accel), added in zip(readings, ahead.numbers[row:end], strict=True):
+            made.append(of_gyro.read_numbers(gyro, accel, added[0]))
+            made.append(of_accel.read_numbers(accel, accel, added[1]))
+        table = np.array([reading for reading, _ in made])
+        rates, forces = table[::2], table[1::2]
+        truth = partial(_truth, (rates, forces), made, ahead, slice(row, end), readings, motion)
+        values = Completed({"gyro": rates, "accel": forces}, _VALUES, truth)
+        self.latest = self._timing.few_samples(times, values)
+        return self.latest
+
+    def _look_ahead(self, first: int, world: World) -> None:
+        """Make what samples from an index on get, up to a multiple of ``AHEAD``."""
+        end = first + AHEAD - first % AHEAD
+        temperature = world.temperature.at(self._timing.times.following(first, end - first).t)
+        additions = self._additions(temperature, None)
+        numbers = list(zip(*(values.numbers() for values in additions), strict=True))
+        self._ahead = _Ahead(first, end, temperature, additions, numbers)
 
     def _additions(self, temperature: Array, force: Array | None) -> list[Additions]:
         """Return what the next readings get at a temperature (n,) [degC]."""
@@ -246,6 +306,30 @@ class Imu:
         return motion, rate, force
 
 
+def _truth(
+    samples: Sequence[Array],
+    made: Sequence[tuple[Vector[float], Vector[float] | None]],
+    ahead: _Ahead,
+    rows: slice,
+    readings: Sequence[IdealReading],
+    motion: Motion,
+) -> Iterator[Any]:
+    """Yield all values of a few samples, in the order of ``_VALUES``.
+
+    :param samples: (n, 3) of gyroscope and accelerometer.
+    :param made: readings and response errors of both triads in turn.
+    :param rows: of the samples in what was made ahead.
+    :param readings: ideal ones.
+    """
+    for k, (values, added) in enumerate(zip(samples, ahead.additions, strict=True)):
+        errors = [error for _, error in made[k::2] if error is not None]
+        yield from reading_of(values, added.at(rows), np.array(errors) if errors else None)
+    yield ahead.temperature[rows]
+    yield np.array([reading[1] for reading in readings])
+    yield np.array([reading[2] for reading in readings])
+    yield motion
+
+
 def exceeded(mounted: Mounted, world: World, duration: float) -> list[str]:
     """Return a line for each triad whose range the motion exceeds when it is read.
 
@@ -264,9 +348,10 @@ def exceeded(mounted: Mounted, world: World, duration: float) -> list[str]:
     # Rows are the triads, columns the axes.
     peaks, times = np.zeros((2, 3)), np.zeros((2, 3))
     for first in range(0, samples, _LOOKS_AT_ONCE):
-        t: Array = np.arange(first, min(first + _LOOKS_AT_ONCE, samples), dtype=np.float64)
-        t *= end / samples
-        motion = trajectory.sample(t)
+        count = min(_LOOKS_AT_ONCE, samples - first)
+        t_ns = timebase.sample_times_ns(first, count, min(environment.rate, samples / end))
+        t = timebase.seconds_since(t_ns, 0)
+        motion = world.motion(t)
         inertial = motion.acceleration - np.asarray(environment.gravity)
         force = rotation.rotate_inverse(motion.q_wb, inertial)
         for triad, values in enumerate((motion.angular_velocity, force)):
