@@ -26,7 +26,7 @@ from imu_sim_ros.formats.door import format_of
 from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs import tracks
 from imu_sim_ros.jobs.flight import Flight, readings_of
-from imu_sim_ros.jobs.readings import in_clock_order
+from imu_sim_ros.jobs.readings import in_clock_order, tell_units
 from imu_sim_ros.jobs.selection import (
     NOTHING,
     AccelTopic,
@@ -325,6 +325,8 @@ def _begun(
                 tracks.has_truth(checked_path("readings", readings, BAG_OR_FILE))
         problems.tell()
     recording = _recording(readings, *topics, skip_bad_rows, selection).in_order().after(skip)
+    if not isinstance(readings, Flight):
+        tell_units(recording.readings)
     world = _world(readings, selection[1] or topics[0], topics[1])
     known = {**world.parameters, **given}
     usual = all(isinstance(value, str) for value in known.values())

@@ -20,6 +20,8 @@ from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs.selection import checked_choice
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.recordings.clock import estimate_clock
+from imu_sim_ros.recordings.findings.catalogue import reading_findings
+from imu_sim_ros.recordings.findings.readings import UNITS
 from imu_sim_ros.records import Readings, States, with_fields
 from imu_sim_ros.rotation import from_euler
 from imu_sim_ros.sensors import find_sensor, kind_of, named_sensors, registered, sensors_of_imus
@@ -47,6 +49,16 @@ class HasPoses(Protocol):
 
 _TOLD: Final = ("batches", "bunches", "rounded", "stray", "late", "duplicate")
 _REFUSED: Final = ("unit", "reset", "clock_change")
+
+
+def tell_units(readings: Readings) -> None:
+    """Warn of readings that are in other units than rad/s and m/s^2, or whose triads are swapped.
+
+    ``inspect`` says the same of them.
+    """
+    for finding in reading_findings(readings):
+        if finding.kind in UNITS:
+            warn(finding.sentence())
 
 
 def in_clock_order(readings: Readings) -> Readings:

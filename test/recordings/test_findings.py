@@ -297,3 +297,10 @@ def test_add_errors_tells_of_a_twist_in_the_worlds_axes(tmp_path, poses):
     np.testing.assert_allclose(right.accel, body.accel, atol=1e-9)
     _, (line,) = add(write("unfilled.mcap", 0.0 * poses.velocity))
     assert "all velocities are 0" in line
+
+
+def test_dead_reckoning_warns_of_units_and_says_what_converts_them(recordings):
+    readings = recordings[1]
+    start = ims.NavigationState(np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+    with pytest.warns(UserWarning, match="--accel-unit g"):
+        ims.dead_reckon(FAULTS["accelerometer_g"](readings), initial=start)

@@ -346,3 +346,8 @@ READINGS: Final = (
     steps_coarse,
 )
 """Checks of the readings of an IMU."""
+UNITS: Final = (
+    *(triads_swapped.kind, accelerometer_g.kind, accelerometer_mg.kind, accelerometer_counts.kind),
+    *(gyroscope_degrees.kind, gyroscope_counts.kind),
+)
+"""Kinds of findings after which every number of the readings is wrong."""
