@@ -217,7 +217,7 @@ def pose_metrics(errors: Comparison, relative: tuple[Relative, ...]) -> Metrics:
 def _relative(errors: Comparison, length: Relative) -> tuple[float | None, float | None]:
     """Return the root mean squares of the relative errors; None without pairs of this length."""
     try:
-        pairs = errors.relative_errors(length.delta, length.unit)
+        pairs = errors.relative(length.delta, length.unit)
     except InputError:
         return None, None
     if not len(pairs.length):

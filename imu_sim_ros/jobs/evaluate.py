@@ -44,7 +44,6 @@ from imu_sim_ros.navigation.coverage import coverage_line
 from imu_sim_ros.navigation.evaluation import (
     DELTA_UNITS,
     PoseNees,
-    RelativeErrors,
     statistics,
 )
 from imu_sim_ros.navigation.time_offset import time_offset as time_offset_of
@@ -128,17 +127,6 @@ class Evaluation(Comparison):
             f"{self.distance:.4g} m: "
             f"position {self.rms_position:.4g} m rms, attitude {self.rms_attitude:.4g} rad rms>"
         )
-
-    def relative(self, delta: float, unit: str = "s") -> RelativeErrors:
-        """Return the relative pose errors (RPE).
-
-        :param delta: > 0.
-        :param unit: s, m (along the truth's path) or frames.
-        :raises InputError: if the trajectory is shorter than delta.
-        """
-        number("delta", delta, f"above 0 {unit}", 0.0, above=True)
-        one_of("unit", unit, DELTA_UNITS)
-        return self.relative_errors(delta, unit)
 
     def to_dict(self, deltas: Sequence[tuple[float, str]] = ()) -> dict[str, Any]:
         """Return all errors in plain types, as ``--json`` prints them.

@@ -232,7 +232,10 @@ def given_layers(
     problems += [
         f"{name} = {given[name]:g} and --set {name} = {last[name]}: two values; give one of them"
         for name in given
-        if given[name] is not None and last.get(name, given[name]) != given[name]
+        if name in last
+        and isinstance(given[name], int | float)
+        and isinstance(last[name], int | float)
+        and last[name] != given[name]
     ]
     return own, last, motion
 

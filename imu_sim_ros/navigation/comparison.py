@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from imu_sim_ros.arguments import number, one_of
 from imu_sim_ros.navigation.association import (
     Alignment,
     align,
@@ -16,6 +17,7 @@ from imu_sim_ros.navigation.association import (
 )
 from imu_sim_ros.navigation.coverage import ALLOWANCE, MAX_GAP, Coverage, coverage
 from imu_sim_ros.navigation.evaluation import (
+    DELTA_UNITS,
     PoseNees,
     RelativeErrors,
     absolute_errors,
@@ -105,13 +107,16 @@ class Comparison:
         pose = self.unaligned.covariance
         return stated_nees(pose, self.unaligned, self.truth, self.kind, velocity_b, linear)
 
-    def relative_errors(self, delta: float, unit: str = "s") -> RelativeErrors:
+    def relative(self, delta: float, unit: str = "s") -> RelativeErrors:
         """Return the relative pose errors (RPE).
 
         :param delta: time or distance between the poses of a pair, > 0.
         :param unit: s, m (along the truth's path) or frames.
+        :raises ConfigurationError: for another delta or unit.
         :raises InputError: if the trajectory is shorter than delta.
         """
+        number("delta", delta, f"above 0 {unit}", 0.0, above=True)
+        one_of("unit", unit, DELTA_UNITS)
         return relative_errors(self.estimate, self.truth, pairs(self.truth, delta, unit))
 
 

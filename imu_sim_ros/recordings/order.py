@@ -26,6 +26,10 @@ LONGEST_LOSS: Final = 10.0
 """Number of missing readings in a row that is a loss at any rate."""
 
 
+_LONGEST_GAP: Final = 1e10
+"""Length of a gap [s] above which every step between two stamps is allowed."""
+
+
 def is_gap(step_ns: float, max_gap: float) -> bool:
     """Return True if a step between stamps cannot be integrated over: back, none, or too long.
 
@@ -39,7 +43,7 @@ def is_gap(step_ns: float, max_gap: float) -> bool:
 
 def longest_step_ns(max_gap: float) -> float:
     """Return the longest step that is no gap [ns], in whole nanoseconds if it is finite."""
-    return round(max_gap * 1e9) if max_gap < math.inf else math.inf
+    return round(max_gap * 1e9) if max_gap < _LONGEST_GAP else math.inf
 
 
 def longest_loss(interval_ns: float) -> float:

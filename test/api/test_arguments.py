@@ -124,7 +124,10 @@ def test_poses_that_are_none_are_refused_when_they_are_made_and_from_any_object(
     with pytest.raises(refused, match="^(t_ns|position|q_wb|states)"):
         ims.States(*given)
     with pytest.raises(refused, match="^truth"):
-        ims.evaluate(flight.truth, SimpleNamespace(t_ns=given[0], position=given[1], q_wb=given[2]))
+        ims.evaluate(
+            ims.dead_reckon(flight),
+            SimpleNamespace(t_ns=given[0], position=given[1], q_wb=given[2]),
+        )
 
 
 @pytest.mark.parametrize(
@@ -152,7 +155,7 @@ def test_poses_out_of_order_are_refused_in_every_door_by_its_name(flight):
     rows = np.column_stack([t[::-1], position, q_wb])
     for name, call in (
         ("trajectory", lambda: ims.simulate(trajectory=rows)),
-        ("truth", lambda: ims.evaluate(flight.truth, back)),
+        ("truth", lambda: ims.evaluate(ims.dead_reckon(flight), back)),
         ("estimate", lambda: ims.evaluate(back, flight.truth)),
     ):
         with pytest.raises(ims.InputError, match=f"^{name}: {said}"):
@@ -205,7 +208,7 @@ EMPTY = ims.States(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 4)))
     ("function", "name"),
     [
         (lambda flight: ims.evaluate(EMPTY, flight.truth), "estimate"),
-        (lambda flight: ims.evaluate(flight.truth, EMPTY), "truth"),
+        (lambda flight: ims.evaluate(ims.dead_reckon(flight), EMPTY), "truth"),
         (lambda flight: ims.evaluate(EMPTY, EMPTY), "estimate: contains no poses\ntruth"),
         (lambda _: ims.twin(ims.simulate(trajectory="lecture", duration=2), EMPTY), "truth"),
         (lambda flight: ims.simulate(trajectory=EMPTY), "trajectory"),

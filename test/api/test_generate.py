@@ -188,13 +188,12 @@ def test_files_parameters_and_sensors_are_those_of_the_program(tmp_path, monkeyp
     Path("a.yaml").write_text("/**:\n  ros__parameters: {rate: 50.0, sensors: [wheels]}\n")
     Path("b.yaml").write_text("/**:\n  ros__parameters: {rate: 100.0, imu.jitter: 1.0e-5}\n")
     words = "-o program/a.mcap --params-file a.yaml --params-file b.yaml --gnss phone --duration 1s"
-    assert generate.main([*words.split(), "--rate", "20", "--set", "rate=200", "--quiet"]) == 0
+    assert generate.main([*words.split(), "--set", "rate=200", "--quiet"]) == 0
     made = ims.generate(
         "python/a.mcap",
         params_file=["a.yaml", "b.yaml"],
         gnss="phone",
         duration=1,
-        rate=20,
         parameters={"rate": 200.0},
     )
     assert made.samples == 200

@@ -116,6 +116,10 @@ class World:
         return ims.evaluate(self.track, self.flight.truth)
 
     @cached_property
+    def inspection(self):
+        return ims.inspect(self.file)
+
+    @cached_property
     def noise(self):
         return ims.allan(self.rest, force=True)
 
@@ -193,6 +197,9 @@ VALID = {
     "report": (lambda w: {"inputs": w.file, "output": w.place["path"]}, []),
     "twin": (lambda w: {"recording": w.moved, "truth": w.moved.truth}, []),
     "preintegrate": (lambda w: {"readings": w.flight, "every": 0.1}, []),
+    "inspect": (lambda w: {"inputs": w.file}, []),
+    "read_readings": (lambda w: {"path": w.file}, []),
+    "read_states": (lambda w: {"path": w.file}, []),
     "Readings": (lambda w: {"t_ns": w.stamps, "gyro": w.rows, "accel": w.rows}, []),
     "PoseSequence": (lambda w: {"t_ns": w.stamps, "position": w.rows, "q_wb": w.q_wb}, []),
     "States": (lambda w: {"t_ns": w.stamps, "position": w.rows, "q_wb": w.q_wb}, []),
@@ -219,6 +226,7 @@ VALID = {
     "truth.between": (lambda w: {"t0": 0.0, "t1": 0.1}, []),
     "truth.rows": (lambda w: {"selection": slice(0, 5)}, []),
     "track.save": (lambda w: w.place, []),
+    "inspection.save": (lambda w: w.place, []),
     "noise.save": (lambda w: w.place, []),
     "noise.compare": (lambda w: {"imu": "lecture"}, []),
     "calibration.save": (lambda w: w.place, []),
@@ -245,8 +253,10 @@ RESULTS = {
         "ErrorsAdded",
         "Estimated",
         "Evaluation",
+        "Finding",
         "Flight",
         "Generated",
+        "Inspection",
         "Noise",
         "ReadingsEvaluation",
         "Report",

@@ -6,14 +6,13 @@
 import numpy as np
 
 from imu_sim_ros.calibration.record import Record
-
-from .conftest import Block
+from imu_sim_ros.records import Readings
 
 
 def test_a_block_of_nothing_but_repetitions():
     first = [10**9 + k * 10**7 for k in range(20)]
     stamps = [first, [first[-1]] * 5, [first[-1] + 10**7]]
-    blocks = [Block(np.array(t_ns), *np.ones((2, len(t_ns), 3))) for t_ns in stamps]
+    blocks = [Readings(np.array(t_ns), *np.ones((2, len(t_ns), 3))) for t_ns in stamps]
     record = Record()
     pieces = [piece for piece in record.at_rest([blocks]) if piece is not None]
     assert record.samples == len(np.concatenate(pieces)) == 21

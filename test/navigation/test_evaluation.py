@@ -237,8 +237,8 @@ def test_pairs_that_are_much_longer_than_asked_are_left_out_and_counted(truth):
     sparse = truth.rows(slice(None, None, 50))
     drift = 0.1 * (sparse.t_ns - sparse.t_ns[0])[:, None] * 1e-9 * [1.0, 0.0, 0.0]
     errors = compare(States(sparse.t_ns, sparse.position + drift, sparse.q_wb), truth)
-    short = errors.relative_errors(1.0, "s")
+    short = errors.relative(1.0, "s")
     assert (len(short.length), short.left_out) == (0, len(sparse) - 1)
-    fitting = errors.relative_errors(2.0, "s")
+    fitting = errors.relative(2.0, "s")
     assert (len(fitting.length), fitting.left_out) == (len(sparse) - 1, 0)
     np.testing.assert_allclose(fitting.translation, 0.25, rtol=1e-9)
