@@ -227,6 +227,7 @@ VALID = {
     "truth.rows": (lambda w: {"selection": slice(0, 5)}, []),
     "track.save": (lambda w: w.place, []),
     "inspection.save": (lambda w: w.place, []),
+    "inspection.select": (lambda w: {"kinds": ["error"]}, []),
     "noise.save": (lambda w: w.place, []),
     "noise.compare": (lambda w: {"imu": "lecture"}, []),
     "calibration.save": (lambda w: w.place, []),
