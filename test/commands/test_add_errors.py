@@ -203,7 +203,8 @@ def test_a_model_of_gazebo_and_conventions(folder: Path, tmp_path: Path, capsys)
     model = tmp_path / "model.sdf"
     model.write_text(
         "<sdf><sensor name='a' type='imu'><update_rate>100</update_rate><imu><angular_velocity>"
-        "<x><noise><stddev>0.1</stddev></noise></x></angular_velocity></imu></sensor></sdf>"
+        "<x><noise type='gaussian'><stddev>0.1</stddev></noise></x>"
+        "</angular_velocity></imu></sensor></sdf>"
     )
     words = [str(folder / "ideal.csv"), "-o", str(tmp_path / "n.csv"), "--imu", str(model)]
     assert add_errors.main([*words, "--set", "input.axes=frd"]) == 0
