@@ -22,13 +22,13 @@ _Item = TypeVar("_Item")
 
 
 class ErrorAt(NamedTuple):
-    """Estimate minus truth."""
+    """Errors at one time, estimate minus truth; numbers, since a record of one row costs more."""
 
     t_ns: int
     position: Vector
-    """in the world [m]"""
+    """(3,) position error in the world [m]."""
     attitude: Vector
-    """the rotation vector from the true to the estimated attitude, in the body [rad]"""
+    """(3,) attitude error ``Log(q_estimate q_truth^-1)`` about the world's axes [rad]."""
 
 
 class TruthComparison:
@@ -65,7 +65,7 @@ class TruthComparison:
             yield self._compare(estimate, truth)
 
     def _compare(self, estimate: Row, truth: OdometryFields) -> ErrorAt:
-        turn = log(multiply(conjugate(truth.q_wb), estimate.q_wb))
+        turn = log(multiply(estimate.q_wb, conjugate(truth.q_wb)))
         px, py, pz = estimate.position
         x, y, z = truth.position
         x, y, z = px - x, py - y, pz - z
