@@ -5,7 +5,8 @@
 
 The error state has 15 numbers, here truth less estimate (no covariance depends on the sign), in
 this order: attitude (3, a rotation vector about the **world's** axes, ``R_true = Exp(dtheta) R``),
-velocity and position (3 each, in the world), bias of the gyroscope and of the accelerometer (3 each, in the body). With
+velocity and position (3 each, in the world), bias of the gyroscope and of the accelerometer (3
+each, in the body). With
 ``f`` the specific force that is integrated and ``n`` the white noise, the errors grow as
 
     dtheta' = -R (db_g + n_g)

@@ -239,7 +239,7 @@ def test_bad_inputs_are_one_line_each(results, bag, tmp_path, capsys):
         ),
         ([bag, "-o", tmp_path / "n.txt"], "must end in .html or .htm"),
         ([bag, "--truth-topic", "/x", "-o", tmp_path / "n.html"], "--truth-topic /x"),
-        ([words, "-o", tmp_path / "n.html"], f"{words}: contains no rows"),
+        ([words, "-o", tmp_path / "n.html"], f"{words}: line 1: 2 columns"),
         ([torn, "-o", tmp_path / "n.html"], f"{torn / 'imu0.csv'}: line 2: 3 columns"),
     ):
         status, lines = complaints(capsys, *arguments)
