@@ -536,7 +536,7 @@ def test_an_option_of_a_job(copy: Copy) -> None:
         import imu_sim_ros as ims
         from imu_sim_ros.commands import evaluate
         from imu_sim_ros.poses import write_tum
-from imu_sim_ros.records import States
+        from imu_sim_ros.records import States
         from pathlib import Path
         t = np.arange(100)
         position = np.stack([0.1 * t, np.sin(0.1 * t), 0.0 * t], axis=1)

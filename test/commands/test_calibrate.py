@@ -54,10 +54,10 @@ def calibrated(capsys, folder: Path, *arguments: str) -> dict:
     return json.loads(capsys.readouterr().out)
 
 
-def refused(capsys, *arguments: str) -> str:
+def refused(capsys, *arguments: str, lines: int = 1) -> str:
     assert calibrate.main([*arguments, "--no-files"]) == 2
     message = capsys.readouterr().err
-    assert message.count("\n") == 1
+    assert message.count("\n") == lines
     return message
 
 
@@ -132,7 +132,9 @@ def test_files_and_table(folder, tmp_path, capsys):
 def test_bad_input_is_one_clear_line(folder, tmp_path, capsys):
     six, table = (str(folder / f"{run}.mcap") for run in ("six_position", "turntable"))
     assert "of 6 positions" in _half(folder, tmp_path, capsys)
-    assert f"{six}: no steady rotation" in refused(capsys, "turntable", six, "--rates", "1")
+    message = refused(capsys, "turntable", six, "--rates", "1", lines=2)
+    assert "rates: nothing turns at 1 rad/s" in message
+    assert f"{six}: no steady rotation" in message
     assert "Temperature" in refused(capsys, "temperature", table)
     assert "--gravity 0" in refused(capsys, "six_position", six, "--gravity", "0")
     assert "missing.bag" in refused(capsys, "six_position", str(tmp_path / "missing.bag"))
