@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, MISSING, dataclass, field, fields
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -218,6 +218,9 @@ class States(TimeSeries):
 
     Rounded quaternions get length 1.
     """
+
+    role: ClassVar[Literal["", "truth", "estimate"]] = ""
+    """Truth of a simulation or estimate of it; empty: unknown."""
 
     position: Array = field(metadata=column((3,), gate.POSITION))
     """(n, 3) p_wb [m]."""

@@ -87,6 +87,8 @@ class Track(States):
     :func:`dead_reckon`. The source is the sensor or file of the readings.
     """
 
+    role = "estimate"
+
     method: str
     """Integration method."""
     attitude_update: str

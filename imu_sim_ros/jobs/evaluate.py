@@ -28,8 +28,6 @@ from imu_sim_ros.jobs.attitude import (
     has_attitude_alone,
     statistics_table,
 )
-from imu_sim_ros.jobs.dead_reckon import Track
-from imu_sim_ros.jobs.flight import Truth
 from imu_sim_ros.jobs.measured import ReadingsEvaluation, evaluate_measured, sensor_of
 from imu_sim_ros.jobs.readings import HasPoses, checked_poses
 from imu_sim_ros.jobs.tracks import has_truth, odometry_topics
@@ -415,9 +413,10 @@ def _check_exchanged(estimate: object, truth: object, estimate_topic: str | None
     :raises InputError: if they are exchanged.
     """
     order = "the estimate comes first, the truth second"
-    if isinstance(estimate, Truth) and not isinstance(truth, Truth):
+    role = truth.role if isinstance(truth, States) else ""
+    if isinstance(estimate, States) and estimate.role == "truth" != role:
         raise InputError(f"estimate: {estimate!r} is the truth of a simulation; {order}")
-    if isinstance(truth, Track):
+    if role == "estimate":
         raise InputError(f"truth: {truth!r} is an estimate; {order}")
     if not isinstance(estimate, str | Path):
         return

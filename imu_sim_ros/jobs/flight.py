@@ -46,6 +46,8 @@ class Truth(States):
     gyro_noise + gyro_low_pass + gyro_vibration``, and likewise for the accelerometer.
     """
 
+    role = "truth"
+
     acceleration: Array
     """(n, 3) of the body in the world, without gravity [m/s^2]."""
     gyro: Array
