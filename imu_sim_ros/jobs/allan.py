@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -24,6 +24,7 @@ from imu_sim_ros.conventions import AXES, TRIADS
 from imu_sim_ros.errors import InputError, Problems
 from imu_sim_ros.inputs.rows import tell_skipped
 from imu_sim_ros.jobs.flight import Flight, readings_of
+from imu_sim_ros.jobs.readings import unit_problems
 from imu_sim_ros.jobs.selection import (
     AccelTopic,
     AccelUnit,
@@ -34,7 +35,7 @@ from imu_sim_ros.jobs.selection import (
 )
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.progress import progress
-from imu_sim_ros.records import Readings
+from imu_sim_ros.records import Readings, concatenated
 from imu_sim_ros.text_tables import TextTable
 from imu_sim_ros.types import Array, Mask
 
@@ -294,14 +295,18 @@ def allan(
             reading_blocks(path, choice, tell_skipped(path) if skip_bad_rows else None)
             for path in paths
         )
+        problems_of_units: list[str] = []
+        judged = (_judged(stream, problems_of_units) for stream in blocks)
         with progress("read", lambda: sum(_count(path, topic) for path in paths)) as advance:
-            result = analyse(blocks, model=model, force=force, advance=advance)
+            result = analyse(judged, model=model, force=force, advance=advance)
         name, origin = ", ".join(map(name_of, paths)), ", ".join(map(str, paths))
     else:
         selection = (frame, gyro_topic, accel_topic, gyro_unit, accel_unit)
         readings = readings_of("source", source, topic, selection=selection)
+        problems_of_units = [] if isinstance(source, Flight) else unit_problems(readings)
         result = analyse([[readings]], model=model, force=force)
         name, origin = readings.source, ""
+    result = result._replace(warnings=(*problems_of_units, *result.warnings))
     return Noise(
         gyroscope=_triad(result, 0),
         accelerometer=_triad(result, 1),
@@ -313,6 +318,26 @@ def allan(
         name=name,
         source=origin,
     )
+
+
+_JUDGED: Final = 4096
+"""Readings at the start of a record that show its units."""
+
+
+def _judged(blocks: Iterable[Readings], problems: list[str]) -> Iterator[Readings]:
+    """Yield blocks of readings as they are; units that are not SI become problems.
+
+    :param problems: receives a line for each problem.
+    """
+    stream, start = iter(blocks), list[Readings]()
+    for block in stream:
+        start.append(block)
+        if sum(map(len, start)) >= _JUDGED:
+            break
+    if start:
+        problems += unit_problems(concatenated(start))
+    yield from start
+    yield from stream
 
 
 def _count(path: Path, topic: str | None) -> int:

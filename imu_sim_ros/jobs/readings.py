@@ -56,9 +56,14 @@ def tell_units(readings: Readings) -> None:
 
     ``inspect`` says the same of them.
     """
-    for finding in reading_findings(readings):
-        if finding.kind in UNITS:
-            warn(finding.sentence())
+    for sentence in unit_problems(readings):
+        warn(sentence)
+
+
+def unit_problems(readings: Readings) -> list[str]:
+    """Return a line for each unit that is not rad/s or m/s^2, and for swapped triads."""
+    findings = reading_findings(readings)
+    return [finding.sentence() for finding in findings if finding.kind in UNITS]
 
 
 def in_clock_order(readings: Readings) -> Readings:

@@ -12,11 +12,14 @@ import numpy as np
 import pytest
 
 import imu_sim_ros as ims
+from imu_sim_ros.bags.messages.encode import IMU, ImuEncoder
+from imu_sim_ros.bags.writer import open_writer
 from imu_sim_ros.commands import allan, generate
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build
 from imu_sim_ros.parameters.yaml_text import parse_yaml
 from imu_sim_ros.progress import Watcher, watched_by
+from imu_sim_ros.records import Readings
 from imu_sim_ros.sensors.imu import presets
 from imu_sim_ros.simulation.parameters import SimulationParameters, load_simulation
 
@@ -286,3 +289,28 @@ def test_noise_that_the_resolution_hides_is_written_as_its_bound(tmp_path):
     assert "White noise of gyroscope x, gyroscope y, gyroscope z: an upper bound" in text
     imu = load_simulation(files.load(tmp_path / "out" / "imu.yaml")).imu
     assert min(imu.gyroscope.noise_density) > 0.015
+
+
+@pytest.mark.parametrize("form", ["g.csv", "g.mcap"])
+def test_readings_in_g_are_told_with_the_option_that_converts_them(tmp_path, form):
+    """The noise of an accelerometer in g is a tenth of what it should be, without a word before."""
+    flight = ims.simulate(imu="adis16448", trajectory="static", duration="2min", rate=100, seed=1)
+    file = tmp_path / form
+    in_g = Readings(flight.t_ns, flight.gyro, flight.accel / 9.80665)
+    if form.endswith("csv"):
+        table = np.column_stack([in_g.gyro, in_g.accel])
+        rows = [
+            f"{t}," + ",".join(map(repr, row))
+            for t, row in zip(in_g.t_ns, table.tolist(), strict=True)
+        ]
+        file.write_text("\n".join(rows) + "\n")
+    else:
+        with open_writer(file) as writer:
+            payloads = ImuEncoder("imu").encode(in_g.t_ns, *in_g.triads())
+            writer.write(writer.add_topic("/imu", IMU), in_g.t_ns, payloads)
+    noise = ims.allan(file, force=True)
+    assert any("accel_unit" in line or "--accel-unit g" in line for line in noise.warnings)
+    converted = ims.allan(file, accel_unit="g", force=True)
+    assert not any("accel-unit" in line for line in converted.warnings)
+    ratio = converted.accelerometer.noise_density.value / noise.accelerometer.noise_density.value
+    assert ratio == pytest.approx([9.80665] * 3, rel=1e-6)
