@@ -44,7 +44,8 @@ _READ_PERIOD = 0.01
 _DISCOVERY_PERIOD = 0.1
 _CHECK_PERIOD = 0.02
 _STATUS_PERIOD = 0.5
-_WAITING_PERIOD = 5.0
+_SILENCE = 3.0
+"""[s] Requested topics without a message after this time are reported."""
 
 
 class Recorder(ConfiguredNode[RecorderParameters]):
@@ -60,10 +61,10 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         if problems:
             raise ConfigurationError(problems)
         self._qos: dict[str, QoSProfile] = {}
-        self._refused: set[str] = set()
+        self._refused: dict[str, str] = {}
+        """Reasons by the names of the topics that cannot be recorded."""
         self._began_at = 0.0
         self._shown = 0
-        self._waiting_since = time.monotonic()
         self._live_line = parameters.status and sys.stderr.isatty()
         self.recording = BagRecording(
             self._open_bag,
@@ -80,6 +81,7 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(_DISCOVERY_PERIOD, self._discover, clock=steady)
+        self._silence_timer = self.create_timer(_SILENCE, self._report_silence, clock=steady)
         if parameters.duration or parameters.max_size:
             self.create_timer(_CHECK_PERIOD, self._check_end, clock=steady)
         if self._live_line:
@@ -129,7 +131,6 @@ class Recorder(ConfiguredNode[RecorderParameters]):
                 ]
                 if publishers:
                     self._take_topic(name, types, publishers)
-        self._report_waiting()
 
     def _is_wanted(self, name: str) -> bool:
         if self._wanted:
@@ -151,7 +152,7 @@ class Recorder(ConfiguredNode[RecorderParameters]):
                 raise InputError(f"it has several types: {', '.join(types)}")
             message = message_class(types[0])
         except (InputError, MissingDependencyError) as error:
-            self._refused.add(name)
+            self._refused[name] = str(error)
             self.get_logger().error(f"{name} is not recorded: {error}")
             return
         offset = stamp_offset(message)
@@ -174,14 +175,21 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         self._timestamps.add_topic(name, offset)
         self.reader.subscribe(name, message, qos)
 
-    def _report_waiting(self) -> None:
-        missing = [name for name in self._wanted if name not in {*self._qos, *self._refused}]
-        if (self._wanted and not missing) or (not self._wanted and self._qos):
-            self._waiting_since = time.monotonic()
-        elif time.monotonic() - self._waiting_since > 1.0:
-            self._waiting_since = time.monotonic() + _WAITING_PERIOD - 1.0
-            names = ", ".join(missing) or "any topic"
-            self.get_logger().warning(f"waiting for a publisher of {names}")
+    def _report_silence(self) -> None:
+        """Warn once of the requested topics that have no publisher or no message yet."""
+        self._silence_timer.cancel()
+        if not self._wanted and not self._qos:
+            self.get_logger().warning("waiting for a publisher of any topic")
+        for name in self._silent_topics():
+            source = "message" if name in self._qos else "publisher"
+            self.get_logger().warning(f"waiting for a {source} of {name}")
+
+    def _silent_topics(self) -> list[str]:
+        """Return the requested topics of which no message is recorded, without refused ones."""
+        topics = self.recording.topics
+        recorded = {name for name in self._wanted if name in topics and topics[name].messages}
+        reported = {*recorded, *self._refused, *self.recording.refused}
+        return [name for name in dict.fromkeys(self._wanted) if name not in reported]
 
     def _put(self, topic: str, taken: list[Taken]) -> None:
         """Pass messages of one topic on to be written, in the reader's thread."""
@@ -251,7 +259,10 @@ class Recorder(ConfiguredNode[RecorderParameters]):
                 f"recorder: {recording.broken} malformed messages skipped",
                 file=sys.stderr,
             )
-        for name, reason in recording.refused.items():
+        for name, reason in {**self._refused, **recording.refused}.items():
+            print(f"recorder: {name} was not recorded: {reason}", file=sys.stderr)
+        for name in self._silent_topics():
+            reason = "its publisher sent no message" if name in self._qos else "it had no publisher"
             print(f"recorder: {name} was not recorded: {reason}", file=sys.stderr)
         if recording.failed:
             print(f"recorder: {_left(recording.files)}", file=sys.stderr)

@@ -173,6 +173,11 @@ class RecordedTopic:
     unseen: list[int] = field(default_factory=list)
     """Stamps that are not in the statistics yet."""
 
+    @property
+    def messages(self) -> int:
+        """Messages written."""
+        return self.statistics.messages + len(self.unseen)
+
     def look(self) -> None:
         """Add the accumulated stamps to the statistics."""
         self.statistics.add(np.array(self.unseen, dtype=np.int64))
@@ -220,7 +225,7 @@ class BagRecording:
     def messages(self) -> int:
         """Messages written, of all topics."""
         topics = list(self.topics.values())
-        return sum(topic.statistics.messages + len(topic.unseen) for topic in topics)
+        return sum(topic.messages for topic in topics)
 
     def add_topic(self, topic: RecordedTopic) -> None:
         """Add a topic; its messages may follow at once."""

@@ -145,6 +145,27 @@ def test_it_waits_for_publishers_and_takes_topics_that_appear_later_with_their_q
         assert re.search(r"durability: (\w+)", part)[1] == durability
 
 
+def test_requested_topics_that_never_come_are_reported_once_and_at_the_end(node, feed, tmp_path):
+    """A topic without a publisher, and a topic whose publisher sends nothing."""
+    feed(topics=["plain"], wait=2)  # sends nothing: it waits for a second subscriber
+    recorder, _ = record(node, tmp_path, "mcap", "imu/data_raw", "nosuch", "plain", "nosuch")
+    feed(count=20, topics=["imu"]).finish()
+    recorder.wait_for("waiting for a publisher of /nosuch\n")
+    recorder.wait_for("recording /plain")
+    assert recorder.end() == 0
+    assert rows(recorder)[IMU][0] == "20"
+    # A slow machine may not have seen the silent publisher after 3 s.
+    warned = re.findall(
+        r"waiting for a (?:message|publisher) of (/plain|/nosuch)\n", recorder.output
+    )
+    assert warned == ["/nosuch", "/plain"]
+    endings = [line for line in recorder.output.splitlines() if line.startswith("recorder: ")]
+    assert endings == [
+        "recorder: /nosuch was not recorded: it had no publisher",
+        "recorder: /plain was not recorded: its publisher sent no message",
+    ]
+
+
 def test_messages_without_a_stamp_get_the_time_of_their_reception(node, feed, tmp_path):
     """Those that have no field for it, and those whose stamp was never set."""
     before = time.time_ns()
