@@ -51,11 +51,10 @@ from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator, PathPublisher,
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import Counter
 from imu_sim_ros.nodes.sensor_description import SensorDescription
-from imu_sim_ros.nodes.subscriptions import MatchedInputs, RawSubscriptions, Taken
+from imu_sim_ros.nodes.subscriptions import DEPTH, MatchedInputs, RawSubscriptions, Taken
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
 from imu_sim_ros.rotation import to_euler
 
-_DEPTH = 2000
 _READ_PERIOD = 0.002
 """[s] How long readings wait for each other, and about the longest that one waits."""
 _COMPLAINT_PERIOD = 1.0
@@ -86,7 +85,7 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         self.reader = RawSubscriptions(
             self, self._take, self.lifetime.fail, _READ_PERIOD, IMU_TOPIC
         )
-        self._matched = MatchedInputs(self, self.reader, self._inputs, _DEPTH)
+        self._matched = MatchedInputs(self, self.reader, self._inputs, DEPTH)
 
     def apply(self, new: IntegratorParameters) -> None:
         """Take new biases."""
@@ -143,7 +142,7 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
 
     def _publisher(self, message: type, topic: str) -> Publisher:
         options = QoSOverridingOptions.with_default_policies()
-        return self.create_publisher(message, topic, _DEPTH, qos_overriding_options=options)
+        return self.create_publisher(message, topic, DEPTH, qos_overriding_options=options)
 
     # ----------------------------------------------------------------------------- messages
     def _inputs(self) -> dict[str, type]:
