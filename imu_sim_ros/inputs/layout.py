@@ -7,6 +7,7 @@ A header decides the columns. Without one they are those of a form that the read
 unit of the stamps follows from their size and their steps.
 """
 
+import warnings
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from decimal import Decimal, InvalidOperation
@@ -30,6 +31,7 @@ from imu_sim_ros.types import Array, Bytes, Integers, Mask, Times
 STAMP_BYTES: Final = 48
 """A stamp of text is shorter."""
 _LAST_SECOND: Final = 9_223_372_035  # int64 nanoseconds hold no more
+_LAST_STAMP: Final = _LAST_SECOND * NANOSECONDS_PER_SECOND
 _ZERO, _POINT, _NINE = ord("0"), ord("."), ord("9")
 _MOST_DIGITS: Final = 19  # of int64
 _SAMPLE: Final = 200
@@ -77,7 +79,7 @@ class TableLayout:
     digits: int
     """Decimal digits between the unit of the stamps and a nanosecond."""
     whole: bool
-    """True if stamps must be whole numbers."""
+    """True if stamps must be whole nanoseconds; digits are 0."""
     columns: Mapping[str, tuple[int, ...]]
     """Columns of each quantity in the order of the records."""
     factors: Mapping[str, float]
@@ -112,27 +114,14 @@ class TableLayout:
         :raises ValueError, OverflowError: if a row cannot be converted.
         """
         chosen = self.quantities(names)
-        indices = [k for columns in chosen.values() for k in columns]
-        split = self.separator == " "
-        lines = [text for _, text in rows] if split else [self._plain(text) for _, text in rows]
-        if split:
-            widths = {len(text.split()) for text in lines}
+        table = self._table(rows, [k for columns in chosen.values() for k in columns])
+        t_ns = table["stamp"]
+        if self.whole:
+            if np.any((t_ns > _LAST_STAMP) | (t_ns < -_LAST_STAMP)):
+                raise OverflowError(f"a stamp above {_LAST_SECOND} s")
+            t_ns = np.ascontiguousarray(t_ns)
         else:
-            separator = self.separator.encode()
-            widths = {text.count(separator) + 1 for text in lines}
-        if not widths <= set(self.counts):
-            raise ValueError("columns")
-        dtype = np.dtype([("stamp", f"S{STAMP_BYTES}"), ("values", "<f8", (len(indices),))])
-        table: NDArray[np.void] = np.loadtxt(
-            [text.decode("latin-1") for text in lines],
-            dtype=dtype,
-            delimiter=None if split else self.separator,
-            usecols=[self.stamp, *indices],
-            comments=None,
-            ndmin=1,
-        )
-        stamps = table["stamp"] if split else np.char.strip(table["stamp"])
-        t_ns = nanoseconds(stamps.astype(f"S{STAMP_BYTES}"), self.digits, self.whole)
+            t_ns = nanoseconds(np.char.strip(t_ns).astype(f"S{STAMP_BYTES}"), self.digits)
         values: dict[str, Array] = {}
         at = 0
         for name, columns in chosen.items():
@@ -141,6 +130,42 @@ class TableLayout:
             values[name] = part * factor if factor != 1.0 else np.ascontiguousarray(part)
             at += len(columns)
         return t_ns, values
+
+    def _table(self, rows: Sequence[Row], indices: Sequence[int]) -> NDArray[np.void]:
+        """Return stamps, integers [ns] if they are whole and else text, and columns as numbers.
+
+        :param indices: columns of the numbers.
+        :raises ValueError: if a row has another number of columns, or cannot be converted.
+        """
+        delimiter = None if self.separator == " " else self.separator
+        lines = [text.decode("latin-1") for _, text in rows]
+        edited = self.trailing or self.decimal_comma or any('"' in line for line in lines)
+        if delimiter and edited:
+            lines = [self._plain(text).decode("latin-1") for _, text in rows]
+        columns = [self.stamp, *indices]
+        # NumPy compares the widths of rows only if all columns are read, and skips empty lines,
+        # which an edited row may be.
+        complete = columns == list(range(len(columns))) and self.counts == (len(columns),)
+        if edited or not complete:
+            widths = {len(line.split(delimiter)) for line in lines}
+            if not widths <= set(self.counts):
+                raise ValueError("columns")
+        stamp = "<i8" if self.whole else f"S{STAMP_BYTES}"
+        with warnings.catch_warnings():
+            # NumPy reads 1.5 as the integer 1 with this warning.
+            warnings.simplefilter("error", DeprecationWarning)
+            try:
+                table: NDArray[np.void] = np.loadtxt(
+                    lines,
+                    dtype=np.dtype([("stamp", stamp), ("values", "<f8", (len(indices),))]),
+                    delimiter=delimiter,
+                    usecols=None if complete else columns,
+                    comments=None,
+                    ndmin=1,
+                )
+            except DeprecationWarning as warning:
+                raise ValueError("a stamp is not a whole number") from warning
+        return table
 
     def note(self, bad: BadRows, number: int, text: bytes, names: Collection[str]) -> None:
         """Note why a row cannot be converted; nothing if it can."""
@@ -386,12 +411,11 @@ def _digits_by_size(size: float, step: float, points: bool, usual: int) -> int |
     return 3 if step >= _LEAST_MICROSECONDS else None
 
 
-def nanoseconds(stamps: NDArray[np.bytes_], digits: int, whole: bool) -> Integers:
+def nanoseconds(stamps: NDArray[np.bytes_], digits: int) -> Integers:
     """Return stamps (n,) of text in nanoseconds.
 
     :param stamps: (n,) of ``S48``.
     :param digits: decimal digits between the unit of the stamps and a nanosecond: 9 for seconds.
-    :param whole: the stamps must be whole numbers.
     :raises ValueError, OverflowError: for a stamp that is not a number, or does not fit.
     """
     letters = np.ascontiguousarray(stamps).view(np.uint8).reshape(len(stamps), -1)
@@ -401,7 +425,7 @@ def nanoseconds(stamps: NDArray[np.bytes_], digits: int, whole: bool) -> Integer
     count, points = digit.sum(axis=1), point.sum(axis=1)
     decimals = (digit & (np.cumsum(point, axis=1) > 0)).sum(axis=1)
     # Plain: digits that int64 holds, at most one point among them, and nothing else.
-    plain = (digit | point | (letters == 0)).all(axis=1) & (points <= (0 if whole else 1))
+    plain = (digit | point | (letters == 0)).all(axis=1) & (points <= 1)
     plain &= (count > decimals) & (decimals <= digits) & (count - decimals <= _MOST_DIGITS - digits)
     plain &= (count < _MOST_DIGITS) | ((count == _MOST_DIGITS) & (letters[:, 0] < _NINE))
     result = _joined_digits(letters, digit)
@@ -410,14 +434,15 @@ def nanoseconds(stamps: NDArray[np.bytes_], digits: int, whole: bool) -> Integer
         raise OverflowError(f"a stamp above {_LAST_SECOND} s")
     result *= 10 ** (digits - np.minimum(decimals, digits))
     for k in np.flatnonzero(~plain):
-        result[k] = nanosecond(stamps[k].decode("latin-1"), digits, whole)
+        result[k] = nanosecond(stamps[k].decode("latin-1"), digits, whole=False)
     return result
 
 
 def nanosecond(stamp: str, digits: int, whole: bool) -> int:
     """Return a stamp in nanoseconds; it may have an exponent, or many digits.
 
-    :param digits, whole: as for :func:`nanoseconds`.
+    :param digits: as for :func:`nanoseconds`.
+    :param whole: the stamp must be a whole number.
     :raises ValueError, OverflowError: for a stamp that is not a number, or does not fit.
     """
     if len(stamp) >= STAMP_BYTES or "_" in stamp or not stamp.isascii():
@@ -432,7 +457,7 @@ def nanosecond(stamp: str, digits: int, whole: bool) -> int:
         if value.adjusted() >= _MOST_DIGITS - digits:  # 1e999999999 would fill the memory
             raise OverflowError(stamp)
         t_ns = round(value * 10**digits)
-    if abs(t_ns) > _LAST_SECOND * NANOSECONDS_PER_SECOND:
+    if abs(t_ns) > _LAST_STAMP:
         raise OverflowError(stamp)
     return t_ns
 

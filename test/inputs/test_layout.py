@@ -138,3 +138,23 @@ def test_numbers_of_rows_are_no_stamps(tmp_path):
     path = write(tmp_path / "poses.csv", "", range(N), POSITION, Q_WB)
     with pytest.raises(InputError, match="stamps increase by 1: they may be milliseconds"):
         read_poses(path)
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        ("1.5,1,2,3,4,5,6", "'1.5' is not a stamp in whole nanoseconds"),
+        ("1e18,1,2,3,4,5,6", "'1e18' is not a stamp in whole nanoseconds"),
+        ("9223372035000000001,1,2,3,4,5,6", "'9223372035000000001' is not a stamp"),
+        ("-9223372036854775808,1,2,3,4,5,6", "'-9223372036854775808' is not a stamp"),
+        (f"{T0},1,2,3,4,5,6,7", "8 columns"),
+        ('""', "1 columns"),
+    ],
+)
+def test_a_bad_row_among_whole_nanoseconds_is_named(tmp_path, row, words):
+    header = "timestamp,gx,gy,gz,ax,ay,az"
+    path = write(tmp_path / "imu.csv", header, T_NS, GYRO, ACCEL)
+    with path.open("a") as file:
+        file.write(row + "\n")
+    with pytest.raises(InputError, match=f"line {N + 2}: .*{words}"):
+        read_imu(path)

@@ -298,7 +298,9 @@ class _Table:
         if self._layout is None:
             self._layout = self.layout_of(rows)
         parts = list(self._parts(self._layout, rows))
-        if parts:
+        if len(parts) == 1:
+            yield parts[0]
+        elif parts:
             yield (
                 np.concatenate([t_ns for t_ns, _ in parts]),
                 {
