@@ -16,6 +16,7 @@ from typing import Any, Final, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.clock import Clock, ClockType
+from rclpy.context import Context
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -203,6 +204,51 @@ class RawSubscriptions:
             self.first_at = self.first_at or time.monotonic()
             self._deliver(source.name, taken)
         return taken
+
+
+class MessageCounter:
+    """Counts the messages of a topic that its node subscribes to with another type.
+
+    A DDS participant has one type for each topic, so the counter has a participant of its own.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        topic: str,
+        message: type,
+        qos: QoSProfile,
+        fail: Fail,
+        period: float = 0.1,
+    ) -> None:
+        """Begin to count.
+
+        :param node: its domain is used, and its name, by which it knows itself in the graph.
+        :param period: between looks for messages [s].
+        """
+        self.messages = 0
+        """Messages received."""
+        self._context = Context()
+        self._context.init(domain_id=node.context.get_domain_id())
+        self._node = Node(
+            node.get_name(),
+            context=self._context,
+            namespace=node.get_namespace(),
+            use_global_arguments=False,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
+        self._reader = RawSubscriptions(self._node, self._count, fail, period)
+        self._reader.subscribe(topic, message, qos)
+
+    def close(self) -> None:
+        """Count the messages so far and leave the graph."""
+        self._reader.close()
+        self._node.destroy_node()
+        self._context.shutdown()
+
+    def _count(self, topic: str, taken: list[Taken]) -> None:
+        self.messages += len(taken)
 
 
 def _never(message: bytes) -> None:

@@ -6,8 +6,9 @@
 In the test's own process; as a program, with the options as one JSON argument, it can be killed.
 
 ``rate`` [Hz], ``count``, ``first_ns`` stamp of the first, ``skip`` and ``repeat`` indices, ``wait``
-for so many subscribers of each topic, ``best_effort``, ``latched``, ``topics`` (imu, truth, plain),
-``accel``, ``hold`` [s] before the end, ``unstamped``: all stamps of readings and truth are zero,
+for so many subscribers of each topic, ``best_effort``, ``latched``, ``topics`` (imu, truth, plain,
+number: on imu's topic), ``accel``, ``hold`` [s] before the end, ``unstamped``: all stamps of
+readings and truth are zero,
 ``spoil``: triples of a message's index, what is spoilt in it (stamp, gyro, accel, position, q_wb)
 and the value, ``truths``: number of true states, after which there are readings alone, ``patience``
 [s] for what others have to do.
@@ -132,7 +133,8 @@ def contents(name: str, options: dict) -> tuple:
         encoder = OdometryEncoder("world", "base_link")
         rows = encoder.encode(t_ns, *poses, accel * t[:, None], zero)
         return Odometry, "ground_truth/odom", [row.tobytes() for row in rows[: options["truths"]]]
-    return Float64, "plain", [serialize_message(Float64(data=float(value))) for value in k]
+    topic = "imu/data_raw" if name == "number" else "plain"
+    return Float64, topic, [serialize_message(Float64(data=float(value))) for value in k]
 
 
 def spoilt(arrays: dict, options: dict) -> dict:

@@ -30,6 +30,7 @@ from imu_sim_ros.nodes.recorder.recording import (
 )
 from imu_sim_ros.nodes.recorder.stamp_statistics import StampStatistics
 from imu_sim_ros.nodes.subscriptions import (
+    MessageCounter,
     RawSubscriptions,
     Taken,
     is_weaker,
@@ -61,6 +62,10 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         if problems:
             raise ConfigurationError(problems)
         self._qos: dict[str, QoSProfile] = {}
+        self._types: dict[str, str] = {}
+        """Types by the names of the recorded topics."""
+        self._other_types: dict[tuple[str, str], MessageCounter | None] = {}
+        """Counters by topic and type that is not recorded; None for a type not installed."""
         self._refused: dict[str, str] = {}
         """Reasons by the names of the topics that cannot be recorded."""
         self._began_at = 0.0
@@ -92,6 +97,9 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         """Write the messages so far, finish the bag, and print its contents."""
         self.reader.close()
         self.recording.close()
+        for counter in self._other_types.values():
+            if counter is not None:
+                counter.close()
         if self._live_line:
             print("\r\x1b[2K", end="", file=sys.stderr)
         self._summarise()
@@ -122,7 +130,7 @@ class Recorder(ConfiguredNode[RecorderParameters]):
     # ------------------------------------------------------------------------------- topics
     def _discover(self) -> None:
         """Subscribe to new requested topics, and again if the QoS of the publishers changes."""
-        for name, types in self.get_topic_names_and_types():
+        for name, _ in self.get_topic_names_and_types():
             if self._is_wanted(name):
                 publishers = [
                     publisher
@@ -130,7 +138,7 @@ class Recorder(ConfiguredNode[RecorderParameters]):
                     if publisher.node_name != self.get_name()
                 ]
                 if publishers:
-                    self._take_topic(name, types, publishers)
+                    self._take_topic(name, publishers)
 
     def _is_wanted(self, name: str) -> bool:
         if self._wanted:
@@ -138,11 +146,14 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         hidden = any(part.startswith("_") for part in name.split("/"))
         return not hidden and name not in self._excluded
 
-    def _take_topic(
-        self, name: str, types: Sequence[str], publishers: Sequence[TopicEndpointInfo]
-    ) -> None:
+    def _take_topic(self, name: str, publishers: Sequence[TopicEndpointInfo]) -> None:
         if name in self._refused:
             return
+        if name in self._types:
+            publishers = self._of_recorded_type(name, publishers)
+            if not publishers:
+                return
+        types = list(dict.fromkeys(publisher.topic_type for publisher in publishers))
         qos = matching_qos(publishers)
         known = self._qos.get(name)
         if known is not None and not is_weaker(qos, known):
@@ -172,8 +183,37 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         else:
             self.get_logger().warning(f"{name}: a publisher offers a weaker QoS; subscribing again")
         self._qos[name] = qos
+        self._types[name] = types[0]
         self._timestamps.add_topic(name, offset)
         self.reader.subscribe(name, message, qos)
+
+    def _of_recorded_type(
+        self, name: str, publishers: Sequence[TopicEndpointInfo]
+    ) -> list[TopicEndpointInfo]:
+        """Return the publishers of a topic's recorded type; report and count each other type."""
+        recorded = self._types[name]
+        others: dict[str, list[TopicEndpointInfo]] = {}
+        for publisher in publishers:
+            others.setdefault(publisher.topic_type, []).append(publisher)
+        matching = others.pop(recorded, [])
+        for other, sources in others.items():
+            if (name, other) not in self._other_types:
+                self._other_types[name, other] = self._counter(name, other, sources)
+                self.get_logger().warning(
+                    f"{name} is recorded as {recorded}; messages of a publisher with type {other} "
+                    "are left out"
+                )
+        return matching
+
+    def _counter(
+        self, name: str, type_name: str, publishers: Sequence[TopicEndpointInfo]
+    ) -> MessageCounter | None:
+        """Return a counter of a topic's messages of one type; None if it is not installed."""
+        try:
+            message = message_class(type_name)
+        except (InputError, MissingDependencyError):
+            return None
+        return MessageCounter(self, name, message, matching_qos(publishers), self.lifetime.fail)
 
     def _report_silence(self) -> None:
         """Warn once of the requested topics that have no publisher or no message yet."""
@@ -264,6 +304,13 @@ class Recorder(ConfiguredNode[RecorderParameters]):
         for name in self._silent_topics():
             reason = "its publisher sent no message" if name in self._qos else "it had no publisher"
             print(f"recorder: {name} was not recorded: {reason}", file=sys.stderr)
+        for (name, other), counter in self._other_types.items():
+            count = "messages" if counter is None else f"{counter.messages} messages"
+            print(
+                f"recorder: {name}: {count} of type {other} left out: it was recorded as "
+                f"{self._types[name]}",
+                file=sys.stderr,
+            )
         if recording.failed:
             print(f"recorder: {_left(recording.files)}", file=sys.stderr)
 

@@ -166,6 +166,20 @@ def test_requested_topics_that_never_come_are_reported_once_and_at_the_end(node,
     ]
 
 
+def test_messages_of_another_type_are_left_out_counted_and_reported(node, feed, tmp_path):
+    recorder, bag = record(node, tmp_path, "mcap")
+    feed(count=20, topics=["imu"]).finish()
+    feed(count=30, topics=["number"]).finish()
+    feed(count=20, topics=["imu"], first_ns=2 * 10**9).finish()
+    assert recorder.end() == 0
+    assert stored(bag) == {IMU: stamps(20) + stamps(20, 2 * 10**9)}
+    recorded, other = "sensor_msgs/msg/Imu", "std_msgs/msg/Float64"
+    assert recorder.output.count(f"messages of a publisher with type {other} are left out") == 1
+    assert (
+        f"recorder: {IMU}: 30 messages of type {other} left out: it was recorded as {recorded}\n"
+    ) in recorder.output
+
+
 def test_messages_without_a_stamp_get_the_time_of_their_reception(node, feed, tmp_path):
     """Those that have no field for it, and those whose stamp was never set."""
     before = time.time_ns()
