@@ -35,7 +35,7 @@ OPTIONAL = {
     "camera": ["numba>=0.58", "opencv-python-headless>=4.6"],
     "campaign": ["distributed", "pyarrow"],
     "complete": ["argcomplete"],
-    "fast": ["orjson>=3.9"],
+    "fast": ["orjson>=3.11.9"],
     "frames": ["pandas"],
     "magnetic": ["pygeomag"],
     "mesh": ["trimesh>=4.0", "embreex>=4.4"],
