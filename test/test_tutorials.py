@@ -25,7 +25,7 @@ GUIDES = [
     ROOT / f"docs/how_to/{name}.md"
     for name in ("ci_gate", "data_sheet", "own_place", "own_sensor", "own_trajectory")
 ]
-GUIDES += [ROOT / "docs/tutorials/exercises.md"]
+GUIDES += [ROOT / "docs/tutorials/exercises.md", ROOT / "docs/explanation/splines.md"]
 GUIDES += [ROOT / f"docs/how_to/{name}.md" for name in ("madgwick", "error_model", "migration")]
 NEEDS = {"vio_stack": "gtsam", "madgwick": "ahrs", "own_place": "embreex"}
 """Pages with a library that only the tests install."""
