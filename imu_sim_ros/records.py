@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The two records of everything that was recorded: readings of an IMU, and states of a body.
+"""Readings of an IMU and states of a body: of a recording as arrays, live one by one as numbers.
 
 Bags, tables, datasets, logs and arrays become one of these records, which are checked once, when
 they are made. Columns that a source lacks are None, never zeros.
@@ -11,12 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, MISSING, dataclass, field, fields
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros.arguments import array, number, refuse, stamps, text, whole
+from imu_sim_ros.components import Quaternion, Vector
 from imu_sim_ros.errors import InputError, MissingDependencyError
 from imu_sim_ros.inputs import gate
 from imu_sim_ros.timebase import seconds_since, span
@@ -280,6 +281,47 @@ class States(TimeSeries):
         if problems:
             raise InputError(problems)
         return self
+
+
+class LiveReading(NamedTuple):
+    """One reading of an IMU as it arrives: a row of :class:`Readings` in numbers.
+
+    A live node has it instead of a record, since NumPy is slow for arrays of one row.
+    """
+
+    t_ns: int
+    """Stamp [ns]."""
+    gyro: Vector[float]
+    """Angular rate [rad/s]."""
+    accel: Vector[float]
+    """Specific force [m/s^2]."""
+    q_wb: Quaternion[float] | None = None
+    """Orientation that the IMU itself reports (w, x, y, z); None: it has none, or it is not used.
+    """
+
+
+class LiveState(NamedTuple):
+    """State of a body at one time, as it arrives or leaves: a row of :class:`States` in numbers.
+
+    Velocity and rate are in the body frame, as in a nav_msgs/Odometry.
+    """
+
+    t_ns: int
+    """Stamp [ns]."""
+    position: Vector[float]
+    """p_wb [m]."""
+    q_wb: Quaternion[float]
+    """Unit quaternion (w, x, y, z)."""
+    velocity_b: Vector[float]
+    """Velocity of the body relative to the world, in the body frame [m/s]."""
+    angular_velocity_b: Vector[float]
+    """Angular rate of the body relative to the world, in the body frame [rad/s]."""
+    covariance: Array | None = None
+    """(6, 6) covariance of position [m] and of rotation about the world's axes [rad]."""
+    twist_covariance: Array | None = None
+    """(6, 6) covariance of velocity [m/s] and angular rate [rad/s], in the body frame."""
+    frames: tuple[str, ...] = ("", "")
+    """Names of the world's and of the body's frame; empty: unknown."""
 
 
 Odometry = States

@@ -33,6 +33,7 @@ from imu_sim_ros.jobs.writing import parameter_files
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.recordings.clock import estimate_clock
+from imu_sim_ros.records import LiveReading
 from imu_sim_ros.sensors.barometer.declaration import PressureReadings
 from imu_sim_ros.sensors.barometer.model import Atmosphere
 from imu_sim_ros.sensors.faults import KINDS, Fault
@@ -45,7 +46,7 @@ from imu_sim_ros.sensors.imu.batch import (
     ImuBatch,
 )
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
-from imu_sim_ros.sensors.imu.model import NOWHERE, IdealReading, unknown_motion
+from imu_sim_ros.sensors.imu.model import NOWHERE, unknown_motion
 from imu_sim_ros.sensors.imu.parameters import MOUNT
 from imu_sim_ros.sensors.imu.presets import load_all
 from imu_sim_ros.sensors.imu.units import Spread
@@ -265,7 +266,7 @@ class ErrorModel:
         if type(t_ns) is int and orientation is None:
             rate, force = arguments.numbers(gyro), arguments.numbers(accel)
             if rate and force and gate.is_reading(t_ns, rate, force):
-                samples = self._model.read_few([IdealReading(t_ns, rate, force)])
+                samples = self._model.read_few([LiveReading(t_ns, rate, force)])
                 if samples is not None:
                     return samples
         given = _given(t_ns, gyro, accel, orientation, "read")

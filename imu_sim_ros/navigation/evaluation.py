@@ -9,6 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imu_sim_ros import rotation
+from imu_sim_ros.components import (
+    Component,
+    Quaternion,
+    Vector,
+    conjugate,
+    log,
+    multiply,
+    quaternion,
+    stack,
+)
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.names import suggestion
 from imu_sim_ros.navigation.association import (
@@ -379,7 +389,14 @@ def attitude_errors(estimate: Array, truth: Array) -> Array:
     :param estimate: (n, 4) estimated q_wb.
     :param truth: (n, 4) true q_wb.
     """
-    return rotation.log(rotation.multiply(estimate, rotation.conjugate(truth)))
+    return stack(attitude_error(quaternion(estimate), quaternion(truth)))
+
+
+def attitude_error(
+    estimate: Quaternion[Component], truth: Quaternion[Component]
+) -> Vector[Component]:
+    """Return :func:`attitude_errors` of components, floats or arrays (n,)."""
+    return log(multiply(estimate, conjugate(truth)))
 
 
 def tilt_and_heading(estimate: Array, truth: Array) -> tuple[Array, Array]:

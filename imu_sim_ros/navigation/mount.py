@@ -23,22 +23,9 @@ from imu_sim_ros.navigation.increments import State
 from imu_sim_ros.navigation.parameters import IntegratorImuParameters
 from imu_sim_ros.navigation.state import NavigationState, states_of
 from imu_sim_ros.parameters.kinds import ZERO_VECTOR, Vector
-from imu_sim_ros.records import States
+from imu_sim_ros.records import LiveState, States
 from imu_sim_ros.sensors.imu.parameters import ImuParameters
 from imu_sim_ros.types import Array
-
-
-class BodyState(NamedTuple):
-    """The body's motion at one time."""
-
-    position: Vector
-    """p_wb [m]"""
-    q_wb: Quaternion[float]
-    """Unit quaternion (w, x, y, z)."""
-    velocity_b: Vector
-    """in the body [m/s]"""
-    angular_velocity_b: Vector
-    """relative to the world, in the body [rad/s]"""
 
 
 class ImuMount(NamedTuple):
@@ -78,18 +65,21 @@ class ImuMount(NamedTuple):
         body = _moved(state, vector(rate_i), arm, q_ib)
         return states_of(imu.t_ns, *(stack(columns) for columns in body))
 
-    def body_motion(self, imu: State[float], rate_i: Vector) -> BodyState:
-        """Return the body's motion of one state of the IMU.
+    def body_state(self, t_ns: int, imu: State[float], rate_i: Vector) -> LiveState:
+        """Return the body's state at one time.
 
+        :param t_ns: stamp [ns].
+        :param imu: position, velocity and attitude of the IMU.
         :param rate_i: relative to the world, in the IMU's axes [rad/s].
         """
         if self == ALIGNED:
             position, velocity, q_wb = imu
-            return BodyState(position, q_wb, components.rotate_inverse(q_wb, velocity), rate_i)
+            velocity_b = components.rotate_inverse(q_wb, velocity)
+            return LiveState(t_ns, position, q_wb, velocity_b, rate_i)
         q_ib = components.conjugate(self.q_bi)
         position, velocity, q_wb = _moved(imu, rate_i, self.arm_i, q_ib)
         velocity_b = components.rotate_inverse(q_wb, velocity)
-        return BodyState(position, q_wb, velocity_b, components.rotate(self.q_bi, rate_i))
+        return LiveState(t_ns, position, q_wb, velocity_b, components.rotate(self.q_bi, rate_i))
 
     def pose_covariance(self, imu: Array, q_wb: Quaternion[float]) -> Array:
         """Return the covariance of the body's pose, position and rotation about the world's axes.

@@ -18,7 +18,11 @@ from imu_sim_ros.types import Array, Integers, shapes
 
 
 class StepReadings(NamedTuple):
-    """The readings of B intervals of at most m steps; shorter ones end in steps of length 0."""
+    """The readings of B intervals of at most m steps; shorter ones end in steps of length 0.
+
+    An axis of intervals, which may belong to many runs with the same times, keeps it from being a
+    :class:`imu_sim_ros.records.Readings`.
+    """
 
     h: Array
     """(B, m) lengths of the steps [s]."""

@@ -37,7 +37,11 @@ class _State(NamedTuple):
 
 
 class NavigationState(_State):
-    """The position, velocity and attitude of a body at one time; checked on creation."""
+    """The position, velocity and attitude of a body at one time; checked on creation.
+
+    It is an initial condition, which has no stamp: that of the first reading counts. So it is no
+    row of :class:`imu_sim_ros.records.States`.
+    """
 
     __slots__ = ()
 

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
@@ -21,13 +21,11 @@ from imu_sim_ros.bags.messages.decode import MessageDecoder
 from imu_sim_ros.bags.messages.encode import FLUID_PRESSURE, IMU, MAGNETIC_FIELD, ODOMETRY
 from imu_sim_ros.bags.messages.layouts import STAMP_OFFSET
 from imu_sim_ros.bags.messages.transforms import TransformsEncoder
+from imu_sim_ros.components import Quaternion, Vector
 from imu_sim_ros.errors import InputError, MissingDependencyError
 from imu_sim_ros.inputs import gate
-from imu_sim_ros.parameters.kinds import Vector
+from imu_sim_ros.records import LiveReading, LiveState
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
-
-Quaternion = tuple[float, float, float, float]
-"""(w, x, y, z)"""
 
 _BUILTIN = frozenset(
     [
@@ -139,34 +137,6 @@ def _find(package: str, name: str) -> Path | None:
     return next((path for path in paths if path.is_file()), None)
 
 
-class ImuReading(NamedTuple):
-    """The fields of a sensor_msgs/Imu."""
-
-    t_ns: int
-    gyro: Vector
-    """[rad/s]"""
-    accel: Vector
-    """[m/s^2]"""
-    q_wb: Quaternion | None = None
-    """(w, x, y, z); None: it has none, or none that was looked at."""
-
-
-class OdometryFields(NamedTuple):
-    """The fields of a nav_msgs/Odometry that the integrator uses."""
-
-    t_ns: int
-    position: Vector
-    """[m]"""
-    q_wb: Quaternion
-    """(w, x, y, z)"""
-    velocity_b: Vector
-    """of the body, in the body frame [m/s]"""
-    angular_velocity_b: Vector
-    """[rad/s]"""
-    frames: tuple[str, ...] = ("", "")
-    """``header.frame_id``, that of the pose, and ``child_frame_id``, the body; empty: not named."""
-
-
 _READINGS: Final = ("angular_velocity", "linear_acceleration")
 _STATES: Final = ("position", "orientation", "linear", "angular")
 _ROUNDING: Final = 1e-12
@@ -184,7 +154,7 @@ _values = {
 }
 
 
-def imu_reading(payload: bytes) -> ImuReading:
+def imu_reading(payload: bytes) -> LiveReading:
     """Return the reading in a sensor_msgs/Imu.
 
     :raises InputError: for bytes that are not such a message in little-endian CDR, and for a
@@ -194,7 +164,7 @@ def imu_reading(payload: bytes) -> ImuReading:
     return _checked(second, nanosecond, (gx, gy, gz), (ax, ay, az))
 
 
-def ideal_reading(payload: bytes) -> ImuReading:
+def ideal_reading(payload: bytes) -> LiveReading:
     """Return the reading in a sensor_msgs/Imu, with its orientation if it has one.
 
     :raises InputError: as for :func:`imu_reading`; an orientation of another length is none.
@@ -229,7 +199,7 @@ def frame_id(payload: bytes) -> str:
     return text[:-1].decode(errors="replace")
 
 
-def truth(payload: bytes) -> OdometryFields:
+def truth(payload: bytes) -> LiveState:
     """Return the state in a nav_msgs/Odometry.
 
     :raises InputError: for bytes that are not such a message in little-endian CDR, and for a
@@ -245,20 +215,22 @@ def truth(payload: bytes) -> OdometryFields:
         raise _refused(t_ns, *pose, (gate.VELOCITY, velocity), (gate.RATE, rate))
     off = abs(w * w + x * x + y * y + z * z - 1.0) > _ROUNDING
     unit = _unit(q_wb) if off else q_wb
-    return OdometryFields(t_ns, position, unit, velocity, rate, _odometry.texts)
+    return LiveState(t_ns, position, unit, velocity, rate, frames=_odometry.texts)
 
 
-def _unit(q: Quaternion) -> Quaternion:
+def _unit(q: Quaternion[float]) -> Quaternion[float]:
     w, x, y, z = rotation.normalise(q).tolist()
     return (w, x, y, z)
 
 
-def _checked(second: int, nanosecond: int, gyro: Vector, accel: Vector) -> ImuReading:
+def _checked(
+    second: int, nanosecond: int, gyro: Vector[float], accel: Vector[float]
+) -> LiveReading:
     t_ns = second * NANOSECONDS_PER_SECOND + nanosecond
     overflows = nanosecond >= NANOSECONDS_PER_SECOND
     if second < 0 or overflows or not gate.is_reading(t_ns, gyro, accel):
         raise _refused(_stamp(second, nanosecond), (gate.RATE, gyro), (gate.FORCE, accel))
-    return ImuReading(t_ns, gyro, accel)
+    return LiveReading(t_ns, gyro, accel)
 
 
 def _stamp(second: int, nanosecond: int) -> int:

@@ -19,11 +19,12 @@ from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.parameters.sections import parameters as described
+from imu_sim_ros.records import LiveReading
 from imu_sim_ros.rotation import rotate
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.gravity import gravity_vector
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
-from imu_sim_ros.sensors.imu.model import AHEAD, NOWHERE, IdealReading, Imu, unknown_motion
+from imu_sim_ros.sensors.imu.model import AHEAD, NOWHERE, Imu, unknown_motion
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.error_input import (
@@ -91,10 +92,10 @@ class GivenImu(GivenSensor[GivenReadings, dict[str, Any]]):
         self._resampler = Resampler(self.parameters) if self._resamples else None
         self._as_it_is = self._conventions.nothing and self._resampler is None and not self._sensors
         """Whether a reading is that of the mounted sensor, and no other sensor needs it."""
-        self._latest: IdealReading | None = None
+        self._latest: LiveReading | None = None
         """The last reading, if it came by :meth:`read_few`."""
 
-    def read_few(self, readings: Sequence[IdealReading]) -> Samples | None:
+    def read_few(self, readings: Sequence[LiveReading]) -> Samples | None:
         """Return the samples of a few readings, at least one, in numbers; None: it takes read.
 
         It takes that where more is to be done than to add errors: at the start, after a gap or a
@@ -111,7 +112,7 @@ class GivenImu(GivenSensor[GivenReadings, dict[str, Any]]):
             return None
         if not self._check.done:
             for reading in readings:
-                for line in self._check.look(*reading):
+                for line in self._check.look(*reading[:3]):
                     self._remark(line)
         self._order.last_ns = self._last_ns = times[-1]
         self._gaps.take(times)
@@ -124,7 +125,7 @@ class GivenImu(GivenSensor[GivenReadings, dict[str, Any]]):
     def read(self, given: GivenReadings) -> list[dict[str, Any]]:
         """Return the samples that readings give; see :class:`GivenSensor`."""
         if self._latest is not None:
-            t_ns, gyro, accel = self._latest
+            t_ns, gyro, accel, _ = self._latest
             self._held = GivenReadings(np.array([t_ns]), np.array([gyro]), np.array([accel]))
             self._spreading.take(self._held)
             self._latest = None

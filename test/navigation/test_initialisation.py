@@ -17,8 +17,7 @@ from imu_sim_ros.navigation import initialisation
 from imu_sim_ros.navigation.evaluation import anees_band
 from imu_sim_ros.navigation.parameters import IntegratorParameters, load_integrator
 from imu_sim_ros.nodes.integrator.initialiser import initialiser
-from imu_sim_ros.nodes.messages import ImuReading
-from imu_sim_ros.records import Readings
+from imu_sim_ros.records import LiveReading, Readings
 
 STEP_NS = 5_000_000
 G_SENSITIVITY = [1e-3, 0.0, 2e-3, 0.0, -1e-3, 5e-4, 3e-4, 0.0, 1e-3]
@@ -58,7 +57,7 @@ def of_the_node(chosen, readings):
     start = initialiser(chosen, pytest.fail)
     columns = (readings.t_ns.tolist(), readings.gyro.tolist(), readings.accel.tolist())
     for t_ns, gyro, accel in zip(*columns, strict=True):
-        found = start.add_reading(ImuReading(t_ns, tuple(gyro), tuple(accel)))
+        found = start.add_reading(LiveReading(t_ns, tuple(gyro), tuple(accel)))
         if found is not None:
             return found.readings[0].t_ns, found.initial
     return None

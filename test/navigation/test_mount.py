@@ -19,7 +19,7 @@ from imu_sim_ros.commands.generate import main as generate
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.navigation.parameters import load_integrator
 from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator
-from imu_sim_ros.nodes.messages import ImuReading, OdometryFields
+from imu_sim_ros.records import LiveReading, LiveState
 
 MOUNTING = [1, 0, 0, 0, 0, -1, 0, 1, 0]
 ARM = [0.1, -0.2, 0.3]
@@ -129,19 +129,19 @@ def test_the_node_gives_what_the_record_gives():
         truth.angular_velocity[0],
     )
     rows = odometer.add_truth(
-        OdometryFields(int(truth.t_ns[0]), *map(tuple, first), ("map", "vehicle"))
+        LiveState(int(truth.t_ns[0]), *map(tuple, first), frames=("map", "vehicle"))
     )
     for t_ns, gyro, accel in zip(
         made.t_ns.tolist(), made.gyro.tolist(), made.accel.tolist(), strict=True
     ):
-        rows += odometer.add_reading(ImuReading(t_ns, tuple(gyro), tuple(accel)))
+        rows += odometer.add_reading(LiveReading(t_ns, tuple(gyro), tuple(accel)))
     assert odometer.frames == ("map", "vehicle")
     np.testing.assert_allclose([r.position for r in rows], track.position, atol=1e-10)
     np.testing.assert_allclose([r.q_wb for r in rows], track.q_wb, atol=1e-10)
     velocity_b = rotation.rotate_inverse(track.q_wb, track.velocity)
     np.testing.assert_allclose([r.velocity_b for r in rows], velocity_b, atol=1e-10)
     np.testing.assert_allclose(
-        np.sqrt(np.diag(rows[-1].pose_covariance)),
+        np.sqrt(np.diag(rows[-1].covariance)),
         np.sqrt(np.diag(track.covariance[-1])),
         rtol=0.01,
     )

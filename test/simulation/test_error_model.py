@@ -14,8 +14,8 @@ from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import parameters
+from imu_sim_ros.records import LiveReading
 from imu_sim_ros.sensors.faults import Fault
-from imu_sim_ros.sensors.imu.model import IdealReading
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.samples import joined as joined_blocks
@@ -147,7 +147,7 @@ def read_in(
         size = sizes[k % len(sizes)]
         part = given.at(slice(begin, begin + size))
         columns = (part.t_ns, part.gyro, part.accel)
-        few = [IdealReading(*row) for row in zip(*(v.tolist() for v in columns), strict=True)]
+        few = [LiveReading(*row) for row in zip(*(v.tolist() for v in columns), strict=True)]
         samples = model.read_few(few) if numbers and size < 8 else None
         blocks += model.read(part) if samples is None else [samples]
         begin, k = begin + size, k + 1

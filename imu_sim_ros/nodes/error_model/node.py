@@ -32,8 +32,8 @@ from imu_sim_ros.nodes.error_model.output import DEPTH, ErrorModelOutputs, wante
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import check_overrides, create
 from imu_sim_ros.nodes.subscriptions import MatchedInputs, RawSubscriptions, Taken
+from imu_sim_ros.records import LiveReading
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
-from imu_sim_ros.sensors.imu.model import IdealReading
 from imu_sim_ros.simulation.error_input import Differentiator, GivenReadings, GivenValues
 from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import (
@@ -170,11 +170,11 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
             self.model.parameters = self.parameters
             self.outputs.encode_for(self.parameters)
 
-    def _take_readings(self, readings: list[decode.ImuReading]) -> None:
+    def _take_readings(self, readings: list[LiveReading]) -> None:
         """Add errors to readings."""
         samples = None
         if 0 < len(readings) <= _FEW and all(reading.q_wb is None for reading in readings):
-            samples = self.model.read_few([IdealReading(*reading[:3]) for reading in readings])
+            samples = self.model.read_few(readings)
         if samples is None:
             self._read(_given(readings))
         else:
@@ -268,7 +268,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         )
 
 
-def _given(readings: list[decode.ImuReading]) -> GivenReadings:
+def _given(readings: list[LiveReading]) -> GivenReadings:
     """Return readings as arrays; their orientations if each has one."""
     q_wb = [one.q_wb for one in readings if one.q_wb is not None]
     return GivenReadings(

@@ -6,57 +6,52 @@
 import dataclasses
 import math
 from collections.abc import Iterator
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from imu_sim_ros.components import conjugate, log, multiply
+from imu_sim_ros.navigation.evaluation import attitude_error
 from imu_sim_ros.nodes.diagnostics import PERIOD, diagnostics
-from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator, Row
-from imu_sim_ros.nodes.messages import OdometryFields
+from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator
 from imu_sim_ros.parameters.kinds import Vector
+from imu_sim_ros.records import LiveState
 
 _KEPT = 20000
 _Item = TypeVar("_Item")
 
 
-class ErrorAt(NamedTuple):
-    """Errors at one time, estimate minus truth; numbers, since a record of one row costs more."""
-
-    t_ns: int
-    position: Vector
-    """(3,) position error in the world [m]."""
-    attitude: Vector
-    """(3,) attitude error ``Log(q_estimate q_truth^-1)`` about the world's axes [rad]."""
+PoseError = tuple[int, Vector, Vector]
+"""Stamp [ns] of an estimate, and its errors, estimate minus truth: position in the world [m], and
+rotation vector ``Log(q_estimate q_truth^-1)`` about the world's axes [rad]."""
 
 
 class TruthComparison:
     """Keeps estimates and truths until both of one stamp have arrived."""
 
     def __init__(self) -> None:
-        self.last: ErrorAt | None = None
+        self.last: PoseError | None = None
         self.count = self.estimates = 0
         self._sum_of_squares = 0.0
-        self._estimates: dict[int, Row] = {}
-        self._truths: dict[int, OdometryFields] = {}
+        self._estimates: dict[int, LiveState] = {}
+        self._truths: dict[int, LiveState] = {}
 
     @property
     def rms_position(self) -> float:
         """RMS position error so far [m]."""
         return math.sqrt(self._sum_of_squares / self.count) if self.count else 0.0
 
-    def add_estimate(self, estimate: Row) -> Iterator[ErrorAt]:
+    def add_estimate(self, estimate: LiveState) -> Iterator[PoseError]:
         """Take an estimate; yields its error if its truth is known already."""
         self.estimates += 1
         truth = self._truths.pop(estimate.t_ns, None)
         if truth is None:
-            pose = estimate._replace(pose_covariance=None, twist_covariance=None)
+            pose = estimate._replace(covariance=None, twist_covariance=None)
             _keep(self._estimates, estimate.t_ns, pose)
         else:
             yield self._compare(estimate, truth)
 
-    def add_truth(self, truth: OdometryFields) -> Iterator[ErrorAt]:
+    def add_truth(self, truth: LiveState) -> Iterator[PoseError]:
         """Take a truth; yields the error of its estimate if that is known already."""
         estimate = self._estimates.pop(truth.t_ns, None)
         if estimate is None:
@@ -64,12 +59,11 @@ class TruthComparison:
         else:
             yield self._compare(estimate, truth)
 
-    def _compare(self, estimate: Row, truth: OdometryFields) -> ErrorAt:
-        turn = log(multiply(estimate.q_wb, conjugate(truth.q_wb)))
+    def _compare(self, estimate: LiveState, truth: LiveState) -> PoseError:
         px, py, pz = estimate.position
         x, y, z = truth.position
         x, y, z = px - x, py - y, pz - z
-        error = ErrorAt(estimate.t_ns, (x, y, z), turn)
+        error = estimate.t_ns, (x, y, z), attitude_error(estimate.q_wb, truth.q_wb)
         self.last = error
         self.count += 1
         self._sum_of_squares += x * x + y * y + z * z
@@ -127,9 +121,10 @@ class IntegratorReport:
         if comparison is not None:
             values["estimates with a truth"] = f"{comparison.count} of {comparison.estimates}"
             if comparison.last is not None:
+                _, position, attitude = comparison.last
                 values |= {
-                    "position error [m]": f"{math.hypot(*comparison.last.position):.6f}",
+                    "position error [m]": f"{math.hypot(*position):.6f}",
                     "rms position error [m]": f"{comparison.rms_position:.6f}",
-                    "attitude error [rad]": f"{math.hypot(*comparison.last.attitude):.8f}",
+                    "attitude error [rad]": f"{math.hypot(*attitude):.8f}",
                 }
         return diagnostics(stamp, level, self._name, message, "imu", values)

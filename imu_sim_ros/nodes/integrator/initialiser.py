@@ -19,8 +19,8 @@ from imu_sim_ros.navigation import initialisation
 from imu_sim_ros.navigation.initialisation import Initial
 from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import NavigationState
-from imu_sim_ros.nodes.messages import ImuReading, OdometryFields
 from imu_sim_ros.recordings.order import is_gap
+from imu_sim_ros.records import LiveReading, LiveState
 
 _KEPT = 20000
 """Number of readings and truths that may wait for each other: 2.5 s at 8 kHz."""
@@ -31,7 +31,7 @@ class Start(NamedTuple):
 
     initial: Initial
     """State, correction and covariance at the first of the readings."""
-    readings: list[ImuReading]
+    readings: list[LiveReading]
     """All readings since the start; the first one belongs to the state."""
     frames: tuple[str, ...] = ("", "")
     """Frames of the pose and of the body in the message that it started from; empty: none."""
@@ -40,10 +40,10 @@ class Start(NamedTuple):
 class Initialiser(Protocol):
     """One of the ways to start."""
 
-    def add_reading(self, reading: ImuReading) -> Start | None:
+    def add_reading(self, reading: LiveReading) -> Start | None:
         """Take a reading."""
 
-    def add_truth(self, truth: OdometryFields) -> Start | None:
+    def add_truth(self, truth: LiveState) -> Start | None:
         """Take a true state."""
 
 
@@ -63,10 +63,10 @@ class _FromParameters:
     def __init__(self, parameters: IntegratorParameters) -> None:
         self._parameters = parameters
 
-    def add_reading(self, reading: ImuReading) -> Start | None:
+    def add_reading(self, reading: LiveReading) -> Start | None:
         return Start(initialisation.from_parameters(self._parameters), [reading])
 
-    def add_truth(self, truth: OdometryFields) -> Start | None:
+    def add_truth(self, truth: LiveState) -> Start | None:
         return None
 
 
@@ -80,16 +80,16 @@ class _FromTruth:
 
     def __init__(self, parameters: IntegratorParameters) -> None:
         self._parameters = parameters
-        self._readings: deque[ImuReading] = deque(maxlen=_KEPT)
-        self._truths: deque[OdometryFields] = deque(maxlen=_KEPT)
+        self._readings: deque[LiveReading] = deque(maxlen=_KEPT)
+        self._truths: deque[LiveState] = deque(maxlen=_KEPT)
 
-    def add_reading(self, reading: ImuReading) -> Start | None:
+    def add_reading(self, reading: LiveReading) -> Start | None:
         if self._readings and reading.t_ns <= self._readings[-1].t_ns:
             self._readings.clear()
         self._readings.append(reading)
         return self._match()
 
-    def add_truth(self, truth: OdometryFields) -> Start | None:
+    def add_truth(self, truth: LiveState) -> Start | None:
         if self._truths and truth.t_ns <= self._truths[-1].t_ns:
             self._truths.clear()
         self._truths.append(truth)
@@ -118,9 +118,9 @@ class _FromRest:
 
     def __init__(self, parameters: IntegratorParameters, complain: Callable[[str], None]) -> None:
         self._parameters, self._complain = parameters, complain
-        self._readings: list[ImuReading] = []
+        self._readings: list[LiveReading] = []
 
-    def add_reading(self, reading: ImuReading) -> Start | None:
+    def add_reading(self, reading: LiveReading) -> Start | None:
         parameters, readings = self._parameters, self._readings
         if readings and is_gap(reading.t_ns - readings[-1].t_ns, parameters.max_gap):
             readings.clear()
@@ -136,11 +136,11 @@ class _FromRest:
             self._readings = []
             return None
 
-    def add_truth(self, truth: OdometryFields) -> Start | None:
+    def add_truth(self, truth: LiveState) -> Start | None:
         return None
 
 
-def _carried(truth: OdometryFields, t_ns: int) -> NavigationState:
+def _carried(truth: LiveState, t_ns: int) -> NavigationState:
     """Return a true state, extrapolated to a later time with its velocity and rate."""
     h = (t_ns - truth.t_ns) * 1e-9
     velocity = rotation.rotate(truth.q_wb, truth.velocity_b)

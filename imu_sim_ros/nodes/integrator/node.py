@@ -43,16 +43,17 @@ from imu_sim_ros.nodes import messages as decode
 from imu_sim_ros.nodes import run, signals
 from imu_sim_ros.nodes.diagnostics import PERIOD
 from imu_sim_ros.nodes.integrator.diagnostics import (
-    ErrorAt,
     IntegratorReport,
+    PoseError,
     TruthComparison,
 )
-from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator, PathPublisher, Row
+from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator, PathPublisher
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import Counter
 from imu_sim_ros.nodes.sensor_description import SensorDescription
 from imu_sim_ros.nodes.subscriptions import DEPTH, MatchedInputs, RawSubscriptions, Taken
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
+from imu_sim_ros.records import LiveState
 from imu_sim_ros.rotation import to_euler
 
 _READ_PERIOD = 0.002
@@ -159,8 +160,8 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
     def _integrate(self, topic: str, taken: list[Taken]) -> None:
         """Integrate messages of one topic and publish the results; the lock is held."""
         is_reading = topic == IMU_TOPIC
-        rows: list[Row] = []
-        errors: list[ErrorAt] = []
+        rows: list[LiveState] = []
+        errors: list[PoseError] = []
         for payload, _ in taken:
             try:
                 if is_reading:
@@ -200,19 +201,17 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
         if left_out:
             self.get_logger().info(f"the covariance does not include {', '.join(left_out)}")
 
-    def _take_truth(
-        self, truth: decode.OdometryFields, rows: list[Row], errors: list[ErrorAt]
-    ) -> None:
+    def _take_truth(self, truth: LiveState, rows: list[LiveState], errors: list[PoseError]) -> None:
         rows += self.odometer.add_truth(truth)
         if self.comparison is not None:
             errors += self.comparison.add_truth(truth)
 
     # ----------------------------------------------------------------------------- results
-    def _publish(self, rows: list[Row]) -> None:
+    def _publish(self, rows: list[LiveState]) -> None:
         if self.odometer.frames != self._frames:
             self._use_frames(self.odometer.frames)
         for row in rows:
-            self._odometry_out.send(self._odometry.message(*row))
+            self._odometry_out.send(self._odometry.message(*row[:7]))
         if self._angles_out is not None:
             t_ns = np.array([row.t_ns for row in rows])
             angles = np.degrees(to_euler([row.q_wb for row in rows]))
@@ -225,12 +224,11 @@ class Integrator(ConfiguredNode[IntegratorParameters]):
             if errors:
                 self._publish_errors(errors)
 
-    def _publish_errors(self, errors: Sequence[ErrorAt]) -> None:
-        t_ns = np.array([error.t_ns for error in errors])
-        position = self._position_error.encode(t_ns, [error.position for error in errors])
-        attitude = self._attitude_error.encode(t_ns, [error.attitude for error in errors])
-        _send(self._position_error_out, position)
-        _send(self._attitude_error_out, attitude)
+    def _publish_errors(self, errors: Sequence[PoseError]) -> None:
+        stamps, positions, attitudes = zip(*errors, strict=True)
+        t_ns = np.array(stamps)
+        _send(self._position_error_out, self._position_error.encode(t_ns, positions))
+        _send(self._attitude_error_out, self._attitude_error.encode(t_ns, attitudes))
 
     def _publish_path(self) -> None:
         with self._lock:

@@ -1,13 +1,12 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""Readings in, rows of odometry out: the integrator without its topics."""
+"""Readings in, states out: the integrator without its topics."""
 
 import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose, PoseStamped
@@ -24,29 +23,14 @@ from imu_sim_ros.navigation.parameters import IntegratorParameters
 from imu_sim_ros.navigation.state import NavigationState, correction_of
 from imu_sim_ros.navigation.stepper import Stepper, StepperCounts
 from imu_sim_ros.nodes.integrator.initialiser import Start, initialiser
-from imu_sim_ros.nodes.messages import ImuReading, OdometryFields, Quaternion
-from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX, Vector
+from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
 from imu_sim_ros.recordings.order import RESTART_NS, longest_step_ns
+from imu_sim_ros.records import LiveReading, LiveState
 from imu_sim_ros.types import Array
 
 _SMOOTHING = 0.02
 _SMALL_ANGLE = 0.5
 """[rad] Beyond this standard deviation a first-order covariance of the attitude is not valid."""
-
-
-class Row(NamedTuple):
-    """One message's worth of dead reckoning."""
-
-    t_ns: int
-    position: Vector
-    """p_wb [m]"""
-    q_wb: Quaternion
-    velocity_b: Vector
-    """[m/s]"""
-    angular_velocity_b: Vector
-    """[rad/s]"""
-    pose_covariance: Array | None
-    twist_covariance: Array | None
 
 
 @dataclass
@@ -109,13 +93,13 @@ class LiveIntegrator:
         else:
             self._stepper.correction = correction_of(parameters)
 
-    def add_truth(self, truth: OdometryFields) -> list[Row]:
+    def add_truth(self, truth: LiveState) -> list[LiveState]:
         """Take a true state; return the rows of readings that were waiting for it."""
         if self._stepper is None:
             return self._begin_at(self._initialiser.add_truth(truth))
         return []
 
-    def add_reading(self, reading: ImuReading) -> list[Row]:
+    def add_reading(self, reading: LiveReading) -> list[LiveState]:
         """Take a reading; return one row, none while waiting, or many after it."""
         self.totals.readings += 1
         stepper = self._stepper
@@ -132,7 +116,7 @@ class LiveIntegrator:
         row = self._step(stepper, reading)
         return [] if row is None else [row]
 
-    def _begin_at(self, start: Start | None) -> list[Row]:
+    def _begin_at(self, start: Start | None) -> list[LiveState]:
         if start is None:
             return []
         parameters = self.parameters
@@ -168,7 +152,7 @@ class LiveIntegrator:
             rate = rotation.rotate(mount.q_bi, read) - of_earth
         return mount.imu_state(initial.state, rate)
 
-    def _step(self, stepper: Stepper, reading: ImuReading) -> Row | None:
+    def _step(self, stepper: Stepper, reading: LiveReading) -> LiveState | None:
         before = stepper.t_ns
         force, rate = stepper.specific_force, stepper.angular_velocity
         if stepper.add(reading.t_ns, reading.gyro, reading.accel):
@@ -192,7 +176,7 @@ class LiveIntegrator:
             sound = self._covariance.is_finite
         return sound and gate.within(stepper.velocity, gate.VELOCITY)
 
-    def _is_usable(self, before: int, reading: ImuReading) -> bool:
+    def _is_usable(self, before: int, reading: LiveReading) -> bool:
         """Report a reading that made no step; return whether its stamp is new."""
         counts, step = self.totals.steps, (reading.t_ns - before) * 1e-9
         if step == 0:
@@ -217,20 +201,20 @@ class LiveIntegrator:
                 "longer valid"
             )
 
-    def _row(self, stepper: Stepper, t_ns: int) -> Row:
-        pose = twist = None
+    def _row(self, stepper: Stepper, t_ns: int) -> LiveState:
         state, rate = (stepper.position, stepper.velocity, stepper.q_wb), stepper.angular_velocity
         if any(self.parameters.earth_rate):
             x, y, z = components.rotate_inverse(stepper.q_wb, self.parameters.earth_rate)
             rate = (rate[0] - x, rate[1] - y, rate[2] - z)
-        body = self._mount.body_motion(state, rate)
-        if self._covariance is not None:
-            self._r_wi = components.to_matrix(stepper.q_wb)
-            pose, twist = self._covariance.message(self._r_wi, stepper.velocity, self.rate)
-            pose = self._mount.pose_covariance(pose, body.q_wb)
-            twist = self._mount.twist_covariance(twist)
-            self._complain_about_attitude(pose)
-        return Row(t_ns, *body, pose, twist)
+        body = self._mount.body_state(t_ns, state, rate)
+        if self._covariance is None:
+            return body
+        self._r_wi = components.to_matrix(stepper.q_wb)
+        pose, twist = self._covariance.message(self._r_wi, stepper.velocity, self.rate)
+        pose = self._mount.pose_covariance(pose, body.q_wb)
+        twist = self._mount.twist_covariance(twist)
+        self._complain_about_attitude(pose)
+        return LiveState(*body[:5], pose, twist)
 
 
 class PathPublisher:
@@ -245,7 +229,7 @@ class PathPublisher:
         self._poses: deque[PoseStamped] = deque(maxlen=kept)
         self._due_ns = 0.0
 
-    def add(self, row: Row) -> None:
+    def add(self, row: LiveState) -> None:
         """Take a state; most are skipped."""
         if self._due_ns - self._interval_ns <= row.t_ns < self._due_ns:
             return

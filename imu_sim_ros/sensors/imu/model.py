@@ -14,6 +14,7 @@ import numpy as np
 from imu_sim_ros import rotation, timebase
 from imu_sim_ros.components import Vector
 from imu_sim_ros.conventions import ERRORS, TRIADS
+from imu_sim_ros.records import LiveReading
 from imu_sim_ros.sensors.declaration import Mounted
 from imu_sim_ros.sensors.deferred import Completed
 from imu_sim_ros.sensors.errors.realised import unit_of_seed
@@ -53,17 +54,6 @@ _LONGEST_LOOK: Final = 3600.0
 _MOST_LOOKS: Final = 100_000
 _LOOKS_AT_ONCE: Final = 8192
 """A run of one block, of as many samples, has its motion sampled once: the world keeps it."""
-
-
-class IdealReading(NamedTuple):
-    """What an IMU without errors reads."""
-
-    t_ns: int
-    """[ns]"""
-    gyro: Vector[float]
-    """[rad/s]"""
-    accel: Vector[float]
-    """[m/s^2]"""
 
 
 class _Ahead(NamedTuple):
@@ -182,7 +172,7 @@ class Imu:
         return self._samples(first, true_t_ns, motion, ideal, temperature, made)
 
     def apply_few(
-        self, times: Sequence[int], readings: Sequence[IdealReading], motion: Motion, world: World
+        self, times: Sequence[int], readings: Sequence[LiveReading], motion: Motion, world: World
     ) -> Samples | None:
         """Return the next samples of a few ideal readings, in numbers: those of :meth:`apply`.
 
@@ -201,7 +191,7 @@ class Imu:
             return None
         of_gyro, of_accel = self._triads
         made = []
-        for (_, gyro, accel), added in zip(readings, ahead.numbers[row:end], strict=True):
+        for (_, gyro, accel, _), added in zip(readings, ahead.numbers[row:end], strict=True):
             made.append(of_gyro.read_numbers(gyro, accel, added[0]))
             made.append(of_accel.read_numbers(accel, accel, added[1]))
         table = np.array([reading for reading, _ in made])
@@ -311,7 +301,7 @@ def _truth(
     made: Sequence[tuple[Vector[float], Vector[float] | None]],
     ahead: _Ahead,
     rows: slice,
-    readings: Sequence[IdealReading],
+    readings: Sequence[LiveReading],
     motion: Motion,
 ) -> Iterator[Any]:
     """Yield all values of a few samples, in the order of ``_VALUES``.

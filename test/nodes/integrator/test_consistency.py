@@ -9,7 +9,7 @@ import pytest
 from imu_sim_ros import rotation
 from imu_sim_ros.navigation.parameters import load_integrator
 from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator
-from imu_sim_ros.nodes.messages import ImuReading, OdometryFields
+from imu_sim_ros.records import LiveReading, LiveState
 from imu_sim_ros.simulation.engine import Body
 from imu_sim_ros.simulation.parameters import load_simulation
 
@@ -42,11 +42,11 @@ def final_errors(seed: int, place: dict[str, list[float]]) -> tuple[float, float
     values = {"initial_state": "truth", **sensor}
     odometer = LiveIntegrator(load_integrator(values), lambda _: None, lambda: False)
     first = (motion.position[0], motion.q_wb[0], velocity_b[0], motion.angular_velocity[0])
-    rows = list(odometer.add_truth(OdometryFields(int(block.t_ns[0]), *map(tuple, first))))
+    rows = list(odometer.add_truth(LiveState(int(block.t_ns[0]), *map(tuple, first))))
     for t_ns, gyro, accel in zip(
         block.t_ns.tolist(), block.gyro.tolist(), block.accel.tolist(), strict=True
     ):
-        rows += odometer.add_reading(ImuReading(t_ns, tuple(gyro), tuple(accel)))
+        rows += odometer.add_reading(LiveReading(t_ns, tuple(gyro), tuple(accel)))
     assert len(rows) == 125
     row = rows[-1]
     turn = rotation.multiply(motion.q_wb[-1], rotation.conjugate(row.q_wb))
@@ -58,7 +58,7 @@ def final_errors(seed: int, place: dict[str, list[float]]) -> tuple[float, float
         ]
     )
     return (
-        float(pose @ np.linalg.solve(row.pose_covariance, pose)),
+        float(pose @ np.linalg.solve(row.covariance, pose)),
         float(twist @ np.linalg.solve(row.twist_covariance, twist)),
     )
 

@@ -11,8 +11,8 @@ from imu_sim_ros.inputs import gate
 from imu_sim_ros.navigation.dead_reckoning import dead_reckon
 from imu_sim_ros.navigation.parameters import load_integrator
 from imu_sim_ros.navigation.state import NavigationState
-from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator, Row
-from imu_sim_ros.nodes.messages import ImuReading, OdometryFields
+from imu_sim_ros.nodes.integrator.odometer import LiveIntegrator
+from imu_sim_ros.records import LiveReading, LiveState
 
 STEP_NS = 5_000_000
 LEVEL = (0.0, 0.0, 9.81)
@@ -28,26 +28,26 @@ class Harness:
         parameters = load_integrator(values)
         self.odometer = LiveIntegrator(parameters, self.complaints.append, lambda: self.new_source)
 
-    def feed(self, readings: list[ImuReading]) -> list[Row]:
+    def feed(self, readings: list[LiveReading]) -> list[LiveState]:
         return [row for reading in readings for row in self.odometer.add_reading(reading)]
 
 
-def readings(count: int, first: int = 0, gyro=STILL, accel=LEVEL) -> list[ImuReading]:
-    return [ImuReading(10**9 + (first + k) * STEP_NS, gyro, accel) for k in range(count)]
+def readings(count: int, first: int = 0, gyro=STILL, accel=LEVEL) -> list[LiveReading]:
+    return [LiveReading(10**9 + (first + k) * STEP_NS, gyro, accel) for k in range(count)]
 
 
-def truth(k: float, x: float = 7.0, velocity=STILL) -> OdometryFields:
-    return OdometryFields(
+def truth(k: float, x: float = 7.0, velocity=STILL) -> LiveState:
+    return LiveState(
         10**9 + round(k * STEP_NS), (x, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), velocity, STILL
     )
 
 
-def turning(count: int) -> list[ImuReading]:
+def turning(count: int) -> list[LiveReading]:
     generator = np.random.default_rng(3)
     gyro, accel = generator.normal(0, 0.5, (2, count, 3))
     accel[:, 2] += 9.81
     return [
-        ImuReading(10**9 + k * STEP_NS, tuple(gyro[k].tolist()), tuple(accel[k].tolist()))
+        LiveReading(10**9 + k * STEP_NS, tuple(gyro[k].tolist()), tuple(accel[k].tolist()))
         for k in range(count)
     ]
 
@@ -192,7 +192,7 @@ def test_the_covariance_of_a_body_at_rest_follows_the_closed_form():
     )
     rows = harness.feed(readings(2001))
     t = 10.0
-    position = rows[-1].pose_covariance
+    position = rows[-1].covariance
     expected = density**2 * t**3 / 3 + walk**2 * t**5 / 20
     # The sums of 2000 steps differ from the integrals by parts of 1/2000.
     np.testing.assert_allclose(np.diag(position)[:3], expected, rtol=3e-3)
@@ -203,7 +203,7 @@ def test_the_covariance_of_a_body_at_rest_follows_the_closed_form():
 
 def test_without_covariance_none_is_given():
     harness = Harness(covariance=False)
-    assert harness.feed(readings(3))[-1].pose_covariance is None
+    assert harness.feed(readings(3))[-1].covariance is None
 
 
 @pytest.mark.parametrize(
@@ -229,5 +229,5 @@ def test_readings_at_the_limits_of_the_gate_are_integrated_to_finite_numbers():
     for row in rows:
         numbers = [row.position, row.velocity_b, row.q_wb, row.angular_velocity_b]
         assert np.isfinite(np.concatenate(numbers)).all()
-        assert np.isfinite(row.pose_covariance).all()
+        assert np.isfinite(row.covariance).all()
         assert np.isfinite(row.twist_covariance).all()
