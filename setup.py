@@ -58,7 +58,12 @@ def long_description() -> str:
     """Return the README without what only a checkout has: its pictures, and links to its files."""
     if not README.exists():
         return ""
-    text = re.sub(r"^!\[[^\]]*\]\([^)]*\)\n\n?", "", README.read_text(encoding="utf-8"), flags=re.M)
+    text = re.sub(
+        r"^(?:!\[[^\]]*\]\([^)]*\)|<picture>.*?</picture>)\n\n?",
+        "",
+        README.read_text(encoding="utf-8"),
+        flags=re.M | re.S,
+    )
     return re.sub(r"\[([^\]]*)\]\((?!https?://)[^)]*\)", r"\1", text)
 
 

@@ -101,6 +101,19 @@ def test_places(run, tmp_path):
     assert image[:240].mean() > image[400:].mean() + 5.0
 
 
+@pytest.mark.slow
+def test_front_page(run, tmp_path):
+    """Both strips have the four panels of the README; the machine hall's image is in colour."""
+    run(EXAMPLES / "front_page.py")
+    light, dark = (plt.imread(tmp_path / f"front_page_{page}.png") for page in ("light", "dark"))
+    assert light.shape == dark.shape == (434, 1820, 4)
+    camera = light[60:400, 20:420, :3]
+    assert 0.2 < camera.mean() < 0.8
+    assert np.ptp(camera, axis=2).max() > 0.3
+    for panel in (light[60:400, 480:880], light[60:400, 1050:1330], light[60:400, 1480:1800]):
+        assert 0.01 < np.mean(panel[..., 3] > 0) < 0.9  # ink on a transparent page
+
+
 def test_town_drive(run, tmp_path):
     """On a slope of 3 percent, 1.72 degrees, at up to 50 km/h; 20 s of 133 s are without a fix."""
     way, lean, wheels = run(EXAMPLES / "town_drive.py").splitlines()
