@@ -12,8 +12,8 @@ from imu_sim_ros.campaigns.results import PLAN, SCENARIO, Row
 from imu_sim_ros.errors import ImuSimError
 from imu_sim_ros.names import shown
 
-_SHOWN: Final = 5
-"""Differences of a scenario that are named."""
+_MAX_DIFFERENCES: Final = 5
+"""Largest number of differing values of a scenario in a message."""
 Key = tuple[str, str]
 """Cell and estimator."""
 
@@ -54,7 +54,7 @@ def identities_of_rows(rows: Sequence[Row]) -> dict[Key, Identity]:
 def differences(
     plan: Plan, identities: Mapping[Key, Identity], path: Path, baseline: Sequence[Row]
 ) -> str:
-    """Return what the scenarios of a baseline have different from a plan's; empty: nothing.
+    """Return the difference between the scenarios of a baseline and of a plan; empty: none.
 
     :param identities: digests of the plan's runs.
     :param path: folder or table of the baseline; the plan next to it tells what differs.
@@ -62,38 +62,38 @@ def differences(
     """
     earlier = identities_of_rows(baseline)
     for key, identity in identities.items():
-        other = earlier.get(key)
-        if other is None:
+        previous = earlier.get(key)
+        if previous is None:
             continue
-        if identity.scenario and other.scenario:
-            alike = identity.scenario == other.scenario
+        if identity.scenario and previous.scenario:
+            equal = identity.scenario == previous.scenario
         else:
-            alike = identity.digest == other.digest
-        if not alike:
+            equal = identity.digest == previous.digest
+        if not equal:
             folder = path if path.is_dir() else path.parent
             return f"{'; '.join(key)}: {_difference(plan, folder / PLAN, key)}"
     return ""
 
 
 def _difference(plan: Plan, path: Path, key: Key) -> str:
-    """Return in words what one group of an earlier plan has different.
+    """Return the values in which one group of an earlier plan differs, as text.
 
     :param path: the earlier plan, which may not be there.
     """
     try:
         earlier = load_plan(path)
-        here, there = _scenario(plan, key), _scenario(earlier, key)
+        values, earlier_values = _scenario(plan, key), _scenario(earlier, key)
     except ImuSimError:
         return f"its digests differ, and no {PLAN} next to it says by what"
     lines = [
-        f"{name} = {shown(there.get(name))} there and {shown(here.get(name))} here"
-        for name in dict.fromkeys([*here, *there])
-        if here.get(name) != there.get(name)
+        f"{name} = {shown(earlier_values.get(name))} there and {shown(values.get(name))} here"
+        for name in dict.fromkeys([*values, *earlier_values])
+        if values.get(name) != earlier_values.get(name)
     ]
-    more = f" and {len(lines) - _SHOWN} more" if len(lines) > _SHOWN else ""
+    suffix = f" and {len(lines) - _MAX_DIFFERENCES} more" if len(lines) > _MAX_DIFFERENCES else ""
     if not lines:
         return f"its digests differ, and the {PLAN} next to it does not: a file may have changed"
-    return f"{', '.join(lines[:_SHOWN])}{more}"
+    return f"{', '.join(lines[:_MAX_DIFFERENCES])}{suffix}"
 
 
 def _scenario(plan: Plan, key: Key) -> dict[str, object]:
@@ -105,7 +105,7 @@ def _scenario(plan: Plan, key: Key) -> dict[str, object]:
     return plan.scenario_values(plan.simulation(cell), estimator)
 
 
-def other_plan(path: Path, difference: str) -> str:
+def plan_mismatch(path: Path, difference: str) -> str:
     """Return the problem of a baseline of another plan."""
     return (
         f"--baseline {path}: is of another plan: {difference}; --baseline-anyway compares with it "

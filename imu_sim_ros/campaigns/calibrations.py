@@ -48,24 +48,30 @@ def run_calibration(cell: SimulatedCell, estimator: CalibrationEstimator, seed: 
 
 
 def _blocks(cell: SimulatedCell, seed: int) -> Iterator[Readings]:
-    for read in cell.simulation(seed).windows(_BLOCK):
-        yield Readings(*delivered(read[IMU]))
+    for window in cell.simulation(seed).windows(_BLOCK):
+        yield Readings(*delivered(window[IMU]))
 
 
 def _allan(blocks: Iterator[Readings], parameters: SimulationParameters, model: str) -> Metrics:
-    result = analyse([blocks], model=model)
-    found: Metrics = {}
-    compared = truth.compare(result, realised_imu(parameters.imu, parameters.seed))
+    analysis = analyse([blocks], model=model)
+    metrics: Metrics = {}
+    comparisons = truth.compare(analysis, realised_imu(parameters.imu, parameters.seed))
     for key in NOISE:
         for number, triad in enumerate(TRIADS):
-            axes = [one for one in compared if one.key == key and one.axis // 3 == number]
+            axes = [
+                comparison
+                for comparison in comparisons
+                if comparison.key == key and comparison.axis // 3 == number
+            ]
             ratios = [
-                one.estimate.value / one.truth for one in axes if one.estimate.value and one.truth
+                comparison.estimate.value / comparison.truth
+                for comparison in axes
+                if comparison.estimate.value and comparison.truth
             ]
             name = f"{triad}_{key}"
-            found[f"{name}_ratio"] = float(np.mean(ratios)) if ratios else None
-            found[f"{name}_covered"] = float(np.mean([a.covered for a in axes])) if axes else None
-    return found
+            metrics[f"{name}_ratio"] = float(np.mean(ratios)) if ratios else None
+            metrics[f"{name}_covered"] = float(np.mean([a.covered for a in axes])) if axes else None
+    return metrics
 
 
 def _deterministic(cell: SimulatedCell, parameters: SimulationParameters, kind: str) -> Metrics:
@@ -84,9 +90,9 @@ def _deterministic(cell: SimulatedCell, parameters: SimulationParameters, kind: 
         values = correction.turntable_parameters(table)
     else:
         steady, rate = _steady(block, rotating=False)
-        at = temperatures_at(steady, block.true_t_ns, block.temperature)
+        temperatures = temperatures_at(steady, block.true_t_ns, block.temperature)
         force = specific_force(steady, gravity)
-        soak = calibrate_temperature(steady, at, rate, force, imu.reference_temperature)
+        soak = calibrate_temperature(steady, temperatures, rate, force, imu.reference_temperature)
         values = correction.temperature_parameters(soak)
     truth = correction.true_parameters(imu, values)
     if by_norm:
@@ -101,16 +107,18 @@ def _steady(block: Samples, *, rotating: bool) -> tuple[Steady, Array]:
 
 
 def _deviations(values: correction.Parameters, truth: dict[str, Array]) -> Metrics:
-    found: Metrics = {}
+    metrics: Metrics = {}
     for name in (*CALIBRATED, *THERMAL):
         if name in values:
             value, sigma = (np.asarray(part, dtype=np.float64) for part in values[name])
             error = value - truth[name][: len(value)]
-            known = sigma > 0.0
+            has_sigma = sigma > 0.0
             if name in CALIBRATED:
-                found[f"{name}_error"] = _rms(error)
-            found[f"{name}_sigmas"] = _rms(error[known] / sigma[known]) if known.any() else None
-    return found
+                metrics[f"{name}_error"] = _rms(error)
+            metrics[f"{name}_sigmas"] = (
+                _rms(error[has_sigma] / sigma[has_sigma]) if has_sigma.any() else None
+            )
+    return metrics
 
 
 def _rms(values: Array) -> float:

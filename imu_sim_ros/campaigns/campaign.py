@@ -34,11 +34,11 @@ from imu_sim_ros.campaigns.results import (
     replaced,
     write_tables,
 )
-from imu_sim_ros.campaigns.summary import groups, summary_rows
+from imu_sim_ros.campaigns.summary import group_runs, summary_rows
 from imu_sim_ros.json_text import as_json
 
 _BUILT_IN_BATCH: Final = 50
-"""Seeds in a task: large enough that a cell's covariance is rarely computed (30 us a sample)."""
+"""Seeds in a task: large enough that the covariance of a cell is rarely computed again."""
 _RECORDS: Final = 5
 """Seeds in a task of calibrations, whose records are long."""
 
@@ -51,7 +51,7 @@ class Outcome(NamedTuple):
 
     rows: list[Row]
     """All existing runs of the plan, ordered by cell, seed and estimator."""
-    new: int
+    executed: int
     """Runs executed now; the others existed before."""
 
 
@@ -59,33 +59,37 @@ def columns(plan: Plan) -> list[str]:
     """Return the columns of the results."""
     identity = ["cell", "seed", "estimator", "status"]
     names = [*identity, *plan.grid_names, *plan.metrics]
-    paths = [one for one in plan.estimators.values() if isinstance(one, TrajectoryEstimator)]
+    paths = [
+        estimator
+        for estimator in plan.estimators.values()
+        if isinstance(estimator, TrajectoryEstimator)
+    ]
     if len(paths) > 1:
         names.append(COMMON_TIME)
-    if any(isinstance(one, CommandEstimator) for one in paths):
+    if any(isinstance(estimator, CommandEstimator) for estimator in paths):
         names.append(FINDINGS)
     return [*names, "align", SCENARIO, "digest", "version"]
 
 
 def batch_size(plan: Plan) -> int:
     """Return how many seeds a task has."""
-    if any(isinstance(one, CommandEstimator) for one in plan.estimators.values()):
+    if any(isinstance(estimator, CommandEstimator) for estimator in plan.estimators.values()):
         return 1
-    if any(isinstance(one, CalibrationEstimator) for one in plan.estimators.values()):
+    if any(isinstance(estimator, CalibrationEstimator) for estimator in plan.estimators.values()):
         return min(_RECORDS, len(plan.seeds))
     return min(_BUILT_IN_BATCH, len(plan.seeds))
 
 
 def tasks(
     plan: Plan,
-    there: set[Key],
+    finished: set[Key],
     batch: int,
     digests_of: Digests | None = None,
     first_batch: int | None = None,
 ) -> Iterator[Task]:
     """Yield the runs that are still to be made.
 
-    :param there: the runs that need not be made.
+    :param finished: the runs that need not be made.
     :param batch: seeds in a task.
     :param digests_of: by cell, as :func:`digests_by_cell` returns it.
     :param first_batch: seeds in the first task, from which they double; None: ``batch``.
@@ -99,29 +103,29 @@ def tasks(
             names = tuple(
                 name
                 for name in plan.estimators
-                if (digests[name], seed, name, cell.name) not in there
+                if (digests[name], seed, name, cell.name) not in finished
             )
             if names:
                 missing.setdefault(names, []).append(seed)
         for names, seeds in missing.items():
-            first = 0
-            while first < len(seeds):
-                yield Task(cell, tuple(seeds[first : first + size]), names)
-                first, size = first + size, min(2 * size, batch)
+            start = 0
+            while start < len(seeds):
+                yield Task(cell, tuple(seeds[start : start + size]), names)
+                start, size = start + size, min(2 * size, batch)
 
 
 def digests_by_cell(plan: Plan) -> Digests:
     """Return a function of a cell that returns the digest of each estimator.
 
-    A cell's parameters take some 6 ms to build: each is built once.
+    The parameters of each cell are built once.
     """
-    known: dict[int, dict[str, str]] = {}
+    cache: dict[int, dict[str, str]] = {}
 
     def digests_of(cell: Cell) -> dict[str, str]:
-        if cell.number not in known:
+        if cell.number not in cache:
             parameters = plan.simulation(cell)
-            known[cell.number] = {n: plan.digest(parameters, n) for n in plan.estimators}
-        return known[cell.number]
+            cache[cell.number] = {n: plan.digest(parameters, n) for n in plan.estimators}
+        return cache[cell.number]
 
     return digests_of
 
@@ -143,20 +147,20 @@ def run(
     :param retry_failed: repeat runs that failed before.
     :param batch: seeds in a task; None: chosen by the estimators.
     """
-    there = {
+    finished = {
         key_of(row)
         for row in store.rows()
         if not (retry_failed and str(row["status"]).startswith("failed"))
     }
-    new, interrupted, digests_of = 0, False, digests_by_cell(plan)
+    executed, interrupted, digests_of = 0, False, digests_by_cell(plan)
     try:
-        # The first runs tell soon how long all of them take.
+        # A first batch of one seed soon shows how long the campaign takes.
         size = (batch, digests_of) if batch else (batch_size(plan), digests_of, 1)
-        todo = tasks(plan, there, *size)
+        todo = tasks(plan, finished, *size)
         with closing(start(plan, todo, store.folder)) as batches:
             for rows in batches:
                 store.append(rows)
-                new += len(rows)
+                executed += len(rows)
                 advance(rows)
     except KeyboardInterrupt:
         interrupted = True
@@ -166,11 +170,11 @@ def run(
         if rows or not interrupted:  # without a run there is nothing to continue from
             write_tables(store.folder, rows, columns(plan), plan.metrics, not interrupted)
             write_versions(store.folder)
-        if interrupted:  # nobody waits for the statistics of a part; earlier ones are out of date
+        if interrupted:  # statistics of a part are not needed; earlier ones are out of date
             (store.folder / SUMMARY).unlink(missing_ok=True)
         else:
             write_summary(store.folder, plan, rows)
-    return Outcome(rows, new)
+    return Outcome(rows, executed)
 
 
 def collect(plan: Plan, store: Store, digests_of: Digests | None = None) -> list[Row]:
@@ -179,31 +183,31 @@ def collect(plan: Plan, store: Store, digests_of: Digests | None = None) -> list
     :param digests_of: by cell, as :func:`digests_by_cell` returns it.
     """
     digests_of = digests_of or digests_by_cell(plan)
-    begun = {row["cell"] for row in store.rows()}
-    wanted: dict[Key, int] = {}
+    started = {row["cell"] for row in store.rows()}
+    order: dict[Key, int] = {}
     for cell in plan.cells():
-        if not begun:
+        if not started:
             break
-        if cell.name not in begun:
+        if cell.name not in started:
             continue
-        begun.remove(cell.name)
+        started.remove(cell.name)
         digests = digests_of(cell)
         for position, seed in enumerate(plan.seeds):
             for k, name in enumerate(plan.estimators):
                 number = (cell.number * len(plan.seeds) + position) * len(plan.estimators) + k
-                wanted[digests[name], seed, name, cell.name] = number
-    found: dict[Key, Row] = {}
+                order[digests[name], seed, name, cell.name] = number
+    latest_rows: dict[Key, Row] = {}
     for row in store.rows():
         key = key_of(row)
         # A run that was repeated after a failure counts with its last result.
-        if key in wanted:
-            found[key] = row
-    return [found[key] for key in sorted(found, key=lambda key: wanted[key])]
+        if key in order:
+            latest_rows[key] = row
+    return [latest_rows[key] for key in sorted(latest_rows, key=lambda key: order[key])]
 
 
 def write_summary(folder: Path, plan: Plan, rows: Sequence[Row]) -> Path:
     """Write ``summary.csv``: a row for each cell and estimator."""
-    table = summary_rows(groups(rows, plan.grid_names), plan.metrics)
+    table = summary_rows(group_runs(rows, plan.grid_names), plan.metrics)
     names = list(dict.fromkeys(name for row in table for name in row))
     path = folder / SUMMARY
     with replaced(path) as part, part.open("w", encoding="utf-8", newline="") as file:
@@ -230,22 +234,22 @@ def write_versions(folder: Path) -> Path:
 class Tally:
     """Progress of a campaign, for display."""
 
-    def __init__(self, plan: Plan, there: int = 0) -> None:
+    def __init__(self, plan: Plan, finished: int = 0) -> None:
         """Begin to count.
 
-        :param there: runs that exist.
+        :param finished: number of runs that exist.
         """
-        self._runs, self._all, self._failed = there, plan.run_count, 0
+        self._runs, self._all, self._failed = finished, plan.run_count, 0
 
     def add(self, rows: Sequence[Row]) -> str:
         """Return the counts of runs and failures, and the latest cell."""
         self._runs += len(rows)
         self._failed += sum(row["status"] != "done" for row in rows)
-        words = f"{self._runs:,} of {self._all:,} runs"
+        text = f"{self._runs:,} of {self._all:,} runs"
         if self._failed:
-            words += f", {self._failed:,} failed"
+            text += f", {self._failed:,} failed"
         latest = str(rows[-1]["cell"]) if rows else "all"
-        return words if latest == "all" else f"{words}; {latest}"
+        return text if latest == "all" else f"{text}; {latest}"
 
 
 def seconds_of_all_runs(plan: Plan) -> float | None:
@@ -255,7 +259,7 @@ def seconds_of_all_runs(plan: Plan) -> float | None:
 
     :raises ImuSimError: if the first cell cannot be simulated.
     """
-    if any(isinstance(one, CommandEstimator) for one in plan.estimators.values()):
+    if any(isinstance(estimator, CommandEstimator) for estimator in plan.estimators.values()):
         return None
     from imu_sim_ros.campaigns.runs import CellRuns
 
@@ -264,10 +268,10 @@ def seconds_of_all_runs(plan: Plan) -> float | None:
         return runs
 
     cell = next(plan.cells())
-    run(CellRuns(plan, cell))  # loads what it needs
+    run(CellRuns(plan, cell))  # imports modules and fills caches
     began = time.process_time()
     runs = run(CellRuns(plan, cell))
-    first = time.process_time() - began
+    first_run_s = time.process_time() - began
     run(runs)
-    one = time.process_time() - began - first
-    return cell_count(plan.axes) * (max(first - one, 0.0) + len(plan.seeds) * one)
+    run_s = time.process_time() - began - first_run_s
+    return cell_count(plan.axes) * (max(first_run_s - run_s, 0.0) + len(plan.seeds) * run_s)

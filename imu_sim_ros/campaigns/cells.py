@@ -49,44 +49,46 @@ class Cell(NamedTuple):
 
     number: int
     values: dict[str, object]
-    """By the names of the grid, as the results show them."""
+    """Values by name of the grid, as they appear in the results."""
 
     @property
     def name(self) -> str:
-        """The cell in words: ``imu=bmi088, trajectory=circle``."""
-        return ", ".join(f"{name}={word(value)}" for name, value in self.values.items()) or "all"
+        """Name of the cell: ``imu=bmi088, trajectory=circle``."""
+        return (
+            ", ".join(f"{name}={value_text(value)}" for name, value in self.values.items()) or "all"
+        )
 
     def layer(self) -> Layer:
         """Return the parameters that the values represent."""
-        return expanded(self.values)
+        return expand_names(self.values)
 
 
-def expanded(values: Mapping[str, object]) -> Layer:
+def expand_names(values: Mapping[str, object]) -> Layer:
     """Return parameters with :data:`SHORT` names replaced by their full names."""
-    result: Layer = {}
+    layer: Layer = {}
     for name, value in values.items():
         if name == "imu":
-            result["imu.preset"] = value
+            layer["imu.preset"] = value
         elif name == "trajectory":
-            result.update(trajectory_layer(str(value)))
+            layer.update(trajectory_layer(str(value)))
         elif name == "scene":
             from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
 
-            result.update(scene_layer(str(value)))
+            layer.update(scene_layer(str(value)))
         elif name in ("camera", *named_sensors()):
             presets = value if isinstance(value, list) else [value]
-            result = joined(result, named(name, presets))
+            layer = joined(layer, named(name, presets))
         else:
-            result[name] = value
-    return result
+            layer[name] = value
+    return layer
 
 
-def word(value: object) -> str:
-    """Return a value as tables, files and names of cells show it."""
+def value_text(value: object) -> str:
+    """Return a value as text for tables, files and names of cells."""
     if isinstance(value, float):
         return f"{value:.9g}"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(word(entry) for entry in value) + "]"
+        return "[" + ", ".join(value_text(entry) for entry in value) + "]"
     return str(value)
 
 
@@ -133,8 +135,8 @@ def _axis(name: str, content: object) -> Axis:
         lists = {str(key): _values(f"{where}.zip.{key}", v) for key, v in columns.items()}
         lengths = {len(values) for values in lists.values()}
         if len(lengths) != 1:
-            found = ", ".join(f"{key} {len(values)}" for key, values in lists.items())
-            raise ConfigurationError(f"{where}.zip: lists must be equally long: {found}")
+            counts = ", ".join(f"{key} {len(values)}" for key, values in lists.items())
+            raise ConfigurationError(f"{where}.zip: lists must be equally long: {counts}")
         rows = tuple(zip(*lists.values(), strict=True))
         _refuse_repeated(f"{where}.zip", rows)
         return Axis(tuple(lists), rows)
@@ -146,10 +148,10 @@ def _axis(name: str, content: object) -> Axis:
 
 
 def _refuse_repeated(where: str, values: Sequence[object]) -> None:
-    counts = Counter(word(value) for value in values)
-    twice = sorted(value for value, count in counts.items() if count > 1)
-    if twice:
-        raise ConfigurationError(f"{where}: {', '.join(twice)}: given twice")
+    counts = Counter(value_text(value) for value in values)
+    duplicates = sorted(value for value, count in counts.items() if count > 1)
+    if duplicates:
+        raise ConfigurationError(f"{where}: {', '.join(duplicates)}: given twice")
 
 
 def _values(where: str, content: object) -> list[object]:
@@ -158,10 +160,10 @@ def _values(where: str, content: object) -> list[object]:
         if kind in ("range", "log_range"):
             return list(_spaced(f"{where}.{kind}", kind == "log_range", limits))
     if isinstance(content, list) and content:
-        found = [tuple(entry) if isinstance(entry, list) else entry for entry in content]
-        if any(isinstance(value, Mapping) or value is None for value in found):
+        values = [tuple(entry) if isinstance(entry, list) else entry for entry in content]
+        if any(isinstance(value, Mapping) or value is None for value in values):
             raise ConfigurationError(f"{where} = {shown(content)}: must hold plain values")
-        return found
+        return values
     raise ConfigurationError(
         f"{where} = {shown(content)}: must be a list of values, {{range: [first, last, count]}}, "
         "{log_range: [first, last, count]} or {zip: {name: values, ...}}"
@@ -169,22 +171,22 @@ def _values(where: str, content: object) -> list[object]:
 
 
 def _spaced(where: str, logarithmic: bool, limits: Any) -> list[float]:
-    low = "two numbers above 0" if logarithmic else "two finite numbers"
-    wrong = ConfigurationError(
-        f"{where} = {shown(limits)}: must be [first, last, count]: {low}, "
+    limits_text = "two numbers above 0" if logarithmic else "two finite numbers"
+    error = ConfigurationError(
+        f"{where} = {shown(limits)}: must be [first, last, count]: {limits_text}, "
         f"and a count of 2 to {_LARGEST_AXIS}"
     )
     if not isinstance(limits, list) or len(limits) != 3:
-        raise wrong
+        raise error
     if any(isinstance(entry, bool) or not isinstance(entry, int | float) for entry in limits):
-        raise wrong
-    first, last, count = limits
-    if not (math.isfinite(first) and math.isfinite(last) and math.isfinite(count)):
-        raise wrong
-    if count != int(count) or not 2 <= count <= _LARGEST_AXIS or first == last:
-        raise wrong
-    if logarithmic and not (first > 0 and last > 0):
-        raise wrong
+        raise error
+    start, stop, count = limits
+    if not (math.isfinite(start) and math.isfinite(stop) and math.isfinite(count)):
+        raise error
+    if count != int(count) or not 2 <= count <= _LARGEST_AXIS or start == stop:
+        raise error
+    if logarithmic and not (start > 0 and stop > 0):
+        raise error
     space = np.geomspace if logarithmic else np.linspace
     # Twelve digits: the grid's values appear in tables and file names.
-    return [float(f"{value:.12g}") for value in space(first, last, int(count))]
+    return [float(f"{value:.12g}") for value in space(start, stop, int(count))]

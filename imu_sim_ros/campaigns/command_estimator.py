@@ -50,16 +50,16 @@ _POLL: Final = 0.2
 """[s] Period of checking the folder's size; the program's end is noticed at once."""
 _PR_SET_PDEATHSIG: Final = 1
 _PR_SET_CHILD_SUBREAPER: Final = 36
-_ONE_AT_A_TIME: Final = threading.Lock()
-"""Orphans do not say whose they are: in a worker of several threads one program runs at a time."""
+_PROGRAM_LOCK: Final = threading.Lock()
+"""Held while a program runs: its orphans cannot be told from those of a second program."""
 _ESTIMATE: Final = {"tum": "estimate.txt", "euroc": "estimate.csv", "bag": "estimate"}
 
 
 class ProgramEnd(NamedTuple):
-    """How a program ended."""
+    """Exit of a program, with its time and memory."""
 
     status: int | None
-    """Exit status, negative for a signal; None: it was killed for ``reason``."""
+    """Exit status, negative for a signal; None: the program was killed for ``reason``."""
     reason: str
     wall_s: float
     peak_memory_mb: float
@@ -87,18 +87,18 @@ def run_command(
     failed, metrics = True, outcome.metrics
     try:
         run_folder.mkdir(parents=True)
-        words = _words(cell, estimator, seed, run_folder)
+        command = _command(cell, estimator, seed, run_folder)
         if not estimator.shell:
             variables = cell.plan.environment.get(name, {})
-            words[0] = program(cell.plan, words[0], variables.get("PATH")) or words[0]
-        end = _run(words, estimator, cell.plan.environment.get(name, {}), run_folder)
+            command[0] = program(cell.plan, command[0], variables.get("PATH")) or command[0]
+        end = _run(command, estimator, cell.plan.environment.get(name, {}), run_folder)
         metrics["wall_s"] = end.wall_s
         metrics["peak_memory_mb"] = end.peak_memory_mb
         if end.reason or end.status != 0:
-            metrics.update(_left_behind(estimator, block, run_folder))
-            raise InputError(end.reason or f"{_ended(end.status)}{_last_line(run_folder)}")
+            metrics.update(_partial_coverage(estimator, block, run_folder))
+            raise InputError(end.reason or f"{_status_text(end.status)}{_last_line(run_folder)}")
         _compare(cell, estimator, str(cell.plan.alignment(name)), block, run_folder, outcome)
-        metrics.update(_own_metrics(cell.plan.own, run_folder / METRICS))
+        metrics.update(_custom_metrics(cell.plan.custom_metrics, run_folder / METRICS))
         metrics["real_time_factor"] = _duration(block) / max(end.wall_s, 1e-9)
         check(metrics, cell.plan.options.diverged_above, estimator)
         failed = False
@@ -115,12 +115,12 @@ def _duration(block: Samples) -> float:
     return float(block.true_t_ns[-1] - block.true_t_ns[0]) * 1e-9
 
 
-def _words(
+def _command(
     cell: SimulatedCell, estimator: CommandEstimator, seed: int, run_folder: Path
 ) -> list[str]:
-    """Write the files that the command refers to; return its words with all placeholders filled."""
+    """Write the files that the command refers to; return its arguments, placeholders filled."""
 
-    wanted = set(re.findall(r"{(\w+)}", estimator.command))
+    placeholders = set(re.findall(r"{(\w+)}", estimator.command))
     values = {
         "folder": str(run_folder),
         "seed": str(seed),
@@ -131,43 +131,43 @@ def _words(
         "dataset": "",
         "config": "",
     }
-    if "dataset" in wanted:
+    if "dataset" in placeholders:
         values["dataset"] = str(write_dataset(cell, estimator.dataset, seed, run_folder))
-    if "config" in wanted:
+    if "config" in placeholders:
         values["config"] = str(write_config(cell, seed, run_folder))
 
-    def fill(word: str, quote: bool) -> str:
+    def fill(template: str, quote: bool) -> str:
         return re.sub(
             r"{(\w+)}",
             lambda match: shlex.quote(values[match[1]]) if quote else values[match[1]],
-            word,
+            template,
         )
 
     if estimator.shell:
         return ["/bin/sh", "-c", fill(estimator.command, quote=True)]
-    return [fill(word, quote=False) for word in shlex.split(estimator.command)]
+    return [fill(template, quote=False) for template in shlex.split(estimator.command)]
 
 
 def _run(
-    words: Sequence[str], estimator: CommandEstimator, variables: dict[str, str], run_folder: Path
+    command: Sequence[str], estimator: CommandEstimator, variables: dict[str, str], run_folder: Path
 ) -> ProgramEnd:
     """Run a program to its end and remove everything that it leaves running."""
-    with _ONE_AT_A_TIME:
-        return _run_alone(words, estimator, variables, run_folder)
+    with _PROGRAM_LOCK:
+        return _run_locked(command, estimator, variables, run_folder)
 
 
-def _run_alone(
-    words: Sequence[str], estimator: CommandEstimator, variables: dict[str, str], run_folder: Path
+def _run_locked(
+    command: Sequence[str], estimator: CommandEstimator, variables: dict[str, str], run_folder: Path
 ) -> ProgramEnd:
-    others, worker = _children(), os.getpid()
+    earlier_children, worker = _children(), os.getpid()
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
     started, memory = time.monotonic(), _PeakMemory()
     with (run_folder / OUTPUT).open("wb") as output:
         try:
             process = subprocess.Popen(
-                words,
+                command,
                 cwd=run_folder,
-                env=_environment(variables, words),
+                env=_environment(variables, command),
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=subprocess.STDOUT,
@@ -175,29 +175,33 @@ def _run_alone(
                 preexec_fn=lambda: _begin_program(estimator, worker),
             )
         except (OSError, ValueError, subprocess.SubprocessError) as error:
-            raise InputError(f"{words[0] if words else ''}: cannot be started: {error}") from None
+            raise InputError(
+                f"{command[0] if command else ''}: cannot be started: {error}"
+            ) from None
     try:
         status, reason, peak = _wait(process, estimator, run_folder, started, memory)
     finally:
-        _kill_all(process.pid, others)
+        _kill_all(process.pid, earlier_children)
     return ProgramEnd(status, reason, time.monotonic() - started, peak)
 
 
-def _environment(variables: dict[str, str], words: Sequence[str]) -> dict[str, str]:
-    """Return a program's environment: this one's; for others without this Python's variables."""
-    if words[:1] == [sys.executable]:
+def _environment(variables: dict[str, str], command: Sequence[str]) -> dict[str, str]:
+    """Return the environment of a program: without the variables of this Python for other ones."""
+    if command[:1] == [sys.executable]:
         return {**os.environ, **variables}
-    own = ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "PYTHONPATH", "PYTHONHOME")
-    kept = {name: value for name, value in os.environ.items() if name not in own}
+    python_variables = ("_ROS_WHEELS_BOOTSTRAP_COMPLETE", "PYTHONPATH", "PYTHONHOME")
+    environment = {
+        name: value for name, value in os.environ.items() if name not in python_variables
+    }
     if "_ROS_WHEELS_BOOTSTRAP_COMPLETE" in os.environ:
-        kept.pop("LD_LIBRARY_PATH", None)
-    return {**kept, **variables}
+        environment.pop("LD_LIBRARY_PATH", None)
+    return {**environment, **variables}
 
 
 def _begin_program(estimator: CommandEstimator, worker: int) -> None:
     """Set the limits of the program, in its process before it begins."""
     _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    if os.getppid() != worker:  # it died before
+    if os.getppid() != worker:  # the worker died before this call
         os._exit(1)
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     largest = int(estimator.disk_limit)
@@ -217,9 +221,9 @@ def _wait(
 ) -> tuple[int | None, str, float]:
     """Wait for the program's end; return status, why it was ended, and its peak memory [MB]."""
     deadline = started + estimator.timeout
-    pause, look = 0.001, started + _POLL
+    pause, next_check = 0.001, started + _POLL
     while True:
-        memory.look(process.pid)
+        memory.update(process.pid)
         pid, status, usage = os.wait4(process.pid, os.WNOHANG)
         if pid:
             process.returncode = os.waitstatus_to_exitcode(status)
@@ -227,51 +231,51 @@ def _wait(
             full = process.returncode == -signal.SIGXFSZ or (
                 process.returncode != 0 and _size(run_folder) >= estimator.disk_limit
             )
-            reason = _too_much(estimator) if full else ""
-            return process.returncode, reason, memory.at_end(usage)
-        now = time.monotonic()
-        if now >= deadline:
-            return None, f"did not finish within {estimator.timeout:g} s", _killed(process, memory)
-        if now >= look:
-            look = now + _POLL
+            reason = _disk_problem(estimator) if full else ""
+            return process.returncode, reason, memory.final(usage)
+        time_s = time.monotonic()
+        if time_s >= deadline:
+            return None, f"did not finish within {estimator.timeout:g} s", _kill(process, memory)
+        if time_s >= next_check:
+            next_check = time_s + _POLL
             if _size(run_folder) > estimator.disk_limit:
-                return None, _too_much(estimator), _killed(process, memory)
-        time.sleep(min(pause, max(deadline - now, 0.0)))
+                return None, _disk_problem(estimator), _kill(process, memory)
+        time.sleep(min(pause, max(deadline - time_s, 0.0)))
         pause = min(pause * 1.5, 0.05)
 
 
-def _killed(process: "subprocess.Popen[bytes]", memory: "_PeakMemory") -> float:
+def _kill(process: "subprocess.Popen[bytes]", memory: "_PeakMemory") -> float:
     """Kill a program; return its peak memory [MB]."""
     # process.kill() would take the status of one that has ended.
     os.kill(process.pid, signal.SIGKILL)
     _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
-    return memory.at_end(usage)
+    return memory.final(usage)
 
 
 class _PeakMemory:
-    """The largest resident memory [MiB] of a program, or of one that it started.
+    """Largest resident memory [MiB] of a program, or of one that it started.
 
     ``ru_maxrss`` of a program also counts what this process held when it forked: ``execve`` keeps
     the mark (Linux, ``setmax_mm_hiwater_rss`` in ``fs/exec.c``). Above that mark it is exact;
-    below it, the largest ``VmHWM`` seen while the program ran is taken.
+    below it, the largest ``VmHWM`` observed while the program ran is taken.
     """
 
     def __init__(self) -> None:
         self._inherited = _status_mib("self", "VmRSS")
-        self._seen = 0.0
+        self._peak = 0.0
 
-    def look(self, pid: int) -> None:
-        """Take the marks of a running program and of its descendants."""
-        self._seen = max(self._seen, _status_mib(pid, "VmHWM"))
+    def update(self, pid: int) -> None:
+        """Update the peak from a running program and its descendants."""
+        self._peak = max(self._peak, _status_mib(pid, "VmHWM"))
         for child in _children(pid):
-            self.look(child)
+            self.update(child)
 
-    def at_end(self, usage: resource.struct_rusage) -> float:
-        """Return the peak of a program that has ended."""
+    def final(self, usage: resource.struct_rusage) -> float:
+        """Return the peak of a program that has ended [MiB]."""
         # In KiB on Linux, in bytes on macOS (getrusage(2)).
         peak = float(usage.ru_maxrss) / (1024.0**2 if sys.platform == "darwin" else 1024.0)
-        return self._seen if self._seen and peak <= self._inherited else peak
+        return self._peak if self._peak and peak <= self._inherited else peak
 
 
 def _status_mib(pid: int | str, name: str) -> float:
@@ -283,7 +287,7 @@ def _status_mib(pid: int | str, name: str) -> float:
     return 0.0
 
 
-def _too_much(estimator: CommandEstimator) -> str:
+def _disk_problem(estimator: CommandEstimator) -> str:
     return f"more than {estimator.disk_limit:g} bytes written"
 
 
@@ -304,7 +308,7 @@ def _libc() -> ctypes.CDLL:
 def _prctl(option: int, value: int) -> None:
     """Set an attribute of this process on Linux; other systems have none of them.
 
-    There a program's process group is killed with it, and an orphan that left the group is not.
+    Elsewhere the process group of a program is killed with it, but not orphans that left the group.
     """
     with contextlib.suppress(AttributeError):
         _libc().prctl(option, value, 0, 0, 0)
@@ -318,20 +322,20 @@ def end_programs() -> None:
     _kill_children(set())
 
 
-def _kill_all(group: int, others: set[int]) -> None:
-    """Kill a process group and every orphan of it, and take their exit statuses.
+def _kill_all(group: int, earlier_children: set[int]) -> None:
+    """Kill a process group and its orphans, and take their exit statuses.
 
-    :param others: children that this process had before.
+    :param earlier_children: children of this process before the group was started.
     """
     with contextlib.suppress(OSError):
         os.killpg(group, signal.SIGKILL)
-    _kill_children(others)
+    _kill_children(earlier_children)
 
 
-def _kill_children(others: set[int]) -> None:
-    """Kill all children but some until there are none, and take their exit statuses."""
+def _kill_children(earlier_children: set[int]) -> None:
+    """Kill all children but the earlier ones until there are none; take their exit statuses."""
     for _ in range(1000):
-        children = _children() - others
+        children = _children() - earlier_children
         if not children:
             return
         for pid in children:
@@ -343,16 +347,16 @@ def _kill_children(others: set[int]) -> None:
 
 
 def _children(pid: int | str = "self") -> set[int]:
-    """Return the child processes of one; none if the system does not list them."""
-    tasks, found = Path(f"/proc/{pid}/task"), set[int]()
+    """Return the child processes of a process; none if the system does not list them."""
+    tasks, children = Path(f"/proc/{pid}/task"), set[int]()
     with contextlib.suppress(OSError):  # it may end at any moment, and each of its threads
         for task in os.listdir(tasks):
             with contextlib.suppress(OSError):
-                found.update(map(int, (tasks / task / "children").read_text().split()))
-    return found
+                children.update(map(int, (tasks / task / "children").read_text().split()))
+    return children
 
 
-def _ended(status: int | None) -> str:
+def _status_text(status: int | None) -> str:
     if status is not None and status < 0:
         with contextlib.suppress(ValueError):
             return f"ended by {signal.Signals(-status).name}"
@@ -367,24 +371,26 @@ def _last_line(run_folder: Path) -> str:
             lines = file.read().decode("utf-8", "replace").split("\n")
     except OSError:
         return ""
-    words = [line.strip() for line in lines if line.strip()]
-    printable = "".join(c if c.isprintable() else "?" for c in words[-1]) if words else ""
+    printed_lines = [line.strip() for line in lines if line.strip()]
+    printable = (
+        "".join(c if c.isprintable() else "?" for c in printed_lines[-1]) if printed_lines else ""
+    )
     return f": {printable[:160]}" if printable else ""
 
 
-def _own_metrics(names: Collection[str], path: Path) -> Metrics:
-    """Return the plan's own metrics, of those that the program wrote."""
+def _custom_metrics(names: Collection[str], path: Path) -> Metrics:
+    """Return the plan's own metrics that the program wrote."""
     if not names or not os.path.lexists(path):
         return {}
     with open_regular(path) as file:
         text = file.read(_LARGEST_METRICS)
     try:
-        found = json.loads(text)
+        content = json.loads(text)
     except (ValueError, RecursionError):
         raise InputError(f"{METRICS}: must hold a JSON object of names and numbers") from None
     metrics: Metrics = {}
     for name in names:
-        value = found.get(name) if isinstance(found, dict) else None
+        value = content.get(name) if isinstance(content, dict) else None
         number = isinstance(value, int | float) and not isinstance(value, bool)
         if value is not None and not (number and abs(value) <= sys.float_info.max):
             raise InputError(f"{METRICS}: {name} = {shown(value)}: must be a finite number")
@@ -392,21 +398,21 @@ def _own_metrics(names: Collection[str], path: Path) -> Metrics:
     return metrics
 
 
-def _written(estimator: CommandEstimator, run_folder: Path) -> Path | None:
+def _estimate_path(estimator: CommandEstimator, run_folder: Path) -> Path | None:
     """Return the trajectory that the program wrote; None: there is none."""
     path = run_folder / _ESTIMATE[estimator.estimate]
     if estimator.estimate == "bag":
-        found = [
+        bags = [
             p for p in run_folder.glob("estimate*") if p.is_dir() or p.suffix in (".mcap", ".bag")
         ]
-        path = found[0] if found else path
+        path = bags[0] if bags else path
     return path if os.path.lexists(path) else None
 
 
-def _left_behind(estimator: CommandEstimator, block: Samples, run_folder: Path) -> Metrics:
-    """Return how long the trajectory of a program lasts that did not end well."""
+def _partial_coverage(estimator: CommandEstimator, block: Samples, run_folder: Path) -> Metrics:
+    """Return the coverage of the trajectory that a failed program left behind."""
     with contextlib.suppress(ImuSimError, OSError):
-        path = _written(estimator, run_folder)
+        path = _estimate_path(estimator, run_folder)
         if path is not None:
             topic = estimator.estimate_topic or None
             poses = read_states(path, topic, skip_bad_rows=True, recover=True)
@@ -423,7 +429,7 @@ def _compare(
     outcome: RunOutcome,
 ) -> None:
     """Fill in the metrics, the track and the findings of the program's trajectory."""
-    path = _written(estimator, run_folder)
+    path = _estimate_path(estimator, run_folder)
     if path is None:
         raise InputError("no estimate was written")
     try:
@@ -431,9 +437,9 @@ def _compare(
         outcome.track = estimate
         outcome.metrics.update(coverage_metrics(estimate.t_ns, block.true_t_ns, estimator))
         outcome.findings += estimate_findings(estimate, cell.truth(block), alignment)
-        how = (alignment, cell.plan.relative, estimator, cell.plan.options.diverged_above)
-        outcome.metrics.update(estimate_metrics(estimate, block, *how))
+        options = (alignment, cell.plan.relative, estimator, cell.plan.options.diverged_above)
+        outcome.metrics.update(estimate_metrics(estimate, block, *options))
     except ImuSimError as error:
         # Without the run's own folder, so that the same failure of many runs reads the same.
-        words = error.problems[0].removeprefix(f"{path}: ").replace(f"{run_folder}/", "")
-        raise InputError(f"estimate: {words}") from None
+        message = error.problems[0].removeprefix(f"{path}: ").replace(f"{run_folder}/", "")
+        raise InputError(f"estimate: {message}") from None

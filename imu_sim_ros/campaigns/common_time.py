@@ -20,7 +20,7 @@ from imu_sim_ros.records import States
 from imu_sim_ros.types import Integers, Mask, Times
 
 _ROUNDING_NS = 1_000_000
-"""Poses that lie outside a span by no more belong to it: stamps of text are rounded."""
+"""Largest distance of a pose from a span to which it belongs: stamps of text are rounded [ns]."""
 
 
 def covered_spans(t_ns: Times, max_gap: float) -> Integers:
@@ -30,24 +30,24 @@ def covered_spans(t_ns: Times, max_gap: float) -> Integers:
     :param max_gap: longer intervals are gaps [s].
     """
     breaks = np.flatnonzero(np.diff(t_ns) * 1e-9 > max_gap)
-    first, last = np.append(0, breaks + 1), np.append(breaks, len(t_ns) - 1)
-    return np.column_stack([t_ns[first], t_ns[last]])
+    starts, ends = np.append(0, breaks + 1), np.append(breaks, len(t_ns) - 1)
+    return np.column_stack([t_ns[starts], t_ns[ends]])
 
 
 def common_spans(a: Integers, b: Integers) -> Integers:
-    """Return the spans (m, 2) that lie in spans of both [ns]; all in order."""
+    """Return the intersections (m, 2) of spans, in order [ns]."""
     begin = np.maximum(a[:, None, 0], b[None, :, 0])
     end = np.minimum(a[:, None, 1], b[None, :, 1])
     common: Integers = np.column_stack([begin[begin < end], end[begin < end]])
     return common
 
 
-def inside(t_ns: Times, spans: Integers) -> Mask:
-    """Return which stamps (n,) lie in one of the spans (m, 2)."""
+def in_spans(t_ns: Times, spans: Integers) -> Mask:
+    """Return a mask (n,), True for stamps in one of the spans (m, 2)."""
     if not len(spans):
         return np.zeros(len(t_ns), np.bool_)
-    before = np.searchsorted(spans[:, 0] - _ROUNDING_NS, t_ns, side="right") - 1
-    within: Mask = (before >= 0) & (t_ns <= spans[before, 1] + _ROUNDING_NS)
+    index = np.searchsorted(spans[:, 0] - _ROUNDING_NS, t_ns, side="right") - 1
+    within: Mask = (index >= 0) & (t_ns <= spans[index, 1] + _ROUNDING_NS)
     return within
 
 
@@ -70,16 +70,16 @@ def common_time(
     columns: dict[str, dict[str, Metrics]] = {name: {} for name in tracks}
     clock = TruthTime(truth_ns, max((gap for _, gap in tracks.values()), default=0.0))
     for name, (track, _) in tracks.items():
-        for other in tracks:
-            if other == name:
+        for partner in tracks:
+            if partner == name:
                 continue
-            common = common_spans(spans[name], spans[other])
-            rows = inside(track.t_ns, common)
-            if rows.all() and inside(tracks[other][0].t_ns, common).all():
+            common = common_spans(spans[name], spans[partner])
+            rows = in_spans(track.t_ns, common)
+            if rows.all() and in_spans(tracks[partner][0].t_ns, common).all():
                 continue
             time = int(np.sum(np.diff(clock.at(common.ravel()).reshape(-1, 2))))
             share = float(time / clock.whole_ns)
-            columns[name][other] = {"share": share, **_part(name, track, rows, metrics)}
+            columns[name][partner] = {"share": share, **_part(name, track, rows, metrics)}
     return {name: as_json(column) for name, column in columns.items() if column}
 
 
@@ -93,7 +93,7 @@ def _part(
     if rows.sum() < 2:
         return {}
     try:
-        of_part = metrics(name, track.rows(rows))
+        part_metrics = metrics(name, track.rows(rows))
     except ImuSimError:
         return {}
-    return {key: value for key, value in of_part.items() if grows_with_time(key)}
+    return {key: value for key, value in part_metrics.items() if grows_with_time(key)}

@@ -60,23 +60,23 @@ def read_estimate(path: Path, topic: str | None) -> States:
 def coverage_metrics(
     t_ns: Times, truth_ns: Times, estimator: TrajectoryEstimator, failed: Mask | None = None
 ) -> Metrics:
-    """Return how long an estimate lasts.
+    """Return the metrics of the time that an estimate covers.
 
-    :param t_ns: (n,) its stamps [ns], increasing.
-    :param truth_ns: (m,) those of the truth.
-    :param failed: (n,) poses with which it has failed.
+    :param t_ns: (n,) stamps of the estimate [ns], increasing.
+    :param truth_ns: (m,) stamps of the truth [ns].
+    :param failed: (n,) True for poses with which the estimate has failed.
     """
     limits = (estimator.max_gap, estimator.initialisation_allowance)
-    found = coverage(t_ns, truth_ns, *limits, failed=failed)
+    track_coverage = coverage(t_ns, truth_ns, *limits, failed=failed)
     return {
-        "coverage": found.share,
-        ESTIMATED: found.estimated_s / found.truth_s,
-        "time_to_failure_s": found.time_to_failure_s,
+        "coverage": track_coverage.share,
+        ESTIMATED: track_coverage.estimated_s / track_coverage.truth_s,
+        "time_to_failure_s": track_coverage.time_to_failure_s,
     }
 
 
 def estimate_metrics(
-    found: States,
+    estimate: States,
     block: Samples,
     alignment: str,
     relative: tuple[Relative, ...],
@@ -85,25 +85,25 @@ def estimate_metrics(
 ) -> Metrics:
     """Return the metrics of an estimate of the motion of a block of samples.
 
-    :param alignment: of the estimate with the truth. There is a NEES with ``none`` and with
-        ``yaw``, which fixes the gauge at one pose for it.
-    :param diverged_above: error of the position with which it has failed [m]; 0: none.
+    :param alignment: alignment of the estimate with the truth. There is a NEES with ``none`` and
+            with ``yaw``, which fixes the gauge at one pose for it.
+    :param diverged_above: position error above which the estimate has failed [m]; 0: no limit.
     :raises ImuSimError: if both do not overlap in time, or cannot be aligned.
     """
     motion = block.motion
     truth = States(block.true_t_ns, motion.position, motion.q_wb, motion.velocity, source="truth")
-    errors = compare(found, truth, alignment)
+    errors = compare(estimate, truth, alignment)
     metrics = pose_metrics(errors, relative)
     failed = beyond(errors.position, diverged_above)
     metrics.update(coverage_metrics(errors.t_ns, truth.t_ns, estimator, failed))
     with contextlib.suppress(ImuSimError):
         scale = align(errors.unaligned.position, errors.truth.position, "sim3").scale
         metrics["scale_error"] = scale - 1.0
-    metrics["initialisation_s"] = float(found.t_ns[0] - block.true_t_ns[0]) * 1e-9
+    metrics["initialisation_s"] = float(estimate.t_ns[0] - block.true_t_ns[0]) * 1e-9
     if errors.velocity is not None:
         metrics["final_velocity_error_m_s"] = errors.final_velocity
     if alignment in ("none", "yaw"):
-        if found.covariance is not None:
+        if estimate.covariance is not None:
             metrics.update(_consistency(errors))
         if not (metrics.get("attitude_sigma_rad") or 0.0) > LARGEST_SIGMA:
             metrics["nees_velocity"] = _velocity_nees(errors)
@@ -113,10 +113,10 @@ def estimate_metrics(
 def check(
     metrics: Metrics, diverged_above: float = 0.0, estimator: TrajectoryEstimator | None = None
 ) -> None:
-    """Refuse numbers that are not finite, an error above the limit, and too little of a path.
+    """Refuse numbers that are not finite, an error above the limit, and too small a coverage.
 
     :param diverged_above: limit of the final position error [m]; 0: none.
-    :param estimator: None: it estimates no path.
+    :param estimator: limits of the coverage; None: no path is estimated.
     :raises InputError: with the reason.
     """
     for name, value in metrics.items():
@@ -137,7 +137,7 @@ def _consistency(errors: Comparison) -> Metrics:
     """Return the NEES of the last pose of an estimate that states covariances."""
     estimate = errors.unaligned
     assert estimate.covariance is not None
-    result: Metrics = {}
+    metrics: Metrics = {}
     for name in ("attitude", "position"):
         part = remainder(name, estimate.covariance, estimate, errors.truth, errors.kind)
         if part is None:
@@ -145,16 +145,16 @@ def _consistency(errors: Comparison) -> Metrics:
         covariance = part.covariances[-1:]
         if name == "attitude" and np.isfinite(covariance).all():
             sigma = float(attitude_sigma(covariance)[0])
-            result["attitude_sigma_rad"] = sigma
+            metrics["attitude_sigma_rad"] = sigma
             if sigma > LARGEST_SIGMA:
-                return result
+                return metrics
         if part.usable[-1]:
-            result[f"nees_{name}"] = float(nees(part.errors[-1:], covariance)[0])
-    return result
+            metrics[f"nees_{name}"] = float(nees(part.errors[-1:], covariance)[0])
+    return metrics
 
 
 def _velocity_nees(errors: Comparison) -> float | None:
-    """Return the NEES of the last velocity in the body, which yaw and position do not change."""
+    """Return the NEES of the last velocity in the body frame, which yaw does not change."""
     estimate, truth = errors.unaligned, errors.truth
     if estimate.velocity is None or estimate.twist_covariance is None:
         return None

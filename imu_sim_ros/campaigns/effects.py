@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""One group compared with another on the same seeds, in numbers and in words."""
+"""Comparison of two groups on the same seeds, in numbers and as text."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -13,7 +13,7 @@ SIGNIFICANT: Final = 0.05
 BETTER, WORSE, EQUAL, UNDECIDED = "better", "worse", "equal", "undecided"
 RATIO, DIFFERENCE, SHARE = "ratio", "difference", "share"
 BASELINE: Final = "the baseline"
-"""What B is called in a comparison with an earlier campaign."""
+"""Name of B in a comparison with an earlier campaign."""
 
 
 @dataclass(frozen=True)
@@ -23,15 +23,16 @@ class Effect:
     a: str
     """Value of the contest's factor (``adis16470``); in a baseline ``cell; estimator``."""
     b: str
-    """Likewise; in a baseline ``the baseline``."""
+    """Value of the factor in the other group; in a baseline ``the baseline``."""
     kind: str
-    """What ``effect`` is: ``ratio`` A / B, ``difference`` A - B, or ``share``: the difference of
+    """Kind of ``effect``: ``ratio`` A / B, ``difference`` A - B, or ``share``: the difference of
     the shares of runs done."""
     effect: ConfidenceInterval
-    """With its 95 % interval, not corrected for the number of comparisons; an end is None if
+    """Effect with its 95 % interval, not corrected for the number of comparisons; an end is None if
     failed runs make it infinite or the seeds are too few."""
     simultaneous: ConfidenceInterval
-    """With the interval that holds for all comparisons of the campaign at once, with 95 %."""
+    """Effect with the interval that holds for all comparisons of the campaign at once, with 95
+    %."""
     seeds: int
     """Seeds on which at least one of both has a result and the other one, or failed."""
     won: int
@@ -48,28 +49,28 @@ class Effect:
     success_p: float | None
     """McNemar, Holm."""
     verdict: str
-    """What A is: ``better`` or ``worse`` than B beyond the tolerance, ``equal`` if the interval
+    """Verdict on A: ``better`` or ``worse`` than B beyond the tolerance, ``equal`` if the interval
     lies within it, or ``undecided``."""
     note: str = ""
     """Reason for no decision, other than too few runs."""
     non_inferior: bool | None = None
-    """Whether A is proven not to be worse than B by the margin; None: not asked."""
+    """True if A is proven not to be worse than B by the margin; None: not asked."""
     time: CommonTime | None = None
     """Time over which A and B are compared; None: both cover the same time."""
 
     @property
     def significant(self) -> bool:
-        """Whether there is a difference at all, however small."""
+        """True if there is a difference at all, however small."""
         return self.p is not None and self.p < SIGNIFICANT
 
     def size(self) -> str:
-        """Return the effect in words: ``12 % smaller (95 %: 8 % to 15 %)``."""
+        """Return the effect as text: ``12 % smaller (95 %: 8 % to 15 %)``."""
         if self.effect.value is None:
             return "size unknown, too many runs failed"
-        words, ends = _size(self.kind, self.effect)
+        text, ends = _size(self.kind, self.effect)
         if ends is None:
-            return f"{words} (no 95 % interval: too few seeds, or too many failed runs)"
-        return f"{words} (95 %: {ends})"
+            return f"{text} (no 95 % interval: too few seeds, or too many failed runs)"
+        return f"{text} (95 %: {ends})"
 
     def at_once(self) -> str:
         """Return the interval that holds for all comparisons at once; empty: there is none."""
@@ -79,39 +80,39 @@ class Effect:
 
     def line(self, metric: str) -> str:
         """Return the effect in a line that begins with A."""
-        return f"{self.a}: {self.told(metric)}"
+        return f"{self.a}: {self.describe(metric)}"
 
-    def told(self, metric: str) -> str:
-        """Return the effect in words, A being known: ``12 % smaller (...) than with B, ...``."""
+    def describe(self, metric: str) -> str:
+        """Return the effect without the name of A: ``12 % smaller (...) than with B, ...``."""
         if self.note:
             return f"against {self.b}: {self.note}"
         if self.effect.value is None:
-            words = f"{metric} against {self.b}: {self.size()}"
+            text = f"{metric} against {self.b}: {self.size()}"
         else:
             name = "" if self.kind == SHARE else f"{metric} "
-            words = f"{name}{self.size()} than {'in' if self.b == BASELINE else 'with'} {self.b}"
+            text = f"{name}{self.size()} than {'in' if self.b == BASELINE else 'with'} {self.b}"
         p = "" if self.p is None else f", p = {self.p:.2g}"
         if self.simultaneous != self.effect and self.at_once():
-            words += f" ({self.at_once()} with all comparisons at once)"
-        words += f", better on {self.won} of {self.seeds} seeds{p}"
+            text += f" ({self.at_once()} with all comparisons at once)"
+        text += f", better on {self.won} of {self.seeds} seeds{p}"
         if self.success.value:
-            more = "more" if self.success.value > 0.0 else "fewer"
-            share = f"{100.0 * abs(self.success.value):.3g} % {more} runs done"
+            direction = "more" if self.success.value > 0.0 else "fewer"
+            share = f"{100.0 * abs(self.success.value):.3g} % {direction} runs done"
             p = "" if self.success_p is None else f" (p = {self.success_p:.2g})"
-            words += f"; {share}{p}"
+            text += f"; {share}{p}"
         if self.time is not None:
-            words += f"; {self.time.words(self.a, self.b)}"
-        return words
+            text += f"; {self.time.text(self.a, self.b)}"
+        return text
 
 
 def _size(kind: str, effect: ConfidenceInterval) -> tuple[str, str | None]:
-    """Return an effect and its interval in words."""
+    """Return an effect and its interval as text."""
     value = effect.value
     assert value is not None
     if kind == SHARE:
-        words = ("% more runs done", "% fewer runs done")
+        labels = ("% more runs done", "% fewer runs done")
         return _change(
-            ConfidenceInterval(*(None if e is None else 100.0 * e for e in effect)), *words
+            ConfidenceInterval(*(None if e is None else 100.0 * e for e in effect)), *labels
         )
     if kind == DIFFERENCE:
         return _change(effect, "larger", "smaller")
@@ -122,27 +123,27 @@ def _size(kind: str, effect: ConfidenceInterval) -> tuple[str, str | None]:
     ends = [effect.low, effect.high]
     if value < 1.0:
         ends = [None if end is None else 1.0 / end for end in reversed(ends)]
-    word = "larger" if value >= 1.0 else "smaller"
-    return f"{_number(factor)} times {word}", _between(*(_words(end) for end in ends))
+    label = "larger" if value >= 1.0 else "smaller"
+    return f"{_number(factor)} times {label}", _between(*(_end_text(end) for end in ends))
 
 
-def _change(effect: ConfidenceInterval, more: str, less: str) -> tuple[str, str | None]:
+def _change(effect: ConfidenceInterval, increase: str, decrease: str) -> tuple[str, str | None]:
     """Return ``12 % smaller`` and ``8 % to 15 %``; an end of the other sign says so."""
     value, low, high = effect
     assert value is not None
-    word, other = (more, less) if value >= 0.0 else (less, more)
+    label, opposite = (increase, decrease) if value >= 0.0 else (decrease, increase)
     if value < 0.0:
         low, high = (None if end is None else -end for end in (high, low))
-    unit = " %" if word.startswith("%") else ""
-    words = [_words(low, unit), _words(high, unit)]
+    unit = " %" if label.startswith("%") else ""
+    ends = [_end_text(low, unit), _end_text(high, unit)]
     if low is not None and low < 0.0:
-        words[0] = f"{-low:.3g} {other}"
-        words[1] = None if high is None else f"{high:.3g} {word}"
+        ends[0] = f"{-low:.3g} {opposite}"
+        ends[1] = None if high is None else f"{high:.3g} {label}"
     digits = 3 if unit else 4
-    return f"{abs(value):.{digits}g} {word}", _between(*words)
+    return f"{abs(value):.{digits}g} {label}", _between(*ends)
 
 
-def _words(end: float | None, unit: str = "") -> str | None:
+def _end_text(end: float | None, unit: str = "") -> str | None:
     return None if end is None else f"{_number(end)}{unit}"
 
 

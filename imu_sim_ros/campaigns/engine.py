@@ -46,12 +46,12 @@ if TYPE_CHECKING:
 _THREADS: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _ENVIRONMENT: Final = {
     **dict.fromkeys(_THREADS, "1"),
-    # The arrays of a run are freed and needed again by the next one: glibc keeps 64 MB. Without
-    # it a sixth of a run's time (1.1 of 6.4 ms) is page faults.
+    # The next run needs the arrays that a run frees: without 64 MB kept by glibc, a good part of
+    # its time would be page faults.
     "MALLOC_TRIM_THRESHOLD_": str(1 << 26),
 }
 """Variables of the worker processes."""
-_AT_HAND: Final = 4
+_TASKS_PER_THREAD: Final = 4
 """Tasks that a cluster's scheduler holds for each thread: enough that none waits, and few enough
 that its memory does not grow with the campaign."""
 _CONNECT_S: Final = 10.0
@@ -66,14 +66,14 @@ class Task:
     seeds: tuple[int, ...]
     estimators: tuple[str, ...]
     deaths: int = 0
-    """Workers that died while they had it."""
+    """Number of workers that died during this task."""
 
     @property
-    def is_one(self) -> bool:
-        """Whether it is a single run."""
+    def is_single_run(self) -> bool:
+        """True for a single run."""
         return len(self.seeds) == len(self.estimators) == 1
 
-    def alone(self) -> "Iterator[Task]":
+    def split(self) -> "Iterator[Task]":
         """Yield a task for each run, after the worker that had them all has died."""
         return (
             replace(self, seeds=(seed,), estimators=(name,), deaths=self.deaths + 1)
@@ -83,23 +83,23 @@ class Task:
 
 
 Engine = Callable[[Plan, Iterable[Task], Path], Generator[list[Row], None, None]]
-"""Yields the rows of each task as they come."""
+"""Generator function of the rows of each task, as they arrive."""
 
 
-_last: "list[CellRuns]" = []
+_cell_cache: "list[CellRuns]" = []
 
 
 def work(plan: Plan, task: Task, folder: Path) -> list[Row]:
     """Make the runs of a task; data shared by the seeds of a cell are kept for the next task."""
     from imu_sim_ros.campaigns.runs import CellRuns
 
-    runs = _last[0] if _last else None
+    runs = _cell_cache[0] if _cell_cache else None
     if runs is None or runs.cell.name != task.cell.name or runs.plan != plan:
         try:
             runs = CellRuns(plan, task.cell)
         except ImuSimError as error:
             return failed(plan, task, f"failed: {error.problems[0]}")
-        _last[:] = [runs]
+        _cell_cache[:] = [runs]
     return list(runs.rows(task.seeds, task.estimators, folder))
 
 
@@ -136,7 +136,9 @@ def local(workers: int) -> Engine:
     """
 
     def start(plan: Plan, todo: Iterable[Task], folder: Path) -> Generator[list[Row], None, None]:
-        programs = any(isinstance(one, CommandEstimator) for one in plan.estimators.values())
+        programs = any(
+            isinstance(estimator, CommandEstimator) for estimator in plan.estimators.values()
+        )
         executor = Processes() if programs or workers > 1 else Inline()
         with contextlib.closing(executor):
             pool = _Workers(executor, lambda: workers, BrokenProcessPool, plan.options.retries)
@@ -148,25 +150,25 @@ def local(workers: int) -> Engine:
 def dask(client: "Client", worker_timeout: float = 60.0) -> Engine:
     """Return the engine of a cluster.
 
-    :param worker_timeout: how long a cluster that has lost all its workers is waited for [s].
+    :param worker_timeout: longest wait for a cluster that has lost all its workers [s].
     """
 
     def start(plan: Plan, todo: Iterable[Task], folder: Path) -> Generator[list[Row], None, None]:
         from distributed.scheduler import KilledWorker
 
-        last_seen = time.monotonic()
+        last_worker_s = time.monotonic()
 
         def width() -> int:
-            nonlocal last_seen
-            last_seen = time.monotonic()  # a result has come
-            return _AT_HAND * (sum(client.nthreads().values()) or 1)
+            nonlocal last_worker_s
+            last_worker_s = time.monotonic()  # a result has come
+            return _TASKS_PER_THREAD * (sum(client.nthreads().values()) or 1)
 
         def check() -> None:
             """Notice that no worker is left: the scheduler would keep the tasks for ever."""
-            nonlocal last_seen
+            nonlocal last_worker_s
             if client.nthreads():
-                last_seen = time.monotonic()
-            elif time.monotonic() - last_seen > worker_timeout:
+                last_worker_s = time.monotonic()
+            elif time.monotonic() - last_worker_s > worker_timeout:
                 since = f"the cluster has had no worker for {worker_timeout:g} s"
                 raise MachineError(f"{since}; continue with --resume")
 
@@ -186,16 +188,16 @@ def dask(client: "Client", worker_timeout: float = 60.0) -> Engine:
 
 @dataclass(frozen=True)
 class _Workers:
-    """Who makes the runs, and what happens when one of them dies."""
+    """Workers of a campaign, and the handling of the death of one of them."""
 
     executor: Executor
     width: Callable[[], int]
-    """Returns how many tasks the executor shall have."""
+    """Return the number of tasks that the executor shall hold."""
     death: type[Exception]
     """Raised by the result of a task whose worker died."""
     restarts: int
-    """How many times a run is restarted after its worker died."""
-    suspects_alone: bool = False
+    """Number of restarts of a run after its worker died."""
+    isolate_suspects: bool = False
     """The tasks of a worker that died run again while no other does: the executor does not tell
     which of several killed it."""
     check: Callable[[], None] = lambda: None
@@ -206,24 +208,24 @@ def _run(
     plan: Plan, todo: Iterable[Task], folder: Path, workers: _Workers
 ) -> Generator[list[Row], None, None]:
     """Yield the rows of each task as they come."""
-    # A plan goes with each task: one that lies on the workers is lost with them.
-    small = replace(plan, seeds=plan.seeds[:1])
+    # The plan is sent with each task: a copy kept by a worker would be lost with it.
+    task_plan = replace(plan, seeds=plan.seeds[:1])
     remaining, suspects = iter(todo), deque[Task]()
     upcoming = next(remaining, None)
     running: dict[Future[list[Row]], Task] = {}
     done: SimpleQueue[Future[list[Row]]] = SimpleQueue()
 
     def submit(task: Task) -> None:
-        future = workers.executor.submit(work, small, task, folder)
+        future = workers.executor.submit(work, task_plan, task, folder)
         running[future] = task
         future.add_done_callback(done.put)
 
-    alone = workers.suspects_alone
+    isolated = workers.isolate_suspects
     while True:
-        wanted = workers.width()
-        while suspects and (not running if alone else len(running) < wanted):
+        width = workers.width()
+        while suspects and (not running if isolated else len(running) < width):
             submit(suspects.popleft())
-        while upcoming is not None and len(running) < wanted and not (alone and suspects):
+        while upcoming is not None and len(running) < width and not (isolated and suspects):
             submit(upcoming)
             upcoming = next(remaining, None)
         if not running:
@@ -238,10 +240,10 @@ def _run(
         try:
             rows = future.result()
         except workers.death:
-            if task.is_one and task.deaths >= workers.restarts:
+            if task.is_single_run and task.deaths >= workers.restarts:
                 yield failed(plan, task, "failed: the worker process died")
             else:
-                suspects.extend(task.alone())
+                suspects.extend(task.split())
         else:
             yield rows
 
@@ -280,7 +282,7 @@ class Processes(Executor):
             except BrokenProcessPool:  # it died while it was idle
                 self._pools.discard(pool)
                 continue
-            future.add_done_callback(functools.partial(self._finished, pool))
+            future.add_done_callback(functools.partial(self._release, pool))
             return future
 
     def _new(self) -> ProcessPoolExecutor:
@@ -289,7 +291,7 @@ class Processes(Executor):
         self._pools.add(pool)
         return pool
 
-    def _finished(self, pool: ProcessPoolExecutor, future: Future[Any]) -> None:
+    def _release(self, pool: ProcessPoolExecutor, future: Future[Any]) -> None:
         if future.cancelled() or isinstance(future.exception(), BrokenProcessPool):
             self._pools.discard(pool)
         else:
@@ -302,7 +304,7 @@ class Processes(Executor):
         its pipe while ``concurrent.futures`` writes into it there (Python 3.11: OSError).
         """
         pools = list(self._pools)
-        processes = [one for pool in pools for one in (pool._processes or {}).values()]
+        processes = [process for pool in pools for process in (pool._processes or {}).values()]
         for process in processes:
             with contextlib.suppress(OSError, ValueError):
                 process.terminate()
@@ -325,7 +327,7 @@ def _begin() -> None:
 
 
 def _end_with_parent() -> None:
-    """End a worker when the main process has ended, however it did: ``kill -9`` tells nobody.
+    """End a worker when the main process has ended, also by ``kill -9``.
 
     The queue of tasks does not end then, since each worker holds both ends of its pipe.
     """
@@ -345,18 +347,18 @@ def _end(number: int, frame: object = None) -> None:
 
 @contextmanager
 def _environment() -> Iterator[None]:
-    """Give the processes that are started here their variables, and keep signals from them.
+    """Set the environment of the processes that are started here, with signals blocked.
 
-    One that comes meanwhile waits: it must not part a process that has begun from those who wait
-    for its end.
+    A signal that arrives meanwhile is delivered afterwards: between the start of a process and its
+    registration it would leave a process that nobody ends.
     """
-    before = {name: os.environ.get(name) for name in _ENVIRONMENT}
+    previous = {name: os.environ.get(name) for name in _ENVIRONMENT}
     with blocked():
         os.environ.update(_ENVIRONMENT)
         try:
             yield
         finally:
-            for name, value in before.items():
+            for name, value in previous.items():
                 if value is None:
                     del os.environ[name]
                 else:
@@ -368,7 +370,7 @@ def client(scheduler: str | None, workers: int, worker_timeout: float = 60.0) ->
     """Connect to a scheduler, or start a cluster of processes on this machine.
 
     :param scheduler: ``tcp://host:port``; None: a local cluster with its dashboard.
-    :param worker_timeout: how long a scheduler without a worker is waited for [s].
+    :param worker_timeout: longest wait for a worker of the scheduler [s].
     :raises MissingDependencyError: if dask.distributed is not installed.
     :raises InputError: if no scheduler answers, or no worker joins it.
     """
@@ -379,8 +381,8 @@ def client(scheduler: str | None, workers: int, worker_timeout: float = 60.0) ->
         raise MissingDependencyError(
             "Dask is not installed: pip install 'distributed', or apt install python3-distributed"
         ) from None
-    ours = ("distributed", "tornado")
-    for name in [name for name in logging.root.manager.loggerDict if name.startswith(ours)]:
+    prefixes = ("distributed", "tornado")
+    for name in [name for name in logging.root.manager.loggerDict if name.startswith(prefixes)]:
         # Its tracebacks of lost connections; what they cost is in the results.
         logging.getLogger(name).setLevel(logging.CRITICAL)
     if scheduler is None:
@@ -391,17 +393,17 @@ def client(scheduler: str | None, workers: int, worker_timeout: float = 60.0) ->
             LocalCluster(
                 n_workers=workers, threads_per_worker=1, dashboard_address=_dashboard()
             ) as cluster,
-            Client(cluster) as found,
+            Client(cluster) as dask_client,
         ):
             try:
-                yield found
+                yield dask_client
             except KeyboardInterrupt:
                 _kill(cluster)
                 raise
         return
     problem = None
     try:
-        found = Client(scheduler, timeout=_CONNECT_S)
+        dask_client = Client(scheduler, timeout=_CONNECT_S)
     except (OSError, ValueError) as error:
         problem = f"--scheduler {scheduler}: {error}"
     if problem is not None:
@@ -409,14 +411,14 @@ def client(scheduler: str | None, workers: int, worker_timeout: float = 60.0) ->
         # for a lock that its own thread holds.
         gc.collect()
         raise InputError(problem)
-    with found:
+    with dask_client:
         try:
-            found.wait_for_workers(1, timeout=worker_timeout)
+            dask_client.wait_for_workers(1, timeout=worker_timeout)
         except TimeoutError:
             raise InputError(
                 f"--scheduler {scheduler}: no worker has joined within {worker_timeout:g} s"
             ) from None
-        yield found
+        yield dask_client
 
 
 def check_workers(client: "Client", plan: Plan) -> None:
@@ -425,9 +427,9 @@ def check_workers(client: "Client", plan: Plan) -> None:
     :raises InputError: with a line for each worker and what is missing there.
     """
     # By name: what a worker without the package is sent must not be of the package.
-    found = client.run(eval, "__import__('imu_sim_ros').__version__", on_error="return")
+    versions = client.run(eval, "__import__('imu_sim_ros').__version__", on_error="return")
     problems = []
-    for worker, version in found.items():
+    for worker, version in versions.items():
         if isinstance(version, ImportError):
             problems.append(f"worker {worker}: imu_sim_ros is not installed there ({version})")
         elif isinstance(version, BaseException):
@@ -446,8 +448,8 @@ def check_workers(client: "Client", plan: Plan) -> None:
 
 def dashboard(client: "Client") -> str | None:
     """Return the address of the scheduler's dashboard; None: it has none."""
-    has_one = "dashboard" in client.scheduler_info().get("services", {})
-    return str(client.dashboard_link) if has_one else None
+    has_dashboard = "dashboard" in client.scheduler_info().get("services", {})
+    return str(client.dashboard_link) if has_dashboard else None
 
 
 def _dashboard() -> str:

@@ -21,23 +21,23 @@ from imu_sim_ros.types import Array, Mask, Times
 _ROUNDING_NS: Final = 1_000_000
 """Stamps of text are rounded: a pose outside the truth by no more is at its end."""
 _STILL: Final = (1e-6, 1e-6)
-"""[m], [rad]: steps of a position and an attitude that stay the same."""
+"""Largest steps of a position [m] and an attitude [rad] that count as standing still."""
 _MOVES: Final = (0.1, 0.1)
-"""[m], [rad]: motion of the truth while an estimate that stays the same is wrong."""
+"""Motion of the truth [m], [rad] during which a standing estimate is a mistake."""
 _FROZEN_S: Final = 1.0
-"""[s]: shorter times in which an estimate stays the same are those between its updates."""
-_HELD: Final = 0.3
-"""Share of poses that repeat the one before from which they are told."""
+"""Shortest standstill of an estimate that is a mistake [s]; estimates rest between updates."""
+_REPEATED: Final = 0.3
+"""Share of poses that repeat the previous one above which this is reported."""
 _CONSTANT_RAD: Final = 0.17
-"""[rad], 10 deg: constant error of the attitude from which its axes are told to be others."""
-_TELLS_APART_RAD: Final = 0.01
-"""[rad]: difference of what two explanations leave from which one of them is the better one."""
-_LEFT: Final = 1.0 / 3.0
-"""Share of an error that may be left once its explanation is taken out."""
-_RIGHT: Final = 0.1
-"""Position error over the extent of the motion up to which the position is right."""
+"""Constant attitude error above which different axes are reported [rad]; 10 deg."""
+_BETTER_BY_RAD: Final = 0.01
+"""Difference of the residuals of two explanations above which the smaller one is chosen [rad]."""
+_RESIDUAL: Final = 1.0 / 3.0
+"""Largest share of an error that its explanation may leave."""
+_CORRECT: Final = 0.1
+"""Largest position error of a correct position, as a share of the extent of the motion."""
 _SCALE: Final = 1.5
-"""Factor of the positions from which their unit, or their integration, is told to be another."""
+"""Factor of the positions above which another unit, or a scale, is reported."""
 
 
 def estimate_findings(poses: States, truth: States, alignment: str) -> list[str]:
@@ -49,56 +49,60 @@ def estimate_findings(poses: States, truth: States, alignment: str) -> list[str]
     try:
         rows = common_rows(poses.t_ns, truth.t_ns)
         estimate = poses.rows(rows)
-        there = poses_at(truth, estimate.t_ns)
-        lines += _repetitions(estimate, there)
-        aligned = align(estimate.position, there.position, alignment)
-        extent = float(np.sqrt(np.mean(np.square(there.position - there.position.mean(axis=0)))))
-        error = aligned.apply(estimate).position - there.position
-        if float(np.sqrt(np.mean(np.square(error)))) <= _RIGHT * extent:
+        reference = poses_at(truth, estimate.t_ns)
+        lines += _repetitions(estimate, reference)
+        aligned = align(estimate.position, reference.position, alignment)
+        extent = float(
+            np.sqrt(np.mean(np.square(reference.position - reference.position.mean(axis=0))))
+        )
+        error = aligned.apply(estimate).position - reference.position
+        if float(np.sqrt(np.mean(np.square(error)))) <= _CORRECT * extent:
             q_wb = rotation.multiply(rotation.from_matrix(aligned.r), estimate.q_wb)
-            lines += _attitude(q_wb, there.q_wb)
+            lines += _attitude(q_wb, reference.q_wb)
         if alignment != "sim3":
-            lines += _scale(estimate.position, there.position, extent)
+            lines += _scale(estimate.position, reference.position, extent)
     except InputError:  # the comparison says why
         return lines
     return lines
 
 
 def _without_truth(t_ns: Times, truth_ns: Times) -> Iterator[str]:
-    first, last = truth_ns[0] - _ROUNDING_NS, truth_ns[-1] + _ROUNDING_NS
-    count = int(np.sum((t_ns < first) | (t_ns > last)))
+    start_ns, end_ns = truth_ns[0] - _ROUNDING_NS, truth_ns[-1] + _ROUNDING_NS
+    count = int(np.sum((t_ns < start_ns) | (t_ns > end_ns)))
     if count:
         yield f"{count} of {len(t_ns)} poses skipped: no truth at their times"
 
 
 def _repetitions(estimate: States, truth: States) -> Iterator[str]:
-    """Yield what stays the same while the truth moves: for a time, or from pose to pose."""
+    """Yield the standstills of an estimate while the truth moves: long ones, and repeated poses."""
     steps = {
         "position": (_steps(estimate.position), _steps(truth.position)),
         "attitude": (_turns(estimate.q_wb), _turns(truth.q_wb)),
     }
     frozen: dict[str, tuple[int, int]] = {}
-    for (name, (own, true)), still, moves in zip(steps.items(), _STILL, _MOVES, strict=True):
-        begin, end = _longest(own <= still)
+    for (name, (estimated_steps, true_steps)), still, moves in zip(
+        steps.items(), _STILL, _MOVES, strict=True
+    ):
+        begin, end = _longest(estimated_steps <= still)
         long = (estimate.t_ns[end] - estimate.t_ns[begin]) * 1e-9 >= _FROZEN_S
-        if long and float(true[begin:end].sum()) >= moves:
+        if long and float(true_steps[begin:end].sum()) >= moves:
             frozen[name] = begin, end
     for name, (begin, end) in frozen.items():
-        same = len(frozen) == 2 and len(set(frozen.values())) == 1
-        if same and name == "attitude":
+        both = len(frozen) == 2 and len(set(frozen.values())) == 1
+        if both and name == "attitude":
             continue
         seconds = (estimate.t_ns[end] - estimate.t_ns[begin]) * 1e-9
-        at = (estimate.t_ns[begin] - truth.t_ns[0]) * 1e-9
+        start_s = (estimate.t_ns[begin] - truth.t_ns[0]) * 1e-9
         yield (
-            f"frozen: the {'pose' if same else name} stays the same for {seconds:.3g} s from "
-            f"{at:.3g} s on, while the truth moves"
+            f"frozen: the {'pose' if both else name} stays the same for {seconds:.3g} s from "
+            f"{start_s:.3g} s on, while the truth moves"
         )
     if frozen:
         return
-    held = (steps["position"][0] <= _STILL[0]) & (steps["attitude"][0] <= _STILL[1])
+    standing = (steps["position"][0] <= _STILL[0]) & (steps["attitude"][0] <= _STILL[1])
     moving = (steps["position"][1] > _STILL[0]) | (steps["attitude"][1] > _STILL[1])
-    repeats = held & moving
-    if repeats.mean() >= _HELD:
+    repeats = standing & moving
+    if repeats.mean() >= _REPEATED:
         yield (
             f"{100.0 * repeats.mean():.0f} % of the poses repeat the one before, while the truth "
             "moves"
@@ -127,34 +131,36 @@ def _longest(still: Mask) -> tuple[int, int]:
 
 
 def _attitude(q_wb: Array, truth: Array) -> Iterator[str]:
-    """Yield by which constant, or which other convention, an attitude differs from the truth."""
+    """Yield the constant rotation, or the other convention, that explains an attitude's error."""
     error = _rms(_difference(q_wb, truth))
     if error < _CONSTANT_RAD:
         return
-    others = {
+    conventions = {
         "those of the inverse rotation": rotation.conjugate(q_wb),
         "in the order w, x, y, z": np.roll(q_wb, -1, axis=1),
         "in the order x, y, z, w": np.roll(q_wb, 1, axis=1),
     }
-    left_of = {words: _rms(_difference(other, truth)) for words, other in others.items()}
-    convention = min(left_of, key=lambda words: left_of[words])
+    residuals = {
+        label: _rms(_difference(candidate, truth)) for label, candidate in conventions.items()
+    }
+    convention = min(residuals, key=lambda label: residuals[label])
     sides = {
         "the body": rotation.multiply(rotation.conjugate(truth), q_wb),
         "the world": rotation.multiply(q_wb, rotation.conjugate(truth)),
     }
     constants = {name: _mean_rotation(turns) for name, turns in sides.items()}
-    left = {
+    side_residuals = {
         name: _rms(_difference(turns, np.broadcast_to(constants[name], turns.shape)))
         for name, turns in sides.items()
     }
-    side = min(left, key=lambda name: left[name])
+    side = min(side_residuals, key=lambda name: side_residuals[name])
     # In a plane, half a turn about an axis of the body exchanges components of a quaternion.
-    if left_of[convention] < min(_LEFT * error, left[side] - _TELLS_APART_RAD):
+    if residuals[convention] < min(_RESIDUAL * error, side_residuals[side] - _BETTER_BY_RAD):
         yield f"the attitude is wrong, and the position is right: its quaternions are {convention}"
         return
     turn = rotation.log(constants[side])
     angle = float(np.linalg.norm(turn))
-    if angle < _CONSTANT_RAD or left[side] > _LEFT * angle:
+    if angle < _CONSTANT_RAD or side_residuals[side] > _RESIDUAL * angle:
         return
     axis = ", ".join(f"{value + 0.0:.2f}" for value in (turn / angle).round(2))
     yield (
@@ -185,10 +191,10 @@ def _rms(angles: Array) -> float:
 
 
 def _scale(estimate: Array, truth: Array, extent: float) -> Iterator[str]:
-    """Yield by which factor positions (n, 3) are too large, if nothing else is wrong with them."""
+    """Yield the factor by which positions (n, 3) are too large, if nothing else is wrong."""
     similar = align(estimate, truth, "sim3")
-    left = similar.scale * estimate @ similar.r.T + similar.t - truth
-    right = float(np.sqrt(np.mean(np.square(left)))) <= _RIGHT * extent
+    residual = similar.scale * estimate @ similar.r.T + similar.t - truth
+    matches = float(np.sqrt(np.mean(np.square(residual)))) <= _CORRECT * extent
     factor = 1.0 / similar.scale if similar.scale > 0.0 else 1.0
-    if right and not 1.0 / _SCALE < factor < _SCALE:
+    if matches and not 1.0 / _SCALE < factor < _SCALE:
         yield f"the positions are {factor:.3g} times as large as those of the truth"

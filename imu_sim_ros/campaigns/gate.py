@@ -19,7 +19,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Final, NamedTuple
 
-from imu_sim_ros.campaigns.cells import Axis, word
+from imu_sim_ros.campaigns.cells import Axis, value_text
 from imu_sim_ros.campaigns.metrics import SUCCESS, is_share
 from imu_sim_ros.errors import ConfigurationError, Problems
 from imu_sim_ros.names import suggestion
@@ -49,20 +49,20 @@ class Requirement(NamedTuple):
     operator: str
     limit: float
     filters: tuple[tuple[str, str], ...]
-    of_done: bool = False
-    """True if the statistic is one of the runs that are done, whatever became of the others."""
+    done_only: bool = False
+    """True if the statistic is taken over the runs that are done alone."""
 
     @property
     def quantity(self) -> str:
         """The quantity with a limit: ``success``, or metric and statistic."""
         return f"{self.metric}.{self.statistic}" if self.statistic else self.metric
 
-    def concerns(self, words: Mapping[str, str]) -> bool:
-        """Return whether this applies to a group, given by its names and values in words."""
-        return all(words.get(name) == value for name, value in self.filters)
+    def concerns(self, labels: Mapping[str, str]) -> bool:
+        """Return whether this applies to a group, by the group's labels."""
+        return all(labels.get(name) == value for name, value in self.filters)
 
     def holds(self, value: float | None) -> bool:
-        """Return whether a value is within the limit; a missing one is not."""
+        """Return whether a value is within the limit; None is not."""
         return value is not None and _OPERATORS[self.operator](value, self.limit)
 
 
@@ -100,14 +100,14 @@ def _requirement(line: str, metrics: Sequence[str], axes: Sequence[Axis]) -> Req
             "number; then optionally @ NAME=VALUE, ..."
         )
     metric, _, statistic = match["value"].partition(".")
-    of_done = bool(match["done"] or match["done_after"])
+    done_only = bool(match["done"] or match["done_after"])
     limit = float(match["limit"])
     problems = []
     if metric != SUCCESS and metric not in metrics:
         problems.append(f"require: {metric}: {suggestion(metric, [SUCCESS, *metrics])}")
     if metric == SUCCESS and statistic:
         problems.append(f"require: {match['value']}: success has no statistics")
-    if metric == SUCCESS and of_done:
+    if metric == SUCCESS and done_only:
         problems.append("require: success of done: success is the share of all runs that are done")
     if metric != SUCCESS and statistic not in STATISTICS:
         hint = suggestion(statistic, STATISTICS)
@@ -121,7 +121,9 @@ def _requirement(line: str, metrics: Sequence[str], axes: Sequence[Axis]) -> Req
     problems += complaints
     if problems:
         raise ConfigurationError(problems)
-    return Requirement(line.strip(), metric, statistic, match["operator"], limit, filters, of_done)
+    return Requirement(
+        line.strip(), metric, statistic, match["operator"], limit, filters, done_only
+    )
 
 
 def _filters(
@@ -129,7 +131,7 @@ def _filters(
 ) -> tuple[tuple[tuple[str, str], ...], list[str]]:
     """Return the filters of a requirement, and a line for each that no cell can match.
 
-    :param axes: those of the grid, and the estimators.
+    :param axes: axes of the grid, and the estimators as one more.
     """
     filters, problems = [], []
     names = sorted(name for axis in axes for name in axis.names)
@@ -143,7 +145,7 @@ def _filters(
         filters.append((name, value))
     for axis in (axis for axis in axes if axis.rows):  # else its own line says what is wrong
         chosen = [(name, value) for name, value in filters if name in axis.names]
-        rows = [dict(zip(axis.names, map(word, row), strict=True)) for row in axis.rows]
+        rows = [dict(zip(axis.names, map(value_text, row), strict=True)) for row in axis.rows]
         for name, value in chosen:
             values = list(dict.fromkeys(row[name] for row in rows))
             if value not in values:

@@ -4,8 +4,8 @@
 """A campaign's judgement as JUnit XML, which continuous integration shows.
 
 A test case is a requirement of a group, a comparison with the baseline, and the runs of a group,
-whose output is why some failed. What fails the gate is a failed case, and nothing else is; if no
-run is done, every group's runs are an error.
+with the reasons of failures as output. A case fails if it fails the gate; if no run is done, the
+runs of every group are an error.
 """
 
 import re
@@ -19,44 +19,44 @@ from imu_sim_ros.campaigns.verdict import Judgement
 from imu_sim_ros.errors import system_error
 
 _FORBIDDEN: Final = re.compile("[^\\t\\n\\r\\x20-\\ud7ff\\ue000-\\ufffd\\U00010000-\\U0010ffff]")
-"""What XML 1.0 (section 2.2) has no place for."""
+"""Characters that XML 1.0 (section 2.2) excludes."""
 
 
-def write_junit(path: Path, name: str, found: Judgement) -> None:
+def write_junit(path: Path, name: str, judgement: Judgement) -> None:
     """Write a judgement.
 
-    :param name: of the campaign.
+    :param name: name of the campaign.
     :raises ImuSimError: if the file cannot be written.
     """
     root = ElementTree.Element("testsuites", name=_text(name))
     suite = _Suite(root, "requirements")
-    for one in found.requirements:
-        case = suite.case(f"{one.requirement} ({one.cell}; {one.estimator})")
-        if not one.met:
-            suite.failed(case, "failure", f"{one.requirement}: {one.comment}")
+    for check in judgement.requirements:
+        case = suite.case(f"{check.requirement} ({check.cell}; {check.estimator})")
+        if not check.met:
+            suite.failed(case, "failure", f"{check.requirement}: {check.comment}")
     suite = _Suite(root, "baseline")
-    for effect in found.baseline or []:
-        case = suite.case(f"{found.metric} ({effect.a})")
-        line = effect.line(found.metric)
+    for effect in judgement.baseline or []:
+        case = suite.case(f"{judgement.metric} ({effect.a})")
+        line = effect.line(judgement.metric)
         if effect.verdict == WORSE:
             suite.failed(case, "failure", line)
         elif effect.non_inferior is False:
-            words = f"not proven to be less than {found.non_inferiority} worse"
-            suite.failed(case, "failure", f"{words}: {line}")
+            prefix = f"not proven to be less than {judgement.non_inferiority} worse"
+            suite.failed(case, "failure", f"{prefix}: {line}")
         else:
             suite.output(case, f"{effect.verdict}: {line}")
-    for line in (*found.unmatched, *found.unproven):
+    for line in (*judgement.unmatched, *judgement.unproven):
         suite.failed(suite.case(line), "failure", line)
     suite = _Suite(root, "runs")
-    for standing in found.standings:
+    for standing in judgement.standings:
         cell, estimator = standing.cell, standing.estimator
         case = suite.case(f"{standing.done} of {standing.runs} done ({cell}; {estimator})")
         reasons = [
             f"{failure.runs} x {failure.reason} (seeds {', '.join(map(str, failure.seeds))})"
-            for failure in found.failures
+            for failure in judgement.failures
             if (failure.cell, failure.estimator) == (cell, estimator)
         ]
-        if not found.done:
+        if not judgement.done:
             suite.failed(case, "error", "no run is done")
         if reasons:
             suite.output(case, "\n".join(reasons))

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""The numbers that a run is judged by."""
+"""Metrics of a run."""
 
 import re
 from collections.abc import Collection, Mapping
@@ -33,12 +33,12 @@ STATE: Final = (
 ESTIMATED: Final = "estimated_share"
 """The share of the truth's time that is estimated, without an allowance for the start."""
 COVERED: Final = ("coverage", ESTIMATED, "time_to_failure_s")
-"""How long a trajectory lasts; of failed runs, too, which have little of it."""
+"""Metrics of the time that a trajectory covers; failed runs have them, too."""
 SUCCESS: Final = "success"
-"""The share of runs that are done, which can be compared like a metric."""
+"""Share of the runs that are done, comparable like a metric."""
 LOWER, HIGHER = "lower", "higher"
 Better = str | float
-"""Which values of a metric are better: lower ones, higher ones, or those near a number."""
+"""Direction of a metric: ``lower`` or ``higher`` values are better, or those near a number."""
 COMMAND: Final = ("scale_error", "initialisation_s", "wall_s", "real_time_factor", "peak_memory_mb")
 """Metrics of programs that describe the execution and are not reproducible."""
 
@@ -55,7 +55,7 @@ CALIBRATED: Final = (
 THERMAL: Final = tuple(
     f"{triad}_temperature_{kind}" for triad in TRIADS for kind in ("bias", "scale")
 )
-"""Polynomials: their coefficients have different units, so that only their sigmas are."""
+"""Polynomials, whose coefficients differ in unit: their metric is the error in sigmas alone."""
 
 
 def calibration_names(kinds: Collection[str]) -> tuple[str, ...]:
@@ -63,21 +63,21 @@ def calibration_names(kinds: Collection[str]) -> tuple[str, ...]:
     names: list[str] = []
     if "allan" in kinds:
         quantities = [f"{triad}_{key}" for triad in TRIADS for key in NOISE]
-        names += [f"{one}_{kind}" for one in quantities for kind in ("ratio", "covered")]
+        names += [f"{quantity}_{kind}" for quantity in quantities for kind in ("ratio", "covered")]
     if {"six_position", "turntable", "temperature"} & set(kinds):
-        names += [f"{one}_{kind}" for one in CALIBRATED for kind in ("error", "sigmas")]
+        names += [f"{quantity}_{kind}" for quantity in CALIBRATED for kind in ("error", "sigmas")]
     if "temperature" in kinds:
-        names += [f"{one}_sigmas" for one in THERMAL]
+        names += [f"{quantity}_sigmas" for quantity in THERMAL]
     return tuple(names)
 
 
-def better(metric: str, own: Mapping[str, Better]) -> Better:
+def better(metric: str, custom: Mapping[str, Better]) -> Better:
     """Return which values of a metric are better.
 
-    :param own: of the plan's own metrics.
+    :param custom: directions of the plan's own metrics.
     """
-    if metric in own:
-        return own[metric]
+    if metric in custom:
+        return custom[metric]
     if metric in (SUCCESS, *COVERED, "real_time_factor"):
         return HIGHER
     if metric == "scale_error":
@@ -104,10 +104,10 @@ def depends_on_alignment(metric: str) -> bool:
     return metric in POSE or metric.startswith("rpe_") or metric == "final_velocity_error_m_s"
 
 
-def parse_own(content: object, taken: Collection[str]) -> dict[str, Better]:
+def parse_custom(content: object, reserved: Collection[str]) -> dict[str, Better]:
     """Return the ``metrics`` of a plan: names, and which values are better.
 
-    :param taken: names of other metrics.
+    :param reserved: names of other metrics and columns.
     :raises ConfigurationError: with a line for each problem.
     """
     if content is None:
@@ -118,7 +118,7 @@ def parse_own(content: object, taken: Collection[str]) -> dict[str, Better]:
         )
     problems = []
     for name, value in content.items():
-        if not re.fullmatch(r"[A-Za-z]\w{0,63}", str(name)) or str(name) in taken:
+        if not re.fullmatch(r"[A-Za-z]\w{0,63}", str(name)) or str(name) in reserved:
             problems.append(
                 f"metrics: {shown(name)}: a name may contain letters, digits and _ only, at most "
                 "64, and must not be another metric's"
@@ -164,7 +164,7 @@ class Relative(NamedTuple):
 
     delta: float
     unit: str
-    """s or m."""
+    """Unit of ``delta``: s or m."""
 
     @property
     def names(self) -> tuple[str, str]:
@@ -181,28 +181,28 @@ def parse_relative(content: object) -> tuple[Relative, ...]:
         return ()
     if not isinstance(content, list):
         raise ConfigurationError(f"rpe = {shown(content)}: must be a list such as [1s, 10m]")
-    found, problems = [], []
+    lengths, problems = [], []
     for entry in content:
         match = re.fullmatch(r"(\d+\.?\d*|\.\d+) ?(s|m)", str(entry))
         if match is None or not float(match[1]) > 0:
             problems.append(f"rpe: {shown(entry)}: must be a time or distance such as 1s or 10m")
         else:
-            found.append(Relative(float(match[1]), match[2]))
+            lengths.append(Relative(float(match[1]), match[2]))
     if problems:
         raise ConfigurationError(problems)
-    return tuple(dict.fromkeys(found))
+    return tuple(dict.fromkeys(lengths))
 
 
 def metric_names(relative: tuple[Relative, ...]) -> tuple[str, ...]:
     """Return the names of all metrics in the order of the results' columns."""
-    of_relative = (name for one in relative for name in one.names)
-    return (*POSE, *COVERED, *of_relative, *STATE, *COMMAND)
+    relative_names = (name for length in relative for name in length.names)
+    return (*POSE, *COVERED, *relative_names, *STATE, *COMMAND)
 
 
 def pose_metrics(errors: Comparison, relative: tuple[Relative, ...]) -> Metrics:
     """Return the metrics of the poses of an estimate."""
     distance, final = errors.distance, errors.final_position
-    result: Metrics = {
+    metrics: Metrics = {
         "ate_rmse_m": errors.rms_position,
         "ate_rmse_rad": errors.rms_attitude,
         "final_position_error_m": final,
@@ -210,8 +210,8 @@ def pose_metrics(errors: Comparison, relative: tuple[Relative, ...]) -> Metrics:
         "drift_percent": 100.0 * final / distance if distance > 0.0 else None,
     }
     for length in relative:
-        result.update(zip(length.names, _relative(errors, length), strict=True))
-    return result
+        metrics.update(zip(length.names, _relative(errors, length), strict=True))
+    return metrics
 
 
 def _relative(errors: Comparison, length: Relative) -> tuple[float | None, float | None]:

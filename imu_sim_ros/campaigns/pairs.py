@@ -21,19 +21,19 @@ Values = dict[int, float | None]
 
 
 class CommonTime(NamedTuple):
-    """The shares of the truth's time that A and B cover, and both; medians over the seeds."""
+    """Shares of the truth's time that A, B and both cover; medians over the seeds."""
 
     a: float
     b: float
     both: float | None
-    """None: not known, so that A and B are compared over different time."""
+    """None: unknown; A and B are compared over different time."""
 
-    def words(self, a: str, b: str) -> str:
-        """Return it in words, with the names of A and B."""
-        each = f"{a} {_percent(self.a)}, {b} {_percent(self.b)}"
+    def text(self, a: str, b: str) -> str:
+        """Return the shares as text, with the names of A and B."""
+        shares = f"{a} {_percent(self.a)}, {b} {_percent(self.b)}"
         if self.both is None:
-            return f"not over the same time ({each})"
-        return f"over the {_percent(self.both)} of the time that both cover ({each})"
+            return f"not over the same time ({shares})"
+        return f"over the {_percent(self.both)} of the time that both cover ({shares})"
 
 
 class PairedValues(NamedTuple):
@@ -67,9 +67,9 @@ def paired_values(a: Group, b: Group, metric: str) -> PairedValues:
     Two estimators in one cell have their values over the time that both cover, if their runs were
     made together.
     """
-    ours, theirs = values_of(a, metric), values_of(b, metric)
+    values_a, values_b = values_of(a, metric), values_of(b, metric)
     if not grows_with_time(metric):
-        return PairedValues(ours, theirs, None)
+        return PairedValues(values_a, values_b, None)
     rows = {int(row["seed"]): row for row in b.rows if row["status"] == "done"}
     pairs = [
         (row, rows[int(row["seed"])])
@@ -78,35 +78,37 @@ def paired_values(a: Group, b: Group, metric: str) -> PairedValues:
     ]
     shares: list[tuple[float, float]] = []
     both: list[float] = []
-    apart: list[float] = []
-    for row, other in pairs:
-        share, other_share = _share(row), _share(other)
-        if share is None or other_share is None:
+    differences: list[float] = []
+    for row, partner in pairs:
+        share, partner_share = _share(row), _share(partner)
+        if share is None or partner_share is None:
             continue
-        shares.append((share, other_share))
+        shares.append((share, partner_share))
         entry, reverse = (
             _common(row, b.estimator) if a.cell == b.cell else None,
-            _common(other, a.estimator) if a.cell == b.cell else None,
+            _common(partner, a.estimator) if a.cell == b.cell else None,
         )
         if entry is None or reverse is None:
-            both.append(min(share, other_share))
-            apart.append(abs(share - other_share))
+            both.append(min(share, partner_share))
+            differences.append(abs(share - partner_share))
             continue
         seed = int(row["seed"])
-        ours[seed], theirs[seed] = entry.get(metric), reverse.get(metric)
+        values_a[seed], values_b[seed] = entry.get(metric), reverse.get(metric)
         both.append(entry.get("share") or 0.0)
-        apart.append(0.0)
+        differences.append(0.0)
     if not shares:
-        return PairedValues(ours, theirs, None)
-    first, second = np.median(np.array(shares), axis=0).tolist()
-    common, unknown = float(np.median(both)), float(np.median(apart)) > ALIKE
-    if not unknown and max(first, second) - common <= ALIKE:
-        return PairedValues(ours, theirs, None)
-    return PairedValues(ours, theirs, CommonTime(first, second, None if unknown else common))
+        return PairedValues(values_a, values_b, None)
+    share_a, share_b = np.median(np.array(shares), axis=0).tolist()
+    common, unknown = float(np.median(both)), float(np.median(differences)) > ALIKE
+    if not unknown and max(share_a, share_b) - common <= ALIKE:
+        return PairedValues(values_a, values_b, None)
+    return PairedValues(
+        values_a, values_b, CommonTime(share_a, share_b, None if unknown else common)
+    )
 
 
 def _share(row: Row) -> float | None:
-    """Return the share of the truth's time that a run covers; None: it is not known."""
+    """Return the share of the truth's time that a run covers; None: unknown."""
     share = row.get(ESTIMATED, row.get("coverage"))
     return float(share) if isinstance(share, int | float) else None
 

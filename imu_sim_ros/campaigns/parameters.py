@@ -52,7 +52,7 @@ class CampaignParameters:
 
 @dataclass(frozen=True)
 class TrajectoryEstimator:
-    """What all estimators of trajectories have."""
+    """Parameters that all estimators of trajectories have."""
 
     align: str = choice(
         "plan",
@@ -148,8 +148,8 @@ def find_estimator(kind: str) -> type:
 class TimedFault:
     """A fault and its start time."""
 
-    at: float
-    """[s] after the start."""
+    start: float
+    """Time after the start of the run [s]."""
     fault: Fault
 
 
@@ -162,15 +162,15 @@ def read_faults(content: object) -> tuple[TimedFault, ...]:
         return ()
     if not isinstance(content, list):
         raise ConfigurationError(f"faults = {shown(content)}: must be a list of faults")
-    found, problems = [], Problems()
+    faults, problems = [], Problems()
     for k, entry in enumerate(content):
         try:
             with problems.gathered(before=f"faults[{k}]: "):
-                found.append(_fault(f"faults[{k}]", entry))
+                faults.append(_fault(f"faults[{k}]", entry))
         except (TypeError, ValueError) as error:
             problems.append(f"faults[{k}] = {shown(entry)}: {error}")
     problems.tell()
-    return tuple(found)
+    return tuple(faults)
 
 
 def _fault(where: str, entry: object) -> TimedFault:
@@ -181,9 +181,9 @@ def _fault(where: str, entry: object) -> TimedFault:
     unknown = set(entry) - {"at", "kind", "duration", "value", "triad"}
     if unknown:
         raise ConfigurationError(f"{', '.join(sorted(map(str, unknown)))}: unknown")
-    at = entry.get("at", 0.0)
-    if isinstance(at, bool) or not isinstance(at, int | float) or not 0.0 <= at < 1e9:
-        raise ConfigurationError(f"at = {shown(at)}: must be a time of at least 0 s")
+    start = entry.get("at", 0.0)
+    if isinstance(start, bool) or not isinstance(start, int | float) or not 0.0 <= start < 1e9:
+        raise ConfigurationError(f"at = {shown(start)}: must be a time of at least 0 s")
     triad = str(entry.get("triad", ""))
     if triad not in ("", *TRIADS):
         raise ConfigurationError(
@@ -192,7 +192,7 @@ def _fault(where: str, entry: object) -> TimedFault:
     value = entry.get("value", 0.0)
     values = tuple(float(v) for v in value) if isinstance(value, list) else float(value)
     return TimedFault(
-        float(at),
+        float(start),
         Fault(
             str(entry.get("kind")),
             duration=float(entry.get("duration", float("inf"))),

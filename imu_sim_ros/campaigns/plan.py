@@ -23,10 +23,10 @@ from imu_sim_ros.campaigns.cells import (
     Layer,
     cell_count,
     cells,
-    expanded,
+    expand_names,
     read_axes,
+    value_text,
 )
-from imu_sim_ros.campaigns.cells import word as in_words
 from imu_sim_ros.campaigns.gate import Requirement, parse
 from imu_sim_ros.campaigns.metrics import (
     Better,
@@ -34,7 +34,7 @@ from imu_sim_ros.campaigns.metrics import (
     Tolerance,
     calibration_names,
     metric_names,
-    parse_own,
+    parse_custom,
     parse_relative,
     parse_tolerance,
 )
@@ -74,8 +74,8 @@ _COLUMNS: Final = (
 )
 _NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,63}")
 _MAX_SEEDS: Final = 1_000_000
-_ALL_CHECKED: Final = 2000
-"""Cells up to which every one is built before the start; each takes some 6 ms."""
+_MAX_CHECKED: Final = 2000
+"""Largest number of cells of which all are built before the start."""
 _MAX_PROBLEMS: Final = 20
 _FILES: Final = ("trajectory.file", "trajectory.height_map", "scene.file", "scene.mesh")
 """Parameters that name files on which results depend."""
@@ -95,32 +95,32 @@ class Plan:
     require: list[Requirement]
     environment: dict[str, dict[str, str]] = field(default_factory=dict)
     """Variables that are set for the commands, by estimator."""
-    own: dict[str, Better] = field(default_factory=dict)
+    custom_metrics: dict[str, Better] = field(default_factory=dict)
     """Metrics that programs write, and which values are better."""
     tolerance: Tolerance = Tolerance(0.02, relative=True)
     """Differences that do not matter."""
     folder: Path = Path()
     """Absolute path of the folder with the plan and the programs next to it."""
 
-    def described(self) -> str:
-        """Return its name and the number of its runs."""
+    def title(self) -> str:
+        """Return the name and the number of runs."""
         counts = {"cell": cell_count(self.axes), "seed": len(self.seeds)}
         counts["estimator"] = len(self.estimators)
-        factors = " x ".join(f"{n} {word}{'s' * (n != 1)}" for word, n in counts.items())
+        factors = " x ".join(f"{n} {name}{'s' * (n != 1)}" for name, n in counts.items())
         runs = f"{self.run_count:,} run{'s' * (self.run_count != 1)}"
         return f"{self.options.name}: {factors} = {runs}"
 
     @property
     def metrics(self) -> tuple[str, ...]:
         """The names of all metrics, in the order of the results' columns."""
-        return (*_metrics(self.relative, self.estimators), *self.own)
+        return (*_metrics(self.relative, self.estimators), *self.custom_metrics)
 
     def alignment(self, estimator: str) -> str | None:
         """Return how an estimator's trajectory is aligned; None for those without one."""
-        one = self.estimators[estimator]
-        if isinstance(one, CalibrationEstimator):
+        settings = self.estimators[estimator]
+        if isinstance(settings, CalibrationEstimator):
             return None
-        chosen = self.options.align if one.align == "plan" else one.align
+        chosen = self.options.align if settings.align == "plan" else settings.align
         if chosen != "auto":
             return chosen
         return (
@@ -149,13 +149,13 @@ class Plan:
         :raises ConfigurationError: with one line per problem, after the cell's name.
         """
         with _in_cell(cell):
-            given = joined(self.parameters, cell.layer())
-            built = load_simulation(given, {"seed": self.seeds[0]})
-            if built.imus:
+            layer = joined(self.parameters, cell.layer())
+            parameters = load_simulation(layer, {"seed": self.seeds[0]})
+            if parameters.imus:
                 raise ConfigurationError(
-                    f"imus = {list(built.imus)}: must be empty, a campaign simulates one IMU"
+                    f"imus = {list(parameters.imus)}: must be empty, a campaign simulates one IMU"
                 )
-            return built
+            return parameters
 
     def scenario_values(
         self, parameters: SimulationParameters, estimator: str
@@ -169,7 +169,7 @@ class Plan:
         values.pop("seed")
         for name, digest in file_digests(values).items():
             values[name] = f"a file with the digest {digest[:16]}"  # wherever it lies
-        values["faults"] = [(timed.at, repr(timed.fault)) for timed in self.faults]
+        values["faults"] = [(timed.start, repr(timed.fault)) for timed in self.faults]
         values["align"] = self.alignment(estimator)
         values["diverged_above"] = self.options.diverged_above
         path = self.estimators[estimator]
@@ -192,7 +192,7 @@ class Plan:
             "version": imu_sim_ros.__version__,
             "parameters": values,
             "files": file_digests(values),
-            "faults": [(timed.at, repr(timed.fault)) for timed in self.faults],
+            "faults": [(timed.start, repr(timed.fault)) for timed in self.faults],
             "estimator": flatten(self.estimators[estimator]),
             "align": self.alignment(estimator),
             "environment": self.environment.get(estimator, {}),
@@ -212,7 +212,7 @@ def _metrics(
     relative: tuple[Relative, ...], estimators: Mapping[str, Estimator]
 ) -> tuple[str, ...]:
     """Return the names of the metrics that the estimators can have."""
-    kinds = {one.type for one in estimators.values()}
+    kinds = {estimator.type for estimator in estimators.values()}
     poses = () if kinds and kinds <= set(CALIBRATIONS) else metric_names(relative)
     return (*poses, *calibration_names(kinds))
 
@@ -228,17 +228,19 @@ def _in_cell(cell: Cell) -> Iterator[None]:
 
 
 def file_digests(values: Mapping[str, object]) -> dict[str, str]:
-    """Return the contents of the files of trajectory and scene, which may change under a name.
+    """Return digests of the files of trajectory and scene, by parameter.
 
-    A mesh's are those of its materials and textures, too.
+    The digest of a mesh includes its materials and textures.
     """
-    found = {}
+    digests = {}
     for name in _FILES:
         path = Path(str(values.get(name, "")))
         if str(values.get(name, "")) and path.is_file():
-            read = files_of(path) if name == "scene.mesh" else [path]
-            found[name] = ",".join(hashlib.sha256(one.read_bytes()).hexdigest() for one in read)
-    return found
+            paths = files_of(path) if name == "scene.mesh" else [path]
+            digests[name] = ",".join(
+                hashlib.sha256(part.read_bytes()).hexdigest() for part in paths
+            )
+    return digests
 
 
 def load_plan(path: Path) -> Plan:
@@ -272,51 +274,55 @@ def missing(plan: Plan) -> list[str]:
                 problems.append(f"{name} = {file}: does not exist")
         except InputError as error:
             problems += [f"{name} = {line}" for line in error.problems]
-    for name, one in plan.estimators.items():
-        if not isinstance(one, CommandEstimator):
+    for name, estimator in plan.estimators.items():
+        if not isinstance(estimator, CommandEstimator):
             continue
         try:
-            words = shlex.split(one.command)
+            arguments = shlex.split(estimator.command)
         except ValueError as error:
             problems.append(f"estimators.{name}.command: {error}")
             continue
         path = plan.environment.get(name, {}).get("PATH")
-        if not one.shell and "{" not in words[0] and program(plan, words[0], path) is None:
+        if (
+            not estimator.shell
+            and "{" not in arguments[0]
+            and program(plan, arguments[0], path) is None
+        ):
             problems.append(
-                f"estimators.{name}.command: {words[0]}: no such program, neither in PATH nor in "
-                f"{plan.folder}"
+                f"estimators.{name}.command: {arguments[0]}: no such program, neither in PATH "
+                f"nor in {plan.folder}"
             )
-        # A shell's words may be anything; what lies next to the plan or in the package may not.
+        # The words of a shell may be anything; files next to the plan or in the package must exist.
         folders = {"{plan}": plan.folder, "{share}": files.config_folder().parent}
-        for word in words:
-            first, _, rest = word.partition("/")
-            if first in folders and "{" not in rest and not (folders[first] / rest).exists():
+        for argument in arguments:
+            root, _, rest = argument.partition("/")
+            if root in folders and "{" not in rest and not (folders[root] / rest).exists():
                 problems.append(
-                    f"estimators.{name}.command: {folders[first] / rest}: does not exist"
+                    f"estimators.{name}.command: {folders[root] / rest}: does not exist"
                 )
     return problems
 
 
 def _named_files(plan: Plan) -> set[tuple[str, Path]]:
     """Return the files of trajectory and scene that all cells or one of them name."""
-    found = set()
+    named_files = set()
     for cell in _along_axes(plan.axes) if plan.axes else plan.cells():
         layer = {**plan.parameters, **cell.layer()}
         for name in _FILES:
             if layer.get(name):
-                found.add((name, Path(str(layer[name]))))
-    return found
+                named_files.add((name, Path(str(layer[name]))))
+    return named_files
 
 
-def program(plan: Plan, word: str, path: str | None) -> str | None:
+def program(plan: Plan, argument: str, path: str | None) -> str | None:
     """Return the program that the first word of a command means; None: there is none.
 
     :param path: the variable PATH; None: that of this process.
     """
-    in_folder = plan.folder / word
+    in_folder = plan.folder / argument
     if os.access(in_folder, os.X_OK) and in_folder.is_file():
         return str(in_folder)
-    return shutil.which(word, path=path)
+    return shutil.which(argument, path=path)
 
 
 def find_plan(name_or_file: str) -> Path:
@@ -348,8 +354,10 @@ def read_plan(tree: Mapping[str, Any]) -> Plan:
     relative = attempt(lambda: parse_relative(tree.get("rpe")), ())
     names = [name for axis in axes for name in axis.names]
     built_in = _metrics(relative, estimators)
-    own = attempt(lambda: parse_own(tree.get("metrics"), [*built_in, *_COLUMNS, *names]), {})
-    metrics = [*built_in, *own]
+    custom_metrics = attempt(
+        lambda: parse_custom(tree.get("metrics"), [*built_in, *_COLUMNS, *names]), {}
+    )
+    metrics = [*built_in, *custom_metrics]
     tolerance = attempt(lambda: parse_tolerance(tree.get("tolerance", "2 %")), None)
     require = attempt(lambda: parse(tree.get("require"), metrics, axes, list(estimators)), [])
     problems += [f"grid.{name}: is also in parameters" for name in names if name in (layer or {})]
@@ -358,7 +366,7 @@ def read_plan(tree: Mapping[str, Any]) -> Plan:
     problems.tell()
     return Plan(
         *(options, layer, axes, seeds, faults, estimators, relative, require, environment),
-        *(own, tolerance),
+        *(custom_metrics, tolerance),
     )
 
 
@@ -368,46 +376,52 @@ def check_cells(plan: Plan) -> None:
     :raises ConfigurationError: with one line per problem, however many cells have it, and the
         values of the grid that all of them have.
     """
-    every = cell_count(plan.axes) <= _ALL_CHECKED
-    cells, found = 0, dict[str, list[Cell]]()
-    for cell in plan.cells() if every else _along_axes(plan.axes):
+    exhaustive = cell_count(plan.axes) <= _MAX_CHECKED
+    cells, cells_by_problem = 0, dict[str, list[Cell]]()
+    for cell in plan.cells() if exhaustive else _along_axes(plan.axes):
         cells += 1
         try:
             _check_cell(plan, cell)
         except ConfigurationError as error:
             for line in error.problems:
-                found.setdefault(line.removeprefix(f"cell {cell.name}: "), []).append(cell)
-        if len(found) >= _MAX_PROBLEMS:
+                cells_by_problem.setdefault(line.removeprefix(f"cell {cell.name}: "), []).append(
+                    cell
+                )
+        if len(cells_by_problem) >= _MAX_PROBLEMS:
             break
-    if found:
-        lines = [_of_grid(line, having, cells) for line, having in found.items()]
-        more = ["further cells are not checked"] if len(found) >= _MAX_PROBLEMS else []
-        raise ConfigurationError(lines + more)
+    if cells_by_problem:
+        lines = [
+            _grid_problem(line, affected, cells) for line, affected in cells_by_problem.items()
+        ]
+        note = ["further cells are not checked"] if len(cells_by_problem) >= _MAX_PROBLEMS else []
+        raise ConfigurationError(lines + note)
 
 
-def _of_grid(line: str, having: list[Cell], cells: int) -> str:
+def _grid_problem(line: str, affected: list[Cell], cells: int) -> str:
     """Return a problem with the values of the grid that lead to it.
 
-    :param having: the cells that have it.
-    :param cells: how many there are.
+    :param affected: the cells that have the problem.
+    :param cells: the number of cells.
     """
-    first = having[0].values
-    if any(line.startswith((f"{name} = ", f"{name}: ")) for name in first):
+    values = affected[0].values
+    if any(line.startswith((f"{name} = ", f"{name}: ")) for name in values):
         return f"grid.{line}"
-    if len(having) == cells:
+    if len(affected) == cells:
         return line
-    common = [name for name in first if all(cell.values[name] == first[name] for cell in having)]
+    common = [
+        name for name in values if all(cell.values[name] == values[name] for cell in affected)
+    ]
     if len(common) == 1:
-        return f"grid.{common[0]} = {in_words(first[common[0]])}: {line}"
-    words = ", ".join(f"{name}={in_words(first[name])}" for name in common)
-    return f"cell {words}: {line}" if words else f"{len(having)} of {cells} cells: {line}"
+        return f"grid.{common[0]} = {value_text(values[common[0]])}: {line}"
+    labels = ", ".join(f"{name}={value_text(values[name])}" for name in common)
+    return f"cell {labels}: {line}" if labels else f"{len(affected)} of {cells} cells: {line}"
 
 
 def _check_cell(plan: Plan, cell: Cell) -> None:
     if plan.simulation(cell).cameras:
         return
-    for name, one in plan.estimators.items():
-        if isinstance(one, CommandEstimator) and one.dataset == "tracks":
+    for name, estimator in plan.estimators.items():
+        if isinstance(estimator, CommandEstimator) and estimator.dataset == "tracks":
             raise ConfigurationError(
                 f"estimators.{name}.dataset = tracks: needs a camera; parameters: "
                 "{camera: euroc_cam0} is one"
@@ -415,12 +429,12 @@ def _check_cell(plan: Plan, cell: Cell) -> None:
 
 
 def _along_axes(axes: list[Axis]) -> Iterator[Cell]:
-    first = {
+    base = {
         name: value for axis in axes for name, value in zip(axis.names, axis.rows[0], strict=True)
     }
     for axis in axes:
         for row in axis.rows:
-            yield Cell(-1, {**first, **dict(zip(axis.names, row, strict=True))})
+            yield Cell(-1, {**base, **dict(zip(axis.names, row, strict=True))})
 
 
 def _layer(content: object) -> Layer:
@@ -428,14 +442,14 @@ def _layer(content: object) -> Layer:
         return {}
     layer = files.dotted(content, "parameters")
     short = {name: layer.pop(name) for name in list(layer) if name in SHORT}
-    return joined(expanded(short), layer)
+    return joined(expand_names(short), layer)
 
 
 def _seeds(content: object) -> tuple[int, ...]:
     allowed = "must be a count (50: seeds 0 to 49) or a list of integers, each at least 0"
-    wrong = ConfigurationError(f"seeds = {shown(content)}: {allowed}")
+    problem = ConfigurationError(f"seeds = {shown(content)}: {allowed}")
     if isinstance(content, bool):
-        raise wrong
+        raise problem
     if isinstance(content, int):
         if not 1 <= content <= _MAX_SEEDS:
             raise ConfigurationError(
@@ -443,10 +457,10 @@ def _seeds(content: object) -> tuple[int, ...]:
             )
         return tuple(range(content))
     if not isinstance(content, list) or not content:
-        raise wrong
+        raise problem
     for seed in content:
         if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**63:
-            raise wrong
+            raise problem
     if len(set(content)) != len(content):
         raise ConfigurationError(f"seeds = {shown(content)}: a seed is given twice")
     return tuple(content)
@@ -461,7 +475,7 @@ def _estimators(content: object) -> tuple[dict[str, Estimator], dict[str, dict[s
         raise ConfigurationError(
             f"estimators = {shown(content)}: must hold a name and parameters for each"
         )
-    found, environment, problems = {}, {}, Problems()
+    estimators, environment, problems = {}, {}, Problems()
     for name, entry in content.items():
         if not _NAME.fullmatch(str(name)):
             problems.append(
@@ -470,11 +484,11 @@ def _estimators(content: object) -> tuple[dict[str, Estimator], dict[str, dict[s
             )
             continue
         with problems.gathered(before=f"estimators.{name}: "):
-            found[str(name)], variables = _estimator(entry)
+            estimators[str(name)], variables = _estimator(entry)
             if variables:
                 environment[str(name)] = variables
     problems.tell()
-    return found, environment
+    return estimators, environment
 
 
 def _template(name: object) -> dict[Any, Any]:
@@ -487,11 +501,11 @@ def _estimator(entry: object) -> tuple[Estimator, dict[str, str]]:
         entry = {}
     if not isinstance(entry, Mapping):
         raise ConfigurationError(f"{shown(entry)}: must hold names and values")
-    given = dict(entry)
-    template = given.pop("template", None)
+    content = dict(entry)
+    template = content.pop("template", None)
     if template is not None:
-        given = {**_template(template), **given}
-    values = {str(key): value for key, value in given.items()}
+        content = {**_template(template), **content}
+    values = {str(key): value for key, value in content.items()}
     variables = values.pop("environment", {})
     if not isinstance(variables, Mapping) or any(
         not isinstance(key, str) or not key or "=" in key or "\0" in f"{key}{value}"

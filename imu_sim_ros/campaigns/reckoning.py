@@ -35,7 +35,7 @@ from imu_sim_ros.types import Array
 _NEES: Final = {"position": POSITION, "attitude": ATTITUDE, "velocity": VELOCITY}
 
 
-def reckoned(
+def dead_reckoned_states(
     cell: SimulatedCell,
     estimator: DeadReckonEstimator,
     block: Samples,
@@ -48,7 +48,7 @@ def reckoned(
     :param start: the true state at the first reading, or at the first sample if that is later.
     """
     world = cell.parameters
-    at = np.array([max(int(readings.t_ns[0]), int(block.true_t_ns[0]))])
+    start_ns = np.array([max(int(readings.t_ns[0]), int(block.true_t_ns[0]))])
     return dead_reckon(
         readings.t_ns,
         *readings.triads(),
@@ -58,7 +58,9 @@ def reckoned(
         gravity_vector(world).tolist(),
         earth_rate=earth_rate_vector(world).tolist(),
         mount=mount_of(world.imu),
-        initial_rate=interpolate_vectors(block.true_t_ns, block.motion.angular_velocity, at)[0],
+        initial_rate=interpolate_vectors(block.true_t_ns, block.motion.angular_velocity, start_ns)[
+            0
+        ],
     )
 
 
@@ -91,7 +93,7 @@ class DeadReckoning:
             if at_stamps
             else state_at(truth, max(int(readings.t_ns[0]), int(truth.t_ns[0])))
         )
-        states = reckoned(self._cell, estimator, block, readings, start)
+        states = dead_reckoned_states(self._cell, estimator, block, readings, start)
         if not at_stamps:
             how = (alignment, plan.relative, estimator, plan.options.diverged_above)
             return estimate_metrics(states, block, *how), states
@@ -106,7 +108,7 @@ class DeadReckoning:
     def _consistency(self, truth: States, block: Samples, states: States) -> Metrics:
         """Return the NEES of the final state; the covariance is that along the truth.
 
-        It is the same for all seeds of a cell, so it is propagated only once.
+        The covariance is the same for all seeds of a cell, so it is propagated only once.
         """
         if self._covariances is None:
             self._covariances = self._final_covariances(truth, block)
@@ -116,16 +118,16 @@ class DeadReckoning:
             "velocity": states.velocities()[-1] - truth.velocities()[-1],
             "attitude": attitude_errors(states.q_wb[-1:], truth.q_wb[-1:])[0],
         }
-        found: Metrics = {
+        metrics: Metrics = {
             f"nees_{name}": None if matrix is None else float(nees(errors[name][None], matrix)[0])
             for name, matrix in covariances.items()
         }
-        return {**found, "attitude_sigma_rad": sigma}
+        return {**metrics, "attitude_sigma_rad": sigma}
 
     def _final_covariances(
         self, truth: States, block: Samples
     ) -> tuple[dict[str, Array | None], float]:
-        """Return those of the final state that are valid, and the attitude's largest sigma."""
+        """Return the valid final covariances, and the largest sigma of the attitude [rad]."""
         imu = self._cell.parameters.imu
         initial = initial_covariance(
             gyroscope_bias=imu.gyroscope.turn_on_bias_sigma,
@@ -135,9 +137,9 @@ class DeadReckoning:
         mount = mount_of(imu)
         matrix = propagate(truth, block.ideal_accel, imu, covariance, mount=mount)[0]
         valid = covariance.largest_attitude_sigma <= LARGEST_SIGMA
-        found: dict[str, Array | None] = {}
+        covariances: dict[str, Array | None] = {}
         for name, rows in _NEES.items():
             part = matrix[rows, rows]
             regular = valid and np.linalg.matrix_rank(part, hermitian=True) == 3
-            found[name] = part if regular else None
-        return found, covariance.largest_attitude_sigma
+            covariances[name] = part if regular else None
+        return covariances, covariance.largest_attitude_sigma

@@ -45,13 +45,13 @@ COMMON_TIME: Final = "common_time"
 FINDINGS: Final = "findings"
 """Column of the mistakes that an estimate shows."""
 SEPARATOR: Final = "; "
-"""Between the findings of a run."""
+"""Separator of the findings of a run."""
 SCENARIO: Final = "scenario"
 """Column of the digest of all that decides what a run has to estimate, and how it is compared."""
 _IDENTITY: Final = ("cell", "estimator", "status", "digest", "version")
 """Columns that are strings, whatever they look like; with the seed they identify a run."""
 _TEXTS: Final = (*_IDENTITY, COMMON_TIME, FINDINGS, SCENARIO)
-_OWN: Final = frozenset((*_RESULTS, PLAN, _LOCK))
+_CAMPAIGN_FILES: Final = frozenset((*_RESULTS, PLAN, _LOCK))
 _PART: Final = re.compile(r"plan\.\d+\.yaml|\.[a-z.]+\.part")
 """Earlier plans, and the incomplete tables of a killed program."""
 
@@ -81,16 +81,16 @@ class Store:
         """
         self.folder = folder
         self._file: TextIO | None = None
-        self._made: list[Path] = []
+        self._created: list[Path] = []
         try:
             _refuse(folder, resume, force)
             for parent in reversed([p for p in (folder, *folder.parents) if not p.exists()]):
                 parent.mkdir()
-                self._made.append(parent)
+                self._created.append(parent)
             is_present(folder / _LOCK)  # a pipe would be waited for
             self._lock = (folder / _LOCK).open("a")
         except OSError as error:
-            self._remove_made()
+            self._remove_created()
             raise system_error(folder, error) from None
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -107,16 +107,16 @@ class Store:
     def __exit__(self, *_: object) -> None:
         if self._file is not None:
             self._file.close()
-        if self._made and not any((self.folder / name).exists() for name in (*_RESULTS, PLAN)):
+        if self._created and not any((self.folder / name).exists() for name in (*_RESULTS, PLAN)):
             (self.folder / _LOCK).unlink(missing_ok=True)
-            self._remove_made()
+            self._remove_created()
         self._lock.close()
 
-    def _remove_made(self) -> None:
+    def _remove_created(self) -> None:
         """Remove the folders that were created, if they are empty."""
         with contextlib.suppress(OSError):
-            while self._made:
-                self._made.pop().rmdir()
+            while self._created:
+                self._created.pop().rmdir()
 
     def keep_plan(self, path: Path) -> None:
         """Copy the plan next to its results; it may already be there.
@@ -161,7 +161,7 @@ def _refuse(folder: Path, resume: bool, force: bool) -> None:
         raise InputError(f"{folder}: exists and is not a folder")
     begun = (resume or not force) and _has_runs(folder)
     if resume and begun:
-        return  # what else lies there, notes or pages, is not touched
+        return  # further files, notes or pages, are not touched
     complaint = _foreign(folder) or ("" if force else _results_there(folder, begun, resume))
     if complaint:
         raise InputError(f"{folder}: contains {complaint}")
@@ -176,7 +176,7 @@ def _has_runs(folder: Path) -> bool:
 def _foreign(folder: Path) -> str:
     """Return a complaint about a file that no campaign wrote; empty: there is none."""
     for name in sorted(os.listdir(folder)):
-        if name not in _OWN and not _PART.fullmatch(name):
+        if name not in _CAMPAIGN_FILES and not _PART.fullmatch(name):
             return f"{name}, which is not from a campaign; name another folder"
     return ""
 
@@ -184,18 +184,18 @@ def _foreign(folder: Path) -> str:
 def _results_there(folder: Path, begun: bool, resume: bool) -> str:
     """Return a complaint about results that are not to be replaced; empty: there are none.
 
-    :param begun: whether the log has runs, from which one may resume.
+    :param begun: True if the log has runs, from which one may resume.
     """
-    there = [name for name in _RESULTS if name != LOG and os.path.lexists(folder / name)]
-    interrupted = there == [_RUNS]  # within the first runs of programs
+    existing = [name for name in _RESULTS if name != LOG and os.path.lexists(folder / name)]
+    interrupted = existing == [_RUNS]  # within the first runs of programs
     if resume and interrupted:
         return ""
     if begun or interrupted:
         return "results; continue with --resume, start over with --force, or name another one"
-    if there:
+    if existing:
         return (
-            f"{there[0]} without the {LOG} it was generated from; start over with --force, or name "
-            "another one"
+            f"{existing[0]} without the {LOG} it was generated from; start over with --force, "
+            "or name another one"
         )
     return ""
 
@@ -229,10 +229,10 @@ def _is_torn(path: Path) -> bool:
 
 
 def read_log(path: Path) -> Iterator[Row]:
-    """Yield the rows of a log; names and strings that they have in common lie in memory once."""
+    """Yield the rows of a log; equal names and strings share memory."""
     if not is_present(path):
         return
-    words: dict[Any, Any] = {}
+    interned: dict[Any, Any] = {}
     with path.open(encoding="utf-8", errors="replace") as file:
         for line in file:
             try:
@@ -242,7 +242,7 @@ def read_log(path: Path) -> Iterator[Row]:
             if not _is_row(row):
                 continue
             yield {
-                words.setdefault(name, name): words.setdefault(value, value)
+                interned.setdefault(name, name): interned.setdefault(value, value)
                 if isinstance(value, str)
                 else value
                 for name, value in row.items()
@@ -275,7 +275,7 @@ def write_tables(
 ) -> list[Path]:
     """Write ``results.csv``, and ``results.parquet`` if pyarrow is installed.
 
-    :param metrics: the columns that hold numbers, whatever there is in the rows.
+    :param metrics: the columns that hold numbers, even if no row has one.
     :param parquet: False: without ``results.parquet``, an earlier one is removed. Loading pyarrow
         takes long for a program that was asked to end.
     """
@@ -285,12 +285,12 @@ def write_tables(
         writer.writerow(columns)
         for row in rows:
             writer.writerow([_cell(row.get(name)) for name in columns])
-    written = [table]
+    paths = [table]
     if not parquet:
         (folder / PARQUET).unlink(missing_ok=True)
     elif _write_parquet(folder / PARQUET, rows, columns, metrics):
-        written.append(folder / PARQUET)
-    return written
+        paths.append(folder / PARQUET)
+    return paths
 
 
 def _cell(value: object) -> object:
@@ -366,29 +366,29 @@ def _read_parquet(path: Path) -> list[Row]:
 def _read_csv(path: Path) -> list[Row]:
     with path.open(encoding="utf-8", newline="") as file:
         return [
-            {name: _value(name, word) for name, word in row.items() if name}
+            {name: _value(name, text) for name, text in row.items() if name}
             for row in csv.DictReader(file)
         ]
 
 
-def _value(name: str, word: str | None) -> object:
-    if word is None or word == "":
+def _value(name: str, text: str | None) -> object:
+    if text is None or text == "":
         return None
     if name in _TEXTS:
-        return word
+        return text
     try:
-        number = float(word)
+        number = float(text)
     except ValueError:
-        return word
+        return text
     if not math.isfinite(number):
-        return word
-    return int(word) if word.lstrip("-").isdigit() else number
+        return text
+    return int(text) if text.lstrip("-").isdigit() else number
 
 
 def numbers(rows: Iterable[Row], metric: str) -> list[float]:
     """Return the values of a metric in the rows that have it and are done.
 
-    How long a trajectory lasts is known of failed runs, too.
+    Metrics of coverage are those of failed runs, too.
     """
     return [
         float(row[metric])

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""What a program reads: the dataset and the configuration of one run."""
+"""Input files of a program: the dataset and the configuration of one run."""
 
 import dataclasses
 from pathlib import Path
@@ -22,26 +22,26 @@ _BAGS: Final = {"rosbag2": "dataset", "ros1": "dataset.bag", "mcap": "dataset.mc
 
 
 def write_dataset(cell: SimulatedCell, form: str, seed: int, folder: Path) -> Path:
-    """Write the readings, the truth, and what the cameras see, if there are any.
+    """Write the readings, the truth, and the data of the cameras, if there are any.
 
     :param form: euroc, tracks, rosbag2, ros1 or mcap.
-    :param folder: of the run.
-    :returns: the dataset.
+    :param folder: folder of the run.
+    :returns: the path of the dataset.
     """
     sensors, name = mounted(cell.parameters), _BAGS.get(form, "dataset")
     path, dataset = folder / name, None if form in _BAGS else form
     names = chosen_topics(sensors, dataset, path)
     if dataset is None:
-        # No program reads the truth of all that is seen, which is twice as large as what is seen.
-        known = offered(sensors)
-        seen = [n for n in names if known[n].topic.truth and known[n].mounted.sensor.sees]
-        names = {name: names[name] for name in names if name not in seen}
+        # The truth of the scene is twice as large as what the cameras see, and no program reads it.
+        topics = offered(sensors)
+        scene_truth = [n for n in names if topics[n].topic.truth and topics[n].mounted.sensor.sees]
+        names = {name: names[name] for name in names if name not in scene_truth}
     output = path / "mav0" if form == "euroc" else path
     with threads(1) as pool:
         body = cell.simulation(seed, pool)
         with opened(dataset, output, names, sensors, body.world) as target:
-            for read in body.windows(cell.total):
-                target.write(read)
+            for window in body.windows(cell.total):
+                target.write(window)
     return path
 
 
@@ -55,6 +55,6 @@ def write_config(cell: SimulatedCell, seed: int, folder: Path) -> Path:
     values = imu_values(parameters, resolved(IMU_TOPIC), cell.total / parameters.rate)
     names = {topic: topic for topic in offered(mounted(parameters))}
     write_all(path, values, rig_values(values, parameters, names), parameters)
-    every = values_of(parameters)
-    files.write(every, path / "simulation.yaml", comment="All parameters of this run.")
+    all_values = values_of(parameters)
+    files.write(all_values, path / "simulation.yaml", comment="All parameters of this run.")
     return path

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Final
 
 import imu_sim_ros
-from imu_sim_ros.campaigns.cells import Cell, word
+from imu_sim_ros.campaigns.cells import Cell, value_text
 from imu_sim_ros.campaigns.common_time import common_time
 from imu_sim_ros.campaigns.comparison import (
     RunOutcome,
@@ -31,8 +31,8 @@ from imu_sim_ros.records import States
 from imu_sim_ros.sensors.samples import Samples
 
 DONE: Final = "done"
-_OF_FAILED: Final = (*COVERED, "wall_s", "peak_memory_mb")
-"""Metrics that a failed run has, too."""
+_FAILED_METRICS: Final = (*COVERED, "wall_s", "peak_memory_mb")
+"""Metrics that failed runs have, too."""
 
 
 class CellRuns:
@@ -62,8 +62,8 @@ class CellRuns:
                 try:
                     self._estimate(name, seed, block, folder, outcome)
                 except Exception as error:  # an estimator may write anything
-                    known: Metrics = {key: outcome.metrics.get(key) for key in _OF_FAILED}
-                    outcome.metrics = known
+                    metrics: Metrics = {key: outcome.metrics.get(key) for key in _FAILED_METRICS}
+                    outcome.metrics = metrics
                     rows[name] = self._row(seed, name, f"failed: {_reason(error)}", outcome)
                 else:
                     rows[name] = self._row(seed, name, DONE, outcome)
@@ -75,7 +75,7 @@ class CellRuns:
             yield from rows.values()
 
     def _outcome(self, name: str) -> RunOutcome:
-        """Return the outcome of a run that has not begun: a path that covers nothing."""
+        """Return the outcome of a run that has not begun, with zero coverage."""
         if isinstance(self.plan.estimators[name], TrajectoryEstimator):
             return RunOutcome(dict.fromkeys(COVERED, 0.0))
         return RunOutcome()
@@ -105,7 +105,7 @@ class CellRuns:
         folder: Path,
         outcome: RunOutcome,
     ) -> None:
-        """Fill in the results of one run; of one that fails, those that it has, too."""
+        """Fill in the results of one run; a run that fails keeps those computed before."""
         estimator = self.plan.estimators[name]
         if isinstance(estimator, DeadReckonEstimator):
             metrics, outcome.track = self._dead_reckoning.run(name, estimator, block())
@@ -145,4 +145,4 @@ def _reason(error: Exception) -> str:
 
 def _plain(value: object) -> object:
     """Return a grid's value as results hold it: a number, a boolean or a string."""
-    return value if isinstance(value, int | float | str) else word(value)
+    return value if isinstance(value, int | float | str) else value_text(value)

@@ -48,29 +48,31 @@ class SimulatedCell:
 
     def block(self, seed: int) -> Samples:
         """Return all samples of the IMU of a seed; no other sensor is read."""
-        block: Samples = self._begun(seed).next(self.total)[IMU]
+        block: Samples = self._start(seed).next(self.total)[IMU]
         return block
 
     def simulation(self, seed: int, threads: "Executor | None" = None) -> Body:
         """Return the body of this cell at its first sample, with the plan's faults.
 
-        :param threads: for what cameras see, which is read as well; None: it is not.
+        :param threads: threads for the cameras, which are read as well; None: cameras are not read.
         """
-        seen = [n for n, one in mounted(self.parameters).items() if one.sensor.datasets]
-        more = (POSE, *self.parameters.sensors, *(seen if threads else ()))
-        return self._begun(seed, more, threads)
+        dataset_sensors = [
+            n for n, mount in mounted(self.parameters).items() if mount.sensor.datasets
+        ]
+        sensors = (POSE, *self.parameters.sensors, *(dataset_sensors if threads else ()))
+        return self._start(seed, sensors, threads)
 
-    def _begun(
+    def _start(
         self, seed: int, sensors: Collection[str] = (), threads: "Executor | None" = None
     ) -> Body:
         """Return the body at its first sample; sensors are read in addition to the IMU."""
         body = self._base.with_seed(seed, sensors, threads)
         for timed in self.plan.faults:
-            body.inject(timed.fault, timed.at)
+            body.inject(timed.fault, timed.start)
         return body
 
     def truth(self, block: Samples) -> States:
-        """Return the true states at the true times; they are the same for all seeds.
+        """Return the true states at the true times, which are the same for all seeds.
 
         :param block: all samples of any seed.
         """

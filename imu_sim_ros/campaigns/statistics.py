@@ -25,12 +25,11 @@ _Z: Final = 1.959963984540054
 """Quantile of the normal distribution for :data:`CONFIDENCE`."""
 _RESAMPLES: Final = 4999
 _MAX_RESAMPLED: Final = 1000
-"""Runs above which a mean has the normal interval: what the bootstrap adds to it falls with their
-number."""
+"""Runs above which a mean has the normal interval, which the bootstrap's approaches."""
 _CHUNK: Final = 1_000_000
-"""Numbers drawn at a time, so that memory does not grow with the runs."""
+"""Numbers drawn at a time, so that memory does not grow with the number of runs."""
 _INFINITE: Final = 1e9
-"""Difference that stands for an infinite one: a failed run is worse than any number."""
+"""Finite stand-in for the infinite difference to a failed run."""
 _MAX_PAIRS: Final = 1000
 """Pairs above which a million of their averages are drawn instead of all."""
 _MAX_EXACT: Final = 50
@@ -69,26 +68,26 @@ def means(samples: Sequence[Array]) -> list[ConfidenceInterval]:
     The resampling has a fixed seed: the same values give the same interval, and samples of one
     size are resampled together.
     """
-    result = []
-    of_size: dict[int, list[int]] = {}
+    intervals = []
+    by_size: dict[int, list[int]] = {}
     for k, values in enumerate(samples):
         n = len(values)
-        found = float(np.mean(values)) if n else None
+        average = float(np.mean(values)) if n else None
         ends: tuple[float | None, float | None] = None, None
-        if found is not None and n >= _MIN_PAIRS:
+        if average is not None and n >= _MIN_PAIRS:
             if np.ptp(values) == 0.0:
-                ends = found, found
+                ends = average, average
             elif n > _MAX_RESAMPLED:
                 half = _Z * float(np.std(values, ddof=1)) / math.sqrt(n)
-                ends = found - half, found + half
+                ends = average - half, average + half
             else:
-                of_size.setdefault(n, []).append(k)
-        result.append(ConfidenceInterval(found, *ends))
-    for numbers in of_size.values():
-        ends_of = _bootstrap(np.stack([samples[k] for k in numbers]))
-        for k, low, high in zip(numbers, *ends_of, strict=True):
-            result[k] = ConfidenceInterval(result[k].value, float(low), float(high))
-    return result
+                by_size.setdefault(n, []).append(k)
+        intervals.append(ConfidenceInterval(average, *ends))
+    for numbers in by_size.values():
+        bounds = _bootstrap(np.stack([samples[k] for k in numbers]))
+        for k, low, high in zip(numbers, *bounds, strict=True):
+            intervals[k] = ConfidenceInterval(intervals[k].value, float(low), float(high))
+    return intervals
 
 
 def _bootstrap(values: Array) -> tuple[Array, Array]:
@@ -118,9 +117,9 @@ def _ranks(n: int, p: float) -> tuple[int, int]:
     from scipy.stats import binom
 
     tail = 0.5 * (1.0 - CONFIDENCE)
-    below = binom.cdf(np.arange(n), n, p)  # P(B <= k)
-    low = int(np.searchsorted(below, tail, side="right"))  # P(B <= rank - 1) <= tail
-    return low, int(np.searchsorted(below, 1.0 - tail)) + 1  # P(B <= rank - 1) >= 1 - tail
+    cdf = binom.cdf(np.arange(n), n, p)  # P(B <= k)
+    low = int(np.searchsorted(cdf, tail, side="right"))  # P(B <= rank - 1) <= tail
+    return low, int(np.searchsorted(cdf, 1.0 - tail)) + 1  # P(B <= rank - 1) >= 1 - tail
 
 
 def quantile(values: Array, p: float) -> ConfidenceInterval:
@@ -131,10 +130,10 @@ def quantile(values: Array, p: float) -> ConfidenceInterval:
     if not len(values):
         return ConfidenceInterval(None, None, None)
     n, ordered = len(values), np.sort(values)
-    found = float(np.quantile(ordered, p))
+    value = float(np.quantile(ordered, p))
     low_rank, high_rank = _ranks(n, p)
     return ConfidenceInterval(
-        found,
+        value,
         float(ordered[low_rank - 1]) if low_rank >= 1 else None,
         float(ordered[high_rank - 1]) if high_rank <= n else None,
     )
@@ -145,13 +144,13 @@ def statistic(values: Array, name: str) -> ConfidenceInterval:
     if name == "mean":
         return mean(values)
     if name in ("min", "max"):
-        found = float(getattr(np, name)(values)) if len(values) else None
-        return ConfidenceInterval(found, None, None)
+        value = float(getattr(np, name)(values)) if len(values) else None
+        return ConfidenceInterval(value, None, None)
     return quantile(values, 0.5 if name == "median" else float(name[1:]) / 100.0)
 
 
 def wins(a: Array, b: Array) -> tuple[int, int, int]:
-    """Return on how many pairs a is smaller than b, larger, and neither."""
+    """Return the numbers of pairs in which a is smaller, larger, and equal."""
     smaller, larger = int(np.sum(a < b)), int(np.sum(a > b))
     return smaller, larger, len(a) - smaller - larger
 
@@ -166,7 +165,7 @@ def share_difference(
 
     :param a: (n,) success of A.
     :param b: (n,) success of B on the same seeds.
-    :param comparisons: made at once, by which the 5 % of the interval are divided.
+    :param comparisons: number of simultaneous comparisons, by which 5 % are divided.
     """
     from scipy.special import ndtri
     from scipy.stats import binomtest
@@ -183,10 +182,10 @@ def share_difference(
 
 
 class Shift(NamedTuple):
-    """By how much paired differences lie from zero."""
+    """Distance of paired differences from zero."""
 
     centre: ConfidenceInterval
-    """Hodges and Lehmann's, with its 95 % interval; an end is None if it is infinite or if
+    """Hodges-Lehmann estimate with its 95 % interval; an end is None if it is infinite or if
     too few pairs support it."""
     sign: int
     """Sign of the centre, which may be infinite."""
@@ -201,7 +200,7 @@ class Shift(NamedTuple):
 NO_SHIFT: Final = Shift(
     ConfidenceInterval(None, None, None), 0, None, None, ConfidenceInterval(None, None, None)
 )
-"""Of no differences."""
+"""Shift of an empty set of differences."""
 
 
 def shift(differences: Array, margin: float = 0.0, comparisons: int = 1) -> Shift:
@@ -212,27 +211,27 @@ def shift(differences: Array, margin: float = 0.0, comparisons: int = 1) -> Shif
     Chicken, "Nonparametric statistical methods", 3rd edition, sections 3.1 to 3.3): it excludes
     zero if the test finds a difference. Infinite differences are larger than any other.
 
-    :param comparisons: made at once: 1 - 5 % / comparisons is the level of ``simultaneous``.
+    :param comparisons: their number: 1 - 5 % / comparisons is the level of ``simultaneous``.
     """
     n = len(differences)
     if not n:
         return NO_SHIFT
     d = np.clip(differences, -_INFINITE, _INFINITE)
     if n <= _MAX_PAIRS:
-        first, second = np.triu_indices(n)
+        i, j = np.triu_indices(n)
     else:
-        first, second = np.random.default_rng(20_240_611).integers(0, n, (2, _CHUNK))
-    averages = np.sort(0.5 * (d[first] + d[second]))
+        i, j = np.random.default_rng(20_240_611).integers(0, n, (2, _CHUNK))
+    averages = np.sort(0.5 * (d[i] + d[j]))
     middle = float(np.median(averages))
 
     def interval(level: float) -> ConfidenceInterval:
         rank = signed_rank_limit(n, 0.5 * level)
         if rank is None:
-            return ConfidenceInterval(_known(middle), None, None)
+            return ConfidenceInterval(_finite(middle), None, None)
         # The average of rank + 1; a drawn part has a proportional position.
         position = rank if n <= _MAX_PAIRS else rank * len(averages) // (n * (n + 1) // 2)
         ends = averages[position], averages[-1 - position]
-        return ConfidenceInterval(_known(middle), *(_known(float(end)) for end in ends))
+        return ConfidenceInterval(_finite(middle), *(_finite(float(end)) for end in ends))
 
     centre = interval(1.0 - CONFIDENCE)
     together = interval((1.0 - CONFIDENCE) / comparisons)
@@ -258,15 +257,16 @@ def non_inferior(differences: Array, margin: float) -> bool:
     return len(d) > 0 and _tails(d - margin)[0] < 0.5 * (1.0 - CONFIDENCE)
 
 
-def _known(value: float) -> float | None:
-    """Return None for an average, or the middle of two, in which an infinite difference is."""
+def _finite(value: float) -> float | None:
+    """Return None for an average that contains an infinite difference."""
     return value if abs(value) < 0.1 * _INFINITE else None
 
 
 def _tails(d: Array) -> tuple[float, float]:
-    """Return the probabilities of at most and at least this sum of positive ranks, by chance.
+    """Return the probabilities of at most, and at least, the observed sum of positive ranks.
 
-    Up to 50 differences the distribution is exact, of tied ranks too: twice a mean rank is whole.
+    Up to 50 differences, the distribution is exact, also for tied ranks: twice a mean rank is
+    whole.
     """
     from scipy.special import ndtr
     from scipy.stats import rankdata
@@ -275,18 +275,18 @@ def _tails(d: Array) -> tuple[float, float]:
     if not len(d):
         return 1.0, 1.0
     ranks = rankdata(np.abs(d))
-    found = ranks[d > 0.0].sum()
+    positive_sum = ranks[d > 0.0].sum()
     if len(d) > _MAX_EXACT:
-        z = (found - 0.5 * ranks.sum()) / math.sqrt(0.25 * np.sum(ranks**2))
+        z = (positive_sum - 0.5 * ranks.sum()) / math.sqrt(0.25 * np.sum(ranks**2))
         return float(ndtr(z)), float(ndtr(-z))
     chance = _rank_sums(tuple((2.0 * np.sort(ranks)).astype(int)))
-    count = round(2.0 * found)
+    count = round(2.0 * positive_sum)
     return float(chance[: count + 1].sum()), float(chance[count:].sum())
 
 
 @functools.lru_cache(maxsize=256)
 def _rank_sums(ranks: tuple[int, ...]) -> Array:
-    """Return the probability of each sum of ranks that are in it or not with equal chance."""
+    """Return the distribution of the sum of ranks, each included with probability 1/2."""
     chance = np.zeros(sum(ranks) + 1)
     chance[0] = 1.0
     for rank in ranks:
@@ -301,50 +301,50 @@ def signed_rank_limit(n: int, tail: float) -> int | None:
     None: there is none; smaller sums are as unlikely.
     """
     if n <= _MAX_EXACT:
-        found = int(np.searchsorted(np.cumsum(_rank_sums(tuple(range(1, n + 1)))), tail, "right"))
+        count = int(np.searchsorted(np.cumsum(_rank_sums(tuple(range(1, n + 1)))), tail, "right"))
     else:
         from scipy.special import ndtri
 
         deviation = math.sqrt(n * (n + 1) * (2 * n + 1) / 24.0)
-        found = math.floor(n * (n + 1) / 4.0 + ndtri(tail) * deviation) + 1
-    return found - 1 if found else None
+        count = math.floor(n * (n + 1) / 4.0 + ndtri(tail) * deviation) + 1
+    return count - 1 if count else None
 
 
 def power(pairs: int, difference: float, scatter: float, margin: float, comparisons: int) -> float:
     """Return the chance to find a relative difference on so many seeds, from 4000 campaigns.
 
     :param difference: 0.1 for 10 %.
-    :param scatter: of the ratio of the two on the same seed, as the standard deviation of its
-        logarithm: what they share does not matter.
-    :param margin: beyond which the difference has to lie, 0.02 for 2 %.
-    :param comparisons: made at once, by which the level of 5 % is divided.
+    :param scatter: standard deviation of the logarithm of the ratio on a seed; common
+            variations cancel.
+    :param margin: smallest relative difference that counts, 0.02 for 2 %.
+    :param comparisons: number of simultaneous comparisons, by which the level of 5 % is divided.
     """
     limit = signed_rank_limit(pairs, 0.5 * (1.0 - CONFIDENCE) / comparisons)
     if limit is None:
         return 0.0
     distance = math.log1p(difference) - math.log1p(margin)
-    rng, found = np.random.default_rng(20_240_611), 0
+    rng, detections = np.random.default_rng(20_240_611), 0
     at_once = max(_CHUNK // pairs, 1)
-    for first in range(0, _CAMPAIGNS, at_once):
-        d = rng.standard_normal((min(at_once, _CAMPAIGNS - first), pairs))
+    for start in range(0, _CAMPAIGNS, at_once):
+        d = rng.standard_normal((min(at_once, _CAMPAIGNS - start), pairs))
         d = distance + scatter * d
         ranks = np.argsort(np.argsort(np.abs(d), axis=1), axis=1) + 1
-        found += int(np.sum(np.sum(ranks * (d < 0.0), axis=1) <= limit))
-    return found / _CAMPAIGNS
+        detections += int(np.sum(np.sum(ranks * (d < 0.0), axis=1) <= limit))
+    return detections / _CAMPAIGNS
 
 
 def seeds_needed(
-    wanted: float, difference: float, scatter: float, margin: float, comparisons: int
+    target: float, difference: float, scatter: float, margin: float, comparisons: int
 ) -> int | None:
-    """Return the fewest seeds with a wanted :func:`power`; None: more than 100,000."""
+    """Return the smallest number of seeds with a target :func:`power`; None: more than 100,000."""
     low, high = 0, 8
-    while power(high, difference, scatter, margin, comparisons) < wanted:
+    while power(high, difference, scatter, margin, comparisons) < target:
         low, high = high, 2 * high
         if high > _MAX_SEEDS:
             return None
     while high - low > max(high // 100, 1):
         middle = (low + high) // 2
-        if power(middle, difference, scatter, margin, comparisons) < wanted:
+        if power(middle, difference, scatter, margin, comparisons) < target:
             low = middle
         else:
             high = middle
@@ -353,13 +353,13 @@ def seeds_needed(
 
 def holm(p_values: Sequence[float | None]) -> list[float | None]:
     """Return p values corrected for their number (Holm's step-down)."""
-    known = [(p, k) for k, p in enumerate(p_values) if p is not None]
-    result: list[float | None] = [None] * len(p_values)
+    tested = [(p, k) for k, p in enumerate(p_values) if p is not None]
+    corrected: list[float | None] = [None] * len(p_values)
     largest = 0.0
-    for before, (p, k) in enumerate(sorted(known)):
-        largest = max(largest, min(1.0, p * (len(known) - before)))
-        result[k] = largest
-    return result
+    for rank, (p, k) in enumerate(sorted(tested)):
+        largest = max(largest, min(1.0, p * (len(tested) - rank)))
+        corrected[k] = largest
+    return corrected
 
 
 class Sensitivity(NamedTuple):
@@ -384,8 +384,8 @@ def sensitivity(parameter: Array, error: Array, seed: Integers) -> Sensitivity |
     usable = (parameter > 0) & (error > 0)
     x, y, seed = np.log(parameter[usable]), np.log(error[usable]), seed[usable]
     slopes = []
-    for one in np.unique(seed):
-        rows = seed == one
+    for seed_value in np.unique(seed):
+        rows = seed == seed_value
         spread = x[rows] - x[rows].mean()
         if np.any(spread):
             slopes.append(float(spread @ y[rows] / (spread @ spread)))

@@ -1,7 +1,7 @@
 # Copyright 2026 imu_sim_ros maintainers
 # SPDX-License-Identifier: Apache-2.0
 
-"""A campaign's results in tables: per cell and estimator, against requirements, over parameters."""
+"""Tables of a campaign's results: by cell and estimator, by requirement, over parameters."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from imu_sim_ros.campaigns.cells import word
+from imu_sim_ros.campaigns.cells import value_text
 from imu_sim_ros.campaigns.gate import Requirement
 from imu_sim_ros.campaigns.metrics import SUCCESS
 from imu_sim_ros.campaigns.results import Row, numbers
@@ -35,20 +35,20 @@ class Group(NamedTuple):
     grid: tuple[str, ...]
 
     @property
-    def words(self) -> dict[str, str]:
-        """What filters of requirements compare with."""
-        values = {name: word(self.rows[0].get(name)) for name in self.grid}
+    def labels(self) -> dict[str, str]:
+        """Labels with which the filters of requirements compare: grid values and estimator."""
+        values = {name: value_text(self.rows[0].get(name)) for name in self.grid}
         return {**values, "estimator": self.estimator}
 
     @property
     def align(self) -> str | None:
-        """How the trajectories are aligned; None: unknown, or there is none."""
-        found = self.rows[0].get("align")
-        return None if found is None else str(found)
+        """Alignment of the trajectories; None: unknown, or there are none."""
+        align = self.rows[0].get("align")
+        return None if align is None else str(align)
 
     @property
     def done(self) -> int:
-        """Runs that succeeded."""
+        """Number of runs that succeeded."""
         return sum(row["status"] == "done" for row in self.rows)
 
     def success(self) -> ConfidenceInterval:
@@ -64,64 +64,64 @@ class Group(NamedTuple):
         return quantile(self.values("coverage"), 0.5).value
 
     def not_valid(self, metric: str) -> bool:
-        """Whether no run has a NEES since the attitude is known too badly for a covariance."""
+        """Return True if the attitude of all runs is too uncertain for this NEES."""
         if not metric.startswith("nees_") or len(self.values(metric)):
             return False
         return bool(np.any(self.values("attitude_sigma_rad") > LARGEST_SIGMA))
 
-    def checked(self, requirement: Requirement, asked: int) -> "Checked":
-        """Return a requirement with what this group has.
+    def check(self, requirement: Requirement, requested: int) -> "RequirementCheck":
+        """Return whether this group meets a requirement.
 
-        :param asked: runs of the group that the plan asks for.
+        :param requested: runs of the group that the plan asks for.
         """
-        asked = max(asked, len(self.rows))
+        requested = max(requested, len(self.rows))
         if requirement.metric == SUCCESS:
-            share, missing = self.done / asked, 0
+            share, missing = self.done / requested, 0
             value: float | None = share
         else:
             rows = self.rows
-            if requirement.of_done:
+            if requirement.done_only:
                 rows = [row for row in rows if row["status"] == "done"]
-                asked = len(rows)
+                requested = len(rows)
             values = numbers(rows, requirement.metric)
-            missing = asked - len(values)
+            missing = requested - len(values)
             value = statistic(np.array(values), requirement.statistic).value
-        return Checked(
+        return RequirementCheck(
             requirement.text,
             self.cell,
             self.estimator,
             value,
-            asked,
+            requested,
             missing,
             requirement.holds(value) and not missing,
         )
 
 
-def groups(rows: Iterable[Row], grid: Sequence[str]) -> list[Group]:
+def group_runs(rows: Iterable[Row], grid: Sequence[str]) -> list[Group]:
     """Return the runs by cell and estimator, in the order in which they come."""
-    found: dict[tuple[str, str], list[Row]] = defaultdict(list)
+    members_of: dict[tuple[str, str], list[Row]] = defaultdict(list)
     for row in rows:
-        found[str(row["cell"]), str(row["estimator"])].append(row)
-    return [Group(*key, members, tuple(grid)) for key, members in found.items()]
+        members_of[str(row["cell"]), str(row["estimator"])].append(row)
+    return [Group(*key, members, tuple(grid)) for key, members in members_of.items()]
 
 
-class Checked(NamedTuple):
-    """A requirement, and what one group has."""
+class RequirementCheck(NamedTuple):
+    """Result of a requirement for one group."""
 
     requirement: str
     cell: str
     estimator: str
     value: float | None
-    """Statistic of the runs that have a value; None: no run has."""
+    """Statistic of the runs that have a value; None: no run has one."""
     runs: int
-    """Runs of the group that the requirement is about."""
+    """Number of runs of the group that the requirement concerns."""
     missing: int
-    """Runs among them without a value, which leave a requirement unmet."""
+    """Number of runs among them without a value; a requirement with such runs is not met."""
     met: bool
 
     @property
     def comment(self) -> str:
-        """The value in words: ``is 0.3``, ``does not exist``."""
+        """The value as text: ``is 0.3``, ``does not exist``."""
         if self.value is None:
             return "does not exist"
         if not self.missing:
@@ -131,49 +131,51 @@ class Checked(NamedTuple):
         return f"is {self.value:.4g} over {with_value} of {self.runs} runs; {none} no value"
 
 
-def checked(found: Sequence[Group], require: Sequence[Requirement], asked: int) -> list[Checked]:
-    """Return every requirement with each group that it concerns.
+def check_requirements(
+    groups: Sequence[Group], require: Sequence[Requirement], requested: int
+) -> list[RequirementCheck]:
+    """Return the result of every requirement for each group that it concerns.
 
-    :param asked: runs of each group that the plan asks for.
+    :param requested: runs of each group that the plan asks for.
     """
     return [
-        group.checked(requirement, asked)
+        group.check(requirement, requested)
         for requirement in require
-        for group in found
-        if requirement.concerns(group.words)
+        for group in groups
+        if requirement.concerns(group.labels)
     ]
 
 
-_SHOWN: Final = 10
-"""Lines of a requirement; one more counts the others."""
+_MAX_LINES: Final = 10
+"""Largest number of lines of a requirement, before a line with the number of further ones."""
 
 
-def unmet_lines(require: Sequence[Requirement], results: Sequence[Checked]) -> list[str]:
+def unmet_lines(require: Sequence[Requirement], checks: Sequence[RequirementCheck]) -> list[str]:
     """Return a line for each requirement that is not met, and group."""
     lines: list[str] = []
     for text, requirement in {requirement.text: requirement for requirement in require}.items():
-        of_text = [
-            f"require {text}: {requirement.quantity} {result.comment} "
-            f"({result.cell}; {result.estimator})"
-            for result in results
-            if result.requirement == text and not result.met
+        problems = [
+            f"require {text}: {requirement.quantity} {check.comment} "
+            f"({check.cell}; {check.estimator})"
+            for check in checks
+            if check.requirement == text and not check.met
         ]
-        lines += of_text[:_SHOWN]
-        if len(of_text) > _SHOWN:
-            more = len(of_text) - _SHOWN
-            lines.append(f"require {text}: not met {more} more times; report.html lists all")
+        lines += problems[:_MAX_LINES]
+        if len(problems) > _MAX_LINES:
+            hidden = len(problems) - _MAX_LINES
+            lines.append(f"require {text}: not met {hidden} more times; report.html lists all")
     return lines
 
 
-def summary_rows(found: Sequence[Group], metrics: Sequence[str]) -> list[dict[str, object]]:
+def summary_rows(groups: Sequence[Group], metrics: Sequence[str]) -> list[dict[str, object]]:
     """Return one row of ``summary.csv`` for each group."""
-    samples = [(group, metric, group.values(metric)) for group in found for metric in metrics]
-    known = [(id(group), metric, values) for group, metric, values in samples if len(values)]
-    of_group: dict[int, dict[str, tuple[ConfidenceInterval, Array]]] = defaultdict(dict)
-    averages = means([values for *_, values in known])
-    for (group, metric, values), average in zip(known, averages, strict=True):
-        of_group[group][metric] = average, values
-    return [_summary_row(group, of_group[id(group)]) for group in found]
+    samples = [(group, metric, group.values(metric)) for group in groups for metric in metrics]
+    available = [(id(group), metric, values) for group, metric, values in samples if len(values)]
+    by_group: dict[int, dict[str, tuple[ConfidenceInterval, Array]]] = defaultdict(dict)
+    averages = means([values for *_, values in available])
+    for (group, metric, values), average in zip(available, averages, strict=True):
+        by_group[group][metric] = average, values
+    return [_summary_row(group, by_group[id(group)]) for group in groups]
 
 
 def _summary_row(
@@ -199,7 +201,7 @@ def _put(row: dict[str, object], name: str, interval: ConfidenceInterval) -> Non
 
 
 class Slope(NamedTuple):
-    """How a metric grows with a parameter of the grid."""
+    """Sensitivity of a metric to a parameter of the grid."""
 
     parameter: str
     estimator: str
@@ -209,21 +211,21 @@ class Slope(NamedTuple):
 
 def slopes(rows: Sequence[Row], grid: Sequence[str], metric: str) -> list[Slope]:
     """Return the sensitivities to every parameter of the grid that is a positive number."""
-    result = []
+    estimates = []
     for estimator in dict.fromkeys(str(row["estimator"]) for row in rows):
         usable = [row for row in rows if row["estimator"] == estimator and numbers([row], metric)]
         for name in grid:
             values = [row.get(name) for row in usable]
             if not all(_positive(value) for value in values) or len(set(values)) < 2:
                 continue
-            found = sensitivity(
+            slope = sensitivity(
                 np.array(values, dtype=float),
                 np.array([row[metric] for row in usable], dtype=float),
                 np.array([row["seed"] for row in usable], dtype=np.int64),
             )
-            if found is not None:
-                result.append(Slope(name, estimator, metric, found))
-    return result
+            if slope is not None:
+                estimates.append(Slope(name, estimator, metric, slope))
+    return estimates
 
 
 def _positive(value: object) -> bool:

@@ -54,27 +54,33 @@ from imu_sim_ros.campaigns.statistics import (
     shift,
     wins,
 )
-from imu_sim_ros.campaigns.summary import Checked, Group, checked, groups, unmet_lines
+from imu_sim_ros.campaigns.summary import (
+    Group,
+    RequirementCheck,
+    check_requirements,
+    group_runs,
+    unmet_lines,
+)
 from imu_sim_ros.types import Array, Mask
 
 WITHOUT_ERRORS: Final = "perfect"
-"""The preset with which nothing but the integration is wrong."""
+"""Preset of a sensor without errors."""
 _NUMBER: Final = re.compile(r"(?<![\w.])\d+(\.\d+)?(e[-+]?\d+)?\b")
 _ALL_PAIRS: Final = 30
-"""Members of a contest up to which all pairs are compared; above, the best with each other one."""
+"""Members of a contest up to which all pairs are compared; above, the best with each other."""
 _MAX_SEEDS: Final = 20
-"""Seeds that a failure names."""
+"""Largest number of seeds listed for a failure."""
 
 
 class Criterion(NamedTuple):
-    """How runs are compared."""
+    """Rule by which runs are compared."""
 
     metric: str
     better: Better
     """``lower``, ``higher``, or the number near which values are best."""
     tolerance: Tolerance
     margin: Tolerance | None = None
-    """Of non-inferiority to the baseline; None: not asked."""
+    """Margin of non-inferiority to the baseline; None: not asked."""
 
 
 class Standing(NamedTuple):
@@ -83,7 +89,7 @@ class Standing(NamedTuple):
     cell: str
     estimator: str
     values: dict[str, str]
-    """The grid's values in words, and the estimator."""
+    """The grid's values as text, and the estimator."""
     runs: int
     done: int
     success: ConfidenceInterval
@@ -93,9 +99,9 @@ class Standing(NamedTuple):
     with_failures: float | None
     """Median of all runs, failed ones being worse than any number; None: half of them failed."""
     align: str | None
-    """How the trajectories are aligned; None: unknown, or there is none."""
+    """Alignment of the trajectories; None: unknown, or there are none."""
     coverage: float | None
-    """Median share of the truth's time that is estimated, of all runs; None: no trajectories."""
+    """Median share of the truth's time that is estimated, over all runs; None: no trajectories."""
 
 
 @dataclass(frozen=True)
@@ -109,83 +115,83 @@ class Contest:
     ranking: list[str]
     """Values of the factor, by the median with failures, then by the share of runs done."""
     unranked: list[str]
-    """``perfect``, the sensor without errors, if two others compete: last of ``ranking``."""
+    """``perfect``, the sensor without errors, if two others compete; at the end of ``ranking``."""
     best: str | None
-    """The first, if it is better than the second beyond the tolerance; None: it is not decided."""
+    """The first of ``ranking``, if better than the second beyond the tolerance; else None."""
     lead: Effect
     """The first compared with the second."""
     effects: list[Effect]
     """All pairs, or the first with each other one if there are more than 30 members."""
 
     @property
-    def where_in_words(self) -> str:
-        """``where`` as a line of a table has it."""
+    def where_text(self) -> str:
+        """The common values as one text, for a line of a table."""
         return ", ".join(f"{name}={value}" for name, value in self.where.items()) or "all"
 
     def outcome(self, tolerance: str) -> str:
-        """Return who is best in words: ``midpoint beats euler``.
+        """Return the winner as text: ``midpoint beats euler``.
 
-        :param tolerance: in words.
+        :param tolerance: tolerance as text.
         """
-        first, second = self.lead.a, self.lead.b
+        winner, runner_up = self.lead.a, self.lead.b
         if self.best is None and self.lead.verdict == EQUAL:
-            return f"{first} and {second} are equal within {tolerance}"
+            return f"{winner} and {runner_up} are equal within {tolerance}"
         if self.best is None:
-            return f"undecided between {first} and {second}"
+            return f"undecided between {winner} and {runner_up}"
         if len(self.ranking) == 2:
-            return f"{first} beats {second}"
-        return f"{first} is the best {self.factor}"
+            return f"{winner} beats {runner_up}"
+        return f"{winner} is the best {self.factor}"
 
-    def told(self, metric: str) -> str:
-        """Return by how much the first differs from the second, and how sure that is."""
-        return ("" if self.best is not None else f"{self.lead.a}: ") + self.lead.told(metric)
+    def describe(self, metric: str) -> str:
+        """Return the difference between the first and the second, and its significance."""
+        return ("" if self.best is not None else f"{self.lead.a}: ") + self.lead.describe(metric)
 
     def line(self, metric: str, tolerance: str) -> str:
         """Return the result in a line."""
-        where = f"{self.where_in_words}: " if self.where else ""
-        return f"{where}{self.outcome(tolerance)}; {self.told(metric)}"
+        where = f"{self.where_text}: " if self.where else ""
+        return f"{where}{self.outcome(tolerance)}; {self.describe(metric)}"
 
 
 def headline(contests: Sequence[Contest], metric: str, tolerance: str) -> tuple[str, str]:
-    """Return the result of contests of one factor in two parts: who is best, and by how much."""
+    """Return the result of contests of one factor in two parts: the winner, and the difference."""
     if len(contests) == 1:
-        return contests[0].outcome(tolerance), contests[0].told(metric)
+        return contests[0].outcome(tolerance), contests[0].describe(metric)
     won: dict[str, list[Effect]] = defaultdict(list)
-    for one in contests:
-        if one.best is not None:
-            won[one.best].append(one.lead)
-    ranked = sorted(won.items(), key=lambda item: -len(item[1]))
+    for contest in contests:
+        if contest.best is not None:
+            won[contest.best].append(contest.lead)
+    ranked = sorted(won.items(), key=lambda entry: -len(entry[1]))
     factor, count = contests[0].factor, len(contests)
-    open_ones = [one.lead.verdict for one in contests if one.best is None]
+    open_verdicts = [contest.lead.verdict for contest in contests if contest.best is None]
     parts = [f"{name} in {len(leads)}" for name, leads in ranked[1:]]
     parts += [
-        f"{word} in {open_ones.count(verdict)}"
-        for word, verdict in ((f"equal within {tolerance}", EQUAL), (UNDECIDED, UNDECIDED))
-        if verdict in open_ones
+        f"{label} in {open_verdicts.count(verdict)}"
+        for label, verdict in ((f"equal within {tolerance}", EQUAL), (UNDECIDED, UNDECIDED))
+        if verdict in open_verdicts
     ]
     if not ranked:
         return f"No {factor} is the best in any of {count} comparisons", "; ".join(parts)
     name, leads = ranked[0]
-    words = f"{name} is the best {factor} in {len(leads)} of {count} comparisons"
-    return words, "; ".join([*_range(leads, metric), *parts])
+    title = f"{name} is the best {factor} in {len(leads)} of {count} comparisons"
+    return title, "; ".join([*_range(leads, metric), *parts])
 
 
 def _range(leads: Sequence[Effect], metric: str) -> Iterator[str]:
-    """Yield by how much the first leads in several comparisons, and how sure that is at least."""
+    """Yield the range of the winner's lead in several comparisons, with its significance."""
     kind = leads[0].kind
     neutral = 1.0 if kind == RATIO else 0.0
-    sizes = [abs(one.effect.value - neutral) for one in leads if one.effect.value is not None]
-    if not sizes or len({one.kind for one in leads}) > 1:
+    sizes = [abs(lead.effect.value - neutral) for lead in leads if lead.effect.value is not None]
+    if not sizes or len({lead.kind for lead in leads}) > 1:
         return
-    value = next(one.effect.value for one in leads if one.effect.value is not None)
-    word = "smaller" if value < neutral else "larger"
+    value = next(lead.effect.value for lead in leads if lead.effect.value is not None)
+    direction = "smaller" if value < neutral else "larger"
     ends = [100.0 * size if kind != DIFFERENCE else size for size in (min(sizes), max(sizes))]
     low, high = (f"{end:.3g}{' %' if kind != DIFFERENCE else ''}" for end in ends)
     span = low if low == high else f"{low} to {high}"
     subject = "the share of runs done" if kind == SHARE else metric
-    p = [one.p for one in leads if one.p is not None]
-    sure = f", p at most {max(p):.2g}" if p else ""
-    yield f"{subject} {word} by {span} than with the next{sure}"
+    p = [lead.p for lead in leads if lead.p is not None]
+    significance = f", p at most {max(p):.2g}" if p else ""
+    yield f"{subject} {direction} by {span} than with the next{significance}"
 
 
 class Failure(NamedTuple):
@@ -194,10 +200,10 @@ class Failure(NamedTuple):
     cell: str
     estimator: str
     reason: str
-    """Without ``failed: ``; numbers that differ are ``...``."""
+    """Reason without ``failed: ``; numbers that differ are ``...``."""
     runs: int
     seeds: list[int]
-    """The first 20."""
+    """The first 20 seeds."""
 
 
 class EstimateFinding(NamedTuple):
@@ -206,10 +212,10 @@ class EstimateFinding(NamedTuple):
     cell: str
     estimator: str
     finding: str
-    """Numbers that differ are ``...``."""
+    """Text of the mistake; numbers that differ are ``...``."""
     runs: int
     seeds: list[int]
-    """The first 20."""
+    """The first 20 seeds."""
 
 
 @dataclass(frozen=True)
@@ -219,9 +225,9 @@ class Judgement:
     metric: str
     better: Better
     tolerance: str
-    """In words: ``2 %``."""
+    """The tolerance as text: ``2 %``."""
     non_inferiority: str | None
-    """The margin in words; None: not asked."""
+    """The margin as text; None: not asked."""
     runs: int
     done: int
     factor: str
@@ -232,43 +238,43 @@ class Judgement:
     contests: list[Contest]
     """Comparisons of every factor; those of ``factor`` come first and are the headline."""
     failures: list[Failure]
-    """The most frequent first."""
+    """Failures, the most frequent first."""
     findings: list[EstimateFinding]
-    """The most frequent first."""
-    requirements: list[Checked]
+    """Mistakes of estimates, the most frequent first."""
+    requirements: list[RequirementCheck]
     baseline: list[Effect] | None
     """Each group compared with the same one of the earlier campaign; None: without one."""
     unmet: list[str]
     """A line for each requirement that is not met, and group."""
     unmatched: list[str]
-    """A line for each requirement that concerns no group, and for a baseline without common runs:
-    a typo would go unnoticed."""
+    """A line for each requirement that concerns no group, and for a baseline without common
+    runs."""
     worse: list[str]
     """A line for each group that is worse than in the baseline, or not proven not to be."""
     unproven: list[str]
-    """A line for each group of which the proof is asked, and the baseline has no run."""
+    """A line for each group without a run in the baseline, if non-inferiority is asked."""
 
     @property
     def problems(self) -> list[str]:
-        """A line for all that fails the gate, which then ends with status 3."""
-        return [*self.unmet, *self.not_of_requirements]
+        """A line for each failure of the gate, which then ends with status 3."""
+        return [*self.unmet, *self.other_problems]
 
     @property
-    def not_of_requirements(self) -> list[str]:
-        """Those of ``problems`` that are not about the value of a requirement."""
+    def other_problems(self) -> list[str]:
+        """Lines of ``problems`` other than those of unmet requirements."""
         return [*self.unmatched, *self.worse, *self.unproven]
 
     @property
     def headline(self) -> list[Contest]:
         """The contests of the factor that the campaign is about."""
-        return [one for one in self.contests if one.factor == self.factor]
+        return [contest for contest in self.contests if contest.factor == self.factor]
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain values for JSON; intervals are ``{value, low, high}``."""
-        found = {name: _plain(value) for name, value in asdict(self).items()}
+        plain_fields = {name: _plain(value) for name, value in asdict(self).items()}
         for name in ("unmet", "unmatched", "worse", "unproven"):
-            del found[name]
-        return {**found, "problems": self.problems}
+            del plain_fields[name]
+        return {**plain_fields, "problems": self.problems}
 
 
 def _plain(value: Any) -> Any:
@@ -289,53 +295,53 @@ def judge(
 ) -> Judgement:
     """Return the verdict on the runs of a plan.
 
-    :param rows: of the campaign, in the plan's order.
+    :param rows: rows of the campaign, in the plan's order.
     :param metric: a metric of the plan, or ``success``.
     :param baseline: rows of an earlier campaign.
-    :param tolerance: instead of the plan's.
+    :param tolerance: replaces the plan's; None: that of the plan.
     :param non_inferiority: margin by which each group is to be proven not to be worse than in the
         baseline; None: a group that is not proven to be worse passes.
     """
-    found = groups(rows, plan.grid_names)
-    own = better(metric, plan.own)
-    rule = Criterion(metric, own, tolerance or plan.tolerance, non_inferiority)
-    against = None if baseline is None else _baseline(found, baseline, rule)
-    contests, factor = _contests(found, rule), _factor(found)
+    groups = group_runs(rows, plan.grid_names)
+    preference = better(metric, plan.custom_metrics)
+    rule = Criterion(metric, preference, tolerance or plan.tolerance, non_inferiority)
+    baseline_effects = None if baseline is None else _baseline(groups, baseline, rule)
+    contests, factor = _contests(groups, rule), _factor(groups)
     contests.sort(key=lambda contest: contest.factor != factor)
-    requirements = checked(found, plan.require, len(plan.seeds))
+    requirements = check_requirements(groups, plan.require, len(plan.seeds))
     unmatched = [
-        f"require {one.text}: no run of these cells is there"
-        for one in plan.require
-        if not any(one.concerns(group.words) for group in found)
+        f"require {requirement.text}: no run of these cells is there"
+        for requirement in plan.require
+        if not any(requirement.concerns(group.labels) for group in groups)
     ]
-    if against is not None and not against:
+    if baseline_effects is not None and not baseline_effects:
         unmatched.append("the baseline has no run in common with this plan")
     worse = []
-    for effect in against or ():
+    for effect in baseline_effects or ():
         if effect.verdict == WORSE:
             worse.append(f"worse than the baseline: {effect.line(metric)}")
         elif effect.non_inferior is False:
-            words = f"not proven to be less than {rule.margin} worse than the baseline"
-            worse.append(f"{words}: {effect.line(metric)}")
+            prefix = f"not proven to be less than {rule.margin} worse than the baseline"
+            worse.append(f"{prefix}: {effect.line(metric)}")
     unproven = []
-    if against and rule.margin is not None:
-        compared = {effect.a for effect in against}
-        alone = [name for name in map(_full_name, found) if name not in compared]
-        unproven = [f"not proven, the baseline has no such run: {name}" for name in alone]
+    if baseline_effects and rule.margin is not None:
+        compared = {effect.a for effect in baseline_effects}
+        missing_names = [name for name in map(_full_name, groups) if name not in compared]
+        unproven = [f"not proven, the baseline has no such run: {name}" for name in missing_names]
     return Judgement(
         metric=metric,
         better=rule.better,
         tolerance=str(rule.tolerance),
         non_inferiority=None if rule.margin is None else str(rule.margin),
         runs=len(rows),
-        done=sum(group.done for group in found),
+        done=sum(group.done for group in groups),
         factor=factor,
-        standings=[_standing(group, rule) for group in found],
+        standings=[_standing(group, rule) for group in groups],
         contests=contests,
-        failures=failures(found),
-        findings=estimate_findings(found),
+        failures=failures(groups),
+        findings=estimate_findings(groups),
         requirements=requirements,
-        baseline=against,
+        baseline=baseline_effects,
         unmet=unmet_lines(plan.require, requirements),
         unmatched=unmatched,
         worse=worse,
@@ -350,7 +356,7 @@ def _full_name(group: Group) -> str:
 def counts(rows: Sequence[Row]) -> dict[str, int]:
     """Return how often each status occurs, the most frequent first.
 
-    Statuses that differ only in numbers are counted as one, with ``...`` for those that differ.
+    Statuses that differ only in numbers are counted as one, with ``...`` in place of the numbers.
     """
     return {status: len(alike) for status, alike in _alike(rows).items()}
 
@@ -360,26 +366,27 @@ def _alike(rows: Sequence[Row]) -> dict[str, list[Row]]:
 
 
 def _by_text(texts: Sequence[tuple[str, Row]]) -> dict[str, list[Row]]:
-    """Return rows by their texts, the most frequent first; those that differ in numbers are one."""
-    groups: dict[str, list[tuple[str, Row]]] = defaultdict(list)
+    """Return rows by their texts, the most frequent first; texts that differ in numbers are one."""
+    by_pattern: dict[str, list[tuple[str, Row]]] = defaultdict(list)
     for text, row in texts:
-        groups[_NUMBER.sub("...", text)].append((text, row))
-    named = {
-        _common([text for text, _ in alike]): [row for _, row in alike] for alike in groups.values()
+        by_pattern[_NUMBER.sub("...", text)].append((text, row))
+    rows_by_text = {
+        _common([text for text, _ in alike]): [row for _, row in alike]
+        for alike in by_pattern.values()
     }
-    return dict(sorted(named.items(), key=lambda item: -len(item[1])))
+    return dict(sorted(rows_by_text.items(), key=lambda entry: -len(entry[1])))
 
 
 def _common(texts: Sequence[str]) -> str:
-    """Return texts that differ in numbers as one, with ``...`` for those that differ."""
-    columns = zip(*([one[0] for one in _NUMBER.finditer(text)] for text in texts), strict=True)
-    same = iter([column[0] if len(set(column)) == 1 else "..." for column in columns])
-    return _NUMBER.sub(lambda found: next(same), texts[0])
+    """Return texts that differ in numbers as one, with ``...`` in place of the numbers."""
+    columns = zip(*([match[0] for match in _NUMBER.finditer(text)] for text in texts), strict=True)
+    replacements = iter([column[0] if len(set(column)) == 1 else "..." for column in columns])
+    return _NUMBER.sub(lambda match: next(replacements), texts[0])
 
 
-def failures(found: Sequence[Group]) -> list[Failure]:
-    """Return why runs failed, the most frequent reason first."""
-    result = [
+def failures(groups: Sequence[Group]) -> list[Failure]:
+    """Return the failures, the most frequent reason first."""
+    reasons = [
         Failure(
             group.cell,
             group.estimator,
@@ -387,16 +394,16 @@ def failures(found: Sequence[Group]) -> list[Failure]:
             len(alike),
             [int(row["seed"]) for row in alike[:_MAX_SEEDS]],
         )
-        for group in found
+        for group in groups
         for status, alike in _alike(group.rows).items()
         if status != "done"
     ]
-    return sorted(result, key=lambda failure: -failure.runs)
+    return sorted(reasons, key=lambda failure: -failure.runs)
 
 
-def estimate_findings(found: Sequence[Group]) -> list[EstimateFinding]:
+def estimate_findings(groups: Sequence[Group]) -> list[EstimateFinding]:
     """Return the mistakes that estimates show, the most frequent first."""
-    result = [
+    findings = [
         EstimateFinding(
             group.cell,
             group.estimator,
@@ -404,7 +411,7 @@ def estimate_findings(found: Sequence[Group]) -> list[EstimateFinding]:
             len(alike),
             [int(row["seed"]) for row in alike[:_MAX_SEEDS]],
         )
-        for group in found
+        for group in groups
         for finding, alike in _by_text(
             [
                 (finding, row)
@@ -414,7 +421,7 @@ def estimate_findings(found: Sequence[Group]) -> list[EstimateFinding]:
             ]
         ).items()
     ]
-    return sorted(result, key=lambda finding: -finding.runs)
+    return sorted(findings, key=lambda finding: -finding.runs)
 
 
 def _standing(group: Group, rule: Criterion) -> Standing:
@@ -423,7 +430,7 @@ def _standing(group: Group, rule: Criterion) -> Standing:
     return Standing(
         group.cell,
         group.estimator,
-        group.words,
+        group.labels,
         len(group.rows),
         group.done,
         group.success(),
@@ -436,16 +443,16 @@ def _standing(group: Group, rule: Criterion) -> Standing:
 
 def _with_failures(values: Mapping[int, float | None], rule: Criterion) -> float | None:
     """Return the median of all runs with a result, failed ones being the worst."""
-    known = np.array([value for value in values.values() if value is not None])
-    if not len(known):
+    available = np.array([value for value in values.values() if value is not None])
+    if not len(available):
         return None
-    order = np.argsort(_losses(known, rule.better), kind="stable")
-    middle = known[order][[(len(known) - 1) // 2, len(known) // 2]]
+    order = np.argsort(_losses(available, rule.better), kind="stable")
+    middle = available[order][[(len(available) - 1) // 2, len(available) // 2]]
     return float(middle.mean()) if np.isfinite(middle).all() else None
 
 
 def _losses(values: Array, better: Better) -> Array:
-    """Return values whose order is from the best to the worst; infinite ones are the worst."""
+    """Return values in which smaller is better; infinite ones are the worst."""
     if better == HIGHER:
         return np.where(np.isinf(values), np.inf, -values)
     return values if isinstance(better, str) else np.abs(values - better)
@@ -456,18 +463,18 @@ def _effect(
 ) -> Effect | None:
     """Compare two groups, p values not yet corrected; None if they share no seed.
 
-    :param comparisons: that are read together.
+    :param comparisons: number of comparisons that are read together.
     """
-    ours, theirs, time = paired_values(a, b, rule.metric)
-    seeds = [seed for seed in ours if seed in theirs]
+    values_a, values_b, time = paired_values(a, b, rule.metric)
+    seeds = [seed for seed in values_a if seed in values_b]
     if not seeds:
         return None
     done = (_was_done(a, seeds), _was_done(b, seeds))
     share, share_p = share_difference(done[0], done[1])
-    pairs = _pairs(ours, theirs, seeds)
+    pairs = _pairs(values_a, values_b, seeds)
     losses = _losses(pairs, rule.better)
     won, lost, _ = wins(losses[:, 0], losses[:, 1])
-    counted = Effect(
+    effect = Effect(
         a=names[0],
         b=names[1],
         kind=SHARE,
@@ -487,37 +494,37 @@ def _effect(
         time=time,
     )
     if rule.metric == SUCCESS:
-        together = share_difference(done[0], done[1], comparisons)[0]
-        return _of_success(counted, together, rule)
-    return counted if counted.note else _of_metric(counted, pairs, losses, rule, comparisons)
+        simultaneous = share_difference(done[0], done[1], comparisons)[0]
+        return _success_effect(effect, simultaneous, rule)
+    return effect if effect.note else _metric_effect(effect, pairs, losses, rule, comparisons)
 
 
 def _direction(sign: float) -> str:
-    """Return what A is if the difference is certain.
+    """Return the verdict on A if the difference is certain.
 
-    :param sign: of the difference of the losses; above 0: A is worse.
+    :param sign: sign of the difference of the losses; above 0: A is worse.
     """
     return WORSE if sign > 0 else BETTER
 
 
 def _was_done(group: Group, seeds: Sequence[int]) -> Mask:
-    """Return on which seeds (n,) a run is done."""
+    """Return a mask (n,), True for seeds on which a run is done."""
     done = {int(row["seed"]) for row in group.rows if row["status"] == "done"}
     return np.array([seed in done for seed in seeds])
 
 
 def _pairs(
-    ours: Mapping[int, float | None], theirs: Mapping[int, float | None], seeds: Sequence[int]
+    values_a: Mapping[int, float | None], values_b: Mapping[int, float | None], seeds: Sequence[int]
 ) -> Array:
-    """Return the values (n, 2) of both on each seed on which both have one, and not both failed."""
-    both = [(ours[seed], theirs[seed]) for seed in seeds]
-    known = [pair for pair in both if None not in pair]
-    pairs = np.array(known, dtype=float).reshape(-1, 2)
+    """Return the values (n, 2) on each seed on which both have one, and not both failed."""
+    both = [(values_a[seed], values_b[seed]) for seed in seeds]
+    complete = [pair for pair in both if None not in pair]
+    pairs = np.array(complete, dtype=float).reshape(-1, 2)
     return pairs[~np.isinf(pairs).all(axis=1)]
 
 
 def _why_not_compared(a: Group, b: Group, rule: Criterion, time: CommonTime | None) -> str:
-    """Return why two groups are not compared; empty: they are."""
+    """Return the reason for not comparing two groups; empty: none."""
     if depends_on_alignment(rule.metric) and a.align and b.align and a.align != b.align:
         return f"aligned differently ({a.align} and {b.align}), so that they are not compared"
     if time is not None and time.both == 0.0:
@@ -525,10 +532,10 @@ def _why_not_compared(a: Group, b: Group, rule: Criterion, time: CommonTime | No
     return ""
 
 
-def _of_success(effect: Effect, together: ConfidenceInterval, rule: Criterion) -> Effect:
-    """Return the effect if the shares of runs done are what is compared.
+def _success_effect(effect: Effect, simultaneous: ConfidenceInterval, rule: Criterion) -> Effect:
+    """Return the effect if the shares of runs done are compared.
 
-    :param together: the interval of the share's difference for all comparisons at once.
+    :param simultaneous: interval of the share's difference for all comparisons at once.
     """
     share, proven = effect.success, None
     if rule.margin is not None:
@@ -536,19 +543,20 @@ def _of_success(effect: Effect, together: ConfidenceInterval, rule: Criterion) -
     return replace(
         effect,
         effect=share,
-        simultaneous=together,
+        simultaneous=simultaneous,
         p=effect.success_p,
         verdict=_direction(-(share.value or 0.0)),
         non_inferior=proven,
     )
 
 
-def _of_metric(
+def _metric_effect(
     effect: Effect, pairs: Array, losses: Array, rule: Criterion, comparisons: int
 ) -> Effect:
     """Return the effect on a metric.
 
-    :param pairs: values (n, 2) of A and B on each seed, and ``losses`` (n, 2), larger being worse.
+    :param pairs: values (n, 2) of A and B on each seed.
+    :param losses: (n, 2) values in which larger is worse.
     """
     kind, values, margin = _scaled(pairs, losses, rule, rule.tolerance)
     moved = shift(values[:, 0] - values[:, 1], margin, comparisons)
@@ -574,7 +582,7 @@ def _of_metric(
 def _scaled(
     pairs: Array, losses: Array, rule: Criterion, allowed: Tolerance
 ) -> tuple[str, Array, float]:
-    """Return the kind of an effect, what is subtracted (n, 2), larger being worse, and a margin.
+    """Return the kind of an effect, the losses to subtract (n, 2), and a margin.
 
     :param allowed: tolerance or margin; with a share, the logarithms of positive values are taken.
     """
@@ -584,8 +592,8 @@ def _scaled(
         return RATIO, np.where(finite, values, np.inf), math.log1p(allowed.value)
     margin = allowed.value
     if allowed.relative:
-        known = np.abs(losses[:, 1][finite[:, 1]])
-        margin = allowed.value * float(np.median(known)) if len(known) else 0.0
+        magnitudes = np.abs(losses[:, 1][finite[:, 1]])
+        margin = allowed.value * float(np.median(magnitudes)) if len(magnitudes) else 0.0
     return DIFFERENCE, losses, margin
 
 
@@ -611,33 +619,33 @@ def _scatter(pairs: Array, rule: Criterion) -> float | None:
     return float(np.std(np.log(pairs[both, 0] / pairs[both, 1]), ddof=1))
 
 
-def _decided(effects: Sequence[Effect], rule: Criterion) -> list[Effect]:
-    """Correct the p values of all effects that are read together, and draw the verdicts."""
+def _decide(effects: Sequence[Effect], rule: Criterion) -> list[Effect]:
+    """Correct the p values of all effects that are read together, and set the verdicts."""
     count = len(effects)
     p = holm([effect.p for effect in effects])
     # A share that cannot differ significantly has no p and costs the others nothing.
     beyond = holm([e.p_beyond for e in effects] + [e.success_p for e in effects])
-    result = []
+    decided_effects = []
     for k, effect in enumerate(effects):
-        of_metric, of_share = beyond[k], beyond[count + k]
+        metric_p, share_p = beyond[k], beyond[count + k]
         fewer = (effect.success.value or 0.0) < 0.0
-        if of_share is not None and of_share < SIGNIFICANT:
+        if share_p is not None and share_p < SIGNIFICANT:
             verdict = WORSE if fewer else BETTER
-        elif of_metric is not None and of_metric < SIGNIFICANT:
+        elif metric_p is not None and metric_p < SIGNIFICANT:
             verdict = effect.verdict
         else:
             verdict = EQUAL if _is_within(effect, rule.tolerance) else UNDECIDED
-        effect = replace(effect, p=p[k], p_beyond=of_metric, success_p=of_share, verdict=verdict)
-        if of_share is None or of_share >= SIGNIFICANT:
+        effect = replace(effect, p=p[k], p_beyond=metric_p, success_p=share_p, verdict=verdict)
+        if share_p is None or share_p >= SIGNIFICANT:
             effect = _without_advantage(effect)
-        result.append(effect)
-    return result
+        decided_effects.append(effect)
+    return decided_effects
 
 
 def _without_advantage(effect: Effect) -> Effect:
-    """Return an effect on a metric in which who covers less time is not better, nor equal.
+    """Return an effect on a metric in which shorter coverage is no advantage.
 
-    It is so if both are compared over different time. Who covers less and is worse is worse.
+    Over different time, a group that covers less is neither better nor equal; it can be worse.
     """
     time = effect.time
     if time is None or time.both is not None:
@@ -645,7 +653,7 @@ def _without_advantage(effect: Effect) -> Effect:
     if (effect.verdict == WORSE) == (time.a < time.b) and effect.verdict in (BETTER, WORSE):
         return effect
     proven = False if effect.non_inferior and time.a < time.b else effect.non_inferior
-    note = f"{time.words(effect.a, effect.b)}, so that the errors are not compared"
+    note = f"{time.text(effect.a, effect.b)}, so that the errors are not compared"
     return replace(effect, verdict=UNDECIDED, note=note, non_inferior=proven)
 
 
@@ -659,51 +667,55 @@ def _is_within(effect: Effect, tolerance: Tolerance) -> bool:
     return not tolerance.relative and -tolerance.value <= low and high <= tolerance.value
 
 
-def _baseline(found: Sequence[Group], rows: Sequence[Row], rule: Criterion) -> list[Effect]:
-    earlier = {(group.cell, group.estimator): group for group in groups(rows, ())}
+def _baseline(groups: Sequence[Group], rows: Sequence[Row], rule: Criterion) -> list[Effect]:
+    earlier = {(group.cell, group.estimator): group for group in group_runs(rows, ())}
     effects: list[Effect] = []
-    for group in found:
-        old = earlier.get((group.cell, group.estimator))
+    for group in groups:
+        earlier_group = earlier.get((group.cell, group.estimator))
         names = _full_name(group), BASELINE
-        effect = None if old is None else _effect(group, old, names, rule, len(found))
+        effect = (
+            None
+            if earlier_group is None
+            else _effect(group, earlier_group, names, rule, len(groups))
+        )
         if effect is not None:
             effects.append(effect)
-    return _decided(effects, rule)
+    return _decide(effects, rule)
 
 
-def varying_names(found: Sequence[Group]) -> list[str]:
+def varying_names(groups: Sequence[Group]) -> list[str]:
     """Return the names of the grid, and ``estimator``, that have several values."""
-    names = list(found[0].words) if found else []
-    return [name for name in names if len({group.words[name] for group in found}) > 1]
+    names = list(groups[0].labels) if groups else []
+    return [name for name in names if len({group.labels[name] for group in groups}) > 1]
 
 
-def _factor(found: Sequence[Group]) -> str:
+def _factor(groups: Sequence[Group]) -> str:
     """Return the main factor of a campaign."""
-    several = varying_names(found)
+    varying = varying_names(groups)
     for name in ("estimator", "imu"):
-        if name in several:
+        if name in varying:
             return name
-    return several[0] if several else ""
+    return varying[0] if varying else ""
 
 
-def _contests(found: Sequence[Group], rule: Criterion) -> list[Contest]:
+def _contests(groups: Sequence[Group], rule: Criterion) -> list[Contest]:
     """Return the contests of every factor, decided together."""
-    ranks = {id(group): _rank(group, rule) for group in found}
+    ranks = {id(group): _rank(group, rule) for group in groups}
     contested = [
         (factor, _ranked(sorted(members, key=lambda group: ranks[id(group)]), rule))
-        for factor, members in _members(found)
+        for factor, members in _members(groups)
     ]
     count = sum(_pair_count(len(ranked)) for _, ranked in contested)
-    varying = varying_names(found)
-    found_ones = [_contest(factor, ranked, varying, rule, count) for factor, ranked in contested]
-    contests = [one for one in found_ones if one is not None]
-    decided = iter(_decided([effect for one in contests for effect in one.effects], rule))
-    result = []
-    for one in contests:
-        effects = [next(decided) for _ in one.effects]
-        best = one.ranking[0] if effects[0].verdict == BETTER else None
-        result.append(replace(one, best=best, lead=effects[0], effects=effects))
-    return result
+    varying = varying_names(groups)
+    candidates = [_contest(factor, ranked, varying, rule, count) for factor, ranked in contested]
+    contests = [contest for contest in candidates if contest is not None]
+    decided = iter(_decide([effect for contest in contests for effect in contest.effects], rule))
+    decided_contests = []
+    for contest in contests:
+        effects = [next(decided) for _ in contest.effects]
+        best = contest.ranking[0] if effects[0].verdict == BETTER else None
+        decided_contests.append(replace(contest, best=best, lead=effects[0], effects=effects))
+    return decided_contests
 
 
 def _pair_count(members: int) -> int:
@@ -722,18 +734,18 @@ def _contest(
     :param count: comparisons that are read together.
     """
     ideal = _without_contest(factor, ranked)
-    ranked = [one for one in ranked if one not in ideal] + ideal
+    ranked = [group for group in ranked if group not in ideal] + ideal
     firsts = ranked if len(ranked) <= _ALL_PAIRS else ranked[:1]
     compared = [
-        _effect(a, b, (a.words[factor], b.words[factor]), rule, count)
+        _effect(a, b, (a.labels[factor], b.labels[factor]), rule, count)
         for k, a in enumerate(firsts)
         for b in ranked[k + 1 :]
     ]
     if compared[0] is None:
         return None
-    where = {name: ranked[0].words[name] for name in varying if name != factor}
-    effects = [one for one in compared if one is not None]
-    names, unranked = ([one.words[factor] for one in some] for some in (ranked, ideal))
+    where = {name: ranked[0].labels[name] for name in varying if name != factor}
+    effects = [effect for effect in compared if effect is not None]
+    names, unranked = ([group.labels[factor] for group in members] for members in (ranked, ideal))
     return Contest(factor, where, names, unranked, None, effects[0], effects)
 
 
@@ -741,7 +753,7 @@ def _without_contest(factor: str, members: Sequence[Group]) -> list[Group]:
     """Return the sensor without errors, which wins without a contest, if there are two others."""
     if factor != "imu" or len(members) <= 2:
         return []
-    return [one for one in members if one.words[factor] == WITHOUT_ERRORS]
+    return [group for group in members if group.labels[factor] == WITHOUT_ERRORS]
 
 
 def _rank(group: Group, rule: Criterion) -> tuple[float, float]:
@@ -750,9 +762,10 @@ def _rank(group: Group, rule: Criterion) -> tuple[float, float]:
 
 
 def _ranked(ranked: list[Group], rule: Criterion) -> list[Group]:
-    """Return groups in an order that leaving out time does not change.
+    """Return groups in an order that does not depend on the time that each covers.
 
-    If two of them are compared over common time, it is by how many others each is worse than.
+    Groups that are compared over common time are ordered by the number of others they are worse
+    than.
 
     :param ranked: by the median of the time that each covers.
     """
@@ -777,13 +790,15 @@ def _typical_loss(values: Values, rule: Criterion) -> float:
     return math.inf if typical is None else float(_losses(np.array([typical]), rule.better)[0])
 
 
-def _members(found: Sequence[Group]) -> Iterator[tuple[str, list[Group]]]:
+def _members(groups: Sequence[Group]) -> Iterator[tuple[str, list[Group]]]:
     """Yield groups that differ in the estimator alone, or in one value of the grid alone."""
     index: dict[tuple[str, tuple[tuple[str, str], ...]], list[Group]] = defaultdict(list)
-    for group in found:
-        words = group.words
-        for name in words:
-            key = tuple((other, word) for other, word in words.items() if other != name)
+    for group in groups:
+        labels = group.labels
+        for name in labels:
+            key = tuple(
+                (label_name, label) for label_name, label in labels.items() if label_name != name
+            )
             index[name, key].append(group)
     for (name, _), members in index.items():
         if len(members) > 1:

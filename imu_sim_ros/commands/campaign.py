@@ -92,7 +92,7 @@ def _look_at(arguments: argparse.Namespace) -> None:
     plan = load_plan(path)
     check_plan(plan, path)
     if arguments.power is None:
-        print(plan.described())
+        print(plan.title())
         return
     wanted = parse_tolerance(arguments.power, "--power")
     scatter = parse_tolerance(arguments.scatter, "--scatter")

@@ -18,14 +18,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 from imu_sim_ros import arguments
 from imu_sim_ros.campaigns import campaign as runs
 from imu_sim_ros.campaigns import engine as engines
-from imu_sim_ros.campaigns.baseline import differences, identities_of_plan, other_plan
+from imu_sim_ros.campaigns.baseline import differences, identities_of_plan, plan_mismatch
 from imu_sim_ros.campaigns.cells import cell_count
 from imu_sim_ros.campaigns.metrics import SUCCESS, Tolerance, parse_tolerance
 from imu_sim_ros.campaigns.parameters import CommandEstimator
 from imu_sim_ros.campaigns.plan import Plan, check_plan, find_plan, load_plan
 from imu_sim_ros.campaigns.results import TABLE, Row, Store, read_results
 from imu_sim_ros.campaigns.statistics import power, quantile, seeds_needed
-from imu_sim_ros.campaigns.summary import Group, groups, slopes
+from imu_sim_ros.campaigns.summary import Group, group_runs, slopes
 from imu_sim_ros.campaigns.verdict import EstimateFinding, Judgement, counts, headline, judge
 from imu_sim_ros.errors import InputError, system_error
 from imu_sim_ros.jobs.report import write_campaign_page
@@ -196,7 +196,7 @@ def campaign(
         identities = identities_of_plan(loaded, earlier)
         if difference := differences(loaded, identities, before, earlier):
             if not baseline_anyway:
-                raise InputError(other_plan(before, difference))
+                raise InputError(plan_mismatch(before, difference))
             notes.append(f"the baseline is of another plan: {difference}")
     judged = metric or loaded.metrics[0]
     with (
@@ -228,7 +228,7 @@ def campaign(
         watcher().complete(folder)
     found = judge(loaded, outcome.rows, judged, earlier, *limits)
     wall_s = time.perf_counter() - started
-    return Campaign(loaded, folder, outcome.rows, outcome.new, found, wall_s, notes)
+    return Campaign(loaded, folder, outcome.rows, outcome.executed, found, wall_s, notes)
 
 
 class Limits(NamedTuple):
@@ -394,7 +394,7 @@ _SHOWN: Final = 40
 
 
 def _lines(made: Campaign) -> Iterator[str | TextTable]:
-    metric, found = made.judgement.metric, groups(made.runs, made.plan.grid_names)
+    metric, found = made.judgement.metric, group_runs(made.runs, made.plan.grid_names)
     rows = [_row(group, metric) for group in found[:_SHOWN]]
     header = ["cell", "estimator", "done", "coverage", "median", "95 % interval", "p95"]
     header.append("NEES (band)")
@@ -430,7 +430,7 @@ def _difference_lines(found: Judgement) -> Iterator[str | TextTable]:
         yield contest.line(found.metric, found.tolerance)
     rows = [
         [
-            *(contest.where_in_words, effect.a, effect.b, effect.size(), effect.at_once()),
+            *(contest.where_text, effect.a, effect.b, effect.size(), effect.at_once()),
             *(_number(effect.p), effect.verdict),
         ]
         for contest in found.contests

@@ -9,12 +9,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from imu_sim_ros.campaigns.baseline import differences, identities_of_rows, other_plan
+from imu_sim_ros.campaigns.baseline import differences, identities_of_rows, plan_mismatch
 from imu_sim_ros.campaigns.metrics import COVERED, SUCCESS, Tolerance, better
 from imu_sim_ros.campaigns.plan import Plan, load_plan
 from imu_sim_ros.campaigns.results import LOG, TABLE, Row, read_results
 from imu_sim_ros.campaigns.statistics import quantile
-from imu_sim_ros.campaigns.summary import Group, groups, slopes
+from imu_sim_ros.campaigns.summary import Group, group_runs, slopes
 from imu_sim_ros.campaigns.verdict import judge, varying_names
 from imu_sim_ros.errors import InputError, Problems
 from imu_sim_ros.inputs.rows import is_present
@@ -81,13 +81,13 @@ def campaign_sections(
             if baseline_anyway:
                 notes.append(f"The baseline {path} is of another plan: {difference}.")
             else:
-                problems.append(other_plan(path, difference))
+                problems.append(plan_mismatch(path, difference))
     problems.tell()
     present = [name for name in plan.metrics if any(row.get(name) is not None for row in rows)]
     if metric and metric not in (*present, SUCCESS):
         none = None if present else "no run is done"
         raise InputError(unknown("--metric", metric, [*present, SUCCESS], none))
-    found = groups(rows, plan.grid_names)
+    found = group_runs(rows, plan.grid_names)
     chosen = metric or ("ate_rmse_m" if "ate_rmse_m" in present else [*present, SUCCESS][0])
     last = earlier[-1][1] if earlier else None
     judged = judge(plan, rows, chosen, last, tolerance, non_inferiority)
@@ -138,7 +138,7 @@ def _results(
         "campaign": str(folder),
         "metric": chosen,
         "metrics": [
-            {"name": name, "label": label(name), "better": better(name, plan.own)}
+            {"name": name, "label": label(name), "better": better(name, plan.custom_metrics)}
             | {"of_failed": name in COVERED}
             for name in (*metrics, SUCCESS)
         ],
@@ -176,8 +176,8 @@ def _group(group: Group, metrics: Sequence[str], varying: Sequence[str]) -> Item
         if len(numbers):
             summary[name] = list(quantile(numbers, 0.5))
     named = {"cell": group.cell, "estimator": group.estimator}
-    where = short(group.words, [name for name in varying if name != "estimator"])
-    named |= {"label": short(group.words, varying), "place": where}
+    where = short(group.labels, [name for name in varying if name != "estimator"])
+    named |= {"label": short(group.labels, varying), "place": where}
     return {**named, "values": values, "metrics": summary}
 
 
@@ -186,7 +186,7 @@ def _trend(
 ) -> Item:
     """Return the metric's medians with their intervals over campaigns, this one the last."""
     campaigns = [
-        {(one.cell, one.estimator): one for one in groups(rows, ())} for _, rows in earlier
+        {(one.cell, one.estimator): one for one in group_runs(rows, ())} for _, rows in earlier
     ]
     campaigns.append({(one.cell, one.estimator): one for one in found})
     varying, series = varying_names(found), []
@@ -198,7 +198,7 @@ def _trend(
             for k, one in enumerate(campaigns)
             if key in one
         ]
-        line = {"name": short(group.words, varying), "colour": colour, "x": [k for k, _ in points]}
+        line = {"name": short(group.labels, varying), "colour": colour, "x": [k for k, _ in points]}
         for name in ("value", "low", "high"):
             line["y" if name == "value" else name] = [getattr(p, name) for _, p in points]
         series.append(line)
@@ -286,7 +286,7 @@ def _consistency(found: Sequence[Group]) -> Item | None:
         "kind": "plot",
         "title": "Consistency: mean NEES of the final state",
         "x": {"label": "NEES, 3 expected", "log": True},
-        "categories": [short(group.words, varying) for group in shown],
+        "categories": [short(group.labels, varying) for group in shown],
         "series": series,
         "caption": "95 % of the cells of a consistent estimator lie in the band; left of it the "
         f"covariance is too large, right of it too small.{rest}",
@@ -302,7 +302,7 @@ def _cells(plan: Plan, found: Sequence[Group], metrics: Sequence[str], chosen: s
         header += [f"{name} {part}" for part in ("median", "low", "high", "p95")]
     rows: list[list[Any]] = []
     for number, group in enumerate(found, 1):
-        words = group.words
+        words = group.labels
         row: list[Any] = [number, *(words[name] for name in plan.grid_names), group.estimator]
         row += [group.done, len(group.rows)]
         for name in shown:

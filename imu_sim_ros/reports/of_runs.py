@@ -12,7 +12,7 @@ import numpy as np
 from imu_sim_ros.campaigns.comparison import read_estimate
 from imu_sim_ros.campaigns.parameters import CommandEstimator, DeadReckonEstimator
 from imu_sim_ros.campaigns.plan import Plan
-from imu_sim_ros.campaigns.reckoning import reckoned
+from imu_sim_ros.campaigns.reckoning import dead_reckoned_states
 from imu_sim_ros.campaigns.results import Row
 from imu_sim_ros.campaigns.simulated import SimulatedCell
 from imu_sim_ros.campaigns.summary import Group
@@ -137,7 +137,7 @@ def _tracks(
         readings = cell.readings(block)
         if not np.array_equal(readings.t_ns, truth.t_ns):
             return None
-        estimate = reckoned(cell, estimator, block, readings, state_of_row(truth, 0))
+        estimate = dead_reckoned_states(cell, estimator, block, readings, state_of_row(truth, 0))
     elif isinstance(estimator, CommandEstimator) and files:
         estimate = read_estimate(files[0], estimator.estimate_topic or None)
     else:

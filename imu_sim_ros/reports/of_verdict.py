@@ -65,7 +65,7 @@ def verdict_section(
     varying = varying_names(found)
 
     def place(cell: str, estimator: str) -> str:
-        return short(places[cell, estimator].words, varying)
+        return short(places[cell, estimator].labels, varying)
 
     missed = [one for one in first.requirements if not one.met]
     reported = {one.requirement for one in missed}
@@ -92,7 +92,7 @@ def verdict_section(
         "kind": "verdict",
         "campaign": campaign,
         "requirements": requirements,
-        "problems": first.not_of_requirements,
+        "problems": first.other_problems,
         "failures": failures,
         "findings": findings,
         "judged": [
@@ -136,7 +136,7 @@ def _judged(words: str, judged: Judgement, factor: str, found: Sequence[Group]) 
         "rest": rest,
         "table": _table(fought[0], judged) if len(fought) == 1 else None,
         "contests": contests,
-        "names": list(dict.fromkeys(group.words[factor] for group in found)) if fought else [],
+        "names": list(dict.fromkeys(group.labels[factor] for group in found)) if fought else [],
     }
 
 
@@ -203,7 +203,7 @@ def _contest(
         "best": contest.best,
         "equal": contest.lead.verdict == EQUAL,
         "size": _brief(contest.lead, False),
-        "line": f"{contest.outcome(judged.tolerance)}: {contest.told(judged.metric)}",
+        "line": f"{contest.outcome(judged.tolerance)}: {contest.describe(judged.metric)}",
         "effects": effects,
         "plot": _paired(contest, judged, found),
     }
@@ -276,9 +276,9 @@ def _paired(contest: Contest, judged: Judgement, found: Sequence[Group]) -> Item
 def _members(contest: Contest, found: Sequence[Group]) -> dict[str, Group]:
     """Return the groups of a contest by their values of its factor."""
     return {
-        group.words[contest.factor]: group
+        group.labels[contest.factor]: group
         for group in found
-        if all(group.words[name] == word for name, word in contest.where.items())
+        if all(group.labels[name] == word for name, word in contest.where.items())
     }
 
 

@@ -246,7 +246,7 @@ def test_programs_that_end_while_their_memory_is_looked_at_are_no_error():
     with subprocess.Popen(script) as process:
         memory = command._PeakMemory()
         while process.poll() is None:
-            memory.look(process.pid)
+            memory.update(process.pid)
     assert process.returncode == 0
 
 

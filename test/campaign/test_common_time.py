@@ -8,7 +8,7 @@ import json
 import numpy as np
 import pytest
 
-from imu_sim_ros.campaigns.common_time import common_spans, covered_spans, inside
+from imu_sim_ros.campaigns.common_time import common_spans, covered_spans, in_spans
 from imu_sim_ros.campaigns.metrics import parse_tolerance
 from imu_sim_ros.campaigns.plan import load_plan
 from imu_sim_ros.campaigns.results import read_results
@@ -65,8 +65,8 @@ def test_spans_of_stamps_and_their_intersection():
     other = np.array([[1, 5], [6, 20]]) * 10**9
     common = common_spans(spans, other)
     assert (common // 10**9).tolist() == [[1, 2]]
-    assert inside(t_ns, common).tolist() == [False, True, True, False, False, False]
-    assert not inside(t_ns, common_spans(spans, spans + 100 * 10**9)).any()
+    assert in_spans(t_ns, common).tolist() == [False, True, True, False, False, False]
+    assert not in_spans(t_ns, common_spans(spans, spans + 100 * 10**9)).any()
 
 
 @pytest.mark.parametrize("align", ["none", "yaw"])

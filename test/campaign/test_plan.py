@@ -163,7 +163,7 @@ def test_requirements_are_read_with_filters():
     assert found.holds(0.1)
     assert not found.holds(0.11)
     assert not found.holds(None)
-    assert not found.of_done
+    assert not found.done_only
 
 
 @pytest.mark.parametrize(
@@ -171,7 +171,7 @@ def test_requirements_are_read_with_filters():
 )
 def test_a_requirement_may_ask_for_the_runs_that_are_done(text):
     (found,) = parse([text], ["ate_rmse_m"], [Axis(("imu",), (("c",),))], ["x"])
-    assert (found.of_done, found.statistic, found.limit) == (True, "max", 1.0)
+    assert (found.done_only, found.statistic, found.limit) == (True, "max", 1.0)
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ from imu_sim_ros.campaigns.statistics import (
     statistic,
     success,
 )
-from imu_sim_ros.campaigns.summary import checked, groups, unmet_lines
+from imu_sim_ros.campaigns.summary import check_requirements, group_runs, unmet_lines
 from imu_sim_ros.campaigns.verdict import Contest, headline, judge
 
 
@@ -41,7 +41,7 @@ def test_an_unmet_requirement_of_many_cells_does_not_bury_the_results():
         for k in range(72)
     ]
     require = parse(["ate_rmse_m.median < 1", "success < 1"], ["ate_rmse_m"], [], [])
-    lines = unmet_lines(require, checked(groups(rows, ()), require, 1))
+    lines = unmet_lines(require, check_requirements(group_runs(rows, ()), require, 1))
     assert len(lines) == 2 * 11
     assert lines[0] == "require ate_rmse_m.median < 1: ate_rmse_m.median is 2 (rate=0; a)"
     assert lines[10].startswith("require ate_rmse_m.median < 1: not met 62 more times")
@@ -59,7 +59,7 @@ def test_a_run_without_a_value_leaves_every_requirement_unmet(statistic, without
     rows[3] = {**rows[3], "status": without, "ate_rmse_m": value}
     texts = [f"ate_rmse_m.{statistic} < 5", f"ate_rmse_m.{statistic} of done < 5"]
     require = parse(texts, ["ate_rmse_m"], [], ["a"])
-    every, of_done = checked(groups(rows, ()), require, 5)
+    every, of_done = check_requirements(group_runs(rows, ()), require, 5)
     assert (every.met, every.value, every.missing, every.runs) == (False, 2.0, 1, 5)
     assert every.comment == "is 2 over 4 of 5 runs; 1 run has no value"
     assert of_done.met == (without != "done")
@@ -70,7 +70,7 @@ def test_a_run_without_a_value_leaves_every_requirement_unmet(statistic, without
 def test_runs_that_were_asked_for_and_not_made_count_too():
     rows = [{"cell": "all", "estimator": "a", "seed": 0, "status": "done", "coverage": 1.0}]
     require = parse(["coverage.min > 0.5", "success >= 0.9"], ["coverage"], [], ["a"])
-    share, success_rate = checked(groups(rows, ()), require, 3)
+    share, success_rate = check_requirements(group_runs(rows, ()), require, 3)
     assert (share.met, share.missing) == (False, 2)
     assert (success_rate.met, success_rate.value) == (False, pytest.approx(1 / 3))
 
