@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, NamedTuple, Typ
 import numpy as np
 from numpy.typing import NDArray
 
-from imu_sim_ros.arguments import array, number, refuse, stamps, text, whole
+from imu_sim_ros.arguments import array, number, refuse, stamps, text, whole, words
 from imu_sim_ros.components import Quaternion, Vector
 from imu_sim_ros.errors import InputError, MissingDependencyError
 from imu_sim_ros.inputs import gate
@@ -82,6 +82,8 @@ class TimeSeries:
                 text(f"{prefix}{entry.name}", value, "a name", empty=True)
             elif entry.name in ("skipped", "repeated"):
                 whole(f"{prefix}{entry.name}", value, "a count of rows", 0, MOST_ROWS)
+            elif entry.name == "notes":
+                words(f"{prefix}{entry.name}", value)
         self._check(gate.Verdict(columns["t_ns"], quantities), source)
         for name, values in columns.items():
             object.__setattr__(self, name, values)  # frozen
@@ -201,6 +203,8 @@ class Readings(TimeSeries):
     """(n,) lines of the text file, from 1; None: the source is no text."""
     skipped: int = 0
     """Number of bad rows of the source that were left out on request."""
+    notes: tuple[str, ...] = ()
+    """Choices and conversions of reading: topics, frame, units; a line each."""
 
     def triads(self) -> tuple[Array, Array]:
         """Return the angular rates and the specific forces (n, 3), for work that needs both.
@@ -209,7 +213,10 @@ class Readings(TimeSeries):
         """
         if self.gyro is None or self.accel is None:
             lacking = "gyroscope" if self.gyro is None else "accelerometer"
-            raise InputError(f"{self.source}: contains no readings of the {lacking}")
+            raise InputError(
+                f"{self.source}: contains no readings of the {lacking}; gyro_topic and accel_topic "
+                "merge two topics"
+            )
         return self.gyro, self.accel
 
 

@@ -16,6 +16,7 @@ from imu_sim_ros.bags import sensor_tables
 from imu_sim_ros.bags.messages import schemas
 from imu_sim_ros.bags.messages.blocks import MessageBlock, Payloads, TopicInfo, as_list
 from imu_sim_ros.bags.messages.decode import MessageGate, transcode
+from imu_sim_ros.bags.messages.edit import ImuEdit
 from imu_sim_ros.bags.messages.encode import (
     IMU,
     ODOMETRY,
@@ -26,7 +27,7 @@ from imu_sim_ros.bags.messages.encode import (
     PoseStampedEncoder,
     Vector3StampedEncoder,
 )
-from imu_sim_ros.bags.read import imu_blocks, odometry_blocks, open_bag, vector_blocks
+from imu_sim_ros.bags.read import odometry_blocks, open_bag, vector_blocks
 from imu_sim_ros.bags.reader import Bag, Recover, errors_naming, missing
 from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text.writer import Dataset
@@ -46,7 +47,7 @@ from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import Skipped, Warned
 from imu_sim_ros.inputs.tables import Table, Tables
 from imu_sim_ros.poses import read_poses
-from imu_sim_ros.records import States
+from imu_sim_ros.records import Readings, States
 from imu_sim_ros.rotation import rotate_inverse
 from imu_sim_ros.types import Array, Times
 
@@ -83,6 +84,7 @@ def bag_to_bag(
     warned: Warned | None = None,
     more: More | None = None,
     ungated: str = "",
+    edit: ImuEdit | None = None,
 ) -> list[str]:
     """Copy topics of any type; bytes are unchanged if the encoding is.
 
@@ -91,6 +93,7 @@ def bag_to_bag(
     :param skipped, warned: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
     :param more: makes further messages for each block of messages, in a thread of its own.
     :param ungated: a topic whose messages are checked elsewhere.
+    :param edit: units and frame of Imu messages; None: they are copied as they are.
     :returns: a line for each topic and type whose fields differ in the other generation of ROS.
     """
     without_schema = [info for info in topics if not info.type and info.count]
@@ -121,10 +124,13 @@ def bag_to_bag(
     gates = {info: MessageGate(bag.path, info.name, warned is not None) for info in topics}
     groups = bag.groups({info.name for info in topics})
     for group, beside_it in _with_more(groups, more):
+        copied = [block for block in group if block.topic in handles]
+        if edit is not None:
+            copied = [edit.apply(block, bag.encoding) for block in copied]
         passed = [
             b if b.topic.name == ungated else gates[b.topic].passed(b, bag.encoding)
-            for b in group
-            if b.topic in handles
+            for b in copied
+            if len(b.t_ns)
         ]
         blocks = [
             Block(handles[block.topic], block.t_ns, translate.payloads(block))
@@ -198,8 +204,14 @@ class _Between(_Translator):
             return [bytes(convert(message)) for message in as_list(block.payloads)]
 
 
+ReadImu = Callable[[str | None, bool], Iterator[Readings]]
+"""Yields the readings of an IMU of a folder, by its name, None: the only one; True: its bad rows
+are counted."""
+
+
 def text_to_bag(
     path: Path,
+    read: ReadImu,
     writer: Writer,
     renamed: Mapping[str, str],
     advance: Callable[[int], object],
@@ -214,6 +226,7 @@ def text_to_bag(
     Several IMUs have a namespace each, as in ``generate``: ``/imu1/imu/data_raw``. The poses of a
     motion capture system, as TUM VI has them, are a topic of poses.
 
+    :param read: yields the readings of the IMUs.
     :param skipped: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
     :param frames: more streams in time order, of cameras; the blocks of one item have the same
         times.
@@ -221,10 +234,10 @@ def text_to_bag(
     """
     names = text_reader.imu_names(path)
     streams = [
-        _reading_messages(path, writer, renamed, skipped, name)
+        _reading_messages(read(name, True), writer, renamed, name)
         for name in (names if len(names) > 1 else [None])
     ]
-    streams += sensor_tables.streams_of_tables(path, writer, renamed, names, skipped, tables)
+    streams += sensor_tables.streams_of_tables(path, read, writer, renamed, names, skipped, tables)
     if text_reader.has_states(path):
         streams.append(_state_messages(path, writer, renamed, skipped))
     elif (poses := text_reader.pose_file(path)) is not None:
@@ -254,16 +267,12 @@ def poses_to_bag(
 
 
 def _reading_messages(
-    path: Path,
-    writer: Writer,
-    renamed: Mapping[str, str],
-    skipped: Skipped | None,
-    imu: str | None,
+    blocks: Iterator[Readings], writer: Writer, renamed: Mapping[str, str], imu: str | None
 ) -> Iterator[list[Block]]:
     full, frame = (READINGS, IMU_FRAME) if imu is None else (f"/{imu}{READINGS}", f"{imu}_link")
     encoder = ImuEncoder(frame, writer.encoding)
     topic = writer.add_topic(renamed.get(full, full), IMU)
-    for readings in text_reader.imu_blocks(path, imu, skipped):
+    for readings in blocks:
         payloads = encoder.encode(readings.t_ns, *readings.triads())
         yield [Block(topic, readings.t_ns, payloads)]
 
@@ -322,8 +331,9 @@ def _interleaved(streams: Sequence[Iterator[list[Block]]]) -> Iterator[list[Bloc
 
 def to_dataset(
     path: Path,
+    imu: Iterator[Readings],
     dataset: Dataset,
-    topics: Mapping[str, str | None],
+    truth: str | None,
     advance: Callable[[int], object],
     recover: Recover = False,
     skipped: Skipped | None = None,
@@ -334,19 +344,19 @@ def to_dataset(
 
     :param tables: of the dataset, each with its topic, or its name in the dataset that is read.
     :param skipped, warned: as for :func:`imu_sim_ros.bags.read.imu_blocks`.
-    :param topics: name of the topic for each of the types Imu and Odometry that is to be copied;
-        None: the only one.
+    :param imu: blocks of the readings.
+    :param truth: topic of Odometry; None: the only one.
     """
-    if dataset.imu is not None and IMU in topics:
-        for readings in imu_blocks(path, topics[IMU], recover, skipped, warned):
+    if dataset.imu is not None:
+        for readings in imu:
             dataset.write_imu(readings.t_ns, *readings.triads())
             advance(len(readings.t_ns))
     for table, name in tables:
         for measured in sensor_tables.blocks(path, table, name, recover, skipped, warned):
             dataset.write_table(table.name, 0, measured.t_ns, measured.values)
             advance(len(measured.t_ns))
-    if dataset.truth is not None and ODOMETRY in topics:
-        for states, biases in _states(path, topics[ODOMETRY], recover, skipped, warned):
+    if dataset.truth is not None:
+        for states, biases in _states(path, truth, recover, skipped, warned):
             dataset.write_states(states, biases)
             advance(len(states.t_ns))
 

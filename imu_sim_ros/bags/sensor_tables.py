@@ -6,7 +6,7 @@
 Which sensors there are, the callers hand in: a :class:`~imu_sim_ros.inputs.tables.Table` for each.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -23,6 +23,7 @@ from imu_sim_ros.conventions import IMU_FRAME, IMU_TOPIC
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.inputs.rows import Skipped, Warned
 from imu_sim_ros.inputs.tables import Encode, Table, Tables
+from imu_sim_ros.records import Readings
 from imu_sim_ros.types import Array, Times
 
 
@@ -180,6 +181,7 @@ def tables_of(topics: Iterable[TopicInfo], readings: str, tables: Tables) -> dic
 
 def streams_of_tables(
     path: Path,
+    read: Callable[[str | None, bool], Iterator[Readings]],
     writer: Writer,
     renamed: Mapping[str, str],
     imus: Sequence[str],
@@ -188,6 +190,7 @@ def streams_of_tables(
 ) -> list[Iterator[list[Block]]]:
     """Return the messages of all tables other than the readings of IMUs in a folder, in blocks.
 
+    :param read: yields the readings of an IMU by its name; False: without counting bad rows.
     :param renamed: new names of topics by old ones.
     :param imus: names of the IMUs, imu0 and so on: of several, each has a namespace.
     """
@@ -207,7 +210,7 @@ def streams_of_tables(
         topic = writer.add_topic(renamed.get(full, full), table.type)
         if table.encoder is None:
             encoder = ImuEncoder(frame, writer.encoding)
-            made.append(_orientations(path, name, table, imu, topic, encoder, skipped))
+            made.append(_orientations(path, name, table, read(imu, False), topic, encoder, skipped))
         else:
             encode = table.encoder(frame, writer.encoding)
             made.append(_measurements(path, name, table, topic, encode, skipped))
@@ -225,7 +228,7 @@ def _orientations(
     path: Path,
     name: str,
     table: Table,
-    imu: str,
+    readings: Iterator[Readings],
     topic: BagTopic,
     encoder: ImuEncoder,
     skipped: Skipped | None,
@@ -234,9 +237,6 @@ def _orientations(
 
     :raises InputError: for a stamp that no reading has, unless bad rows are skipped.
     """
-    # The bad rows of the readings are counted where the readings themselves are read.
-    uncounted = None if skipped is None else lambda _: None
-    readings = text_reader.imu_blocks(path, imu, uncounted)
     t_ns, gyro, accel = np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 3))
     for stamps, q_wi, _ in blocks(path, table, name, skipped=skipped):
         while not len(t_ns) or t_ns[-1] < stamps[-1]:
@@ -252,7 +252,7 @@ def _orientations(
         if len(missing):
             if skipped is None:
                 raise InputError(
-                    f"{path}: {name}: {len(missing)} stamps that no reading of {imu} has, the "
+                    f"{path}: {name}: {len(missing)} stamps that no reading has, the "
                     f"first {missing[0]} ns"
                 )
             skipped(len(missing))

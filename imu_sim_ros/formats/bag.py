@@ -26,9 +26,9 @@ from imu_sim_ros.bags.read import (
     odometry_blocks,
     open_bag,
 )
-from imu_sim_ros.bags.reader import Recover, listed
+from imu_sim_ros.bags.reader import listed
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs.rows import Skipped, Warned
+from imu_sim_ros.formats.handling import Handling
 from imu_sim_ros.records import Readings, States, concatenated
 from imu_sim_ros.rotation import normalise
 from imu_sim_ros.timebase import NANOSECONDS_PER_SECOND
@@ -55,10 +55,10 @@ def holds(path: Path) -> bool:
 
 
 def reading_blocks(
-    path: Path, topic: str | None, frame: str | None, skipped: Skipped | None
+    path: Path, topic: str | None, frame: str | None, handling: Handling
 ) -> Iterator[Readings]:
     """Yield the readings of an Imu topic in blocks; arguments as for the door."""
-    return imu_blocks(path, topic, skipped=skipped, frame=frame)
+    return imu_blocks(path, topic, handling.recover, handling.skipped, handling.warned, frame)
 
 
 def odometry_topics(path: Path) -> list[str]:
@@ -72,25 +72,18 @@ def stated_units(path: Path, topic: str | None) -> dict[str, str]:
     return {}
 
 
-def states(
-    path: Path,
-    topic: str | None,
-    covariance: bool,
-    skipped: Skipped | None,
-    warned: Warned | None,
-    recover: Recover,
-) -> States:
+def states(path: Path, topic: str | None, covariance: bool, handling: Handling) -> States:
     """Return the poses of a topic of any type in :data:`POSE_TYPES`; arguments as for the door."""
     source = str(path) if topic is None else f"{path}, {topic}"
-    with open_bag(path, recover) as bag:
+    with open_bag(path, handling.recover) as bag:
         name, type_name, frames = pose_topic(bag, topic)
         if type_name in (PATH, TF_MESSAGE):
             return _of_messages(bag, name, frames, source)
-    parts = list(_blocks(path, name, type_name, covariance, skipped, warned, recover))
+    parts = list(_blocks(path, name, type_name, covariance, handling))
     if not parts:
         raise InputError(f"{source}: 0 poses; a trajectory needs two or more")
     columns = concatenated(parts)
-    if warned is not None:  # passed on as they are
+    if handling.warned is not None:  # passed on as they are
         return columns
     return States(
         columns.t_ns,
@@ -132,15 +125,10 @@ def pose_topic(bag: Bag, topic: str | None) -> tuple[str, str, tuple[str, str] |
 
 
 def _blocks(
-    path: Path,
-    name: str,
-    type_name: str,
-    covariance: bool,
-    skipped: Skipped | None,
-    warned: Warned | None,
-    recover: Recover,
+    path: Path, name: str, type_name: str, covariance: bool, handling: Handling
 ) -> Iterator[States]:
     """Yield the poses of a topic of messages that are read in bulk."""
+    skipped, warned, recover = handling
     if type_name == ODOMETRY:
         for block in odometry_blocks(path, name, recover, skipped, warned):
             if not covariance:

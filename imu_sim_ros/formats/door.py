@@ -10,18 +10,22 @@ A format is a module with ``holds``, ``reading_blocks`` and ``states``, and its 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 
 from imu_sim_ros.bags.reader import Recover
 from imu_sim_ros.conventions import TRIADS
-from imu_sim_ros.errors import InputError, Remark, warn
+from imu_sim_ros.errors import InputError, Remark, naming, warn
 from imu_sim_ros.formats import bag, text
-from imu_sim_ros.formats.choice import ACCEL_UNITS, GYRO_UNITS, Choice
+from imu_sim_ros.formats.choice import ACCEL_UNITS, AS_RECORDED, GYRO_UNITS, Choice
+from imu_sim_ros.formats.handling import Handling
 from imu_sim_ros.inputs.header import UNITS
 from imu_sim_ros.inputs.rows import Skipped, Warned, tell_skipped
+from imu_sim_ros.recordings.clock import estimate_clock
 from imu_sim_ros.records import Readings, States, concatenated, with_fields
+from imu_sim_ros.timebase import seconds_since
+from imu_sim_ros.types import Integers, Mask, Times
 
 
 class FileFormat(Protocol):
@@ -31,7 +35,7 @@ class FileFormat(Protocol):
         """Return True if a path is of this format, by its content."""
 
     def reading_blocks(
-        self, path: Path, topic: str | None, frame: str | None, skipped: Skipped | None
+        self, path: Path, topic: str | None, frame: str | None, handling: Handling
     ) -> Iterator[Readings]:
         """Yield the readings of one IMU in blocks of bounded size."""
 
@@ -41,21 +45,13 @@ class FileFormat(Protocol):
     def stated_units(self, path: Path, topic: str | None) -> dict[str, str]:
         """Return the units that the file itself states, by triad; it converts those."""
 
-    def states(
-        self,
-        path: Path,
-        topic: str | None,
-        covariance: bool,
-        skipped: Skipped | None,
-        warned: Warned | None,
-        recover: Recover,
-    ) -> States:
+    def states(self, path: Path, topic: str | None, covariance: bool, handling: Handling) -> States:
         """Return poses, with all else that the source knows of the motion."""
 
 
 FORMATS: Final[tuple[FileFormat, ...]] = (text, bag)
 """All formats; the first that recognises a path reads it."""
-_DEFAULT: Final = Choice()
+_STRICT: Final = Handling()
 
 
 def format_of(path: Path) -> FileFormat:
@@ -64,33 +60,38 @@ def format_of(path: Path) -> FileFormat:
 
 
 def reading_blocks(
-    path: str | Path, choice: Choice = _DEFAULT, skipped: Skipped | None = None
+    path: str | Path, choice: Choice = AS_RECORDED, handling: Handling = _STRICT
 ) -> Iterator[Readings]:
     """Yield the readings of a file in blocks of bounded size, in SI units.
 
-    :param skipped: receives the number of bad rows or messages that are left out; None: they are
-        errors.
+    The notes of a block are the choices and conversions that it rests on; a remark tells them.
+
     :raises InputError: for a file that cannot be read; of several topics or frames all are listed.
     """
     path = Path(path)
-    if choice.gyro_topic is not None or choice.accel_topic is not None:
-        yield _merged(path, choice, skipped)
+    if choice.merges:
+        yield _merged(path, choice, handling)
         return
     entry = format_of(path)
     if choice.gyro_unit is not None or choice.accel_unit is not None:
         choice = _without_stated(path, choice, entry.stated_units(path, choice.topic))
-    for block in entry.reading_blocks(path, choice.topic, choice.frame, skipped):
-        yield _in_si(block, choice)
+    notes = choice.notes()
+    for note in notes:
+        warn(f"{path}: {note}", Remark)
+    for block in entry.reading_blocks(path, choice.topic, choice.frame, handling):
+        yield _in_si(block, choice, notes)
 
 
 def read_readings(
-    path: str | Path, choice: Choice = _DEFAULT, skipped: Skipped | None = None
+    path: str | Path, choice: Choice = AS_RECORDED, skipped: Skipped | None = None
 ) -> Readings:
     """Return all readings of a file; arguments as for :func:`reading_blocks`.
 
+    :param skipped: receives the number of bad rows or messages that are left out; None: they are
+        errors.
     :raises InputError: also for a file without readings of the chosen frame.
     """
-    blocks = list(reading_blocks(path, choice, skipped))
+    blocks = list(reading_blocks(path, choice, Handling(skipped)))
     if not blocks and choice.frame is not None:
         raise InputError(f"{path}: contains no readings of the frame {choice.frame}")
     empty = Readings(np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 3)), source=str(path))
@@ -120,62 +121,102 @@ def _without_stated(path: Path, choice: Choice, stated: Mapping[str, str]) -> Ch
     )
 
 
-def _in_si(readings: Readings, choice: Choice) -> Readings:
-    """Return readings converted from the units of the choice to SI units."""
-    gyro, accel = readings.gyro, readings.accel
-    if choice.gyro_unit is not None and gyro is not None:
-        gyro = gyro * GYRO_UNITS[choice.gyro_unit]
-    if choice.accel_unit is not None and accel is not None:
-        accel = accel * ACCEL_UNITS[choice.accel_unit]
-    if gyro is readings.gyro and accel is readings.accel:
+def _in_si(readings: Readings, choice: Choice, notes: tuple[str, ...]) -> Readings:
+    """Return readings converted from the units of the choice to SI units, with notes of it."""
+    if not notes:
         return readings
-    return with_fields(readings, gyro=gyro, accel=accel)
+    gyro, accel = (
+        values if values is None or factor == 1.0 else values * factor
+        for values, factor in zip((readings.gyro, readings.accel), choice.factors, strict=True)
+    )
+    return with_fields(readings, gyro=gyro, accel=accel, notes=(*readings.notes, *notes))
 
 
-def _merged(path: Path, choice: Choice, skipped: Skipped | None) -> Readings:
+def _merged(path: Path, choice: Choice, handling: Handling) -> Readings:
     """Return gyroscope and accelerometer of two topics, at the times of the gyroscope.
+
+    Times without an accelerometer, before and after its readings and in its gaps, are left out.
 
     :raises InputError: if one of the topics is not named, or they have no time in common.
     """
     if choice.gyro_topic is None or choice.accel_topic is None:
         raise InputError(f"{path}: gyro_topic and accel_topic: name both")
-    gyroscope, accelerometer = (
-        concatenated(list(format_of(path).reading_blocks(path, topic, choice.frame, skipped)))
-        for topic in (choice.gyro_topic, choice.accel_topic)
-    )
+    entry, parts = format_of(path), []
+    for topic in (choice.gyro_topic, choice.accel_topic):
+        blocks = list(entry.reading_blocks(path, topic, choice.frame, handling))
+        if not blocks:
+            of = "" if choice.frame is None else f" of the frame {choice.frame}"
+            raise InputError(f"{path}: {topic} contains no readings{of}")
+        parts.append(concatenated(blocks))
+    gyroscope, accelerometer = parts
     if gyroscope.gyro is None or accelerometer.accel is None:
         topic = choice.gyro_topic if gyroscope.gyro is None else choice.accel_topic
         triad = "gyroscope" if gyroscope.gyro is None else "accelerometer"
         raise InputError(f"{path}: {topic} contains no readings of the {triad}")
-    order = np.argsort(accelerometer.t_ns, kind="stable")
-    times, values = accelerometer.t_ns[order], accelerometer.accel[order]
-    rows = (gyroscope.t_ns >= times[0]) & (gyroscope.t_ns <= times[-1])
-    if not rows.any():
+    measured, clocked = _timed(path, gyroscope.t_ns), _timed(path, accelerometer.t_ns)
+    known, t_ns = clocked.t_ns, measured.t_ns
+    if np.any(np.diff(known) <= 0):
+        raise InputError(f"{path}: {choice.accel_topic}: the stamps do not increase: not merged")
+    after = np.clip(np.searchsorted(known, t_ns), 0, len(known) - 1)
+    within = (t_ns >= known[0]) & (t_ns <= known[-1])
+    if not within.any():
         raise InputError(
             f"{path}: {choice.gyro_topic} and {choice.accel_topic} have no time in common"
         )
-    t_ns = gyroscope.t_ns[rows]
-    start = int(times[0])
-    at = (t_ns - start).astype(np.float64)
-    known = (times - start).astype(np.float64)
-    accel = np.column_stack([np.interp(at, known, axis) for axis in values.T])
-    period = float(np.median(np.diff(known))) * 1e-9 if len(known) > 1 else 0.0
-    if period > 0.0:
+    lost = clocked.lost[after] & (known[after] != t_ns)
+    rows = measured.rows[within & ~lost]
+    start = int(known[0])
+    at, knots = seconds_since(t_ns[within & ~lost], start), seconds_since(known, start)
+    values = accelerometer.accel[clocked.rows]
+    accel = np.column_stack([np.interp(at, knots, axis) for axis in values.T])
+    notes = [*choice.notes()]
+    if clocked.interval_ns:
         # Midway between two samples the response is cos(pi f T), the worst case of interpolation.
-        warn(
-            f"{path}: the accelerometer is interpolated to the times of the gyroscope: at "
-            f"{0.25 / period:.3g} Hz up to {1.0 - np.cos(np.pi / 4.0):.0%} of a motion is lost, "
-            "and white noise is up to a factor of 1/sqrt(2) smaller",
-            Remark,
+        notes.append(
+            "the accelerometer is interpolated to the times of the gyroscope: at "
+            f"{0.25e9 / clocked.interval_ns:.3g} Hz up to {1.0 - np.cos(np.pi / 4.0):.0%} of a "
+            "motion is lost, and white noise is up to a factor of 1/sqrt(2) smaller"
         )
+    for mask, place in ((~within, "outside the time"), (within & lost, "in gaps")):
+        if mask.any():
+            notes.append(
+                f"{np.count_nonzero(mask)} readings of the gyroscope {place} of the accelerometer "
+                "are left out"
+            )
+    for note in notes:
+        warn(f"{path}: {note}", Remark)
     merged = Readings.unchecked(
-        t_ns=t_ns,
+        t_ns=gyroscope.t_ns[rows],
         gyro=gyroscope.gyro[rows],
         accel=accel,
         frame_id=gyroscope.frame_id,
         source=str(path),
     )
-    return _in_si(merged, choice)
+    return _in_si(merged, choice, tuple(notes))
+
+
+class _Timed(NamedTuple):
+    """Times of the m readings of a triad that are used."""
+
+    rows: Integers
+    """(m,) rows of the readings."""
+    t_ns: Times
+    """(m,) times by the clock behind the stamps [ns]."""
+    lost: Mask
+    """(m,) True if readings are missing before this one."""
+    interval_ns: float
+    """Time between two samples [ns]; 0: a single reading."""
+
+
+def _timed(path: Path, t_ns: Times) -> _Timed:
+    """Return the times of readings by the clock behind their stamps (n,) [ns]."""
+    if len(t_ns) < 2:
+        return _Timed(np.arange(len(t_ns)), t_ns, np.zeros(len(t_ns), np.bool_), 0.0)
+    with naming(path):
+        clock = estimate_clock(t_ns)
+    lost = clock.missing > 0
+    lost[[piece.start for piece in clock.pieces]] = True
+    return _Timed(clock.rows, clock.times_ns(), lost, clock.interval_ns)
 
 
 def read_states(
@@ -201,9 +242,8 @@ def read_states(
     """
     path = Path(path)
     counts: list[int] = []
-    skipped = counts.append if skip_bad_rows else None
-    entry = format_of(path)
-    states = entry.states(path, topic, covariance, skipped, warned, recover)
+    handling = Handling(counts.append if skip_bad_rows else None, warned, recover)
+    states = format_of(path).states(path, topic, covariance, handling)
     if len(states) < least:
         name = str(path) if topic is None else f"{path}, {topic}"
         raise InputError(f"{name}: {len(states)} poses; a trajectory needs two or more")

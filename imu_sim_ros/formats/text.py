@@ -6,10 +6,9 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from imu_sim_ros.bags.reader import Recover
 from imu_sim_ros.bags.text import reader, vio_data_simulation
 from imu_sim_ros.errors import InputError
-from imu_sim_ros.inputs.rows import Skipped, Warned
+from imu_sim_ros.formats.handling import Handling
 from imu_sim_ros.poses import read_poses
 from imu_sim_ros.records import Readings, States, concatenated
 
@@ -20,7 +19,7 @@ def holds(path: Path) -> bool:
 
 
 def reading_blocks(
-    path: Path, topic: str | None, frame: str | None, skipped: Skipped | None
+    path: Path, topic: str | None, frame: str | None, handling: Handling
 ) -> Iterator[Readings]:
     """Yield the readings of a table, or of an IMU of a folder, in blocks.
 
@@ -29,7 +28,7 @@ def reading_blocks(
     """
     if frame is not None:
         raise InputError(f"{path}: text has no frame {frame}")
-    return reader.imu_blocks(path, topic, skipped)
+    return reader.imu_blocks(path, topic, handling.skipped)
 
 
 def odometry_topics(path: Path) -> list[str]:
@@ -42,15 +41,9 @@ def stated_units(path: Path, topic: str | None) -> dict[str, str]:
     return reader.stated_units(path, topic)
 
 
-def states(
-    path: Path,
-    topic: str | None,
-    covariance: bool,
-    skipped: Skipped | None,
-    warned: Warned | None,
-    recover: Recover,
-) -> States:
+def states(path: Path, topic: str | None, covariance: bool, handling: Handling) -> States:
     """Return the poses of a text file, or the states of a folder; arguments as for the door."""
+    skipped = handling.skipped
     if vio_data_simulation.is_source(path):
         return vio_data_simulation.read_states(path, skipped)
     if path.is_dir() and reader.has_states(path):

@@ -89,6 +89,17 @@ class TableLayout:
     units: Mapping[str, str] = field(default_factory=dict)
     """Units that the header states, by quantity."""
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Line about the stated units that are converted to SI units."""
+        units = [
+            f"the {name} in {unit}"
+            for name, unit in self.units.items()
+            if self.factors[name] != 1.0
+        ]
+        line = f"{' and '.join(units)}, as the header says: converted to SI units"
+        return (line,) if units else ()
+
     def fields(self, text: bytes) -> list[bytes]:
         """Return the cells of a row."""
         if self.separator == " ":
@@ -263,14 +274,7 @@ def _of_header(
     digits = header.digits
     if digits is None:
         digits = _digits(path, sample, separator, header.stamp, form.digits, decimal_comma)
-    units = [
-        f"the {name} in {unit}"
-        for name, unit in header.units.items()
-        if header.factors[name] != 1.0
-    ]
-    if units:
-        warn(f"{path}: {' and '.join(units)}, as the header says: converted to SI units", Remark)
-    return TableLayout(
+    layout = TableLayout(
         separator,
         decimal_comma,
         trailing,
@@ -283,6 +287,9 @@ def _of_header(
         f"the header names {header.count}",
         header.units,
     )
+    for note in layout.notes:
+        warn(f"{path}: {note}", Remark)
+    return layout
 
 
 def _of_form(path: Path, sample: Sequence[Row], forms: Mapping[str, TableForm]) -> TableLayout:

@@ -32,6 +32,7 @@ from imu_sim_ros.jobs.selection import (
     GyroTopic,
     GyroUnit,
     checked_choice,
+    input_lines,
 )
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.progress import progress
@@ -122,6 +123,8 @@ class Noise:
     """Name of the sensor or the files, for titles."""
     source: str = ""
     """Paths of the files, for comments."""
+    notes: tuple[str, ...] = ()
+    """Choices and conversions of reading, a line each."""
 
     def __repr__(self) -> str:
         density = np.nanmean(self.gyroscope.noise_density.value)
@@ -155,6 +158,7 @@ class Noise:
             "lost": timing.lost,
             "gaps": timing.gaps,
             "warnings": list(self.warnings),
+            "notes": list(self.notes),
         }
 
     def lines(self, comparisons: Sequence[ParameterComparison] = ()) -> Iterator[str | TextTable]:
@@ -162,7 +166,8 @@ class Noise:
 
         :param comparisons: with the truth, from :meth:`compare`.
         """
-        return _lines(self.result, comparisons)
+        yield from input_lines(self.notes)
+        yield from _lines(self.result, comparisons)
 
     def compare(self, imu: str | Path) -> list[ParameterComparison]:
         """Return whether each interval contains the truth, for the sensor that was simulated.
@@ -278,7 +283,9 @@ def allan(
     arguments.switch("force", force)
     arguments.switch("skip_bad_rows", skip_bad_rows)
     if isinstance(source, str | PathLike | Sequence):  # piece by piece: these records are long
-        from imu_sim_ros.formats.door import reading_blocks  # flights and records need no file
+        # Flights and records need no file.
+        from imu_sim_ros.formats.door import reading_blocks
+        from imu_sim_ros.formats.handling import Handling
 
         given: Any = [source] if isinstance(source, str | PathLike) else source
         paths = [arguments.path("source", one, BAG_OR_FILE) for one in given]
@@ -289,14 +296,15 @@ def allan(
         choice = checked_choice(topic, frame, gyro_topic, accel_topic, *units, of_a_file=True)
         for path in paths if len(paths) > 1 else ():  # before long records are read
             with problems.gathered():
-                next(reading_blocks(path, choice, skipped=lambda count: None), None)
+                next(reading_blocks(path, choice, Handling(lambda count: None)), None)
         problems.tell()
         blocks = (
-            reading_blocks(path, choice, tell_skipped(path) if skip_bad_rows else None)
+            reading_blocks(path, choice, Handling(tell_skipped(path) if skip_bad_rows else None))
             for path in paths
         )
         problems_of_units: list[str] = []
-        judged = (_judged(stream, problems_of_units) for stream in blocks)
+        notes: list[str] = []
+        judged = (_judged(stream, problems_of_units, notes) for stream in blocks)
         with progress("read", lambda: sum(_count(path, topic) for path in paths)) as advance:
             result = analyse(judged, model=model, force=force, advance=advance)
         name, origin = ", ".join(map(name_of, paths)), ", ".join(map(str, paths))
@@ -304,6 +312,7 @@ def allan(
         selection = (frame, gyro_topic, accel_topic, gyro_unit, accel_unit)
         readings = readings_of("source", source, topic, selection=selection)
         problems_of_units = [] if isinstance(source, Flight) else unit_problems(readings)
+        notes = list(readings.notes)
         result = analyse([[readings]], model=model, force=force)
         name, origin = readings.source, ""
     result = result._replace(warnings=(*problems_of_units, *result.warnings))
@@ -317,6 +326,7 @@ def allan(
         result=result,
         name=name,
         source=origin,
+        notes=tuple(dict.fromkeys(notes)),
     )
 
 
@@ -324,10 +334,13 @@ _JUDGED: Final = 4096
 """Readings at the start of a record that show its units."""
 
 
-def _judged(blocks: Iterable[Readings], problems: list[str]) -> Iterator[Readings]:
+def _judged(
+    blocks: Iterable[Readings], problems: list[str], notes: list[str]
+) -> Iterator[Readings]:
     """Yield blocks of readings as they are; units that are not SI become problems.
 
     :param problems: receives a line for each problem.
+    :param notes: receives the notes of the readings.
     """
     stream, start = iter(blocks), list[Readings]()
     for block in stream:
@@ -336,6 +349,7 @@ def _judged(blocks: Iterable[Readings], problems: list[str]) -> Iterator[Reading
             break
     if start:
         problems += unit_problems(concatenated(start))
+        notes += start[0].notes
     yield from start
     yield from stream
 

@@ -53,6 +53,7 @@ from imu_sim_ros.jobs.selection import (
     GyroUnit,
     Selection,
     checked_choice,
+    input_lines,
 )
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.navigation.parameters import IntegratorParameters
@@ -108,6 +109,8 @@ class Calibration:
     """The file, for titles and comments."""
     warnings: tuple[str, ...] = ()
     """Rows that were skipped, and what is doubtful."""
+    notes: tuple[str, ...] = ()
+    """Choices and conversions of reading, a line each."""
 
     @property
     def gyroscope(self) -> TriadCalibration:
@@ -161,7 +164,7 @@ class Calibration:
         }
         for name, truth in ({} if imu is None else self.true_values(imu)).items():
             found[name]["truth"] = truth.tolist()
-        return {"parameters": found, **self.facts}
+        return {"parameters": found, **self.facts, "notes": list(self.notes)}
 
     def lines(self, true: Mapping[str, Array] | None = None) -> Iterator[str | TextTable]:
         """Yield the text of the calibration, as ``calibrate`` prints it.
@@ -170,7 +173,8 @@ class Calibration:
         """
         from imu_sim_ros.jobs.calibration_text import calibration_lines
 
-        return calibration_lines(self.parameters, self.facts, true or {})
+        yield from input_lines(self.notes)
+        yield from calibration_lines(self.parameters, self.facts, true or {})
 
     def save(self, path: str | Path, *, for_simulator: bool = False, force: bool = False) -> Path:
         """Write a file; returns its path.
@@ -221,6 +225,7 @@ class _Run:
         self._choice = checked_choice(topic, *selection, of_a_file=self.path is not None)
         self._skip = arguments.switch("skip_bad_rows", skip_bad_rows)
         self._warnings: list[str] = []
+        self._notes: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -241,9 +246,13 @@ class _Run:
     def imu(self) -> Readings:
         """Return the readings."""
         if self.path is None:
-            return readings_of("readings", self._given)
-        skipped = self._skipped(f"{self.path}")
-        return with_fields(door.read_readings(self.path, self._choice, skipped), source=self.name)
+            readings = readings_of("readings", self._given)
+        else:
+            skipped = self._skipped(f"{self.path}")
+            readings = door.read_readings(self.path, self._choice, skipped)
+            readings = with_fields(readings, source=self.name)
+        self._notes = readings.notes
+        return readings
 
     def field(self) -> Array:
         """Return the readings of the magnetometer (n, 3) [T]."""
@@ -358,7 +367,9 @@ class _Run:
     ) -> Calibration:
         """Return the result."""
         name = self.name if self.path is None else str(self.path)
-        return Calibration(kind, parameters, facts, picture, name, tuple(self._warnings))
+        return Calibration(
+            kind, parameters, facts, picture, name, tuple(self._warnings), self._notes
+        )
 
 
 Table = tuple[Times, Array]

@@ -19,7 +19,8 @@ from imu_sim_ros import arguments
 from imu_sim_ros.bags import convert as streams
 from imu_sim_ros.bags import sensor_tables
 from imu_sim_ros.bags.messages.blocks import TopicInfo
-from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY
+from imu_sim_ros.bags.messages.edit import ImuEdit
+from imu_sim_ros.bags.messages.encode import IMU, ODOMETRY, ImuEncoder
 from imu_sim_ros.bags.messages.encode_cameras import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE
 from imu_sim_ros.bags.messages.transforms import TF_MESSAGE
 from imu_sim_ros.bags.outputs import Outputs, Target
@@ -29,11 +30,23 @@ from imu_sim_ros.bags.text import reader as text_reader
 from imu_sim_ros.bags.text import writer as text_writer
 from imu_sim_ros.bags.text.writer import Dataset
 from imu_sim_ros.bags.writer import BagOptions, Writer, amount, described, open_writer
+from imu_sim_ros.conventions import IMU_TOPIC
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.formats.bag import pose_topic
-from imu_sim_ros.formats.door import read_states
+from imu_sim_ros.formats.choice import AS_RECORDED, Choice
+from imu_sim_ros.formats.door import read_states, reading_blocks
+from imu_sim_ros.formats.handling import Handling
 from imu_sim_ros.inputs.rows import Skipped
 from imu_sim_ros.inputs.tables import Table
+from imu_sim_ros.jobs.selection import (
+    AccelTopic,
+    AccelUnit,
+    Frame,
+    GyroTopic,
+    GyroUnit,
+    checked_choice,
+    input_lines,
+)
 from imu_sim_ros.jobs.writing import (
     Compression,
     DiscardPartial,
@@ -52,7 +65,7 @@ from imu_sim_ros.jobs.writing import (
     outputs,
 )
 from imu_sim_ros.progress import Advance, progress
-from imu_sim_ros.records import States
+from imu_sim_ros.records import Readings, States
 from imu_sim_ros.sensors import known_tables
 from imu_sim_ros.simulation.topics import resolved
 
@@ -87,6 +100,8 @@ class Converted:
     """Topics and tables of the input for which the output has no place."""
     warnings: tuple[str, ...] = ()
     """Lines about invalid messages that are passed on or skipped."""
+    notes: tuple[str, ...] = ()
+    """Choices and conversions of reading, a line each."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return what ``--json`` prints."""
@@ -96,6 +111,7 @@ class Converted:
             "recovered": self.recovered,
             "last_stamp_ns": self.last_stamp_ns,
             "not_converted": list(self.not_converted),
+            "notes": list(self.notes),
         }
         if self.found is None or self.left_out is None:
             return result
@@ -110,6 +126,7 @@ class Converted:
 
     def lines(self) -> Iterator[str]:
         """Yield what ``convert_bag`` prints."""
+        yield from input_lines(self.notes)
         last_ns = self.last_stamp_ns
         until = f", up to stamp {last_ns / 1e9:.9f} s" if last_ns is not None else ""
         word = "recovered" if self.recovered else "written"
@@ -136,6 +153,11 @@ def convert(
     images: Annotated[str | None, IMAGES] = None,
     recover: Annotated[bool, "--recover"] = False,
     keep_damaged: Annotated[bool, "--keep-damaged"] = False,
+    frame: Frame = None,
+    gyro_topic: GyroTopic = None,
+    accel_topic: AccelTopic = None,
+    gyro_unit: GyroUnit = None,
+    accel_unit: AccelUnit = None,
     skip_bad_rows: SkipBadRows = False,
     force: Force = False,
     discard_partial: DiscardPartial = False,
@@ -149,6 +171,11 @@ def convert(
     :param recover: recover all complete messages of an interrupted or damaged bag
     :param keep_damaged: with --recover: keep the messages of chunks whose checksum is wrong and
         whose records are in sequence; any of them may have wrong values
+    :param frame: frame of the readings to convert, if a topic has those of several IMUs
+    :param gyro_topic: topic of the gyroscope; the output has the merged readings, imu/data_raw
+    :param accel_topic: topic of the accelerometer, interpolated to the gyroscope's times
+    :param gyro_unit: unit of the gyroscope in the input: rad/s, deg/s; the output has rad/s
+    :param accel_unit: unit of the accelerometer in the input: m/s^2, g, mg; the output has m/s^2
     :param skip_bad_rows: leave out readings and poses that are not finite or not possible
 
     The other arguments are those of :func:`generate`.
@@ -173,7 +200,11 @@ def convert(
         raise ConfigurationError("keep_damaged: applies to a recovery; give --recover, too")
     journal = Journal(path, arguments.switch("skip_bad_rows", skip_bad_rows))
     recovery: Recover = "keep_damaged" if keep_damaged else recover
-    found = write(path, target, form, written, journal, images=images, recover=recovery)
+    selection = frame, gyro_topic, accel_topic, gyro_unit, accel_unit
+    choice = checked_choice(None, *selection, of_a_file=True)
+    found = write(
+        path, target, form, written, journal, images=images, recover=recovery, choice=choice
+    )
     return dataclasses.replace(found, warnings=tuple(journal.lines))
 
 
@@ -187,10 +218,12 @@ def write(
     images: str | None = None,
     recover: Recover = False,
     shown: bool = True,
+    choice: Choice = AS_RECORDED,
 ) -> Converted:
     """Convert a source into an output; arguments as for :func:`convert`.
 
     :param written: receives the output.
+    :param choice: frame, topics and units of the readings.
     :param shown: whether progress is.
     :raises InputError: for a source that cannot be read, and an output that cannot be written.
     """
@@ -202,7 +235,11 @@ def write(
     if dataset and images not in (None, "none"):
         raise InputError(f"images {images}: does not apply to {dataset}; only none does")
     target = written.add(path, kept=True)
-    output = _Output(target, form, shown, f"converted from {source.name} by imu_sim_ros")
+    poses_only = dataset == "tum" or (is_text and streams.holds_poses(source))
+    if poses_only and choice != AS_RECORDED:
+        raise InputError(f"{source}: frame, topics and units are those of readings, not of poses")
+    comment = f"converted from {source.name} by imu_sim_ros"
+    output = _Output(target, form, shown, comment, choice)
     with written.staged():
         if not is_text:
             return _from_bag(source, output, journal, recover)
@@ -225,6 +262,24 @@ class _Output:
     """Whether progress is."""
     comment: str
     """At the head of descriptions."""
+    choice: Choice
+    """Frame, topics and units of the readings."""
+    notes: list[str] = dataclasses.field(default_factory=list)
+    """Choices and conversions of reading so far."""
+
+    def readings(self, source: Path, topic: str | None, handling: Handling) -> Iterator[Readings]:
+        """Yield the readings of the source as they are chosen, and take their notes.
+
+        :raises InputError: if there are none of the chosen frame.
+        """
+        choice = dataclasses.replace(self.choice, topic=topic)
+        count = 0
+        for readings in reading_blocks(source, choice, handling):
+            self.notes.extend(note for note in readings.notes if note not in self.notes)
+            count += len(readings)
+            yield readings
+        if not count and choice.frame is not None:
+            raise InputError(f"{source}: contains no readings of the frame {choice.frame}")
 
     @property
     def renamed(self) -> dict[str, str]:
@@ -271,7 +326,12 @@ class _Output:
         """
         last = last_ns if last_ns >= 0 else None
         return Converted(
-            self.target.final, messages, False, last, not_converted=tuple(not_converted)
+            self.target.final,
+            messages,
+            False,
+            last,
+            not_converted=tuple(not_converted),
+            notes=tuple(self.notes),
         )
 
 
@@ -284,7 +344,7 @@ def _from_bag(source: Path, output: _Output, journal: Journal, recover: Recover)
             journal.remark(f"{source}: {name} {reason}, and is left out")
         topics = streams.chosen(bag, form.topics)
         if form.dataset is None:
-            counts, last_ns = _bag_to_bag(bag, topics, output, journal)
+            counts, last_ns = _bag_to_bag(bag, topics, output, journal, recover)
         elif form.dataset == "tum":
             named = topics[0].name if form.topics and len(topics) == 1 else None
             poses = _poses(bag.path, journal, named, recover)
@@ -345,14 +405,63 @@ def _without_table(
     return [t.name for t in topics if t.count and t.name not in converted and t.type not in seen]
 
 
-def _bag_to_bag(bag: Bag, topics: Sequence[TopicInfo], output: _Output, journal: Journal) -> Counts:
+def _bag_to_bag(
+    bag: Bag, topics: Sequence[TopicInfo], output: _Output, journal: Journal, recover: Recover
+) -> Counts:
+    """Copy messages; those of Imu topics in SI units and of one frame, if that is chosen.
+
+    :raises InputError: for topics or a frame that the bag lacks.
+    """
+    choice, edit = output.choice, None
+    if choice.merges:
+        topics = _unmerged(bag, topics, output)
+    elif choice != AS_RECORDED:
+        edit = ImuEdit(choice.frame, choice.factors)
+        output.notes.extend(choice.notes())
+        if not any(topic.type == IMU for topic in topics):
+            raise InputError(f"{bag.path}: has no topic of {IMU} to convert")
     total = sum(topic.count for topic in topics)
+    refused = journal.skipped, journal.passed_on
     with output.bag() as writer, output.progress(total) as advance:
-        refused = journal.skipped, journal.passed_on
-        lines = streams.bag_to_bag(bag, writer, topics, output.renamed, advance, *refused)
+        if choice.merges:
+            _write_merged(bag.path, output, writer, Handling(*refused, recover))
+        lines = streams.bag_to_bag(
+            bag, writer, topics, output.renamed, advance, *refused, edit=edit
+        )
+    counts, last_ns = _tally(writer)
+    if choice.frame is not None and not any(
+        counts[output.renamed.get(topic.name, topic.name)] for topic in topics if topic.type == IMU
+    ):
+        raise InputError(f"{bag.path}: contains no readings of the frame {choice.frame}")
     for line in lines:
         journal.remark(line)
-    return _tally(writer)
+    return counts, last_ns
+
+
+def _unmerged(bag: Bag, topics: Sequence[TopicInfo], output: _Output) -> list[TopicInfo]:
+    """Return topics without those of single triads, which the merged readings replace.
+
+    :raises InputError: if another topic has the name of the merged readings.
+    """
+    triads = (output.choice.gyro_topic, output.choice.accel_topic)
+    merged = {resolved(name) for name in triads if name}
+    others = [topic for topic in topics if resolved(topic.name) not in merged]
+    new = output.renamed.get(streams.READINGS, streams.READINGS)
+    if new in (output.renamed.get(topic.name, topic.name) for topic in others):
+        raise InputError(
+            f"{bag.path}: has a topic {new}; --topic {IMU_TOPIC}=NEW gives the merged readings "
+            "another name"
+        )
+    return others
+
+
+def _write_merged(source: Path, output: _Output, writer: Writer, handling: Handling) -> None:
+    """Write gyroscope and accelerometer of two topics as one topic."""
+    topic = writer.add_topic(output.renamed.get(streams.READINGS, streams.READINGS), IMU)
+    for readings in output.readings(source, None, handling):
+        encoder = ImuEncoder(readings.frame_id, writer.encoding)
+        payloads = encoder.encode(readings.t_ns, *readings.triads())
+        writer.write(topic, readings.t_ns, payloads)
 
 
 def _bag_to_dataset(
@@ -368,8 +477,12 @@ def _bag_to_dataset(
             raise InputError(f"topics {','.join(asked)}: none of them is of {type_name}")
         return fitting[0] if asked and len(fitting) == 1 else None
 
-    readings = bag.topic(IMU, only_named(IMU))
-    chosen: dict[str, str | None] = {IMU: readings.name}
+    choice, truth = output.choice, None
+    if choice.merges:
+        readings, topic, count = streams.READINGS, None, 0
+    else:
+        info = bag.topic(IMU, only_named(IMU))
+        readings, topic, count = info.name, info.name, info.count
     truths = [topic for topic in topics if topic.type == ODOMETRY]
     if truths:
         own = [topic.name for topic in truths if topic.name.endswith(streams.TRUTH)]
@@ -377,19 +490,20 @@ def _bag_to_dataset(
         truth = bag.topic(ODOMETRY, named).name
         if named is None:
             journal.remark(f"{bag.path}: {truth} becomes the truth of the dataset")
-        chosen[ODOMETRY] = truth
     one_table = output.target.path.suffix.lower() == ".csv"
-    tables = {} if one_table else sensor_tables.tables_of(topics, readings.name, known_tables())
+    tables = {} if one_table else sensor_tables.tables_of(topics, readings, known_tables())
     names = {kind: topic.name for kind, topic in tables.items()}
-    total = readings.count + sum(topic.count for topic in [*truths, *tables.values()])
+    total = count + sum(topic.count for topic in [*truths, *tables.values()])
     with output.dataset(bool(truths), names) as dataset:
         images = _images(bag, topics, output)
         total += sum(topic.count for topic in images.topics) if images else 0
         with output.progress(total) as advance:
+            handling = Handling(journal.skipped, journal.passed_on, recover)
             streams.to_dataset(
                 bag.path,
+                output.readings(bag.path, topic, handling),
                 dataset,
-                chosen,
+                truth,
                 advance,
                 recover,
                 journal.skipped,
@@ -400,7 +514,7 @@ def _bag_to_dataset(
                 images.write(advance, output.comment)
     if output.form.dataset == "euroc":
         _describe(output, bool(truths), names)
-    counts = _rows(dataset, readings.name, chosen.get(ODOMETRY), names)
+    counts = _rows(dataset, readings, truth, names)
     if images is None:
         return counts, dataset.last_ns
     return {**counts, **images.counts}, max(dataset.last_ns, images.last_ns)
@@ -456,7 +570,12 @@ def _text_to_bag(source: Path, output: _Output, journal: Journal, images: str | 
         output.progress(0) as advance,
     ):
         frames = seen.streams(writer, renamed, images or "raw") if seen else []
-        streams.text_to_bag(source, writer, renamed, advance, skipped, frames, known)
+
+        def read(name: str | None, counted: bool) -> Iterator[Readings]:
+            of_bad_rows = skipped if counted or skipped is None else bool
+            return output.readings(source, name, Handling(of_bad_rows))
+
+        streams.text_to_bag(source, read, writer, renamed, advance, skipped, frames, known)
         kinds = text_reader.table_names(source, known)
         lost = [name for name, kind in kinds.items() if not known[kind].is_converted]
     return output.converted(*_tally(writer), lost)
@@ -479,8 +598,8 @@ def _text_to_dataset(
         output.dataset(states, names) as dataset,
         output.progress(0) as advance,
     ):
-        chosen: dict[str, str | None] = {IMU: None, **({ODOMETRY: None} if states else {})}
-        streams.to_dataset(source, dataset, chosen, advance, False, skipped, _described(names))
+        imu = output.readings(source, None, Handling(skipped))
+        streams.to_dataset(source, imu, dataset, None, advance, False, skipped, _described(names))
         seen = {}
         if folder and output.target.path.is_dir():
             form = str(output.form.dataset)

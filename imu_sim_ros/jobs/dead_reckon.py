@@ -35,6 +35,7 @@ from imu_sim_ros.jobs.selection import (
     GyroTopic,
     GyroUnit,
     Selection,
+    input_lines,
 )
 from imu_sim_ros.jobs.writing import SkipBadRows, saved
 from imu_sim_ros.navigation import angles, initialisation
@@ -97,6 +98,8 @@ class Track(States):
     """Truth that came with the readings."""
     initial_state: str = "truth"
     """``truth``, ``level`` or ``parameters``, as in :func:`dead_reckon`."""
+    notes: tuple[str, ...] = ()
+    """Choices and conversions of reading, a line each."""
 
     def __repr__(self) -> str:
         return f"<Track {self.method}, {self.attitude_update}: {span(self.t_ns)}>"
@@ -124,6 +127,7 @@ class Track(States):
             "truth_coverage": coverage,
             "compared_s": compared,
             "truth_until_s": drift and self._seconds(drift.t_ns[-1]),
+            "notes": list(self.notes),
         }
         for name, unit in (("position", "m"), ("velocity", "m_s"), ("attitude", "rad")):
             for kind in ("final", "rms"):
@@ -554,6 +558,7 @@ def integrated(start: InitialCondition, settings: IntegratorParameters) -> Track
         settings.attitude_update,
         truth,
         settings.initial_state,
+        readings.notes,
     )
 
 
@@ -563,6 +568,7 @@ def track_of(
     attitude_update: str,
     truth: States | None,
     initial_state: str = "truth",
+    notes: tuple[str, ...] = (),
 ) -> Track:
     """Return integrated states with how they were integrated; arguments as in :class:`Track`."""
     return Track.unchecked(
@@ -575,6 +581,7 @@ def track_of(
         attitude_update=attitude_update,
         truth=truth,
         initial_state=initial_state,
+        notes=notes,
     )
 
 
@@ -603,6 +610,7 @@ def _plain(values: Mapping[str, Any]) -> dict[str, object]:
 def lines(summaries: Sequence[Mapping[str, Any]]) -> Iterator[str | TextTable]:
     """Yield the text of tracks of one recording: their dictionaries in a line and a table."""
     first = summaries[0]
+    yield from input_lines(first["notes"])
     yield (
         f"{first['samples']} readings, {first['duration_s']:.6g} s, "
         f"{first['distance_m']:.6g} m travelled, initial state: {first['initial_state']}"

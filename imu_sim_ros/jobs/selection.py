@@ -3,10 +3,10 @@
 
 """Arguments of all jobs that read readings: topics, frame and units."""
 
+from collections.abc import Iterator, Sequence
 from typing import Annotated, Final, TypeAlias
 
 from imu_sim_ros import arguments
-from imu_sim_ros.errors import Remark, warn
 from imu_sim_ros.formats.choice import ACCEL_UNITS, GYRO_UNITS, Choice
 from imu_sim_ros.signatures import Heading, Text
 
@@ -48,6 +48,11 @@ AccelUnit = Annotated[
 ]
 
 
+def input_lines(notes: Sequence[str]) -> Iterator[str]:
+    """Yield the notes of readings as lines of a result's text."""
+    return (f"input: {note}" for note in notes)
+
+
 def checked_choice(
     topic: str | None,
     frame: str | None,
@@ -59,7 +64,7 @@ def checked_choice(
     of_a_file: bool,
     topic_name: str = "topic",
 ) -> Choice:
-    """Return what is read from a file, and tell units that are converted.
+    """Return what is read from a file.
 
     :param of_a_file: True if the readings are in a file; else nothing can be chosen.
     :param topic_name: name of the argument that is the topic.
@@ -84,7 +89,4 @@ def checked_choice(
     for name, value in chosen.items() if not of_a_file else ():
         if value is not None:
             arguments.refuse(name, value, "omitted: the readings are not in a file")
-    for triad, unit in (("gyroscope", gyro_unit), ("accelerometer", accel_unit)):
-        if unit not in (None, "rad/s", "m/s^2"):
-            warn(f"the {triad} is read in {unit} and converted to SI units", Remark)
     return Choice(topic, gyro_topic, accel_topic, frame, gyro_unit, accel_unit)

@@ -45,6 +45,7 @@ from imu_sim_ros.jobs.selection import (
     Frame,
     GyroTopic,
     GyroUnit,
+    input_lines,
 )
 from imu_sim_ros.jobs.twin_check import Check, check, flown_again, simulation
 from imu_sim_ros.jobs.twin_recording import TwinRecording, moving, recorded
@@ -225,7 +226,8 @@ class Twin:
         """Yield the text of the twin, as ``twin`` prints it."""
         from imu_sim_ros.jobs.calibration_text import twin_lines
 
-        return twin_lines(self)
+        yield from input_lines(self.source.notes)
+        yield from twin_lines(self)
 
     def to_dict(self) -> dict[str, Any]:
         """Return all numbers by name, in plain types; None for those that are not finite."""
@@ -241,6 +243,7 @@ class Twin:
                     name: {"value": v.value, "sigma": v.sigma} for name, v in self.errors.items()
                 },
                 "warnings": list(self.warnings),
+                "notes": list(self.source.notes),
                 "pose_noise": {**noise.to_dict(), "cutoff_hz": self.source.cutoff},
                 "undetermined": list(self.undetermined),
                 "clock_wander_s": self.clock_wander,

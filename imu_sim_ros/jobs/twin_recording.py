@@ -97,6 +97,8 @@ class TwinRecording(NamedTuple):
     name: str
     given_s: float
     """Time of all readings, of which the recording has those with a truth [s]."""
+    notes: tuple[str, ...] = ()
+    """Choices and conversions of reading, a line each."""
 
     @property
     def seconds(self) -> float:
@@ -213,6 +215,7 @@ def recorded(
         t0_ns=t0_ns,
         name=readings.source,
         given_s=float(np.ptp(stamps)),
+        notes=readings.notes,
     )
     return _placed(half, readings, stamps, near, max_offset, name)
 

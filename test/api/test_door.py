@@ -101,6 +101,55 @@ def test_two_topics_are_merged_at_the_gyroscope_s_times_and_the_loss_is_told(one
         ims.read_readings(one_triad, gyro_topic="/gyro")
 
 
+def test_merged_readings_leave_out_gaps_of_the_accelerometer_and_say_so(tmp_path):
+    t_ns, gyro, accel = still(2000)
+    rows = np.r_[0:800, 1000:2000]  # a second without an accelerometer
+    messages = [("/gyro", t, imu(t, g, None)) for t, g in zip(t_ns, gyro, strict=True)]
+    late = t_ns[rows] + 1_300_000
+    messages += [("/accel", t, imu(t, None, a)) for t, a in zip(late, accel[rows], strict=True)]
+    path = bag(tmp_path / "gap", messages)
+    with pytest.warns(Remark, match="201 readings of the gyroscope in gaps of the accelerometer"):
+        readings = ims.read_readings(path, gyro_topic="/gyro", accel_topic="/accel")
+    assert readings.t_ns.tolist() == [*t_ns[1:800], *t_ns[1001:]]
+    assert any("1 readings of the gyroscope outside the time" in note for note in readings.notes)
+
+
+@pytest.mark.parametrize("name", ["si.mcap", "si.bag", "si"])
+def test_a_bag_is_converted_to_si_units_by_the_units_of_its_readings(tmp_path, name):
+    t_ns, gyro, accel = still(200)
+    given = zip(t_ns, np.degrees(gyro), accel / 9.80665, strict=True)
+    path = bag(tmp_path / "other", [("/imu", t, imu(t, g, a)) for t, g, a in given])
+    result = ims.convert(path, tmp_path / name, gyro_unit="deg/s", accel_unit="g")
+    assert [note.partition(" and ")[0] for note in result.to_dict()["notes"]] == [
+        "the gyroscope is read in deg/s", "the accelerometer is read in g"
+    ]  # fmt: skip
+    assert "input: the accelerometer is read in g" in "\n".join(result.lines())
+    readings = ims.read_imu(tmp_path / name)
+    np.testing.assert_allclose(readings.gyro, gyro, rtol=1e-12)
+    np.testing.assert_allclose(readings.accel, accel, rtol=1e-12)
+
+
+def test_convert_keeps_one_frame_or_merges_two_topics(two_frames, one_triad, tmp_path):
+    for name in ("left.mcap", "left.csv", "left_euroc"):
+        form = "euroc" if name.endswith("euroc") else None
+        result = ims.convert(two_frames, tmp_path / name, frame="left", format=form)
+        assert result.messages == {"/imu": 500}
+        assert len(ims.read_imu(tmp_path / name)) == 500
+        assert result.notes == ("readings of the frame left only",)
+    with pytest.raises(InputError, match="no readings of the frame middle"):
+        ims.convert(two_frames, tmp_path / "middle.mcap", frame="middle")
+    assert not (tmp_path / "middle.mcap").exists()
+    topics = {"gyro_topic": "/gyro", "accel_topic": "/accel"}
+    merged = ims.read_readings(one_triad, **topics)
+    for name in ("merged.mcap", "merged.csv"):
+        result = ims.convert(one_triad, tmp_path / name, **topics)
+        assert result.messages == {"/imu/data_raw": 999}
+        readings = ims.read_imu(tmp_path / name)
+        np.testing.assert_array_equal(readings.accel, merged.accel)
+    with pytest.raises(InputError, match="of readings, not of poses"):
+        ims.convert(two_frames, tmp_path / "poses.tum", frame="left")
+
+
 def test_two_frames_on_a_topic_are_refused_unless_one_is_chosen(two_frames):
     for job in (ims.read_imu, ims.allan, ims.dead_reckon, ims.calibrate_six_position):
         with pytest.raises(

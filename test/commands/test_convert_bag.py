@@ -71,6 +71,7 @@ def test_bags_into_bags(sources, source, target, tmp_path, capsys):
         "recovered": False,
         "last_stamp_ns": 10**9 + 799 * 5_000_000,
         "not_converted": [],
+        "notes": [],
     }
     _same(sources[source], output)
     with AnyReader([output]) as reader:

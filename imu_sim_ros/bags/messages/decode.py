@@ -88,7 +88,7 @@ def decode_block(block: MessageBlock, encoding: str, names: Sequence[str]) -> De
     """
     type_name = block.topic.type
     try:
-        groups = _groups(type_name, encoding, block.payloads)
+        groups = group_by_texts(type_name, encoding, block.payloads)
     except (ArithmeticError, LookupError, ValueError, struct.error) as error:
         raise InputError(f"{block.topic.name}: not {type_name} messages: {error}") from None
     count = len(block.t_ns)
@@ -174,7 +174,7 @@ def inside_order(orientation: Array) -> Array:
     return orientation[:, _INSIDE_ORDER]
 
 
-class _Group(NamedTuple):
+class MessageGroup(NamedTuple):
     """Messages of a block with the same texts."""
 
     form: Layout
@@ -185,12 +185,12 @@ class _Group(NamedTuple):
     """(n, size)"""
 
 
-def _groups(type_name: str, encoding: str, payloads: Payloads) -> list[_Group]:
+def group_by_texts(type_name: str, encoding: str, payloads: Payloads) -> list[MessageGroup]:
     """Return messages in groups with the same texts; the first message is in the first one."""
     texts = texts_of(type_name, encoding, bytes(payloads[0]))
     form = layout(type_name, encoding, texts)
     if not isinstance(payloads, list) and form.matches(payloads):
-        return [_Group(form, texts, slice(None), payloads)]
+        return [MessageGroup(form, texts, slice(None), payloads)]
     members: dict[tuple[int, tuple[str, ...]], list[int]] = {}
     messages = [bytes(payload) for payload in payloads]
     for k, message in enumerate(messages):
@@ -204,7 +204,7 @@ def _groups(type_name: str, encoding: str, payloads: Payloads) -> list[_Group]:
         if not whole <= size <= whole + 3:
             raise ValueError(f"{size} bytes instead of {whole}")
         own = np.ascontiguousarray(table[:, :whole])
-        groups.append(_Group(form, texts, np.array(rows), own))
+        groups.append(MessageGroup(form, texts, np.array(rows), own))
     return groups
 
 
@@ -218,7 +218,7 @@ def transcode(block: MessageBlock, source: str, target: str) -> Payloads | None:
     if type_name not in TYPES:
         return None
     try:
-        groups = _groups(type_name, source, block.payloads)
+        groups = group_by_texts(type_name, source, block.payloads)
     except (ArithmeticError, LookupError, ValueError, struct.error):
         return None
     if len(groups) > 1:

@@ -66,13 +66,14 @@ def imu_blocks(
     if vio_data_simulation.is_source(path):
         yield vio_data_simulation.read_readings(path, skipped)
         return
-    file = imu_file(path, name)
-    for t_ns, values in _blocks(file, _READING, skipped):
+    table = _Table(imu_file(path, name), _READING)
+    for t_ns, values in table.read(skipped):
         yield Readings.unchecked(
             t_ns=t_ns,
             gyro=values.get(header.GYRO),
             accel=values.get(header.ACCEL),
             source=str(path),
+            notes=table.notes,
         )
 
 
@@ -82,7 +83,7 @@ def stated_units(path: Path, name: str | None = None) -> dict[str, str]:
     :param name: as for :func:`imu_blocks`.
     """
     file = imu_file(path, name)
-    table = _Table(file, _READING, None)
+    table = _Table(file, _READING)
     for rows in row_blocks(file, _WHAT, table.comments):
         if rows:
             with warnings.catch_warnings():
@@ -104,7 +105,7 @@ def table_blocks(
     if name not in found:
         raise InputError(f"{path}: has no table {name}")
     form = {_VALUES: tuple(range(1, table.columns + 1))}
-    for t_ns, values in _blocks(found[name][1], {_VALUES: table.quantity}, skipped, form):
+    for t_ns, values in _Table(found[name][1], {_VALUES: table.quantity}, form).read(skipped):
         yield t_ns, values[_VALUES]
 
 
@@ -142,7 +143,7 @@ def state_blocks(
         states = vio_data_simulation.read_states(state_file(path), skipped)
         yield states, np.zeros((len(states), 6))
         return
-    for t_ns, values in _blocks(state_file(path), _STATE, skipped):
+    for t_ns, values in _Table(state_file(path), _STATE).read(skipped):
         zero = np.zeros((len(t_ns), 3))
         biases = [values.get(name, zero) for name in (header.GYRO_BIAS, header.ACCEL_BIAS)]
         states = States.unchecked(
@@ -248,34 +249,6 @@ _Quantities = Mapping[str, gate.Quantity]
 """Quantities of a table by name."""
 
 
-def _blocks(
-    path: Path,
-    quantities: _Quantities,
-    skipped: Skipped | None,
-    form: Mapping[str, tuple[int, ...]] | None = None,
-) -> Iterator[tuple[Times, dict[str, Array]]]:
-    """Yield stamps (n,) and the quantities (n, m) of a text table that it has.
-
-    :param skipped: receives the number of bad rows skipped; None: they are errors.
-    :param form: columns of a table whose header is not looked at; None: the header decides, and
-        without one the order of the quantities.
-    :raises InputError: for a file of another form, and at its end with the first lines of every
-        class of bad rows.
-    """
-    table = _Table(path, quantities, form)
-    count = 0
-    for rows in row_blocks(path, _WHAT, table.comments):
-        for t_ns, values in table.blocks(rows):
-            count += len(t_ns)
-            yield t_ns, values
-    if skipped is None:
-        table.bad.complain()
-    elif table.bad.rows:
-        skipped(table.bad.rows)
-    if not count:
-        raise InputError(f"{path}: contains no {'usable ' * bool(table.bad.rows)}rows")
-
-
 class _Table:
     """A text table of stamps and numbers during reading, and its bad rows so far."""
 
@@ -283,13 +256,42 @@ class _Table:
         self,
         path: Path,
         quantities: _Quantities,
-        form: Mapping[str, tuple[int, ...]] | None,
+        form: Mapping[str, tuple[int, ...]] | None = None,
     ) -> None:
+        """Begin.
+
+        :param form: columns of a table whose header is not looked at; None: the header decides, and
+            without one the order of the quantities.
+        """
         self.bad = BadRows(path)
         self.comments: list[bytes] = []
         self._path, self._quantities, self._form = path, quantities, form
         self._layout: TableLayout | None = None
         self._last_ns = _EARLIEST
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Line about the units that are converted because the header states them."""
+        return () if self._layout is None else self._layout.notes
+
+    def read(self, skipped: Skipped | None) -> Iterator[tuple[Times, dict[str, Array]]]:
+        """Yield stamps (n,) and the quantities (n, m) that the table has, in blocks.
+
+        :param skipped: receives the number of bad rows skipped; None: they are errors.
+        :raises InputError: for a file of another form, and at its end with the first lines of every
+            class of bad rows.
+        """
+        count = 0
+        for rows in row_blocks(self._path, _WHAT, self.comments):
+            for t_ns, values in self.blocks(rows):
+                count += len(t_ns)
+                yield t_ns, values
+        if skipped is None:
+            self.bad.complain()
+        elif self.bad.rows:
+            skipped(self.bad.rows)
+        if not count:
+            raise InputError(f"{self._path}: contains no {'usable ' * bool(self.bad.rows)}rows")
 
     def blocks(self, rows: list[Row]) -> Iterator[tuple[Times, dict[str, Array]]]:
         """Yield the good rows of some lines; record the problems of the others."""
