@@ -9,7 +9,7 @@ they are made. Columns that a source lacks are None, never zeros.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import KW_ONLY, MISSING, dataclass, field, fields
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, NamedTuple, TypeVar
 
@@ -127,17 +127,17 @@ class TimeSeries:
         :param selection: a slice, a mask (n,) or indices (m,).
         :raises ConfigurationError: for anything else, and for rows that there are not.
         """
+        values = _values(self)
         try:
-            np.empty((len(self), 0))[selection].shape[1]
+            for name in _fields_of(type(self)).arrays:
+                if values[name] is not None:
+                    values[name] = values[name][selection]
+            refused = values["t_ns"].ndim != 1
         except (IndexError, TypeError):
+            refused = True
+        if refused:
             refuse("selection", selection, "a slice, a mask (n,) or indices (m,)")
-        record = object.__new__(type(self))
-        for entry in fields(self):
-            value = getattr(self, entry.name)
-            if entry.name in ("t_ns", "lines") or "shape" in entry.metadata:
-                value = None if value is None else value[selection]
-            object.__setattr__(record, entry.name, value)  # checked when this record was made
-        return record
+        return _record(type(self), values)
 
     @classmethod
     def unchecked(cls, **columns: Any) -> Self:
@@ -145,15 +145,11 @@ class TimeSeries:
 
         :param columns: fields by name; the defaults of the class for all others.
         """
-        record = object.__new__(cls)
-        for entry in fields(cls):
-            value = columns.pop(entry.name, entry.default)
-            if value is MISSING:
-                raise TypeError(f"{cls.__name__}: {entry.name} is missing")
-            object.__setattr__(record, entry.name, value)
-        if columns:
-            raise TypeError(f"{cls.__name__} has no {', '.join(columns)}")
-        return record
+        names, _, defaults = _fields_of(cls)
+        values = defaults | columns
+        if values.keys() != names:
+            raise TypeError(f"{cls.__name__} has {', '.join(names)}: {', '.join(columns)}")
+        return _record(cls, values)
 
     def between(self, t0: float, t1: float) -> Self:
         """Return the rows from time ``t0`` on and before ``t1``.
@@ -336,13 +332,49 @@ PoseSequence = States
 """Names of :class:`States` in releases before 2.0."""
 
 
+class _Fields(NamedTuple):
+    """Fields of a class of records."""
+
+    names: Set[str]
+    arrays: tuple[str, ...]
+    """Fields that have a row for each stamp."""
+    defaults: dict[str, Any]
+
+
+_FIELDS: Final[dict[type[TimeSeries], _Fields]] = {}
+
+
+def _fields_of(cls: type[TimeSeries]) -> _Fields:
+    known = _FIELDS.get(cls)
+    if known is None:
+        entries = fields(cls)
+        defaults = {entry.name: entry.default for entry in entries if entry.default is not MISSING}
+        arrays = ("t_ns", *cls.columns(), "lines")
+        known = _FIELDS[cls] = _Fields({entry.name for entry in entries}, arrays, defaults)
+    return known
+
+
+def _values(record: TimeSeries) -> dict[str, Any]:
+    """Return the values of a record's fields by name."""
+    values, names = record.__dict__, _fields_of(type(record)).names
+    if len(values) == len(names):
+        return dict(values)
+    return {name: values[name] for name in names}  # without cached properties
+
+
+def _record(cls: type[SeriesT], values: Mapping[str, Any]) -> SeriesT:
+    """Return a record of values by the names of the fields, which are not checked."""
+    record = object.__new__(cls)
+    record.__dict__.update(values)  # frozen
+    return record
+
+
 def with_fields(record: SeriesT, **changes: Any) -> SeriesT:
     """Return a record with other texts, or with columns that this package computed, unchecked.
 
     :param changes: fields by name.
     """
-    values = {entry.name: getattr(record, entry.name) for entry in fields(record)}
-    return type(record).unchecked(**{**values, **changes})
+    return type(record).unchecked(**(_values(record) | changes))
 
 
 def concatenated(records: Sequence[SeriesT]) -> SeriesT:
@@ -353,14 +385,11 @@ def concatenated(records: Sequence[SeriesT]) -> SeriesT:
     head = records[0]
     if len(records) == 1:
         return head
-    record = object.__new__(type(head))
-    for entry in fields(head):
-        value = getattr(head, entry.name)
-        if entry.name in ("t_ns", "lines") or "shape" in entry.metadata:
-            parts = [getattr(block, entry.name) for block in records]
-            value = None if any(part is None for part in parts) else np.concatenate(parts)
-        object.__setattr__(record, entry.name, value)  # checked when the blocks were made
-    return record
+    values = _values(head)
+    for name in _fields_of(type(head)).arrays:
+        parts = [getattr(block, name) for block in records]
+        values[name] = None if any(part is None for part in parts) else np.concatenate(parts)
+    return _record(type(head), values)
 
 
 def data_frame(t_ns: Times, columns: Mapping[str, Array]) -> Any:

@@ -33,7 +33,7 @@ from imu_sim_ros.jobs.writing import parameter_files
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import build, flatten
 from imu_sim_ros.recordings.clock import estimate_clock
-from imu_sim_ros.records import LiveReading
+from imu_sim_ros.records import LiveReading, Readings
 from imu_sim_ros.sensors.barometer.declaration import PressureReadings
 from imu_sim_ros.sensors.barometer.model import Atmosphere
 from imu_sim_ros.sensors.faults import KINDS, Fault
@@ -56,8 +56,7 @@ from imu_sim_ros.sensors.samples import Samples, joined
 from imu_sim_ros.simulation.error_input import (
     BatchStartCheck,
     Conventions,
-    GivenReadings,
-    GivenValues,
+    IdealValues,
 )
 from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import (
@@ -133,7 +132,7 @@ def add_errors(
     model = GivenImu(built, OTHERS, warn)
     windows: list[dict[str, Samples]] = []
     for begin in range(0, len(given.t_ns), ROWS_AT_ONCE):
-        windows += model.read(given.at(slice(begin, begin + ROWS_AT_ONCE)))
+        windows += model.read(given.rows(slice(begin, begin + ROWS_AT_ONCE)))
     model.finish()
     topics: tuple[str, ...] = TOPICS
     for quantity, pair in (("magnetic_field", magnetic_field), ("pressure", pressure)):
@@ -513,8 +512,8 @@ class ErrorModelBatch:
             held |= ~(np.abs(np.linalg.norm(q_wb, axis=1) - 1.0) < gate.UNIT_TOLERANCE)
         if not self._check.done:
             self._remark(self._check.look(t_ns, rates, forces, held))
-        given = self._conventions.apply(GivenReadings(single, rates, forces, q_wb))
-        rates, forces = given.gyro, given.accel
+        readings = Readings.unchecked(t_ns=single, gyro=rates, accel=forces, q_wb=q_wb)
+        rates, forces = self._conventions.apply(readings).triads()
         self._hold(held, gyro=rates, accel=forces)
         return self._batch.read(t_ns, rates, forces, held)
 
@@ -697,7 +696,7 @@ def _no_samples(position: int) -> Samples:
 
 def _given(
     t_ns: object, gyro: ArrayLike, accel: ArrayLike, orientation: ArrayLike | None, name: str
-) -> GivenReadings:
+) -> Readings:
     """Return what somebody gives as arrays, checked.
 
     :raises InputError: for what is not a reading.
@@ -721,10 +720,11 @@ def _given(
     if q_wb is not None:
         gate.Verdict(times, [(gate.ORIENTATION, q_wb)]).complain(name)
     # Copies: a simulator may fill in the same arrays for its next step.
-    return GivenReadings(times, np.array(rates, order="F"), np.array(forces, order="F"), q_wb)
+    rates, forces = np.array(rates, order="F"), np.array(forces, order="F")
+    return Readings.unchecked(t_ns=times, gyro=rates, accel=forces, q_wb=q_wb)
 
 
-def _given_values(name: str, t_ns: object, values: ArrayLike) -> GivenValues:
+def _given_values(name: str, t_ns: object, values: ArrayLike) -> IdealValues:
     """Return ideal values of another sensor as somebody gives them, checked.
 
     :param name: what they are.
@@ -742,7 +742,7 @@ def _given_values(name: str, t_ns: object, values: ArrayLike) -> GivenValues:
     table = OTHERS[name].table
     assert table is not None
     gate.Verdict(times, [(table.quantity, found)]).complain(name)
-    return GivenValues(times, np.array(found))
+    return IdealValues.unchecked(t_ns=times, values=np.array(found))
 
 
 def _several(values: ArrayLike) -> Any:
@@ -775,13 +775,13 @@ def _one_of(**values: ArrayLike | None) -> tuple[str, ArrayLike]:
     return given[0]
 
 
-def _delivered(sensor: GivenOther, given: GivenValues) -> Any:
+def _delivered(sensor: GivenOther, given: IdealValues) -> Any:
     """Return the samples of ideal values that are delivered, as a flight has them."""
     quantity, readings = sensor.declared.quantity, sensor.declared.readings
     windows = [{quantity: block} for block in sensor.read(given)]
     if windows:
         return delivered_of(windows, quantity, readings)
-    none = given.at(slice(0))
+    none = given.rows(slice(0))
     assert readings is not None
     values: dict[str, Any] = {one.name: none.values for one in dataclasses.fields(readings)}
     return readings(**{**values, "t_ns": none.t_ns, "true_t_ns": none.t_ns})

@@ -27,8 +27,8 @@ from imu_sim_ros.inputs import gate
 from imu_sim_ros.inputs.rows import BadRows, Skipped, Warned
 from imu_sim_ros.jobs.add_errors import rate_of
 from imu_sim_ros.recordings.findings.catalogue import state_findings
-from imu_sim_ros.records import concatenated, with_fields
-from imu_sim_ros.simulation.error_input import Differentiator, GivenReadings
+from imu_sim_ros.records import Readings, concatenated, with_fields
+from imu_sim_ros.simulation.error_input import Differentiator
 from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import ErrorModelParameters
 from imu_sim_ros.simulation.sensors import mounted
@@ -229,7 +229,7 @@ class BagErrors:
                         made.append(Block(topic, recorded, messages.made()))
         return made
 
-    def _passed(self, decoded: Decoded) -> Iterator[GivenReadings]:
+    def _passed(self, decoded: Decoded) -> Iterator[Readings]:
         """Yield the readings of messages that the gate lets pass."""
         numbers = decoded.numbers
         if self._odometry is None:
@@ -258,11 +258,11 @@ class BagErrors:
             if len(given.t_ns):
                 yield given
             return
-        yield GivenReadings(
-            t_ns,
-            np.asfortranarray(numbers["angular_velocity"]),
-            np.asfortranarray(numbers["linear_acceleration"]),
-            _orientation(numbers) if self._fields is _ORIENTED else None,
+        yield Readings.unchecked(
+            t_ns=t_ns,
+            gyro=np.asfortranarray(numbers["angular_velocity"]),
+            accel=np.asfortranarray(numbers["linear_acceleration"]),
+            q_wb=_orientation(numbers) if self._fields is _ORIENTED else None,
         )
 
 

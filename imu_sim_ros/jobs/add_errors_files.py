@@ -57,9 +57,9 @@ from imu_sim_ros.jobs.writing import (
 )
 from imu_sim_ros.names import unknown
 from imu_sim_ros.progress import progress
+from imu_sim_ros.records import with_fields
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
 from imu_sim_ros.signatures import Heading, Text
-from imu_sim_ros.simulation.error_input import GivenReadings
 from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import orientation_problems
 from imu_sim_ros.simulation.given_sensor import Counts
@@ -257,12 +257,14 @@ def _dataset_to_dataset(
     noisy = folder / ("noisy.csv" if staged.is_file() else "noisy")
     with Dataset(noisy, form) as dataset:
         for readings in text_reader.imu_blocks(source, None, _skips(journal)):
-            t_ns, (gyro, accel) = readings.t_ns, readings.triads()
+            readings.triads()  # both are needed
+            readings = with_fields(readings, q_wb=None)
             if model is None:
-                model = GivenImu(with_rate(layers, partial(rate_of, t_ns)), remark=journal.warn)
-            for begin in range(0, len(t_ns), ROWS_AT_ONCE):
-                rows = slice(begin, begin + ROWS_AT_ONCE)
-                for samples in model.read(GivenReadings(t_ns[rows], gyro[rows], accel[rows])):
+                model = GivenImu(
+                    with_rate(layers, partial(rate_of, readings.t_ns)), remark=journal.warn
+                )
+            for begin in range(0, len(readings), ROWS_AT_ONCE):
+                for samples in model.read(readings.rows(slice(begin, begin + ROWS_AT_ONCE))):
                     dataset.write_imu(*delivered(samples[IMU]))
     if model is None:
         raise InputError(f"{source}: contains no readings")

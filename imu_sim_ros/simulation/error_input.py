@@ -10,7 +10,8 @@ readings come at a time.
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, Final, Generic, NamedTuple, Protocol, TypeVar
+from dataclasses import dataclass, field
+from typing import Any, Final, Generic, NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,15 @@ from imu_sim_ros.conventions import STANDARD_GRAVITY, TRIADS
 from imu_sim_ros.errors import InputError
 from imu_sim_ros.recordings.clock import SHORT, estimate_clock
 from imu_sim_ros.recordings.order import RESET_READINGS, RESTART_NS
+from imu_sim_ros.records import (
+    Readings,
+    SeriesT,
+    States,
+    TimeSeries,
+    column,
+    concatenated,
+    with_fields,
+)
 from imu_sim_ros.rotation import cross, normalise, rotate_inverse, transform
 from imu_sim_ros.sensors.gravity import gravity_vector
 from imu_sim_ros.sensors.imu.ideal import size_effect
@@ -31,9 +41,6 @@ from imu_sim_ros.simulation.error_parameters import (
 )
 from imu_sim_ros.types import Array, Integers, Mask, Times
 
-if TYPE_CHECKING:
-    from typing_extensions import Self
-
 _LOOKED_BACK: Final = 4
 """Intervals in which a burst of readings may make up for a long one."""
 _LARGEST_BUNCH: Final = 64
@@ -42,111 +49,33 @@ _FEW: Final = 8
 """Readings for which Python's numbers take less time than NumPy's arrays."""
 
 
-class GivenReadings(NamedTuple):
-    """n readings, and the attitude if it is known."""
+@dataclass(frozen=True, repr=False, eq=False)
+class IdealValues(TimeSeries):
+    """n ideal values of another sensor than the gyroscope and the accelerometer."""
 
-    t_ns: Times
-    """(n,) [ns]."""
-    gyro: Array
-    """(n, 3) [rad/s]."""
-    accel: Array
-    """(n, 3) [m/s^2]."""
-    q_wb: Array | None = None
-    """(n, 4)."""
-
-    def at(self, rows: slice | Mask) -> "GivenReadings":
-        """Return some of them."""
-        q_wb = None if self.q_wb is None else self.q_wb[rows]
-        return GivenReadings(self.t_ns[rows], self.gyro[rows], self.accel[rows], q_wb)
-
-    def followed_by(self, other: "GivenReadings") -> "GivenReadings":
-        """Return these and later ones."""
-        q_wb = None
-        if self.q_wb is not None and other.q_wb is not None:
-            q_wb = np.concatenate([self.q_wb, other.q_wb])
-        return GivenReadings(
-            np.concatenate([self.t_ns, other.t_ns]),
-            np.concatenate([self.gyro, other.gyro]),
-            np.concatenate([self.accel, other.accel]),
-            q_wb,
-        )
-
-    def changes(self) -> Mask:
-        """Return (n - 1,) True where a reading differs from the one before it."""
-        gyro, accel = (np.any(v[1:] != v[:-1], axis=1) for v in (self.gyro, self.accel))
-        changes: Mask = gyro | accel
-        return changes
-
-    def at_times(self, t_ns: Times) -> "GivenReadings":
-        """Return them at other times (n,) [ns]."""
-        return self._replace(t_ns=t_ns)
-
-    def lasting(self, t_ns: Times) -> "GivenReadings":
-        """Return a single one at other times (n,) [ns]."""
-        gyro, accel = (np.repeat(one, len(t_ns), axis=0) for one in (self.gyro, self.accel))
-        q_wb = None if self.q_wb is None else np.repeat(self.q_wb, len(t_ns), axis=0)
-        return GivenReadings(t_ns, gyro, accel, q_wb)
-
-
-class GivenValues(NamedTuple):
-    """n ideal values of another sensor."""
-
-    t_ns: Times
-    """(n,) [ns]."""
-    values: Array
+    values: Array = field(metadata=column((), None))
     """(n,) or (n, 3)."""
-
-    def at(self, rows: slice | Mask) -> "GivenValues":
-        """Return some of them."""
-        return GivenValues(self.t_ns[rows], self.values[rows])
-
-    def followed_by(self, other: "GivenValues") -> "GivenValues":
-        """Return these and later ones."""
-        pairs = zip(self, other, strict=True)
-        return GivenValues(*(np.concatenate(pair) for pair in pairs))
-
-    def changes(self) -> Mask:
-        """Return (n - 1,) True where a value differs from the one before it."""
-        values = self.values.reshape(len(self.t_ns), -1)
-        changes: Mask = np.any(values[1:] != values[:-1], axis=1)
-        return changes
-
-    def at_times(self, t_ns: Times) -> "GivenValues":
-        """Return them at other times (n,) [ns]."""
-        return self._replace(t_ns=t_ns)
-
-    def lasting(self, t_ns: Times) -> "GivenValues":
-        """Return a single one at other times (n,) [ns]."""
-        return GivenValues(t_ns, np.repeat(self.values, len(t_ns), axis=0))
+    source: str = "values"
+    """Name of the sensor."""
+    lines: None = None
+    """Values have no lines of a text file."""
 
 
-class InOrder(Protocol):
-    """n readings that somebody gives."""
+def _changes(series: TimeSeries) -> Mask:
+    """Return (n - 1,) True where a value differs from the row before it.
 
-    @property
-    def t_ns(self) -> Times:
-        """(n,) [ns]."""
-
-    def at(self, rows: slice | Mask) -> "Self":
-        """Return some of them."""
-
-    def followed_by(self, other: "Self") -> "Self":
-        """Return these and later ones."""
-
-    def changes(self) -> Mask:
-        """Return (n - 1,) True where a reading differs from the one before it."""
-
-    def at_times(self, t_ns: Times) -> "Self":
-        """Return them at other times (n,) [ns]."""
-
-    def lasting(self, t_ns: Times) -> "Self":
-        """Return a single one at other times (n,) [ns]."""
+    An orientation does not count: it need not be that of the reading's message.
+    """
+    columns = [getattr(series, name) for name in series.columns() if name != "q_wb"]
+    changes = np.zeros(len(series.t_ns) - 1, dtype=np.bool_)
+    for values in columns:
+        if values is not None:
+            rows = values.reshape(len(values), -1)
+            changes |= np.any(rows[1:] != rows[:-1], axis=1)
+    return changes
 
 
-Given = TypeVar("Given", bound=InOrder)
-
-
-class Spreading(Generic[Given]):
+class Spreading(Generic[SeriesT]):
     """Spreads readings that share a stamp over the interval after it, at equal distances.
 
     Only readings that differ from the one before them are spread; the same reading with the same
@@ -159,17 +88,17 @@ class Spreading(Generic[Given]):
         :param nominal_ns: interval of the readings [ns].
         """
         self._nominal_ns = nominal_ns
-        self._last: Given | None = None
+        self._last: SeriesT | None = None
         self._last_ns: int | None = None
         self._rank = 0
         self.spread = 0
         """Number of readings whose stamps were changed."""
 
-    def take(self, given: Given) -> None:
+    def take(self, given: SeriesT) -> None:
         """Take readings with a stamp of their own each, the last of which may be repeated."""
         self._last, self._last_ns, self._rank = given, int(given.t_ns[-1]), 0
 
-    def apply(self, given: Given) -> Given:
+    def apply(self, given: SeriesT) -> SeriesT:
         """Return readings with a stamp of their own each."""
         t_ns = given.t_ns
         if not len(t_ns):
@@ -180,9 +109,9 @@ class Spreading(Generic[Given]):
             self._rank = 0
             return given
         if repeats and last is not None:
-            changes = last.at(slice(-1, None)).followed_by(given).changes().tolist()
+            changes = _changes(concatenated([last.rows(slice(-1, None)), given])).tolist()
         else:
-            changes, self._rank = [False, *given.changes().tolist()], 0
+            changes, self._rank = [False, *_changes(given).tolist()], 0
         ranks, rank = [], self._rank
         same = [repeats, *(t_ns[1:] == t_ns[:-1]).tolist()]
         for repeated, changed in zip(same, changes, strict=True):
@@ -190,10 +119,11 @@ class Spreading(Generic[Given]):
             ranks.append(rank)
         self._rank = rank
         self.spread += int(np.count_nonzero(ranks))
-        return given.at_times(t_ns + np.rint(np.array(ranks) * self._nominal_ns).astype(np.int64))
+        later = np.rint(np.array(ranks) * self._nominal_ns).astype(np.int64)
+        return with_fields(given, t_ns=t_ns + later)
 
 
-class Order(Generic[Given]):
+class Order(Generic[SeriesT]):
     """Tells readings that come late from those of a simulator that was reset.
 
     The stamps of a reset are at or before the first one, or more than a second back, or several
@@ -215,7 +145,7 @@ class Order(Generic[Given]):
         self._first_ns: int | None = None
         self.last_ns = 0
         """Stamp of the last reading that was passed on."""
-        self._waiting: Given | None = None
+        self._waiting: SeriesT | None = None
 
     def follow(self, times: Sequence[int]) -> bool:
         """Return whether stamps [ns] increase and are after the last one, and no reading waits."""
@@ -226,14 +156,14 @@ class Order(Generic[Given]):
             last = t_ns
         return self._waiting is None
 
-    def parts(self, given: Given) -> Iterable[tuple[Given, int]]:
+    def parts(self, given: SeriesT) -> Iterable[tuple[SeriesT, int]]:
         """Return stretches of readings whose stamps increase.
 
         With each comes how far its stamps have jumped back before it [ns]; 0: it follows.
         """
         known = 0 if self._waiting is None else len(self._waiting.t_ns)
         if self._waiting is not None:
-            given, self._waiting = self._waiting.followed_by(given), None
+            given, self._waiting = concatenated([self._waiting, given]), None
         t_ns = given.t_ns.tolist()
         if not t_ns:
             return ()
@@ -246,8 +176,8 @@ class Order(Generic[Given]):
         return self._sorted_out(given, t_ns, known)
 
     def _sorted_out(
-        self, given: Given, t_ns: Sequence[int], known: int
-    ) -> Iterator[tuple[Given, int]]:
+        self, given: SeriesT, t_ns: Sequence[int], known: int
+    ) -> Iterator[tuple[SeriesT, int]]:
         """Yield stretches of readings some of which are late, repeated, or after a reset.
 
         :param t_ns: (n,) their stamps [ns].
@@ -273,17 +203,17 @@ class Order(Generic[Given]):
                 continue
             self._taken_back(0 if again else len(run))
             if keep[begin:].any():
-                yield given.at(slice(begin, None)).at(keep[begin:]), back
+                yield given.rows(slice(begin, None)).rows(keep[begin:]), back
             begin, self._first_ns = run[0], t_ns[run[0]]
             back = self.last_ns - self._first_ns
             keep[:begin], keep[run] = False, True
             self.last_ns, run = now, []
         if keep[begin:].any():
-            yield given.at(slice(begin, None)).at(keep[begin:]), back
+            yield given.rows(slice(begin, None)).rows(keep[begin:]), back
         if run:
             waiting = np.zeros(len(t_ns), dtype=np.bool_)
             waiting[run] = True
-            self._waiting = given.at(waiting)
+            self._waiting = given.rows(waiting)
 
 
 class Gaps:
@@ -380,7 +310,7 @@ class Conventions:
         """Return vectors (n, 3) in the IMU's axes."""
         return values if self._turn_only is None else transform(self._turn_only, values)
 
-    def apply(self, given: GivenReadings) -> GivenReadings:
+    def apply(self, given: Readings) -> Readings:
         """Return readings of the IMU where it is mounted.
 
         :raises InputError: if gravity is missing, and the orientation too.
@@ -393,8 +323,8 @@ class Conventions:
             if self._world is not None:
                 q_wb = rotation.multiply(self._world, q_wb)
         if self.nothing:
-            return given._replace(q_wb=q_wb)
-        accel = given.accel
+            return with_fields(given, q_wb=q_wb)
+        gyro, accel = given.triads()
         if self._adds_gravity:
             if q_wb is None:
                 raise InputError(
@@ -403,12 +333,11 @@ class Conventions:
                 )
             accel = transform(self._to_flu, accel) - rotate_inverse(q_wb, self._gravity_w)
             accel = transform(self._to_flu.T, accel)
-        gyro = given.gyro
         if self._turn is not None:
             gyro, accel = transform(self._turn, gyro), transform(self._turn, accel)
         if self._mount is not None:
             gyro, accel = self._mount.apply(given.t_ns, gyro, accel)
-        return GivenReadings(given.t_ns, gyro, accel, q_wb)
+        return Readings.unchecked(t_ns=given.t_ns, gyro=gyro, accel=accel, q_wb=q_wb)
 
 
 def _flu_in(axes: str) -> Array:
@@ -464,7 +393,7 @@ class _Mount:
 class Grid(NamedTuple):
     """Samples of a sensor with a clock of its own."""
 
-    given: GivenReadings
+    given: Readings
     """At the samples' times."""
     inside: tuple[Array, Array]
     """(n m, 3) twice: the readings inside an oversampled sensor, for others those of ``given``."""
@@ -484,31 +413,29 @@ class Resampler:
         self._ratio = int(imu.internal_ratio(parameters.rate))
         self._begin_ns: int | None = None
         self._next = 0
-        self._kept: GivenReadings | None = None
+        self._kept: Readings | None = None
 
     def begin(self) -> None:
         """Let the next reading be the first sample of a new grid, after a pause."""
         self._begin_ns, self._next, self._kept = None, 0, None
 
-    def apply(self, given: GivenReadings) -> Grid:
+    def apply(self, given: Readings) -> Grid:
         """Take n readings; return the samples up to the last of them."""
         if self._begin_ns is None:
             self._begin_ns = int(given.t_ns[0])
-        known = given if self._kept is None else self._kept.followed_by(given)
+        known = given if self._kept is None else concatenated([self._kept, given])
         end_ns = int(known.t_ns[-1])
         count = self._count_until(end_ns)
         times = timebase.sample_times_ns(self._next, count, self._rate, self._begin_ns)
         at = _interpolated(known, times)
-        inside = (at.gyro, at.accel)
+        inside = at
         if self._averaged and count:
-            at = inside_mean = self._means(known, at)
-            inside = (inside_mean.gyro, inside_mean.accel)
+            at = inside = self._means(known, at)
         elif self._ratio > 1:
-            every = _interpolated(known, self._times_inside(count))
-            inside = (every.gyro, every.accel)
+            inside = _interpolated(known, self._times_inside(count))
         self._next += count
         self._keep(known)
-        return Grid(at, inside)
+        return Grid(at, inside.triads())
 
     def _count_until(self, end_ns: int) -> int:
         """Return how many samples from the next on are not after a time."""
@@ -531,10 +458,10 @@ class Resampler:
         before = np.full(len(j) - len(later), self._begin_ns)
         return np.concatenate([before, later])
 
-    def _means(self, known: GivenReadings, at: GivenReadings) -> GivenReadings:
+    def _means(self, known: Readings, at: Readings) -> Readings:
         """Return the means between the samples; the first sample of all is the value at it."""
         assert self._begin_ns is not None
-        rows = [known.gyro, known.accel]
+        rows = known.triads()
         ends = at.t_ns
         if self._next:
             before = timebase.sample_times_ns(self._next - 1, 1, self._rate, self._begin_ns)
@@ -553,11 +480,12 @@ class Resampler:
                 means.append(np.empty((0, 3)))
         gyro, accel = means
         if not self._next:
-            gyro = np.concatenate([at.gyro[:1], gyro])
-            accel = np.concatenate([at.accel[:1], accel])
-        return at._replace(gyro=gyro, accel=accel)
+            of_gyro, of_accel = at.triads()
+            gyro = np.concatenate([of_gyro[:1], gyro])
+            accel = np.concatenate([of_accel[:1], accel])
+        return with_fields(at, gyro=gyro, accel=accel)
 
-    def _keep(self, known: GivenReadings) -> None:
+    def _keep(self, known: Readings) -> None:
         """Keep the readings that the next samples need: from the one before the last sample on."""
         assert self._begin_ns is not None
         reached = self._begin_ns
@@ -565,7 +493,7 @@ class Resampler:
             times = timebase.sample_times_ns(self._next - 1, 1, self._rate, self._begin_ns)
             reached = int(times[0])
         first = max(int(np.searchsorted(known.t_ns, reached, side="right")) - 1, 0)
-        self._kept = known.at(slice(first, None))
+        self._kept = known.rows(slice(first, None))
 
 
 def _line(t_ns: Times, values: Array, at_ns: Times) -> Array:
@@ -583,18 +511,18 @@ def _line(t_ns: Times, values: Array, at_ns: Times) -> Array:
 def _lines(t_ns: Times, values: Array, at_ns: Times) -> Array:
     """Return the straight lines through values (n, k) at times (m,)."""
     result = np.empty((len(at_ns), values.shape[1]), order="F")
-    for own, column in zip(result.T, values.T, strict=True):
-        own[:] = _line(t_ns, column, at_ns)
+    for line, component in zip(result.T, values.T, strict=True):
+        line[:] = _line(t_ns, component, at_ns)
     return result
 
 
-def _interpolated(known: GivenReadings, at_ns: Times) -> GivenReadings:
-    gyro, accel = (_lines(known.t_ns, values, at_ns) for values in (known.gyro, known.accel))
+def _interpolated(known: Readings, at_ns: Times) -> Readings:
+    gyro, accel = (_lines(known.t_ns, values, at_ns) for values in known.triads())
     q_wb = None
     if known.q_wb is not None:
         same = np.cumprod(np.sign(_products(known.q_wb)))  # q and -q are one rotation
         q_wb = normalise(_lines(known.t_ns, known.q_wb * same[:, None], at_ns))
-    return GivenReadings(at_ns, gyro, accel, q_wb)
+    return Readings.unchecked(t_ns=at_ns, gyro=gyro, accel=accel, q_wb=q_wb)
 
 
 def _products(q: Array) -> Array:
@@ -619,40 +547,41 @@ class Differentiator:
 
     def begin(self) -> None:
         """Forget what was before."""
-        self._order: Order[GivenReadings] = Order()
+        self._order: Order[States] = Order()
         self._forget()
 
     def _forget(self) -> None:
         self._t_ns, self._rows = np.empty(0, np.int64), np.empty((0, 10))
 
-    def apply(self, t_ns: Times, q_wb: Array, velocity: Array, rate: Array) -> GivenReadings:
+    def apply(self, t_ns: Times, q_wb: Array, velocity: Array, rate: Array) -> Readings:
         """Take n messages; return the readings that are now known, s messages late.
 
         :param q_wb: (n, 4).
         :param velocity: (n, 3) in the axes of ``input.twist_frame`` [m/s].
         :param rate: (n, 3) in the same axes [rad/s].
         """
-        known = _none()
-        velocity_b, rate_b = velocity, rate
         if self._in_world:
-            velocity_b, rate_b = rotate_inverse(q_wb, velocity), rotate_inverse(q_wb, rate)
-        # Velocities in the body in place of rates, rates in place of forces.
-        for part, back in self._order.parts(GivenReadings(t_ns, velocity_b, rate_b, q_wb)):
+            rate = rotate_inverse(q_wb, rate)
+        else:
+            velocity = rotation.rotate(q_wb, velocity)
+        states = States.unchecked(
+            t_ns=t_ns,
+            position=np.full((len(t_ns), 3), np.nan),  # acceleration does not depend on it
+            q_wb=q_wb,
+            velocity=velocity,
+            angular_velocity=rate,
+        )
+        known = [_none()]
+        for part, back in self._order.parts(states):
             if back:
                 self._forget()
-            assert part.q_wb is not None
-            known = known.followed_by(
-                self._differences(part.t_ns, part.q_wb, part.gyro, part.accel)
-            )
-        return known
+            known.append(self._differences(part))
+        return concatenated(known)
 
-    def _differences(
-        self, t_ns: Times, q_wb: Array, velocity_b: Array, rate_b: Array
-    ) -> GivenReadings:
-        """Return the readings that are known after n messages whose stamps increase."""
-        velocity_w = rotation.rotate(q_wb, velocity_b)
-        times = np.concatenate([self._t_ns, t_ns])
-        every = np.concatenate([q_wb, velocity_w, rate_b], axis=1)
+    def _differences(self, states: States) -> Readings:
+        """Return the readings that are known after n states whose stamps increase."""
+        times = np.concatenate([self._t_ns, states.t_ns])
+        every = np.concatenate([states.q_wb, states.velocities(), states.body_rates()], axis=1)
         rows = np.concatenate([self._rows, every])
         span = self.span
         self._t_ns, self._rows = times[-2 * span :], rows[-2 * span :]
@@ -663,12 +592,13 @@ class Differentiator:
         acceleration = change / ((times[2 * span :] - times[: -2 * span])[:, None] * 1e-9)
         q = rows[middle, :4]
         force = rotate_inverse(q, acceleration - self._gravity_w)
-        return GivenReadings(times[middle], rows[middle, 7:], force, q)
+        return Readings.unchecked(t_ns=times[middle], gyro=rows[middle, 7:], accel=force, q_wb=q)
 
 
-def _none() -> GivenReadings:
+def _none() -> Readings:
     vectors = np.empty((0, 3))
-    return GivenReadings(np.empty(0, np.int64), vectors, vectors, np.empty((0, 4)))
+    times = np.empty(0, np.int64)
+    return Readings.unchecked(t_ns=times, gyro=vectors, accel=vectors, q_wb=np.empty((0, 4)))
 
 
 _LOOK_NS: Final = 2_000_000_000

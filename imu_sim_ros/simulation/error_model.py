@@ -19,7 +19,7 @@ from imu_sim_ros.conventions import TRIADS
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.parameters.sections import flatten
 from imu_sim_ros.parameters.sections import parameters as described
-from imu_sim_ros.records import LiveReading
+from imu_sim_ros.records import LiveReading, Readings
 from imu_sim_ros.rotation import rotate
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.gravity import gravity_vector
@@ -29,7 +29,6 @@ from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.error_input import (
     Conventions,
-    GivenReadings,
     Resampler,
     StartCheck,
 )
@@ -40,7 +39,7 @@ from imu_sim_ros.trajectory.motion import Motion
 from imu_sim_ros.types import Array
 
 
-class GivenImu(GivenSensor[GivenReadings, dict[str, Any]]):
+class GivenImu(GivenSensor[Readings, dict[str, Any]]):
     """An IMU whose ideal readings are given, and its readings with every true error."""
 
     def __init__(
@@ -122,11 +121,13 @@ class GivenImu(GivenSensor[GivenReadings, dict[str, Any]]):
         self.counts.samples += len(times)
         return samples
 
-    def read(self, given: GivenReadings) -> list[dict[str, Any]]:
+    def read(self, given: Readings) -> list[dict[str, Any]]:
         """Return the samples that readings give; see :class:`GivenSensor`."""
         if self._latest is not None:
             t_ns, gyro, accel, _ = self._latest
-            self._held = GivenReadings(np.array([t_ns]), np.array([gyro]), np.array([accel]))
+            self._held = Readings.unchecked(
+                t_ns=np.array([t_ns]), gyro=np.array([gyro]), accel=np.array([accel])
+            )
             self._spreading.take(self._held)
             self._latest = None
         return super().read(given)
@@ -191,9 +192,9 @@ class GivenImu(GivenSensor[GivenReadings, dict[str, Any]]):
     def _count(self, window: dict[str, Any]) -> int:
         return len(window[IMU].true_t_ns)
 
-    def _look(self, given: GivenReadings) -> None:
+    def _look(self, given: Readings) -> None:
         if not self._check.done:
-            for line in self._check.look(given.t_ns, given.gyro, given.accel):
+            for line in self._check.look(given.t_ns, *given.triads()):
                 self._remark(line)
 
     def finish(self) -> None:
@@ -208,12 +209,12 @@ class GivenImu(GivenSensor[GivenReadings, dict[str, Any]]):
         if self._resampler is not None:
             self._resampler.begin()
 
-    def _placed(self, given: GivenReadings) -> GivenReadings:
+    def _placed(self, given: Readings) -> Readings:
         return self._conventions.apply(given)
 
-    def _sampled(self, given: GivenReadings) -> list[dict[str, Any]]:
+    def _sampled(self, given: Readings) -> list[dict[str, Any]]:
         """Return the samples of readings where the IMU is mounted."""
-        inside = (given.gyro, given.accel)
+        inside = given.triads()
         if self._resampler is not None:
             given, inside = self._resampler.apply(given)
         else:
@@ -233,11 +234,11 @@ class GivenImu(GivenSensor[GivenReadings, dict[str, Any]]):
             left = count - done
             step = left if self._pending is None else min(left, AHEAD - self.position % AHEAD)
             rows, own = slice(done, done + step), slice(done * ratio, (done + step) * ratio)
-            blocks.append(self._apply(imu, given.at(rows), inside[0][own], inside[1][own]))
+            blocks.append(self._apply(imu, given.rows(rows), inside[0][own], inside[1][own]))
             done += step
         return blocks
 
-    def _apply(self, imu: Imu, given: GivenReadings, gyro: Array, accel: Array) -> dict[str, Any]:
+    def _apply(self, imu: Imu, given: Readings, gyro: Array, accel: Array) -> dict[str, Any]:
         """Return the next samples, which are those of readings (n m, 3) inside the sensor."""
         first, self.position = self.position, self.position + len(given.t_ns)
         read = {IMU: imu.apply(given.t_ns, self._motion(given), gyro, accel, self._world)}
@@ -247,7 +248,7 @@ class GivenImu(GivenSensor[GivenReadings, dict[str, Any]]):
             read |= {name: model.read(window, self._world) for name, model in self._others.items()}
         return read
 
-    def _start(self, given: GivenReadings) -> Imu:
+    def _start(self, given: Readings) -> Imu:
         """Make the sensor, whose first sample is the first of the readings."""
         parameters = self.parameters
         environment = dataclasses.replace(parameters, seed=self.seed)
@@ -261,7 +262,7 @@ class GivenImu(GivenSensor[GivenReadings, dict[str, Any]]):
         self._imu, self._faults, self._pending = imu, [], None
         return imu
 
-    def _motion(self, given: GivenReadings) -> Motion:
+    def _motion(self, given: Readings) -> Motion:
         """Return what is known of the motion: the attitude, and the acceleration with it."""
         motion = unknown_motion(len(given.t_ns))
         if given.q_wb is None:
@@ -270,5 +271,5 @@ class GivenImu(GivenSensor[GivenReadings, dict[str, Any]]):
                     "orientation: the readings come without one, so there is none to state"
                 )
             return motion
-        acceleration = rotate(given.q_wb, given.accel) + self._gravity_w
+        acceleration = rotate(given.q_wb, given.triads()[1]) + self._gravity_w
         return motion._replace(q_wb=given.q_wb, acceleration=acceleration)

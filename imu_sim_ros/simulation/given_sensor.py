@@ -13,6 +13,7 @@ import numpy as np
 
 from imu_sim_ros import timebase
 from imu_sim_ros.errors import ConfigurationError
+from imu_sim_ros.records import SeriesT, with_fields
 from imu_sim_ros.sensors import sensors_of_imus
 from imu_sim_ros.sensors.declaration import Sensor
 from imu_sim_ros.sensors.faults import Fault
@@ -22,8 +23,7 @@ from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.error_input import (
     Conventions,
     Gaps,
-    GivenValues,
-    InOrder,
+    IdealValues,
     Order,
     Spreading,
 )
@@ -36,7 +36,6 @@ _SAMPLES_AT_ONCE: Final = 65536
 """Most samples of a gap that are taken at once."""
 _REPORTED: Final = 3
 """Irregularities of a kind that are remarked on; all of them are counted."""
-Given = TypeVar("Given", bound=InOrder)
 Made = TypeVar("Made")
 
 
@@ -58,7 +57,7 @@ class Counts:
     """Readings with an earlier stamp; left out."""
 
 
-class GivenSensor(ABC, Generic[Given, Made]):
+class GivenSensor(ABC, Generic[SeriesT, Made]):
     """Ideal readings in, windows of samples out; the first sample is the first reading."""
 
     def __init__(
@@ -80,7 +79,7 @@ class GivenSensor(ABC, Generic[Given, Made]):
         self._what = f"{what}: " if what else ""
         self._nominal_ns = 1e9 / rate
         self._order = self._new_order()
-        self._spreading: Spreading[Given] = Spreading(self._nominal_ns)
+        self._spreading: Spreading[SeriesT] = Spreading(self._nominal_ns)
         self._begin(parameters.seed)
 
     def _begin(self, seed: int) -> None:
@@ -90,25 +89,25 @@ class GivenSensor(ABC, Generic[Given, Made]):
         self.position = 0
         """Samples since the last restart, missing ones too."""
         self._last_ns: int | None = None
-        self._held: Given | None = None
+        self._held: SeriesT | None = None
         """The last readings; with the last of them the sensor goes on during a gap."""
         self._gaps = Gaps(self._nominal_ns, self.parameters.input.longest_gap * 1e9)
         self._faults: list[tuple[Fault, int]] = []
         """Those that wait for the first reading, with the first sample that they hit."""
 
-    def _placed(self, given: Given) -> Given:
+    def _placed(self, given: SeriesT) -> SeriesT:
         """Return readings where the sensor is mounted, in its axes."""
         return given
 
     @abstractmethod
-    def _sampled(self, given: Given) -> list[Made]:
+    def _sampled(self, given: SeriesT) -> list[Made]:
         """Return the samples of readings of the mounted sensor; ``position`` counts on."""
 
     @abstractmethod
     def _count(self, window: Made) -> int:
         """Return how many samples there are in a window."""
 
-    def _look(self, given: Given) -> None:
+    def _look(self, given: SeriesT) -> None:
         """See readings in order, as they came."""
 
     def _missing(self, count: int) -> int:
@@ -123,7 +122,7 @@ class GivenSensor(ABC, Generic[Given, Made]):
         self._order = self._new_order()
         self._begin(self._seed_of_restart())
 
-    def _new_order(self) -> Order[Given]:
+    def _new_order(self) -> Order[SeriesT]:
         return Order(self._leave_out, self._take_back)
 
     def _seed_of_restart(self) -> int:
@@ -148,7 +147,7 @@ class GivenSensor(ABC, Generic[Given, Made]):
             return None
         return self._last_ns + round((index - self.position + 1) * self._nominal_ns)
 
-    def read(self, given: Given) -> list[Made]:
+    def read(self, given: SeriesT) -> list[Made]:
         """Return the samples that readings give, in one window or several.
 
         If stamps jump back the errors begin again; readings that repeat a stamp, or come late,
@@ -164,7 +163,7 @@ class GivenSensor(ABC, Generic[Given, Made]):
             self.counts.samples += self._count(window)
         return windows
 
-    def _in_order(self, given: Given, back_ns: int) -> list[Made]:
+    def _in_order(self, given: SeriesT, back_ns: int) -> list[Made]:
         """Return the samples of readings in order, after a jump back of their stamps."""
         if back_ns:
             self._restart(back_ns)
@@ -179,7 +178,7 @@ class GivenSensor(ABC, Generic[Given, Made]):
             elif left_out and (missing := self._missing(left_out)):
                 self.counts.missing += missing
                 self._skip(missing)
-            part = given if rows is None else given.at(rows)
+            part = given if rows is None else given.rows(rows)
             self._last_ns = int(part.t_ns[-1])
             windows += self._sampled(self._placed(part))
         return windows
@@ -188,11 +187,13 @@ class GivenSensor(ABC, Generic[Given, Made]):
         """Let the sensor take samples that nobody sees, where it was last."""
         if self._held is None:
             return
-        held = self._held.at(slice(-1, None))
+        held = self._held.rows(slice(-1, None))
         while count:
             step = min(count, _SAMPLES_AT_ONCE)
             steps = np.arange(1, step + 1) * self._nominal_ns
-            self._sampled(held.lasting(held.t_ns + np.rint(steps).astype(np.int64)))
+            repeated = held.rows(np.zeros(step, dtype=np.intp))
+            t_ns = held.t_ns + np.rint(steps).astype(np.int64)
+            self._sampled(with_fields(repeated, t_ns=t_ns))
             count -= step
 
     def _leave_out(self, step_ns: int) -> None:
@@ -226,7 +227,7 @@ class GivenSensor(ABC, Generic[Given, Made]):
         self._begin(seed)
 
 
-class GivenOther(GivenSensor[GivenValues, Samples]):
+class GivenOther(GivenSensor[IdealValues, Samples]):
     """Another sensor of an IMU, one of ``OTHERS``: each ideal value is a sample at its rate."""
 
     def __init__(
@@ -246,7 +247,7 @@ class GivenOther(GivenSensor[GivenValues, Samples]):
         super()._begin(seed)
         self._model: Any = None
 
-    def _look(self, given: GivenValues) -> None:
+    def _look(self, given: IdealValues) -> None:
         """Say if the first value looks like one of another unit."""
         if self._looked or not self.parameters.input.check:
             return
@@ -274,12 +275,12 @@ class GivenOther(GivenSensor[GivenValues, Samples]):
             self._model.inject(fault, self.begin_of(first))
         return first
 
-    def _placed(self, given: GivenValues) -> GivenValues:
+    def _placed(self, given: IdealValues) -> IdealValues:
         if given.values.ndim == 1:
             return given
-        return given._replace(values=self._conventions.turned(given.values))
+        return with_fields(given, values=self._conventions.turned(given.values))
 
-    def _sampled(self, given: GivenValues) -> list[Samples]:
+    def _sampled(self, given: IdealValues) -> list[Samples]:
         self._held = given
         if self._model is None:
             environment = dataclasses.replace(self.parameters, seed=self.seed)

@@ -14,13 +14,13 @@ from imu_sim_ros import rotation
 from imu_sim_ros.errors import ConfigurationError, InputError
 from imu_sim_ros.parameters import files
 from imu_sim_ros.parameters.sections import parameters
-from imu_sim_ros.records import LiveReading
+from imu_sim_ros.records import LiveReading, Readings, concatenated, with_fields
 from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.imu.triads import TriadParameters
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.samples import joined as joined_blocks
 from imu_sim_ros.simulation.engine import Body
-from imu_sim_ros.simulation.error_input import Differentiator, GivenReadings
+from imu_sim_ros.simulation.error_input import Differentiator
 from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import load_error_model
 from imu_sim_ros.simulation.parameters import load_simulation
@@ -134,18 +134,22 @@ def model_of(values: dict[str, object], **more: object) -> GivenImu:
     return GivenImu(load_error_model({"imu.preset": "perfect", "seed": 5, **values, **more}))
 
 
-def given_of(block: Samples) -> GivenReadings:
-    return GivenReadings(block.true_t_ns, block.ideal_gyro, block.ideal_accel)
+def series(
+    t_ns: np.ndarray, gyro: np.ndarray, accel: np.ndarray, q_wb: np.ndarray | None = None
+) -> Readings:
+    return Readings.unchecked(t_ns=t_ns, gyro=gyro, accel=accel, q_wb=q_wb)
 
 
-def read_in(
-    model: GivenImu, given: GivenReadings, sizes: list[int], numbers: bool = False
-) -> Samples:
+def given_of(block: Samples) -> Readings:
+    return series(block.true_t_ns, block.ideal_gyro, block.ideal_accel)
+
+
+def read_in(model: GivenImu, given: Readings, sizes: list[int], numbers: bool = False) -> Samples:
     """Return the samples of readings in blocks of some sizes, in numbers where that is possible."""
     blocks, begin, k = [], 0, 0
     while begin < len(given.t_ns):
         size = sizes[k % len(sizes)]
-        part = given.at(slice(begin, begin + size))
+        part = given.rows(slice(begin, begin + size))
         columns = (part.t_ns, part.gyro, part.accel)
         few = [LiveReading(*row) for row in zip(*(v.tolist() for v in columns), strict=True)]
         samples = model.read_few(few) if numbers and size < 8 else None
@@ -184,7 +188,7 @@ def test_single_readings_follow_blocks_and_faults() -> None:
         model, blocks, begin = model_of(values), [], 0
         model.inject(Fault("stuck", 0.1, triad="gyroscope"), 2.0)
         for count, size in pieces:
-            blocks.append(read_in(model, given.at(slice(begin, begin + count)), [size]))
+            blocks.append(read_in(model, given.rows(slice(begin, begin + count)), [size]))
             begin += count
         return joined(blocks)
 
@@ -257,7 +261,7 @@ def test_missing_samples_leave_the_errors_of_the_others_as_they_are() -> None:
     keep = np.ones(COUNT, dtype=np.bool_)
     keep[[100, 101, 102, 400]] = False
     model = model_of(values)
-    found = read_in(model, given_of(expected).at(keep), [37])
+    found = read_in(model, given_of(expected).rows(keep), [37])
     assert np.array_equal(found.gyro, expected.gyro[keep])
     assert np.array_equal(found.accel, expected.accel[keep])
     assert model.counts.missing == 4
@@ -273,7 +277,7 @@ def test_a_long_gap_is_a_pause() -> None:
     model = GivenImu(
         load_error_model({"imu.preset": "perfect", "seed": 5, **values}), remark=lines.append
     )
-    found = joined(model.read(given._replace(t_ns=late)))
+    found = joined(model.read(with_fields(given, t_ns=late)))
     assert np.array_equal(found.gyro, expected.gyro)
     assert model.counts.pauses == 1
     assert "60.005 s: a pause" in lines[0]
@@ -285,7 +289,7 @@ def test_a_jump_back_begins_again(restart: str) -> None:
     first, second = truth_of(values, 300), truth_of(values, 300)
     if restart == "next_seed":
         second = truth_of({**values, "seed": 6}, 300)
-    twice = GivenReadings(*(np.concatenate([v, v]) for v in given_of(first)[:3]))
+    twice = concatenated([given_of(first), given_of(first)])
     model = model_of(values, **{"input.restart": restart})
     found = read_in(model, twice, [64])
     assert np.array_equal(found.gyro, np.concatenate([first.gyro, second.gyro]))
@@ -297,7 +301,7 @@ def test_late_and_repeated_readings_are_left_out() -> None:
     expected = truth_of(values)
     order = [0, 1, 2, 2, 3, 4, 1, 5, 6, 6, 7]
     model = model_of(values)
-    found = joined(model.read(given_of(expected).at(np.array(order))))
+    found = joined(model.read(given_of(expected).rows(np.array(order))))
     assert np.array_equal(found.gyro, expected.gyro[:8])
     assert (model.counts.repeated, model.counts.backward) == (2, 1)
 
@@ -311,7 +315,7 @@ def test_live_changes_and_faults_do_not_depend_on_the_blocks() -> None:
         model.inject(Fault("bias_jump", 0.5, (0.1, 0.0, 0.0), "gyroscope"), 1.0)
 
         def read(rows: slice) -> Samples:
-            return read_in(model, given.at(rows), sizes)
+            return read_in(model, given.rows(rows), sizes)
 
         begin = read(slice(0, 100))
         changed = load_error_model(
@@ -346,7 +350,7 @@ AXES = {
 @pytest.mark.parametrize("axes", AXES)
 def test_axes(axes: str) -> None:
     block = truth_of({})
-    turned = GivenReadings(
+    turned = series(
         block.true_t_ns, block.ideal_gyro @ AXES[axes].T, block.ideal_accel @ AXES[axes].T
     )
     found = joined(model_of({}, **{"input.axes": axes}).read(turned))
@@ -357,7 +361,7 @@ def test_axes(axes: str) -> None:
 def test_frame_rotation_is_into_the_imu() -> None:
     block = truth_of({})
     r = rotation.to_matrix(rotation.from_euler(np.array([0.1, -0.2, 0.3])))
-    turned = GivenReadings(block.true_t_ns, block.ideal_gyro @ r, block.ideal_accel @ r)
+    turned = series(block.true_t_ns, block.ideal_gyro @ r, block.ideal_accel @ r)
     model = model_of({}, **{"input.frame_rotation": r.ravel().tolist()})
     assert np.allclose(joined(model.read(turned)).ideal_accel, block.ideal_accel, atol=1e-13)
 
@@ -372,7 +376,7 @@ def test_missing_gravity_is_added_with_the_orientation(axes: str) -> None:
     if axes == "frd":  # its world is north, east, down
         r_w_axes = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]) @ r_w_axes
     q = np.stack([rotation.from_matrix(r) for r in r_w_axes])
-    given = GivenReadings(block.true_t_ns, block.ideal_gyro @ to_axes.T, kinematic @ to_axes.T, q)
+    given = series(block.true_t_ns, block.ideal_gyro @ to_axes.T, kinematic @ to_axes.T, q)
     model = model_of({}, **{"input.gravity": "missing", "input.axes": axes})
     found = joined(model.read(given))
     assert np.allclose(found.ideal_accel, block.ideal_accel, atol=1e-12)
@@ -440,9 +444,9 @@ def resting(accel: list[float], rate: float = 200.0, **values: object) -> list[s
     t_ns = np.arange(int(2.5 * rate), dtype=np.int64) * round(1e9 / rate)
     force = np.tile(accel, (len(t_ns), 1))
     q_wb = np.tile(rotation.IDENTITY, (len(t_ns), 1))
-    given = GivenReadings(t_ns, np.zeros((len(t_ns), 3)), force, q_wb)
+    given = series(t_ns, np.zeros((len(t_ns), 3)), force, q_wb)
     for k in range(0, len(t_ns), 50):
-        model.read(given.at(slice(k, k + 50)))
+        model.read(given.rows(slice(k, k + 50)))
     return lines
 
 
@@ -476,7 +480,7 @@ def moving(
     gyro = np.stack([zero, 0.6 * np.cos(3.0 * t), zero]) * turn
     q_wb = np.stack([np.cos(0.5 * pitch), zero, np.sin(0.5 * pitch), zero])
     t_ns = np.rint(t * 1e9).astype(np.int64)
-    model.read(GivenReadings(t_ns, gyro.T, scale * force.T, q_wb.T))
+    model.read(series(t_ns, gyro.T, scale * force.T, q_wb.T))
     return lines
 
 
@@ -496,7 +500,7 @@ def test_axes_of_a_tumbling_body_are_said_to_be_unchecked() -> None:
     gyro = np.stack([np.zeros(500), np.full(500, -2 * np.pi), np.zeros(500)])
     lines: list[str] = []
     model = GivenImu(load_error_model({"imu.preset": "perfect"}), remark=lines.append)
-    model.read(GivenReadings(np.rint(t * 1e9).astype(np.int64), gyro.T, force.T))
+    model.read(series(np.rint(t * 1e9).astype(np.int64), gyro.T, force.T))
     assert "input.axes: not checked" in lines[0]
 
 
@@ -504,7 +508,7 @@ QUIETEST = "navigation"
 """The preset with the least white noise of both triads."""
 
 
-def said_of(given: GivenReadings, rate: float, imu: str = QUIETEST, **values: object) -> list[str]:
+def said_of(given: Readings, rate: float, imu: str = QUIETEST, **values: object) -> list[str]:
     """Return the remarks on noise, those of blocks of any size."""
     lines: list[list[str]] = []
     for size in (len(given.t_ns), 77):
@@ -523,11 +527,11 @@ def flown(rate: float, trajectory: str = "figure_eight", **imu: object) -> ims.F
     return ims.simulate(imu=given, trajectory=trajectory, rate=rate, duration=2.1, seed=1)
 
 
-def read_of(flight: ims.Flight) -> GivenReadings:
-    return GivenReadings(flight.t_ns, flight.gyro, flight.accel)
+def read_of(flight: ims.Flight) -> Readings:
+    return series(flight.t_ns, flight.gyro, flight.accel)
 
 
-def ideal_of(rate: float, trajectory: str = "figure_eight") -> GivenReadings:
+def ideal_of(rate: float, trajectory: str = "figure_eight") -> Readings:
     return read_of(flown(rate, trajectory))
 
 
@@ -551,7 +555,7 @@ def test_ideal_readings_have_no_noise(trajectory: str, rate: float) -> None:
     given = ideal_of(rate, trajectory)
     assert said_of(given, rate) == []
     single = [values.astype(np.float32).astype(np.float64) for values in (given.gyro, given.accel)]
-    assert said_of(GivenReadings(given.t_ns, *single), rate) == []
+    assert said_of(series(given.t_ns, *single), rate) == []
 
 
 @pytest.mark.parametrize("rate", [50.0, 100.0, 1000.0])
@@ -570,7 +574,7 @@ def test_noise_is_told_with_its_density(trajectory: str, rate: float) -> None:
                 )
             )
             coarse = {f"imu.{triad}_resolution": 0.0 for triad in ("gyroscope", "accelerometer")}
-            lines = said_of(GivenReadings(ideal.t_ns, gyro, accel), rate, "mpu6000", **coarse)
+            lines = said_of(series(ideal.t_ns, gyro, accel), rate, "mpu6000", **coarse)
             assert [line.split()[2] for line in lines] == ["gyroscope", "accelerometer"] * told
             found = np.array(densities(lines)) / share / own[: len(lines)]
             assert ((found > 0.7) & (found < 1.4)).all()
@@ -597,7 +601,7 @@ def test_errors_that_are_added_twice_are_told(sensor: str, rate: float) -> None:
 def test_noise_of_an_input_in_other_axes_and_faster_than_the_sensor() -> None:
     ideal = ideal_of(1000.0)
     noise = np.random.default_rng(1).standard_normal((len(ideal.t_ns), 3)) * [0.0, 0.0, 0.05]
-    given = ideal._replace(accel=ideal.accel + noise)
+    given = with_fields(ideal, accel=ideal.accel + noise)
     axes = {"imu.accelerometer_noise_density": [1.0, 1.0, 0.002], "input.axes": "optical"}
     assert said_of(given, 1000.0, "perfect", **axes) == []  # z is the sensor's x
     axes["imu.accelerometer_noise_density"] = [0.002, 1.0, 1.0]
@@ -634,24 +638,24 @@ def test_held_readings_are_no_noise_and_theirs_is_told(share: float) -> None:
     t_ns = np.arange(2050) * 1_000_000
     step = np.floor(np.arange(len(t_ns)) * share + 1e-9).astype(int)
     at = np.rint(step / share * 20).astype(int)
-    given = GivenReadings(t_ns, fine.gyro[at], fine.accel[at])
+    given = series(t_ns, fine.gyro[at], fine.accel[at])
     assert said_of(given, rate) == []
     first = np.unique(step, return_index=True)[1]
     joined_up = [np.interp(t_ns, t_ns[first], one) for one in given.accel[first].T]
-    assert said_of(given._replace(accel=np.stack(joined_up, axis=1)), rate) == []
+    assert said_of(with_fields(given, accel=np.stack(joined_up, axis=1)), rate) == []
     density = 0.001
     noise = np.random.default_rng(1).standard_normal(given.accel.shape)
     noise *= density * np.sqrt(rate * share)
-    noisy = said_of(given._replace(accel=given.accel + noise[step]), rate, "bmi055")
+    noisy = said_of(with_fields(given, accel=given.accel + noise[step]), rate, "bmi055")
     if share in (0.06, 0.25, 0.5, 0.95):  # others have no stretch of even steps
         assert densities(noisy) == [pytest.approx(density, rel=0.3)]
 
 
-def swinging(t: np.ndarray, frequency: float, to: float) -> GivenReadings:
+def swinging(t: np.ndarray, frequency: float, to: float) -> Readings:
     """Return readings of up to 20 m/s^2 whose frequency rises in 2 s [Hz]."""
     phase = 2.0 * np.pi * (frequency * t + 0.25 * (to - frequency) * t * t)
     swing = 20.0 * np.sin(phase[:, None] + np.arange(3))
-    return GivenReadings(np.rint(t * 1e9).astype(np.int64), 0.1 * swing, swing)
+    return series(np.rint(t * 1e9).astype(np.int64), 0.1 * swing, swing)
 
 
 @pytest.mark.parametrize(("rate", "band"), [(100.0, (8.3, 8.3)), (200.0, (1.0, 13.0))])
@@ -667,10 +671,10 @@ def test_contacts_gaps_and_jitter_are_no_noise(rate: float) -> None:
     given = swinging(t, 3.0, 3.0)
     hit = rng.random((count, 1)) < 0.1
     kicks = rng.standard_normal((2, count, 3)) * hit
-    kicked = given._replace(gyro=given.gyro + kicks[0], accel=given.accel + 20.0 * kicks[1])
+    kicked = with_fields(given, gyro=given.gyro + kicks[0], accel=given.accel + 20.0 * kicks[1])
     assert said_of(kicked, rate, "bmi088") == []
     for lost in (0.01, 0.1, 0.4):
-        assert said_of(given.at(rng.random(count) >= lost), rate) == []
+        assert said_of(given.rows(rng.random(count) >= lost), rate) == []
     late = np.sort(t + rng.uniform(0.0, 0.3 / rate, count))
     assert said_of(swinging(late, 3.0, 3.0), rate) == []
 
@@ -683,7 +687,7 @@ def test_noise_is_told_in_spite_of_contacts_and_a_gap_but_not_of_few_readings() 
         given = swinging(t, 1.0, 1.0)
         kicks = rng.standard_normal(given.gyro.shape) * (rng.random((len(t), 1)) < 0.05)
         noise = density * np.sqrt(rate) * rng.standard_normal(kicks.shape)
-        noisy = given._replace(gyro=given.gyro + kicks + noise).at((t < 0.7) | (t > 1.1))
+        noisy = with_fields(given, gyro=given.gyro + kicks + noise).rows((t < 0.7) | (t > 1.1))
         found = densities(said_of(noisy, rate, "mpu6000", **coarse))
         assert found == ([pytest.approx(density, rel=0.2)] if rate > 50.0 else [])
 
@@ -695,7 +699,7 @@ def test_rounding_is_noise_if_it_is_coarse(rate: float) -> None:
     moving = np.sin(0.05 * k + np.arange(3)) + np.sin(0.071 * k)
     for steps, told in ((0.8, 0), (2.0, 1)):
         step = steps * deviation
-        given = ideal._replace(accel=np.rint(ideal.accel / step + 300.0 * moving) * step)
+        given = with_fields(ideal, accel=np.rint(ideal.accel / step + 300.0 * moving) * step)
         lines = said_of(given, rate, **{"imu.accelerometer_resolution": 0.0})
         assert len(lines) == told
         assert all("coarse rounding look the same" in line for line in lines)
@@ -733,12 +737,12 @@ def test_parameters_of_the_simulator_are_passed_over() -> None:
     assert built.imu.preset == "lecture"
 
 
-def episodes(length: int, count: int, first_ns: int = 0) -> GivenReadings:
+def episodes(length: int, count: int, first_ns: int = 0) -> Readings:
     """Return readings whose stamps begin again after each ``length``."""
     t_ns = np.tile(np.arange(length, dtype=np.int64) * 5_000_000, count)
     t_ns[length:] += first_ns
     zero = np.zeros((len(t_ns), 3))
-    return GivenReadings(t_ns, zero, zero)
+    return series(t_ns, zero, zero)
 
 
 @pytest.mark.parametrize("first_ns", [0, 7_000_000], ids=["same start", "later start"])
@@ -775,7 +779,7 @@ def test_a_reset_takes_the_next_seed_if_a_jump_back_does() -> None:
 def test_readings_that_come_late_at_the_end_are_counted() -> None:
     model = model_of({})
     order = np.array([0, 1, 2, 3, 2])
-    model.read(given_of(truth_of({})).at(order))
+    model.read(given_of(truth_of({})).rows(order))
     assert (model.counts.samples, model.counts.backward) == (4, 1)
 
 
@@ -788,5 +792,5 @@ def test_irregular_stamps_are_no_missing_samples(sizes: list[int]) -> None:
         t_ns = np.concatenate([[0], np.cumsum(np.rint(steps * 5e6).astype(np.int64))])
         zero = np.zeros((len(t_ns), 3))
         model = model_of({})
-        read_in(model, GivenReadings(t_ns, zero, zero), sizes)
+        read_in(model, series(t_ns, zero, zero), sizes)
         assert model.counts.missing == 3, pattern

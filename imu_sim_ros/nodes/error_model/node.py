@@ -32,9 +32,9 @@ from imu_sim_ros.nodes.error_model.output import DEPTH, ErrorModelOutputs, wante
 from imu_sim_ros.nodes.parameters import ConfiguredNode
 from imu_sim_ros.nodes.publishing import check_overrides, create
 from imu_sim_ros.nodes.subscriptions import MatchedInputs, RawSubscriptions, Taken
-from imu_sim_ros.records import LiveReading
+from imu_sim_ros.records import LiveReading, Readings
 from imu_sim_ros.sensors.imu.declaration import NAME as IMU
-from imu_sim_ros.simulation.error_input import Differentiator, GivenReadings, GivenValues
+from imu_sim_ros.simulation.error_input import Differentiator, IdealValues
 from imu_sim_ros.simulation.error_model import GivenImu
 from imu_sim_ros.simulation.error_parameters import (
     NODE,
@@ -155,7 +155,8 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         if found:
             t_ns = np.array([one for one, _ in found], np.int64)
             values = np.array([numbers for _, numbers in found])
-            given = GivenValues(t_ns, values if values.shape[1] > 1 else values[:, 0])
+            values = values if values.shape[1] > 1 else values[:, 0]
+            given = IdealValues.unchecked(t_ns=t_ns, values=values)
             for block in self.model.other(quantity).read(given):
                 self.outputs.publish({quantity: block}, self.parameters)
 
@@ -176,11 +177,11 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         if 0 < len(readings) <= _FEW and all(reading.q_wb is None for reading in readings):
             samples = self.model.read_few(readings)
         if samples is None:
-            self._read(_given(readings))
+            self._read(_record(readings))
         else:
             self.outputs.publish({IMU: samples}, self.parameters)
 
-    def _read(self, given: GivenReadings) -> None:
+    def _read(self, given: Readings) -> None:
         """Add errors to readings and publish the samples."""
         for block in self.model.read(given) if len(given.t_ns) else ():
             self.outputs.publish(block, self.parameters)
@@ -197,9 +198,7 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
                 self._refuse(topic, error)
         return found
 
-    def _of_odometry(
-        self, odometry: Differentiator, topic: str, taken: list[Taken]
-    ) -> GivenReadings:
+    def _of_odometry(self, odometry: Differentiator, topic: str, taken: list[Taken]) -> Readings:
         states = self._decoded(topic, taken, decode.truth)
         return odometry.apply(
             np.array([state.t_ns for state in states], np.int64),
@@ -268,14 +267,14 @@ class ErrorModelNode(ConfiguredNode[ErrorNodeParameters]):
         )
 
 
-def _given(readings: list[LiveReading]) -> GivenReadings:
+def _record(readings: list[LiveReading]) -> Readings:
     """Return readings as arrays; their orientations if each has one."""
-    q_wb = [one.q_wb for one in readings if one.q_wb is not None]
-    return GivenReadings(
-        np.array([one.t_ns for one in readings], np.int64),
-        np.array([one.gyro for one in readings], order="F"),
-        np.array([one.accel for one in readings], order="F"),
-        np.array(q_wb) if q_wb and len(q_wb) == len(readings) else None,
+    q_wb = [reading.q_wb for reading in readings if reading.q_wb is not None]
+    return Readings.unchecked(
+        t_ns=np.array([reading.t_ns for reading in readings], np.int64),
+        gyro=np.array([reading.gyro for reading in readings], order="F"),
+        accel=np.array([reading.accel for reading in readings], order="F"),
+        q_wb=np.array(q_wb) if q_wb and len(q_wb) == len(readings) else None,
     )
 
 
