@@ -242,14 +242,14 @@ class BagTarget:
         """
         made = [(topic, encode(read[name], valid)) for topic, name, valid, encode in self._outputs]
         self.finish()
-        self._waiting = [(topic, each) for topic, each in made if len(each.t_ns)]
+        self._waiting = [(topic, each) for topic, each in made if len(each.record_t_ns)]
         if not any(isinstance(each.payloads, Results) for _, each in made):
             self.finish()
 
     def finish(self) -> None:
         """Write the messages that still wait for threads."""
         made, self._waiting = self._waiting, []
-        self._writer.write_blocks([Block(t, each.t_ns, each.made()) for t, each in made])
+        self._writer.write_blocks([Block(t, each.record_t_ns, each.made()) for t, each in made])
 
 
 class DatasetTarget:

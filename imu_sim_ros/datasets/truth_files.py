@@ -143,6 +143,8 @@ def _sensor_text(one: Mounted, world: Mapping[str, Value]) -> str:
     """
     name, seed = one.name, one.environment.seed
     own = flatten(one.sensor.realised(one.own, seed, name))
+    if own.get("frame"):
+        own["frame"] = one.frame
     return files.text(
         {**world, "sensors": (name,), **{f"{name}.{key}": value for key, value in own.items()}},
         comment=f"The sensor {name} of this run, with the values that seed {seed} has "

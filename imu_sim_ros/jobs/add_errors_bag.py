@@ -224,8 +224,8 @@ class BagErrors:
             for read in self.model.read(given):
                 for topic, sensor, encode in self._outputs:
                     messages = encode(read[sensor], self._parameters)
-                    if len(messages.t_ns):
-                        recorded = np.maximum(messages.t_ns + late_ns, 0)
+                    if len(messages.record_t_ns):
+                        recorded = np.maximum(messages.record_t_ns + late_ns, 0)
                         made.append(Block(topic, recorded, messages.made()))
         return made
 

@@ -248,6 +248,9 @@ class Sensor:
     warnings: Callable[[Mounted, World, float], list[str]] = lambda *_: []
     """Returns a line for each way in which a world, or a motion of this length [s], is not for
     this sensor, or raises a ConfigurationError if it cannot read there at all."""
+    in_sight: Callable[[Mounted, World, Array], Mask] | None = None
+    """Returns at which times (n,) since the start [s] a sensor that sees has anything of the scene
+    in its field of view (n,); None: whenever the scene has surfaces."""
     notes: Callable[[Mounted], list[str]] = lambda _: []
     """Returns a line for each thing that was decided for it, and that users may want to know."""
     apart: bool = False

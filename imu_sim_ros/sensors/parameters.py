@@ -169,15 +169,18 @@ class SensorParameters(OwnRateParameters, TimingParameters):
     def own_frame(self, name: str, body_frame: str) -> str:
         """Return the frame of its messages.
 
-        Another one of the same kind does not share the kind's usual frame.
+        A further sensor of a kind that has a usual frame, such as `gps_link`, has its
+        name in place of it: `gnss1_link`.
 
-        :param name: of the sensor.
+        :param name: name of the sensor.
         """
         usual = type(self).frame
         if self.frame and not (self.type and self.frame == usual):
             return self.frame
+        if usual:
+            return f"{name}_link" if usual.endswith("_link") else name
         at_the_body = not any(self.lever_arm) and self.mounting == IDENTITY_MATRIX
-        return body_frame if at_the_body and not usual else f"{name}_link"
+        return body_frame if at_the_body else f"{name}_link"
 
     def problems(self, prefix: str) -> Iterator[str]:
         """Yield a line for each contradiction between parameters."""

@@ -33,7 +33,7 @@ from imu_sim_ros.sensors.faults import Fault
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.parameters import SimulationParameters, imus
-from imu_sim_ros.simulation.sensors import imus_in, models, mounted
+from imu_sim_ros.simulation.sensors import imus_in, models, mounted, sensor_warnings
 from imu_sim_ros.trajectory.build import build_trajectory
 from imu_sim_ros.trajectory.motion import Trajectory
 from imu_sim_ros.trajectory.parameters import GIVEN, DriveParameters, PoseReader, PosesParameters
@@ -128,7 +128,7 @@ class Body:
             lines += elsewhere_on_earth(self.trajectory, p.latitude_deg, p.longitude_deg)
         for name, one in self.sensors.items():
             if name in self._models and not (elsewhere and one.sensor.apart):
-                lines += one.sensor.warnings(one, self.world, duration)
+                lines += sensor_warnings(one, self.world, duration)
         if p.trajectory.type == GIVEN:
             lines += suspicions(self.trajectory, duration, self.rate)
         return list(dict.fromkeys(lines))

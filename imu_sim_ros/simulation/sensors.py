@@ -17,6 +17,7 @@ from imu_sim_ros.sensors import find_sensor, sensors_of_imus
 from imu_sim_ros.sensors.declaration import Model, Mounted
 from imu_sim_ros.sensors.imu import declaration as imu
 from imu_sim_ros.sensors.pose import declaration as pose
+from imu_sim_ros.sensors.world import World
 from imu_sim_ros.simulation.parameters import SampledParameters, SimulationParameters, imus
 from imu_sim_ros.types import Array
 
@@ -79,6 +80,20 @@ def models(sensors: Mapping[str, Mounted], wanted: Collection[str], t0_ns: int) 
             }
             made[name] = one.sensor.model(one, t0_ns, before)
     return made
+
+
+def sensor_warnings(mounted: Mounted, world: World, duration: float) -> list[str]:
+    """Return a line for each way in which a world or a motion is not for a sensor.
+
+    :param duration: length of the motion [s]; may be infinite.
+    :raises ConfigurationError: if the sensor cannot read there at all.
+    """
+    lines = mounted.sensor.warnings(mounted, world, duration)
+    if mounted.sensor.sees:
+        from imu_sim_ros.sensors.camera.surroundings import scene_warnings  # most runs have none
+
+        lines += scene_warnings(mounted, world, duration)
+    return lines
 
 
 def mounts(sensors: Mapping[str, Mounted]) -> dict[str, Array]:

@@ -44,8 +44,8 @@ Read = Mapping[str, Samples]
 class Messages(NamedTuple):
     """The m messages of one topic, or of a serial line, in a window of time."""
 
-    t_ns: Times
-    """(m,) stamps; a bag takes them as record times."""
+    record_t_ns: Times
+    """(m,) record times in a bag: the end of each sample, by the clock of its stamps [ns]."""
     due_t_ns: Times
     """(m,) when the driver would release them [ns]."""
     payloads: RowTemplate | list[bytes] | Results[bytes]
@@ -84,11 +84,12 @@ class Offered(NamedTuple):
             if topic.truth:
                 made = payloads(read, slice(None), now)
                 times = read.true_t_ns[: len(made)]
-                return Messages(times, times + read.span_ns, made)
+                return Messages(times + read.span_ns, times + read.span_ns, made)
             rows = delivered_rows(read)
             if topic.sent is not None:
                 rows = read.delivered[topic.sent(read)[read.delivered]]
-            return Messages(read.t_ns[rows], read.release_t_ns[rows], payloads(read, rows, now))
+            record_t_ns = read.t_ns[rows] + read.span_ns
+            return Messages(record_t_ns, read.release_t_ns[rows], payloads(read, rows, now))
 
         return encode
 

@@ -13,7 +13,7 @@ from imu_sim_ros.commands import generate
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.places.mesh import MeshCaster
 from imu_sim_ros.places.mesh_file import read_mesh
-from imu_sim_ros.sensors.camera.frames import warnings
+from imu_sim_ros.sensors.camera.surroundings import scene_warnings
 from imu_sim_ros.sensors.camera.images.loops import BACKGROUND
 from imu_sim_ros.sensors.camera.images.mesh_look import Look
 from imu_sim_ros.sensors.camera.images.mesh_renderer import MeshRenderer
@@ -284,7 +284,7 @@ def test_what_is_odd_about_a_path_is_said(make_rig, tmp_path):
     def lines(mesh, **values):
         mesh.export(tmp_path / "mesh.ply")
         rig = make_rig("figure_eight", **SMALL, scene__mesh=str(tmp_path / "mesh.ply"), **values)
-        return "\n".join(warnings(rig.cameras["cam0"], rig.world, 1.0))
+        return "\n".join(scene_warnings(rig.cameras["cam0"], rig.world, 20.0))
 
     inwards = trimesh.creation.box((14, 14, 6))
     inwards.invert()
@@ -298,7 +298,7 @@ def test_what_is_odd_about_a_path_is_said(make_rig, tmp_path):
     assert "the path is outside of the mesh for" in text
     assert "the path comes as close as 0.0" in text
     text = lines(trimesh.Trimesh(inwards.vertices, inwards.faces[1:]))
-    assert text.startswith("cam0: the mesh is not watertight: 3 edges belong to one face only")
+    assert text.startswith("scene: the mesh is not watertight: 3 edges belong to one face only")
     text = lines(inwards, scene__position=[300.0, 0.0, 0.0])
     assert "hardly anything of the mesh is around the path, in 0." in text
     assert "the mesh within (293.00, -7.00, -3.00) to (307.00, 7.00, 3.00) m" in text

@@ -166,3 +166,89 @@ def test_folders_and_truths_describe_each_sensor_of_a_kind(tmp_path: Path) -> No
     assert len(rows) == 5
     again = load_simulation(files.load(tmp_path / "euroc_truth_gnss1.yaml"))
     assert again.each_sensor["gnss1"].lever_arm == (0.5, 0.0, 0.0)
+
+
+SEEING: dict[str, Any] = {
+    "sensors": ["beam", "lidar"],
+    "lidar.preset": "vlp16",
+    "cameras": ["cam0"],
+    "cam0.camera.preset": "euroc_cam0",
+}
+"""A camera, a LiDAR and a sensor of another package on one body."""
+
+
+def warnings_of(scene: dict[str, Any], **more: Any) -> dict[str, list[str]]:
+    """Return the lines on the scene by sensor."""
+    given = {"trajectory.type": "figure_eight", "duration": 10.0, **SEEING, **more}
+    parameters = load_simulation(
+        {**given, **{f"scene.{name}": value for name, value in scene.items()}}
+    )
+    lines: dict[str, list[str]] = {name: [] for name in ("beam", "lidar", "cam0", "scene")}
+    for line in Body(parameters, sensors={"beam", "lidar", "cam0"}).warnings():
+        name, text = line.split(": ", 1)
+        lines[name].append(text)
+    return lines
+
+
+def wall(x: float) -> dict[str, Any]:
+    """Return the scene of a wall of 60 m x 40 m square to x."""
+    corners = [x, -30.0, -20.0, x, 30.0, -20.0, x, -30.0, 20.0]
+    return {"type": "planes", "corners": corners}
+
+
+def test_a_path_through_surfaces_is_told_for_each_sensor_that_sees() -> None:
+    """The figure of eight crosses x = 0.5 m twice per period, and cameras alone had a line."""
+    lines = warnings_of(wall(0.5))
+    assert not lines.pop("scene")
+    for name, texts in lines.items():
+        assert texts[0].startswith("the path goes through the scene planes at "), name
+        assert texts[1].startswith("the path comes as close as 0.0"), name
+
+
+def test_a_suitable_path_has_no_lines() -> None:
+    assert not any(warnings_of({"type": "room"}).values())
+
+
+def test_a_mesh_that_the_path_leaves_is_told_for_each_sensor_that_sees(tmp_path: Path) -> None:
+    trimesh = pytest.importorskip("trimesh")
+    pytest.importorskip("embreex")
+    box = trimesh.creation.box((7, 14, 6))
+    box.invert()
+    box.faces = box.faces[1:]
+    box.export(tmp_path / "box.ply")
+    lines = warnings_of({"type": "mesh", "mesh": str(tmp_path / "box.ply")})
+    assert [text[:26] for text in lines.pop("scene")] == ["the mesh is not watertight"]
+    for name, texts in lines.items():
+        text = "\n".join(texts)
+        assert "the path goes through the mesh at" in text, name
+        assert "the path is outside of the mesh for" in text, name
+        assert "the path comes as close as 0.0" in text, name
+
+
+def test_nothing_in_sight_is_told_for_each_sensor_that_sees() -> None:
+    """A board of 0.6 m behind a camera, and beyond the range of the LiDAR."""
+    board = {"type": "checkerboard", "position": [-30.0, 0.0, 0.0]}
+    lines = warnings_of(board, **{"lidar.maximum_range": 10.0})
+    text = "nothing in sight: nothing of scene.type = 'checkerboard' is in its field of view"
+    assert lines["cam0"] == lines["lidar"] == [text]
+    lines = warnings_of({"type": "house"}, **{"trajectory.type": "static"})
+    text = "nothing in sight of scene.type = 'house', which has no surfaces"
+    assert lines["lidar"] == lines["beam"] == [text]
+    assert lines["cam0"] == []
+
+
+def test_empty_clouds_are_told_with_their_share_of_the_time() -> None:
+    """A figure of eight comes within 6 m of a wall at x = -8 m for part of the time."""
+    values = {"lidar.maximum_range": 6.0, "trajectory.type": "figure_eight"}
+    parameters = load_simulation(
+        {**values, "duration": 20.0, "sensors": ["lidar"], "lidar.firing_period": 1e-3,
+         **{f"scene.{name}": value for name, value in wall(-8.0).items()}}
+    )  # fmt: skip
+    body = Body(parameters, sensors={"lidar"})
+    [line] = body.warnings()
+    scans = body.next(10**6)["lidar"]
+    empty = ~np.isfinite(scans.range).any(axis=1)
+    assert 0.2 < empty.mean() < 0.8
+    # 100 of 200 scans: the share is that of every second one.
+    told = float(line.removeprefix("lidar: nothing in sight for ").split("%")[0]) / 100.0
+    assert told == pytest.approx(empty.mean(), abs=0.02)

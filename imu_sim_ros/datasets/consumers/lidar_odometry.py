@@ -36,6 +36,8 @@ class Ranging:
     lidar: LidarParameters
     space: str
     """Namespace of its topics."""
+    frame: str
+    """Frame of its clouds."""
 
     @property
     def topic(self) -> str:
@@ -83,7 +85,8 @@ def files(subject: Subject) -> dict[str, str]:
     for name, own in parameters.each_sensor.items():
         if not isinstance(own, LidarParameters):
             continue
-        one = Ranging(values, own, f"{name}/" if own.type else "")
+        frame = own.own_frame(name, parameters.body_frame)
+        one = Ranging(values, own, f"{name}/" if own.type else "", frame)
         made = {"kiss_icp": _kiss_icp(one), "rko_lio": _rko_lio(one)}
         if own.layout in _FAST_LIO:
             made["fast_lio"] = _fast_lio(one)
@@ -225,7 +228,7 @@ def _lio_sam(one: Ranging, parameters: SimulationParameters) -> str:
     return (
         f'{head}lio_sam:\n  pointCloudTopic: "{one.topic}"\n  imuTopic: "{nine}"\n'
         '  odomTopic: "odometry/imu"\n  gpsTopic: "odometry/gps"\n'
-        f'  lidarFrame: "{own.frame}"\n  baselinkFrame: "{frame}"\n'
+        f'  lidarFrame: "{one.frame}"\n  baselinkFrame: "{frame}"\n'
         '  odometryFrame: "odom"\n  mapFrame: "map"\n'
         f"  sensor: {kind}\n  N_SCAN: {len(of_rings)}\n  Horizon_SCAN: {max(of_rings)}\n"
         f"  downsampleRate: 1\n{lines}"

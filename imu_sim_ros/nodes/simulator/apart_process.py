@@ -42,7 +42,7 @@ from imu_sim_ros.sensors.timing import SampleTimes
 from imu_sim_ros.sensors.world import Window, World
 from imu_sim_ros.simulation.cameras import scene_around
 from imu_sim_ros.simulation.playback import SimulatorParameters
-from imu_sim_ros.simulation.sensors import models, mounted
+from imu_sim_ros.simulation.sensors import models, mounted, sensor_warnings
 from imu_sim_ros.simulation.topics import offered
 from imu_sim_ros.trajectory.build import build_trajectory
 
@@ -181,7 +181,7 @@ class SensorNode:
     def warnings(self) -> list[str]:
         """Return the warnings of its sensors."""
         each = [self._sensors[name] for name in self._members]
-        return [w for one in each for w in one.sensor.warnings(one, self._world, self._duration)]
+        return [w for one in each for w in sensor_warnings(one, self._world, self._duration)]
 
     def notes(self) -> list[str]:
         """Return what was made of the scene, if no other sensor before it sees one."""

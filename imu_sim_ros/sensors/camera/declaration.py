@@ -168,6 +168,7 @@ SENSOR = Sensor(
     faults=False,
     text="camera: its frames, with the errors of lens, shutter, exposure and pixels",
     warnings=on_demand(_MODULE, "warnings"),
+    in_sight=on_demand(_MODULE, "in_sight"),
     notes=on_demand(_MODULE, "notes"),
     apart=True,
     datasets=DATASETS,

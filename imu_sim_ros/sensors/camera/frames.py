@@ -8,15 +8,19 @@ A frame depends on nothing but the seed and its number, and is made when somebod
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from imu_sim_ros import rotation
 from imu_sim_ros.parameters.kinds import IDENTITY_MATRIX
 from imu_sim_ros.rotation import pose_matrix
-from imu_sim_ros.sensors.camera.mesh_scene import mesh_warnings
 from imu_sim_ros.sensors.camera.parameters import CameraParameters
-from imu_sim_ros.sensors.camera.scene_parameters import body_names
+from imu_sim_ros.sensors.camera.scene_parameters import (
+    AprilgridParameters,
+    body_names,
+    has_surfaces,
+)
 from imu_sim_ros.sensors.camera.target import target_warning
 from imu_sim_ros.sensors.camera.tracker import Tracker
 from imu_sim_ros.sensors.camera.view import Frames, View, view_of
@@ -26,10 +30,15 @@ from imu_sim_ros.sensors.model import FixedModel
 from imu_sim_ros.sensors.samples import Samples
 from imu_sim_ros.sensors.timing import SampleTimes
 from imu_sim_ros.sensors.world import Window, World
-from imu_sim_ros.types import Array
+from imu_sim_ros.types import Array, Mask
 
 if TYPE_CHECKING:
     from imu_sim_ros.sensors.camera.images.imager import Imager
+
+_LANDMARKS: Final = (200, 20_000)
+"""Numbers of landmarks that are looked for in the field of view, the second ones if none is."""
+_GRID: Final = 17
+"""Pixels on each side of the image whose rays look for surfaces."""
 
 
 class Camera(FixedModel):
@@ -117,13 +126,48 @@ def mount(p: CameraParameters) -> Array:
 
 
 def warnings(mounted: Mounted, world: World, _: float) -> list[str]:
-    """Return a line for whatever keeps a camera from seeing what it was put before."""
-    view, rig = view_of(mounted, world), mounted.environment.rig
-    lines = [
-        *target_warning(rig.scene, view, world.trajectory),
-        *mesh_warnings(world.scene, view, world.trajectory, mounted.name == rig.cameras[0]),
-    ]
+    """Return a line if a camera sees too little of the board that it was put before."""
+    view, scene = view_of(mounted, world), mounted.environment.rig.scene
+    lines = target_warning(scene, view, world.trajectory)
     return [f"{mounted.name}: {line}" for line in lines]
+
+
+def in_sight(mounted: Mounted, world: World, t: Array) -> Mask:
+    """Return at which times (n,) [s] a camera has a landmark or a surface in its image."""
+    view, scene = view_of(mounted, world), world.scene
+    described = mounted.environment.rig.scene
+    visible: Mask = np.zeros(len(t), np.bool_)
+    for count in _LANDMARKS:
+        rows = np.flatnonzero(~visible)
+        step = -(-len(scene.landmarks) // count) or 1
+        sparse = scene._replace(landmarks=scene.landmarks[::step], normals=scene.normals[::step])
+        t_ns = view.t0_ns + np.rint(t[rows] * 1e9).astype(np.int64)
+        frames = Frames(np.arange(len(rows)), t_ns, t_ns, t_ns, np.ones(len(rows), np.bool_))
+        counts = Tracker(view, sparse, world.trajectory).visible_counts(frames)
+        visible[rows] = counts > 0
+    rows = np.flatnonzero(~visible)
+    if has_surfaces(described) and len(rows):
+        visible[rows] = _meets_surfaces(view, world, t[rows])
+    if isinstance(described, AprilgridParameters) and not visible.any():
+        return ~visible  # the warning about its tags says what to do
+    return visible
+
+
+def _meets_surfaces(view: View, world: World, t: Array) -> Mask:
+    """Return at which times (n,) [s] one of a grid of pixels has a surface."""
+    u = np.linspace(0.0, view.model.width - 1.0, _GRID)
+    v = np.linspace(0.0, view.model.height - 1.0, _GRID)
+    ray = view.model.unproject(np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2))
+    direction, poses = ray.direction[ray.valid], view.poses(world.trajectory, t)
+    count = len(direction)
+    traced = world.scene.tracer().trace(
+        t.repeat(count),
+        poses.position.repeat(count, axis=0),
+        rotation.rotate(poses.q_wc[:, None], direction).reshape(-1, 3),
+    )
+    met: Mask = traced.surface.reshape(len(t), count) >= 0
+    rows: Mask = np.any(met, axis=1)
+    return rows
 
 
 def notes(mounted: Mounted) -> list[str]:

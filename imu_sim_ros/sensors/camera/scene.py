@@ -12,9 +12,10 @@ from imu_sim_ros.errors import InputError, system_error
 from imu_sim_ros.inputs.rows import open_regular
 from imu_sim_ros.places.bodies import Crowd
 from imu_sim_ros.places.geometry import NO_SURFACES, Surfaces, hidden
-from imu_sim_ros.places.mesh import MeshCaster
+from imu_sim_ros.places.mesh import MeshCaster, box
 from imu_sim_ros.places.mesh_file import Mesh
 from imu_sim_ros.places.paint import Painter
+from imu_sim_ros.places.rays import RayTracer
 from imu_sim_ros.types import Array, Mask
 
 
@@ -46,6 +47,23 @@ class Scene(NamedTuple):
         if self.caster is not None:
             return self.caster.hidden(eye, points)
         return hidden(self.surfaces, eye, points)
+
+    def tracer(self, moving: bool = True) -> RayTracer:
+        """Return what meets rays with the surfaces; the sky of a place is none.
+
+        :param moving: with the bodies that move.
+        """
+        sky = self.painter.place.sky if self.painter is not None else None
+        bodies = self.crowd.each if moving and self.crowd is not None else ()
+        return RayTracer(self.surfaces, self.caster, bodies, sky)
+
+    def box(self) -> tuple[Array, Array]:
+        """Return the lowest and highest corner (3,) of the box around all surfaces [m]."""
+        if self.mesh is not None:
+            return box(self.mesh)
+        origin, across, up = self.surfaces[:3]
+        corners = np.concatenate([origin, origin + across, origin + up, origin + across + up])
+        return corners.min(axis=0), corners.max(axis=0)
 
     @classmethod
     def of_points(cls, points: Array) -> "Scene":

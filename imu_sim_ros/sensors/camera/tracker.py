@@ -131,8 +131,11 @@ class Tracker:
         -1 for lost frames.
         """
         frames = self.view.frames(first, count)
-        seen = np.bincount(self._visible(frames).frame, minlength=count)
-        return np.where(frames.delivered, seen, -1)
+        return np.where(frames.delivered, self.visible_counts(frames), -1)
+
+    def visible_counts(self, frames: Frames) -> Rows:
+        """Return how many landmarks (n,) each of n frames sees, before any cap; 0 for lost ones."""
+        return np.bincount(self._visible(frames).frame, minlength=len(frames.number))
 
     def lines(self, first: int, count: int) -> TrackedLines:
         """Return the lines of frames ``first .. first + count - 1``."""

@@ -37,7 +37,7 @@ from imu_sim_ros.sensors.lidar.targets import Targets
 from imu_sim_ros.sensors.model import SensorModel
 from imu_sim_ros.sensors.world import World
 from imu_sim_ros.trajectory.dense import dense_poses
-from imu_sim_ros.types import Array, Mask, Single
+from imu_sim_ros.types import Array, Integers, Mask, Single
 
 SURFACE, MIXED, FALSE, NOTHING, OUT_OF_RANGE, GLASS, LOST = range(7)
 """Outcomes of a ray. The first three give a point: of a surface, of several within the beam, of
@@ -46,6 +46,8 @@ _FALSE_INTENSITY: Final = 5.0
 """Of rain and dust, at most."""
 _FAR: Final = 1e9
 """[m] Where nothing is."""
+_LOOKS: Final = 256
+"""Rays of a scan that are traced to see whether any returns, before all are."""
 _ALIKE: Final = 1e-3
 """[m] Difference of the range of a beam from that of its middle that makes it one of an edge."""
 _UPRIGHT: Final = 1e-12
@@ -83,12 +85,31 @@ def realised_lidar(p: LidarParameters, seed: int, name: str) -> LidarParameters:
     return dataclasses.replace(p, ring_bias=bias, ring_elevation_error_deg=error_deg)
 
 
-def unseen(mounted: Mounted, *_: object) -> list[str]:
-    """Return a line if the scene has nothing that rays meet."""
-    scene = mounted.environment.rig.scene
-    if has_surfaces(scene):
-        return []
-    return [f"{mounted.name}: scene.type = {scene.type!r} has no surfaces: no ray returns"]
+def in_sight(mounted: Mounted, world: World, t: Array) -> Mask:
+    """Return at which times (n,) [s] a scan of a LiDAR that starts then has a point.
+
+    A share of the rays is traced first, and all of them where none of these returns.
+    """
+    p: LidarParameters = mounted.own
+    if not has_surfaces(mounted.environment.rig.scene):
+        return np.zeros(len(t), np.bool_)
+    lidar, pattern = Lidar(mounted, world.t0_ns, {}), build_pattern(p)
+    motion = world.trajectory.sample(t)
+    position, q_ws = lidar.position(motion), lidar.attitude(motion)
+    targets = Targets(world.scene, p.reflectivity)
+    some = np.arange(0, len(pattern.time), -(-len(pattern.time) // _LOOKS))
+
+    def returns(k: int, rays: Integers) -> bool:
+        direction = rotation.rotate(q_ws[k : k + 1], pattern.directions(float(t[k]))[rays])
+        origin = np.broadcast_to(position[k], direction.shape)
+        traced = targets.trace(np.full(len(rays), t[k]), origin, direction)
+        power = targets.reflectivity(traced) * np.abs(traced.along)
+        limit = lidar.detection_limit(power)
+        reach = p.maximum_range if limit is None else np.fmin(limit, p.maximum_range)
+        return bool(((traced.distance >= p.minimum_range) & (traced.distance <= reach)).any())
+
+    every = np.arange(len(pattern.time))
+    return np.array([returns(k, some) or returns(k, every) for k in range(len(t))])
 
 
 class Lidar(SensorModel):
@@ -153,7 +174,7 @@ class Lidar(SensorModel):
             aside = rotation.rotate(q_ws, self._aside(beam))
             range_, power = self._within_beam(t, origin, towards, aside, targets, seen)
             outcome[np.abs(range_ - np.minimum(distance, _FAR)) > _ALIKE] = MIXED
-        limit = self._limit(power)
+        limit = self.detection_limit(power)
         range_ += p.range_bias + self._bias
         noise = self._range_noise(range_, limit)
         if noise is not None:
@@ -251,7 +272,7 @@ class Lidar(SensorModel):
         alone = ~(total > 0.0)
         return np.where(alone, np.inf, mean), np.where(alone, 0.0, (powers * together).sum(axis=0))
 
-    def _limit(self, power: Array) -> Array | None:
+    def detection_limit(self, power: Array) -> Array | None:
         """Return up to which ranges (m,) surfaces are detected; None: all are."""
         p = self.parameters
         if p.detection_range == 0.0:

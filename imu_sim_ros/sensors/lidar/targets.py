@@ -9,7 +9,7 @@ import numpy as np
 
 from imu_sim_ros.places.gloss import panes
 from imu_sim_ros.places.materials import reflectance
-from imu_sim_ros.places.rays import RayTracer, Traced
+from imu_sim_ros.places.rays import Traced
 from imu_sim_ros.types import Array, Mask
 
 if TYPE_CHECKING:
@@ -26,12 +26,11 @@ class Targets:
         """
         place = scene.painter.place if scene.painter is not None else None
         bodies = scene.crowd.each if scene.crowd is not None else ()
-        sky = place.sky if place is not None else None
         self._surfaces = scene.surfaces
         self._panes = panes(place.faces, scene.surfaces.sides) if place is not None else []
         self._has_panes = np.zeros(len(scene.surfaces.origin) + 1, np.bool_)
         self._has_panes[[pane.face for pane in self._panes]] = True
-        self._tracer = RayTracer(scene.surfaces, scene.caster, bodies, sky)
+        self._tracer = scene.tracer()
         every = [scene.surfaces, *(body.surfaces() for body in bodies)]
         names = [name for where in every for name in where.texture]
         values = np.array([reflectance(name) for name in names] + [np.nan])

@@ -503,6 +503,47 @@ def test_two_lidars_have_their_own_names_mounts_and_noise(tmp_path):
     assert (tmp_path / "two_truth_lidar1.yaml").exists()
 
 
+def test_frames_of_several_lidars_agree(tmp_path):
+    """Clouds, /tf_static, truth and configurations had lidar, lidar1_link and lidar again."""
+    words = ["--lidar", "vlp16", "--lidar", "vlp16", "--set", "lidar1.lever_arm=[0,0,1]"]
+    words += ["--scene", "ground", "--duration", "0.2s", "--quiet", "--with-configs"]
+    words += ["--set", "lidar.firing_period=0.01", "--set", "lidar1.firing_period=0.01"]
+    path = tmp_path / "two.mcap"
+    assert generate.main(["-o", str(path), *words]) == 0
+    frames: dict[str, set[str]] = {}
+    with AnyReader([path]) as reader:
+        for connection, _, payload in reader.messages():
+            message = reader.deserialize(payload, connection.msgtype)
+            if connection.topic == "/tf_static":
+                mounts = {one.child_frame_id for one in message.transforms}
+            else:
+                frames.setdefault(connection.topic, set()).add(message.header.frame_id)
+    assert {"lidar", "lidar1"} <= mounts
+    configs = tmp_path / "two.mcap_configs"
+    for name, space, end in (("lidar", "", ""), ("lidar1", "lidar1/", "_lidar1")):
+        assert frames[f"/{space}points"] == frames[f"/{space}ground_truth/points"] == {name}
+        assert files.load(tmp_path / f"two_truth_{name}.yaml")[f"{name}.frame"] == name
+        assert f'lidarFrame: "{name}"' in (configs / f"lio_sam{end}.yaml").read_text()
+
+
+@pytest.mark.parametrize("name", ["a.mcap", "a.bag", "a"])
+def test_the_record_time_of_a_cloud_is_its_end(tmp_path, name):
+    """It was its start: a player sent a cloud 0.1 s before its last point was measured."""
+    words = ["--lidar", "vlp16", "--scene", "ground", "--duration", "0.3s", "--quiet"]
+    words += ["--set", "lidar.firing_period=0.01", "--set", "lidar.stamp_offset=0.02"]
+    assert generate.main(["-o", str(tmp_path / name), *words]) == 0
+    recorded: dict[str, list[int]] = {}
+    with AnyReader([tmp_path / name]) as reader:
+        for connection, t_ns, payload in reader.messages():
+            if connection.topic == "/tf_static":
+                continue
+            stamp = reader.deserialize(payload, connection.msgtype).header.stamp
+            after_ns = t_ns - stamp.sec * 10**9 - stamp.nanosec
+            recorded.setdefault(connection.topic, []).append(after_ns)
+    assert recorded["/points"] == recorded["/ground_truth/points"] == [10**8] * 3
+    assert set(recorded["/imu/data_raw"]) == {0}
+
+
 def test_a_folder_with_a_file_for_each_scan(tmp_path):
     """KITTI's floats, PLY as trimesh reads it, PCD by its header; stamps, and --force."""
     trimesh = pytest.importorskip("trimesh")
@@ -659,7 +700,9 @@ def test_the_truth_of_a_run_needs_no_scans(tmp_path):
 
 
 def test_a_scene_without_surfaces_is_told():
-    with pytest.warns(UserWarning, match="scene.type = 'house' has no surfaces: no ray returns"):
+    with pytest.warns(
+        UserWarning, match="nothing in sight of scene.type = 'house', which has no surfaces"
+    ):
         scans = flown("house", 0.2).lidar
     assert (scans.outcome == NOTHING).all()
 
