@@ -13,11 +13,11 @@ from imu_sim_ros.commands import generate
 from imu_sim_ros.errors import ConfigurationError
 from imu_sim_ros.places.mesh import MeshCaster
 from imu_sim_ros.places.mesh_file import read_mesh
-from imu_sim_ros.sensors.camera.surroundings import scene_warnings
 from imu_sim_ros.sensors.camera.images.loops import BACKGROUND
 from imu_sim_ros.sensors.camera.images.mesh_look import Look
 from imu_sim_ros.sensors.camera.images.mesh_renderer import MeshRenderer
 from imu_sim_ros.sensors.camera.rig_parameters import scene_layer
+from imu_sim_ros.sensors.camera.surroundings import scene_warnings
 from imu_sim_ros.sensors.camera.view import CameraPoses, in_camera
 
 trimesh = pytest.importorskip("trimesh")
